@@ -1,0 +1,46 @@
+# `make demo` and `make test` set everything up by themselves; nothing else is needed on a machine with Python 3.11 or later.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test check lint format bench figures clean
+
+help:  ## list the targets
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
+
+$(READY): pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet --editable '.[test,bench,lint]'
+	@touch $@
+
+demo: $(READY)  ## join two photographs along a heat seam, into ./demo
+	$(BIN)/python samples/demo.py demo
+
+test: $(READY)  ## every test
+	$(ONE_THREAD) $(BIN)/python -m pytest -n auto --dist worksteal
+
+check: $(READY)  ## the quick loop: lint, types and all tests that are not slow
+	$(MAKE) --no-print-directory lint
+	$(ONE_THREAD) $(BIN)/python -m pytest -n auto --dist worksteal -m 'not slow' -q
+
+lint: $(READY)  ## ruff and mypy
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+format: $(READY)  ## let ruff rewrite what it can
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+bench: $(READY)  ## seams against their peers, in one run (about 5 minutes)
+	$(BIN)/python benchmarks/seams.py
+
+figures: $(READY)  ## the thesis's figures, into docs/figures
+	$(BIN)/python docs/make_figures.py
+
+clean:  ## remove what the other targets made
+	rm -rf $(VENV) demo build dist .pytest_cache .mypy_cache .ruff_cache

@@ -1,0 +1,55 @@
+"""What an optimisation did, iteration by iteration, and why it stopped."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+import numpy.typing as npt
+
+
+class Termination(StrEnum):
+    """Why a method returned."""
+
+    #: Every flux is 0 or 1: the heat runs along one line.
+    SINGLE_LINE = "single line"
+    #: The iterations allowed ran out first; the seam is the best cut of what was there.
+    ITERATIONS = "iterations exhausted"
+    #: The method is direct: it returns the answer without iterating.
+    DIRECT = "direct"
+    #: The seam was given, not searched for.
+    GIVEN = "given"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Iteration:
+    """One inner iteration."""
+
+    #: Outer stage J, from 1.
+    stage: int
+    #: The value being minimised: matching-cost-weighted mass.
+    objective: float
+    #: Thermal compliance θᵀKθ for unit heat.
+    compliance: float
+    #: Upper bound C* on the compliance; NaN where the method has none.
+    bound: float
+    #: Number of interfaces whose flux exceeds 0.01, N_q.
+    n_flux: int
+    #: Largest change of a design variable since the iteration before.
+    change: float
+    #: Unknown temperatures solved for.
+    unknowns: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Frame:
+    """The densities of one iteration, for the film strip.
+
+    ``right`` is (h, w - 1) and ``down`` (h - 1, w), float32 in [0, 1], one value per pixel interface of the overlap's window.
+    """
+
+    iteration: int
+    stage: int
+    right: npt.NDArray[np.float32]
+    down: npt.NDArray[np.float32]

@@ -1,0 +1,205 @@
+"""`find_seam`: one call for every method."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable
+from typing import Any, Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.errors import ImageError, OptionError, PathError
+from toposeam.heat.threads import one_thread
+from toposeam.images import Mask, as_float, as_mask, widen
+from toposeam.optimize.history import Termination
+from toposeam.seam.dynamic_programming import dp_labels
+from toposeam.seam.exact import exact_labels
+from toposeam.seam.graph_cut import graph_cut_labels
+from toposeam.seam.heat import HeatOptions, Solution, heat_path
+from toposeam.seam.match_cost import MatchCost, match_cost
+from toposeam.seam.overlap import Overlap, Side, between_masks, side_by_side
+from toposeam.seam.problem import FORBIDDEN, SeamProblem
+from toposeam.seam.seam import Seam
+from toposeam.seam.thesis import ThesisOptions, thesis_path
+from toposeam.vector.apply import labels_from_paths
+from toposeam.vector.svg import SvgSeam
+
+Method = Literal["heat", "thesis", "shortest-path", "dp", "graph-cut"]
+METHODS: tuple[Method, ...] = get_args(Method)
+
+_DIRECT: dict[str, Callable[[SeamProblem], Mask]] = {"shortest-path": exact_labels, "dp": dp_labels, "graph-cut": graph_cut_labels}
+_ITERATIVE: dict[str, tuple[type[HeatOptions] | type[ThesisOptions], Callable[..., Solution]]] = {
+    "heat": (HeatOptions, heat_path),
+    "thesis": (ThesisOptions, thesis_path),
+}
+
+
+def find_seam(
+    a: npt.ArrayLike,
+    b: npt.ArrayLike,
+    mask_a: npt.ArrayLike | None = None,
+    mask_b: npt.ArrayLike | None = None,
+    side: Side = "right",
+    method: Method = "heat",
+    gradient: bool = True,
+    *,
+    cost: MatchCost | None = None,
+    weight: npt.ArrayLike | None = None,
+    avoid: npt.ArrayLike | None = None,
+    core: float = 0.5,
+    record_frames: bool = False,
+    progress: Callable[[float], None] | None = None,
+    **options: Any,
+) -> Seam:
+    """Find the seam along which two overlapping patches join unnoticed.
+
+    Parameters
+    ----------
+    a, b : (H, W) or (H, W, C) array_like
+        The patches on one canvas, same height and width; integers are scaled to [0, 1], one channel is widened to the other's number.
+    mask_a, mask_b : (H, W) array_like, optional
+        Where each patch has pixels. The overlap is their intersection, and what only one patch covers fixes its side. A mask that is left
+        out covers the whole canvas. With neither, the arrays *are* the overlap.
+    side : {"right", "left", "bottom", "top"}
+        Without masks: where ``b`` continues. The border column or row on ``a``'s side stays ``a``'s, the opposite one ``b``'s.
+    method : {"heat", "thesis", "shortest-path", "dp", "graph-cut"}
+        `heat` converges the flux of a conductor network; `thesis` follows Algorithms 1 and 2 of the thesis with MMA; `shortest-path` is the
+        exact optimum; `dp` the best seam that never turns back; `graph-cut` needs PyMaxflow.
+    gradient : bool
+        Match cost (2.4) with gradients, or (3.22) without. Ignored when `cost` is given.
+    cost : MatchCost, optional
+        All options of the match cost.
+    weight : (H, W) array_like, optional
+        A positive factor on the cost of each pixel's interfaces.
+    avoid : (H, W) array_like, optional
+        Pixels the seam must not touch.
+    core : float
+        For a patch that lies inside the other, the share of its depth that must show (:mod:`toposeam.seam.overlap`).
+    record_frames : bool
+        Keep the densities of every iteration in ``Seam.frames``.
+    progress : callable, optional
+        Called with the share of the work done, in [0, 1].
+    **options
+        Fields of :class:`HeatOptions` or :class:`ThesisOptions`.
+
+    Returns
+    -------
+    Seam
+
+    Raises
+    ------
+    ImageError, OverlapError, OptionError, MissingPackageError
+        Their text says what was received and what to do.
+
+    Examples
+    --------
+    >>> import numpy as np, toposeam as ts
+    >>> rng = np.random.default_rng(0)
+    >>> a = rng.random((20, 12)); b = a.copy(); b[:, :5] = 1 - b[:, :5]
+    >>> seam = ts.find_seam(a, b)
+    >>> seam.labels[:, 0].any(), seam.labels[:, -1].all()
+    (np.False_, np.True_)
+    """
+    if method not in METHODS:
+        raise OptionError(f"method is {method!r}; choose one of {', '.join(METHODS)}")
+    match = cost if cost is not None else MatchCost(gradient=gradient)
+    problem, only_b = seam_problem(a, b, mask_a, mask_b, side, match, weight, avoid, core)
+    settings: dict[str, Any] = {"side": side, "core": core, **dataclasses.asdict(match)}
+    started = time.perf_counter()
+    if method in _ITERATIVE:
+        kind, solve = _ITERATIVE[method]
+        try:
+            chosen = kind(**options)
+        except TypeError as error:
+            known = ", ".join(option.name for option in dataclasses.fields(kind))
+            raise OptionError(f"method {method} does not know {', '.join(sorted(options))}; its options are {known}") from error
+        settings |= dataclasses.asdict(chosen)
+        with one_thread():
+            solution = solve(problem, chosen, record_frames=record_frames, progress=progress)
+    elif options:
+        raise OptionError(f"method {method} takes no options, but {', '.join(sorted(options))} was given; leave it out")
+    else:
+        labels = _DIRECT[method](problem)
+        solution = Solution(labels=labels, soft=labels.astype(np.float32))
+    return _seam(problem, only_b, solution, method, settings, time.perf_counter() - started)
+
+
+def apply_paths(drawing: SvgSeam, a: npt.ArrayLike, b: npt.ArrayLike, **options: Any) -> Seam:
+    """Join two patches along paths that were read from a file; see :meth:`Seam.from_svg`."""
+    settings = {"side": "right", "core": 0.5, "gradient": True} | options
+    match = settings.get("cost") or MatchCost(gradient=settings["gradient"])
+    problem, only_b = seam_problem(
+        a, b, settings.get("mask_a"), settings.get("mask_b"), settings["side"], match, settings.get("weight"), settings.get("avoid"), settings["core"]
+    )
+    height, width = problem.overlap.canvas
+    if (drawing.width, drawing.height) != (width, height):
+        raise PathError(f"the path belongs to a canvas of {drawing.width:g} × {drawing.height:g} px, the patches make one of {width} × {height}; use the same placement as when it was exported")
+    top, left = problem.overlap.origin
+    lines = [dataclasses.replace(line, points=line.points - np.array([left, top], float)) for line in drawing.polylines]
+    labels = labels_from_paths(lines, problem.overlap.shared, problem.overlap.side)
+    solution = Solution(labels=labels, soft=labels.astype(np.float32), termination=Termination.GIVEN)
+    return _seam(problem, only_b, solution, "path", {"side": settings["side"], "core": settings["core"], **dataclasses.asdict(match)}, 0.0)
+
+
+def _seam(problem: SeamProblem, only_b: Mask, solution: Solution, method: str, settings: dict[str, Any], seconds: float) -> Seam:
+    return Seam(
+        labels=problem.on_canvas(solution.labels, only_b).astype(bool, copy=False),
+        soft=problem.on_canvas(solution.soft, only_b).astype(np.float32, copy=False),
+        cost=problem.cost(solution.labels), method=method, history=solution.history, frames=solution.frames,
+        termination=solution.termination, seconds=seconds, settings=settings, problem=problem,
+    )  # fmt: skip
+
+
+def seam_problem(
+    a: npt.ArrayLike, b: npt.ArrayLike, mask_a: npt.ArrayLike | None, mask_b: npt.ArrayLike | None, side: Side, cost: MatchCost,
+    weight: npt.ArrayLike | None = None, avoid: npt.ArrayLike | None = None, core: float = 0.5,
+) -> tuple[SeamProblem, Mask]:  # fmt: skip
+    """The problem behind :func:`find_seam`, and the (H, W) mask of the pixels only ``b`` covers."""
+    shape_a, shape_b = np.shape(a)[:2], np.shape(b)[:2]
+    if shape_a != shape_b:
+        raise ImageError(f"a has {shape_a} pixels and b has {shape_b}; put both on one canvas of the same size (toposeam.stitch does)")
+    if len(shape_a) < 2 or 0 in shape_a:
+        raise ImageError(f"a has shape {np.shape(a)}; pass non-empty (H, W) or (H, W, C) arrays")
+    canvas = (int(shape_a[0]), int(shape_a[1]))
+    if mask_a is None and mask_b is None:
+        overlap = side_by_side(canvas, side)
+        on_a = on_b = overlap.shared
+        only_b = np.zeros(canvas, bool)
+    else:
+        whole = np.ones(canvas, bool)
+        full_a = whole if mask_a is None else as_mask(mask_a, canvas, "mask_a")
+        full_b = whole if mask_b is None else as_mask(mask_b, canvas, "mask_b")
+        overlap = between_masks(full_a, full_b, core)
+        on_a, on_b = overlap.window(full_a).astype(bool), overlap.window(full_b).astype(bool)
+        only_b = full_b & ~full_a
+    patch_a, patch_b = widen(_patch(a, overlap, on_a, "a"), _patch(b, overlap, on_b, "b"))
+    factor = None
+    if weight is not None:
+        factor = overlap.window(_weights(weight, canvas)).astype(np.float32)
+    right, down = match_cost(patch_a, patch_b, overlap, on_a, on_b, cost, factor)
+    if avoid is not None:
+        touched = overlap.window(as_mask(avoid, canvas, "avoid")).astype(bool)
+        right[(right > 0) & (touched[:, 1:] | touched[:, :-1])] = FORBIDDEN
+        down[(down > 0) & (touched[1:] | touched[:-1])] = FORBIDDEN
+    return SeamProblem(overlap, right, down), only_b
+
+
+def _patch(image: npt.ArrayLike, overlap: Overlap, present: Mask, name: str) -> npt.NDArray[np.float32]:
+    """The window of a patch as float32, zero where it has no pixels (whatever the array holds there)."""
+    array = np.asarray(image)
+    if array.ndim not in (2, 3) or 0 in array.shape:
+        raise ImageError(f"{name} has shape {array.shape}; pass a non-empty (H, W) or (H, W, C) array")
+    window = overlap.window(array)
+    window[~present] = 0
+    return as_float(window, name)
+
+
+def _weights(weight: npt.ArrayLike, canvas: tuple[int, int]) -> npt.NDArray[np.float64]:
+    array = np.asarray(weight, float)
+    if array.shape != canvas:
+        raise ImageError(f"weight has shape {array.shape}, the images have {canvas}; pass one value per pixel")
+    if not (np.isfinite(array).all() and (array > 0).all()):
+        raise OptionError("weight must be positive everywhere; to keep the seam out of some pixels use avoid")
+    return array

@@ -1,0 +1,151 @@
+"""The match cost of every pixel interface: how visible a seam would be between two neighbouring pixels.
+
+For neighbours s and t in direction d (horizontal or vertical), with patches A and B (thesis 2.4, after Kwatra et al. 2003,
+doi:10.1145/882262.882264)::
+
+              |A(s) - B(s)| + |A(t) - B(t)|  +  flat ε
+    M(s, t) = ------------------------------------------------  +  length
+              |G_A^d(s)| + |G_A^d(t)| + |G_B^d(s)| + |G_B^d(t)| + ε
+
+and without gradients (3.22) M(s, t) = |A(s) - B(s)| + |A(t) - B(t)| + length. Norms are Euclidean over channels, gradients are central
+differences along d (one-sided where the patch ends).
+
+*0/0 and small denominators.* ε keeps a pair in a flat place from costing infinitely much; a pair that is flat *and* equal, 0/0 in (2.4),
+costs ``flat``. Its default of 0 says that nobody sees a seam through equal pixels; a larger value draws the seam to image edges even
+there, as in the thesis's Figure 3.11. *Zero cost.* ``length`` is added to every interface, so that among equally good seams the shortest
+wins and no cost is zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.errors import OptionError
+from toposeam.images import Mask
+from toposeam.seam.overlap import FREE, NONE, Overlap
+
+Floats32 = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MatchCost:
+    """How the match cost is computed."""
+
+    #: Divide by the image gradients (2.4), or not (3.22).
+    gradient: bool = True
+    #: ε, added to the sum of the four gradients; in units of the image's range.
+    epsilon: float = 0.02
+    #: Cost of a pair that is equal in both patches and has no gradient.
+    flat: float = 0.0
+    #: Cost added to each interface.
+    length: float = 1e-3
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.epsilon) and self.epsilon > 0):
+            raise OptionError(f"epsilon is {self.epsilon}; it must be positive")
+        if not (np.isfinite(self.flat) and self.flat >= 0):
+            raise OptionError(f"flat is {self.flat}; it must be zero or positive")
+        if not (np.isfinite(self.length) and self.length > 0):
+            raise OptionError(f"length is {self.length}; it must be positive (1e-9 is as good as none)")
+
+
+def match_cost(
+    a: Floats32, b: Floats32, overlap: Overlap, on_a: Mask, on_b: Mask, options: MatchCost, weight: Floats32 | None = None
+) -> tuple[Floats32, Floats32]:
+    """Match cost of the interfaces of an overlap.
+
+    Parameters
+    ----------
+    a, b : (h, w, C) float32 arrays
+        The patches on the overlap's window.
+    on_a, on_b : (h, w) bool arrays
+        Where each patch has pixels.
+    weight : (h, w) float32 array, optional
+        A factor per pixel, positive; an interface takes the mean of its two pixels.
+
+    Returns
+    -------
+    right : (h, w - 1) float32 array
+        Cost between each pixel and its right neighbour; 0 where the seam cannot run.
+    down : (h - 1, w) float32 array
+        Likewise for its lower neighbour.
+    """
+    difference = np.where(overlap.shared, _norm(a - b), np.float32(0))
+    return tuple(_along(axis, a, b, difference, overlap, on_a, on_b, options, weight) for axis in (1, 0))  # type: ignore[return-value]
+
+
+def _along(
+    axis: int, a: Floats32, b: Floats32, difference: Floats32, overlap: Overlap, on_a: Mask, on_b: Mask, options: MatchCost,
+    weight: Floats32 | None,
+) -> Floats32:  # fmt: skip
+    s, t = _pair(axis)
+    shared, side = overlap.shared, overlap.side
+    inner = shared[s] & shared[t]
+    # A free pixel beside ground that only one patch covers: the overlap is one pixel wide here, and only this pixel's values are known.
+    narrow_s = (side[s] == FREE) & shared[s] & ~shared[t] & (side[t] != NONE)
+    narrow_t = (side[t] == FREE) & shared[t] & ~shared[s] & (side[s] != NONE)
+    has_narrow = bool(narrow_s.any() or narrow_t.any())
+
+    cost = _both(difference, s, t, narrow_s, narrow_t, has_narrow)
+    if options.gradient:
+        steepness = _gradient(a, on_a, axis)
+        steepness += _gradient(b, on_b, axis)
+        epsilon = np.float32(options.epsilon)
+        divisor = _both(steepness, s, t, narrow_s, narrow_t, has_narrow)
+        divisor += epsilon
+        cost += np.float32(options.flat) * epsilon
+        cost /= divisor
+    cost += np.float32(options.length)
+    if weight is not None:
+        cost *= np.float32(0.5) * _both(weight, s, t, narrow_s, narrow_t, has_narrow)
+    cost[~(inner | narrow_s | narrow_t)] = 0
+    return cost
+
+
+def _both(
+    values: Floats32, s: tuple[slice, slice], t: tuple[slice, slice], narrow_s: Mask, narrow_t: Mask, has_narrow: bool
+) -> Floats32:
+    """values(s) + values(t); where only one of the two is known, twice that one."""
+    total = values[s] + values[t]
+    if has_narrow:
+        total[narrow_s] = 2 * values[s][narrow_s]
+        total[narrow_t] = 2 * values[t][narrow_t]
+    return total
+
+
+def _pair(axis: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+    first, second = [slice(None), slice(None)], [slice(None), slice(None)]
+    first[axis], second[axis] = slice(None, -1), slice(1, None)
+    return (first[0], first[1]), (second[0], second[1])
+
+
+def _norm(values: Floats32) -> Floats32:
+    if values.shape[2] == 1:
+        return np.abs(values[..., 0])
+    total = np.square(values[..., 0])
+    for channel in range(1, values.shape[2]):
+        total += np.square(values[..., channel])
+    return np.sqrt(total, out=total)
+
+
+def _gradient(image: Floats32, present: Mask, axis: int) -> Floats32:
+    """|∂image/∂axis| by central differences; one-sided where the neighbour on one side is not present, 0 where both are not."""
+    s, t = _pair(axis)
+    known = present[s] & present[t]
+    count = np.zeros(present.shape, np.float32)
+    count[s] += known
+    count[t] += known
+    squares = np.zeros(present.shape, np.float32)
+    for channel in range(image.shape[2]):
+        plane = image[..., channel]
+        step = plane[t] - plane[s]
+        step[~known] = 0
+        total = np.zeros(present.shape, np.float32)
+        total[s] += step
+        total[t] += step
+        squares += np.square(total)
+    np.sqrt(squares, out=squares)
+    return np.divide(squares, count, out=squares, where=count > 0)

@@ -1,0 +1,181 @@
+"""Where two patches overlap, which of its pixels are already decided, and which a seam may divide.
+
+Every pixel of the canvas is on one *side*:
+
+=======  =================================================================================================
+`A`      ``a`` shows: only ``a`` has pixels there, or the pixel is fixed to ``a``
+`B`      ``b`` shows, likewise
+`FREE`   both patches have pixels; the seam decides
+`NONE`   neither patch has pixels, or the pixel lies off the canvas
+=======  =================================================================================================
+
+Overlap pixels that touch (4-neighbourhood) ground which only one patch covers are fixed to that patch: there the other patch ends, and a
+seam along its very end would show it. This is the thesis's border of elements with M_max (Figure 3.6). Where the overlap is one pixel wide a
+pixel touches both grounds; it stays free, and its border interfaces get a one-sided cost (:mod:`toposeam.seam.match_cost`).
+
+A component of the overlap that touches the ground of one patch only is a whole piece of the other patch lying inside; it has to be told how
+much of that piece must show. Its *core*, the pixels at least ``core`` times as deep as its deepest one, is fixed to the inner patch, and
+the seam closes round it. A component that touches neither ground is covered identically by both patches and stays ``a``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from toposeam.errors import OptionError, OverlapError
+from toposeam.images import Mask
+
+A, B, FREE, NONE = 0, 1, 2, 3
+
+Side = Literal["right", "left", "bottom", "top"]
+SIDES: tuple[Side, ...] = get_args(Side)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Overlap:
+    """An overlap on a window of the canvas, with a margin of at least one pixel around it.
+
+    Parameters
+    ----------
+    side : (h, w) uint8 array
+        `A`, `B`, `FREE` or `NONE` per pixel of the window.
+    shared : (h, w) bool array
+        Where both patches have pixels.
+    origin : (int, int)
+        Row and column of the window's first pixel on the canvas; the margin may start at -1.
+    canvas : (int, int)
+        Height and width of the canvas.
+    """
+
+    side: npt.NDArray[np.uint8]
+    shared: Mask
+    origin: tuple[int, int]
+    canvas: tuple[int, int]
+
+    @property
+    def inside(self) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+        """Slices (of the canvas, of the window) that cover their common pixels."""
+        on_canvas, on_window = [], []
+        for start, length, limit in zip(self.origin, self.side.shape, self.canvas, strict=True):
+            first, last = max(start, 0), min(start + length, limit)
+            on_canvas.append(slice(first, last))
+            on_window.append(slice(first - start, last - start))
+        return (on_canvas[0], on_canvas[1]), (on_window[0], on_window[1])
+
+    def window(self, array: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:
+        """The window of a canvas-sized array, zero off the canvas. (H, W, …) to (h, w, …)."""
+        on_canvas, on_window = self.inside
+        result = np.zeros((*self.side.shape, *array.shape[2:]), array.dtype)
+        result[on_window] = array[on_canvas]
+        return result
+
+
+def side_by_side(shape: tuple[int, int], side: Side) -> Overlap:
+    """The overlap that fills the whole canvas; ``b`` continues beyond it to the given side and ``a`` to the opposite one.
+
+    Raises
+    ------
+    OptionError
+        When `side` is not one of `SIDES`.
+    OverlapError
+        When the overlap is less than two pixels wide across the seam, so that no seam fits between the two borders.
+    """
+    if side not in SIDES:
+        raise OptionError(f"side is {side!r}; choose one of {', '.join(SIDES)}")
+    across = 1 if side in ("right", "left") else 0
+    if shape[across] < 2:
+        raise OverlapError(f"the overlap is {shape[across]} px wide; a seam needs at least 2 px between the two patches")
+    padded = (shape[0] + 2, shape[1] + 2)
+    ground_a, ground_b = np.zeros(padded, bool), np.zeros(padded, bool)
+    first, last = [slice(1, -1), slice(1, -1)], [slice(1, -1), slice(1, -1)]
+    first[across], last[across] = slice(0, 1), slice(-1, None)
+    if side in ("left", "top"):
+        first, last = last, first
+    ground_a[tuple(first)] = True
+    ground_b[tuple(last)] = True
+    shared = np.zeros(padded, bool)
+    shared[1:-1, 1:-1] = True
+    return Overlap(_sides(shared, ground_a, ground_b, 0.0), shared, (-1, -1), shape)
+
+
+def between_masks(mask_a: Mask, mask_b: Mask, core: float = 0.5) -> Overlap:
+    """The overlap of two patches given by where each has pixels.
+
+    Parameters
+    ----------
+    mask_a, mask_b : (H, W) bool arrays
+    core : float in (0, 1]
+        For a patch inside the other: the share of its greatest depth from which on its pixels are fixed to it.
+
+    Raises
+    ------
+    OverlapError
+        When the masks share no pixel, or no component of the overlap has anything to decide.
+    OptionError
+        When `core` is out of range.
+    """
+    if not 0.0 < core <= 1.0:
+        raise OptionError(f"core is {core}; it must be above 0 and at most 1")
+    shared = mask_a & mask_b
+    if not shared.any():
+        raise OverlapError("the patches do not overlap: no pixel is covered by both; move one of them, or check the offset and the masks")
+    rows, columns = np.flatnonzero(shared.any(axis=1)), np.flatnonzero(shared.any(axis=0))
+    origin = (int(rows[0]) - 1, int(columns[0]) - 1)
+    size = (int(rows[-1]) + 2 - origin[0], int(columns[-1]) + 2 - origin[1])
+    frame = Overlap(np.zeros(size, np.uint8), np.zeros(size, bool), origin, (mask_a.shape[0], mask_a.shape[1]))
+    on_a, on_b = frame.window(mask_a).astype(bool), frame.window(mask_b).astype(bool)
+    shared = on_a & on_b
+    side = _sides(shared, on_a & ~shared, on_b & ~shared, core)
+    overlap = Overlap(side, shared, origin, frame.canvas)
+    if not ((side[shared] == A).any() and (side[shared] == B).any()) and not (side == FREE).any():
+        raise OverlapError(
+            "nothing divides the patches: wherever they overlap both cover the same ground, or one is too thin to hold a seam; "
+            "leave the masks out and give the side on which b continues"
+        )
+    return overlap
+
+
+def neighbours(mask: Mask) -> Mask:
+    """Pixels with a 4-neighbour in the mask."""
+    result = np.zeros_like(mask)
+    result[1:] |= mask[:-1]
+    result[:-1] |= mask[1:]
+    result[:, 1:] |= mask[:, :-1]
+    result[:, :-1] |= mask[:, 1:]
+    return result
+
+
+def _sides(shared: Mask, ground_a: Mask, ground_b: Mask, core: float) -> npt.NDArray[np.uint8]:
+    side = np.full(shared.shape, NONE, np.uint8)
+    side[ground_a], side[ground_b] = A, B
+    touches_a, touches_b = neighbours(ground_a) & shared, neighbours(ground_b) & shared
+    side[shared] = FREE
+    side[touches_a & ~touches_b], side[touches_b & ~touches_a] = A, B
+    component, count = ndimage.label(shared)
+    if count == 0:
+        return side
+    has_a = np.bincount(component[touches_a], minlength=count + 1) > 0
+    has_b = np.bincount(component[touches_b], minlength=count + 1) > 0
+    both = has_a & has_b
+    both[0] = True
+    if both.all():
+        return side
+    deepest_first = ndimage.distance_transform_edt(shared)
+    for index in np.flatnonzero(~both):
+        pixels = component == index
+        if not has_a[index] and not has_b[index]:
+            side[pixels] = A
+            continue
+        outer, inner = (A, B) if has_a[index] else (B, A)
+        depth = np.where(pixels, deepest_first, 0.0)
+        middle = pixels & (depth >= max(core * depth.max(), 2.0))
+        if middle.any():
+            side[middle] = inner
+        else:
+            side[pixels] = outer
+    return side

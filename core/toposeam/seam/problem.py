@@ -1,0 +1,127 @@
+"""A seam problem ready to be solved: the overlap, its match cost, and the same interfaces seen from pixels and from corners.
+
+One drawing of all numbering, for a window of h × w pixels. Pixel (y, x) has flat index y w + x; corner (y, x), the upper left corner of that
+pixel, has flat index y (w + 1) + x. ``right[y, x]`` belongs to the interface of pixels (y, x) and (y, x + 1), ``down[y, x]`` to that of
+(y, x) and (y + 1, x)::
+
+    corner (y, x) ───────── corner (y, x+1) ───────── corner (y, x+2)
+         │                        │                        │
+         │     pixel (y, x)    right[y, x]  pixel (y, x+1) │
+         │                        │                        │
+         ├────── down[y, x] ──────┼───── down[y, x+1] ─────┤
+         │                        │                        │
+         │    pixel (y+1, x)      │    pixel (y+1, x+1)    │
+
+So every interface joins two pixels, and two corners. Heat that flows between corners along interfaces is, by planar duality, the jump of a
+potential between pixels across them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.errors import OverlapError
+from toposeam.images import Mask
+from toposeam.seam.grid import CutGrid, grid_from_sides
+from toposeam.seam.match_cost import Floats32
+from toposeam.seam.overlap import FREE, NONE, A, B, Overlap, neighbours
+
+#: Cost of an interface that the user forbids: the thesis's M_max.
+FORBIDDEN = 1e6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Interfaces:
+    """The interfaces a seam may use, (E,) arrays each; at least one of the two pixels is free."""
+
+    first: npt.NDArray[np.intp]  #: flat index of the left or upper pixel
+    second: npt.NDArray[np.intp]  #: flat index of the right or lower pixel
+    start: npt.NDArray[np.intp]  #: flat index of the upper or left corner
+    end: npt.NDArray[np.intp]  #: flat index of the lower or right corner
+    cost: npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SeamProblem:
+    """An overlap with the match cost of its interfaces.
+
+    Parameters
+    ----------
+    overlap : Overlap
+    right : (h, w - 1) float32 array
+    down : (h - 1, w) float32 array
+        Match cost of each interface, 0 where the seam cannot run.
+    """
+
+    overlap: Overlap
+    right: Floats32
+    down: Floats32
+
+    @cached_property
+    def _grid_and_forced(self) -> tuple[CutGrid, float]:
+        return grid_from_sides(self.overlap.side, self.right, self.down)
+
+    @property
+    def grid(self) -> CutGrid:
+        """The free pixels as a cut problem."""
+        return self._grid_and_forced[0]
+
+    @cached_property
+    def interfaces(self) -> Interfaces:
+        """Every interface with a cost and at least one free pixel."""
+        side = self.overlap.side
+        h, w = side.shape
+        free = side == FREE
+        parts = []
+        for cost, stride in ((self.right, 1), (self.down, w)):
+            s, t = (free[:, :-1], free[:, 1:]) if stride == 1 else (free[:-1], free[1:])
+            row, column = np.nonzero((cost > 0) & (s | t))
+            first = row * w + column
+            start = row * (w + 1) + column + 1 if stride == 1 else (row + 1) * (w + 1) + column
+            end = start + (w + 1 if stride == 1 else 1)
+            parts.append((first, first + stride, start, end, cost[row, column].astype(np.float64)))
+        return Interfaces(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+
+    def cost(self, labels: Mask) -> float:
+        """Σ M over the interfaces that an (h, w) bool labelling cuts.
+
+        Raises
+        ------
+        OverlapError
+            When the labelling cuts a forbidden interface.
+        """
+        grid, forced = self._grid_and_forced
+        total = grid.cost(labels) + forced
+        if total >= FORBIDDEN:
+            raise OverlapError("no seam avoids the pixels you excluded: they block the overlap from end to end; leave it a gap at least 1 px wide")
+        return total
+
+    def on_canvas(self, labels: npt.NDArray[np.generic], only_b: Mask) -> npt.NDArray[np.generic]:
+        """Window values spread to the canvas: those of the overlap from `labels`, elsewhere True (1) where only ``b`` has pixels.
+
+        Parameters
+        ----------
+        labels : (h, w) array
+        only_b : (H, W) bool array
+        """
+        result = only_b.astype(labels.dtype)
+        on_canvas, on_window = self.overlap.inside
+        shared = self.overlap.shared[on_window]
+        result[on_canvas][shared] = self.complete(labels)[on_window][shared]
+        return result
+
+    def complete(self, labels: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:
+        """The labelling with every pixel that is not free set to its side (`NONE` counts as ``a``)."""
+        side = self.overlap.side
+        return np.where(side == FREE, labels, (side == B).astype(labels.dtype))
+
+    @property
+    def seam_ground(self) -> Mask:
+        """(h, w) bool: pixels between which a seam is drawn: the overlap, and the ground beside places where it is one pixel wide."""
+        side, shared = self.overlap.side, self.overlap.shared
+        narrow = (side == FREE) & neighbours((side == A) & ~shared) & neighbours((side == B) & ~shared)
+        return shared | (neighbours(narrow) & (side != NONE))

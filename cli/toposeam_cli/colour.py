@@ -1,11 +1,9 @@
 """Bit depths and colour profiles of image arrays, converted so that pictures can be put side by side."""
 
-import functools
-import logging
-from types import ModuleType
-
 import numpy as np
-from toposeam.errors import ImageError, MissingPackageError
+
+from toposeam.errors import ImageError
+from toposeam_cli.libvips import channels, load_vips, to_vips, with_profile
 
 #: The depths a picture can have, shallowest first.
 DEPTHS = (np.dtype(np.uint8), np.dtype(np.uint16), np.dtype(np.float32))
@@ -13,33 +11,7 @@ DEPTHS = (np.dtype(np.uint8), np.dtype(np.uint16), np.dtype(np.float32))
 #: Colours are matched relative to the white point, and black to black, as image editors do.
 INTENT = {"intent": "relative", "black_point_compensation": True}
 
-_INTERPRETATIONS = {
-    (np.dtype(np.uint8), 1): "b-w",
-    (np.dtype(np.uint8), 3): "srgb",
-    (np.dtype(np.uint16), 1): "grey16",
-    (np.dtype(np.uint16), 3): "rgb16",
-    (np.dtype(np.float32), 1): "b-w",
-    (np.dtype(np.float32), 3): "scrgb",
-}
-
 _EIGHT_BIT_STEP = 257  # of 65535
-
-
-@functools.cache
-def load_vips() -> ModuleType:
-    """Import pyvips on first use, which keeps ``toposeam --help`` fast, and keep libvips quiet and its memory bounded."""
-    logging.getLogger("pyvips").setLevel(logging.CRITICAL)  # what matters arrives as an exception
-    try:
-        import pyvips
-    except (ImportError, OSError) as error:
-        raise MissingPackageError("reading and writing pictures needs libvips; install it with: pip install 'pyvips[binary]'") from error
-    pyvips.cache_set_max(0)  # cached operations would keep finished pictures in memory
-    return pyvips
-
-
-def channels(pixels: np.ndarray) -> int:
-    """The number of channels: 1 for ``(H, W)``, else the last axis."""
-    return 1 if pixels.ndim == 2 else pixels.shape[2]
 
 
 def widen(pixels: np.ndarray) -> np.ndarray:
@@ -55,20 +27,15 @@ def to_depth(values: np.ndarray, dtype: np.dtype) -> np.ndarray:
     if values.dtype == dtype:
         return values
     if dtype == np.float32:
-        return np.divide(values, np.iinfo(values.dtype).max, dtype=np.float32)
+        return values.astype(np.float32) / np.float32(np.iinfo(values.dtype).max)
     if values.dtype == np.float32:
-        scaled = np.clip(values, 0, 1)
+        scaled: np.ndarray = np.clip(values, 0, 1)
         scaled *= np.iinfo(dtype).max
-        return np.rint(scaled, out=scaled).astype(dtype)
+        np.rint(scaled, out=scaled)
+        return scaled.astype(dtype)
     if dtype == np.uint16:
         return values.astype(np.uint16) * np.uint16(_EIGHT_BIT_STEP)
     return ((values.astype(np.uint32) + _EIGHT_BIT_STEP // 2) // _EIGHT_BIT_STEP).astype(np.uint8)
-
-
-def to_vips(pixels: np.ndarray):
-    """A libvips image over the memory of a gray or RGB array."""
-    image = load_vips().Image.new_from_array(np.ascontiguousarray(pixels))
-    return image.copy(interpretation=_INTERPRETATIONS[pixels.dtype, channels(pixels)])
 
 
 def fits_profile(icc: bytes | None, n_channels: int) -> bool:
@@ -123,16 +90,10 @@ def _transform(pixels: np.ndarray, source: bytes | None, target: bytes | None, n
     vips = load_vips()
     srgb = vips.Image.profile_load("srgb")
     try:
-        image = _with_profile(to_vips(widen(pixels) if source is None else pixels), source or srgb)
+        image = with_profile(to_vips(widen(pixels) if source is None else pixels), source or srgb)
         # Through XYZ: on the way to LAB, lcms samples a gray profile's curve so coarsely that dark grays are off by 2 % of full scale.
-        image = _with_profile(image.icc_import(embedded=True, pcs="xyz", **INTENT), target or srgb)
-        converted = image.icc_export(depth=16, pcs="xyz", **INTENT).numpy()
+        image = with_profile(image.icc_import(embedded=True, pcs="xyz", **INTENT), target or srgb)
+        converted: np.ndarray = image.icc_export(depth=16, pcs="xyz", **INTENT).numpy()
     except vips.Error as error:
         raise ImageError("a colour profile cannot be applied; convert the pictures to sRGB first") from error
     return converted[:, :, 1] if n_channels == 1 and converted.ndim == 3 else converted
-
-
-def _with_profile(image, icc: bytes):
-    image = image.copy()
-    image.set_type(load_vips().GValue.blob_type, "icc-profile-data", icc)
-    return image

@@ -100,7 +100,7 @@ def replacing(path: Path, force: bool = False) -> Iterator[Path]:
         if force:
             with suppress(OSError):
                 shutil.copymode(target, temporary)
-        with open(temporary, "rb+") as file:
+        with temporary.open("rb+") as file:
             os.fsync(file.fileno())
         _rename(temporary, target, force)
     except TopoSeamError:
@@ -116,7 +116,7 @@ def replacing(path: Path, force: bool = False) -> Iterator[Path]:
 
 def _rename(temporary: Path, target: Path, force: bool) -> None:
     if force:
-        os.replace(temporary, target)
+        temporary.replace(target)
         return
     try:
         os.link(temporary, target)  # unlike a rename, refuses a name that is taken
@@ -125,7 +125,7 @@ def _rename(temporary: Path, target: Path, force: bool) -> None:
     except OSError:  # no hard links here (FAT, some network drives): claim the name, then replace what is ours
         _create(target)
         try:
-            os.replace(temporary, target)
+            temporary.replace(target)
         except BaseException:
             target.unlink()
             raise

@@ -1,4 +1,4 @@
-"""Image files in and out: the only place that knows file formats. Everything between is arrays.
+"""Pictures read from files, matched and written; beside `decode`, the only place that knows file formats.
 
 What survives from input to output: 8 and 16 bits per channel and 32-bit float, gray or RGB, alpha, the colour profile byte for byte,
 the resolution, and the orientation, which is applied to the pixels. EXIF and XMP are not copied: exposure, place and thumbnail describe
@@ -6,27 +6,24 @@ the source, not what was made of it.
 """
 
 import os
-import stat
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from toposeam.errors import ImageError
 
-from toposeam_cli.colour import DEPTHS, INTENT, channels, convert_profile, fits_profile, load_vips, to_depth, to_vips
+from toposeam.errors import ImageError
+from toposeam_cli.colour import DEPTHS, convert_profile, fits_profile, to_depth
+from toposeam_cli.decode import UNSTATED_RESOLUTION, decode
+from toposeam_cli.libvips import VipsImage, channels, load_vips, reason, to_vips, with_profile
 from toposeam_cli.output import OutputError, check_output, replacing
 
 #: Pictures with more pixels are refused unless the user asks: 500 megapixels are 3 GB as 16-bit RGB.
 MAX_PIXELS = 500_000_000
 
-#: libvips loaders that decode pictures; it also reads tables, drawings and its own dumps.
-_PICTURE_LOADERS = {"png", "jpeg", "tiff", "webp", "gif", "heif", "jxl", "jp2k", "ppm", "openexr"}
-
-#: Pixels per mm that mean "not stated": every writer that has to put something puts 72 per inch.
-_UNSTATED = 72 / 25.4
+#: A classic TIFF ends at 4 GiB, and what does not compress may grow.
+_BIGTIFF_BYTES = 3_500_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,6 +84,8 @@ class Picture:
             raise ImageError(f"{name} has {self.alpha.dtype} alpha of shape {self.alpha.shape}; give {dtype} of shape {shape[:2]}")
         if dtype == np.float32 and not all(np.isfinite(values).all() for values in (self.pixels, self.alpha) if values is not None):
             raise ImageError(f"{name} contains NaN or infinite values; replace them with numbers first")
+        if self.resolution is not None and not all(0 < value < np.inf for value in self.resolution):
+            raise ImageError(f"{name} has resolution {self.resolution}; give two positive numbers of pixels per mm, or None")
 
     def covered(self) -> np.ndarray:
         """(H, W) bool, True where the picture has pixels: alpha above 0."""
@@ -118,26 +117,8 @@ def read_picture(path: str | Path, max_pixels: int = MAX_PIXELS) -> Picture:
         If there is no such file, or it is no picture, damaged, cut short or too large.
     """
     path = Path(path)
-    _check_input(path)
-    vips = load_vips()
-    try:
-        image = vips.Image.new_from_source(vips.Source.new_from_file(os.fsencode(path)), "", access="sequential", fail_on="error")
-        _check_header(path, image, max_pixels)
-        resolution = _resolution(image)
-        orientation = image.get("orientation") if "orientation" in image.get_fields() else 1
-        if orientation != 1:
-            image = image.copy_memory().autorot()  # turning needs the last rows first
-        image = _gray_or_rgb(image)
-        values = _known_depth(image.numpy())
-        icc = image.get("icc-profile-data") if "icc-profile-data" in image.get_fields() else None
-    except vips.Error as error:
-        raise ImageError(
-            f"cannot read '{path}' ({_reason(error)}): it is no picture, damaged or of a kind libvips does not know; export it again as"
-            " PNG or TIFF"
-        ) from error
+    values, icc, resolution = decode(path, max_pixels)
     pixels, alpha = _split_alpha(path, values)
-    if orientation in (5, 6, 7, 8) and resolution is not None:
-        resolution = resolution[::-1]  # turned by 90 degrees
     icc = icc if fits_profile(icc, channels(pixels)) else None
     return Picture(pixels=pixels, alpha=alpha, icc=icc, resolution=resolution, source=path)
 
@@ -176,7 +157,7 @@ def write_picture(path: str | Path, picture: Picture, force: bool = False) -> No
     options = dict(kind.options)
     if kind is _TIFF:
         size = picture.pixels.nbytes + (0 if picture.alpha is None else picture.alpha.nbytes)
-        options["bigtiff"] = size > 3.5e9
+        options["bigtiff"] = size > _BIGTIFF_BYTES
         # The floating point predictor packs better, but many readers lack it.
         options["predictor"] = "none" if picture.pixels.dtype == np.float32 else "horizontal"
     vips = load_vips()
@@ -185,7 +166,7 @@ def write_picture(path: str | Path, picture: Picture, force: bool = False) -> No
         try:
             getattr(image, kind.saver)(os.fsencode(temporary), **options)
         except vips.Error as error:
-            raise OutputError(f"cannot write '{path}' ({_reason(error)}); free some space or choose another folder") from error
+            raise OutputError(f"cannot write '{path}' ({reason(error)}); free some space or choose another folder") from error
 
 
 def match_pictures(pictures: Sequence[Picture]) -> list[Picture]:
@@ -228,74 +209,6 @@ def _convert(picture: Picture, dtype: np.dtype, icc: bytes | None, n_channels: i
     return replace(picture, pixels=pixels, alpha=alpha, icc=icc)
 
 
-def _check_input(path: Path) -> None:
-    try:
-        mode = path.stat().st_mode
-        if stat.S_ISDIR(mode):
-            raise ImageError(f"'{path}' is a folder; name a picture inside it")
-        if not stat.S_ISREG(mode):
-            raise ImageError(f"'{path}' is not a regular file; save the picture to disk first")
-        with open(path, "rb") as file:
-            if not file.read(1):
-                raise ImageError(f"'{path}' is empty; export the picture again")
-    except ImageError:
-        raise
-    except (FileNotFoundError, NotADirectoryError) as error:
-        raise ImageError(f"there is no file '{path}'; check its name and folder") from error
-    except (OSError, ValueError) as error:
-        raise ImageError(f"cannot read '{path}' ({error}); check its name and your right to read it") from error
-
-
-def _check_header(path: Path, image, max_pixels: int) -> None:
-    loader = image.get("vips-loader").split("load")[0]
-    if loader not in _PICTURE_LOADERS:
-        raise ImageError(f"'{path}' is {loader.upper()}, not a picture made of pixels; export it as PNG or TIFF")
-    if image.width * image.height > max_pixels:
-        raise ImageError(
-            f"'{path}' is {image.width} x {image.height} pixels, more than the {max_pixels / 1e6:g} megapixels allowed; raise"
-            " --max-megapixels if the file is trusted"
-        )
-
-
-def _resolution(image) -> tuple[float, float] | None:
-    fields = image.get_fields()
-    resolution = None
-    if image.xres == image.yres == 1 and "exif-ifd0-XResolution" in fields and "exif-ifd0-YResolution" in fields:
-        # WebP states it nowhere else, and libvips leaves it there.
-        unit_mm = 10.0 if image.get_typeof("exif-ifd0-ResolutionUnit") and image.get("exif-ifd0-ResolutionUnit").startswith("3") else 25.4
-        try:
-            x, y = (float(Fraction(image.get(f"exif-ifd0-{axis}Resolution").split()[0])) / unit_mm for axis in "XY")
-        except (ValueError, IndexError, ZeroDivisionError):
-            return None
-        resolution = (x, y)
-    elif "resolution-unit" in fields or image.get("vips-loader").startswith("png"):
-        resolution = (image.xres, image.yres)
-    if resolution is None or min(resolution) <= 0 or all(abs(value - _UNSTATED) < 2e-3 for value in resolution):
-        return None
-    return resolution
-
-
-def _gray_or_rgb(image):
-    """Convert what is neither gray nor RGB; a last band of alpha stays."""
-    if image.interpretation in ("lab", "labs"):
-        return image.colourspace("rgb16")
-    if image.interpretation != "cmyk":
-        return image
-    colour = image.extract_band(0, n=image.bands - 1) if image.hasalpha() else image
-    depth = 8 if image.format == "uchar" else 16
-    colour = colour.icc_transform("srgb", embedded=True, input_profile="cmyk", depth=depth, **INTENT)
-    return colour.bandjoin(image.extract_band(image.bands - 1)) if image.hasalpha() else colour
-
-
-def _known_depth(values: np.ndarray) -> np.ndarray:
-    if values.dtype in DEPTHS or np.iscomplexobj(values):
-        return values
-    if np.issubdtype(values.dtype, np.integer):
-        values = values / np.iinfo(values.dtype).max
-    with np.errstate(over="ignore"):  # too large for a float is infinite, which Picture refuses
-        return values.astype(np.float32)
-
-
 def _split_alpha(path: Path, values: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
     values = np.atleast_3d(values)
     n_channels = values.shape[2]
@@ -324,25 +237,16 @@ def _fit(path: Path, picture: Picture, kind: _Format) -> Picture:
                 f"'{path}' cannot be written: the picture is partly transparent, which {path.suffix} cannot hold; use .png or .tif"
             )
         picture = replace(picture, alpha=None)
-    icc = picture.icc if fits_profile(picture.icc, channels(picture.pixels)) else None
-    if channels(picture.pixels) == 1 and icc is not None and not kind.has_gray:
-        picture = _convert(picture, dtype, None, 3)
-    return picture if dtype in kind.depths else _convert(picture, kind.depths[-1], picture.icc, channels(picture.pixels))
+    dtype = dtype if dtype in kind.depths else kind.depths[-1]
+    if channels(picture.pixels) == 1 and fits_profile(picture.icc, 1) and not kind.has_gray:
+        return _convert(picture, dtype, None, 3)
+    return _convert(picture, dtype, picture.icc, channels(picture.pixels))
 
 
-def _vips_image(picture: Picture):
+def _vips_image(picture: Picture) -> VipsImage:
     image = to_vips(picture.pixels)
     if picture.alpha is not None:
         image = image.bandjoin(to_vips(picture.alpha))
-    x, y = picture.resolution or (_UNSTATED, _UNSTATED)
+    x, y = picture.resolution or (UNSTATED_RESOLUTION, UNSTATED_RESOLUTION)
     image = image.copy(xres=x, yres=y)
-    if picture.icc is not None:
-        image.set_type(load_vips().GValue.blob_type, "icc-profile-data", picture.icc)
-    return image
-
-
-def _reason(error: Exception) -> str:
-    """Pick the cause from what libvips says: the operating system's, else the first line."""
-    lines = [line.strip() for line in getattr(error, "detail", "").splitlines() if line.strip()]
-    system = [line.removeprefix("system error: ") for line in lines if line.startswith("system error: ")]
-    return (system or lines or ["unreadable header"])[0]
+    return image if picture.icc is None else with_profile(image, picture.icc)

@@ -1,10 +1,10 @@
 """Files are written whole or not at all, and nothing that exists is lost."""
 
-import os
 import stat
 from pathlib import Path
 
 import pytest
+
 from toposeam.errors import OptionError, TopoSeamError
 from toposeam_cli import output
 from toposeam_cli.output import PICTURE_SUFFIXES, OutputError, atomic_write, check_output, replacing
@@ -12,8 +12,14 @@ from toposeam_cli.output import PICTURE_SUFFIXES, OutputError, atomic_write, che
 
 def assert_one_sentence(error):
     text = str(error.value)
-    assert text and "\n" not in text and "Traceback" not in text
+    assert text
+    assert "\n" not in text
+    assert "Traceback" not in text
     return text
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
 
 
 @pytest.fixture
@@ -34,11 +40,11 @@ def no_hard_links(monkeypatch):
     monkeypatch.setattr(output.os, "link", fail)
 
 
-@pytest.mark.parametrize("content, stored", [(b"\x00\xff", b"\x00\xff"), ("<svg>é\n</svg>", "<svg>é\n</svg>".encode()), (b"", b"")])
+@pytest.mark.parametrize(("content", "stored"), [(b"\x00\xff", b"\x00\xff"), ("<svg>é\n</svg>", "<svg>é\n</svg>".encode()), (b"", b"")])
 def test_content_arrives_byte_for_byte(tmp_path, content, stored):
     atomic_write(tmp_path / "out.svg", content)
     assert (tmp_path / "out.svg").read_bytes() == stored
-    assert os.listdir(tmp_path) == ["out.svg"]
+    assert names(tmp_path) == ["out.svg"]
 
 
 def test_a_new_file_has_the_rights_the_umask_leaves(tmp_path):
@@ -61,9 +67,10 @@ def test_an_existing_file_is_kept_and_the_message_names_force(tmp_path):
     path.write_text("precious")
     with pytest.raises(OptionError) as error:
         atomic_write(path, "new")
-    assert "--force" in assert_one_sentence(error) and str(path) in str(error.value)
+    assert "--force" in assert_one_sentence(error)
+    assert str(path) in str(error.value)
     assert path.read_text() == "precious"
-    assert os.listdir(tmp_path) == ["out.svg"]
+    assert names(tmp_path) == ["out.svg"]
 
 
 @pytest.mark.parametrize("links", ["hard links", "no hard links"])
@@ -71,27 +78,32 @@ def test_a_file_that_appears_meanwhile_is_kept(tmp_path, request, links):
     if links == "no hard links":
         request.getfixturevalue("no_hard_links")
     path = tmp_path / "out.svg"
-    with pytest.raises(OptionError, match="--force"), replacing(path) as temporary:
-        temporary.write_text("ours")
-        path.write_text("someone else's")
+
+    def write_while_another_does():
+        with replacing(path) as temporary:
+            temporary.write_text("ours")
+            path.write_text("someone else's")
+
+    with pytest.raises(OptionError, match="--force"):
+        write_while_another_does()
     assert path.read_text() == "someone else's"
-    assert os.listdir(tmp_path) == ["out.svg"]
+    assert names(tmp_path) == ["out.svg"]
 
 
 def test_a_file_system_without_hard_links_works(tmp_path, no_hard_links):
     atomic_write(tmp_path / "out.svg", "new")
     assert (tmp_path / "out.svg").read_text() == "new"
-    assert os.listdir(tmp_path) == ["out.svg"]
+    assert names(tmp_path) == ["out.svg"]
 
 
 def test_a_failed_rename_without_hard_links_leaves_no_empty_file(tmp_path, no_hard_links, monkeypatch):
     def fail(source, target):
         raise OSError(5, "Input/output error")
 
-    monkeypatch.setattr(output.os, "replace", fail)
+    monkeypatch.setattr(Path, "replace", fail)
     with pytest.raises(OutputError):
         atomic_write(tmp_path / "out.svg", "new")
-    assert os.listdir(tmp_path) == []
+    assert names(tmp_path) == []
 
 
 def test_a_full_disk_keeps_the_existing_file(tmp_path, full_disk):
@@ -100,17 +112,22 @@ def test_a_full_disk_keeps_the_existing_file(tmp_path, full_disk):
     with pytest.raises(OutputError) as error:
         atomic_write(path, "new", force=True)
     assert "no space left on device" in assert_one_sentence(error)
-    assert isinstance(error.value, TopoSeamError) and isinstance(error.value, OSError)
+    assert isinstance(error.value, TopoSeamError)
+    assert isinstance(error.value, OSError)
     assert path.read_text() == "precious"
-    assert os.listdir(tmp_path) == ["out.svg"]
+    assert names(tmp_path) == ["out.svg"]
 
 
 @pytest.mark.parametrize("interruption", [KeyboardInterrupt, RuntimeError, MemoryError])
 def test_an_interruption_leaves_nothing_behind(tmp_path, interruption):
-    with pytest.raises(interruption), replacing(tmp_path / "out.svg") as temporary:
-        temporary.write_text("half")
-        raise interruption
-    assert os.listdir(tmp_path) == []
+    def write_half():
+        with replacing(tmp_path / "out.svg") as temporary:
+            temporary.write_text("half")
+            raise interruption
+
+    with pytest.raises(interruption):
+        write_half()
+    assert names(tmp_path) == []
 
 
 def test_a_symbolic_link_keeps_pointing_to_the_new_content(tmp_path):
@@ -131,7 +148,7 @@ def test_a_dangling_link_is_filled(tmp_path):
 @pytest.mark.parametrize("suffix", [*PICTURE_SUFFIXES, ".PNG", ".Tif"])
 def test_supported_extensions_pass_in_either_case(tmp_path, suffix):
     assert check_output(tmp_path / f"out{suffix}") == tmp_path / f"out{suffix}"
-    assert os.listdir(tmp_path) == []
+    assert names(tmp_path) == []
 
 
 @pytest.mark.parametrize("name", ["out", "out.gif", "out.bmp", "out.png.txt", ".png", "out.", "", "."])
@@ -149,7 +166,7 @@ def test_a_caller_names_its_own_extensions(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "path, remedy",
+    ("path", "remedy"),
     [
         ("{tmp}/missing/out.png", "there is no folder"),
         ("{tmp}/file/out.png", "there is no folder"),
@@ -164,16 +181,16 @@ def test_hopeless_places_are_refused_before_any_work(tmp_path, path, remedy):
     (tmp_path / "file").touch()
     (tmp_path / "folder.png").mkdir()
     (tmp_path / "loop.png").symlink_to(tmp_path / "loop.png")
-    before = sorted(os.listdir(tmp_path))
+    before = names(tmp_path)
     for force in (False, True):
         with pytest.raises(OptionError) as error:
             check_output(path.format(tmp=tmp_path), force)
         assert remedy in assert_one_sentence(error)
-    assert sorted(os.listdir(tmp_path)) == before
+    assert names(tmp_path) == before
 
 
 def test_a_read_only_folder_is_refused(tmp_path, monkeypatch):
-    def fail(dir):
+    def fail(**options):
         raise OSError(30, "Read-only file system")
 
     monkeypatch.setattr(output.tempfile, "TemporaryFile", fail)

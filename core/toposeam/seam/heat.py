@@ -107,6 +107,7 @@ def heat_path(
     flux = np.ones(len(weight))
     strength = np.ones(len(weight))  # k M, the flux that the conductances expect
     penalty = 0.0
+    settled = np.zeros(2)  # weight and number of the interfaces that already carry all the heat
     stage, left = 1, options.whole
     termination = Termination.ITERATIONS
     potential = np.zeros(network.n + 2)
@@ -118,8 +119,8 @@ def heat_path(
         new = network.difference(potential)
         history.append(
             Iteration(
-                stage=stage, objective=float(weight @ new), compliance=float(resistance @ np.square(new)), bound=float("nan"),
-                n_flux=int(multiplicity[new > FLUX_THRESHOLD].sum()), change=float(np.abs(new - flux).max()), unknowns=network.n,
+                stage=stage, objective=float(settled[0] + weight @ new), compliance=float(settled[0] + resistance @ np.square(new)),
+                bound=float("nan"), n_flux=int(settled[1] + multiplicity[new > FLUX_THRESHOLD].sum()), change=float(np.abs(new - flux).max()), unknowns=network.n,
             )
         )  # fmt: skip
         flux = new
@@ -138,7 +139,8 @@ def heat_path(
             left = options.between
             contracted = _contract(network, weight, flux, strength, multiplicity, options.threshold)
             if contracted is not None:
-                network, weight, flux, strength, multiplicity, node_map = contracted
+                network, weight, flux, strength, multiplicity, node_map, newly_settled = contracted
+                settled += newly_settled
                 node_of_pixel = node_map[node_of_pixel]
                 if not network.n:
                     potential, termination = np.array([0.0, 1.0]), Termination.SINGLE_LINE
@@ -173,10 +175,11 @@ def _typical_flux(weight: Floats, flux: Floats) -> float:
 
 def _contract(
     network: Network, weight: Floats, flux: Floats, strength: Floats, multiplicity: Floats, threshold: float
-) -> tuple[Network, Floats, Floats, Floats, Floats, npt.NDArray[np.int32]] | None:
+) -> tuple[Network, Floats, Floats, Floats, Floats, npt.NDArray[np.int32], Floats] | None:
     """The network without the interfaces that carry next to no flux, or None where that would not make it much smaller.
 
-    Parallel elements add their weights and multiplicities; their flux is one and the same, their strength that of the strongest.
+    Parallel elements add their weights and multiplicities; their flux is one and the same, their strength that of the strongest. Elements
+    left between the two terminals carry all the heat for good; the last result is their weight and number.
     """
     threshold *= _typical_flux(weight, flux)
     while True:
@@ -195,7 +198,10 @@ def _contract(
     strongest = np.zeros((2, size))
     for row, values in zip(strongest, (flux, strength), strict=True):
         np.maximum.at(row, target, values[kept])
-    return smaller, summed[0], strongest[0], strongest[1], summed[1], node_map
+    ends = np.stack([node_map[network.tail], node_map[network.head]])
+    between_terminals = (ends.min(axis=0) == smaller.n) & (ends.max(axis=0) == smaller.n + 1)
+    settled = np.array([weight[between_terminals].sum(), multiplicity[between_terminals].sum()])
+    return smaller, summed[0], strongest[0], strongest[1], summed[1], node_map, settled
 
 
 def _frame(problem: SeamProblem, potential: Floats, pixels: npt.NDArray[np.int32], iteration: int, stage: int) -> Frame:

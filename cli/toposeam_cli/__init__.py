@@ -1,0 +1,1 @@
+"""The command line of TopoSeam: files in, one core call, files out."""

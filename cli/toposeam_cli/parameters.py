@@ -1,0 +1,82 @@
+"""Parameter types and options that several commands share: what reaches a command is already a number, a length or a checked path."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+
+import toposeam as ts
+
+
+@dataclass(frozen=True, slots=True)
+class Length:
+    """A length in pixels, or as a share of a side."""
+
+    value: float
+    percent: bool
+
+    def pixels(self, whole: int) -> int:
+        """The length in px, given the side it may be a share of."""
+        return round(self.value / 100 * whole) if self.percent else int(self.value)
+
+
+class OffsetType(click.ParamType):
+    """``X,Y`` in whole pixels."""
+
+    name = "X,Y"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        """Parse the text."""
+        if isinstance(value, tuple):
+            return value
+        match = re.fullmatch(r"\s*([+-]?\d{1,9})\s*,\s*([+-]?\d{1,9})\s*", value)
+        if match is None:
+            self.fail(f"{value!r} is not an offset; write two whole numbers of pixels, like 120,-4", param, ctx)
+        return int(match[1]), int(match[2])
+
+
+class LengthType(click.ParamType):
+    """``N`` pixels or ``N%``."""
+
+    name = "N[%]"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Length:
+        """Parse the text."""
+        if isinstance(value, Length):
+            return value
+        match = re.fullmatch(r"\s*(\d{1,9}(?:\.\d+)?)\s*(px|%)?\s*", value)
+        percent = match is not None and match[2] == "%"
+        if match is None or (not percent and not float(match[1]).is_integer()) or not 0 < float(match[1]) <= (100 if percent else 1e9):
+            self.fail(f"{value!r} is not an overlap; write pixels, like 80, or a share from 0% to 100%, like 25%", param, ctx)
+        return Length(float(match[1]), percent)
+
+
+FILE = click.Path(path_type=Path)
+
+PLACEMENT: tuple[Callable[[Any], Any], ...] = (
+    click.argument("first", metavar="A", type=FILE),
+    click.argument("second", metavar="B", type=FILE),
+    click.option("--offset", type=OffsetType(), help="Where B's upper left corner lies in A, in px; may be negative."),
+    click.option("--overlap", type=LengthType(), help="Instead of --offset: how far B overlaps A, in px or % of A."),
+    click.option(
+        "--side", type=click.Choice(ts.SIDES), default="right", show_default=True, help="With --overlap: the side of A on which B continues."
+    ),
+    click.option("--mask", "avoid", type=FILE, help="Image of the canvas's size; the seam avoids its white pixels."),
+    click.option("--no-gradient", is_flag=True, help="Match cost without image gradients, (3.22) instead of (2.4)."),
+    click.option("--core", type=click.FloatRange(0, 1, min_open=True), default=0.5, show_default=True,
+                 help="For a picture inside the other: the share of its depth that must show."),
+    click.option("--max-megapixels", type=click.FloatRange(min=0, min_open=True), default=500.0, show_default=True,
+                 help="Refuse larger pictures."),
+)  # fmt: skip
+
+
+def placement(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options that say which pictures overlap where."""
+    for option in reversed(PLACEMENT):
+        command = option(command)
+    return command

@@ -1,0 +1,260 @@
+r"""The method of moving asymptotes (MMA) for box bounds and one constraint.
+
+Svanberg 1987 (doi:10.1002/nme.1620240207), with the move limits of Svanberg 2002 (doi:10.1137/S1052623499362822). To minimise f₀(x) subject
+to f₁(x) ≤ 0, α ≤ x ≤ β, each function is replaced at xᵏ by
+
+.. math:: \tilde f_i(x) = r_i + \sum_j \frac{p_{ij}}{U_j - x_j} + \frac{q_{ij}}{x_j - L_j},
+
+with p = (U - xᵏ)² max(∂f, 0), q = (xᵏ - L)² max(-∂f, 0), and r such that the values agree at xᵏ. For a multiplier y of the constraint the
+minimiser is closed-form in every variable, so one constraint leaves a one-dimensional dual to solve.
+
+*Asymptotes* close in where a variable oscillates and move away where it does not. A caller who knows the curvature of its functions may pass
+better ones to :meth:`MMA.step`.
+
+*Overshoot.* The approximation of a steep constraint may promise what the true one does not keep. In a heat network one such step cuts the path
+and compliance grows by many orders of magnitude, from where there is no way back. So a step can be taken back: :meth:`MMA.retreat` halves the
+distance to the asymptotes, which makes both approximations more conservative, and solves again (the idea of GCMMA, Svanberg 2002).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.errors import OptionError
+from toposeam.optimize.multiplier import find_multiplier
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MMAOptions:
+    """How far a step may go. Distances are shares of a variable's range."""
+
+    #: Largest change of a variable in one step.
+    move: float = 0.5
+    #: Distance of the first asymptotes.
+    initial: float = 0.5
+    #: Factor on the distance where a variable oscillates.
+    closer: float = 0.7
+    #: Factor on the distance where it keeps its direction.
+    farther: float = 1.2
+    #: Smallest distance of an asymptote.
+    nearest: float = 0.01
+    #: Largest distance of an asymptote.
+    farthest: float = 10.0
+    #: Share of the distance to an asymptote that is never entered.
+    margin: float = 0.1
+
+    def __post_init__(self) -> None:
+        if not (self.move > 0 and self.initial > 0):
+            raise OptionError(f"move is {self.move} and initial {self.initial}; both must be positive")
+        if not (0 < self.closer <= 1 <= self.farther):
+            raise OptionError(f"closer is {self.closer} and farther {self.farther}; use 0 < closer <= 1 <= farther")
+        if not (0 < self.nearest <= self.farthest):
+            raise OptionError(f"nearest is {self.nearest} and farthest {self.farthest}; use 0 < nearest <= farthest")
+        if not 0 < self.margin < 1:
+            raise OptionError(f"margin is {self.margin}; it must lie between 0 and 1")
+
+
+def solve_subproblem(
+    x: Floats, df: Floats, constraint: float, dg: Floats, low: Floats, high: Floats, alpha: Floats, beta: Floats, guess: float | None = None
+) -> tuple[Floats, float]:
+    """Minimise the MMA approximation of an objective subject to that of one constraint.
+
+    Parameters
+    ----------
+    x : (N,) float array
+        Point of approximation.
+    df, dg : (N,) float arrays
+        Gradients of the objective and the constraint at `x`.
+    constraint : float
+        Value of the constraint at `x`; feasible where ≤ 0.
+    low, high : (N,) float arrays
+        Asymptotes, low < alpha ≤ beta < high.
+    alpha, beta : (N,) float arrays
+        Bounds of the step.
+    guess : float, optional
+        A multiplier to start from.
+
+    Returns
+    -------
+    x : (N,) float array
+        Where no point between the bounds satisfies the approximate constraint, the one that comes nearest.
+    multiplier : float
+    """
+    above, below = high - x, x - low
+    p0, q0 = np.square(above) * np.maximum(df, 0.0), np.square(below) * np.maximum(-df, 0.0)
+    p1, q1 = np.square(above) * np.maximum(dg, 0.0), np.square(below) * np.maximum(-dg, 0.0)
+    has_p, has_q = bool(p1.any()), bool(q1.any())
+    rest = constraint - np.sum(p1 / above) - np.sum(q1 / below)
+    still = (df == 0) & (dg == 0)
+
+    def design(y: float) -> Floats:
+        # Zero of p / (U - x)² - q / (x - L)², with p = p₀ + y p₁ and q = q₀ + y q₁.
+        root_p = np.sqrt(p0 + y * p1) if has_p else root_p0
+        root_q = np.sqrt(q0 + y * q1)
+        with np.errstate(invalid="ignore"):
+            value: Floats = (root_p * low + root_q * high) / (root_p + root_q)
+        if any_still:
+            value[still] = x[still]
+        return np.clip(value, alpha, beta, out=value)
+
+    def residual(y: float) -> float:
+        point = design(y)
+        value = rest
+        if has_p:
+            value += np.sum(p1 / (high - point))
+        if has_q:
+            value += np.sum(q1 / (point - low))
+        return float(value)
+
+    root_p0, any_still = np.sqrt(p0), bool(still.any())
+    if residual(0.0) <= 0:
+        return design(0.0), 0.0
+    size = float(np.abs(dg).sum())
+    if guess is None or not guess > 0:
+        guess = float(np.abs(df).sum()) / size if size > 0 and np.any(df) else 1.0
+    tolerance = 1e-9 * (abs(constraint) + float(np.sum(p1 / above) + np.sum(q1 / below)))
+    multiplier = find_multiplier(residual, guess, tolerance)
+    return design(multiplier), multiplier
+
+
+class MMA:
+    """State of the method between steps.
+
+    Parameters
+    ----------
+    lower, upper : (N,) float arrays
+        Bounds of the variables.
+    options : MMAOptions
+
+    Attributes
+    ----------
+    multiplier : float
+        Of the last step; 0 where the constraint was not active.
+    """
+
+    def __init__(self, lower: Floats, upper: Floats, options: MMAOptions | None = None) -> None:
+        self.lower, self.upper = lower, upper
+        self.options = options if options is not None else MMAOptions()
+        self.multiplier = 0.0
+        self._before: list[Floats] = []  # the two points before the current one, the latest first
+        self._low = self._high = np.zeros(0)
+        self._last: tuple[Floats, Floats, float, Floats] | None = None
+
+    def step(
+        self, x: Floats, df: Floats, constraint: float, dg: Floats, asymptotes: tuple[Floats, Floats] | None = None
+    ) -> Floats:
+        """The next point.
+
+        Parameters
+        ----------
+        x, df, dg : (N,) float arrays
+            The current point and the gradients of objective and constraint there.
+        constraint : float
+            The constraint's value; feasible where ≤ 0.
+        asymptotes : pair of (N,) float arrays, optional
+            Lower and upper asymptotes to use instead of the moving ones.
+        """
+        self._low, self._high = self._moved(x) if asymptotes is None else asymptotes
+        self._before = [x, *self._before[:1]]
+        self._last = (x, df, constraint, dg)
+        return self._solve()
+
+    def retreat(self) -> Floats:
+        """A shorter step from the same point, with the asymptotes at half their distance."""
+        if self._last is None:
+            raise RuntimeError("retreat() takes back a step, but none was made")
+        x = self._last[0]
+        self._low, self._high = x - 0.5 * (x - self._low), x + 0.5 * (self._high - x)
+        return self._solve()
+
+    def keep(self, alive: npt.NDArray[np.bool_]) -> None:
+        """Forget all variables but some, given as an (N,) bool array."""
+        self.lower, self.upper = self.lower[alive], self.upper[alive]
+        self._before = [point[alive] for point in self._before]
+        if self._last is not None:
+            self._low, self._high = self._low[alive], self._high[alive]
+            x, df, constraint, dg = self._last
+            self._last = (x[alive], df[alive], constraint, dg[alive])
+
+    def _moved(self, x: Floats) -> tuple[Floats, Floats]:
+        span = self.upper - self.lower
+        o = self.options
+        if len(self._before) < 2:
+            return x - o.initial * span, x + o.initial * span
+        previous, earlier = self._before
+        turn = (x - previous) * (previous - earlier)
+        factor = np.where(turn > 0, o.farther, np.where(turn < 0, o.closer, 1.0))
+        below = np.clip(factor * (previous - self._low), o.nearest * span, o.farthest * span)
+        above = np.clip(factor * (self._high - previous), o.nearest * span, o.farthest * span)
+        return x - below, x + above
+
+    def _solve(self) -> Floats:
+        assert self._last is not None
+        x, df, constraint, dg = self._last
+        reach = self.options.move * (self.upper - self.lower)
+        margin = self.options.margin
+        alpha = np.maximum(np.maximum(self.lower, x - reach), self._low + margin * (x - self._low))
+        beta = np.minimum(np.minimum(self.upper, x + reach), self._high - margin * (self._high - x))
+        result, multiplier = solve_subproblem(x, df, constraint, dg, self._low, self._high, alpha, beta, self.multiplier)
+        self.multiplier = multiplier
+        return result
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MMAResult:
+    """What :func:`minimize` returns."""
+
+    x: Floats
+    objective: float
+    constraint: float
+    iterations: int
+    #: Whether the variables came to rest before the iterations ran out.
+    converged: bool
+
+
+def minimize(
+    evaluate: Callable[[Floats], tuple[float, Floats, float, Floats]], x: Floats, lower: Floats, upper: Floats,
+    options: MMAOptions | None = None, *, max_iterations: int = 100, tolerance: float = 1e-4, overshoot: float = float("inf"),
+) -> MMAResult:  # fmt: skip
+    """Minimise an objective subject to one constraint and box bounds.
+
+    Parameters
+    ----------
+    evaluate : callable
+        Point to (objective, its gradient, constraint, its gradient); feasible where the constraint is ≤ 0.
+    x, lower, upper : (N,) float arrays
+        Start and bounds.
+    options : MMAOptions
+    max_iterations : int
+        Evaluations at most, those of steps taken back included.
+    tolerance : float
+        Converged when no variable changes by more than this share of its range.
+    overshoot : float
+        A step to where the constraint exceeds both this value and its value before is taken back and shortened.
+
+    Returns
+    -------
+    MMAResult
+    """
+    method = MMA(lower, upper, options)
+    span = np.maximum(upper - lower, np.finfo(float).tiny)
+    value, df, constraint, dg = evaluate(x)
+    for iteration in range(1, max_iterations):
+        new = method.step(x, df, constraint, dg)
+        found = evaluate(new)
+        used = iteration
+        while found[2] > max(overshoot, constraint) and used < max_iterations - 1 and np.any(np.abs(new - x) > 1e-3 * tolerance * span):
+            new = method.retreat()
+            found = evaluate(new)
+            used += 1
+        change = float(np.max(np.abs(new - x) / span, initial=0.0))
+        x, (value, df, constraint, dg) = new, found
+        if change <= tolerance:
+            return MMAResult(x=x, objective=value, constraint=constraint, iterations=iteration + 1, converged=True)
+    return MMAResult(x=x, objective=value, constraint=constraint, iterations=max_iterations, converged=False)

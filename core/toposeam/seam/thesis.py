@@ -1,0 +1,334 @@
+r"""The thesis's own method: topology optimisation of a heat path on the ground structure, Algorithms 1 and 2 of chapter 3.
+
+*Formulation 1.* Minimise the weighted mass ρᵀW, W = Mʳ (3.5), under a compliance bound θᵀK(ρ)θ ≤ C* with K_e = ρᵖ K₀ (3.7)-(3.11), by MMA.
+*Algorithm 2* repeats that in stages, W ← W/q and C* ← N_q, the number of elements with flux above 0.01 (3.18)-(3.21), until the heat runs
+along a single line. What makes the plain transcription fragile, and what is done about it within the formulation:
+
+- *Asymptotes.* For fixed flux the compliance q²/ρᵖ of an element has the curvature of 1/(ρ - L) with L = ρ (p - 1)/(p + 1), and the mass is
+  linear, U → ∞. By Thomson's principle fixed flux overestimates the compliance of the next design, so that MMA with these asymptotes hardly
+  ever overshoots; where it does, the step is taken back. ``asymptotes="moving"`` restores Svanberg's heuristic rule.
+- *Continuation.* In stage 1 p is 1, where the problem is convex in ρ and finds the outline; from stage 2 on it is 3. For p = 3 from the
+  start, which the thesis has, set ``first_penalty=3``.
+- *Floor of W.* An element much cheaper than the others on the path stays at ρ = 1, and branches there do not compete: a second branch saves
+  compliance at hardly any mass. From stage 3 on no weight counts as less than that of the path's mean cost.
+- *Live elements.* Elements that came down to the least density leave the ground structure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.errors import OptionError, SolverError
+from toposeam.heat.network import Floats
+from toposeam.images import Mask
+from toposeam.optimize.history import Frame, Iteration, Termination
+from toposeam.optimize.mma import MMA, MMAOptions
+from toposeam.optimize.oc import OCOptions, oc_step
+from toposeam.seam.corners import CornerNetwork, GroundStructure, PixelNetwork, corner_network, ground_structure, pixel_network
+from toposeam.seam.heat import Solution
+from toposeam.seam.problem import SeamProblem
+
+#: Distance of the upper asymptote, as good as infinite for densities of at most 1.
+FA=0.0; MARGIN=.3
+_FAR = 1e3
+#: Steps taken back one after the other before an iteration gives up.
+_RETREATS = 8
+#: Where the label potential of several lines is cut; the cheapest cut counts.
+_THRESHOLDS = tuple(np.linspace(0.05, 0.95, 19))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThesisOptions:
+    """How the thesis's method is carried out."""
+
+    #: 1: minimise weighted mass under a compliance bound, by MMA. 2: minimise compliance under a mass bound, by optimality criteria.
+    formulation: Literal[1, 2] = 1
+    #: SIMP exponent p.
+    penalty: float = 3.0
+    #: p in stage 1.
+    first_penalty: float = 1.0
+    #: Exponent r of the match cost in the weight W = Mʳ, or in the conductivity M⁻ʳ of Formulation 2.
+    exponent: float = 2.0
+    #: Density at the start.
+    start: float = 0.5
+    #: Least density.
+    least_density: float = 1e-3
+    #: Stages (outer iterations J) at most.
+    stages: int = 8
+    #: Inner iterations at most, of all stages together.
+    max_iterations: int = 100
+    #: Inner iterations at most in the first stage.
+    first_iterations: int = 25
+    #: Inner iterations at most in each later stage.
+    stage_iterations: int = 15
+    #: A stage ends when no density and no flux changes by more than this.
+    tolerance: float = 0.01
+    #: Flux from which on an element belongs to the path.
+    q_threshold: float = 0.01
+    #: No flux counts as less than this in W ← W/q.
+    least_flux: float = 1e-3
+    #: From stage 3 on, no match cost counts as less than this multiple of its mean along the path.
+    weight_floor: float = 1.0
+    #: Largest change of a density in one iteration.
+    move: float = 1.0
+    #: Where MMA gets its asymptotes: from the curvature of the compliance, or by Svanberg's rule.
+    asymptotes: Literal["curvature", "moving"] = "curvature"
+    #: A step to more than this multiple of the compliance bound is taken back.
+    overshoot: float = 4.0
+    #: Upper bound of the mass in Formulation 2; None: width + height of the overlap.
+    mass: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.formulation not in (1, 2):
+            raise OptionError(f"formulation is {self.formulation}; it must be 1 or 2")
+        if self.asymptotes not in ("curvature", "moving"):
+            raise OptionError(f"asymptotes is {self.asymptotes!r}; it must be 'curvature' or 'moving'")
+        for name, low, high in (
+            ("penalty", 1.0, 10.0), ("first_penalty", 1.0, 10.0), ("exponent", 0.1, 5.0), ("overshoot", 1.0, 1e6), ("weight_floor", 0.0, 10.0)
+        ):  # fmt: skip
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise OptionError(f"{name} is {value}; it must be between {low:g} and {high:g}")
+        for name in ("start", "least_density", "tolerance", "q_threshold", "least_flux", "move"):
+            value = getattr(self, name)
+            if not 0 < value <= 1:
+                raise OptionError(f"{name} is {value}; it must be above 0 and at most 1")
+        if not self.least_density < self.start:
+            raise OptionError(f"start is {self.start} and least_density {self.least_density}; the start must be denser")
+        if self.q_threshold >= 0.5:
+            raise OptionError(f"q_threshold is {self.q_threshold}; it must be below 0.5")
+        for name in ("stages", "max_iterations", "first_iterations", "stage_iterations"):
+            if getattr(self, name) < 1:
+                raise OptionError(f"{name} is {getattr(self, name)}; it must be at least 1")
+        if self.mass is not None and not (np.isfinite(self.mass) and self.mass > 0):
+            raise OptionError(f"mass is {self.mass}; it must be positive, or None")
+
+
+def thesis_path(
+    problem: SeamProblem, options: ThesisOptions, record_frames: bool = False, progress: Callable[[float], None] | None = None
+) -> Solution:
+    """Find the seam as the thesis does.
+
+    Parameters
+    ----------
+    problem : SeamProblem
+    options : ThesisOptions
+    record_frames : bool
+        Keep the densities of every iteration.
+    progress : callable, optional
+        Called with the share of the work done, in [0, 1].
+
+    Returns
+    -------
+    Solution
+        Its labels always separate the patches. Where its termination is not ``SINGLE_LINE`` the heat still ran along several lines, and the
+        labels are the best cut of what was there. ``soft`` is the label potential at the end of stage 1.
+    """
+    structure = ground_structure(problem)
+    if not len(structure.cost):
+        labels = problem.complete(np.zeros(structure.side.shape, bool)).astype(bool)
+        return Solution(labels=labels, soft=labels.astype(np.float32), termination=Termination.SINGLE_LINE)
+    run = _Run(problem, structure, options, record_frames, progress)
+    single = run.algorithm_2() if options.formulation == 1 else run.formulation_2()
+    if progress is not None:
+        progress(1.0)
+    return Solution(
+        labels=run.best_cut(), soft=run.soft, history=tuple(run.history), frames=tuple(run.frames),
+        termination=Termination.SINGLE_LINE if single else Termination.ITERATIONS,
+    )  # fmt: skip
+
+
+@dataclass(slots=True, eq=False)
+class _Run:
+    """One search. The arrays of length L belong to the live elements."""
+
+    problem: SeamProblem
+    structure: GroundStructure
+    options: ThesisOptions
+    record_frames: bool
+    progress: Callable[[float], None] | None
+    history: list[Iteration] = field(default_factory=list)
+    frames: list[Frame] = field(default_factory=list)
+    view: CornerNetwork | PixelNetwork = field(init=False)
+    pixels: PixelNetwork = field(init=False)
+    rho: Floats = field(init=False)  #: (L,) density
+    flux: Floats = field(init=False)  #: (L,) flux q
+    conductance: Floats = field(init=False)  #: (L,) of the last solution
+    cost: Floats = field(init=False)  #: (L,) match cost M
+    penalised: Floats = field(init=False)  #: (L,) product of 1/q over the stages so far
+    compliance: float = field(init=False, default=0.0)
+    solved: int = field(init=False, default=0)
+    soft: npt.NDArray[np.float32] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.pixels = pixel_network(self.structure)
+        corners = corner_network(self.structure)
+        self.view = self.pixels if corners is None else corners
+        self.cost = self.structure.cost[self.view.elements]
+        self.rho = np.full(len(self.cost), self.options.start)
+        self.penalised = np.ones(len(self.cost))
+
+    # Algorithm 2
+
+    def algorithm_2(self) -> bool:
+        """Stages until the heat runs along a single line; whether it does."""
+        o = self.options
+        single = False
+        floor = 0.0
+        bound = 0.0
+        for stage in range(1, o.stages + 1):
+            p = o.first_penalty if stage == 1 else o.penalty
+            self.rho = np.maximum(self.rho, o.least_density ** (o.penalty / p))
+            if stage == 1:
+                self._solve(p)
+                # C* = N_q (3.18); a winding overlap, where nothing so short fits, gets twice the least compliance there is.
+                bound = max(float(self.structure.zigzag()), 2.0 * self.compliance * o.start**p)
+            else:
+                bound = max(float(np.count_nonzero(self.flux > o.q_threshold)), float(np.square(self.flux).sum()))  # (3.20)
+                self.penalised /= np.maximum(self.flux, o.least_flux)  # (3.21)
+                if stage >= 2:
+                    floor = (FA if stage==2 else 1.0) * o.weight_floor * float(self.cost @ self.flux) / max(float(self.flux.sum()), 1e-300)
+                self._solve(p)
+            weight = np.maximum(self.cost, floor) ** o.exponent  # (3.5)
+            self._algorithm_1(stage, p, weight, bound)
+            if stage == 1:
+                self.soft = self._map(self._potential().astype(np.float32)).astype(np.float32)
+            single = self._is_single()
+            if single or self.solved >= o.max_iterations:
+                break
+        if single and self.solved < o.max_iterations:
+            self._harden(stage + 1)
+        return single
+
+    def _algorithm_1(self, stage: int, p: float, weight: Floats, bound: float) -> None:
+        """One stage: minimise ρᵀW s.t. C ≤ C*, from the present densities; `weight` without the penalty 1/q."""
+        o = self.options
+        least = o.least_density ** (o.penalty / p)  # the same least conductance for every p
+        mma = MMA(np.full(len(self.rho), least), np.ones(len(self.rho)), MMAOptions(move=o.move,margin=MARGIN))
+        limit = o.first_iterations if stage == 1 else o.stage_iterations
+        change = flux_change = np.inf
+        for inner in range(1, limit + 1):
+            self._record(stage, float(self.rho @ (weight * self.penalised)), bound, change)
+            at_rest = inner > 2 and change < o.tolerance and flux_change < o.tolerance
+            if at_rest or inner == limit or self.solved >= o.max_iterations or (stage > 1 and self._is_single()):
+                return
+            before, flux_before = self.rho, self.flux
+            sensitivity = -p * np.square(self.flux) / self.rho ** (p + 1)  # (3.13), with q = ρᵖ ΔT
+            asymptotes = (self.rho * ((p - 1) / (p + 1)), self.rho + _FAR) if o.asymptotes == "curvature" else None
+            allowed = max(o.overshoot * bound, self.compliance)
+            new = mma.step(self.rho, weight * self.penalised, self.compliance - bound, sensitivity, asymptotes)
+            for _ in range(_RETREATS):
+                self.rho = new
+                self._solve(p)
+                if self.compliance <= allowed or self.solved >= o.max_iterations:
+                    break
+                new = mma.retreat()
+            change = float(np.abs(self.rho - before).max())
+            flux_change = float(np.abs(self.flux - flux_before).max())
+            kept = self._drop(p)
+            if kept is not None:
+                mma.keep(kept)
+                weight = weight[kept]
+
+    def _harden(self, stage: int) -> None:
+        """The last stage: the path is found, and C* = N_q brings its densities to 1."""
+        self._keep(self.flux > 0.5)
+        o = self.options
+        bound = float(np.count_nonzero(self.flux > o.q_threshold))
+        self._algorithm_1(stage, o.penalty, self.cost**o.exponent, bound)
+
+    # Formulation 2
+
+    def formulation_2(self) -> bool:
+        """Minimise compliance under a mass bound with conductivity M⁻ʳ (3.14)-(3.15); whether a single line comes out."""
+        o = self.options
+        mass = o.mass if o.mass is not None else float(self.structure.zigzag())
+        conductivity = np.maximum((np.median(self.cost) / self.cost) ** o.exponent, 1e-9)
+        options = OCOptions(move=min(o.move, 0.2), damping=1.0 / (o.penalty + 1.0))
+        change = np.inf
+        for step in range(1, o.max_iterations + 1):
+            self._solve(o.penalty, conductivity)
+            self._record(1, self.compliance, float("nan"), change)
+            if step > 2 and change < 0.1 * o.tolerance:
+                break
+            before = self.rho
+            sensitivity = -o.penalty * np.square(self.flux) / (conductivity * self.rho ** (o.penalty + 1))
+            self.rho = oc_step(self.rho, sensitivity, 1.0, mass, o.least_density, 1.0, options)
+            change = float(np.abs(self.rho - before).max())
+        self.soft = self._map(self._potential().astype(np.float32)).astype(np.float32)
+        return self._is_single()
+
+    # The state
+
+    def _solve(self, p: float, conductivity: Floats | float = 1.0) -> None:
+        self.conductance = conductivity * self.rho**p  # (3.11)
+        self.flux, self.compliance = self.view.flow(self.conductance)
+        self.solved += 1
+
+    def _is_single(self) -> bool:
+        threshold = self.options.q_threshold
+        return not np.any((self.flux > threshold) & (self.flux < 1.0 - threshold))
+
+    def _drop(self, p: float) -> Mask | None:
+        """Remove elements that came down to the least density; which ones stay, or None where nothing was removed."""
+        dead = (self.flux < 1e-3) & (self.rho**p < 1e-3)
+        if self.solved < 12 or np.count_nonzero(dead) < 0.1 * len(dead):
+            return None
+        try:
+            return self._keep(~dead)
+        except SolverError:
+            return None
+
+    def _keep(self, alive: Mask) -> Mask:
+        smaller = self.view.restricted(alive)
+        kept = np.zeros(len(alive), bool)
+        kept[np.searchsorted(self.view.elements, smaller.elements)] = True
+        self.view = smaller
+        self.rho, self.flux, self.conductance = self.rho[kept], self.flux[kept], self.conductance[kept]
+        self.cost, self.penalised = self.cost[kept], self.penalised[kept]
+        return kept
+
+    def _record(self, stage: int, objective: float, bound: float, change: float) -> None:
+        o = self.options
+        self.history.append(
+            Iteration(
+                stage=stage, objective=objective, compliance=self.compliance, bound=bound,
+                n_flux=int(np.count_nonzero(self.flux > o.q_threshold)), change=change if np.isfinite(change) else o.start, unknowns=self.view.unknowns,
+            )
+        )  # fmt: skip
+        if self.record_frames:
+            density = np.zeros(len(self.structure.cost))
+            density[self.view.elements] = self.rho
+            right, down = self.structure.spread(density)
+            self.frames.append(Frame(iteration=len(self.history), stage=stage, right=right, down=down))
+        if self.progress is not None:
+            self.progress(min(0.95, self.solved / (o.first_iterations + 2 * o.stage_iterations)))
+
+    def _potential(self) -> Floats:
+        """Label potential of every free pixel of the ground structure, from the conductances of the last solution."""
+        if isinstance(self.view, PixelNetwork):
+            return self.view.potential(self.conductance)
+        conductance = np.zeros(len(self.structure.cost))
+        conductance[self.view.elements] = self.conductance
+        conductance = conductance[self.pixels.elements]
+        alive = conductance > 0
+        smaller = self.pixels.restricted(alive)
+        return smaller.potential(conductance[np.searchsorted(self.pixels.elements, smaller.elements)])
+
+    def _map(self, values: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:
+        """Values of the free pixels on the window; elsewhere those of the sides."""
+        result = np.zeros(self.structure.side.shape, values.dtype)
+        result.ravel()[self.pixels.pixels] = values
+        return self.problem.complete(result)
+
+    def best_cut(self) -> Mask:
+        """The cheapest labelling that the label potential gives at any of some thresholds; all of them are the same for a single line."""
+        potential = self._potential()
+        thresholds = (0.5,) if self._is_single() else _THRESHOLDS
+        cuts = [self._map(potential > threshold).astype(bool) for threshold in thresholds]
+        return min(cuts, key=self.problem.grid.cost)

@@ -1,0 +1,159 @@
+"""Lines through pixel corners, and the boundary of a label map as such lines.
+
+Pixel (row y, column x) covers [x, x + 1] × [y, y + 1], so corners have integer coordinates and the picture is [0, W] × [0, H], y downwards.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.errors import OptionError, PathError
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+Mask = npt.NDArray[np.bool_]
+
+# Directions of travel, clockwise as seen on the screen: turning right adds one.
+_EAST, _SOUTH, _WEST, _NORTH = range(4)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Polyline:
+    """A line of straight segments in pixel coordinates.
+
+    Parameters
+    ----------
+    points : (N, 2) array_like
+        x and y in px, finite, at least two points. Kept as a read-only float64 copy.
+    closed : bool
+        Whether the last point is joined to the first, which then is not repeated (a repetition is dropped).
+
+    Raises
+    ------
+    PathError
+        For any other shape, or NaN or infinite coordinates.
+    """
+
+    points: Floats
+    closed: bool = False
+
+    def __post_init__(self) -> None:
+        points = np.array(self.points, np.float64)
+        if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
+            raise PathError(f"points has shape {points.shape}; a path needs an (N, 2) array of at least two points")
+        if not np.isfinite(points).all():
+            raise PathError("points has NaN or infinite coordinates; give every point of the path a finite x and y")
+        if self.closed and len(points) > 2 and (points[0] == points[-1]).all():
+            points = points[:-1].copy()
+        points.setflags(write=False)
+        object.__setattr__(self, "points", points)
+
+    @property
+    def outline(self) -> Floats:
+        """The points in the order of travel, back to the first one where the path is closed; (N, 2) or (N + 1, 2)."""
+        return np.concatenate([self.points, self.points[:1]]) if self.closed else self.points
+
+    @property
+    def length(self) -> float:
+        """Length in px."""
+        return float(np.hypot(*np.diff(self.outline, axis=0).T).sum())
+
+
+def trace_boundary(labels: Mask, valid: Mask) -> list[Polyline]:
+    """The boundary between label True and label False, along the interfaces of valid pixels.
+
+    Parameters
+    ----------
+    labels : (H, W) bool array
+    valid : (H, W) bool array
+        An interface counts only where both its pixels are valid.
+
+    Returns
+    -------
+    list of Polyline
+        Turning points and ends only, True on the right of travel. Open paths come first, then closed ones, each kind in raster order of its
+        first point; a closed path starts at its first corner in raster order. Where two True pixels meet diagonally both paths turn right:
+        they touch and do not cross, and the True pixels stay apart.
+
+    Raises
+    ------
+    OptionError
+        When the two arrays are not two-dimensional and of one shape.
+    """
+    labels, valid = np.asarray(labels, bool), np.asarray(valid, bool)
+    if labels.ndim != 2 or labels.shape != valid.shape:
+        raise OptionError(f"labels has shape {labels.shape} and valid {valid.shape}; pass two (H, W) arrays of one shape")
+    tail, head, direction = _boundary_edges(labels, valid)
+    if not len(tail):
+        return []
+    following = _successors(tail, head, direction)
+    width = labels.shape[1] + 1
+    polylines = []
+    for chain, closed in _chains(following):
+        turns = direction[chain] != direction[np.roll(chain, 1)]
+        if not closed:
+            turns[0] = True
+        corners = tail[chain[turns]]
+        if not closed:
+            corners = np.append(corners, head[chain[-1]])
+        polylines.append(Polyline(np.column_stack([corners % width, corners // width]), closed))
+    return polylines
+
+
+def _boundary_edges(labels: Mask, valid: Mask) -> tuple[Ints, Ints, Ints]:
+    """The boundary's unit edges: corners they leave and reach (flat index, W + 1 to a row), direction; by corner left, then direction."""
+    height, width = labels.shape
+    flat_labels, flat_valid = labels.ravel(), valid.ravel()
+    edges = []
+    for axis, ahead, back in ((1, _NORTH, _SOUTH), (0, _EAST, _WEST)):
+        step = 1 if axis else width
+        differ = labels[:, 1:] != labels[:, :-1] if axis else labels[1:] != labels[:-1]
+        index = np.flatnonzero(differ)
+        row, column = np.divmod(index, max(width - axis, 1))
+        second = (row if axis else row + 1) * width + column + axis
+        seam = flat_valid[second] & flat_valid[second - step]
+        row, column, second = row[seam], column[seam], second[seam]
+        # True in the second pixel (right of a vertical interface, below a horizontal one) must lie on the right of travel.
+        direction = np.where(flat_labels[second], ahead, back)
+        upper_left = (row * (width + 1) + column + 1) if axis else ((row + 1) * (width + 1) + column)
+        lower_right = upper_left + (width + 1 if axis else 1)
+        forward = (direction == _SOUTH) | (direction == _EAST)
+        edges.append((np.where(forward, upper_left, lower_right), np.where(forward, lower_right, upper_left), direction))
+    tail, head, direction = (np.concatenate(parts).astype(np.int64) for parts in zip(*edges, strict=True))
+    order = np.argsort(tail * 4 + direction)
+    return tail[order], head[order], direction[order]
+
+
+def _successors(tail: Ints, head: Ints, direction: Ints) -> Ints:
+    """The edge that follows each edge, -1 at an end. Round a corner edges arrive and leave in turn, so no path can cross another."""
+    key = tail * 4 + direction
+    following = np.full(len(tail), -1, np.int64)
+    for turn in (3, 0, 1):  # left, straight on, right: the last one found wins
+        wanted = head * 4 + (direction + turn) % 4
+        place = np.minimum(np.searchsorted(key, wanted), len(key) - 1)
+        following = np.where(key[place] == wanted, place, following)
+    return following
+
+
+def _chains(following: Ints) -> list[tuple[Ints, bool]]:
+    """The edges in order of travel, path by path, and whether each path is closed."""
+    after = following.tolist()
+    has_previous = np.zeros(len(after), bool)
+    has_previous[following[following >= 0]] = True
+    chains = []
+    seen = bytearray(len(after))
+    starts = [(edge, False) for edge in np.flatnonzero(~has_previous).tolist()]
+    starts += [(edge, True) for edge in np.flatnonzero(has_previous).tolist()]
+    for start, closed in starts:
+        if seen[start]:
+            continue
+        chain, edge = [], start
+        while edge >= 0 and not seen[edge]:
+            seen[edge] = 1
+            chain.append(edge)
+            edge = after[edge]
+        chains.append((np.array(chain, np.int64), closed))
+    return chains

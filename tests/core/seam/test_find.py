@@ -1,0 +1,182 @@
+"""Every method on planted seams, real crops and every topology."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import toposeam as ts
+from shapes import SHAPES
+
+ROBUST = ("heat", "shortest-path", "graph-cut")
+
+
+def planted(height: int = 40, width: int = 24, seed: int = 0):
+    """Noise patches that agree only along a path which turns back on itself."""
+    rng = np.random.default_rng(seed)
+    a, b = rng.random((2, height, width, 3))
+    labels = np.zeros((height, width), bool)
+    labels[:, 12:] = True
+    labels[8:12, 6:12] = True
+    labels[20:30, 12:18] = False
+    labels[20:24, 15:18] = True  # a pocket that a monotone seam cannot enter
+    across, along = labels[:, 1:] != labels[:, :-1], labels[1:] != labels[:-1]
+    near = np.zeros_like(labels)
+    near[:, 1:] |= across
+    near[:, :-1] |= across
+    near[1:] |= along
+    near[:-1] |= along
+    b[near] = a[near]
+    return a, b, labels
+
+
+@pytest.mark.parametrize("method", ROBUST)
+def test_a_planted_seam_that_turns_back_is_recovered(method):
+    a, b, labels = planted()
+    seam = ts.find_seam(a, b, method=method, gradient=False)
+    # Interfaces between two equal pixels cost only the length term, so exactly these are used.
+    assert seam.cost < 0.2
+    assert seam.optimum_ratio() == pytest.approx(1.0)
+    assert (seam.labels != labels).mean() < 0.02
+
+
+@pytest.mark.parametrize("method", ts.METHODS)
+def test_swapping_the_patches_and_sides_mirrors_the_labels(method, crops):
+    a, b = crops(np.random.default_rng(6), 40, 16)
+    seam = ts.find_seam(a, b, method=method)
+    swapped = ts.find_seam(b, a, side="left", method=method)
+    assert swapped.cost == pytest.approx(seam.cost, rel=1e-5)
+    assert (swapped.labels == ~seam.labels).mean() > 0.98
+
+
+@pytest.mark.parametrize("method", ts.METHODS)
+def test_a_transposed_problem_has_the_transposed_seam(method, crops):
+    a, b = crops(np.random.default_rng(7), 40, 16)
+    seam = ts.find_seam(a, b, method=method)
+    turned = ts.find_seam(a.swapaxes(0, 1), b.swapaxes(0, 1), side="bottom", method=method)
+    assert turned.cost == pytest.approx(seam.cost, rel=1e-5)
+    assert (turned.labels.T == seam.labels).mean() > 0.98
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("method", ["heat", "shortest-path"])
+def test_every_topology_is_as_good_as_graph_cut(shape, method, crops):
+    mask_a, mask_b = SHAPES[shape]()
+    a, b = crops(np.random.default_rng(8), *mask_a.shape)
+    exact = ts.find_seam(a, b, mask_a, mask_b, method="graph-cut")
+    seam = ts.find_seam(a, b, mask_a, mask_b, method=method)
+    # 1 % for heat (its stated worst case), and the rounding of capacities for the exact method.
+    assert exact.cost * (1 - 1e-6) <= seam.cost <= exact.cost * (1.01 if method == "heat" else 1 + 1e-4)
+    assert (seam.labels[mask_b & ~mask_a]).all()
+    assert not (seam.labels[mask_a & ~mask_b]).any()
+
+
+@pytest.mark.parametrize(("shape", "closed"), [("ring", [True]), ("two islands", [True, True]), ("four gaps", [False, False]), ("ell", [False])])
+def test_paths_are_open_or_closed_as_the_topology_asks(shape, closed, crops):
+    mask_a, mask_b = SHAPES[shape]()
+    a, b = crops(np.random.default_rng(9), *mask_a.shape)
+    assert [line.closed for line in ts.find_seam(a, b, mask_a, mask_b).paths] == closed
+
+
+def test_heat_converges_to_labels_that_are_connected_to_their_own_ground(crops):
+    from scipy import ndimage
+
+    for seed in range(6):
+        a, b = crops(np.random.default_rng(seed), 60, 20)
+        seam = ts.find_seam(a, b)
+        assert seam.termination == ts.Termination.SINGLE_LINE
+        assert len(seam.paths) == 1
+        assert ndimage.label(seam.labels)[1] == ndimage.label(~seam.labels)[1] == 1
+
+
+def test_the_soft_potential_is_between_the_two_sides(crops):
+    a, b = crops(np.random.default_rng(10), 50, 20)
+    seam = ts.find_seam(a, b)
+    assert seam.soft.dtype == np.float32
+    assert (seam.soft[:, 0] == 0).all()
+    assert (seam.soft[:, -1] == 1).all()
+    assert 0.02 < ((seam.soft > 0.05) & (seam.soft < 0.95)).mean()
+
+
+def test_the_same_input_gives_the_same_seam(crops):
+    a, b = crops(np.random.default_rng(11), 60, 24)
+    first, second = ts.find_seam(a, b), ts.find_seam(a, b)
+    np.testing.assert_array_equal(first.labels, second.labels)
+    assert first.history == second.history or first.cost == second.cost
+
+
+def test_integer_images_count_as_their_share_of_full_scale(crops):
+    a, b = crops(np.random.default_rng(12), 40, 16)
+    eight = ts.find_seam(a, b, method="shortest-path")
+    sixteen = ts.find_seam(a.astype(np.uint16) * 257, b.astype(np.uint16) * 257, method="shortest-path")
+    assert sixteen.cost == pytest.approx(eight.cost, rel=1e-5)
+
+
+def test_the_history_records_each_iteration(crops):
+    a, b = crops(np.random.default_rng(13), 60, 20)
+    seam = ts.find_seam(a, b, record_frames=True)
+    assert len(seam.frames) == len(seam.history) <= 100
+    assert [record.stage for record in seam.history] == sorted(record.stage for record in seam.history)
+    assert seam.history[-1].objective == pytest.approx(seam.cost, rel=0.05)
+    assert seam.history[-1].unknowns < seam.history[0].unknowns
+    assert 0 <= min(frame.right.min() for frame in seam.frames) <= max(frame.right.max() for frame in seam.frames) <= 1
+
+
+def test_progress_rises_to_one(crops):
+    a, b = crops(np.random.default_rng(14), 40, 16)
+    seen: list[float] = []
+    ts.find_seam(a, b, progress=seen.append)
+    assert seen[-1] == 1.0
+    assert seen == sorted(seen)
+
+
+def test_dynamic_programming_is_exact_when_the_seam_never_turns_back(crops):
+    a, b = crops(np.random.default_rng(15), 30, 3)
+    dp, exact = (ts.find_seam(a, b, method=method) for method in ("dp", "shortest-path"))
+    assert dp.cost >= exact.cost - 1e-9
+
+
+def test_dynamic_programming_refuses_other_shapes_than_strips():
+    mask_a, mask_b = SHAPES["ell"]()
+    with pytest.raises(ts.OverlapError, match="rectangular"):
+        ts.find_seam(np.zeros(mask_a.shape), np.zeros(mask_a.shape), mask_a, mask_b, method="dp")
+
+
+@pytest.mark.parametrize(("a", "b", "error", "text"), [
+    (np.zeros((4, 5)), np.zeros((4, 6)), ts.ImageError, "one canvas"),
+    (np.zeros((0, 5)), np.zeros((0, 5)), ts.ImageError, "non-empty"),
+    (np.zeros((4, 5, 3)), np.zeros((4, 5, 4)), ts.ImageError, "channels"),
+    (np.full((4, 5), np.nan), np.zeros((4, 5)), ts.ImageError, "NaN"),
+    (np.zeros((4, 5)), np.full((4, 5), np.inf), ts.ImageError, "infinite"),
+    (np.zeros((4, 5), complex), np.zeros((4, 5), complex), ts.ImageError, "dtype"),
+    (np.zeros(5), np.zeros(5), ts.ImageError, "shape"),
+    (np.array([["x"] * 3]), np.array([["y"] * 3]), ts.ImageError, "dtype"),
+])  # fmt: skip
+def test_unusable_images_are_refused_in_one_sentence(a, b, error, text):
+    with pytest.raises(error, match=text) as caught:
+        ts.find_seam(a, b)
+    assert "\n" not in str(caught.value)
+
+
+def test_gray_with_colour_is_widened():
+    rng = np.random.default_rng(16)
+    gray, colour = rng.random((20, 10)), rng.random((20, 10, 3))
+    wide = np.repeat(gray[..., None], 3, axis=2)
+    assert ts.find_seam(gray, colour).cost == ts.find_seam(wide, colour).cost
+
+
+@pytest.mark.parametrize(("options", "text"), [
+    ({"method": "magic"}, "choose one of"), ({"side": "up"}, "choose one of"), ({"convex": 0}, "at least 1"),
+    ({"treshold": 0.1}, "its options are"), ({"method": "dp", "convex": 3}, "takes no options"), ({"threshold": 2.0}, "threshold"),
+    ({"weight": np.zeros((20, 10))}, "positive"), ({"avoid": np.zeros((3, 3))}, "per pixel"), ({"core": 0.0, "mask_a": np.ones((20, 10))}, "core"),
+])  # fmt: skip
+def test_unusable_options_are_refused_in_one_sentence(options, text):
+    a = np.random.default_rng(17).random((20, 10))
+    with pytest.raises(ts.TopoSeamError, match=text):
+        ts.find_seam(a, 1 - a, **options)
+
+
+def test_identical_patches_take_the_shortest_way():
+    a = np.random.default_rng(18).random((30, 12))
+    seam = ts.find_seam(a, a)
+    assert seam.paths[0].length == 30
+    assert seam.optimum_ratio() == pytest.approx(1.0)

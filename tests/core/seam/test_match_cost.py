@@ -1,0 +1,81 @@
+"""Equations (2.4) and (3.22) on pixels whose answer is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import toposeam as ts
+from toposeam.seam.find import seam_problem
+from toposeam.seam.match_cost import MatchCost
+
+
+def costs(a, b, **options):
+    """Costs of a strip's interfaces on the image grid, without the window's margin."""
+    problem, _ = seam_problem(a, b, None, None, "right", MatchCost(**options))
+    return problem.right[1:-1, 1:-1], problem.down[1:-1, 1:-1]
+
+
+def test_without_gradient_each_interface_costs_the_differences_of_its_two_pixels():
+    a = np.zeros((2, 3))
+    b = np.array([[0.1, 0.2, 0.4], [0.0, 0.3, 0.5]])
+    right, down = costs(a, b, gradient=False, length=1e-6)
+    np.testing.assert_allclose(right, [[0.3, 0.6], [0.3, 0.8]], atol=2e-6)
+    np.testing.assert_allclose(down, [[0.1, 0.5, 0.9]], atol=2e-6)
+
+
+def test_with_gradient_the_difference_is_divided_by_the_four_gradients_along_the_pair():
+    a = np.array([[0.0, 0.2, 0.6]])
+    b = np.array([[0.1, 0.2, 0.4]])
+    right, _ = costs(a, b, epsilon=1e-6, length=1e-9)
+    # Central differences inside, one-sided at the ends: |G_A| = .2, .3, .4 and |G_B| = .1, .15, .2.
+    np.testing.assert_allclose(right, [[0.1 / (0.2 + 0.3 + 0.1 + 0.15), 0.2 / (0.3 + 0.4 + 0.15 + 0.2)]], rtol=1e-4)
+
+
+def test_norms_are_euclidean_over_any_number_of_channels():
+    a = np.zeros((3, 4, 5))
+    b = np.zeros((3, 4, 5))
+    b[..., :2] = [0.3, 0.4]
+    right, _ = costs(a, b, gradient=False, length=1e-9)
+    np.testing.assert_allclose(right, 1.0, rtol=1e-6)
+
+
+def test_gray_costs_as_much_as_the_same_gray_in_one_channel():
+    rng = np.random.default_rng(1)
+    a, b = rng.random((2, 6, 5))
+    for flat, deep in zip(costs(a, b), costs(a[..., None], b[..., None]), strict=True):
+        np.testing.assert_array_equal(flat, deep)
+
+
+def test_equal_flat_pixels_cost_the_stated_value_for_zero_by_zero():
+    a = np.full((4, 4), 0.5)
+    for flat in (0.0, 3.0):
+        right, down = costs(a, a, flat=flat, length=1e-3)
+        np.testing.assert_allclose(right, flat + 1e-3, rtol=1e-5)
+        np.testing.assert_allclose(down, flat + 1e-3, rtol=1e-5)
+
+
+def test_weights_multiply_and_excluded_pixels_are_avoided():
+    rng = np.random.default_rng(2)
+    a, b = rng.random((2, 12, 9))
+    avoid = np.zeros((12, 9), bool)
+    avoid[:, 1:4] = True
+    seam = ts.find_seam(a, b, avoid=avoid)
+    cut = seam.labels[:, 1:] != seam.labels[:, :-1]
+    assert not cut[:, :4].any()
+    weight = np.ones((12, 9))
+    weight[:, 4:] = 100.0
+    assert not (np.diff(ts.find_seam(a, b, weight=weight).labels, axis=1)[:, 4:]).any()
+
+
+def test_excluding_a_whole_row_from_side_to_side_says_so():
+    a = np.random.default_rng(0).random((9, 9))
+    avoid = np.zeros((9, 9), bool)
+    avoid[4] = True
+    with pytest.raises(ts.OverlapError, match="no seam avoids"):
+        ts.find_seam(a, 1 - a, avoid=avoid)
+
+
+@pytest.mark.parametrize("options", [{"epsilon": 0.0}, {"flat": -1.0}, {"length": 0.0}, {"length": float("nan")}])
+def test_options_out_of_range_are_refused(options):
+    with pytest.raises(ts.OptionError, match=next(iter(options))):
+        MatchCost(**options)

@@ -1,35 +1,63 @@
 """How the heat converged: the objective and compliance over the iterations, and a film strip of the densities.
 
-In kind the thesis's Figures 3.12 and 3.16 to 3.18.
+In kind the thesis's Figures 3.12 and 3.16 to 3.23.
 """
 
 from __future__ import annotations
 
 import io
-from typing import Any
+from dataclasses import dataclass
+from itertools import groupby
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy import ndimage
 
 import toposeam as ts
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 #: Interfaces less dense than this are not drawn (thesis, Figure 3.12).
 LEAST_DENSITY = 0.1
+#: The seam and the heat, sRGB.
+INK = (230, 30, 40)
+#: The overlap behind them.
+PAPER = (243, 242, 238)
+_COMPLIANCE = "#24539b"
+_GRAY = "0.45"
 _FRAMES = 8
+_DPI = 150
+# All lengths of the layout in px.
+_WIDTH = 1500
+_MARGIN = 20
+_GAP = 12
+_CURVES = 330
+_STRIP = 820
+_LABEL = 110
+#: Decades of the objective shown above its last value; a weight of M_max, 10^12, would flatten the rest.
+_DECADES = 2
+
+Floats32 = npt.NDArray[np.float32]
 
 
-def history_figure(seam: ts.Seam, suffix: str = ".png") -> bytes:
+def history_figure(seam: ts.Seam, suffix: str = ".png", *, frames: int = _FRAMES, curves: bool = True) -> bytes:
     """Draw the history of a seam that was found with ``record_frames=True``.
 
     Parameters
     ----------
     seam : Seam
     suffix : {".png", ".svg", ".pdf"}
+    frames : int
+        Frames in the film strip, at most.
+    curves : bool
+        Whether the curves are drawn above the film strip.
 
     Returns
     -------
     bytes
-        The file's content.
+        The file's content, the same for the same seam.
 
     Raises
     ------
@@ -37,31 +65,44 @@ def history_figure(seam: ts.Seam, suffix: str = ".png") -> bytes:
         When matplotlib is not installed.
     """
     try:
+        import matplotlib as mpl
         from matplotlib.figure import Figure
     except ImportError as error:
         raise ts.MissingPackageError("--history needs matplotlib; install it with: pip install 'toposeam[plot]'") from error
-    frames = _chosen(seam)
-    tall = not frames or frames[0].right.shape[0] >= frames[0].right.shape[1]
-    rows = 1 if tall else 2
-    columns = max(1, -(-len(frames) // rows))
-    figure = Figure(figsize=(10, 6.4), dpi=150, layout="constrained")
-    upper, lower = figure.subfigures(2, 1, height_ratios=[1, 1.15])
-    _curves(upper.subplots(), seam)
-    axes = np.atleast_1d(lower.subplots(rows, columns)).ravel()
-    for axis in axes:
-        axis.axis("off")
-    for axis, frame in zip(axes, frames, strict=False):
-        axis.imshow(film_frame(frame), interpolation="nearest" if frame.right.shape[0] < 200 else "antialiased")
-        axis.set_title(f"iteration {frame.iteration}, stage {frame.stage}", fontsize=8)
+    chosen = choose_frames(seam.frames, frames)
+    strip = None if not chosen else _Strip.fitting(chosen)
+    top = (50 + _CURVES + 80) if curves else _MARGIN
+    height = top + (0 if strip is None else strip.height + _MARGIN)
+    file_format = suffix.removeprefix(".")
+    undated: dict[str, dict[str, Any]] = {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
     buffer = io.BytesIO()
-    figure.savefig(buffer, format=suffix.removeprefix("."))
+    with mpl.rc_context({**mpl.rcParamsDefault, "backend": "agg", "font.size": 9.0, "axes.linewidth": 0.6, "svg.hashsalt": "toposeam"}):
+        figure = Figure(figsize=(_WIDTH / _DPI, height / _DPI), dpi=_DPI)
+        if curves:
+            _curves(figure.add_axes((110 / _WIDTH, 1 - (50 + _CURVES) / height, (_WIDTH - 220) / _WIDTH, _CURVES / height)), seam)
+        if strip is not None:
+            _film_strip(figure, seam, chosen, strip, top, height)
+        figure.savefig(buffer, format=file_format, metadata=undated.get(file_format))
     return buffer.getvalue()
 
 
-def film_frame(frame: ts.Frame) -> npt.NDArray[np.uint8]:
-    """One frame as a picture: each pixel interface a short line, the redder the denser; (2h + 1, 2w + 1, 3) uint8.
+def film_frame(
+    frame: ts.Frame, shared: npt.NDArray[np.bool_] | None = None, size: tuple[int, int] | None = None
+) -> npt.NDArray[np.uint8]:
+    """One frame as a picture: each pixel interface a short line, the redder the denser.
 
-    Corners lie at even rows and columns, pixels at odd ones.
+    Parameters
+    ----------
+    frame : Frame
+    shared : (h, w) bool array, optional
+        The overlap within the frame's window; the rest stays white.
+    size : (int, int), optional
+        Height and width to fit into. A smaller picture is enlarged by a whole factor; in a larger one every line keeps a width of 2 px.
+
+    Returns
+    -------
+    (H, W, 3) uint8 array
+        Without a size (2h + 1, 2w + 1, 3): corners lie at even rows and columns, pixels at odd ones.
     """
     height, width = frame.right.shape[0], frame.right.shape[1] + 1
     strength = np.zeros((2 * height + 1, 2 * width + 1), np.float32)
@@ -75,42 +116,182 @@ def film_frame(frame: ts.Frame) -> npt.NDArray[np.uint8]:
     corners[:-1] = np.maximum(corners[:-1], lines_y)
     corners[:, 1:] = np.maximum(corners[:, 1:], lines_x)
     corners[:, :-1] = np.maximum(corners[:, :-1], lines_x)
-    share = np.sqrt(np.clip(strength, 0, 1))[..., np.newaxis]
-    paper, ink = np.array([245, 245, 242], np.float32), np.array([200, 20, 30], np.float32)
-    return np.asarray(np.rint(paper + share * (ink - paper)), np.uint8)
+    ground = np.ones(strength.shape, np.float32)
+    if shared is not None:
+        ground[:] = 0
+        ground[1::2, 1::2] = shared
+        ground = ndimage.maximum_filter(ground, 3)
+    if size is not None:
+        strength, ground = _fit(strength, size, thicken=True), _fit(ground, size, thicken=False)
+    paper = 255.0 + ground[..., np.newaxis] * (np.array(PAPER, np.float32) - 255.0)
+    share = np.where(strength > 0, 0.2 + 0.8 * np.sqrt(np.clip(strength, 0, 1)), 0)[..., np.newaxis]
+    return np.asarray(np.rint(paper + share * (np.array(INK, np.float32) - paper)), np.uint8)
 
 
-def _chosen(seam: ts.Seam) -> list[ts.Frame]:
-    """Some frames, evenly spread, with the last of every stage among them."""
-    frames = seam.frames
-    if len(frames) <= _FRAMES:
-        return list(frames)
-    last_of_stage = {frame.stage: index for index, frame in enumerate(frames)}
-    wanted = set(list(last_of_stage.values())[-_FRAMES:])
-    for index in np.linspace(min(3, len(frames) - 1), len(frames) - 1, _FRAMES).round().astype(int):
-        if len(wanted) < _FRAMES:
-            wanted.add(int(index))
-    return [frames[index] for index in sorted(wanted)]
+def choose_frames(frames: tuple[ts.Frame, ...], count: int) -> list[ts.Frame]:
+    """The frames that tell most: the last of every stage, and others as different from their neighbours as can be."""
+    drawn = [np.concatenate([frame.right.ravel(), frame.down.ravel()]) for frame in frames]
+    for values in drawn:
+        values[values < LEAST_DENSITY] = 0
+    if not drawn:
+        return []
+    amount = np.array([values.sum() for values in drawn])
+    lines = np.array([np.count_nonzero(values) for values in drawn])
+    visible = np.flatnonzero(lines >= 0.5 * lines[-1])
+    if len(visible) <= count:
+        return [frames[index] for index in visible]
+    # How much of the heat moved from each frame to the next; densities that all change by one factor move none. The last term is for
+    # time, which keeps frames apart that hardly differ.
+    shares = [values / max(total, 1e-9) for values, total in zip(drawn, amount, strict=True)]
+    steps = [0.5 * np.abs(after - before).sum() for before, after in zip(shares, shares[1:], strict=False)]
+    position = np.concatenate([[0.0], np.cumsum(steps)]) + 0.02 * np.arange(len(frames))
+    last_of_stage = {frame.stage: index for index, frame in enumerate(frames) if index in visible}
+    chosen = sorted(last_of_stage.values())[-count:]
+    while len(chosen) < count:
+        distance = np.abs(position[visible, np.newaxis] - position[chosen]).min(axis=1)
+        chosen.append(int(visible[distance.argmax()]))
+    return [frames[index] for index in sorted(chosen)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Strip:
+    """How the frames are laid out, in px."""
+
+    columns: int
+    rows: int
+    #: Height and width a frame may fill.
+    cell: tuple[int, int]
+    #: Height and width a frame does fill.
+    picture: tuple[int, int]
+
+    #: Above each row the stages, below it the iterations.
+    head, foot = 44, 34
+
+    @classmethod
+    def fitting(cls, frames: list[ts.Frame]) -> _Strip:
+        """The number of columns at which frames come out largest."""
+        shape = film_frame(frames[0]).shape[:2]
+        best: _Strip | None = None
+        for rows in range(1, len(frames) + 1):
+            columns = -(-len(frames) // rows)
+            width = (_WIDTH - 2 * _MARGIN - (columns - 1) * _GAP) // columns
+            height = max(24, _STRIP // rows - cls.head - cls.foot)
+            picture = _fitted(shape, (height, width))
+            if best is None or picture[0] > 1.1 * best.picture[0]:
+                best = cls(columns=columns, rows=rows, cell=(picture[0], width), picture=picture)
+        assert best is not None  # noqa: S101 - there is at least one frame
+        return best
+
+    @property
+    def height(self) -> int:
+        """Height of the strip."""
+        return self.rows * (self.head + self.cell[0] + self.foot)
+
+
+def _fitted(shape: tuple[int, int], size: tuple[int, int]) -> tuple[int, int]:
+    """The shape a picture takes within a size: a whole multiple, or smaller with the same proportions."""
+    scale = min(size[0] / shape[0], size[1] / shape[1])
+    if scale >= 1:
+        return shape[0] * int(scale), shape[1] * int(scale)
+    return max(1, int(shape[0] * scale)), max(1, int(shape[1] * scale))
+
+
+def _fit(values: Floats32, size: tuple[int, int], *, thicken: bool) -> Floats32:
+    shape = _fitted((values.shape[0], values.shape[1]), size)
+    factor = shape[0] // values.shape[0]
+    if factor >= 1:
+        values = np.repeat(np.repeat(values, factor, axis=0), factor, axis=1)
+    else:
+        for axis in (0, 1):
+            values = np.maximum.reduceat(values, np.arange(shape[axis]) * values.shape[axis] // shape[axis], axis=axis)
+    return ndimage.maximum_filter(values, 2) if thicken and factor < 2 else values
+
+
+def _film_strip(figure: Figure, seam: ts.Seam, frames: list[ts.Frame], strip: _Strip, top: int, height: int) -> None:
+    cell_height, cell_width = strip.cell
+    used = strip.columns * cell_width + (strip.columns - 1) * _GAP
+    left = (_WIDTH - used) // 2
+    for row in range(strip.rows):
+        upper = top + row * (strip.head + cell_height + strip.foot) + strip.head
+        placed = list(enumerate(frames[row * strip.columns : (row + 1) * strip.columns]))
+        for column, frame in placed:
+            x = left + column * (cell_width + _GAP) + (cell_width - strip.picture[1]) // 2
+            axis = figure.add_axes(
+                (x / _WIDTH, 1 - (upper + cell_height) / height, strip.picture[1] / _WIDTH, strip.picture[0] / height)
+            )
+            axis.imshow(film_frame(frame, seam.problem.overlap.shared, strip.picture), interpolation="nearest", aspect="auto")
+            axis.axis("off")
+            figure.text(
+                (x + strip.picture[1] / 2) / _WIDTH, 1 - (upper + cell_height + 8) / height, f"iteration {frame.iteration}" if cell_width > _LABEL else f"{frame.iteration}",
+                ha="center", va="top", fontsize=7.5, color="0.2",
+            )  # fmt: skip
+        for stage, group in groupby(placed, key=lambda item: item[1].stage):
+            columns = [column for column, _ in group]
+            first = left + columns[0] * (cell_width + _GAP) + (cell_width - strip.picture[1]) // 2
+            last = left + columns[-1] * (cell_width + _GAP) + (cell_width + strip.picture[1]) // 2
+            y = 1 - (upper - 10) / height
+            figure.add_artist(_line((first / _WIDTH, last / _WIDTH), (y, y)))
+            figure.text(first / _WIDTH, 1 - (upper - 16) / height, f"stage {stage}", ha="left", va="bottom", fontsize=7.5, color=_GRAY)
+
+
+def _line(x: tuple[float, float], y: tuple[float, float]) -> Any:
+    from matplotlib.lines import Line2D
+
+    return Line2D(x, y, color="0.7", linewidth=0.8, solid_capstyle="butt")
 
 
 def _curves(axis: Any, seam: ts.Seam) -> None:
+    ink = tuple(value / 255 for value in INK)
     iterations = np.arange(1, len(seam.history) + 1)
     objective = np.array([record.objective for record in seam.history])
     compliance = np.array([record.compliance for record in seam.history])
+    bound = np.array([record.bound for record in seam.history])
     stages = np.array([record.stage for record in seam.history])
-    axis.plot(iterations, objective, color="#c0182a", label="objective: match-cost-weighted mass")
-    axis.set_xlabel("iteration")
-    axis.set_ylabel("objective", color="#c0182a")
+    axis.plot(iterations, objective, color=ink, linewidth=1.4)
     axis.set_yscale("log")
+    highest = 10**_DECADES * objective[-1]
+    if objective.max() > highest > 0:
+        axis.set_ylim(top=highest, bottom=objective[objective > 0].min() / 2)
+        axis.annotate(
+            f"↓ from ${_scientific(objective.max())}$", (0, 1), xycoords="axes fraction", xytext=(6, -4),
+            textcoords="offset points", ha="left", va="top", fontsize=7.5, color=ink,
+        )  # fmt: skip
+    axis.set_xlabel("iteration", labelpad=4)
+    axis.set_ylabel("objective: weighted mass (solid)", color=ink, fontsize=8)
+    axis.xaxis.get_major_locator().set_params(integer=True)
     twin = axis.twinx()
-    twin.plot(iterations, compliance, color="#24539b", linestyle=":", label="thermal compliance")
-    twin.set_ylabel("compliance", color="#24539b")
     twin.set_yscale("log")
-    for start in np.flatnonzero(np.diff(stages)) + 1:
-        axis.axvline(start + 0.5, color="0.7", linewidth=0.8)
     for stage in np.unique(stages):
-        middle = iterations[stages == stage].mean()
-        axis.annotate(f"stage {stage}", (middle, 1.01), xycoords=("data", "axes fraction"), ha="center", va="bottom", fontsize=8, color="0.4")
-    axis.margins(x=0.01)
-    lines = axis.get_lines()[:1] + twin.get_lines()
-    axis.legend(lines, [line.get_label() for line in lines], fontsize=8, frameon=False, loc="best")
+        at = iterations[stages == stage]
+        twin.plot([at[0] - 0.5, at[-1] + 0.5], bound[stages == stage][[0, -1]], color=_COMPLIANCE, linewidth=0.8, alpha=0.5)
+        axis.annotate(
+            f"stage {stage}", ((at[0] + at[-1]) / 2, 1), xycoords=("data", "axes fraction"), xytext=(0, 4), textcoords="offset points",
+            ha="center", va="bottom", fontsize=7.5, color=_GRAY,
+        )  # fmt: skip
+    twin.plot(iterations, compliance, color=_COMPLIANCE, linestyle=(0, (1, 1.5)), linewidth=1.6)
+    bounded = bool(np.isfinite(bound).any())
+    twin.set_ylabel("compliance (dotted)" + (", bound C* (thin)" if bounded else ""), color=_COMPLIANCE, fontsize=8)
+    for start in np.flatnonzero(np.diff(stages)) + 1:
+        axis.axvline(start + 0.5, color="0.8", linewidth=0.8, zorder=0)
+    for side in (axis, twin):
+        _plain_numbers(side.yaxis)
+    axis.set_xlim(0.5, len(iterations) + 0.5)
+    for side in (axis, twin):
+        side.spines["top"].set_visible(False)
+        side.tick_params(which="both", width=0.6, labelsize=8)
+
+
+
+def _plain_numbers(axis: Any) -> None:
+    """Ticks of a logarithmic axis at powers of ten, and where there are few of those at 2 and 5 times them."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 200 * low else (1,)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}" if 0.001 <= value < 1e4 else f"${_scientific(value)}$"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _scientific(value: float) -> str:
+    mantissa, exponent = f"{value:.0e}".split("e")
+    return f"10^{{{int(exponent)}}}" if mantissa == "1" else f"{mantissa}·10^{{{int(exponent)}}}"

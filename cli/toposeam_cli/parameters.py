@@ -25,7 +25,7 @@ class Length:
         return round(self.value / 100 * whole) if self.percent else int(self.value)
 
 
-class OffsetType(click.ParamType):
+class OffsetType(click.ParamType):  # type: ignore[type-arg]  # generic only since click 8.4
     """``X,Y`` in whole pixels."""
 
     name = "X,Y"
@@ -40,7 +40,7 @@ class OffsetType(click.ParamType):
         return int(match[1]), int(match[2])
 
 
-class LengthType(click.ParamType):
+class LengthType(click.ParamType):  # type: ignore[type-arg]
     """``N`` pixels or ``N%``."""
 
     name = "N[%]"

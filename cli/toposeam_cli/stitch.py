@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -129,9 +130,8 @@ def _check_files(*, output: Path, force: bool, seam: Path | None, labels: Path |
 @contextmanager
 def _progress(label: str, quiet: bool) -> Iterator[Callable[[float], None] | None]:
     """A progress bar on a terminal, nothing in a pipe."""
-    stream = click.get_text_stream("stderr")
-    if quiet or not stream.isatty():
+    if quiet or not sys.stderr.isatty():
         yield None
         return
-    with click.progressbar(length=1000, label=label, file=stream) as bar:
+    with click.progressbar(length=1000, label=label, file=sys.stderr) as bar:
         yield lambda share: bar.update(max(0, round(1000 * share) - bar.pos))

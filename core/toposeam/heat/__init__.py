@@ -1,0 +1,1 @@
+"""Networks of heat conductors and their solution. Knows nothing of images."""

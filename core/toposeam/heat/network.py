@@ -1,30 +1,30 @@
 """Networks of heat conductors between two terminals, and their exact solution.
 
-A network has ``n`` free nodes, numbered ``0 … n-1``, and two terminals: node ``n`` is *cold* (temperature 0) and node ``n + 1`` is *hot*
-(temperature 1). Element ``e`` joins nodes ``tail[e]`` and ``head[e]`` with conductance ``k[e]``. The steady state obeys K θ = F (thesis 3.6)
+A network has ``n`` free nodes, numbered ``0 … n-1``, and two terminals: node ``n`` is *cold* (temperature 0), node ``n + 1`` *hot* (1). Element ``e`` joins nodes ``tail[e]`` and ``head[e]`` with conductance ``k[e]``. The steady state obeys K θ = F (thesis 3.6)
 with K assembled from the two-node element matrix k [[1, -1], [-1, 1]] (3.11).
 
 The assembly is a fixed template: where each element lands in the matrix is worked out once per network, so that a new set of conductances
-costs two passes over the elements and one Cholesky factorisation. Direct solution only: late in the optimisation conductances differ by
-nine orders of magnitude, where iterative solvers stall.
+costs two passes over the elements and one Cholesky factorisation. Direct solution only: late in the optimisation conductances differ by nine
+orders of magnitude, where iterative solvers stall.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg.lapack import dpbsv, dposv
-from scipy.sparse import csc_array, csr_array
+from scipy.sparse import coo_array, csc_array, csr_array
 from scipy.sparse.csgraph import connected_components, reverse_cuthill_mckee
 from scipy.sparse.linalg import splu
 
 from toposeam.errors import SolverError
 
 Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int32]
+Ints = npt.NDArray[np.signedinteger[Any]]
 
 #: Up to this many free nodes a dense factorisation beats setting up a banded one.
 DENSE_NODES = 48
@@ -78,44 +78,57 @@ class Network:
         """Temperature difference |θ_head - θ_tail| of every element, (E,) floats."""
         return np.abs(temperature[self.head] - temperature[self.tail])
 
-    def contract(self, merged: npt.NDArray[np.bool_]) -> tuple[Network, Ints, Ints]:
-        """Merge the nodes that ``merged`` elements join, and elements that become parallel.
+    def components(self, joined: npt.NDArray[np.bool_]) -> Ints:
+        """Merge the nodes that some elements join.
+
+        Parameters
+        ----------
+        joined : (E,) bool array
 
         Returns
         -------
-        network : Network
-        node_map : (n + 2,) int array
-            The new number of every old node.
-        element_map : (E,) int array
-            The new number of every old element, -1 where both its nodes became one.
+        (n + 2,) int array
+            The group of every node, numbered from 0; the two terminals' groups come last.
 
         Raises
         ------
         SolverError
-            When the merged elements join the two terminals.
+            When the elements join the two terminals.
         """
         total = self.n + 2
-        graph = csr_array((np.ones(np.count_nonzero(merged), np.int8), (self.tail[merged], self.head[merged])), shape=(total, total))
+        graph = coo_array((np.ones(np.count_nonzero(joined), np.int8), (self.tail[joined], self.head[joined])), shape=(total, total))
         count, component = connected_components(graph, directed=False)
         cold, hot = component[self.n], component[self.n + 1]
         if cold == hot:
             raise SolverError("the merged elements join the two terminals")
-        # Renumber so that the terminals keep the last two places.
-        number = np.empty(count, np.int32)
-        free = np.ones(count, bool)
-        free[[cold, hot]] = False
-        number[free] = np.arange(count - 2, dtype=np.int32)
+        number = np.full(count, -1, np.int32)
         number[cold], number[hot] = count - 2, count - 1
-        node_map = number[component]
-        a, b = node_map[self.tail], node_map[self.head]
-        low, high = np.minimum(a, b), np.maximum(a, b)
+        number[number < 0] = np.arange(count - 2, dtype=np.int32)
+        group: Ints = number[component]
+        return group
+
+    def quotient(self, group: Ints) -> tuple[Network, Ints]:
+        """The network between groups of nodes, in which parallel elements are one.
+
+        Parameters
+        ----------
+        group : (n + 2,) int array
+            As `components` returns it.
+
+        Returns
+        -------
+        network : Network
+        element_map : (E,) int array
+            The new number of every element, -1 where its nodes are in one group or in those of the two terminals.
+        """
+        count = int(group[-1]) + 1
+        first, second = group[self.tail], group[self.head]
+        low, high = np.minimum(first, second), np.maximum(first, second)
         alive = np.flatnonzero((low != high) & (low < count - 2))
-        key = low[alive].astype(np.int64) * count + high[alive]
-        key, inverse = np.unique(key, return_inverse=True)
+        key, inverse = np.unique(low[alive].astype(np.int64) * count + high[alive], return_inverse=True)
         element_map = np.full(len(self.tail), -1, np.int32)
         element_map[alive] = inverse
-        network = Network(count - 2, (key // count).astype(np.int32), (key % count).astype(np.int32))
-        return network, node_map, element_map
+        return Network(count - 2, (key // count).astype(np.int32), (key % count).astype(np.int32)), element_map
 
 
 class _Template:
@@ -134,7 +147,7 @@ class _Template:
         self.hot = outer[side == n + 1]
         self.cold_node = np.minimum(tail[self.cold], head[self.cold])
         self.hot_node = np.minimum(tail[self.hot], head[self.hot])
-        self.order = self.rank = None
+        self.rank = np.arange(n, dtype=np.int32)
         if n <= DENSE_NODES:
             self.kind = "dense"
             return
@@ -187,7 +200,6 @@ class _Template:
             rows = self.width + 1
             band = np.zeros(rows * n)
             band[self.position] = -inner
-            assert self.rank is not None
             band[self.rank.astype(np.int64) * rows] = diagonal
             right = np.empty(n)
             right[self.rank] = load
@@ -208,4 +220,7 @@ class _Template:
 
 def _check(info: int) -> None:
     if info:
-        raise SolverError(f"the heat network cannot be solved: Cholesky stopped at row {info}; a node is not connected to a terminal, or the conductances differ too much")
+        raise SolverError(
+            f"the heat network cannot be solved: Cholesky stopped at row {info}; "
+            "a node is not connected to a terminal, or the conductances differ too much"
+        )

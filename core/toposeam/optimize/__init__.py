@@ -1,0 +1,1 @@
+"""Optimisers and the records they keep. Knows nothing of images."""

@@ -1,18 +1,18 @@
 r"""The method of moving asymptotes (MMA) for box bounds and one constraint.
 
-Svanberg 1987 (doi:10.1002/nme.1620240207), with the move limits of Svanberg 2002 (doi:10.1137/S1052623499362822). To minimise f₀(x) subject
-to f₁(x) ≤ 0, α ≤ x ≤ β, each function is replaced at xᵏ by
+Svanberg 1987 (doi:10.1002/nme.1620240207), with the move limits of Svanberg 2002 (doi:10.1137/S1052623499362822). To minimise f₀(x)
+subject to f₁(x) ≤ 0 within box bounds, each function is replaced at xᵏ by
 
 .. math:: \tilde f_i(x) = r_i + \sum_j \frac{p_{ij}}{U_j - x_j} + \frac{q_{ij}}{x_j - L_j},
 
-with p = (U - xᵏ)² max(∂f, 0), q = (xᵏ - L)² max(-∂f, 0), and r such that the values agree at xᵏ. For a multiplier y of the constraint the
-minimiser is closed-form in every variable, so one constraint leaves a one-dimensional dual to solve.
+with p = (U - xᵏ)² max(∂f, 0), q = (xᵏ - L)² max(-∂f, 0), and r such that the values agree at xᵏ. For a multiplier y of the constraint
+the minimiser is closed-form in every variable, so one constraint leaves a one-dimensional dual to solve.
 
-*Asymptotes* close in where a variable oscillates and move away where it does not. A caller who knows the curvature of its functions may pass
-better ones to :meth:`MMA.step`.
+*Asymptotes* close in where a variable oscillates and move away where it does not. A caller who knows the curvature of its functions may
+pass better ones to :meth:`MMA.step`.
 
-*Overshoot.* The approximation of a steep constraint may promise what the true one does not keep. In a heat network one such step cuts the path
-and compliance grows by many orders of magnitude, from where there is no way back. So a step can be taken back: :meth:`MMA.retreat` halves the
+*Overshoot.* The approximation of a steep constraint may promise what the true one does not keep. In a heat network one such step cuts the
+path, compliance grows by many orders of magnitude, and there is no way back. So a step can be taken back: :meth:`MMA.retreat` halves the
 distance to the asymptotes, which makes both approximations more conservative, and solves again (the idea of GCMMA, Svanberg 2002).
 """
 
@@ -90,7 +90,8 @@ def solve_subproblem(
     p0, q0 = np.square(above) * np.maximum(df, 0.0), np.square(below) * np.maximum(-df, 0.0)
     p1, q1 = np.square(above) * np.maximum(dg, 0.0), np.square(below) * np.maximum(-dg, 0.0)
     has_p, has_q = bool(p1.any()), bool(q1.any())
-    rest = constraint - np.sum(p1 / above) - np.sum(q1 / below)
+    terms = float(above @ np.maximum(dg, 0.0) + below @ np.maximum(-dg, 0.0))  # Σ p/(U - x) + q/(x - L) at the point of approximation
+    rest = constraint - terms
     still = (df == 0) & (dg == 0)
 
     def design(y: float) -> Floats:
@@ -118,7 +119,7 @@ def solve_subproblem(
     size = float(np.abs(dg).sum())
     if guess is None or not guess > 0:
         guess = float(np.abs(df).sum()) / size if size > 0 and np.any(df) else 1.0
-    tolerance = 1e-9 * (abs(constraint) + float(np.sum(p1 / above) + np.sum(q1 / below)))
+    tolerance = 1e-7 * (abs(constraint) + terms)
     multiplier = find_multiplier(residual, guess, tolerance)
     return design(multiplier), multiplier
 
@@ -163,7 +164,7 @@ class MMA:
         self._low, self._high = self._moved(x) if asymptotes is None else asymptotes
         self._before = [x, *self._before[:1]]
         self._last = (x, df, constraint, dg)
-        return self._solve()
+        return self._solve(*self._last)
 
     def retreat(self) -> Floats:
         """A shorter step from the same point, with the asymptotes at half their distance."""
@@ -171,7 +172,7 @@ class MMA:
             raise RuntimeError("retreat() takes back a step, but none was made")
         x = self._last[0]
         self._low, self._high = x - 0.5 * (x - self._low), x + 0.5 * (self._high - x)
-        return self._solve()
+        return self._solve(*self._last)
 
     def keep(self, alive: npt.NDArray[np.bool_]) -> None:
         """Forget all variables but some, given as an (N,) bool array."""
@@ -183,7 +184,7 @@ class MMA:
             self._last = (x[alive], df[alive], constraint, dg[alive])
 
     def _moved(self, x: Floats) -> tuple[Floats, Floats]:
-        span = self.upper - self.lower
+        span = np.where(self.upper > self.lower, self.upper - self.lower, 1.0)
         o = self.options
         if len(self._before) < 2:
             return x - o.initial * span, x + o.initial * span
@@ -194,9 +195,7 @@ class MMA:
         above = np.clip(factor * (self._high - previous), o.nearest * span, o.farthest * span)
         return x - below, x + above
 
-    def _solve(self) -> Floats:
-        assert self._last is not None
-        x, df, constraint, dg = self._last
+    def _solve(self, x: Floats, df: Floats, constraint: float, dg: Floats) -> Floats:
         reach = self.options.move * (self.upper - self.lower)
         margin = self.options.margin
         alpha = np.maximum(np.maximum(self.lower, x - reach), self._low + margin * (x - self._low))
@@ -213,6 +212,7 @@ class MMAResult:
     x: Floats
     objective: float
     constraint: float
+    #: Evaluations, those of steps taken back included.
     iterations: int
     #: Whether the variables came to rest before the iterations ran out.
     converged: bool
@@ -245,16 +245,15 @@ def minimize(
     method = MMA(lower, upper, options)
     span = np.maximum(upper - lower, np.finfo(float).tiny)
     value, df, constraint, dg = evaluate(x)
-    for iteration in range(1, max_iterations):
+    evaluations, converged = 1, False
+    while evaluations < max_iterations and not converged:
         new = method.step(x, df, constraint, dg)
         found = evaluate(new)
-        used = iteration
-        while found[2] > max(overshoot, constraint) and used < max_iterations - 1 and np.any(np.abs(new - x) > 1e-3 * tolerance * span):
+        evaluations += 1
+        while found[2] > max(overshoot, constraint) and evaluations < max_iterations:
             new = method.retreat()
             found = evaluate(new)
-            used += 1
-        change = float(np.max(np.abs(new - x) / span, initial=0.0))
+            evaluations += 1
+        converged = float(np.max(np.abs(new - x) / span, initial=0.0)) <= tolerance
         x, (value, df, constraint, dg) = new, found
-        if change <= tolerance:
-            return MMAResult(x=x, objective=value, constraint=constraint, iterations=iteration + 1, converged=True)
-    return MMAResult(x=x, objective=value, constraint=constraint, iterations=max_iterations, converged=False)
+    return MMAResult(x=x, objective=value, constraint=constraint, iterations=evaluations, converged=converged)

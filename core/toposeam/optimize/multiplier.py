@@ -12,6 +12,8 @@ from collections.abc import Callable
 
 #: How far from the first guess a multiplier is looked for, as a natural logarithm (about 26 orders of magnitude each way).
 _REACH = 60.0
+#: No multiplier lies beyond exp(±300), so that products with it stay finite.
+_LIMIT = 300.0
 
 
 def find_multiplier(residual: Callable[[float], float], guess: float, tolerance: float) -> float:
@@ -30,16 +32,18 @@ def find_multiplier(residual: Callable[[float], float], guess: float, tolerance:
     float
         On the feasible side of the root. Where no multiplier within reach is feasible, or every one is, the end of the reach.
     """
-    start = math.log(guess)
-    value = residual(guess)
+    start = min(max(math.log(guess), -_LIMIT), _LIMIT)
+    lowest, highest = max(start - _REACH, -_LIMIT), min(start + _REACH, _LIMIT)
+    value = residual(math.exp(start))
     feasible, infeasible = (start, math.nan) if value <= 0 else (math.nan, start)
     value_feasible = value_infeasible = value
     stride = 1.0
     while math.isnan(feasible) or math.isnan(infeasible):
-        upward = math.isnan(feasible)
-        at = infeasible + stride if upward else feasible - stride
-        if abs(at - start) > _REACH:
-            return math.exp(start + _REACH if upward else feasible)
+        if math.isnan(feasible) and infeasible >= highest:
+            return math.exp(highest)
+        if math.isnan(infeasible) and feasible <= lowest:
+            return math.exp(lowest)
+        at = min(infeasible + stride, highest) if math.isnan(feasible) else max(feasible - stride, lowest)
         value = residual(math.exp(at))
         if value <= 0:
             feasible, value_feasible = at, value

@@ -1,0 +1,1 @@
+"""Seams between two overlapping patches."""

@@ -1,15 +1,15 @@
 """The thesis's ground structure: one conductor on every pixel interface of the overlap, seen from corners and from pixels.
 
 *From corners* (thesis 3.2.1, Figure 3.3): nodes are pixel corners, an element of conductance k joins the two corners of an interface, and
-heat flows along the seam. The corners beside a gap, ground that neither patch covers, are one ideal terminal: the source at one end of the
-seam, the sink at the other. An m × n strip has (m + 1)(n + 1) corners and m(n + 1) + n(m + 1) elements.
+heat flows along the seam. The corners beside a gap, where neither patch has pixels, are one ideal terminal: the source at one end of
+the seam, the sink at the other. An m × n strip has (m + 1)(n + 1) corners and m(n + 1) + n(m + 1) elements.
 
 *From pixels* (the planar dual): nodes are pixels, the same element has conductance 1/k and joins the two pixels on either side, and the
-terminals are what only ``a`` and only ``b`` cover. A label potential between 0 and 1 jumps, across each interface, by the flux along it when
-the whole seam carries unit heat. This view has no ends to find; it holds for rings, islands and several gaps alike.
+terminals are what only ``a`` and only ``b`` cover. A label potential between 0 and 1 jumps, across each interface, by the flux along it
+when the whole seam carries unit heat. This view has no ends to find; it holds for rings, islands and several gaps alike.
 
 *Outermost elements.* The border pixels of the overlap, which are fixed to the patch beyond them, may change sides here, at M_max = 10⁶ per
-interface (Figure 3.6). Elements along a gap join a terminal to itself; they belong to the ground structure but no heat runs through them.
+interface (Figure 3.6). Elements along a gap join a terminal to itself: they belong to the ground structure, but no heat runs through them.
 """
 
 from __future__ import annotations
@@ -55,7 +55,8 @@ class GroundStructure:
     def along_gap(self) -> Mask:
         """(E,) bool: elements beside a gap, which join a terminal to itself."""
         flat = self.side.ravel()
-        return (flat[self.first] == NONE) | (flat[self.second] == NONE)
+        beside: Mask = (flat[self.first] == NONE) | (flat[self.second] == NONE)
+        return beside
 
     def zigzag(self) -> int:
         """Number of elements of a zigzag seam, N_q at the start: width + height of the overlap (thesis 3.3.2).
@@ -66,7 +67,7 @@ class GroundStructure:
         if count == 0:
             return 0
         ends = np.zeros(count + 1, int)
-        owner, corner = self._ends(component)
+        owner, _ = self._ends(component)
         np.add.at(ends, owner, 1)
         total = 0
         for index, box in enumerate(ndimage.find_objects(component), start=1):
@@ -115,7 +116,7 @@ class GroundStructure:
 def ground_structure(problem: SeamProblem) -> GroundStructure:
     """The ground structure of an overlap: every interface with at least one pixel of a component that has something to decide."""
     side, shared = problem.overlap.side, problem.overlap.shared
-    h, w = side.shape
+    w = side.shape[1]
     component, count = ndimage.label(shared)
     undecided = np.zeros(count + 1, bool)
     undecided[component[side == FREE]] = True
@@ -152,7 +153,8 @@ class _Conductors:
 
     def temperature(self, conductance: Floats) -> Floats:
         part = self.group >= 0
-        return self.network.solve(np.bincount(self.group[part], conductance[part], len(self.network.tail)))
+        grouped: Floats = np.bincount(self.group[part], conductance[part], len(self.network.tail)).astype(np.float64, copy=False)
+        return self.network.solve(grouped)
 
 
 def _conductors(tail: Ints, head: Ints, n: int) -> _Conductors:
@@ -253,8 +255,8 @@ def corner_network(structure: GroundStructure) -> CornerNetwork | None:
     free[terminals] = False
     number[free] = np.arange(n, dtype=np.int32)
     number[terminals] = n, n + 1
-    tail, head = np.split(number[place[:-2]], 2)
-    return CornerNetwork(np.arange(len(tail)), _conductors(tail, head, n))
+    elements = len(tail)
+    return CornerNetwork(np.arange(elements), _conductors(number[place[:elements]], number[place[elements:-2]], n))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -307,7 +309,7 @@ class PixelNetwork:
         number = np.empty(count, np.int32)
         number[free] = np.arange(count - 2, dtype=np.int32)
         number[region[c.n :]] = count - 2, count - 1
-        node = number[region]
+        node: Ints = number[region].astype(np.int32, copy=False)
         kept = np.flatnonzero(alive & (node[c.tail] != node[c.head]))
         conductors = _conductors(node[c.tail[kept]], node[c.head[kept]], count - 2)
         return PixelNetwork(self.elements[kept], conductors, self.pixels, node[self.node])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from toposeam.errors import OverlapError
+from toposeam.heat.network import Floats, Ints
 from toposeam.images import Mask
 from toposeam.seam.overlap import FREE, A, B
 from toposeam.seam.problem import SeamProblem
@@ -25,7 +26,8 @@ def dp_labels(problem: SeamProblem) -> Mask:
     rows, columns = np.nonzero(problem.overlap.shared)
     box = side[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
     window = (slice(rows.min(), rows.max() + 1), slice(columns.min(), columns.max() + 1))
-    right, down = problem.right[window[0], window[1].start : window[1].stop - 1], problem.down[window[0].start : window[0].stop - 1, window[1]]
+    right = problem.right[window[0], window[1].start : window[1].stop - 1]
+    down = problem.down[window[0].start : window[0].stop - 1, window[1]]
     labels = np.zeros(side.shape, bool)
     for transpose in (False, True):
         turned = box.T if transpose else box
@@ -40,7 +42,7 @@ def dp_labels(problem: SeamProblem) -> Mask:
     raise OverlapError("method dp handles only rectangular overlaps with the patches on opposite sides; use heat for this shape")
 
 
-def _cheapest_crossings(crossing: np.ndarray, stepping: np.ndarray) -> np.ndarray:
+def _cheapest_crossings(crossing: Floats, stepping: Floats) -> Ints:
     """Per row, the interface (x, x + 1) the seam takes. crossing: (m, n - 1); stepping: (m - 1, n), costs between rows."""
     m, n = crossing.shape
     best = crossing.copy()

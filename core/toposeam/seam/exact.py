@@ -13,7 +13,7 @@ from scipy import ndimage
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, dijkstra, maximum_flow
 
-from toposeam.heat.network import Network
+from toposeam.heat.network import Ints, Network
 from toposeam.images import Mask
 from toposeam.seam.overlap import FREE, NONE, A, B
 from toposeam.seam.problem import Interfaces, SeamProblem
@@ -44,9 +44,12 @@ def exact_labels(problem: SeamProblem) -> Mask:
     return labels
 
 
-def _corners_beside_gaps(side: npt.NDArray[np.uint8], component: npt.NDArray[np.int32]) -> dict[int, tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]]:
+_Pairs = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]
+
+
+def _corners_beside_gaps(side: npt.NDArray[np.uint8], component: npt.NDArray[np.int32]) -> dict[int, _Pairs]:
     """Per component, the pairs of corners that a gap joins at no cost: the edges between a free pixel and one that nobody covers."""
-    h, w = side.shape
+    w = side.shape[1]
     starts, ends, owners = [], [], []
     for stride in (1, w):
         s, t = ((slice(None), slice(None, -1)), (slice(None), slice(1, None))) if stride == 1 else ((slice(None, -1),), (slice(1, None),))
@@ -61,7 +64,7 @@ def _corners_beside_gaps(side: npt.NDArray[np.uint8], component: npt.NDArray[np.
 
 
 def _shortest_path(
-    faces: Interfaces, side: npt.NDArray[np.uint8], gaps: tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]] | None, pixels: Mask
+    faces: Interfaces, side: npt.NDArray[np.uint8], gaps: _Pairs | None, pixels: Mask
 ) -> Mask | None:
     """Labels cut by one shortest path between corners, or None where the cut is not a single path."""
     gap_start, gap_end = gaps if gaps is not None else (np.zeros(0, np.intp), np.zeros(0, np.intp))
@@ -118,7 +121,7 @@ def _flood(faces: Interfaces, cut: Mask, side: npt.NDArray[np.uint8], pixels: Ma
 
 def _maximum_flow(problem: SeamProblem, pixels: Mask) -> Mask:
     """Labels of some free pixels by maximum flow between the two sides; costs are rounded to about 1e-9 of their sum."""
-    network, weight, index = problem.grid.network(pixels, np.zeros(pixels.shape, bool))
+    network, weight, index = problem.grid.network(pixels)
     return labels_of_nodes(minimum_cut(network, weight), index, pixels.shape)
 
 
@@ -138,7 +141,7 @@ def minimum_cut(network: Network, weight: npt.NDArray[np.float64]) -> Mask:
     return hot[:n]
 
 
-def labels_of_nodes(hot: Mask, index: npt.NDArray[np.int32], shape: tuple[int, int]) -> Mask:
+def labels_of_nodes(hot: Mask, index: Ints, shape: tuple[int, int]) -> Mask:
     """The (h, w) labelling in which the pixels of the hot nodes are True."""
     labels = np.zeros(shape, bool)
     labels.ravel()[index] = hot

@@ -126,21 +126,34 @@ def find_seam(
     return _seam(problem, only_b, solution, method, settings, time.perf_counter() - started)
 
 
-def apply_paths(drawing: SvgSeam, a: npt.ArrayLike, b: npt.ArrayLike, **options: Any) -> Seam:
+def apply_paths(
+    drawing: SvgSeam,
+    a: npt.ArrayLike,
+    b: npt.ArrayLike,
+    mask_a: npt.ArrayLike | None = None,
+    mask_b: npt.ArrayLike | None = None,
+    side: Side = "right",
+    gradient: bool = True,
+    *,
+    cost: MatchCost | None = None,
+    weight: npt.ArrayLike | None = None,
+    avoid: npt.ArrayLike | None = None,
+    core: float = 0.5,
+) -> Seam:
     """Join two patches along paths that were read from a file; see :meth:`Seam.from_svg`."""
-    settings = {"side": "right", "core": 0.5, "gradient": True} | options
-    match = settings.get("cost") or MatchCost(gradient=settings["gradient"])
-    problem, only_b = seam_problem(
-        a, b, settings.get("mask_a"), settings.get("mask_b"), settings["side"], match, settings.get("weight"), settings.get("avoid"), settings["core"]
-    )
+    match = cost if cost is not None else MatchCost(gradient=gradient)
+    problem, only_b = seam_problem(a, b, mask_a, mask_b, side, match, weight, avoid, core)
     height, width = problem.overlap.canvas
     if (drawing.width, drawing.height) != (width, height):
-        raise PathError(f"the path belongs to a canvas of {drawing.width:g} × {drawing.height:g} px, the patches make one of {width} × {height}; use the same placement as when it was exported")
+        raise PathError(
+            f"the path belongs to a canvas of {drawing.width:g} × {drawing.height:g} px, but the patches make one of {width} × {height} px; "
+            "place them as when it was exported"
+        )
     top, left = problem.overlap.origin
     lines = [dataclasses.replace(line, points=line.points - np.array([left, top], float)) for line in drawing.polylines]
     labels = labels_from_paths(lines, problem.overlap.shared, problem.overlap.side)
     solution = Solution(labels=labels, soft=labels.astype(np.float32), termination=Termination.GIVEN)
-    return _seam(problem, only_b, solution, "path", {"side": settings["side"], "core": settings["core"], **dataclasses.asdict(match)}, 0.0)
+    return _seam(problem, only_b, solution, "path", {"side": side, "core": core, **dataclasses.asdict(match)}, 0.0)
 
 
 def _seam(problem: SeamProblem, only_b: Mask, solution: Solution, method: str, settings: dict[str, Any], seconds: float) -> Seam:

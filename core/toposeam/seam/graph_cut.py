@@ -23,7 +23,7 @@ def graph_cut_labels(problem: SeamProblem) -> Mask:
     except ImportError as error:
         raise MissingPackageError("method graph-cut needs PyMaxflow (GPL); install it with: pip install 'toposeam[graphcut]'") from error
     grid = problem.grid
-    network, weight, index = grid.network(grid.free, np.zeros(grid.free.shape, bool))
+    network, weight, index = grid.network(grid.free)
     n = network.n
     if n == 0:
         return np.zeros(grid.free.shape, bool)

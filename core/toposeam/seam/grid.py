@@ -1,7 +1,7 @@
 """The seam problem on the pixel grid: costs between undecided pixels, and towards the two decided sides.
 
-A labelling of the free pixels (False: ``a`` shows, True: ``b``) costs the sum over interfaces whose two pixels differ. The seam is the set of
-those interfaces. Half as many pixels each way give a coarser problem of the same kind: blocks of 2 × 2 pixels, interface costs added up.
+A labelling of the free pixels (False: ``a`` shows, True: ``b``) costs the sum over interfaces whose two pixels differ. The seam is the set
+of those interfaces.
 """
 
 from __future__ import annotations
@@ -46,94 +46,40 @@ class CutGrid:
         ends = self.cold[labels].sum(dtype=np.float64) + self.hot[~labels].sum(dtype=np.float64)
         return float(across + along + ends)
 
-    def network(self, active: Mask, labels: Mask) -> tuple[Network, Floats, Ints]:
-        """The problem restricted to some free pixels, the others keeping their labels.
+    def network(self, pixels: Mask) -> tuple[Network, Floats, Ints]:
+        """Some free pixels as a network; no interface may join them to other free pixels.
 
         Parameters
         ----------
-        active : (h, w) bool array
-            Pixels to decide; a subset of `free`.
-        labels : (h, w) bool array
-            Labels of the free pixels that are not active.
+        pixels : (h, w) bool array
+            A subset of `free`, such as one of its components.
 
         Returns
         -------
         network : Network
-            One node per active pixel, in raster order; the terminals are the labels False and True.
+            One node per pixel, in raster order; the terminals are the labels False (cold) and True (hot).
         weight : (E,) float64 array
             Cost per element.
-        pixels : (n,) int array
+        index : (n,) int array
             Flat index of each node's pixel.
         """
-        width = active.shape[1]
-        pixels = np.flatnonzero(active)
-        n = len(pixels)
-        number = np.empty(active.size, np.int32)
-        number[pixels] = np.arange(n, dtype=np.int32)
+        index = np.flatnonzero(pixels)
+        n = len(index)
+        number = np.zeros(pixels.shape, np.int32)
+        number.ravel()[index] = np.arange(n, dtype=np.int32)
         tails, heads, weights = [], [], []
-        rest = self.free.ravel() & ~active.ravel()
-        flat_labels = labels.ravel()
-        row, column = np.divmod(pixels, width)
-        for cost, step, stride in ((self.right, (row, column), 1), (self.down, (row, column), width)):
-            height_c, width_c = cost.shape
-            # Towards the right (below), then towards the left (above).
-            ahead = np.flatnonzero((step[1] < width_c) & (step[0] < height_c))
-            values = cost[row[ahead], column[ahead]]
-            ahead, values = ahead[values > 0], values[values > 0]
-            target = pixels[ahead] + stride
-            inner = active.ravel()[target]
-            tails.append(ahead[inner])
-            heads.append(number[target[inner]])
-            weights.append(values[inner])
-            self._towards(rest, flat_labels, ahead[~inner], target[~inner], values[~inner], n, tails, heads, weights)
-            behind = np.flatnonzero((column if stride == 1 else row) > 0)
-            source = pixels[behind] - stride
-            outer = rest[source]
-            behind, source = behind[outer], source[outer]
-            values = cost.ravel()[_before(row[behind], column[behind], stride, width_c)]
-            self._towards(rest, flat_labels, behind[values > 0], source[values > 0], values[values > 0], n, tails, heads, weights)
+        for cost, s, t in ((self.right, np.s_[:, :-1], np.s_[:, 1:]), (self.down, np.s_[:-1], np.s_[1:])):
+            joined = (cost > 0) & pixels[s]
+            tails.append(number[s][joined])
+            heads.append(number[t][joined])
+            weights.append(cost[joined])
         for terminal, ends in ((n, self.cold), (n + 1, self.hot)):
-            values = ends.ravel()[pixels]
-            touching = np.flatnonzero(values)
-            tails.append(touching)
-            heads.append(np.full(len(touching), terminal))
-            weights.append(values[touching])
-        network = Network(n, np.concatenate(tails).astype(np.int32), np.concatenate(heads).astype(np.int32))
-        return network, np.concatenate(weights).astype(np.float64), pixels.astype(np.int32)
-
-    @staticmethod
-    def _towards(
-        rest: Mask, labels: Mask, nodes: npt.NDArray[np.intp], targets: npt.NDArray[np.intp], values: Floats32, n: int,
-        tails: list[npt.NDArray[np.intp]], heads: list[npt.NDArray[np.intp]], weights: list[Floats32],
-    ) -> None:  # fmt: skip
-        decided = rest[targets]
-        tails.append(nodes[decided])
-        heads.append(n + labels[targets[decided]].astype(np.intp))
-        weights.append(values[decided])
-
-    def coarsen(self) -> CutGrid:
-        """The problem on blocks of 2 × 2 pixels (the last row and column of blocks may be smaller)."""
-        return CutGrid(
-            right=_pairs(self.right[:, 1::2], 0),
-            down=_pairs(self.down[1::2], 1),
-            cold=_pairs(_pairs(self.cold, 0), 1),
-            hot=_pairs(_pairs(self.hot, 0), 1),
-            free=_pairs(_pairs(self.free, 0), 1),
-        )
-
-
-def _before(row: npt.NDArray[np.intp], column: npt.NDArray[np.intp], stride: int, width: int) -> npt.NDArray[np.intp]:
-    """Flat index, in the array of costs, of the interface to the left neighbour (stride 1) or the upper one."""
-    return row * width + column - 1 if stride == 1 else (row - 1) * width + column
-
-
-def _pairs(values: npt.NDArray[np.generic], axis: int) -> npt.NDArray[np.generic]:
-    """Neighbouring rows (columns) added up, or combined by `or` for bool; an odd last one stands alone."""
-    take = (slice(None),) * axis
-    result = values[(*take, slice(0, None, 2))].copy()
-    second = values[(*take, slice(1, None, 2))]
-    result[(*take, slice(0, second.shape[axis]))] += second
-    return result
+            touching = (ends > 0) & pixels
+            tails.append(number[touching])
+            heads.append(np.full(len(tails[-1]), terminal, np.int32))
+            weights.append(ends[touching])
+        network = Network(n, np.concatenate(tails), np.concatenate(heads))
+        return network, np.concatenate(weights).astype(np.float64), index
 
 
 def grid_from_sides(side: npt.NDArray[np.uint8], right: Floats32, down: Floats32) -> tuple[CutGrid, float]:

@@ -1,22 +1,24 @@
 r"""The fast heat method: the seam as the label potential of converged heat.
 
-*The convex start.* With p = 1 and no upper bound on the density the thesis's Formulation 1 with W = M² is convex in the conductances: minimise
-Σ k W under a compliance bound Σ q²/k ≤ C*. For given flux its optimality criterion is k = |q| / M up to a factor, and substituting back leaves
-Σ M |q|: its optimum is the shortest path for edge lengths M, the best seam. Each step solves the heat network for the flux of the current
-conductances and sets k ← |q| / M.
+*The convex start.* With p = 1 and no upper bound on the density the thesis's Formulation 1 with W = M² is convex in the conductances:
+minimise Σ k W under a compliance bound Σ q²/k ≤ C*. For given flux its optimality criterion is k = |q| / M up to a factor, and substituting
+back leaves Σ M |q|: its optimum is the shortest path for edge lengths M, the best seam. Each step solves the heat network for the flux of
+the current conductances and sets k ← |q| / M.
 
-*Seen from the pixels.* By planar duality the flux across interface (s, t) is the jump |ψ(s) - ψ(t)| of a label potential that is 0 on what only
-``a`` covers, 1 on what only ``b`` covers, and solves Laplace's equation for conductances M / |q|. No terminals need placing, so strips, Ls,
-rings, islands and several overlaps are one case, and the converged potential is the label map. By the maximum principle every pixel on one
-side stays connected to that side's ground, so the seam is a single line.
+*Seen from the pixels.* By planar duality the flux across interface (s, t) is the jump |ψ(s) - ψ(t)| of a label potential that is 0 on what
+only ``a`` covers, 1 on what only ``b`` covers, and solves Laplace's equation for conductances M / |q|. No terminals need placing, so strips,
+Ls, rings, islands and several overlaps are one case, and the converged potential is the label map. By the maximum principle every pixel on
+one side stays connected to that side's ground, so the seam is a single line.
 
-*Over-relaxation.* With x = k M the step x ← |q| leaves path i a share that falls by L / L_i per step, L being its length and L_i that of path i.
-x ← x^(1-ω) |q|^ω has the same fixed points and, for ω = 1.5, one and a half times that rate.
+*Over-relaxation.* With x = k M the step x ← |q| leaves path i a share that falls by L / L_i per step, L being the best path's length and L_i
+that of path i. x ← x^(1-ω) |q|^ω has the same fixed points and, for ω = 1.5, one and a half times that rate.
 
 *Contraction.* Where next to no heat flows, compared with Σ M q² / Σ M q, the seam will not run: the two pixels become one node and parallel
-interfaces one element, whose costs add up. The problem keeps its form and shrinks by orders of magnitude.
+interfaces one element, whose costs add up. The problem keeps its form and shrinks by orders of magnitude. Large overlaps start out contracted
+by what coarser networks show (:mod:`toposeam.seam.coarse`).
 
-*The penalising end.* Like the thesis's W ← W / q (3.21), k ← |q|^(1+s) / M with s growing makes the strongest line win until every flux is 0 or 1.
+*The penalising end.* Like the thesis's W ← W / q (3.21), k ← |q|^(1+s) / M with s growing makes the strongest line win until every flux is
+0 or 1.
 """
 
 from __future__ import annotations
@@ -28,13 +30,12 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.errors import OptionError, SolverError
-from toposeam.heat.network import Floats, Network
+from toposeam.heat.network import Floats, Ints, Network
 from toposeam.images import Mask
 from toposeam.optimize.history import Frame, Iteration, Termination
+from toposeam.seam.coarse import restrict
 from toposeam.seam.problem import SeamProblem
-
-#: No flux counts as less than this: it bounds the contrast of the conductances, which the Cholesky factorisation must survive.
-LEAST_FLUX = 1e-9
+from toposeam.seam.relaxation import RELAXATION, convex_step, penalising_step, typical_flux
 
 #: An interface with less flux does not belong to the heat path (thesis, q_threshold).
 FLUX_THRESHOLD = 0.01
@@ -49,7 +50,7 @@ class HeatOptions:
     #: Convex steps k = |q| / M before penalising begins.
     convex: int = 30
     #: Over-relaxation ω of the convex steps; 1 is the plain step, beyond 1.8 they swing.
-    relaxation: float = 1.5
+    relaxation: float = RELAXATION
     #: By how much the penalising exponent s grows per step.
     growth: float = 0.05
     #: An interface is closed, when the network is contracted, below this share of the typical flux.
@@ -98,12 +99,11 @@ def heat_path(
         ``soft`` is the label potential at the end of the first stage, before anything is contracted.
     """
     grid = problem.grid
-    network, weight, pixels = grid.network(grid.free, np.zeros(grid.free.shape, bool))
-    multiplicity = np.ones(len(weight))
-    node_of_pixel = np.arange(network.n + 2, dtype=np.int32)
+    network, weight, pixels = grid.network(grid.free)
+    network, weight, multiplicity, node_of_pixel = restrict(network, weight)
     history: list[Iteration] = []
     frames: list[Frame] = []
-    soft = np.zeros(network.n + 2)
+    soft = np.zeros(len(node_of_pixel))
     flux = np.ones(len(weight))
     strength = np.ones(len(weight))  # k M, the flux that the conductances expect
     penalty = 0.0
@@ -125,7 +125,7 @@ def heat_path(
         )  # fmt: skip
         flux = new
         if stage == 1:
-            soft = potential
+            soft = potential[node_of_pixel]
         if record_frames:
             frames.append(_frame(problem, potential[node_of_pixel[:-2]], pixels, step + 1, stage))
         undecided = np.count_nonzero((potential > FLUX_THRESHOLD) & (potential < 1 - FLUX_THRESHOLD))
@@ -149,7 +149,7 @@ def heat_path(
         if step + 1 >= options.convex:
             stage = 3
             penalty = min(penalty + options.growth, 1.5)
-        strength = _strengthen(strength, flux, options.relaxation, penalty)
+        strength = penalising_step(flux, penalty) if penalty else convex_step(strength, flux, options.relaxation)
 
     shape = grid.free.shape
     labels = np.zeros(shape, bool)
@@ -161,40 +161,29 @@ def heat_path(
     return Solution(labels=labels, soft=soft_map, history=tuple(history), frames=tuple(frames), termination=termination)
 
 
-def _strengthen(strength: Floats, flux: Floats, relaxation: float, penalty: float) -> Floats:
-    """The next k M: over-relaxed towards the flux, x^(1-ω) |q|^ω, while convex, and |q|^(1+s), (3.21), once penalising."""
-    q = np.maximum(flux, LEAST_FLUX)
-    grown = q ** (1.0 + penalty) if penalty else strength ** (1.0 - relaxation) * q**relaxation
-    return np.clip(grown, LEAST_FLUX, 1.0)
-
-
-def _typical_flux(weight: Floats, flux: Floats) -> float:
-    """The flux that the heat meets on its way, Σ M q² / Σ M q: 1 on a single line, 1/N where N equal lines share the heat."""
-    return float(weight @ np.square(flux) / (weight @ flux))
-
-
 def _contract(
     network: Network, weight: Floats, flux: Floats, strength: Floats, multiplicity: Floats, threshold: float
-) -> tuple[Network, Floats, Floats, Floats, Floats, npt.NDArray[np.int32], Floats] | None:
+) -> tuple[Network, Floats, Floats, Floats, Floats, Ints, Floats] | None:
     """The network without the interfaces that carry next to no flux, or None where that would not make it much smaller.
 
     Parallel elements add their weights and multiplicities; their flux is one and the same, their strength that of the strongest. Elements
     left between the two terminals carry all the heat for good; the last result is their weight and number.
     """
-    threshold *= _typical_flux(weight, flux)
+    threshold *= typical_flux(weight, flux)
     while True:
         closed = flux < threshold
         try:
-            smaller, node_map, element_map = network.contract(closed)
+            node_map = network.components(closed)
             break
         except SolverError:  # so many faint paths that closing them all joins the two sides
             threshold /= 4
-    if smaller.n > 0.8 * network.n:
+    if node_map[-1] - 1 > 0.8 * network.n:
         return None
+    smaller, element_map = network.quotient(node_map)
     kept = np.flatnonzero(element_map >= 0)
     target = element_map[kept]
     size = len(smaller.tail)
-    summed = [np.bincount(target, values[kept], size) for values in (weight, multiplicity)]
+    summed = [np.bincount(target, values[kept], size).astype(np.float64) for values in (weight, multiplicity)]
     strongest = np.zeros((2, size))
     for row, values in zip(strongest, (flux, strength), strict=True):
         np.maximum.at(row, target, values[kept])
@@ -204,11 +193,11 @@ def _contract(
     return smaller, summed[0], strongest[0], strongest[1], summed[1], node_map, settled
 
 
-def _frame(problem: SeamProblem, potential: Floats, pixels: npt.NDArray[np.int32], iteration: int, stage: int) -> Frame:
+def _frame(problem: SeamProblem, potential: Floats, pixels: Ints, iteration: int, stage: int) -> Frame:
     """Flux of every interface of the window, from the label potential of its pixels."""
-    values = np.zeros(problem.grid.free.shape, np.float32)
-    values.ravel()[pixels] = potential
-    values = problem.complete(values)
+    on_free = np.zeros(problem.grid.free.shape, np.float32)
+    on_free.ravel()[pixels] = potential
+    values = problem.complete(on_free)
     return Frame(
         iteration=iteration, stage=stage,
         right=np.where(problem.right > 0, np.abs(np.diff(values, axis=1)), np.float32(0)),

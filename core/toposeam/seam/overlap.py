@@ -10,8 +10,8 @@ Every pixel of the canvas is on one *side*:
 =======  =================================================================================================
 
 Overlap pixels that touch (4-neighbourhood) ground which only one patch covers are fixed to that patch: there the other patch ends, and a
-seam along its very end would show it. This is the thesis's border of elements with M_max (Figure 3.6). Where the overlap is one pixel wide a
-pixel touches both grounds; it stays free, and its border interfaces get a one-sided cost (:mod:`toposeam.seam.match_cost`).
+seam along its very end would show it. This is the thesis's border of elements with M_max (Figure 3.6). Where the overlap is one pixel wide
+a pixel touches both grounds; it stays free, and its border interfaces get a one-sided cost (:mod:`toposeam.seam.match_cost`).
 
 A component of the overlap that touches the ground of one patch only is a whole piece of the other patch lying inside; it has to be told how
 much of that piece must show. Its *core*, the pixels at least ``core`` times as deep as its deepest one, is fixed to the inner patch, and
@@ -21,7 +21,7 @@ the seam closes round it. A component that touches neither ground is covered ide
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -67,7 +67,7 @@ class Overlap:
             on_window.append(slice(first - start, last - start))
         return (on_canvas[0], on_canvas[1]), (on_window[0], on_window[1])
 
-    def window(self, array: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:
+    def window(self, array: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """The window of a canvas-sized array, zero off the canvas. (H, W, …) to (h, w, …)."""
         on_canvas, on_window = self.inside
         result = np.zeros((*self.side.shape, *array.shape[2:]), array.dtype)

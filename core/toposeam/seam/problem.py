@@ -1,7 +1,7 @@
 """A seam problem ready to be solved: the overlap, its match cost, and the same interfaces seen from pixels and from corners.
 
-One drawing of all numbering, for a window of h × w pixels. Pixel (y, x) has flat index y w + x; corner (y, x), the upper left corner of that
-pixel, has flat index y (w + 1) + x. ``right[y, x]`` belongs to the interface of pixels (y, x) and (y, x + 1), ``down[y, x]`` to that of
+One drawing of all numbering, for a window of h × w pixels. Pixel (y, x) has flat index y w + x; corner (y, x), the upper left corner of
+that pixel, has flat index y (w + 1) + x. ``right[y, x]`` belongs to the interface of pixels (y, x) and (y, x + 1), ``down[y, x]`` to that of
 (y, x) and (y + 1, x)::
 
     corner (y, x) ───────── corner (y, x+1) ───────── corner (y, x+2)
@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -74,7 +75,7 @@ class SeamProblem:
     def interfaces(self) -> Interfaces:
         """Every interface with a cost and at least one free pixel."""
         side = self.overlap.side
-        h, w = side.shape
+        w = side.shape[1]
         free = side == FREE
         parts = []
         for cost, stride in ((self.right, 1), (self.down, w)):
@@ -97,10 +98,10 @@ class SeamProblem:
         grid, forced = self._grid_and_forced
         total = grid.cost(labels) + forced
         if total >= FORBIDDEN:
-            raise OverlapError("no seam avoids the pixels you excluded: they block the overlap from end to end; leave it a gap at least 1 px wide")
+            raise OverlapError("no seam avoids the pixels you excluded: they block the overlap from side to side; leave it a way through")
         return total
 
-    def on_canvas(self, labels: npt.NDArray[np.generic], only_b: Mask) -> npt.NDArray[np.generic]:
+    def on_canvas(self, labels: npt.NDArray[Any], only_b: Mask) -> npt.NDArray[Any]:
         """Window values spread to the canvas: those of the overlap from `labels`, elsewhere True (1) where only ``b`` has pixels.
 
         Parameters
@@ -114,7 +115,7 @@ class SeamProblem:
         result[on_canvas][shared] = self.complete(labels)[on_window][shared]
         return result
 
-    def complete(self, labels: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:
+    def complete(self, labels: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """The labelling with every pixel that is not free set to its side (`NONE` counts as ``a``)."""
         side = self.overlap.side
         return np.where(side == FREE, labels, (side == B).astype(labels.dtype))
@@ -124,4 +125,5 @@ class SeamProblem:
         """(h, w) bool: pixels between which a seam is drawn: the overlap, and the ground beside places where it is one pixel wide."""
         side, shared = self.overlap.side, self.overlap.shared
         narrow = (side == FREE) & neighbours((side == A) & ~shared) & neighbours((side == B) & ~shared)
-        return shared | (neighbours(narrow) & (side != NONE))
+        ground: Mask = shared | (neighbours(narrow) & (side != NONE))
+        return ground

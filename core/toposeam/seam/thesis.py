@@ -9,9 +9,9 @@ along a single line. What makes the plain transcription fragile, and what is don
   ever overshoots; where it does, the step is taken back. ``asymptotes="moving"`` restores Svanberg's heuristic rule.
 - *Continuation.* In stage 1 p is 1, where the problem is convex in ρ and finds the outline; from stage 2 on it is 3. For p = 3 from the
   start, which the thesis has, set ``first_penalty=3``.
-- *Floor of W.* An element much cheaper than the others on the path stays at ρ = 1, and branches there do not compete: a second branch saves
-  compliance at hardly any mass. From stage 3 on no weight counts as less than that of the path's mean cost.
-- *Live elements.* Elements that came down to the least density leave the ground structure.
+- *Length term.* An element much cheaper than the others on the path stays at ρ = 1, and branches there do not compete: a second branch
+  saves compliance at hardly any mass. So from stage 2 on, W = Mʳ + (f M̄)ʳ, where M̄ is the mean cost along the path and f grows to 2.
+- *Live elements.* Elements that conduct next to nothing and carry next to no heat leave the ground structure.
 """
 
 from __future__ import annotations
@@ -34,8 +34,13 @@ from toposeam.seam.heat import Solution
 from toposeam.seam.problem import SeamProblem
 
 #: Distance of the upper asymptote, as good as infinite for densities of at most 1.
-FA=0.0; MARGIN=.3
 _FAR = 1e3
+#: Share of the distance to the lower asymptote that one step leaves: a density that falls too fast takes a line out of the competition.
+_MARGIN = 0.3
+#: An element with less flux and less conductance than this share of the largest ones is dead.
+_DEAD = 1e-3
+#: Solutions before the first elements may leave: until then heat still finds its way across.
+_SETTLED = 12
 #: Steps taken back one after the other before an iteration gives up.
 _RETREATS = 8
 #: Where the label potential of several lines is cut; the cheapest cut counts.
@@ -65,15 +70,15 @@ class ThesisOptions:
     #: Inner iterations at most in the first stage.
     first_iterations: int = 25
     #: Inner iterations at most in each later stage.
-    stage_iterations: int = 15
-    #: A stage ends when no density and no flux changes by more than this.
+    stage_iterations: int = 20
+    #: A stage ends when no density and no flux changes by more than this share of the largest one.
     tolerance: float = 0.01
     #: Flux from which on an element belongs to the path.
     q_threshold: float = 0.01
     #: No flux counts as less than this in W ← W/q.
     least_flux: float = 1e-3
-    #: From stage 3 on, no match cost counts as less than this multiple of its mean along the path.
-    weight_floor: float = 1.0
+    #: f in the length term (f M̄)ʳ that is added to W from stage 3 on; in stage 2 a tenth of it.
+    length_term: float = 2.0
     #: Largest change of a density in one iteration.
     move: float = 1.0
     #: Where MMA gets its asymptotes: from the curvature of the compliance, or by Svanberg's rule.
@@ -89,7 +94,8 @@ class ThesisOptions:
         if self.asymptotes not in ("curvature", "moving"):
             raise OptionError(f"asymptotes is {self.asymptotes!r}; it must be 'curvature' or 'moving'")
         for name, low, high in (
-            ("penalty", 1.0, 10.0), ("first_penalty", 1.0, 10.0), ("exponent", 0.1, 5.0), ("overshoot", 1.0, 1e6), ("weight_floor", 0.0, 10.0)
+            ("penalty", 1.0, 10.0), ("first_penalty", 1.0, 10.0), ("exponent", 0.1, 5.0),
+            ("overshoot", 1.0, 1e6), ("length_term", 0.0, 10.0),
         ):  # fmt: skip
             value = getattr(self, name)
             if not low <= value <= high:
@@ -98,6 +104,8 @@ class ThesisOptions:
             value = getattr(self, name)
             if not 0 < value <= 1:
                 raise OptionError(f"{name} is {value}; it must be above 0 and at most 1")
+        if self.least_density ** max(self.penalty, self.first_penalty) < 1e-15:
+            raise OptionError(f"least_density is {self.least_density}; to the power of penalty {self.penalty:g} it must be at least 1e-15")
         if not self.least_density < self.start:
             raise OptionError(f"start is {self.start} and least_density {self.least_density}; the start must be denser")
         if self.q_threshold >= 0.5:
@@ -178,56 +186,52 @@ class _Run:
     def algorithm_2(self) -> bool:
         """Stages until the heat runs along a single line; whether it does."""
         o = self.options
-        single = False
-        floor = 0.0
-        bound = 0.0
+        p = o.first_penalty
+        self._solve(p)
+        # C* = N_q (3.18); a winding overlap, in which nothing so short fits, gets twice the least compliance there is.
+        bound = max(float(self.structure.zigzag()), 2.0 * self.compliance * o.start**p)
+        length = 0.0
         for stage in range(1, o.stages + 1):
-            p = o.first_penalty if stage == 1 else o.penalty
-            self.rho = np.maximum(self.rho, o.least_density ** (o.penalty / p))
+            self._algorithm_1(stage, p, self.cost**o.exponent + length**o.exponent, bound, stage > 1)  # (3.5)
             if stage == 1:
-                self._solve(p)
-                # C* = N_q (3.18); a winding overlap, where nothing so short fits, gets twice the least compliance there is.
-                bound = max(float(self.structure.zigzag()), 2.0 * self.compliance * o.start**p)
-            else:
-                bound = max(float(np.count_nonzero(self.flux > o.q_threshold)), float(np.square(self.flux).sum()))  # (3.20)
-                self.penalised /= np.maximum(self.flux, o.least_flux)  # (3.21)
-                if stage >= 2:
-                    floor = (FA if stage==2 else 1.0) * o.weight_floor * float(self.cost @ self.flux) / max(float(self.flux.sum()), 1e-300)
-                self._solve(p)
-            weight = np.maximum(self.cost, floor) ** o.exponent  # (3.5)
-            self._algorithm_1(stage, p, weight, bound)
-            if stage == 1:
-                self.soft = self._map(self._potential().astype(np.float32)).astype(np.float32)
+                self.soft = self._soft()
             single = self._is_single()
-            if single or self.solved >= o.max_iterations:
+            if single or stage == o.stages or self.solved >= o.max_iterations:
                 break
+            bound = self._n_flux()  # (3.20)
+            self.penalised /= np.maximum(self.flux, o.least_flux)  # (3.21)
+            p = o.penalty
+            length = (0.1 if stage == 1 else 1.0) * o.length_term * self._mean_cost()
+            self.rho = np.maximum(self.rho, o.least_density)
+            self._solve(p)
         if single and self.solved < o.max_iterations:
             self._harden(stage + 1)
         return single
 
-    def _algorithm_1(self, stage: int, p: float, weight: Floats, bound: float) -> None:
-        """One stage: minimise ρᵀW s.t. C ≤ C*, from the present densities; `weight` without the penalty 1/q."""
+    def _algorithm_1(self, stage: int, p: float, weight: Floats, bound: float, to_single: bool) -> None:
+        """One stage: minimise ρᵀW s.t. C ≤ C* from the present densities until they rest, or the path is a single line.
+
+        `weight` is W without the penalty 1/q of the stages before.
+        """
         o = self.options
         least = o.least_density ** (o.penalty / p)  # the same least conductance for every p
-        mma = MMA(np.full(len(self.rho), least), np.ones(len(self.rho)), MMAOptions(move=o.move,margin=MARGIN))
+        curved = o.asymptotes == "curvature"
+        mma = MMA(np.full(len(self.rho), least), np.ones(len(self.rho)), MMAOptions(move=o.move, margin=_MARGIN if curved else 0.1))
         limit = o.first_iterations if stage == 1 else o.stage_iterations
-        change = flux_change = np.inf
+        change = flux_change = 0.0
         for inner in range(1, limit + 1):
             self._record(stage, float(self.rho @ (weight * self.penalised)), bound, change)
-            at_rest = inner > 2 and change < o.tolerance and flux_change < o.tolerance
-            if at_rest or inner == limit or self.solved >= o.max_iterations or (stage > 1 and self._is_single()):
+            at_rest = inner > 2 and change < o.tolerance * self.rho.max() and flux_change < o.tolerance * self.flux.max()
+            if at_rest or inner == limit or self.solved >= o.max_iterations or (to_single and self._is_single()):
                 return
             before, flux_before = self.rho, self.flux
             sensitivity = -p * np.square(self.flux) / self.rho ** (p + 1)  # (3.13), with q = ρᵖ ΔT
-            asymptotes = (self.rho * ((p - 1) / (p + 1)), self.rho + _FAR) if o.asymptotes == "curvature" else None
-            allowed = max(o.overshoot * bound, self.compliance)
+            asymptotes = (self.rho * ((p - 1.0) / (p + 1.0)), self.rho + _FAR) if curved else None
             new = mma.step(self.rho, weight * self.penalised, self.compliance - bound, sensitivity, asymptotes)
-            for _ in range(_RETREATS):
-                self.rho = new
+            if not self._try(mma, new, p, max(o.overshoot * bound, self.compliance)):
+                self.rho = before
                 self._solve(p)
-                if self.compliance <= allowed or self.solved >= o.max_iterations:
-                    break
-                new = mma.retreat()
+                return
             change = float(np.abs(self.rho - before).max())
             flux_change = float(np.abs(self.flux - flux_before).max())
             kept = self._drop(p)
@@ -235,12 +239,28 @@ class _Run:
                 mma.keep(kept)
                 weight = weight[kept]
 
+    def _try(self, mma: MMA, new: Floats, p: float, allowed: float) -> bool:
+        """Take a step, shortened until its compliance is no more than allowed; whether that succeeded."""
+        for _ in range(_RETREATS):
+            self.rho = new
+            try:
+                self._solve(p)
+            except SolverError:
+                self.compliance = np.inf
+            if self.compliance <= allowed:
+                return True
+            new = mma.retreat()
+        return False
+
     def _harden(self, stage: int) -> None:
         """The last stage: the path is found, and C* = N_q brings its densities to 1."""
-        self._keep(self.flux > 0.5)
         o = self.options
-        bound = float(np.count_nonzero(self.flux > o.q_threshold))
-        self._algorithm_1(stage, o.penalty, self.cost**o.exponent, bound)
+        bound = self._n_flux()  # (3.20)
+        if bound > 0:
+            self._keep(self.flux > 0.5)
+            self.rho = np.maximum(self.rho, o.least_density)
+            self._solve(o.penalty)
+            self._algorithm_1(stage, o.penalty, self.cost**o.exponent, bound, False)
 
     # Formulation 2
 
@@ -250,7 +270,7 @@ class _Run:
         mass = o.mass if o.mass is not None else float(self.structure.zigzag())
         conductivity = np.maximum((np.median(self.cost) / self.cost) ** o.exponent, 1e-9)
         options = OCOptions(move=min(o.move, 0.2), damping=1.0 / (o.penalty + 1.0))
-        change = np.inf
+        change = 0.0
         for step in range(1, o.max_iterations + 1):
             self._solve(o.penalty, conductivity)
             self._record(1, self.compliance, float("nan"), change)
@@ -260,7 +280,7 @@ class _Run:
             sensitivity = -o.penalty * np.square(self.flux) / (conductivity * self.rho ** (o.penalty + 1))
             self.rho = oc_step(self.rho, sensitivity, 1.0, mass, o.least_density, 1.0, options)
             change = float(np.abs(self.rho - before).max())
-        self.soft = self._map(self._potential().astype(np.float32)).astype(np.float32)
+        self.soft = self._soft()
         return self._is_single()
 
     # The state
@@ -270,14 +290,32 @@ class _Run:
         self.flux, self.compliance = self.view.flow(self.conductance)
         self.solved += 1
 
+    def _n_flux(self) -> float:
+        """N_q (3.20); where most of the heat is spread thinner than the threshold, twice the least compliance that the fluxes allow."""
+        counted, reachable = float(np.count_nonzero(self.flux > self.options.q_threshold)), float(np.square(self.flux).sum())
+        return counted if counted >= 0.99 * reachable else 2.0 * reachable
+
+    def _mean_cost(self) -> float:
+        """Mean match cost along the path, weighted by flux."""
+        total = float(self.flux.sum())
+        return float(self.cost @ self.flux) / total if total > 0 else 0.0
+
     def _is_single(self) -> bool:
+        """Whether every flux is 0 or 1, and those that are 1 make up the whole path."""
         threshold = self.options.q_threshold
-        return not np.any((self.flux > threshold) & (self.flux < 1.0 - threshold))
+        if np.any((self.flux > threshold) & (self.flux < 1.0 - threshold)):
+            return False
+        try:
+            self.view.restricted(self.flux > 0.5)
+        except SolverError:
+            return False
+        return True
 
     def _drop(self, p: float) -> Mask | None:
-        """Remove elements that came down to the least density; which ones stay, or None where nothing was removed."""
-        dead = (self.flux < 1e-3) & (self.rho**p < 1e-3)
-        if self.solved < 12 or np.count_nonzero(dead) < 0.1 * len(dead):
+        """Remove the dead elements; which ones stay, or None where nothing was removed."""
+        conductance = self.rho**p
+        dead = (self.flux < _DEAD * self.flux.max()) & (conductance < _DEAD * conductance.max())
+        if self.solved < _SETTLED or np.count_nonzero(dead) < 0.1 * len(dead):
             return None
         try:
             return self._keep(~dead)
@@ -298,7 +336,8 @@ class _Run:
         self.history.append(
             Iteration(
                 stage=stage, objective=objective, compliance=self.compliance, bound=bound,
-                n_flux=int(np.count_nonzero(self.flux > o.q_threshold)), change=change if np.isfinite(change) else o.start, unknowns=self.view.unknowns,
+                n_flux=int(np.count_nonzero(self.flux > o.q_threshold)), change=change,
+                unknowns=self.view.unknowns,
             )
         )  # fmt: skip
         if self.record_frames:
@@ -325,6 +364,9 @@ class _Run:
         result = np.zeros(self.structure.side.shape, values.dtype)
         result.ravel()[self.pixels.pixels] = values
         return self.problem.complete(result)
+
+    def _soft(self) -> npt.NDArray[np.float32]:
+        return self._map(self._potential().astype(np.float32)).astype(np.float32, copy=False)
 
     def best_cut(self) -> Mask:
         """The cheapest labelling that the label potential gives at any of some thresholds; all of them are the same for a single line."""

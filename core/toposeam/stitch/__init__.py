@@ -1,0 +1,1 @@
+"""Placed layers joined into one picture."""

@@ -1,14 +1,15 @@
 """Labels from paths: which patch shows where, after somebody bent the seam by hand.
 
-The paths are arbitrary lines. Two neighbouring pixels are apart where the segment between their centres crosses paths an odd number of times;
-what is still joined is a region, and each region shows one patch. All crossings are exact. Path points are rounded to 1/512 px and pixel
-centres stand 1/1024 px right of and below their true place, so that no point lies on a line between centres; a path right through a centre is
-taken as slightly right of it. What remains is integer arithmetic, hence paths never leak.
+The paths are arbitrary lines. Two neighbouring pixels are apart where the segment between their centres crosses paths an odd number of
+times; what is still joined is a region, and each region shows one patch. All crossings are exact. Path points are rounded to 1/512 px, and
+pixel centres stand 1/1024 px right of and below their true place, so that no point lies on a line between centres; a path right through a
+centre is taken as slightly right of it. What remains is integer arithmetic, hence paths never leak.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +21,8 @@ from toposeam.errors import OptionError, PathError
 from toposeam.vector.polyline import Floats, Ints, Mask, Polyline
 
 Bytes = npt.NDArray[np.uint8]
+Ints32 = npt.NDArray[np.int32]
+Integers = npt.NDArray[np.integer[Any]]
 
 _A, _B, _FREE, _NONE = range(4)
 
@@ -38,8 +41,8 @@ def labels_from_paths(paths: Iterable[Polyline], overlap: Mask, side: Bytes) -> 
     """Divide an overlap along paths.
 
     A region takes the side of the ground it touches; ground across a path speaks for the opposite side. A region that touches no ground is
-    opposite to the region across the path. Ends of open paths that stop within the overlap are extended straight on until they leave it, and if
-    that does not separate the patches, through the overlap's bounding box.
+    opposite to the region across the path. Ends of open paths that stop within the overlap are extended straight on until they leave it,
+    and if that does not separate the patches, through the overlap's bounding box.
 
     Parameters
     ----------
@@ -58,18 +61,18 @@ def labels_from_paths(paths: Iterable[Polyline], overlap: Mask, side: Bytes) -> 
     Raises
     ------
     PathError
-        When the paths do not separate the patches: somewhere a front, a connected stretch along which free pixels border on ground of one side,
-        ends up mostly beside the other patch. (A shorter stretch is let pass: a path that was bent over the edge of the overlap, or that does
-        not end at the very corner where the patches part, still says what is meant.)
+        When the paths do not separate the patches: somewhere a front, a connected stretch along which free pixels border on ground of one
+        side, ends up half or more beside the other patch. (Less is let pass: a path that was bent over the edge of the overlap, or that
+        does not end at the very corner where the patches part, still says what is meant.)
     OptionError
         When `overlap` and `side` do not fit together.
     """
-    overlap, side = np.asarray(overlap, bool), np.asarray(side)
+    overlap, side = np.asarray(overlap, bool), np.asarray(side, np.uint8)
     if overlap.ndim != 2 or overlap.shape != side.shape:
         raise OptionError(f"overlap has shape {overlap.shape} and side {side.shape}; pass two (H, W) arrays of one shape")
-    if side.size and (side.min() < _A or side.max() > _NONE):
-        raise OptionError(f"side has values from {side.min()} to {side.max()}; use 0 (a), 1 (b), 2 (free) and 3 (nothing)")
-    labels = side == _B
+    if side.max(initial=0) > _NONE:
+        raise OptionError(f"side has the value {side.max()}; use 0 (a), 1 (b), 2 (free) and 3 (nothing)")
+    labels: Mask = side == _B
     free = overlap & (side == _FREE)
     rows, columns = np.flatnonzero(free.any(axis=1)), np.flatnonzero(free.any(axis=0))
     if not len(rows):
@@ -80,7 +83,7 @@ def labels_from_paths(paths: Iterable[Polyline], overlap: Mask, side: Bytes) -> 
     box = (slice(top, bottom), slice(left, right))
     ground = np.pad(np.where((side[box] == _FREE) & ~overlap[box], _NONE, side[box]), 1, constant_values=_NONE)
     within = np.pad(overlap[box], 1)
-    outlines = [_outline(path) - (left - 1, top - 1) for path in paths]
+    outlines = [_outline(path) - np.array([left - 1, top - 1]) for path in paths]
     shortage = ""
     for whole_box in (False, True):
         cut = _Cut([_extended(outline, within, whole_box) for outline in outlines], within.shape)
@@ -123,10 +126,8 @@ def _beyond(outline: Floats, within: Mask, whole_box: bool) -> Floats:
     ray = end + distance[:, np.newaxis] * towards
     beside = _BESIDE * np.array([-towards[1], towards[0]])
     inside = _at(within, ray + beside) & _at(within, ray - beside)
-    if whole_box:
-        steps = int(np.flatnonzero(inside)[-1]) + 1 if inside.any() else 0
-    else:
-        steps = int(np.argmin(inside))
+    # The first sample outside, or the one after the last inside; 0 where the end is outside already.
+    steps = int(len(inside) - np.argmax(inside[::-1]) if inside.any() else 0) if whole_box else int(np.argmin(inside))
     return ray[steps : steps + 1] if steps else np.empty((0, 2))
 
 
@@ -152,18 +153,19 @@ class _Cut:
     def __init__(self, outlines: Iterable[Floats], shape: tuple[int, int]) -> None:
         self.right, self.down = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
         height, width = shape
-        for outline in outlines:
-            exact = np.rint(outline * (_UNIT // 2)).astype(np.int64) * 2
-            p, q = exact[:-1], exact[1:]
-            # Upwards segments are turned round, so that "slightly right" is the same side of a segment for both kinds of crossing.
-            upwards = (q[:, 1] < p[:, 1])[:, np.newaxis]
-            p, q = np.where(upwards, q, p), np.where(upwards, p, q)
-            x, y = p.T
-            dx, dy = (q - p).T
-            for row, column in _crossings(x, y, dx, dy, np.zeros(len(p), np.int64), width - 1, height):
-                np.bitwise_xor.at(self.right, (row, column), 1)
-            for column, row in _crossings(y, x, dy, dx, (dx > 0).astype(np.int64), height - 1, width):
-                np.bitwise_xor.at(self.down, (row, column), 1)
+        exact = [np.rint(outline * (_UNIT // 2)).astype(np.int64) * 2 for outline in outlines]
+        if not exact:
+            return
+        p, q = np.concatenate([outline[:-1] for outline in exact]), np.concatenate([outline[1:] for outline in exact])
+        # Upwards segments are turned round, so that "slightly right" is the same side of a segment for both kinds of crossing.
+        upwards = (q[:, 1] < p[:, 1])[:, np.newaxis]
+        p, q = np.where(upwards, q, p), np.where(upwards, p, q)
+        x, y = p.T
+        dx, dy = (q - p).T
+        for row, column in _crossings(x, y, dx, dy, np.zeros(len(p), np.int64), width - 1, height):
+            np.bitwise_xor.at(self.right.ravel(), row * width + column, 1)
+        for column, row in _crossings(y, x, dy, dx, (dx > 0).astype(np.int64), height - 1, width):
+            np.bitwise_xor.at(self.down.ravel(), row * width + column, 1)
 
     def neighbours(self, pixels: Ints) -> tuple[Ints, Ints, Mask]:
         """The four neighbours of each pixel (none on the border of the window): pixel, neighbour (flat), and whether they are apart."""
@@ -183,13 +185,15 @@ def _crossings(u: Ints, v: Ints, du: Ints, dv: Ints, below: Ints, size_u: int, s
     last = np.clip((np.maximum(v, v + dv) - _CENTRE) // _UNIT + 1, 0, size_v)
     count = last - first
     total = np.cumsum(count)
-    parts = np.searchsorted(total, np.arange(_AT_ONCE, int(total[-1]), _AT_ONCE)) if len(total) else []
-    for part in np.split(np.flatnonzero(count), np.searchsorted(np.flatnonzero(count), parts)):
+    crossing = np.flatnonzero(count)
+    ends = np.searchsorted(total[crossing], np.arange(_AT_ONCE, int(count.sum()), _AT_ONCE))
+    for part in np.split(crossing, ends):
         many = count[part]
         segment = np.repeat(part, many)
         j = np.arange(len(segment)) - np.repeat(np.cumsum(many) - many, many) + first[segment]
         along = dv[segment]
-        # The crossing is at u + (centre_j - v) du / dv; its quotient by the pixel's size, rounded down, is i. Sums may wrap, their total fits.
+        # The crossing is at u + (centre_j - v) du / dv, and i is how many pixels that is beyond centre 0, rounded down. Partial sums may
+        # wrap around 64 bits, the total fits.
         numerator = (u[segment] - _CENTRE) * along + (j * _UNIT + _CENTRE - v[segment]) * du[segment]
         i = (numerator * np.sign(along) - below[segment]) // (_UNIT * np.abs(along))
         kept = (i >= 0) & (i < size_u)
@@ -199,39 +203,51 @@ def _crossings(u: Ints, v: Ints, du: Ints, dv: Ints, below: Ints, size_u: int, s
 def _shown(cut: _Cut, ground: Bytes) -> tuple[Mask, str]:
     """Where ``b`` shows on free pixels, and what is wrong with it ("" when nothing is)."""
     free = ground == _FREE
-    region, count = _regions(cut, free)
-    flat_region, flat_ground = region.ravel(), ground.ravel()
+    flat_free, flat_ground = free.ravel(), ground.ravel()
+    node, region, size = _regions(cut, free)
+    count = len(size)
 
     # Contacts of free pixels with the ground, each with the label it speaks for.
     pixel, other, apart = cut.neighbours(np.flatnonzero(free & _beside(ground <= _B)))
     known = flat_ground[other] <= _B
     pixel, other, apart = pixel[known], other[known], apart[known]
-    contact = flat_region[pixel]
+    contact = region[node[pixel]]
     says_b = (flat_ground[other] == _B) != apart
     balance = np.bincount(contact[says_b], minlength=count) - np.bincount(contact[~says_b], minlength=count)
     has_contact = np.bincount(contact, minlength=count) > 0
 
+    # Regions across a path from each other, and through them the labels of those without contact.
     edge, across, apart = cut.neighbours(np.flatnonzero(free & _at_cut(cut)))
-    joined = apart & free.ravel()[across] & (flat_region[edge] != flat_region[across])
-    label = _propagate(balance > 0, has_contact, flat_region[edge[joined]], flat_region[across[joined]], np.bincount(region[free], minlength=count))
-    return free & label[region], _shortage(ground, other, label[contact] == says_b)
+    apart &= flat_free[across]
+    first, second = region[node[edge[apart]]], region[node[across[apart]]]
+    differ = first != second
+    label = _propagate(balance > 0, has_contact, first[differ], second[differ], size)
+
+    shown = np.append(label[region], False)[node].reshape(free.shape)
+    return shown, _shortage(flat_ground, ground.shape[1], other, label[contact] == says_b)
 
 
-def _regions(cut: _Cut, free: Mask) -> tuple[Ints, int]:
-    """The regions of free pixels that paths leave joined: (h, w) ints from 0 (0 elsewhere too), and their number."""
+def _regions(cut: _Cut, free: Mask) -> tuple[Ints32, Ints32, Ints]:
+    """What paths leave joined: the node of each pixel (flat, -1 where not free), the region of each node, and the regions' sizes in px."""
     # Label everything away from the paths at once; the pixels beside a path are nodes of their own, joined in a small graph.
     loose = free & _at_cut(cut)
-    blob, blobs = ndimage.label(free & ~loose)
-    node = blob.astype(np.int64) - 1
+    node, blobs = ndimage.label(free & ~loose, output=np.int32)
+    node = node.ravel()
+    node -= 1
     pixels = np.flatnonzero(loose)
-    node.ravel()[pixels] = np.arange(blobs, blobs + len(pixels))
+    nodes = blobs + len(pixels)
+    node[pixels] = np.arange(blobs, nodes)
     pixel, other, apart = cut.neighbours(pixels)
     joined = ~apart & free.ravel()[other]
-    nodes = blobs + len(pixels)
-    pairs = (node.ravel()[pixel[joined]], node.ravel()[other[joined]])
-    graph = csr_array((np.ones(len(pairs[0]), np.int8), pairs), shape=(nodes, nodes))
-    count, component = connected_components(graph, directed=False)
-    return np.where(free, component[node], 0).astype(np.int64), int(count)
+    region = _components(node[pixel[joined]], node[other[joined]], nodes)
+    return node, region, np.bincount(region, np.bincount(node + 1, minlength=nodes + 1)[1:]).astype(np.int64)
+
+
+def _components(first: Integers, second: Integers, nodes: int) -> Ints32:
+    """The connected component of each node of a graph given by its edges."""
+    graph = csr_array((np.ones(len(first), np.int8), (first, second)), shape=(nodes, nodes))
+    component: Ints32 = connected_components(graph, directed=False)[1]
+    return component
 
 
 def _at_cut(cut: _Cut) -> Mask:
@@ -259,12 +275,11 @@ def _propagate(label: Mask, decided: Mask, first: Ints, second: Ints, size: Ints
     """
     label, decided = label & decided, decided.copy()
     count = len(label)
-    graph = csr_array((np.ones(len(first), np.int8), (first, second)), shape=(count, count))
-    groups, group = connected_components(graph, directed=False)
-    settled = np.bincount(group[decided], minlength=groups) > 0
+    group = _components(first, second, count)
+    settled = np.bincount(group, decided) > 0
     largest_first = np.lexsort((np.arange(count), -size))
-    group_seen, place = np.unique(group[largest_first], return_index=True)
-    decided[largest_first[place[~settled[group_seen]]]] = True
+    groups, place = np.unique(group[largest_first], return_index=True)
+    decided[largest_first[place[~settled[groups]]]] = True
     while True:
         news = decided[first] & ~decided[second]
         if not news.any():
@@ -275,20 +290,21 @@ def _propagate(label: Mask, decided: Mask, first: Ints, second: Ints, size: Ints
         decided[towards] = True
 
 
-def _shortage(ground: Bytes, other: Ints, right: Mask) -> str:
-    """Which front is not separated, in words; `other` are the ground pixels of all contacts, `right` whether each got what it says."""
+def _shortage(ground: Bytes, width: int, other: Ints, right: Mask) -> str:
+    """Which front is not separated, in words; `other` are the (flat) ground pixels of all contacts, `right` whether each got its way."""
     for side, name in ((_A, "a"), (_B, "b")):
-        touched = np.zeros(ground.shape, bool)
-        mine = ground.ravel()[other] == side
-        touched.ravel()[other[mine]] = True
+        mine = ground[other] == side
+        pixels, contact = np.unique(other[mine], return_inverse=True)
         # A front turns corners, so its pixels may touch diagonally.
-        front = ndimage.label(touched, np.ones((3, 3)))[0].ravel()[other[mine]]
-        good, bad = np.bincount(front[right[mine]]), np.bincount(front[~right[mine]])
-        fronts = max(len(good), len(bad))
-        good, bad = np.pad(good, (0, fronts - len(good))), np.pad(bad, (0, fronts - len(bad)))
-        failed = (bad > 0) & (bad >= good)
+        pairs = [
+            np.intersect1d(pixels + step, pixels, assume_unique=True, return_indices=True)[1:] for step in (1, width - 1, width, width + 1)
+        ]
+        first, second = (np.concatenate(ends) for ends in zip(*pairs, strict=True))
+        front = _components(first, second, len(pixels))[contact]
+        total, good = np.bincount(front), np.bincount(front, right[mine])
+        failed = (good < total) & (2 * good <= total)
         if failed.any():
-            worst = int(np.argmax(np.where(failed, bad, 0)))
-            stretch = f"{bad[worst]} of {good[worst] + bad[worst]} px"
+            worst = int(np.argmax(np.where(failed, total - good, 0)))
+            stretch = f"{total[worst] - good[worst]:.0f} of {total[worst]} px"
             return f"along {stretch} of an edge of patch {name} the path leaves its ground on the other patch's side"
     return ""

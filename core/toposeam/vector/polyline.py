@@ -89,23 +89,26 @@ def trace_boundary(labels: Mask, valid: Mask) -> list[Polyline]:
     tail, head, direction = _boundary_edges(labels, valid)
     if not len(tail):
         return []
-    following = _successors(tail, head, direction)
+    chain, begin, closed = _chains(_successors(tail, head, direction))
+    last = np.append(begin[1:], len(chain)) - 1
+    before = np.roll(chain, 1)
+    before[begin] = chain[last]
+    turns = direction[chain] != direction[before]
+    turns[begin] |= ~closed
+    corners = tail[chain]
     width = labels.shape[1] + 1
+    points = np.column_stack([corners % width, corners // width])[turns]
+    ends = head[chain[last]]
+    ends = np.column_stack([ends % width, ends // width])
     polylines = []
-    for chain, closed in _chains(following):
-        turns = direction[chain] != direction[np.roll(chain, 1)]
-        if not closed:
-            turns[0] = True
-        corners = tail[chain[turns]]
-        if not closed:
-            corners = np.append(corners, head[chain[-1]])
-        polylines.append(Polyline(np.column_stack([corners % width, corners // width]), closed))
+    for line, end, is_closed in zip(np.split(points, np.cumsum(turns)[begin[1:] - 1]), ends, closed.tolist(), strict=True):
+        polylines.append(Polyline(line if is_closed else np.concatenate([line, [end]]), is_closed))
     return polylines
 
 
 def _boundary_edges(labels: Mask, valid: Mask) -> tuple[Ints, Ints, Ints]:
     """The boundary's unit edges: corners they leave and reach (flat index, W + 1 to a row), direction; by corner left, then direction."""
-    height, width = labels.shape
+    width = labels.shape[1]
     flat_labels, flat_valid = labels.ravel(), valid.ravel()
     edges = []
     for axis, ahead, back in ((1, _NORTH, _SOUTH), (0, _EAST, _WEST)):
@@ -138,22 +141,22 @@ def _successors(tail: Ints, head: Ints, direction: Ints) -> Ints:
     return following
 
 
-def _chains(following: Ints) -> list[tuple[Ints, bool]]:
-    """The edges in order of travel, path by path, and whether each path is closed."""
+def _chains(following: Ints) -> tuple[Ints, Ints, Mask]:
+    """All edges in order of travel, path after path; where each path begins; whether it is closed."""
     after = following.tolist()
     has_previous = np.zeros(len(after), bool)
     has_previous[following[following >= 0]] = True
-    chains = []
+    open_starts = np.flatnonzero(~has_previous).tolist()
+    chain: list[int] = []
+    begin: list[int] = []
     seen = bytearray(len(after))
-    starts = [(edge, False) for edge in np.flatnonzero(~has_previous).tolist()]
-    starts += [(edge, True) for edge in np.flatnonzero(has_previous).tolist()]
-    for start, closed in starts:
+    for start in (*open_starts, *range(len(after))):
         if seen[start]:
             continue
-        chain, edge = [], start
+        begin.append(len(chain))
+        edge = start
         while edge >= 0 and not seen[edge]:
             seen[edge] = 1
             chain.append(edge)
             edge = after[edge]
-        chains.append((np.array(chain, np.int64), closed))
-    return chains
+    return np.array(chain, np.int64), np.array(begin, np.int64), np.arange(len(begin)) >= len(open_starts)

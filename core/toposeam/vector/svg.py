@@ -115,11 +115,11 @@ def write_svg(
 def read_svg(source: str | bytes | os.PathLike[str], *, size: tuple[int, int] | None = None) -> SvgSeam:
     """The lines of an SVG document, in pixels.
 
-    Paths, lines, polylines, polygons, rectangles, circles and ellipses are read, through groups, layers, transforms and units; what is hidden
-    (``display: none``) or a definition is not. A name is the element's ``<title>``, else its Inkscape label, else its ``id``.
+    Paths, lines, polylines, polygons, rectangles, circles and ellipses are read, through groups, layers, transforms and units; definitions
+    and what is hidden (``display: none``) are not. A name is the element's ``<title>``, else its Inkscape label, else its ``id``.
 
-    One px is 1/96 inch, as SVG has it, with one exception: a document whose width is given in physical units and whose viewBox counts something
-    else is taken to count pixels in the viewBox. GIMP writes such documents, at the picture's own resolution.
+    One px is 1/96 inch, as SVG has it, with one exception: a document whose width is given in physical units and whose viewBox counts
+    something else is taken to count pixels in the viewBox. GIMP writes such documents, at the picture's own resolution.
 
     Parameters
     ----------
@@ -135,8 +135,8 @@ def read_svg(source: str | bytes | os.PathLike[str], *, size: tuple[int, int] | 
     Raises
     ------
     PathError
-        When there is no such file; when it is too large, not XML, not SVG, or declares entities; when it has no path, more than `MOST_POINTS`
-        points, or coordinates that are not finite.
+        When there is no such file; when it is too large, not XML, not SVG, or declares entities; when it has no path, more than
+        `MOST_POINTS` points, or coordinates that are not finite.
     """
     root = _parse(_document(source))
     if _tag(root) != "svg":
@@ -145,12 +145,13 @@ def read_svg(source: str | bytes | os.PathLike[str], *, size: tuple[int, int] | 
     polylines: list[Polyline] = []
     names: list[str] = []
     budget = MOST_POINTS
-    for element, matrix in _drawn(root, to_px):
-        lines = _polylines(element, matrix, budget)
-        budget -= sum(len(line.points) for line in lines)
-        name = _name(element) or f"seam {len(names) + 1}"
-        polylines += lines
-        names += [name] * len(lines)
+    with np.errstate(invalid="ignore", over="ignore"):  # whatever overflows is found not to be finite
+        for element, matrix in _drawn(root, to_px):
+            lines = _polylines(element, matrix, budget)
+            budget -= sum(len(line.points) for line in lines)
+            name = _name(element) or f"seam {len(names) + 1}"
+            polylines += lines
+            names += [name] * len(lines)
     if not polylines:
         raise PathError("the document has no visible path; draw one, or export the path itself, not only the picture")
     return SvgSeam(tuple(polylines), width, height, _metadata(root), tuple(names))
@@ -186,7 +187,7 @@ def _document(source: str | bytes | os.PathLike[str]) -> str | bytes:
                 document = file.read(LARGEST_BYTES + 1)
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or str(error)
-            raise PathError(f"{os.fspath(source)!r} cannot be read ({reason}); check the name of the SVG file") from error
+            raise PathError(f"{os.fspath(source)[:200]!r} cannot be read ({reason}); check the name of the SVG file") from error
     if len(document) > LARGEST_BYTES:
         raise PathError(f"the SVG document is larger than {LARGEST_BYTES // 2**20} MiB; save the path alone, without embedded pictures")
     if not document.strip():
@@ -212,7 +213,7 @@ def _parse(document: str | bytes) -> Any:
         parser.feed(document)
         return parser.close()
     except DefusedXmlException as error:
-        raise PathError("the document declares XML entities or other DTD rules, which can be hostile; save the path as plain SVG") from error
+        raise PathError("the document declares XML entities or DTD rules, which can be hostile; save the path as plain SVG") from error
     except (ParseError, ValueError, LookupError) as error:
         raise PathError(f"the document is not XML ({error}); save or export the path as SVG") from error
 
@@ -311,7 +312,7 @@ def _transform(text: str) -> Floats:
     from svgelements import Matrix
 
     try:
-        m = Matrix(text)
+        m = Matrix(text, ppi=96)
         return np.array([[m.a, m.c, m.e], [m.b, m.d, m.f], [0.0, 0.0, 1.0]], np.float64)
     except (ValueError, TypeError, AttributeError, IndexError, ArithmeticError) as error:
         raise PathError(f"the transform {text[:60]!r} cannot be read; apply or remove it") from error
@@ -332,17 +333,18 @@ _SHAPES = {
 def _polylines(element: Any, matrix: Floats, budget: int) -> list[Polyline]:
     """The lines of one shape in px, at most `budget` points of them."""
     tag = _tag(element)
+    shape = f"<{tag}> {_name(element)!r}"
     try:
         segments = _segments(tag, {key: element.get(key) for key in _SHAPES[tag] if element.get(key)}, budget)
         flattened = _flatten(segments, matrix, budget)
     except PathError:
         raise
     except (ValueError, TypeError, AttributeError, IndexError, ArithmeticError) as error:
-        raise PathError(f"<{tag}> {_name(element) or 'without a name'!r} cannot be read as a path; draw or export it again") from error
+        raise PathError(f"{shape} cannot be read as a path; draw or export it again") from error
     lines = []
     for points, closed in flattened:
         if not np.isfinite(points).all():
-            raise PathError(f"<{tag}> {_name(element) or 'without a name'!r} has coordinates that are not finite numbers; draw or export it again")
+            raise PathError(f"{shape} has coordinates that are not finite numbers; draw or export it again")
         if len(points) > 1 and np.ptp(points, axis=0).any():
             lines.append(Polyline(points, closed))
     return lines
@@ -363,14 +365,17 @@ def _segments(tag: str, geometry: dict[str, str], budget: int) -> Any:
         return svgelements.Path(data)
     kinds = {"line": svgelements.SimpleLine, "rect": svgelements.Rect, "circle": svgelements.Circle, "ellipse": svgelements.Ellipse}
     lengths = {key: _length_px(text)[0] for key, text in geometry.items() if text != "auto"}
+    if any(math.isnan(length) for length in lengths.values()):
+        raise ValueError(f"lengths {geometry}")
     return svgelements.Path(kinds[tag](**lengths))
 
 
 def _count_points(data: str, budget: int) -> int:
-    """How many points path data draws, or something above `budget`, before any is drawn."""
+    """How many points path data draws (a Z counts as one), or something above `budget`, before any is drawn."""
     count, share = 0.0, 1.0
     for token in _TOKEN.finditer(data):
         if token[1]:
+            count += token[1] in "Zz"
             share = 1.0 / _PER_POINT[token[1].upper()]
         else:
             count += share
@@ -381,7 +386,7 @@ def _count_points(data: str, budget: int) -> int:
 
 def _check_count(count: int, budget: int) -> None:
     if count > budget:
-        raise PathError(f"the paths have more than {MOST_POINTS} points; simplify them (in Inkscape: Path, Simplify), or save the seam alone")
+        raise PathError(f"the paths have more than {MOST_POINTS} points; simplify them (Inkscape: Path > Simplify), or save the seam alone")
 
 
 def _flatten(segments: Any, matrix: Floats, budget: int) -> list[tuple[Floats, bool]]:
@@ -427,10 +432,8 @@ def _flatten(segments: Any, matrix: Floats, budget: int) -> list[tuple[Floats, b
             points.append(_xy(segment.end))
         for curve in curves:
             straight()
-            controls = [curve.start, curve.control, curve.end] if isinstance(curve, QuadraticBezier) else [curve.start, curve.control1, curve.control2, curve.end]
-            bent = _bezier(np.array([_xy(point) for point in controls]) @ matrix[:2, :2].T + matrix[:2, 2], budget - count)
-            pieces.append(bent)
-            count += len(bent)
+            pieces.append(_bezier(_controls(curve) @ matrix[:2, :2].T + matrix[:2, 2], budget - count))
+            count += len(pieces[-1])
     finish(False)
     _check_count(sum(len(line) for line, _ in lines), budget)
     return lines
@@ -440,23 +443,30 @@ def _xy(point: Any) -> tuple[float, float]:
     return float(point.x), float(point.y)
 
 
-def _bezier(control: Floats, budget: int) -> Floats:
-    """Points of a Bézier curve after its first one, at equal steps of its parameter, within `FLATNESS_PX` of the curve.
+def _controls(curve: Any) -> Floats:
+    """The four control points of a cubic Bézier curve, or of a quadratic one raised to a cubic."""
+    if hasattr(curve, "control"):
+        start, middle, end = (np.array(_xy(point)) for point in (curve.start, curve.control, curve.end))
+        return np.array([start, start + (middle - start) * (2 / 3), end + (middle - end) * (2 / 3), end])
+    return np.array([_xy(point) for point in (curve.start, curve.control1, curve.control2, curve.end)])
 
-    A chord over a step h is off by at most h² max|B''| / 8, where max|B''| ≤ n (n - 1) max|second differences of the n + 1 control points|.
+
+def _bezier(control: Floats, budget: int) -> Floats:
+    """Points of a cubic Bézier curve after its first one, at equal steps of its parameter, within `FLATNESS_PX` of the curve.
+
+    The curve lies in the hull of its control points: it is straight when they are that close to the chord. Else a chord over a step h is
+    off by at most h² max|B''| / 8, and max|B''| = 6 max|second difference of the control points|.
     """
-    degree = len(control) - 1
+    chord, inner = control[3] - control[0], control[1:3] - control[0]
+    along = np.clip(inner @ chord / max(chord @ chord, np.finfo(float).tiny), 0.0, 1.0)
+    if np.hypot(*(inner - along[:, np.newaxis] * chord).T).max() <= FLATNESS_PX:
+        return control[3:]
     bend = float(np.hypot(*np.diff(control, 2, axis=0).T).max())
     if not math.isfinite(bend):
-        return control[-1:] * math.nan
-    steps = max(1, math.ceil(math.sqrt(degree * (degree - 1) * bend / (8 * FLATNESS_PX))))
+        return np.full((1, 2), math.nan)
+    steps = max(1, math.ceil(math.sqrt(6 * bend / (8 * FLATNESS_PX))))
     _check_count(steps, budget)
     t = np.arange(1, steps + 1)[:, np.newaxis] / steps
-    while len(control) > 2 or control.ndim == 2:
-        # de Casteljau, for all t at once
-        if control.ndim == 2:
-            control = control[:, np.newaxis, :] + np.zeros((1, steps, 1))
-        control = control[:-1] * (1 - t) + control[1:] * t
-        if len(control) == 1:
-            break
-    return control[0]
+    p0, p1, p2, p3 = control
+    points: Floats = (1 - t) ** 3 * p0 + 3 * (1 - t) ** 2 * t * p1 + 3 * (1 - t) * t**2 * p2 + t**3 * p3
+    return points

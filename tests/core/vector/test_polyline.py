@@ -1,0 +1,189 @@
+"""Boundaries of label maps as lines through pixel corners."""
+
+import time
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from toposeam.errors import OptionError, PathError
+from toposeam.vector.polyline import Polyline, trace_boundary
+
+
+def everywhere(labels):
+    return np.ones(labels.shape, bool)
+
+
+def points(polyline):
+    return polyline.points.tolist()
+
+
+def picture(text):
+    """Rows of `#` (True) and anything else (False)."""
+    return np.array([[character == "#" for character in row] for row in text.split()])
+
+
+def test_straight_boundary_is_two_points():
+    labels = np.zeros((4, 6), bool)
+    labels[:, 2:] = True
+    (line,) = trace_boundary(labels, everywhere(labels))
+    assert not line.closed
+    assert points(line) == [[2, 4], [2, 0]]  # upwards: True is on the right
+
+
+def test_step_has_only_its_turning_points():
+    labels = picture("..### ..### .#### .####")
+    (line,) = trace_boundary(labels, everywhere(labels))
+    assert points(line) == [[1, 4], [1, 2], [2, 2], [2, 0]]
+
+
+def test_single_pixel_is_a_closed_clockwise_square():
+    labels = picture("... .#. ...")
+    (line,) = trace_boundary(labels, everywhere(labels))
+    assert line.closed
+    assert points(line) == [[1, 1], [2, 1], [2, 2], [1, 2]]
+
+
+def test_hole_runs_the_other_way_round():
+    labels = ~picture("... .#. ...")
+    (line,) = trace_boundary(labels, everywhere(labels))
+    assert points(line) == [[1, 1], [1, 2], [2, 2], [2, 1]]
+
+
+def test_diagonal_pixels_give_two_paths_that_touch():
+    labels = picture(".... .#.. ..#. ....")
+    lines = trace_boundary(labels, everywhere(labels))
+    assert [points(line) for line in lines] == [[[1, 1], [2, 1], [2, 2], [1, 2]], [[2, 2], [3, 2], [3, 3], [2, 3]]]
+    assert all(line.closed for line in lines)
+
+
+def test_four_way_corner_between_open_paths_does_not_cross():
+    labels = picture("#. .#")
+    lines = trace_boundary(labels, everywhere(labels))
+    assert [points(line) for line in lines] == [[[1, 0], [1, 1], [0, 1]], [[1, 2], [1, 1], [2, 1]]]
+
+
+def test_boundary_stops_where_pixels_are_not_valid():
+    labels = np.zeros((6, 4), bool)
+    labels[:, 2:] = True
+    valid = everywhere(labels)
+    valid[2, 1] = False
+    lines = trace_boundary(labels, valid)
+    assert [points(line) for line in lines] == [[[2, 2], [2, 0]], [[2, 6], [2, 3]]]
+
+
+def test_labels_of_invalid_pixels_do_not_matter():
+    rng = np.random.default_rng(1)
+    labels, valid = rng.random((20, 20)) < 0.5, rng.random((20, 20)) < 0.7
+    first = trace_boundary(labels, valid)
+    second = trace_boundary(labels ^ (~valid & (rng.random((20, 20)) < 0.5)), valid)
+    assert [points(line) for line in first] == [points(line) for line in second]
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (0, 0), (0, 5), (5, 0), (1, 7), (7, 1), (4, 4)])
+def test_uniform_labels_have_no_boundary(shape):
+    for labels in (np.zeros(shape, bool), np.ones(shape, bool)):
+        assert trace_boundary(labels, np.ones(shape, bool)) == []
+
+
+def test_shapes_that_differ_are_refused():
+    with pytest.raises(OptionError, match=r"\(2, 2\).*\(3, 2\)"):
+        trace_boundary(np.zeros((2, 2), bool), np.zeros((3, 2), bool))
+
+
+label_maps = hnp.arrays(bool, st.tuples(st.integers(1, 9), st.integers(1, 9)))
+
+
+def unit_edges(polyline):
+    """The unit edges of a path, directed, as (x, y, dx, dy)."""
+    outline = polyline.outline.astype(int)
+    edges = []
+    for (x, y), (u, v) in pairwise(outline):
+        length = abs(u - x) + abs(v - y)
+        dx, dy = (u - x) // length, (v - y) // length
+        edges += [(x + k * dx, y + k * dy, dx, dy) for k in range(length)]
+    return edges
+
+
+@settings(deadline=None)
+@given(st.data())
+def test_paths_cover_exactly_the_interfaces_that_differ_with_true_on_the_right(data):
+    labels = data.draw(label_maps)
+    valid = data.draw(hnp.arrays(bool, labels.shape))
+    height, width = labels.shape
+    expected = set()
+    for y in range(height):
+        for x in range(1, width):
+            if valid[y, x] and valid[y, x - 1] and labels[y, x] != labels[y, x - 1]:
+                expected.add((x, y + 1, 0, -1) if labels[y, x] else (x, y, 0, 1))
+    for y in range(1, height):
+        for x in range(width):
+            if valid[y, x] and valid[y - 1, x] and labels[y, x] != labels[y - 1, x]:
+                expected.add((x, y, 1, 0) if labels[y, x] else (x + 1, y, -1, 0))
+    traced = [edge for line in trace_boundary(labels, valid) for edge in unit_edges(line)]
+    assert len(traced) == len(set(traced))
+    assert set(traced) == expected
+
+
+@settings(deadline=None)
+@given(label_maps)
+def test_every_point_is_a_turning_point_or_an_end(labels):
+    for line in trace_boundary(labels, np.ones(labels.shape, bool)):
+        outline = np.concatenate([line.outline, line.points[1:2]]) if line.closed else line.points
+        steps = np.sign(np.diff(outline, axis=0))
+        assert not (steps[1:] == steps[:-1]).all(axis=1).any()
+        assert (np.abs(steps).sum(axis=1) == 1).all()
+
+
+@settings(deadline=None)
+@given(label_maps)
+def test_open_paths_end_on_the_border_when_all_pixels_are_valid(labels):
+    height, width = labels.shape
+    for line in trace_boundary(labels, np.ones(labels.shape, bool)):
+        if not line.closed:
+            for x, y in line.points[[0, -1]]:
+                assert x in (0, width) or y in (0, height)
+
+
+@settings(deadline=None)
+@given(label_maps)
+def test_swapped_labels_give_the_same_boundary_reversed(labels):
+    valid = np.ones(labels.shape, bool)
+    forth = {edge for line in trace_boundary(labels, valid) for edge in unit_edges(line)}
+    back = {(x + dx, y + dy, -dx, -dy) for line in trace_boundary(~labels, valid) for x, y, dx, dy in unit_edges(line)}
+    assert forth == back
+
+
+def test_long_seam_in_a_large_map_is_quick():
+    rng = np.random.default_rng(0)
+    across = np.clip(np.cumsum(rng.integers(-3, 4, 4000)) + 2000, 1, 3999)
+    labels = np.arange(4000) >= across[:, np.newaxis]
+    valid = np.ones(labels.shape, bool)
+    started = time.perf_counter()
+    (line,) = trace_boundary(labels, valid)
+    assert time.perf_counter() - started < 2.0  # 0.05 s measured; machines in CI are slow and shared
+    assert np.abs(np.diff(line.points, axis=0)).sum() == 4000 + np.abs(np.diff(across)).sum()
+
+
+def test_polyline_keeps_a_read_only_copy():
+    source = np.array([[0, 0], [1, 2]])
+    line = Polyline(source)
+    source[0] = 9
+    assert points(line) == [[0, 0], [1, 2]]
+    with pytest.raises(ValueError, match="read-only"):
+        line.points[0] = 1
+
+
+def test_closed_polyline_does_not_repeat_its_first_point():
+    line = Polyline([[0, 0], [1, 0], [1, 1], [0, 0]], closed=True)
+    assert points(line) == [[0, 0], [1, 0], [1, 1]]
+    assert line.outline.tolist() == [[0, 0], [1, 0], [1, 1], [0, 0]]
+
+
+@pytest.mark.parametrize("bad", [[], [[0, 0]], [[0, 0, 0], [1, 1, 1]], [1, 2], [[0, 0], [np.nan, 1]], [[0, 0], [np.inf, 1]]])
+def test_polyline_refuses_what_is_not_a_line(bad):
+    with pytest.raises(PathError):
+        Polyline(bad)

@@ -52,6 +52,6 @@ def corner(size: int = 280, patch: int = 160, overlap: int = 40) -> Case:
     mask_a[size - patch + overlap :, size - patch + overlap :] = False
     mask_b[size - patch :, size - patch :] = True
     a, b = np.zeros((size, size, 3)), np.zeros((size, size, 3))
-    a[mask_a] = sky[430:430 + size, 600:600 + size][mask_a]
-    b[size - patch :, size - patch :] = sky[334:334 + patch, 433:433 + patch]
+    a[mask_a] = sky[420 : 420 + size, 640 : 640 + size][mask_a]
+    b[size - patch :, size - patch :] = sky[336 : 336 + patch, 457 : 457 + patch]
     return Case(a=a, b=b, mask_a=mask_a, mask_b=mask_b)

@@ -158,12 +158,8 @@ class _Conductors:
 
 
 def _conductors(tail: Ints, head: Ints, n: int) -> _Conductors:
-    low, high = np.minimum(tail, head), np.maximum(tail, head)
-    proper = np.flatnonzero((low != high) & (low < n))
-    key, inverse = np.unique(low[proper].astype(np.int64) * (n + 2) + high[proper], return_inverse=True)
-    group = np.full(len(tail), -1, np.int32)
-    group[proper] = inverse
-    return _Conductors(n, tail, head, Network(n, (key // (n + 2)).astype(np.int32), (key % (n + 2)).astype(np.int32)), group)
+    network, group = Network(n, tail, head).quotient(np.arange(n + 2))
+    return _Conductors(n, tail, head, network, group)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -300,18 +296,9 @@ class PixelNetwork:
             When the elements do not separate the two sides.
         """
         c = self.conductors
-        graph = coo_array((np.ones(np.count_nonzero(~alive), np.int8), (c.tail[~alive], c.head[~alive])), shape=(c.n + 2, c.n + 2))
-        count, region = connected_components(graph, directed=False)
-        if region[c.n] == region[c.n + 1]:
-            raise SolverError("the elements do not separate the two sides")
-        free = np.ones(count, bool)
-        free[region[c.n :]] = False
-        number = np.empty(count, np.int32)
-        number[free] = np.arange(count - 2, dtype=np.int32)
-        number[region[c.n :]] = count - 2, count - 1
-        node: Ints = number[region].astype(np.int32, copy=False)
+        node = Network(c.n, c.tail, c.head).components(~alive)
         kept = np.flatnonzero(alive & (node[c.tail] != node[c.head]))
-        conductors = _conductors(node[c.tail[kept]], node[c.head[kept]], count - 2)
+        conductors = _conductors(node[c.tail[kept]], node[c.head[kept]], int(node[-1]) - 1)
         return PixelNetwork(self.elements[kept], conductors, self.pixels, node[self.node])
 
 

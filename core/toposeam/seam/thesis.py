@@ -41,6 +41,10 @@ _MARGIN = 0.3
 _DEAD = 1e-3
 #: Solutions before the first elements may leave: until then heat still finds its way across.
 _SETTLED = 12
+#: How uneven densities start out from stage 3 on.
+_UNEVEN = 0.05
+#: Multiples of the golden ratio, modulo 1, never repeat and differ most between neighbours.
+_GOLDEN = 0.6180339887498949
 #: Steps taken back one after the other before an iteration gives up.
 _RETREATS = 8
 #: Where the label potential of several lines is cut; the cheapest cut counts.
@@ -202,6 +206,9 @@ class _Run:
             self.penalised /= np.maximum(self.flux, o.least_flux)  # (3.21)
             p = o.penalty
             length = (0.1 if stage == 1 else 1.0) * o.length_term * self._mean_cost()
+            if stage > 1:
+                # Two branches alike in everything share the heat for ever; a start a little uneven, the same in every run, decides.
+                self.rho = self.rho * (1.0 - _UNEVEN * (self.view.elements * _GOLDEN % 1.0))
             self.rho = np.maximum(self.rho, o.least_density)
             self._solve(p)
         if single and self.solved < o.max_iterations:

@@ -36,6 +36,9 @@ _AT_ONCE = 2**21
 # Ends are extended in steps of _STEP px, and an end lies within the overlap when the ground _BESIDE px to both sides does.
 _STEP, _BESIDE = 0.25, 1 / 16
 
+# A front this short, beside one ten times longer, is a speck in a mask: paths need not go round it.
+_SPECK_PX = 16
+
 
 def labels_from_paths(paths: Iterable[Polyline], overlap: Mask, side: Bytes) -> Mask:
     """Divide an overlap along paths.
@@ -63,7 +66,7 @@ def labels_from_paths(paths: Iterable[Polyline], overlap: Mask, side: Bytes) -> 
     PathError
         When the paths do not separate the patches: somewhere a front, a connected stretch along which free pixels border on ground of one
         side, ends up half or more beside the other patch. (Less is let pass: a path that was bent over the edge of the overlap, or that
-        does not end at the very corner where the patches part, still says what is meant.)
+        does not end at the very corner where the patches part, still says what is meant. So does one that leaves out specks of a mask.)
     OptionError
         When `overlap` and `side` do not fit together.
     """
@@ -302,7 +305,8 @@ def _shortage(ground: Bytes, width: int, other: Ints, right: Mask) -> str:
         first, second = (np.concatenate(ends) for ends in zip(*pairs, strict=True))
         front = _components(first, second, len(pixels))[contact]
         total, good = np.bincount(front), np.bincount(front, right[mine])
-        failed = (good < total) & (2 * good <= total)
+        counts = (total > _SPECK_PX) | (10 * total > total.max(initial=0))
+        failed = counts & (good < total) & (2 * good <= total)
         if failed.any():
             worst = int(np.argmax(np.where(failed, total - good, 0)))
             stretch = f"{total[worst] - good[worst]:.0f} of {total[worst]} px"

@@ -92,7 +92,17 @@ def test_contraction_keeps_the_flux():
     assert (node_map[net.n :] == [smaller.n, smaller.n + 1]).all()
 
 
-def test_contraction_that_joins_the_terminals_is_refused():
+def test_the_quotient_makes_parallel_elements_one_and_leaves_out_those_within_a_group():
+    # Nodes 0 and 1 become one: elements to node 2 are parallel, the one between them is gone, the one between the terminals too.
+    net = network(3, (3, 0), (0, 1), (0, 2), (1, 2), (2, 4), (3, 4))
+    smaller, element_map = net.quotient(np.array([0, 0, 1, 2, 3]))
+    assert smaller.n == 2
+    assert element_map[1] == element_map[5] == -1
+    assert element_map[2] == element_map[3]
+    assert len(smaller.tail) == len(set(element_map) - {-1}) == 3
+
+
+def test_merging_that_joins_the_terminals_is_refused():
     net = network(1, (1, 0), (0, 2))
     with pytest.raises(SolverError, match="join the two terminals"):
         net.components(np.array([True, True]))

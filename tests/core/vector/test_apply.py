@@ -244,6 +244,13 @@ def test_path_that_misses_the_corner_where_the_patches_part_by_a_few_pixels_is_u
     assert not labels[16, 14]
 
 
+def test_path_need_not_go_round_specks_in_a_mask():
+    overlap, side = strip(100, 40)
+    side[10, 30], side[60, 33], side[80, 5] = A, A, B
+    labels = labels_from_paths([drawn([20, 0], [20, 100])], overlap, side)
+    np.testing.assert_array_equal(labels, np.where(side == FREE, np.arange(40) >= np.full((100, 1), 20), side == B))
+
+
 def test_loop_that_touches_no_ground_shows_the_other_patch_and_a_loop_in_it_the_first_again():
     overlap, side = strip(20, 30)
     seam = drawn([25, 0], [25, 20])

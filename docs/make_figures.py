@@ -1,0 +1,366 @@
+"""Draw the gallery: ``python docs/make_figures.py`` writes docs/figures/*.png and the table of numbers in docs/gallery.md.
+
+The seams are found by ``method="thesis"``; what method heat makes of the same pair stands beside them in numbers.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import toposeam as ts
+
+DOCS = Path(__file__).resolve().parent
+sys.path[:0] = [str(DOCS), str(DOCS.parent / "samples")]
+
+import thesis_cases
+from figure_sheet import FAINT, GRAY, SEAM, Sheet, save_png
+from PIL import Image
+from photographs import beside, corner, pairs, photograph
+from thesis_cases import Case
+from toposeam_cli.history_figure import history_figure
+
+FIGURES = DOCS / "figures"
+GALLERY = DOCS / "gallery.md"
+#: Px between the patches where they are shown apart.
+APART = 8
+_MARGIN = 30
+_BLUE = "#24539b"
+_BEGIN, _END = "<!-- numbers: written by make figures -->", "<!-- end of numbers -->"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Joined:
+    """A case with the seams that two methods find."""
+
+    case: Case
+    thesis: ts.Seam
+    heat: ts.Seam
+
+    @classmethod
+    def find(cls, case: Case, cost: ts.MatchCost | None = None) -> Joined:
+        """Both seams, the thesis's with its history."""
+        return cls(case=case, thesis=case.find("thesis", cost=cost, record_frames=True), heat=case.find("heat", cost=cost))
+
+    @property
+    def numbers(self) -> tuple[str, str]:
+        """What the two methods cost, a line each."""
+        thesis, heat = self.thesis, self.heat
+        return (
+            f"thesis: {thesis.optimum_ratio():.4f} × optimum, {thesis.history[-1].stage} stages, {len(thesis.history)} iterations",
+            f"heat: {heat.optimum_ratio():.4f} × optimum, {len(heat.history)} iterations",
+        )
+
+
+def main() -> None:
+    """Draw every figure."""
+    started = time.perf_counter()
+    FIGURES.mkdir(exist_ok=True)
+    rows = [*toy_problem(), *zigzag(), *ell_and_random_colours(), *photographs(), *two_sizes()]
+    hero()
+    write_numbers(rows)
+    total = sum(path.stat().st_size for path in FIGURES.glob("*.png"))
+    print(f"{len(list(FIGURES.glob('*.png')))} figures, {total / 1e6:.1f} MB, in {time.perf_counter() - started:.0f} s: {FIGURES}")
+
+
+# Figures 3.5 to 3.7
+
+
+def toy_problem() -> list[tuple[str, Joined]]:
+    joined = Joined.find(thesis_cases.toy())
+    case, seam = joined.case, joined.thesis
+    sheet = Sheet(1600, 640)
+    patch, grid, top = 72, 130, 90
+    for name, image, y in (("Patch A", case.a, top), ("Patch B", case.b, top + 3 * grid - 3 * patch + 40)):
+        sheet.words(name, _MARGIN, y - 12, va="bottom")
+        _pixel_lines(sheet.picture(image, _MARGIN, y, patch))
+    left = 400
+    sheet.words("Match cost of the 24 elements; gray: $M_{max}$", left, top - 12, va="bottom")
+    axis = sheet.axes(left - 30, top - 30, 3 * grid + 60, 3 * grid + 60)
+    _cost_grid(axis, seam, sheet)
+    left = 980
+    sheet.words("Joined, with the seam", left, top - 12, va="bottom")
+    axis = sheet.picture(case.joined(seam), left, top, grid)
+    _pixel_lines(axis)
+    sheet.seam(axis, seam.paths, 9)
+    corners = [(1, 0), (1, 1), (2, 1), (2, 2), (2, 3)]
+    sheet.words("nodes\n" + ", ".join(str(4 * y + x + 1) for x, y in corners), left + 3 * grid + 30, top, color=GRAY, linespacing=1.5)
+    sheet.words(";   ".join(joined.numbers), _MARGIN, 600, color=GRAY)
+    sheet.save(FIGURES / "fig-3.05-toy-problem.png")
+    _toy_history(seam)
+    return [("3.5 toy problem", joined)]
+
+
+def _pixel_lines(axis: object) -> None:
+    for at in range(4):
+        axis.plot([at, at], [0, 3], color="0.5", linewidth=0.4)
+        axis.plot([0, 3], [at, at], color="0.5", linewidth=0.4)
+
+
+def _elements(seam: ts.Seam, right: npt.NDArray[np.float32], down: npt.NDArray[np.float32]) -> list[tuple[tuple[int, int], tuple[int, int], float]]:
+    """(start, end, value) of each of the 24 elements of the toy problem, from values per interface of its window."""
+    found = [((x, y), (x, y + 1), float(right[y + 1, x])) for y in range(3) for x in range(4)]
+    return found + [((x, y), (x + 1, y), float(down[y, x + 1])) for y in range(4) for x in range(3)]
+
+
+def _lattice(axis: object, margin: float = 0.25) -> None:
+    axis.set_xlim(-margin, 3 + margin)
+    axis.set_ylim(3 + margin, -margin)
+    axis.axis("off")
+
+
+def _cost_grid(axis: object, seam: ts.Seam, sheet: Sheet) -> None:
+    _lattice(axis, 30 / 130)
+    path = {frozenset(pair) for pair in zip(*(lambda p: (p[:-1], p[1:]))([(1, 0), (1, 1), (2, 1), (2, 2), (2, 3)]), strict=True)}
+    for start, end, cost in _elements(seam, seam.problem.right, seam.problem.down):
+        (x0, y0), (x1, y1) = start, end
+        outer = x0 == x1 in (0, 3) or y0 == y1 in (0, 3)
+        on_path = frozenset((start, end)) in path
+        axis.plot([x0, x1], [y0, y1], color="0.85" if outer else SEAM if on_path else "0.45", linewidth=sheet.points(10 if outer else 5), zorder=1)
+        if not outer:
+            axis.text(
+                (x0 + x1) / 2, (y0 + y1) / 2, f"{cost:.2f}", ha="center", va="center", fontsize=sheet.points(20), zorder=2,
+                color=SEAM if on_path else "0.3", bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.2},
+            )  # fmt: skip
+    for y in range(4):
+        for x in range(4):
+            axis.plot(x, y, "o", markersize=sheet.points(38), color="0.13", zorder=3)
+            axis.text(x, y + 0.01, str(4 * y + x + 1), color="white", ha="center", va="center_baseline", fontsize=sheet.points(19), zorder=4)
+
+
+def _toy_history(seam: ts.Seam) -> None:
+    sheet = Sheet(1600, 760)
+    iterations = np.arange(1, len(seam.history) + 1)
+    stages = np.array([record.stage for record in seam.history])
+    objective = np.array([record.objective for record in seam.history])
+    density = np.array([float(frame.down[1, 2]) for frame in seam.frames])
+    for x, values, name, color in (
+        (130, objective, "objective, weighted mass", SEAM),
+        (930, density, r"density ρ$_5$ of element 6–7", _BLUE),
+    ):
+        axis = sheet.axes(x, 80, 620, 270)
+        axis.plot(iterations, values, "o-", color=color, markersize=2, linewidth=1.2)
+        axis.set_xlim(0, len(iterations) + 1)
+        axis.set_xlabel("iteration", fontsize=sheet.points(22), labelpad=3)
+        axis.tick_params(labelsize=sheet.points(20), width=0.5, length=2.5)
+        axis.spines[["top", "right"]].set_visible(False)
+        for start in np.flatnonzero(np.diff(stages)) + 1:
+            axis.axvline(start + 0.5, color="0.85", linewidth=0.8, zorder=0)
+        for stage in np.unique(stages):
+            axis.annotate(
+                f"stage {stage}", (iterations[stages == stage].mean(), 1), xycoords=("data", "axes fraction"), xytext=(0, 3),
+                textcoords="offset points", ha="center", va="bottom", fontsize=sheet.points(20), color=GRAY,
+            )  # fmt: skip
+        sheet.words(name, x, 22, color=color)
+    sheet.figure.axes[0].set_yscale("log")
+    inner = objective[objective < 1e3 * objective[-1]]
+    sheet.figure.axes[0].set_ylim(0.5 * inner.min(), 2 * inner.max())
+    sheet.figure.axes[1].set_ylim(-0.05, 1.1)
+    count = 8
+    shown = np.unique(np.linspace(0, len(seam.frames) - 1, count).round().astype(int))
+    step = (1600 - 2 * _MARGIN) // count
+    for column, index in enumerate(shown):
+        frame = seam.frames[index]
+        axis = sheet.axes(_MARGIN + column * step, 480, step - 20, step - 20)
+        _lattice(axis, 0.15)
+        for start, end, value in _elements(seam, frame.right, frame.down):
+            axis.plot([start[0], end[0]], [start[1], end[1]], color="0.86", linewidth=0.8, zorder=1)
+            if value > 0.02:
+                axis.plot([start[0], end[0]], [start[1], end[1]], color=SEAM, linewidth=4 * value, solid_capstyle="round", zorder=2)
+        sheet.words(f"iteration {frame.iteration}", _MARGIN + column * step + (step - 20) / 2, 480 + step - 6, ha="center", color=GRAY)
+    sheet.save(FIGURES / "fig-3.07-toy-history.png")
+
+
+# Figures 3.11 to 3.14
+
+
+def zigzag() -> list[tuple[str, Joined]]:
+    case = thesis_cases.zigzag()
+    with_gradient = Joined.find(case)
+    without = Joined.find(case, ts.MatchCost(gradient=False))
+    sheet, scale = Sheet(1600, 760), 3
+    _apart(sheet, case, _MARGIN, 210, scale)
+    # The seams are drawn over A's shade, which the joined picture no longer has.
+    over_a = np.where(case.mask_a, case.a, case.b)
+    for x, title, joined in ((650, "with gradient, (2.4)", with_gradient), (1140, "without, (3.22)", without)):
+        sheet.words(title, x, 48, va="bottom", large=True)
+        axis = sheet.picture(over_a, x, 70, scale)
+        sheet.seam(axis, joined.thesis.paths)
+        sheet.picture(case.joined(joined.thesis), x, 70 + 80 * scale + 70, scale)
+        sheet.words("the seam, over patch A", x, 70 + 80 * scale + 10, color=GRAY)
+        sheet.words("joined", x, 70 + 160 * scale + 80, color=GRAY)
+        for line, text in enumerate(joined.numbers):
+            sheet.words(text, x, 666 + 29 * line, color=GRAY)
+    sheet.save(FIGURES / "fig-3.11-zigzag.png")
+    save_png(history_figure(with_gradient.thesis), FIGURES / "fig-3.12-zigzag-history.png")
+    save_png(history_figure(without.thesis), FIGURES / "fig-3.12-zigzag-history-no-gradient.png")
+    return [("3.11 zigzag, with gradient", with_gradient), ("3.11 zigzag, without gradient", without)]
+
+
+def ell_and_random_colours() -> list[tuple[str, Joined]]:
+    ell, colours = Joined.find(thesis_cases.ell()), Joined.find(thesis_cases.random_colours())
+    _three_columns([ell], [3], FIGURES / "fig-3.13-l-shape.png", over_a=True)
+    _three_columns([colours], [3], FIGURES / "fig-3.14-random-colours.png")
+    save_png(history_figure(colours.thesis), FIGURES / "fig-3.14-random-colours-history.png")
+    return [("3.13 L-shape", ell), ("3.14 random colours", colours)]
+
+
+# Figures 3.15 to 3.23
+
+
+def photographs() -> list[tuple[str, Joined]]:
+    found = [(title, Joined.find(case)) for title, case in pairs()]
+    _three_columns([joined for _, joined in found], [2, 5, 5, 4], FIGURES / "fig-3.15-photographs.png")
+    for number, (_, joined) in zip((16, 19, 20, 21), found, strict=True):
+        save_png(history_figure(joined.thesis), FIGURES / f"fig-3.{number}-history.png")
+    first = found[0][1].thesis
+    _densities(first, FIGURES / "fig-3.17-densities.png")
+    save_png(history_figure(first, frames=24, curves=False), FIGURES / "fig-3.18-film-strip.png")
+    return [(f"3.15 {title}", joined) for title, joined in found]
+
+
+def two_sizes() -> list[tuple[str, Joined]]:
+    joined = Joined.find(corner())
+    _three_columns([joined], [2], FIGURES / "fig-3.22-two-sizes.png")
+    save_png(history_figure(joined.thesis), FIGURES / "fig-3.23-history.png")
+    return [("3.22 Hubble deep field", joined)]
+
+
+def _densities(seam: ts.Seam, path: Path) -> None:
+    """Figure 3.17: how many elements have which density at the end of each stage."""
+    last = {frame.stage: frame for frame in seam.frames}
+    chosen = sorted(last)[:2] + sorted(last)[-1:]
+    sheet = Sheet(1600, 430)
+    bins = np.linspace(0, 1, 21)
+    usable = [seam.problem.right > 0, seam.problem.down > 0]
+    for column, stage in enumerate(dict.fromkeys(chosen)):
+        frame = last[stage]
+        values = np.concatenate([values[mask] for values, mask in zip((frame.right, frame.down), usable, strict=True)])
+        axis = sheet.axes(110 + column * 510, 80, 420, 250)
+        counts, _ = np.histogram(np.clip(values, 0, 1), bins)
+        axis.bar(bins[:-1], np.maximum(counts, 0.5), width=0.045, align="edge", color=[SEAM if edge > 0.94 else "0.6" for edge in bins[:-1]], bottom=0)
+        axis.set_yscale("log")
+        axis.set_ylim(0.7, 3e4)
+        axis.set_xlim(-0.02, 1.02)
+        axis.tick_params(labelsize=sheet.points(20), width=0.5, length=2.5)
+        axis.spines[["top", "right"]].set_visible(False)
+        axis.set_xlabel("density", fontsize=sheet.points(22), labelpad=3)
+        if not column:
+            axis.set_ylabel("elements", fontsize=sheet.points(22))
+        sheet.words(f"end of stage {stage}, iteration {frame.iteration}", 110 + column * 510, 20)
+        sheet.words(f"{np.count_nonzero(values > 0.95)} of {len(values)} at 1", 110 + column * 510 + 420, 50, ha="right", color=SEAM)
+    sheet.save(path)
+
+
+def hero() -> None:
+    """Two photographs, the seam between them, the joined picture."""
+    left, right = photograph("motorcycle_left.png"), photograph("motorcycle_right.png")
+    case = beside(left[:, :440], right[:, 240:], 170)
+    seam = case.find()
+    joined = case.joined(seam)
+    height, width, gap, top = 304, 469, 24, 4
+    share = height / case.a.shape[0]
+    apart = round(APART * 2.5) + round(170 * share)
+    sheet = Sheet(2 * gap + 3 * width + apart, height + 60, small=21)
+    patches = ((case.a[:, :440], "A", 0), (case.b[:, 270:], "B", round(270 * share) + apart))
+    for image, name, x in patches:
+        shown = _resized(image, (height, round(image.shape[1] * share)))
+        axis = sheet.picture(shown, x, top)
+        shared = np.zeros(shown.shape[:2], bool)
+        band = round(170 * share)
+        shared[:, -band:] = name == "A"
+        shared[:, :band] |= name == "B"
+        sheet.dashes(axis, shared, np.ones_like(shared))
+        sheet.words(name, x, top + height + 12, color=GRAY)
+    x = width + apart + gap
+    axis = sheet.picture(_resized(joined, (height, width)), x, top)
+    sheet.seam(axis, [ts.Polyline(points=line.points * share, closed=line.closed) for line in seam.paths], 4)
+    sheet.words("the seam that heat finds", x, top + height + 12, color=GRAY)
+    x += width + gap
+    sheet.picture(_resized(joined, (height, width)), x, top)
+    sheet.words("joined: one picture from two cameras", x, top + height + 12, color=GRAY)
+    sheet.save(FIGURES / "hero.png")
+
+
+# What the figures share
+
+
+def _three_columns(found: list[Joined], scales: list[int], path: Path, *, over_a: bool = False) -> None:
+    """A row for each pair: the patches apart, joined with the seam, joined; with `over_a` the seam is drawn over patch A instead."""
+    gap, head, below = 48, 60, 96
+    sizes = [(joined.case.a.shape[0] * scale, joined.case.a.shape[1] * scale) for joined, scale in zip(found, scales, strict=True)]
+    apart = [_apart_size(joined.case, scale) for joined, scale in zip(found, scales, strict=True)]
+    columns = [_MARGIN, _MARGIN + max(size[1] for size in apart) + gap]
+    columns.append(columns[1] + max(size[1] for size in sizes) + gap)
+    heights = [max(size[0], other[0]) + below for size, other in zip(sizes, apart, strict=True)]
+    sheet = Sheet(columns[2] + max(size[1] for size in sizes) + _MARGIN, head + sum(heights))
+    for x, title in zip(columns, ("the two patches", "the seam, over patch A" if over_a else "the seam", "joined"), strict=True):
+        sheet.words(title, x, head - 14, va="bottom", large=True)
+    y = head
+    for joined, scale, height in zip(found, scales, heights, strict=True):
+        case, image = joined.case, joined.case.joined(joined.thesis)
+        _apart(sheet, case, columns[0], y, scale)
+        under = np.where(case.mask_a if case.a.ndim == 2 else case.mask_a[..., np.newaxis], case.a, case.b) if over_a else image
+        sheet.seam(sheet.picture(under, columns[1], y, scale), joined.thesis.paths)
+        sheet.picture(image, columns[2], y, scale)
+        for line, text in enumerate(joined.numbers):
+            sheet.words(text, columns[1], y + image.shape[0] * scale + 10 + 29 * line, color=GRAY)
+        y += height
+    sheet.save(path)
+
+
+def _shift(case: Case) -> tuple[int, int]:
+    """Rows and columns by which B is moved so that the overlap shows in both patches."""
+    shared = case.mask_a & case.mask_b
+    last_row, last_column = (int(np.flatnonzero(case.mask_b.any(axis=axis))[-1]) for axis in (1, 0))
+    thickness = int(shared[:, last_column].sum()), int(shared[last_row].sum())
+    return tuple(px + APART if px else 0 for px in thickness)
+
+
+def _apart_size(case: Case, scale: int) -> tuple[int, int]:
+    down, right = _shift(case)
+    return (case.a.shape[0] + down) * scale, (case.a.shape[1] + right) * scale
+
+
+def _apart(sheet: Sheet, case: Case, x: int, y: int, scale: int) -> None:
+    """The two patches, moved apart so that the overlap shows in both, with its outline."""
+    shared = case.mask_a & case.mask_b
+    for name, image, mask, (down, right) in (("A", case.a, case.mask_a, (0, 0)), ("B", case.b, case.mask_b, _shift(case))):
+        rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+        window = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+        left, top = x + (int(columns[0]) + right) * scale, y + (int(rows[0]) + down) * scale
+        axis = sheet.picture(image[window], left, top, scale, covered=mask[window])
+        sheet.dashes(axis, shared[window], mask[window])
+        sheet.words(f"{name}, {len(columns)} × {len(rows)} px", left, top + len(rows) * scale + 10, color=GRAY)
+
+
+def _resized(image: npt.NDArray[np.float64], shape: tuple[int, int]) -> npt.NDArray[np.uint8]:
+    pixels = Image.fromarray(np.asarray(np.rint(image * 255), np.uint8))
+    return np.asarray(pixels.resize((shape[1], shape[0]), Image.Resampling.LANCZOS))
+
+
+def write_numbers(rows: list[tuple[str, Joined]]) -> None:
+    """Put the table of numbers between its two marks in the gallery page."""
+    lines = [
+        "| figure | overlap, px | thesis: cost ÷ optimum | stages, iterations | heat: cost ÷ optimum | iterations |",
+        "|---|---:|---:|---:|---:|---:|",
+    ]
+    for name, joined in rows:
+        thesis, heat = joined.thesis, joined.heat
+        area = int(thesis.problem.overlap.shared.sum())
+        lines.append(
+            f"| {name} | {area} | {thesis.optimum_ratio():.4f} | {thesis.history[-1].stage}, {len(thesis.history)} "
+            f"| {heat.optimum_ratio():.4f} | {len(heat.history)} |"
+        )
+    text = GALLERY.read_text(encoding="utf-8")
+    before, _, rest = text.partition(_BEGIN)
+    _, _, after = rest.partition(_END)
+    GALLERY.write_text(before + _BEGIN + "\n" + "\n".join(lines) + "\n" + _END + after, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -64,13 +64,14 @@ class Sheet:
         axis.axis("off")
         return axis
 
-    def seam(self, axis: Axes, lines: Iterable[ts.Polyline], width: float = 4.0) -> None:
-        """Lines in the seam's red on a white halo, `width` px wide."""
+    def seam(self, axis: Axes, lines: Iterable[ts.Polyline], width: float = 4.0, *, halo: bool = True) -> None:
+        """Lines in the seam's red, `width` px wide, on a white halo."""
+        effects = [Stroke(linewidth=self.points(2 * width), foreground="white"), Normal()] if halo else []
         for line in lines:
             x, y = line.outline.T
             axis.plot(
                 x, y, color=SEAM, linewidth=self.points(width), solid_joinstyle="miter", solid_capstyle="butt",
-                path_effects=[Stroke(linewidth=self.points(2.2 * width), foreground="white"), Normal()],
+                path_effects=effects,
             )  # fmt: skip
 
     def dashes(self, axis: Axes, inside: npt.NDArray[np.bool_], within: npt.NDArray[np.bool_]) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 import time
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -26,10 +27,12 @@ from toposeam_cli.history_figure import history_figure
 
 FIGURES = DOCS / "figures"
 GALLERY = DOCS / "gallery.md"
-#: Px between the patches where they are shown apart.
-APART = 8
+#: Space between the patches where they are shown apart, in px of the sheet.
+APART = 18
 _MARGIN = 30
 _BLUE = "#24539b"
+#: Column and row of the nodes of the toy problem's seam.
+_TOY_PATH = [(1, 0), (1, 1), (2, 1), (2, 2), (2, 3)]
 _BEGIN, _END = "<!-- numbers: written by make figures -->", "<!-- end of numbers -->"
 
 
@@ -73,23 +76,21 @@ def main() -> None:
 def toy_problem() -> list[tuple[str, Joined]]:
     joined = Joined.find(thesis_cases.toy())
     case, seam = joined.case, joined.thesis
-    sheet = Sheet(1600, 640)
-    patch, grid, top = 72, 130, 90
-    for name, image, y in (("Patch A", case.a, top), ("Patch B", case.b, top + 3 * grid - 3 * patch + 40)):
-        sheet.words(name, _MARGIN, y - 12, va="bottom")
+    sheet, grid, patch, top = Sheet(1600, 640), 144, 58, 84
+    height = 3 * grid
+    for name, image, y in (("Patch A", case.a, top), ("Patch B", case.b, top + height - 3 * patch)):
+        sheet.words(name, _MARGIN, y - 14, va="bottom")
         _pixel_lines(sheet.picture(image, _MARGIN, y, patch))
-    left = 400
-    sheet.words("Match cost of the 24 elements; gray: $M_{max}$", left, top - 12, va="bottom")
-    axis = sheet.axes(left - 30, top - 30, 3 * grid + 60, 3 * grid + 60)
-    _cost_grid(axis, seam, sheet)
-    left = 980
-    sheet.words("Joined, with the seam", left, top - 12, va="bottom")
+    left = 380
+    sheet.words("Match cost of the elements; light gray: $M_{max}$", left, top - 44, va="bottom")
+    _cost_grid(sheet.axes(left - 30, top - 30, height + 60, height + 60), seam, sheet)
+    left = 1010
+    sheet.words("Joined, with the seam", left, top - 44, va="bottom")
     axis = sheet.picture(case.joined(seam), left, top, grid)
     _pixel_lines(axis)
     sheet.seam(axis, seam.paths, 9)
-    corners = [(1, 0), (1, 1), (2, 1), (2, 2), (2, 3)]
-    sheet.words("nodes\n" + ", ".join(str(4 * y + x + 1) for x, y in corners), left + 3 * grid + 30, top, color=GRAY, linespacing=1.5)
-    sheet.words(";   ".join(joined.numbers), _MARGIN, 600, color=GRAY)
+    sheet.words("through nodes " + ", ".join(str(4 * y + x + 1) for x, y in _TOY_PATH), left, top + height + 14, color=GRAY)
+    sheet.words(";   ".join(joined.numbers), _MARGIN, 596, color=GRAY)
     sheet.save(FIGURES / "fig-3.05-toy-problem.png")
     _toy_history(seam)
     return [("3.5 toy problem", joined)]
@@ -114,8 +115,8 @@ def _lattice(axis: object, margin: float = 0.25) -> None:
 
 
 def _cost_grid(axis: object, seam: ts.Seam, sheet: Sheet) -> None:
-    _lattice(axis, 30 / 130)
-    path = {frozenset(pair) for pair in zip(*(lambda p: (p[:-1], p[1:]))([(1, 0), (1, 1), (2, 1), (2, 2), (2, 3)]), strict=True)}
+    _lattice(axis, 30 / 144)
+    path = {frozenset(pair) for pair in pairwise(_TOY_PATH)}
     for start, end, cost in _elements(seam, seam.problem.right, seam.problem.down):
         (x0, y0), (x1, y1) = start, end
         outer = x0 == x1 in (0, 3) or y0 == y1 in (0, 3)
@@ -133,7 +134,7 @@ def _cost_grid(axis: object, seam: ts.Seam, sheet: Sheet) -> None:
 
 
 def _toy_history(seam: ts.Seam) -> None:
-    sheet = Sheet(1600, 760)
+    sheet = Sheet(1600, 720)
     iterations = np.arange(1, len(seam.history) + 1)
     stages = np.array([record.stage for record in seam.history])
     objective = np.array([record.objective for record in seam.history])
@@ -152,7 +153,7 @@ def _toy_history(seam: ts.Seam) -> None:
             axis.axvline(start + 0.5, color="0.85", linewidth=0.8, zorder=0)
         for stage in np.unique(stages):
             axis.annotate(
-                f"stage {stage}", (iterations[stages == stage].mean(), 1), xycoords=("data", "axes fraction"), xytext=(0, 3),
+                f"stage {stage}" if np.count_nonzero(stages == stage) > 0.15 * len(stages) else f"{stage}", (iterations[stages == stage].mean(), 1), xycoords=("data", "axes fraction"), xytext=(0, 3),
                 textcoords="offset points", ha="center", va="bottom", fontsize=sheet.points(20), color=GRAY,
             )  # fmt: skip
         sheet.words(name, x, 22, color=color)
@@ -182,19 +183,22 @@ def zigzag() -> list[tuple[str, Joined]]:
     case = thesis_cases.zigzag()
     with_gradient = Joined.find(case)
     without = Joined.find(case, ts.MatchCost(gradient=False))
-    sheet, scale = Sheet(1600, 760), 3
-    _apart(sheet, case, _MARGIN, 210, scale)
-    # The seams are drawn over A's shade, which the joined picture no longer has.
-    over_a = np.where(case.mask_a, case.a, case.b)
-    for x, title, joined in ((650, "with gradient, (2.4)", with_gradient), (1140, "without, (3.22)", without)):
-        sheet.words(title, x, 48, va="bottom", large=True)
-        axis = sheet.picture(over_a, x, 70, scale)
-        sheet.seam(axis, joined.thesis.paths)
-        sheet.picture(case.joined(joined.thesis), x, 70 + 80 * scale + 70, scale)
-        sheet.words("the seam, over patch A", x, 70 + 80 * scale + 10, color=GRAY)
-        sheet.words("joined", x, 70 + 160 * scale + 80, color=GRAY)
-        for line, text in enumerate(joined.numbers):
-            sheet.words(text, x, 666 + 29 * line, color=GRAY)
+    scale, gap, head = 3, 48, 60
+    step = case.a.shape[1] * scale + gap
+    columns = [_MARGIN + _apart_size(case, scale)[1] + gap + index * step for index in range(3)]
+    sheet = Sheet(columns[-1] + step - gap + _MARGIN, head + case.a.shape[0] * scale + 140)
+    _apart(sheet, case, _MARGIN, head, scale)
+    over_a = _over(case)
+    for x, title, joined in ((columns[0], "with gradient, (2.4)", with_gradient), (columns[1], "without, (3.22)", without)):
+        sheet.words(title, x, head - 14, va="bottom", large=True)
+        sheet.seam(sheet.picture(over_a, x, head, scale), joined.thesis.paths, halo=False)
+        thesis, heat = joined.numbers
+        lines = [*thesis.split(", ", 1), heat]
+        for line, text in enumerate(lines):
+            sheet.words(text, x, head + case.a.shape[0] * scale + 10 + 29 * line, color=GRAY)
+    sheet.words("the two patches", _MARGIN, head - 14, va="bottom", large=True)
+    sheet.words("joined, either way", columns[2], head - 14, va="bottom", large=True)
+    sheet.picture(case.joined(with_gradient.thesis), columns[2], head, scale)
     sheet.save(FIGURES / "fig-3.11-zigzag.png")
     save_png(history_figure(with_gradient.thesis), FIGURES / "fig-3.12-zigzag-history.png")
     save_png(history_figure(without.thesis), FIGURES / "fig-3.12-zigzag-history-no-gradient.png")
@@ -203,8 +207,8 @@ def zigzag() -> list[tuple[str, Joined]]:
 
 def ell_and_random_colours() -> list[tuple[str, Joined]]:
     ell, colours = Joined.find(thesis_cases.ell()), Joined.find(thesis_cases.random_colours())
-    _three_columns([ell], [3], FIGURES / "fig-3.13-l-shape.png", over_a=True)
-    _three_columns([colours], [3], FIGURES / "fig-3.14-random-colours.png")
+    _three_columns([ell], [4], FIGURES / "fig-3.13-l-shape.png", over_a=True)
+    _three_columns([colours], [4], FIGURES / "fig-3.14-random-colours.png")
     save_png(history_figure(colours.thesis), FIGURES / "fig-3.14-random-colours-history.png")
     return [("3.13 L-shape", ell), ("3.14 random colours", colours)]
 
@@ -242,7 +246,7 @@ def _densities(seam: ts.Seam, path: Path) -> None:
         values = np.concatenate([values[mask] for values, mask in zip((frame.right, frame.down), usable, strict=True)])
         axis = sheet.axes(110 + column * 510, 80, 420, 250)
         counts, _ = np.histogram(np.clip(values, 0, 1), bins)
-        axis.bar(bins[:-1], np.maximum(counts, 0.5), width=0.045, align="edge", color=[SEAM if edge > 0.94 else "0.6" for edge in bins[:-1]], bottom=0)
+        axis.bar(bins[:-1], counts, width=0.045, align="edge", color=[SEAM if edge > 0.94 else "0.6" for edge in bins[:-1]])
         axis.set_yscale("log")
         axis.set_ylim(0.7, 3e4)
         axis.set_xlim(-0.02, 1.02)
@@ -252,7 +256,7 @@ def _densities(seam: ts.Seam, path: Path) -> None:
         if not column:
             axis.set_ylabel("elements", fontsize=sheet.points(22))
         sheet.words(f"end of stage {stage}, iteration {frame.iteration}", 110 + column * 510, 20)
-        sheet.words(f"{np.count_nonzero(values > 0.95)} of {len(values)} at 1", 110 + column * 510 + 420, 50, ha="right", color=SEAM)
+        sheet.words(f"{np.count_nonzero(values > 0.95)} at 1", 110 + column * 510 + 420, 50, ha="right", color=SEAM)
     sheet.save(path)
 
 
@@ -262,23 +266,26 @@ def hero() -> None:
     case = beside(left[:, :440], right[:, 240:], 170)
     seam = case.find()
     joined = case.joined(seam)
-    height, width, gap, top = 304, 469, 24, 4
+    height, width, gap, top = 310, 478, 28, 0
     share = height / case.a.shape[0]
-    apart = round(APART * 2.5) + round(170 * share)
-    sheet = Sheet(2 * gap + 3 * width + apart, height + 60, small=21)
+    band = round(170 * share)
+    apart = band + APART
+    sheet = Sheet(2 * gap + 3 * width + apart, height + 52, small=21)
     patches = ((case.a[:, :440], "A", 0), (case.b[:, 270:], "B", round(270 * share) + apart))
     for image, name, x in patches:
         shown = _resized(image, (height, round(image.shape[1] * share)))
         axis = sheet.picture(shown, x, top)
         shared = np.zeros(shown.shape[:2], bool)
-        band = round(170 * share)
-        shared[:, -band:] = name == "A"
-        shared[:, :band] |= name == "B"
+        inside = np.s_[:, -band:] if name == "A" else np.s_[:, :band]
+        shared[inside] = True
         sheet.dashes(axis, shared, np.ones_like(shared))
-        sheet.words(name, x, top + height + 12, color=GRAY)
+        end = x + shown.shape[1]
+        middle = end - band / 2 if name == "A" else x + band / 2
+        sheet.words("overlap", middle, top + height + 12, color=GRAY, ha="center")
+        sheet.words(name, x if name == "A" else end, top + height + 12, ha="left" if name == "A" else "right")
     x = width + apart + gap
     axis = sheet.picture(_resized(joined, (height, width)), x, top)
-    sheet.seam(axis, [ts.Polyline(points=line.points * share, closed=line.closed) for line in seam.paths], 4)
+    sheet.seam(axis, [ts.Polyline(points=line.points * share, closed=line.closed) for line in seam.paths], 3)
     sheet.words("the seam that heat finds", x, top + height + 12, color=GRAY)
     x += width + gap
     sheet.picture(_resized(joined, (height, width)), x, top)
@@ -291,12 +298,12 @@ def hero() -> None:
 
 def _three_columns(found: list[Joined], scales: list[int], path: Path, *, over_a: bool = False) -> None:
     """A row for each pair: the patches apart, joined with the seam, joined; with `over_a` the seam is drawn over patch A instead."""
-    gap, head, below = 48, 60, 96
+    gap, head = 48, 60
     sizes = [(joined.case.a.shape[0] * scale, joined.case.a.shape[1] * scale) for joined, scale in zip(found, scales, strict=True)]
     apart = [_apart_size(joined.case, scale) for joined, scale in zip(found, scales, strict=True)]
     columns = [_MARGIN, _MARGIN + max(size[1] for size in apart) + gap]
     columns.append(columns[1] + max(size[1] for size in sizes) + gap)
-    heights = [max(size[0], other[0]) + below for size, other in zip(sizes, apart, strict=True)]
+    heights = [max(size[0] + 96, other[0] + 66) for size, other in zip(sizes, apart, strict=True)]
     sheet = Sheet(columns[2] + max(size[1] for size in sizes) + _MARGIN, head + sum(heights))
     for x, title in zip(columns, ("the two patches", "the seam, over patch A" if over_a else "the seam", "joined"), strict=True):
         sheet.words(title, x, head - 14, va="bottom", large=True)
@@ -304,8 +311,7 @@ def _three_columns(found: list[Joined], scales: list[int], path: Path, *, over_a
     for joined, scale, height in zip(found, scales, heights, strict=True):
         case, image = joined.case, joined.case.joined(joined.thesis)
         _apart(sheet, case, columns[0], y, scale)
-        under = np.where(case.mask_a if case.a.ndim == 2 else case.mask_a[..., np.newaxis], case.a, case.b) if over_a else image
-        sheet.seam(sheet.picture(under, columns[1], y, scale), joined.thesis.paths)
+        sheet.seam(sheet.picture(_over(case) if over_a else image, columns[1], y, scale), joined.thesis.paths, halo=not over_a)
         sheet.picture(image, columns[2], y, scale)
         for line, text in enumerate(joined.numbers):
             sheet.words(text, columns[1], y + image.shape[0] * scale + 10 + 29 * line, color=GRAY)
@@ -313,26 +319,31 @@ def _three_columns(found: list[Joined], scales: list[int], path: Path, *, over_a
     sheet.save(path)
 
 
-def _shift(case: Case) -> tuple[int, int]:
-    """Rows and columns by which B is moved so that the overlap shows in both patches."""
+def _over(case: Case) -> npt.NDArray[np.float64]:
+    """Patch A laid over patch B: the shade that a seam follows, and that the joined picture no longer has."""
+    return np.where(case.mask_a if case.a.ndim == 2 else case.mask_a[..., np.newaxis], case.a, case.b)
+
+
+def _shift(case: Case, scale: int) -> tuple[int, int]:
+    """How far down and right B is moved, in px of the sheet, so that the overlap shows in both patches."""
     shared = case.mask_a & case.mask_b
     last_row, last_column = (int(np.flatnonzero(case.mask_b.any(axis=axis))[-1]) for axis in (1, 0))
-    thickness = int(shared[:, last_column].sum()), int(shared[last_row].sum())
-    return tuple(px + APART if px else 0 for px in thickness)
+    down, right = (int(count) * scale + APART if count else 0 for count in (shared[:, last_column].sum(), shared[last_row].sum()))
+    return down, right
 
 
 def _apart_size(case: Case, scale: int) -> tuple[int, int]:
-    down, right = _shift(case)
-    return (case.a.shape[0] + down) * scale, (case.a.shape[1] + right) * scale
+    down, right = _shift(case, scale)
+    return case.a.shape[0] * scale + down, case.a.shape[1] * scale + right
 
 
 def _apart(sheet: Sheet, case: Case, x: int, y: int, scale: int) -> None:
     """The two patches, moved apart so that the overlap shows in both, with its outline."""
     shared = case.mask_a & case.mask_b
-    for name, image, mask, (down, right) in (("A", case.a, case.mask_a, (0, 0)), ("B", case.b, case.mask_b, _shift(case))):
+    for name, image, mask, (down, right) in (("A", case.a, case.mask_a, (0, 0)), ("B", case.b, case.mask_b, _shift(case, scale))):
         rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
         window = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-        left, top = x + (int(columns[0]) + right) * scale, y + (int(rows[0]) + down) * scale
+        left, top = x + int(columns[0]) * scale + right, y + int(rows[0]) * scale + down
         axis = sheet.picture(image[window], left, top, scale, covered=mask[window])
         sheet.dashes(axis, shared[window], mask[window])
         sheet.words(f"{name}, {len(columns)} × {len(rows)} px", left, top + len(rows) * scale + 10, color=GRAY)

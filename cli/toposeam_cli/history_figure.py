@@ -265,7 +265,7 @@ def _curves(axis: Any, seam: ts.Seam) -> None:
         at = iterations[stages == stage]
         twin.plot([at[0] - 0.5, at[-1] + 0.5], bound[stages == stage][[0, -1]], color=_COMPLIANCE, linewidth=0.8, alpha=0.5)
         axis.annotate(
-            f"stage {stage}", ((at[0] + at[-1]) / 2, 1), xycoords=("data", "axes fraction"), xytext=(0, 4), textcoords="offset points",
+            f"stage {stage}" if len(at) > 0.06 * len(stages) else f"{stage}", ((at[0] + at[-1]) / 2, 1), xycoords=("data", "axes fraction"), xytext=(0, 4), textcoords="offset points",
             ha="center", va="bottom", fontsize=7.5, color=_GRAY,
         )  # fmt: skip
     twin.plot(iterations, compliance, color=_COMPLIANCE, linestyle=(0, (1, 1.5)), linewidth=1.6)

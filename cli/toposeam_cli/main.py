@@ -4,42 +4,72 @@ from __future__ import annotations
 
 import os
 import sys
+from importlib import import_module
 from typing import Any
 
 import click
 from click.shell_completion import get_completion_class
 
-import toposeam as ts
-from toposeam_cli.compare import compare
-from toposeam_cli.stitch import stitch
+#: Commands that are imported when they are wanted: loading the numerics takes most of a second, and Ctrl-C may come in it.
+_COMMANDS = ("stitch", "compare")
 
 
 class Commands(click.Group):
     """Turns what goes wrong into one sentence on stderr and a non-zero exit code."""
 
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """The names of all commands."""
+        return sorted({*_COMMANDS, *super().list_commands(ctx)})
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command of that name, from the module of that name."""
+        if cmd_name not in _COMMANDS:
+            return super().get_command(ctx, cmd_name)
+        command: click.Command = getattr(import_module(f"toposeam_cli.{cmd_name}"), cmd_name)
+        return command
+
     def invoke(self, ctx: click.Context) -> Any:
         """Run the chosen command."""
+        _never_fail_to_print()
         try:
             return super().invoke(ctx)
-        except ts.TopoSeamError as error:
-            raise click.ClickException(str(error)) from error
-        except MemoryError as error:
-            raise click.ClickException("the pictures do not fit into memory; use smaller ones, or close other programs") from error
         except KeyboardInterrupt:
             click.echo("Interrupted; no file was left unfinished.", err=True)
             ctx.exit(130)
         except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
             raise
         except Exception as error:
-            if os.environ.get("TOPOSEAM_DEBUG"):
-                raise
-            raise click.ClickException(
-                f"something went wrong inside TopoSeam ({type(error).__name__}: {error}); set TOPOSEAM_DEBUG=1 for details and report it"
-            ) from error
+            raise click.ClickException(_sentence(error)) from error
+
+
+def _sentence(error: Exception) -> str:
+    """What to tell the user, on one line."""
+    from toposeam.errors import TopoSeamError
+
+    if isinstance(error, TopoSeamError):
+        text = str(error)
+    elif isinstance(error, MemoryError):
+        text = "the pictures do not fit into memory; use smaller ones, or close other programs"
+    elif isinstance(error, OSError):
+        text = f"the system refused ({error.strerror or error}); free some space, or check the rights and where the output goes"
+    elif os.environ.get("TOPOSEAM_DEBUG"):
+        raise error
+    else:
+        text = f"something went wrong inside TopoSeam ({type(error).__name__}: {error}); set TOPOSEAM_DEBUG=1 for details and report it"
+    # File names may hold line breaks and worse.
+    return "".join(character if character.isprintable() else ascii(character)[1:-1] for character in text)
+
+
+def _never_fail_to_print() -> None:
+    """Let a terminal or pipe that lacks a character, be it in a file name, show an escape instead."""
+    for stream in (sys.stdout, sys.stderr):
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None and stream.errors == "strict":
+            reconfigure(errors="backslashreplace")
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(ts.__version__, prog_name="toposeam")
+@click.version_option(package_name="toposeam", prog_name="toposeam")
 def main() -> None:
     """Join images along seams that heat finds."""
 
@@ -54,16 +84,13 @@ def completion(shell: str) -> None:
     """
     kind = get_completion_class(shell)
     if kind is None:
-        raise ts.OptionError(f"no completion for {shell}")
+        raise click.ClickException(f"there is no completion for {shell}; use bash, zsh or fish")
     try:
         script = kind(main, {}, "toposeam", "_TOPOSEAM_COMPLETE").source()
     except RuntimeError as error:
-        raise ts.OptionError(f"completion for {shell}: {error}") from error
+        raise click.ClickException(f"completion for {shell}: {error}") from error
     click.echo(script)
 
-
-main.add_command(stitch)
-main.add_command(compare)
 
 if __name__ == "__main__":
     sys.exit(main())

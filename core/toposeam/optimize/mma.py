@@ -147,9 +147,7 @@ class MMA:
         self._low = self._high = np.zeros(0)
         self._last: tuple[Floats, Floats, float, Floats] | None = None
 
-    def step(
-        self, x: Floats, df: Floats, constraint: float, dg: Floats, asymptotes: tuple[Floats, Floats] | None = None
-    ) -> Floats:
+    def step(self, x: Floats, df: Floats, constraint: float, dg: Floats, asymptotes: tuple[Floats, Floats] | None = None) -> Floats:
         """The next point.
 
         Parameters

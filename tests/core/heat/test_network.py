@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from toposeam.errors import SolverError
 from toposeam.heat import network as module
 from toposeam.heat.network import Network

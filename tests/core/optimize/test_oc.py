@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from toposeam.errors import OptionError
 from toposeam.optimize.oc import OCOptions, oc_step
 

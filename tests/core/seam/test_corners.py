@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from shapes import SHAPES
+
 from toposeam.errors import SolverError
 from toposeam.seam.corners import OUTERMOST, corner_network, ground_structure, pixel_network
 from toposeam.seam.match_cost import MatchCost, match_cost
@@ -61,7 +62,9 @@ def test_the_three_by_three_example_of_the_thesis():
     assert outermost == {(1, 2), (2, 3), (3, 4), (13, 14), (14, 15), (15, 16), (1, 5), (5, 9), (9, 13), (4, 8), (8, 12), (12, 16)}
 
 
-@pytest.mark.parametrize(("height", "width", "side"), [(60, 15, "right"), (15, 60, "bottom"), (30, 30, "left"), (2, 9, "right"), (1, 7, "right"), (9, 2, "left")])
+@pytest.mark.parametrize(
+    ("height", "width", "side"), [(60, 15, "right"), (15, 60, "bottom"), (30, 30, "left"), (2, 9, "right"), (1, 7, "right"), (9, 2, "left")]
+)
 def test_corners_and_pixels_agree_on_strips(height, width, side):
     structure = strip(height, width, side)
     if not len(structure.cost):  # two pixels wide: nothing to decide
@@ -163,7 +166,7 @@ def test_leaving_out_a_whole_row_is_refused(build):
     structure = strip(20, 9)
     network = build(structure)
     row = structure.first[network.elements] // structure.side.shape[1]
-    with pytest.raises(SolverError, match="do not connect|join the two"):
+    with pytest.raises(SolverError, match=r"do not connect|join the two"):
         network.restricted(row != 8)
 
 

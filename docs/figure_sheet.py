@@ -10,12 +10,13 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
-import toposeam as ts
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import Normal, Stroke
 from PIL import Image
+
+import toposeam as ts
 from toposeam.vector.polyline import trace_boundary
 from toposeam_cli.history_figure import INK
 
@@ -52,7 +53,7 @@ class Sheet:
         return self.figure.add_axes(box)
 
     def picture(self, pixels: npt.NDArray[Any], x: int, y: int, scale: int = 1, covered: npt.NDArray[np.bool_] | None = None) -> Axes:
-        """A picture, each of its pixels `scale` px large; white where it is not covered. The axes' units are its pixels, corners at integers."""
+        """A picture, each of its pixels `scale` px large, white where it is not covered; the axes' units are its pixels."""
         height, width = pixels.shape[:2]
         shown = np.asarray(pixels, float) / (255 if pixels.dtype == np.uint8 else 1)
         if shown.ndim == 2:
@@ -89,7 +90,13 @@ class Sheet:
     def rule(self, x: Sequence[float], y: Sequence[float], color: str | tuple[float, ...] = FAINT, width: float = 2.0) -> None:
         """A line through points."""
         self.figure.add_artist(
-            Line2D([v / self.width for v in x], [1 - v / self.height for v in y], color=color, linewidth=self.points(width), solid_capstyle="butt")
+            Line2D(
+                [v / self.width for v in x],
+                [1 - v / self.height for v in y],
+                color=color,
+                linewidth=self.points(width),
+                solid_capstyle="butt",
+            )
         )
 
     def save(self, path: Path) -> None:

@@ -5,7 +5,6 @@ The seams are found by ``method="thesis"``; what method heat makes of the same p
 
 from __future__ import annotations
 
-import sys
 import time
 from dataclasses import dataclass
 from itertools import pairwise
@@ -13,18 +12,16 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+import thesis_cases
+from figure_sheet import GRAY, SEAM, Sheet, save_png
+from photographs import beside, corner, pairs, photograph
+from PIL import Image
+from thesis_cases import Case
+
 import toposeam as ts
+from toposeam_cli.history_figure import history_figure, plain_numbers, scientific
 
 DOCS = Path(__file__).resolve().parent
-sys.path[:0] = [str(DOCS), str(DOCS.parent / "samples")]
-
-import thesis_cases
-from figure_sheet import FAINT, GRAY, SEAM, Sheet, save_png
-from PIL import Image
-from photographs import beside, corner, pairs, photograph
-from thesis_cases import Case
-from toposeam_cli.history_figure import history_figure
-
 FIGURES = DOCS / "figures"
 GALLERY = DOCS / "gallery.md"
 #: Space between the patches where they are shown apart, in px of the sheet.
@@ -102,7 +99,9 @@ def _pixel_lines(axis: object) -> None:
         axis.plot([0, 3], [at, at], color="0.5", linewidth=0.4)
 
 
-def _elements(seam: ts.Seam, right: npt.NDArray[np.float32], down: npt.NDArray[np.float32]) -> list[tuple[tuple[int, int], tuple[int, int], float]]:
+def _elements(
+    seam: ts.Seam, right: npt.NDArray[np.float32], down: npt.NDArray[np.float32]
+) -> list[tuple[tuple[int, int], tuple[int, int], float]]:
     """(start, end, value) of each of the 24 elements of the toy problem, from values per interface of its window."""
     found = [((x, y), (x, y + 1), float(right[y + 1, x])) for y in range(3) for x in range(4)]
     return found + [((x, y), (x + 1, y), float(down[y, x + 1])) for y in range(4) for x in range(3)]
@@ -121,7 +120,9 @@ def _cost_grid(axis: object, seam: ts.Seam, sheet: Sheet) -> None:
         (x0, y0), (x1, y1) = start, end
         outer = x0 == x1 in (0, 3) or y0 == y1 in (0, 3)
         on_path = frozenset((start, end)) in path
-        axis.plot([x0, x1], [y0, y1], color="0.85" if outer else SEAM if on_path else "0.45", linewidth=sheet.points(10 if outer else 5), zorder=1)
+        axis.plot(
+            [x0, x1], [y0, y1], color="0.85" if outer else SEAM if on_path else "0.45", linewidth=sheet.points(10 if outer else 5), zorder=1
+        )
         if not outer:
             axis.text(
                 (x0 + x1) / 2, (y0 + y1) / 2, f"{cost:.2f}", ha="center", va="center", fontsize=sheet.points(20), zorder=2,
@@ -130,7 +131,9 @@ def _cost_grid(axis: object, seam: ts.Seam, sheet: Sheet) -> None:
     for y in range(4):
         for x in range(4):
             axis.plot(x, y, "o", markersize=sheet.points(38), color="0.13", zorder=3)
-            axis.text(x, y + 0.01, str(4 * y + x + 1), color="white", ha="center", va="center_baseline", fontsize=sheet.points(19), zorder=4)
+            axis.text(
+                x, y + 0.01, str(4 * y + x + 1), color="white", ha="center", va="center_baseline", fontsize=sheet.points(19), zorder=4
+            )
 
 
 def _toy_history(seam: ts.Seam) -> None:
@@ -139,7 +142,7 @@ def _toy_history(seam: ts.Seam) -> None:
     stages = np.array([record.stage for record in seam.history])
     objective = np.array([record.objective for record in seam.history])
     density = np.array([float(frame.down[1, 2]) for frame in seam.frames])
-    for x, values, name, color in (
+    for x, values, title, color in (
         (130, objective, "objective, weighted mass", SEAM),
         (930, density, r"density ρ$_5$ of element 6–7", _BLUE),
     ):
@@ -152,14 +155,18 @@ def _toy_history(seam: ts.Seam) -> None:
         for start in np.flatnonzero(np.diff(stages)) + 1:
             axis.axvline(start + 0.5, color="0.85", linewidth=0.8, zorder=0)
         for stage in np.unique(stages):
+            name = f"stage {stage}" if np.count_nonzero(stages == stage) > 0.15 * len(stages) else f"{stage}"
             axis.annotate(
-                f"stage {stage}" if np.count_nonzero(stages == stage) > 0.15 * len(stages) else f"{stage}", (iterations[stages == stage].mean(), 1), xycoords=("data", "axes fraction"), xytext=(0, 3),
+                name, (iterations[stages == stage].mean(), 1), xycoords=("data", "axes fraction"), xytext=(0, 3),
                 textcoords="offset points", ha="center", va="bottom", fontsize=sheet.points(20), color=GRAY,
             )  # fmt: skip
-        sheet.words(name, x, 22, color=color)
+        sheet.words(title, x, 22, color=color)
     sheet.figure.axes[0].set_yscale("log")
     inner = objective[objective < 1e3 * objective[-1]]
     sheet.figure.axes[0].set_ylim(0.5 * inner.min(), 2 * inner.max())
+    plain_numbers(sheet.figure.axes[0].yaxis)
+    if len(inner) < len(objective):
+        sheet.words(f"↓ from ${scientific(objective.max())}$", 144, 84, color=SEAM)
     sheet.figure.axes[1].set_ylim(-0.05, 1.1)
     count = 8
     shown = np.unique(np.linspace(0, len(seam.frames) - 1, count).round().astype(int))

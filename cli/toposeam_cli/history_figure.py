@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -86,9 +86,7 @@ def history_figure(seam: ts.Seam, suffix: str = ".png", *, frames: int = _FRAMES
     return buffer.getvalue()
 
 
-def film_frame(
-    frame: ts.Frame, shared: npt.NDArray[np.bool_] | None = None, size: tuple[int, int] | None = None
-) -> npt.NDArray[np.uint8]:
+def film_frame(frame: ts.Frame, shared: npt.NDArray[np.bool_] | None = None, size: tuple[int, int] | None = None) -> npt.NDArray[np.uint8]:
     """One frame as a picture: each pixel interface a short line, the redder the denser.
 
     Parameters
@@ -143,7 +141,7 @@ def choose_frames(frames: tuple[ts.Frame, ...], count: int) -> list[ts.Frame]:
     # How much of the heat moved from each frame to the next; densities that all change by one factor move none. The last term is for
     # time, which keeps frames apart that hardly differ.
     shares = [values / max(total, 1e-9) for values, total in zip(drawn, amount, strict=True)]
-    steps = [0.5 * np.abs(after - before).sum() for before, after in zip(shares, shares[1:], strict=False)]
+    steps = [0.5 * np.abs(after - before).sum() for before, after in pairwise(shares)]
     position = np.concatenate([[0.0], np.cumsum(steps)]) + 0.02 * np.arange(len(frames))
     last_of_stage = {frame.stage: index for index, frame in enumerate(frames) if index in visible}
     chosen = sorted(last_of_stage.values())[-count:]
@@ -216,13 +214,12 @@ def _film_strip(figure: Figure, seam: ts.Seam, frames: list[ts.Frame], strip: _S
         placed = list(enumerate(frames[row * strip.columns : (row + 1) * strip.columns]))
         for column, frame in placed:
             x = left + column * (cell_width + _GAP) + (cell_width - strip.picture[1]) // 2
-            axis = figure.add_axes(
-                (x / _WIDTH, 1 - (upper + cell_height) / height, strip.picture[1] / _WIDTH, strip.picture[0] / height)
-            )
+            axis = figure.add_axes((x / _WIDTH, 1 - (upper + cell_height) / height, strip.picture[1] / _WIDTH, strip.picture[0] / height))
             axis.imshow(film_frame(frame, seam.problem.overlap.shared, strip.picture), interpolation="nearest", aspect="auto")
             axis.axis("off")
+            label = f"iteration {frame.iteration}" if cell_width > _LABEL else f"{frame.iteration}"
             figure.text(
-                (x + strip.picture[1] / 2) / _WIDTH, 1 - (upper + cell_height + 8) / height, f"iteration {frame.iteration}" if cell_width > _LABEL else f"{frame.iteration}",
+                (x + strip.picture[1] / 2) / _WIDTH, 1 - (upper + cell_height + 8) / height, label,
                 ha="center", va="top", fontsize=7.5, color="0.2",
             )  # fmt: skip
         for stage, group in groupby(placed, key=lambda item: item[1].stage):
@@ -241,6 +238,10 @@ def _line(x: tuple[float, float], y: tuple[float, float]) -> Any:
 
 
 def _curves(axis: Any, seam: ts.Seam) -> None:
+    if not seam.history:
+        axis.axis("off")
+        axis.text(0.5, 0.5, "no iterations: nothing was left to decide", ha="center", va="center", color=_GRAY, transform=axis.transAxes)
+        return
     ink = tuple(value / 255 for value in INK)
     iterations = np.arange(1, len(seam.history) + 1)
     objective = np.array([record.objective for record in seam.history])
@@ -253,7 +254,7 @@ def _curves(axis: Any, seam: ts.Seam) -> None:
     if objective.max() > highest > 0:
         axis.set_ylim(top=highest, bottom=objective[objective > 0].min() / 2)
         axis.annotate(
-            f"↓ from ${_scientific(objective.max())}$", (0, 1), xycoords="axes fraction", xytext=(6, -4),
+            f"↓ from ${scientific(objective.max())}$", (0, 1), xycoords="axes fraction", xytext=(6, -4),
             textcoords="offset points", ha="left", va="top", fontsize=7.5, color=ink,
         )  # fmt: skip
     axis.set_xlabel("iteration", labelpad=4)
@@ -264,8 +265,9 @@ def _curves(axis: Any, seam: ts.Seam) -> None:
     for stage in np.unique(stages):
         at = iterations[stages == stage]
         twin.plot([at[0] - 0.5, at[-1] + 0.5], bound[stages == stage][[0, -1]], color=_COMPLIANCE, linewidth=0.8, alpha=0.5)
+        label = f"stage {stage}" if len(at) > 0.06 * len(stages) else f"{stage}"
         axis.annotate(
-            f"stage {stage}" if len(at) > 0.06 * len(stages) else f"{stage}", ((at[0] + at[-1]) / 2, 1), xycoords=("data", "axes fraction"), xytext=(0, 4), textcoords="offset points",
+            label, ((at[0] + at[-1]) / 2, 1), xycoords=("data", "axes fraction"), xytext=(0, 4), textcoords="offset points",
             ha="center", va="bottom", fontsize=7.5, color=_GRAY,
         )  # fmt: skip
     twin.plot(iterations, compliance, color=_COMPLIANCE, linestyle=(0, (1, 1.5)), linewidth=1.6)
@@ -274,24 +276,24 @@ def _curves(axis: Any, seam: ts.Seam) -> None:
     for start in np.flatnonzero(np.diff(stages)) + 1:
         axis.axvline(start + 0.5, color="0.8", linewidth=0.8, zorder=0)
     for side in (axis, twin):
-        _plain_numbers(side.yaxis)
+        plain_numbers(side.yaxis)
     axis.set_xlim(0.5, len(iterations) + 0.5)
     for side in (axis, twin):
         side.spines["top"].set_visible(False)
         side.tick_params(which="both", width=0.6, labelsize=8)
 
 
-
-def _plain_numbers(axis: Any) -> None:
-    """Ticks of a logarithmic axis at powers of ten, and where there are few of those at 2 and 5 times them."""
+def plain_numbers(axis: Any) -> None:
+    """Set the ticks of a logarithmic axis at powers of ten, and where there are few of those at 2 and 5 times them."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     low, high = axis.get_view_interval()
     axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 200 * low else (1,)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}" if 0.001 <= value < 1e4 else f"${_scientific(value)}$"))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}" if 0.001 <= value < 1e4 else f"${scientific(value)}$"))
     axis.set_minor_formatter(NullFormatter())
 
 
-def _scientific(value: float) -> str:
+def scientific(value: float) -> str:
+    """A number as mathtext, to one digit: 2·10^{14}."""
     mantissa, exponent = f"{value:.0e}".split("e")
     return f"10^{{{int(exponent)}}}" if mantissa == "1" else f"{mantissa}·10^{{{int(exponent)}}}"

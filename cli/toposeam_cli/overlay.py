@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
 
 import toposeam as ts
 
@@ -27,16 +26,14 @@ def draw_seam(image: npt.NDArray[Any], seam: ts.Seam) -> npt.NDArray[np.uint8]:
     -------
     (H, W, 3) uint8 array
     """
-    height, width = image.shape[:2]
     drawn = to_rgb8(image)
-    beside = np.zeros((height, width), bool)
-    for line in seam.paths:
-        _mark(line, beside)
-    radius = max(0, round(min(height, width) / 500))
-    core = ndimage.distance_transform_edt(~beside) <= radius
-    halo = ndimage.distance_transform_edt(~core) <= max(1, radius)
-    drawn[halo] = _HALO
-    drawn[core] = _LINE
+    visited = [_pixels(line) for line in seam.paths]
+    if not visited:
+        return drawn
+    column, row = np.unique(np.concatenate(visited), axis=0).T
+    radius = max(0, round(min(drawn.shape[:2]) / 500))
+    _stamp(drawn, row, column, radius + max(1, radius), _HALO)
+    _stamp(drawn, row, column, radius, _LINE)
     return drawn
 
 
@@ -49,14 +46,23 @@ def to_rgb8(image: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
     return np.array(np.broadcast_to(scaled, (*scaled.shape[:2], 3)) if scaled.shape[2] == 1 else scaled[..., :3])
 
 
-def _mark(line: ts.Polyline, beside: npt.NDArray[np.bool_]) -> None:
-    """Mark the pixels whose corners the line visits (one pixel of the four around each corner, always the same one)."""
-    points = line.points if not line.closed else np.vstack([line.points, line.points[:1]])
+def _pixels(line: ts.Polyline) -> npt.NDArray[np.intp]:
+    """Column and row, (N, 2), of the pixels whose corners the line visits (one of the four around each corner, always the same one)."""
+    points = line.outline
     steps = np.diff(points, axis=0)
     count = np.maximum(np.ceil(np.abs(steps).max(axis=1)).astype(int), 1)
     start = np.repeat(points[:-1], count, axis=0)
-    share = np.concatenate([np.arange(n) / n for n in count]) if len(count) else np.zeros(0)
+    share = np.concatenate([np.arange(n) / n for n in count])
     dense = np.vstack([start + np.repeat(steps, count, axis=0) * share[:, np.newaxis], points[-1:]])
-    column = np.clip(np.floor(dense[:, 0]).astype(int), 0, beside.shape[1] - 1)
-    row = np.clip(np.floor(dense[:, 1]).astype(int), 0, beside.shape[0] - 1)
-    beside[row, column] = True
+    return np.floor(dense).astype(np.intp)
+
+
+def _stamp(drawn: npt.NDArray[np.uint8], row: npt.NDArray[np.intp], column: npt.NDArray[np.intp], radius: int, colour: npt.NDArray[np.uint8]) -> None:
+    """Colour every pixel of the picture that is within a radius of the given ones."""
+    height, width = drawn.shape[:2]
+    # A corner on the lower or right border of the picture has its pixel beyond.
+    row, column = np.minimum(row, height - 1), np.minimum(column, width - 1)
+    for down in range(-radius, radius + 1):
+        for right in range(-radius, radius + 1):
+            if down**2 + right**2 <= radius**2:
+                drawn[np.clip(row + down, 0, height - 1), np.clip(column + right, 0, width - 1)] = colour

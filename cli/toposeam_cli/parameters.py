@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -56,6 +57,17 @@ class LengthType(click.ParamType):  # type: ignore[type-arg]
         return Length(float(match[1]), percent)
 
 
+class FiniteRange(click.FloatRange):
+    """A number within bounds; NaN and infinity, which pass any comparison or none, are no numbers here."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Parse the text."""
+        number: float = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value!r} is not a finite number", param, ctx)
+        return number
+
+
 FILE = click.Path(path_type=Path)
 
 PLACEMENT: tuple[Callable[[Any], Any], ...] = (
@@ -68,9 +80,9 @@ PLACEMENT: tuple[Callable[[Any], Any], ...] = (
     ),
     click.option("--mask", "avoid", type=FILE, help="Image of the canvas's size; the seam avoids its white pixels."),
     click.option("--no-gradient", is_flag=True, help="Match cost without image gradients, (3.22) instead of (2.4)."),
-    click.option("--core", type=click.FloatRange(0, 1, min_open=True), default=0.5, show_default=True,
+    click.option("--core", type=FiniteRange(0, 1, min_open=True), default=0.5, show_default=True,
                  help="For a picture inside the other: the share of its depth that must show."),
-    click.option("--max-megapixels", type=click.FloatRange(min=0, min_open=True), default=500.0, show_default=True,
+    click.option("--max-megapixels", type=FiniteRange(min=0, min_open=True), default=500.0, show_default=True,
                  help="Refuse larger pictures."),
 )  # fmt: skip
 

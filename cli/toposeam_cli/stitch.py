@@ -51,15 +51,16 @@ def stitch(
         raise ts.OptionError("--history shows iterations, and only the methods heat and thesis iterate; choose one of them or leave it out")
     if formulation is not None and (method != "thesis" or use_seam is not None):
         raise ts.OptionError("--formulation belongs to --method thesis; add that or leave it out")
+    drawing = None if use_seam is None else ts.read_svg(use_seam)
     pair = read_pair(first, second, offset=offset, overlap=overlap, side=side, avoid=avoid, max_megapixels=max_megapixels)
     options: dict[str, Any] = {"gradient": not no_gradient, "core": core, "avoid": pair.avoid}
-    if use_seam is not None:
-        stitched = ts.stitch(pair.layers, use_path=ts.read_svg(use_seam), **options)
+    if drawing is not None:
+        stitched = ts.stitch(pair.layers, use_path=drawing, **options)
     else:
         if formulation is not None:
             options["formulation"] = formulation
-        with _progress(f"joining {first.name} and {second.name}", quiet) as report:
-            stitched = ts.stitch(pair.layers, method=method, record_frames=history is not None, progress=report, **options)
+        with _progress(f"joining {first.name} and {second.name}", quiet) as progress:
+            stitched = ts.stitch(pair.layers, method=method, record_frames=history is not None, progress=progress, **options)
     found = stitched.seams[0]
     # Every result exists before the first file is written.
     documents: list[tuple[Path, bytes]] = []
@@ -69,6 +70,11 @@ def stitch(
         from toposeam_cli.history_figure import history_figure
 
         documents.append((history, history_figure(found, history.suffix)))
+    if as_json:
+        report = json.dumps(summary(found), indent=2)
+    else:
+        height, width = stitched.image.shape[:2]
+        report = f"{output}: {width} × {height} px, {describe(found)}"
     result = dataclasses.replace(pair.pictures[0], pixels=stitched.image, alpha=stitched.alpha)
     write_picture(output, result, force)
     for path, document in documents:
@@ -77,15 +83,12 @@ def stitch(
         write_picture(labels, _plain(stitched.masks[1].astype(np.uint8) * np.uint8(255)), force)
     if overlay is not None:
         write_picture(overlay, _plain(draw_seam(stitched.image, found)), force)
-    if as_json:
-        click.echo(json.dumps(summary(found), indent=2))
-    elif not quiet:
-        height, width = stitched.image.shape[:2]
-        click.echo(f"{output}: {width} × {height} px, {describe(found)}")
+    if as_json or not quiet:
+        click.echo(report)
 
 
 def summary(seam: ts.Seam) -> dict[str, Any]:
-    """What ``--json`` prints."""
+    """What ``--json`` prints. The optimum can take longer to compute than the seam took."""
     ratio = seam.optimum_ratio()
     return {
         "method": seam.method,
@@ -103,10 +106,10 @@ def summary(seam: ts.Seam) -> dict[str, Any]:
 
 def describe(seam: ts.Seam) -> str:
     """One line about a seam for people."""
-    facts = summary(seam)
-    effort = f" in {facts['iterations']} iterations" if facts["iterations"] else ""
-    broken = "; the heat did not settle on a single line, so this is the best cut of what it left" if seam.termination == "iterations exhausted" else ""
-    return f"seam of {facts['length_px']} px by {seam.method}{effort}, cost {facts['ratio']:.4f} × the optimum, {seam.seconds:.2f} s{broken}"
+    length = round(sum(line.length for line in seam.paths))
+    effort = f" in {len(seam.history)} iterations" if seam.history else ""
+    broken = "; the heat did not settle on a single line, so this is the best cut of what it left" if seam.termination == ts.Termination.ITERATIONS else ""
+    return f"seam of {length} px by {seam.method}{effort}, cost {seam.cost:.4g}, {seam.seconds:.2f} s{broken}"
 
 
 def _plain(pixels: Any) -> Picture:

@@ -29,7 +29,7 @@ Ints = npt.NDArray[np.signedinteger[Any]]
 #: Up to this many free nodes a dense factorisation beats setting up a banded one.
 DENSE_NODES = 48
 #: Beyond this half-bandwidth sparse elimination (SuperLU) beats a banded factorisation.
-WIDEST_BAND = 120
+WIDEST_BAND = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,25 +160,47 @@ class _Template:
         ri, rj = rank[i], rank[j]
         low, gap = np.minimum(ri, rj), np.abs(ri - rj)
         self.width = int(gap.max(initial=0))
-        self.rank = rank
         if self.width <= WIDEST_BAND:
             self.kind = "banded"
             self.position = low.astype(np.int64) * (self.width + 1) + gap
+            self.rank = rank
         else:
             self.kind = "sparse"
-            self._compressed(i, j)
+            self.ordered = False
+            self._compressed(np.arange(n, dtype=np.int32))
 
-    def _compressed(self, i: Ints, j: Ints) -> None:
-        """Positions of the elements in compressed columns, diagonal included."""
+    def _compressed(self, rank: Ints) -> None:
+        """Positions of the elements in compressed columns, diagonal included, once the nodes are numbered by rank."""
         n = self.n
-        nodes = np.arange(n)
+        i, j, nodes = rank[self.i], rank[self.j], rank
         rows, columns = np.concatenate([i, j, nodes]), np.concatenate([j, i, nodes])
         place = np.lexsort((rows, columns))
         self.indices = rows[place].astype(np.int32)
         self.indptr = np.searchsorted(columns[place], np.arange(n + 1)).astype(np.int32)
-        slot = np.empty(len(place), np.int64)
-        slot[place] = np.arange(len(place))
-        self.position = slot
+        self.position = np.empty(len(place), np.int64)
+        self.position[place] = np.arange(len(place))
+        self.rank = rank
+
+    def _eliminate(self, inner: Floats, diagonal: Floats, load: Floats) -> Floats:
+        """Solve by SuperLU. The first factorisation finds an elimination order, which the later ones take as it is."""
+        n = self.n
+        data = np.empty(len(self.indices))
+        data[self.position] = np.concatenate([-inner, -inner, diagonal])
+        matrix = csc_array((data, self.indices, self.indptr), shape=(n, n))
+        order = "NATURAL" if self.ordered else "MMD_AT_PLUS_A"
+        try:
+            # One column a panel: the supernodes of these matrices are narrow.
+            factor = splu(matrix, order, diag_pivot_thresh=0.0, relax=8, panel_size=1, options={"SymmetricMode": True})
+        except RuntimeError as error:
+            raise SolverError(f"the heat network cannot be solved: {error}") from error
+        right = np.empty(n)
+        right[self.rank] = load
+        theta: Floats = factor.solve(right)[self.rank]
+        if not self.ordered:
+            self._compressed(factor.perm_c[self.rank].astype(np.int32))
+            self.ordered = True
+        return theta
+
 
     def solve(self, k: Floats) -> Floats:
         n = self.n
@@ -207,14 +229,7 @@ class _Template:
             _check(info)
             theta[:n] = x[self.rank]
         else:
-            data = np.empty(len(self.indices))
-            data[self.position] = np.concatenate([-inner, -inner, diagonal])
-            matrix = csc_array((data, self.indices, self.indptr), shape=(n, n))
-            try:
-                factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-            except RuntimeError as error:
-                raise SolverError(f"the heat network cannot be solved: {error}") from error
-            theta[:n] = factor.solve(load)
+            theta[:n] = self._eliminate(inner, diagonal, load)
         return theta
 
 

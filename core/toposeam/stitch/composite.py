@@ -94,6 +94,8 @@ def stitch(
                 seam = find_seam(image, patch, present, covered, avoid=avoid, progress=report, **options)
         except OverlapError as error:
             raise OverlapError(f"{layer.name} (at {layer.offset[0]},{layer.offset[1]}): {error}") from error
+        if progress is not None:
+            progress(index / (len(layers) - 1))
         seams.append(seam)
         image[seam.labels] = patch[seam.labels]
         alpha[seam.labels] = _put_alpha(layer, canvas)[seam.labels]
@@ -122,19 +124,20 @@ def _channels(layers: Sequence[Layer]) -> int | None:
 
 
 def _put(layer: Layer, canvas: Canvas, channels: int | None) -> tuple[Image, Mask]:
-    """The layer on the canvas, (H, W[, C]), and where it has pixels there."""
+    """The layer on the canvas, (H, W[, C]), and where it has pixels there; elsewhere it is 0, whatever transparent pixels hide."""
     place = canvas.place(layer)
     image = np.zeros(canvas.shape if channels is None else (*canvas.shape, channels), layer.image.dtype)
     source = layer.image if channels is None or layer.image.ndim == 3 else layer.image[..., np.newaxis]
     image[place] = source
     present = np.zeros(canvas.shape, bool)
     present[place] = layer.covered
+    image[~present] = 0
     return image, present
 
 
 def _put_alpha(layer: Layer, canvas: Canvas) -> npt.NDArray[Any]:
     alpha = np.zeros(canvas.shape, layer.image.dtype)
-    alpha[canvas.place(layer)] = _opaque(layer.image.dtype) if layer.alpha is None else layer.alpha
+    alpha[canvas.place(layer)] = _opaque(layer.image.dtype) if layer.alpha is None else np.where(layer.covered, layer.alpha, 0)
     return alpha
 
 

@@ -19,7 +19,8 @@ class Layer:
 
     #: (H, W) or (H, W, C), integer or float, colour only.
     image: Image
-    #: (H, W), same dtype as the image: opacity; None means opaque. The layer has pixels where it is above 0.
+    #: (H, W), same dtype as the image: opacity, up to that dtype's full scale (1 for floats); None means opaque. The layer has pixels
+    #: where it is above 0.
     alpha: npt.NDArray[Any] | None = None
     #: Column and row of the layer's upper left pixel, in px; may be negative.
     offset: tuple[int, int] = (0, 0)
@@ -31,6 +32,10 @@ class Layer:
             raise ImageError(f"{self.name} has shape {self.image.shape}; a layer needs a non-empty (H, W) or (H, W, C) image")
         if self.alpha is not None and self.alpha.shape != self.image.shape[:2]:
             raise ImageError(f"{self.name}: alpha has shape {self.alpha.shape}, the image {self.image.shape[:2]}; pass one value per pixel")
+        if self.alpha is not None and self.alpha.dtype != self.image.dtype:
+            raise ImageError(f"{self.name}: alpha is {self.alpha.dtype} and the image {self.image.dtype}; convert it, full scale to full scale")
+        if len(self.offset) != 2 or not all(isinstance(value, int | np.integer) for value in self.offset):
+            raise OptionError(f"{self.name}: offset is {self.offset}; give two whole numbers of px, column and row")
 
     @property
     def covered(self) -> Mask:

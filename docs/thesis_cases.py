@@ -1,4 +1,4 @@
-"""The constructed cases of the thesis's chapter 3, used by the gallery (docs/make_figures.py) and by the tests.
+"""The constructed cases of the thesis's chapter 3, drawn by make_figures.py and checked by tests/core/seam/test_thesis_cases.py.
 
 Each is a pair of patches on one canvas, with the boundary that the seam is meant to follow where the case plants one.
 """
@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
+
 import toposeam as ts
 
 Floats = npt.NDArray[np.float64]
@@ -16,6 +17,9 @@ Mask = npt.NDArray[np.bool_]
 
 #: Overlap of the patches of Figures 3.11 to 3.14, in px.
 OVERLAP = 20
+
+_GROUND, _SHADE = 0.85, 0.45
+_DRAWN_TO_EDGES = ts.MatchCost(flat=100.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,13 +58,14 @@ def toy() -> Case:
 def zigzag() -> Case:
     """Figure 3.11: patches of one colour, 80 × 80 px, but in the overlap ``a`` is shaded beyond a zigzag line.
 
-    ``flat`` and ``epsilon`` say what (2.4) costs where it is 0/0, on the plain ground: more than along the edge of the shade.
+    Where the ground is plain (2.4) is 0/0. The thesis does not say what that costs; its seam along the shade needs it to cost more than the
+    edge does. With contrast d the edge costs (d + ε flat)/(d + ε) and one pixel off it ε flat/(d/2 + ε), so flat must exceed 2 + d/ε = 22.
     """
     a, b, mask_a, mask_b = _side_by_side()
     edge = 70 + _teeth(np.arange(80), period=32, height=12)
     shade = (np.arange(140) >= edge[:, np.newaxis]) & mask_a
-    a[shade] = 0.45
-    return Case(a=a, b=b, mask_a=mask_a, mask_b=mask_b, cost=ts.MatchCost(flat=100.0), planted=(shade | ~mask_a) & mask_b)
+    a[shade] = _SHADE
+    return Case(a=a, b=b, mask_a=mask_a, mask_b=mask_b, cost=_DRAWN_TO_EDGES, planted=(shade | ~mask_a) & mask_b)
 
 
 def ell() -> Case:
@@ -73,13 +78,13 @@ def ell() -> Case:
     depth, along = np.minimum(x, y) - 60, np.maximum(x, y) - 60
     edge = 10 + np.where(along < 20, 0, _teeth(along - 12, period=32, height=10))
     shade = (depth >= edge) & mask_a
-    a[shade] = 0.45
-    return Case(a=a, b=b, mask_a=mask_a, mask_b=mask_b, cost=ts.MatchCost(flat=100.0), planted=(shade | ~mask_a) & mask_b)
+    a[shade] = _SHADE
+    return Case(a=a, b=b, mask_a=mask_a, mask_b=mask_b, cost=_DRAWN_TO_EDGES, planted=(shade | ~mask_a) & mask_b)
 
 
 def random_colours(seed: int = 0) -> Case:
-    """Figure 3.14: patches of random colours within a narrow range, with one shaded area in the overlap of both, whose outline turns back."""
-    a_plain, b_plain, mask_a, mask_b = _side_by_side()
+    """Figure 3.14: patches of random colours within a narrow range; both have the same shade in the overlap, whose outline turns back."""
+    _, _, mask_a, mask_b = _side_by_side()
     rng = np.random.default_rng(seed)
     shade = np.zeros(mask_a.shape, bool)
     # The outline goes down, left, up again, left and down: the seam has to turn back.
@@ -89,11 +94,7 @@ def random_colours(seed: int = 0) -> Case:
     light, dark = np.array([0.93, 0.80, 0.62]), np.array([0.20, 0.42, 0.58])
     base = np.where(shade[..., np.newaxis], dark, light)
     a, b = (np.where(mask[..., np.newaxis], base + rng.uniform(-0.05, 0.05, base.shape), 0.0) for mask in (mask_a, mask_b))
-    del a_plain, b_plain
     return Case(a=a, b=b, mask_a=mask_a, mask_b=mask_b, planted=(shade | ~mask_a) & mask_b)
-
-
-_GROUND = 0.85
 
 
 def _teeth(along: npt.NDArray[np.int_], period: int, height: int) -> npt.NDArray[np.int_]:

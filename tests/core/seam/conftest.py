@@ -1,0 +1,8 @@
+"""The thesis's cases live in docs/, beside the gallery that draws them."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).parents[3] / "docs"))

@@ -166,7 +166,7 @@ def _toy_history(seam: ts.Seam) -> None:
     sheet.figure.axes[0].set_ylim(0.5 * inner.min(), 2 * inner.max())
     plain_numbers(sheet.figure.axes[0].yaxis)
     if len(inner) < len(objective):
-        sheet.words(f"↓ from ${scientific(objective.max())}$", 144, 84, color=SEAM)
+        sheet.words(f"up to ${scientific(objective.max())}$", 144, 84, color=SEAM)
     sheet.figure.axes[1].set_ylim(-0.05, 1.1)
     count = 8
     shown = np.unique(np.linspace(0, len(seam.frames) - 1, count).round().astype(int))

@@ -167,16 +167,17 @@ class _Strip:
 
     @classmethod
     def fitting(cls, frames: list[ts.Frame]) -> _Strip:
-        """The number of columns at which frames come out largest."""
+        """The number of columns at which frames come out largest, and rather without a gap in the last row."""
         shape = film_frame(frames[0]).shape[:2]
-        best: _Strip | None = None
+        best, best_score = None, 0.0
         for rows in range(1, len(frames) + 1):
             columns = -(-len(frames) // rows)
             width = (_WIDTH - 2 * _MARGIN - (columns - 1) * _GAP) // columns
             height = max(24, _STRIP // rows - cls.head - cls.foot)
             picture = _fitted(shape, (height, width))
-            if best is None or picture[0] > 1.1 * best.picture[0]:
-                best = cls(columns=columns, rows=rows, cell=(picture[0], width), picture=picture)
+            score = picture[0] * (1.0 if rows * columns == len(frames) else 0.7)
+            if score > 1.1 * best_score:
+                best, best_score = cls(columns=columns, rows=rows, cell=(picture[0], width), picture=picture), score
         assert best is not None  # noqa: S101 - there is at least one frame
         return best
 
@@ -254,7 +255,7 @@ def _curves(axis: Any, seam: ts.Seam) -> None:
     if objective.max() > highest > 0:
         axis.set_ylim(top=highest, bottom=objective[objective > 0].min() / 2)
         axis.annotate(
-            f"↓ from ${scientific(objective.max())}$", (0, 1), xycoords="axes fraction", xytext=(6, -4),
+            f"up to ${scientific(objective.max())}$", (0, 1), xycoords="axes fraction", xytext=(6, -4),
             textcoords="offset points", ha="left", va="top", fontsize=7.5, color=ink,
         )  # fmt: skip
     axis.set_xlabel("iteration", labelpad=4)

@@ -133,7 +133,7 @@ def _check_files(*, output: Path, force: bool, seam: Path | None, labels: Path |
 @contextmanager
 def _progress(label: str, quiet: bool) -> Iterator[Callable[[float], None] | None]:
     """A progress bar on a terminal, nothing in a pipe."""
-    if quiet or not sys.stderr.isatty():
+    if quiet or not (sys.stderr and sys.stderr.isatty()):  # there is none when it was closed
         yield None
         return
     with click.progressbar(length=1000, label=label, file=sys.stderr) as bar:

@@ -15,11 +15,15 @@ from toposeam.heat.network import Floats, Ints, Network
 from toposeam.images import Mask
 from toposeam.seam.relaxation import convex_step, typical_flux
 
-#: Networks up to this many free nodes are solved as they are.
-DIRECT_NODES = 30_000
+#: Overlaps with up to this many free pixels are solved whole.
+WHOLE_NODES = 30_000
 
-#: Convex steps on each coarse network.
-STEPS = 10
+#: Coarse networks up to this many free nodes are not made coarser still.
+COARSEST_NODES = 12_000
+
+#: Convex steps on each coarse network: at least so many, at most so many, and until the typical flux has grown to this.
+STEPS = (10, 30)
+GATHERED = 0.2
 
 #: Interfaces with at least this share of the typical flux stay open on the next finer level.
 OPEN_SHARE = 0.05
@@ -46,7 +50,7 @@ def restrict(network: Network, weight: Floats, size: Floats | None = None) -> tu
     """
     n = network.n
     same = network, weight, np.ones(len(weight)), np.arange(n + 2, dtype=np.int32)
-    if n <= DIRECT_NODES:
+    if n <= (WHOLE_NODES if size is None else COARSEST_NODES):
         return same
     if size is None:
         size = np.ones(n + 2)
@@ -57,9 +61,11 @@ def restrict(network: Network, weight: Floats, size: Floats | None = None) -> tu
     coarse_weight = _sum(weight, element_map, len(coarse.tail))
     small, small_weight, _, small_map = restrict(coarse, coarse_weight, np.bincount(parent, size, coarse.n + 2).astype(np.float64))
     strength = np.ones(len(small_weight))
-    for _ in range(STEPS):
+    for step in range(1, STEPS[1] + 1):
         potential = small.solve(small_weight / strength)
         flux = small.difference(potential)
+        if step >= STEPS[0] and typical_flux(small_weight, flux) >= GATHERED:
+            break
         strength = convex_step(strength, flux)
     threshold = OPEN_SHARE * typical_flux(small_weight, flux)
     level = potential[small_map]

@@ -18,16 +18,17 @@ from toposeam_cli.placing import read_pair
 @click.option("--method", "methods", type=click.Choice(ts.METHODS), multiple=True, help="Only this method; may be repeated.")
 @click.option("--json", "as_json", is_flag=True, help="Print the table as JSON.")
 def compare(
-    first: Path, second: Path, offset: Any, overlap: Any, side: str, avoid: Path | None, no_gradient: bool, core: float, max_megapixels: float,
-    methods: tuple[ts.Method, ...], as_json: bool,
+    first: Path, second: Path, offset: Any, overlap: Any, side: str, avoid: Path | None, no_gradient: bool, core: float,
+    max_megapixels: float, methods: tuple[ts.Method, ...], as_json: bool,
 ) -> None:  # fmt: skip
     """Find the seam between A and B with every method: cost, cost ÷ optimum, seconds.
 
     \b
     toposeam compare left.png right.png --overlap 25%
-    """
+    """  # noqa: D301 - click wants the character
     pair = read_pair(first, second, offset=offset, overlap=overlap, side=side, avoid=avoid, max_megapixels=max_megapixels)
     rows: list[dict[str, Any]] = []
+    optimum: float | None = None  # the same for every method, and slow to compute
     for method in methods or ts.METHODS:
         row: dict[str, Any] = {"method": method}
         try:
@@ -39,7 +40,9 @@ def compare(
                 raise
             row["note"] = str(error)
         else:
-            row |= {"cost": seam.cost, "ratio": seam.optimum_ratio(), "seconds": seam.seconds, "iterations": len(seam.history)}
+            if optimum is None:
+                optimum = seam.cost / seam.optimum_ratio()
+            row |= {"cost": seam.cost, "ratio": seam.cost / optimum, "seconds": seam.seconds, "iterations": len(seam.history)}
             if seam.termination == ts.Termination.ITERATIONS:
                 row["note"] = "no single line"
         rows.append(row)

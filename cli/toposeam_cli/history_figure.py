@@ -36,8 +36,8 @@ _GAP = 12
 _CURVES = 330
 _STRIP = 820
 _LABEL = 110
-#: Decades of the objective shown above its last value; a weight of M_max, 10^12, would flatten the rest.
-_DECADES = 2
+#: Decades of the objective shown above its last value; what is higher would flatten the rest.
+_DECADES = 3
 
 Floats32 = npt.NDArray[np.float32]
 

@@ -81,7 +81,7 @@ def completion(shell: str) -> None:
 
     \b
     toposeam completion bash > ~/.local/share/bash-completion/completions/toposeam
-    """
+    """  # noqa: D301 - click wants the character
     kind = get_completion_class(shell)
     if kind is None:
         raise click.ClickException(f"there is no completion for {shell}; use bash, zsh or fish")

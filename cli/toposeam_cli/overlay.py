@@ -54,10 +54,13 @@ def _pixels(line: ts.Polyline) -> npt.NDArray[np.intp]:
     start = np.repeat(points[:-1], count, axis=0)
     share = np.concatenate([np.arange(n) / n for n in count])
     dense = np.vstack([start + np.repeat(steps, count, axis=0) * share[:, np.newaxis], points[-1:]])
-    return np.floor(dense).astype(np.intp)
+    pixels: npt.NDArray[np.intp] = np.floor(dense).astype(np.intp)
+    return pixels
 
 
-def _stamp(drawn: npt.NDArray[np.uint8], row: npt.NDArray[np.intp], column: npt.NDArray[np.intp], radius: int, colour: npt.NDArray[np.uint8]) -> None:
+def _stamp(
+    drawn: npt.NDArray[np.uint8], row: npt.NDArray[np.intp], column: npt.NDArray[np.intp], radius: int, colour: npt.NDArray[np.uint8]
+) -> None:
     """Colour every pixel of the picture that is within a radius of the given ones."""
     height, width = drawn.shape[:2]
     # A corner on the lower or right border of the picture has its pixel beyond.

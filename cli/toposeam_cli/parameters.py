@@ -58,7 +58,7 @@ class LengthType(click.ParamType):  # type: ignore[type-arg]
 
 
 class FiniteRange(click.FloatRange):
-    """A number within bounds; NaN and infinity, which pass any comparison or none, are no numbers here."""
+    """A number within bounds; NaN and infinity, which comparisons let through, are none."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """Parse the text."""
@@ -75,9 +75,8 @@ PLACEMENT: tuple[Callable[[Any], Any], ...] = (
     click.argument("second", metavar="B", type=FILE),
     click.option("--offset", type=OffsetType(), help="Where B's upper left corner lies in A, in px; may be negative."),
     click.option("--overlap", type=LengthType(), help="Instead of --offset: how far B overlaps A, in px or % of A."),
-    click.option(
-        "--side", type=click.Choice(ts.SIDES), default="right", show_default=True, help="With --overlap: the side of A on which B continues."
-    ),
+    click.option("--side", type=click.Choice(ts.SIDES), default="right", show_default=True,
+                 help="With --overlap: the side of A on which B continues."),
     click.option("--mask", "avoid", type=FILE, help="Image of the canvas's size; the seam avoids its white pixels."),
     click.option("--no-gradient", is_flag=True, help="Match cost without image gradients, (3.22) instead of (2.4)."),
     click.option("--core", type=FiniteRange(0, 1, min_open=True), default=0.5, show_default=True,

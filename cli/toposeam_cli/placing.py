@@ -30,8 +30,9 @@ class Pair:
 
 
 def read_pair(
-    first: Path, second: Path, *, offset: tuple[int, int] | None, overlap: Length | None, side: str, avoid: Path | None, max_megapixels: float
-) -> Pair:
+    first: Path, second: Path, *, offset: tuple[int, int] | None, overlap: Length | None, side: str, avoid: Path | None,
+    max_megapixels: float,
+) -> Pair:  # fmt: skip
     """Read two pictures and place them.
 
     Raises
@@ -73,7 +74,7 @@ def _shifted(a: Picture, b: Picture, overlap: Length | None, side: str) -> tuple
     length = overlap.pixels(whole)
     if not 0 < length <= min(whole, other):
         raise ts.OptionError(
-            f"--overlap comes to {length} px, but along that side A has {whole} px and B {other} px; choose between 1 and {min(whole, other)} px"
+            f"--overlap comes to {length} px, but across that side A has {whole} px and B {other} px; choose 1 to {min(whole, other)} px"
         )
     shift = whole - length if side in ("right", "bottom") else length - other
     return (shift, 0) if across else (0, shift)
@@ -84,7 +85,7 @@ def _read_mask(path: Path, shape: tuple[int, int], limit: int) -> npt.NDArray[np
     mask = read_picture(path, max_pixels=limit)
     if mask.pixels.shape[:2] != shape:
         height, width = mask.pixels.shape[:2]
-        raise ts.ImageError(f"the mask {path.name} is {width} × {height} px, but the canvas is {shape[1]} × {shape[0]} px; make it that size")
+        raise ts.ImageError(f"the mask {path.name} is {width} × {height} px, but the canvas {shape[1]} × {shape[0]} px; make it that size")
     pixels = mask.pixels if mask.pixels.ndim == 2 else mask.pixels.mean(axis=2)
     top = np.iinfo(mask.pixels.dtype).max if np.issubdtype(mask.pixels.dtype, np.integer) else 1.0
     white: npt.NDArray[np.bool_] = pixels >= top / 2

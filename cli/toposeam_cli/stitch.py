@@ -25,7 +25,7 @@ from toposeam_cli.placing import read_pair
 @placement
 @click.option("-o", "--output", type=FILE, required=True, help="The joined picture: .png, .tif, .jpg or .webp.")
 @click.option("--method", type=click.Choice(ts.METHODS), default="heat", show_default=True, help="How the seam is found.")
-@click.option("--formulation", type=click.IntRange(1, 2), help="With --method thesis: Formulation 1 (default) or 2 (unstable, see the docs).")
+@click.option("--formulation", type=click.IntRange(1, 2), help="With --method thesis: 1 (default), or 2 (unstable, see the docs).")
 @click.option("--seam", type=FILE, help="Also write the seam as SVG; edit it and give it back with --use-seam.")
 @click.option("--use-seam", type=FILE, help="Join along the paths of this SVG instead of searching.")
 @click.option("--labels", type=FILE, help="Also write the mask: white where B shows.")
@@ -35,16 +35,16 @@ from toposeam_cli.placing import read_pair
 @click.option("--force", is_flag=True, help="Replace existing files.")
 @click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
 def stitch(
-    first: Path, second: Path, offset: Any, overlap: Any, side: str, avoid: Path | None, no_gradient: bool, core: float, max_megapixels: float,
-    output: Path, method: ts.Method, formulation: int | None, seam: Path | None, use_seam: Path | None, labels: Path | None,
-    overlay: Path | None, history: Path | None, as_json: bool, force: bool, quiet: bool,
+    first: Path, second: Path, offset: Any, overlap: Any, side: str, avoid: Path | None, no_gradient: bool, core: float,
+    max_megapixels: float, output: Path, method: ts.Method, formulation: int | None, seam: Path | None, use_seam: Path | None,
+    labels: Path | None, overlay: Path | None, history: Path | None, as_json: bool, force: bool, quiet: bool,
 ) -> None:  # fmt: skip
     """Join pictures A and B where they overlap, along a seam that nobody sees.
 
     \b
     toposeam stitch left.png right.png --overlap 120 -o joined.png
     toposeam stitch map1.tif map2.tif --offset 1830,-12 -o map.tif --seam seam.svg
-    """
+    """  # noqa: D301 - click wants the character
     _check_files(output=output, seam=seam, labels=labels, overlay=overlay, history=history, force=force)
     iterates = use_seam is None and method in ("heat", "thesis")
     if history is not None and not iterates:
@@ -108,8 +108,10 @@ def describe(seam: ts.Seam) -> str:
     """One line about a seam for people."""
     length = round(sum(line.length for line in seam.paths))
     effort = f" in {len(seam.history)} iterations" if seam.history else ""
-    broken = "; the heat did not settle on a single line, so this is the best cut of what it left" if seam.termination == ts.Termination.ITERATIONS else ""
-    return f"seam of {length} px by {seam.method}{effort}, cost {seam.cost:.4g}, {seam.seconds:.2f} s{broken}"
+    text = f"seam of {length} px by {seam.method}{effort}, cost {seam.cost:.4g}, {seam.seconds:.2f} s"
+    if seam.termination == ts.Termination.ITERATIONS:
+        text += "; the heat did not settle on a single line, so this is the best cut of what it left"
+    return text
 
 
 def _plain(pixels: Any) -> Picture:

@@ -93,4 +93,3 @@ def folder(tmp_path, monkeypatch, photographs):
     for name, pixels in zip("ab", photographs, strict=True):
         write_picture(tmp_path / f"{name}.png", Picture(pixels=pixels))
     return tmp_path
-

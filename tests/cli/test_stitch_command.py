@@ -612,7 +612,9 @@ def test_the_version_is_the_package_s(toposeam):
 def on_terminal(process, *arguments, env=None):
     """Run with stderr on a terminal; what it wrote there, and on stdout."""
     ours, theirs = pty.openpty()
-    with process(*arguments, stdout=subprocess.PIPE, stderr=theirs, env=os.environ | {"TERM": "xterm", "COLUMNS": "80"} | (env or {})) as child:
+    with process(
+        *arguments, stdout=subprocess.PIPE, stderr=theirs, env=os.environ | {"TERM": "xterm", "COLUMNS": "80"} | (env or {})
+    ) as child:
         os.close(theirs)
         seen = b""
         while True:

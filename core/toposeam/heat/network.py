@@ -205,8 +205,8 @@ class _Template:
     def solve(self, k: Floats) -> Floats:
         n = self.n
         inner, cold, hot = k[self.inner], k[self.cold], k[self.hot]
-        load = np.bincount(self.hot_node, hot, n)
-        diagonal = np.bincount(self.i, inner, n) + np.bincount(self.j, inner, n) + np.bincount(self.cold_node, cold, n) + load
+        load: Floats = np.bincount(self.hot_node, hot, n).astype(np.float64, copy=False)
+        diagonal: Floats = np.bincount(self.i, inner, n) + np.bincount(self.j, inner, n) + np.bincount(self.cold_node, cold, n) + load
         theta = np.empty(n + 2)
         theta[n], theta[n + 1] = 0.0, 1.0
         if n == 0:

@@ -28,7 +28,7 @@ class Iteration:
 
     #: Outer stage J, from 1.
     stage: int
-    #: The value being minimised: matching-cost-weighted mass.
+    #: The value being minimised: match-cost-weighted mass, forbidden and outermost interfaces (M_max) left out.
     objective: float
     #: Thermal compliance θᵀKθ for unit heat.
     compliance: float

@@ -33,7 +33,7 @@ from toposeam.images import Mask
 from toposeam.optimize.history import Frame, Iteration, Termination
 from toposeam.optimize.mma import MMA, MMAOptions
 from toposeam.optimize.oc import OCOptions, oc_step
-from toposeam.seam.corners import CornerNetwork, GroundStructure, PixelNetwork, corner_network, ground_structure, pixel_network
+from toposeam.seam.corners import OUTERMOST, CornerNetwork, GroundStructure, PixelNetwork, corner_network, ground_structure, pixel_network
 from toposeam.seam.heat import Solution
 from toposeam.seam.problem import SeamProblem
 
@@ -231,7 +231,8 @@ class _Run:
         limit = o.first_iterations if stage == 1 else o.stage_iterations
         change = flux_change = 0.0
         for inner in range(1, limit + 1):
-            self._record(stage, float(self.rho @ (weight * self.penalised)), bound, change)
+            ordinary = self.structure.cost[self.view.elements] < OUTERMOST  # where W = M_maxʳ, any mass at all would drown the rest
+            self._record(stage, float((self.rho * weight * self.penalised)[ordinary].sum()), bound, change)
             at_rest = inner > 2 and change < o.tolerance * self.rho.max() and flux_change < o.tolerance * self.flux.max()
             if at_rest or inner == limit or self.solved >= o.max_iterations or (to_single and self._is_single()):
                 return

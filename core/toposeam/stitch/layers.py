@@ -33,7 +33,7 @@ class Layer:
         if self.alpha is not None and self.alpha.shape != self.image.shape[:2]:
             raise ImageError(f"{self.name}: alpha has shape {self.alpha.shape}, the image {self.image.shape[:2]}; pass one value per pixel")
         if self.alpha is not None and self.alpha.dtype != self.image.dtype:
-            raise ImageError(f"{self.name}: alpha is {self.alpha.dtype} and the image {self.image.dtype}; convert it, full scale to full scale")
+            raise ImageError(f"{self.name}: alpha is {self.alpha.dtype} and the image {self.image.dtype}; convert it")
         if len(self.offset) != 2 or not all(isinstance(value, int | np.integer) for value in self.offset):
             raise OptionError(f"{self.name}: offset is {self.offset}; give two whole numbers of px, column and row")
 

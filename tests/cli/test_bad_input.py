@@ -46,7 +46,7 @@ def make_pictures(folder):
         (folder / f"cut{name[-4:]}").write_bytes(whole[: len(whole) // 2])
         (folder / f"cut-late{name[-4:]}").write_bytes(whole[: -len(whole) // 10])
     damaged = bytearray((folder / "a.png").read_bytes())
-    damaged[200:220] = bytes(20)
+    damaged[3000:3020] = bytes(20)  # in the pixels
     (folder / "damaged.png").write_bytes(damaged)
     (folder / "empty.png").touch()
     (folder / "text.png").write_text("I am a picture, believe me.\n")
@@ -182,7 +182,7 @@ CASES = {
         for name, phrase in {
             "no-path": "draw one",
             "hidden": "draw one",
-            "other-size": "belongs to a canvas of 93 × 40 px, the patches make one of 92 × 40",
+            "other-size": "belongs to a canvas of 93 × 40 px",
             "stops": "draw it right across the overlap",
             "misses": "draw it right across the overlap",
             "far": "keep it within",

@@ -30,7 +30,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.errors import OptionError, SolverError
-from toposeam.heat.network import Floats, Ints, Network
+from toposeam.heat.network import DENSE_NODES, Floats, Ints, Network
 from toposeam.images import Mask
 from toposeam.optimize.history import Frame, Iteration, Termination
 from toposeam.seam.coarse import restrict
@@ -56,7 +56,7 @@ class HeatOptions:
     #: An interface is closed, when the network is contracted, below this share of the typical flux.
     threshold: float = 0.003
     #: Steps between contractions.
-    between: int = 4
+    between: int = 6
     #: Steps at most.
     max_iterations: int = 100
 
@@ -137,7 +137,8 @@ def heat_path(
         left -= 1
         if left == 0:
             left = options.between
-            contracted = _contract(network, weight, flux, strength, multiplicity, options.threshold)
+            large = network.n > DENSE_NODES  # smaller ones cost less than contracting them
+            contracted = _contract(network, weight, flux, strength, multiplicity, options.threshold) if large else None
             if contracted is not None:
                 network, weight, flux, strength, multiplicity, node_map, newly_settled = contracted
                 settled += newly_settled

@@ -1,0 +1,69 @@
+"""Large overlaps, which start on coarse networks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import toposeam as ts
+from shapes import SHAPES
+from toposeam.seam import coarse
+from toposeam.seam.find import seam_problem
+from toposeam.seam.match_cost import MatchCost
+
+
+@pytest.fixture
+def small_limits(monkeypatch):
+    """Make ordinary overlaps count as large."""
+    monkeypatch.setattr(coarse, "WHOLE_NODES", 400)
+    monkeypatch.setattr(coarse, "COARSEST_NODES", 200)
+
+
+def test_a_small_network_is_left_as_it_is(crops):
+    problem, _ = seam_problem(*crops(np.random.default_rng(1), 40, 16), None, None, "right", MatchCost())
+    network, weight, _ = problem.grid.network(problem.grid.free)
+    same, same_weight, multiplicity, node_map = coarse.restrict(network, weight)
+    assert same is network
+    assert same_weight is weight
+    assert (multiplicity == 1).all()
+    np.testing.assert_array_equal(node_map, np.arange(network.n + 2))
+
+
+@pytest.mark.usefixtures("small_limits")
+def test_what_is_left_is_the_same_problem_with_choices_removed(crops):
+    problem, _ = seam_problem(*crops(np.random.default_rng(2), 120, 30), None, None, "right", MatchCost())
+    network, weight, pixels = problem.grid.network(problem.grid.free)
+    smaller, smaller_weight, multiplicity, node_map = coarse.restrict(network, weight)
+    assert smaller.n < 0.8 * network.n
+    # Any labelling of the small network costs what the labelling of the pixels behind it costs.
+    hot = np.append(np.random.default_rng(3).random(smaller.n) < 0.5, [False, True])
+    labels = np.zeros(problem.grid.free.shape, bool)
+    labels.ravel()[pixels] = hot[node_map[:-2]]
+    cut = hot[smaller.tail] != hot[smaller.head]
+    assert smaller_weight[cut].sum() == pytest.approx(problem.grid.cost(labels), rel=1e-5)
+    assert multiplicity.sum() <= len(weight)
+
+
+@pytest.mark.usefixtures("small_limits")
+@pytest.mark.parametrize("shape", [None, *SHAPES])
+def test_seams_stay_single_lines_near_the_optimum(shape, crops):
+    mask_a, mask_b = SHAPES[shape]() if shape else (None, None)
+    size = mask_a.shape if shape else (160, 40)
+    ratios = []
+    for seed in range(3):
+        seam = ts.find_seam(*crops(np.random.default_rng([4, seed]), *size), mask_a, mask_b)
+        assert seam.termination == ts.Termination.SINGLE_LINE
+        ratios.append(seam.optimum_ratio())
+    # At these limits the coarsest networks have fewer nodes than a seam has pixels; a few percent is what that costs.
+    assert np.median(ratios) < 1.05
+
+
+@pytest.mark.slow
+def test_a_large_overlap_is_within_one_and_a_half_percent_of_the_optimum(crops):
+    from skimage import data
+
+    grass = np.pad(data.grass(), ((0, 300), (0, 0)), mode="symmetric")
+    a, b = grass[:700, :170], grass[90:790, 300:470]
+    seam = ts.find_seam(a, b)
+    assert seam.termination == ts.Termination.SINGLE_LINE
+    assert seam.optimum_ratio() <= 1.015

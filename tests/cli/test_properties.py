@@ -70,7 +70,7 @@ def pictures(draw, most=40, least=1):
         values = rng.integers(0, 2, shape).astype(float)
     else:
         values = np.zeros(shape) + np.linspace(0, 1, width).reshape((1, -1) + (1,) * (n_channels == 3))
-    opacity = alphas(rng, draw(st.sampled_from(["none", "none", "full", "soft", "holes", "disc", "half", "clear", "dot"])), height, width)
+    opacity = alphas(rng, draw(st.sampled_from([*["none"] * 6, "full", "soft", "holes", "disc", "half", "clear", "dot"])), height, width)
     scale, dtype = FULL[depth], np.dtype(depth)
 
     def stored(array):
@@ -94,20 +94,26 @@ def alphas(rng, kind, height, width):
 
 
 @st.composite
-def placements(draw):
-    """--offset or --overlap, most of them where the pictures overlap."""
+def pairs(draw, least=1):
+    """Two pictures with --offset or --overlap, which most of the time make them overlap."""
+    a, b = draw(pictures(least=least)), draw(pictures(least=least))
+    size_a, size_b = a.pixels.shape[1::-1], b.pixels.shape[1::-1]
+    astray = draw(st.integers(0, 7)) == 0
     if draw(st.booleans()):
-        near = draw(st.integers(0, 4)) > 0
-        x, y = (draw(st.integers(-12, 25) if near else st.integers(-60, 60)) for _ in "xy")
-        return [f"--offset={x},{y}"]
-    length = draw(st.one_of(st.integers(1, 20).map(str), st.integers(1, 100).map("{}%".format), st.integers(0, 60).map(str)))
-    return [f"--overlap={length}", f"--side={draw(st.sampled_from(ts.SIDES))}"]
+        x, y = (draw(st.integers(-60, 60) if astray else st.integers(1 - m, n - 1)) for n, m in zip(size_a, size_b, strict=True))
+        return a, b, [f"--offset={x},{y}"]
+    side = draw(st.sampled_from(ts.SIDES))
+    axis = 0 if side in ("left", "right") else 1
+    longest = min(size_a[axis], size_b[axis])
+    lengths = st.integers(0, 60).map(str) if astray else st.integers(1, longest).map(str)
+    shares = st.integers(1, 100 if astray else max(1, 100 * longest // size_a[axis])).map("{}%".format)
+    return a, b, [f"--overlap={draw(lengths | shares)}", f"--side={side}"]
 
 
 @st.composite
 def choices(draw):
     """The options that decide how the seam is found."""
-    chosen = [f"--method={draw(st.sampled_from(METHODS))}"]
+    chosen = [f"--method={draw(st.sampled_from([*METHODS, 'heat', 'heat']))}"]
     if draw(st.booleans()):
         chosen.append("--no-gradient")
     if draw(st.integers(0, 3)) == 0:
@@ -197,50 +203,73 @@ def check_stitch(a, b, placement, chosen):
 
 
 @quick
-@given(a=pictures(), b=pictures(), placement=placements(), chosen=choices())
-def test_two_small_pictures(a, b, placement, chosen):
-    check_stitch(a, b, placement, chosen)
+@given(pair=pairs(), chosen=choices())
+def test_two_small_pictures(pair, chosen):
+    check_stitch(*pair, chosen)
 
 
 @pytest.mark.slow
 @thorough
-@given(a=pictures(), b=pictures(), placement=placements(), chosen=choices())
-def test_many_small_pictures(a, b, placement, chosen):
-    check_stitch(a, b, placement, chosen)
+@given(pair=pairs(), chosen=choices())
+def test_many_small_pictures(pair, chosen):
+    check_stitch(*pair, chosen)
 
 
 @pytest.mark.slow
-@settings(thorough, max_examples=150)
-@given(a=pictures(), b=pictures(), placement=placements(), formulation=st.sampled_from("12"))
-def test_the_thesis_on_small_pictures(a, b, placement, formulation):
-    check_stitch(a, b, placement, ["--method=thesis", f"--formulation={formulation}"])
+@settings(thorough, max_examples=200)
+@given(pair=pairs(), formulation=st.sampled_from("12"))
+def test_the_thesis_on_small_pictures(pair, formulation):
+    check_stitch(*pair, ["--method=thesis", f"--formulation={formulation}"])
 
 
-@settings(quick, max_examples=25)
-@given(a=pictures(least=6), b=pictures(least=6), mask=pictures(most=60), placement=placements(), chosen=choices())
-def test_any_mask(a, b, mask, placement, chosen):
-    """The mask is cut to the canvas's size half of the time; then the seam stays off its white, or there is no way through."""
+def check_mask(a, b, placement, chosen, spots):
+    """The seam stays off some white rectangles, each given by shares of the canvas, or there is no way past them."""
     with tempfile.TemporaryDirectory() as folder:
         x, y = offset_of(placement, a, b)
-        height, width = Expected(a, b, x, y).shape
-        rows, columns = np.arange(height) % mask.pixels.shape[0], np.arange(width) % mask.pixels.shape[1]
-        fitting = Picture(pixels=mask.pixels[rows][:, columns], alpha=None if mask.alpha is None else mask.alpha[rows][:, columns])
-        for name, picture in (("a.tif", a), ("b.tif", b), ("mask.tif", fitting)):
+        canvas = Expected(a, b, x, y)
+        avoid = np.zeros(canvas.shape, bool)
+        for spot in spots:
+            (top, bottom), (left, right) = (sorted(round(share * n) for share in spot[i::2]) for i, n in enumerate(canvas.shape))
+            avoid[top : bottom + 1, left : right + 1] = True
+        for name, picture in (("a.tif", a), ("b.tif", b), ("mask.tif", Picture(pixels=avoid.astype(np.uint8) * np.uint8(255)))):
             write_picture(f"{folder}/{name}", picture)
         line = ("stitch", "a.tif", "b.tif", *placement, *chosen, "--mask", "mask.tif", "-o", "out.tif", "--labels", "labels.png", "--json")
         ran = run(folder, *line)
         if ran.code:
             assert names(folder) == {"a.tif", "b.tif", "mask.tif"}
             return
-        assert json.loads(ran.out)["ratio"] >= 1 - 1e-4
         a, b = match_pictures([a, b])
         b_shows = read_picture(f"{folder}/labels.png").pixels > 0
-        Expected(a, b, x, y).check(read_picture(f"{folder}/out.tif"), b_shows)
+        expected = Expected(a, b, x, y)
+        expected.check(read_picture(f"{folder}/out.tif"), b_shows)
+        shared = (expected.placed(a, 0, 0)[1] > 0) & (expected.placed(b, x, y)[1] > 0)
+        for s, t in ((np.s_[:, 1:], np.s_[:, :-1]), (np.s_[1:], np.s_[:-1])):
+            assert not ((b_shows[s] != b_shows[t]) & shared[s] & shared[t] & (avoid[s] | avoid[t])).any()
+        facts = json.loads(ran.out)
+        assert facts["ratio"] >= 1 - 1e-4, facts
+
+
+share = st.floats(0, 1, allow_subnormal=False)
+spots = st.lists(st.tuples(share, share, share, share), min_size=1, max_size=3)
+
+
+@settings(quick, max_examples=30)
+@given(pair=pairs(least=6), chosen=choices(), spots=spots)
+def test_any_mask(pair, chosen, spots):
+    check_mask(*pair, chosen, spots)
+
+
+@pytest.mark.slow
+@thorough
+@given(pair=pairs(least=6), chosen=choices(), spots=spots)
+def test_many_masks(pair, chosen, spots):
+    check_mask(*pair, chosen, spots)
 
 
 @settings(quick, max_examples=15)
-@given(a=pictures(), b=pictures(), placement=placements())
-def test_compare_any_pictures(a, b, placement):
+@given(pair=pairs())
+def test_compare_any_pictures(pair):
+    a, b, placement = pair
     with tempfile.TemporaryDirectory() as folder:
         for name, picture in (("a.tif", a), ("b.tif", b)):
             write_picture(f"{folder}/{name}", picture)

@@ -23,10 +23,13 @@ COARSEST_NODES = 12_000
 
 #: Convex steps on each coarse network: at least so many, at most so many, and until the typical flux has grown to this.
 STEPS = (10, 30)
-GATHERED = 0.2
+GATHERED = 0.3
 
 #: Interfaces with at least this share of the typical flux stay open on the next finer level.
-OPEN_SHARE = 0.05
+OPEN_SHARE = 0.02
+
+_UNEVENNESS = 1e-3
+_GOLDEN = (5**0.5 - 1) / 2
 
 
 def restrict(network: Network, weight: Floats, size: Floats | None = None) -> tuple[Network, Floats, Floats, Ints]:
@@ -81,7 +84,9 @@ def restrict(network: Network, weight: Floats, size: Floats | None = None) -> tu
 
 def _merge_most_expensive(network: Network, weight: Floats, size: Floats) -> Ints:
     """Group every node with the neighbour it costs most to divide from, relative to the nodes' sizes; (n + 2,) group numbers."""
-    score = weight / np.sqrt(size[network.tail] * size[network.head])
+    # Equal scores, as in flat places, must not merge all of these into one node: a golden-ratio sequence tells them apart.
+    uneven = 1.0 + _UNEVENNESS * ((np.arange(len(weight)) * _GOLDEN) % 1.0)
+    score = weight * uneven / np.sqrt(size[network.tail] * size[network.head])
     score[np.maximum(network.tail, network.head) >= network.n] = 0.0
     best = np.full(network.n + 2, np.finfo(float).tiny)
     np.maximum.at(best, network.tail, score)

@@ -1,11 +1,12 @@
 """Networks of heat conductors between two terminals, and their exact solution.
 
-A network has ``n`` free nodes, numbered ``0 … n-1``, and two terminals: node ``n`` is *cold* (temperature 0), node ``n + 1`` *hot* (1). Element ``e`` joins nodes ``tail[e]`` and ``head[e]`` with conductance ``k[e]``. The steady state obeys K θ = F (thesis 3.6)
-with K assembled from the two-node element matrix k [[1, -1], [-1, 1]] (3.11).
+A network has ``n`` free nodes, numbered ``0 … n-1``, and two terminals: node ``n`` is *cold* (temperature 0), node ``n + 1`` *hot* (1).
+Element ``e`` joins nodes ``tail[e]`` and ``head[e]`` with conductance ``k[e]``. The steady state obeys K θ = F (thesis 3.6) with K assembled
+from the two-node element matrix k [[1, -1], [-1, 1]] (3.11).
 
 The assembly is a fixed template: where each element lands in the matrix is worked out once per network, so that a new set of conductances
-costs two passes over the elements and one Cholesky factorisation. Direct solution only: late in the optimisation conductances differ by nine
-orders of magnitude, where iterative solvers stall.
+costs two passes over the elements and one factorisation (:mod:`toposeam.heat.elimination`). Direct solution only: late in the optimisation
+conductances differ by nine orders of magnitude, where iterative solvers stall.
 """
 
 from __future__ import annotations
@@ -16,20 +17,13 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg.lapack import dpbsv, dposv
-from scipy.sparse import coo_array, csc_array, csr_array
-from scipy.sparse.csgraph import connected_components, reverse_cuthill_mckee
-from scipy.sparse.linalg import splu
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from toposeam.errors import SolverError
+from toposeam.heat.elimination import DENSE_NODES, Floats, Ints, System, system
 
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.signedinteger[Any]]
-
-#: Up to this many free nodes a dense factorisation beats setting up a banded one.
-DENSE_NODES = 48
-#: Beyond this half-bandwidth sparse elimination (SuperLU) beats a banded factorisation.
-WIDEST_BAND = 100
+__all__ = ["DENSE_NODES", "Floats", "Ints", "Network"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,18 +36,30 @@ class Network:
         Number of free nodes. Node ``n`` is the cold terminal, node ``n + 1`` the hot one.
     tail, head : (E,) int arrays
         The nodes each element joins. Every free node must be connected, through elements, to a terminal.
-    order : (n,) int array, optional
-        Elimination order of the free nodes; by default reverse Cuthill-McKee.
+    apart : (n,) bool array, optional
+        Nodes of which no two are joined, such as the black fields of a chessboard. They are eliminated first, all at once.
     """
 
     n: int
     tail: Ints
     head: Ints
-    order: Ints | None = field(default=None, repr=False)
+    apart: npt.NDArray[np.bool_] | None = field(default=None, repr=False)
 
     @cached_property
-    def _template(self) -> _Template:
-        return _Template(self)
+    def _inner(self) -> Ints:
+        """The elements between two free nodes."""
+        return np.flatnonzero((self.tail < self.n) & (self.head < self.n))
+
+    @cached_property
+    def _ends(self) -> tuple[tuple[Ints, Ints], tuple[Ints, Ints]]:
+        """For the cold and the hot terminal: the elements that join it to a free node, and that node."""
+        low, high = np.minimum(self.tail, self.head), np.maximum(self.tail, self.head)
+        cold, hot = (np.flatnonzero((high == terminal) & (low < self.n)) for terminal in (self.n, self.n + 1))
+        return (cold, low[cold]), (hot, low[hot])
+
+    @cached_property
+    def _system(self) -> System:
+        return system(self.n, self.tail[self._inner], self.head[self._inner], self.apart)
 
     def solve(self, conductance: Floats) -> Floats:
         """Temperatures for the given conductances.
@@ -72,7 +78,16 @@ class Network:
         SolverError
             When the factorisation breaks down (a free node without connection, or a contrast beyond double precision).
         """
-        return self._template.solve(conductance)
+        n = self.n
+        inner = conductance[self._inner]
+        (cold, cold_node), (hot, hot_node) = self._ends
+        load: Floats = np.bincount(hot_node, conductance[hot], n).astype(np.float64, copy=False)
+        diagonal: Floats = load + np.bincount(cold_node, conductance[cold], n)
+        diagonal += np.bincount(self.tail[self._inner], inner, n) + np.bincount(self.head[self._inner], inner, n)
+        temperature = np.empty(n + 2)
+        temperature[:n] = self._system.solve(inner, diagonal, load)
+        temperature[n:] = 0.0, 1.0
+        return temperature
 
     def difference(self, temperature: Floats) -> Floats:
         """Temperature difference |θ_head - θ_tail| of every element, (E,) floats."""
@@ -128,114 +143,9 @@ class Network:
         key, inverse = np.unique(low[alive].astype(np.int64) * count + high[alive], return_inverse=True)
         element_map = np.full(len(self.tail), -1, np.int32)
         element_map[alive] = inverse
-        return Network(count - 2, (key // count).astype(np.int32), (key % count).astype(np.int32)), element_map
-
-
-class _Template:
-    """Where each element of a network lands in the matrix, for the cheapest of three factorisations."""
-
-    def __init__(self, network: Network) -> None:
-        n, tail, head = network.n, network.tail, network.head
-        self.n = n
-        inner = (tail < n) & (head < n)
-        self.inner = np.flatnonzero(inner)
-        i, j = tail[self.inner], head[self.inner]
-        self.i, self.j = i, j
-        outer = np.flatnonzero(~inner)
-        side = np.maximum(tail[outer], head[outer])
-        self.cold = outer[side == n]
-        self.hot = outer[side == n + 1]
-        self.cold_node = np.minimum(tail[self.cold], head[self.cold])
-        self.hot_node = np.minimum(tail[self.hot], head[self.hot])
-        self.rank = np.arange(n, dtype=np.int32)
-        if n <= DENSE_NODES:
-            self.kind = "dense"
-            return
-        order = network.order
-        if order is None:
-            graph = csr_array((np.ones(2 * len(i), np.int8), (np.concatenate([i, j]), np.concatenate([j, i]))), shape=(n, n))
-            order = reverse_cuthill_mckee(graph, symmetric_mode=True)
-        rank = np.empty(n, np.int32)
-        rank[order] = np.arange(n, dtype=np.int32)
-        ri, rj = rank[i], rank[j]
-        low, gap = np.minimum(ri, rj), np.abs(ri - rj)
-        self.width = int(gap.max(initial=0))
-        if self.width <= WIDEST_BAND:
-            self.kind = "banded"
-            self.position = low.astype(np.int64) * (self.width + 1) + gap
-            self.rank = rank
-        else:
-            self.kind = "sparse"
-            self.ordered = False
-            self._compressed(np.arange(n, dtype=np.int32))
-
-    def _compressed(self, rank: Ints) -> None:
-        """Positions of the elements in compressed columns, diagonal included, once the nodes are numbered by rank."""
-        n = self.n
-        i, j, nodes = rank[self.i], rank[self.j], rank
-        rows, columns = np.concatenate([i, j, nodes]), np.concatenate([j, i, nodes])
-        place = np.lexsort((rows, columns))
-        self.indices = rows[place].astype(np.int32)
-        self.indptr = np.searchsorted(columns[place], np.arange(n + 1)).astype(np.int32)
-        self.position = np.empty(len(place), np.int64)
-        self.position[place] = np.arange(len(place))
-        self.rank = rank
-
-    def _eliminate(self, inner: Floats, diagonal: Floats, load: Floats) -> Floats:
-        """Solve by SuperLU. The first factorisation finds an elimination order, which the later ones take as it is."""
-        n = self.n
-        data = np.empty(len(self.indices))
-        data[self.position] = np.concatenate([-inner, -inner, diagonal])
-        matrix = csc_array((data, self.indices, self.indptr), shape=(n, n))
-        order = "NATURAL" if self.ordered else "MMD_AT_PLUS_A"
-        try:
-            # One column a panel: the supernodes of these matrices are narrow.
-            factor = splu(matrix, order, diag_pivot_thresh=0.0, relax=8, panel_size=1, options={"SymmetricMode": True})
-        except RuntimeError as error:
-            raise SolverError(f"the heat network cannot be solved: {error}") from error
-        right = np.empty(n)
-        right[self.rank] = load
-        theta: Floats = factor.solve(right)[self.rank]
-        if not self.ordered:
-            self._compressed(factor.perm_c[self.rank].astype(np.int32))
-            self.ordered = True
-        return theta
-
-
-    def solve(self, k: Floats) -> Floats:
-        n = self.n
-        inner, cold, hot = k[self.inner], k[self.cold], k[self.hot]
-        load: Floats = np.bincount(self.hot_node, hot, n).astype(np.float64, copy=False)
-        diagonal: Floats = np.bincount(self.i, inner, n) + np.bincount(self.j, inner, n) + np.bincount(self.cold_node, cold, n) + load
-        theta = np.empty(n + 2)
-        theta[n], theta[n + 1] = 0.0, 1.0
-        if n == 0:
-            return theta
-        if self.kind == "dense":
-            matrix = np.zeros((n, n), order="F")
-            matrix[self.j, self.i] = matrix[self.i, self.j] = -inner
-            matrix[np.arange(n), np.arange(n)] = diagonal
-            _, x, info = dposv(matrix, load, overwrite_a=1)
-            _check(info)
-            theta[:n] = x
-        elif self.kind == "banded":
-            rows = self.width + 1
-            band = np.zeros(rows * n)
-            band[self.position] = -inner
-            band[self.rank.astype(np.int64) * rows] = diagonal
-            right = np.empty(n)
-            right[self.rank] = load
-            _, x, info = dpbsv(band.reshape(rows, n, order="F"), right, lower=1, overwrite_ab=1, overwrite_b=1)
-            _check(info)
-            theta[:n] = x[self.rank]
-        else:
-            theta[:n] = self._eliminate(inner, diagonal, load)
-        return theta
-
-
-def _check(info: int) -> None:
-    if info:
-        raise SolverError(
-            f"the heat network cannot be solved: Cholesky stopped at row {info}; "
-            "a node is not connected to a terminal, or the conductances differ too much"
-        )
+        apart = None
+        if self.apart is not None:  # a node that stays alone stays apart
+            apart = np.zeros(count, bool)
+            apart[group[:-2][self.apart]] = True
+            apart = (apart & (np.bincount(group, minlength=count) == 1))[:-2]
+        return Network(count - 2, (key // count).astype(np.int32), (key % count).astype(np.int32), apart), element_map

@@ -157,8 +157,8 @@ class _Conductors:
         return self.network.solve(grouped)
 
 
-def _conductors(tail: Ints, head: Ints, n: int) -> _Conductors:
-    network, group = Network(n, tail, head).quotient(np.arange(n + 2))
+def _conductors(tail: Ints, head: Ints, n: int, apart: Mask | None = None) -> _Conductors:
+    network, group = Network(n, tail, head, apart).quotient(np.arange(n + 2))
     return _Conductors(n, tail, head, network, group)
 
 
@@ -222,7 +222,8 @@ class CornerNetwork:
         used[tail], used[head] = True, True
         used[c.n :] = True
         number[used] = np.arange(np.count_nonzero(used), dtype=np.int32)
-        return CornerNetwork(self.elements[kept], _conductors(number[tail], number[head], int(np.count_nonzero(used)) - 2))
+        apart = None if c.network.apart is None else c.network.apart[used[:-2]]
+        return CornerNetwork(self.elements[kept], _conductors(number[tail], number[head], int(np.count_nonzero(used)) - 2, apart))
 
 
 def corner_network(structure: GroundStructure) -> CornerNetwork | None:
@@ -252,7 +253,12 @@ def corner_network(structure: GroundStructure) -> CornerNetwork | None:
     number[free] = np.arange(n, dtype=np.int32)
     number[terminals] = n, n + 1
     elements = len(tail)
-    return CornerNetwork(np.arange(elements), _conductors(number[place[:elements]], number[place[elements:-2]], n))
+    # Corners are joined along pixel sides, so the black fields of a chessboard are apart, but for those merged along a gap.
+    row, column = np.divmod(np.arange(len(node)), structure.side.shape[1] + 1)
+    black = np.zeros(len(node), bool)
+    black[node[(row + column) % 2 == 0]] = True
+    apart = (black & (np.bincount(node, minlength=len(node)) == 1))[used[free]]
+    return CornerNetwork(np.arange(elements), _conductors(number[place[:elements]], number[place[elements:-2]], n, apart))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -78,7 +78,9 @@ class CutGrid:
             tails.append(number[touching])
             heads.append(np.full(len(tails[-1]), terminal, np.int32))
             weights.append(ends[touching])
-        network = Network(n, np.concatenate(tails), np.concatenate(heads))
+        row, column = np.divmod(index, pixels.shape[1])
+        chessboard = (row + column) % 2 == 0
+        network = Network(n, np.concatenate(tails), np.concatenate(heads), chessboard)
         return network, np.concatenate(weights).astype(np.float64), index
 
 

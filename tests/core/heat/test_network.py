@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from toposeam.errors import SolverError
-from toposeam.heat import network as module
+from toposeam.heat import elimination as module
 from toposeam.heat.network import Network
 
 
@@ -59,12 +59,32 @@ def test_a_balanced_bridge_carries_nothing():
     assert net.difference(theta)[2] == pytest.approx(0, abs=1e-15)
 
 
-@pytest.mark.parametrize(("dense", "band", "kind"), [(10**6, 120, "dense"), (0, 120, "banded"), (0, 1, "sparse")])
+@pytest.mark.parametrize(("dense", "band", "kind"), [(10**6, 120, module._Dense), (0, 120, module._Banded), (0, 1, module._Sparse)])
 def test_dense_banded_and_sparse_factorisations_agree(monkeypatch, dense, band, kind):
     monkeypatch.setattr(module, "DENSE_NODES", dense)
     monkeypatch.setattr(module, "WIDEST_BAND", band)
     net, k = grid(9, 7, np.random.default_rng(0))
-    assert net._template.kind == kind
+    assert type(net._system) is kind
+    for scale in (1.0, 3.0):  # the second time the sparse one has an order
+        assert net.solve(scale * k) == pytest.approx(dense_solution(net, k), abs=1e-12)
+
+
+@pytest.mark.parametrize("merged", [0.0, 0.2])
+def test_eliminating_nodes_that_are_apart_first_changes_nothing(monkeypatch, merged):
+    monkeypatch.setattr(module, "CONDENSED_NODES", 1)
+    monkeypatch.setattr(module, "DENSE_NODES", 5)
+    rng = np.random.default_rng(5)
+    net, k = grid(12, 9, rng)
+    row, column = np.divmod(np.arange(net.n), 9)
+    net = Network(net.n, net.tail, net.head, (row + column) % 2 == 0)
+    if merged:
+        joined = (rng.random(len(k)) < merged / 4) & (net.head < net.n)
+        net, element_map = net.quotient(net.components(joined))
+        k = np.bincount(element_map[element_map >= 0], k[element_map >= 0], len(net.tail))
+        assert net.apart is not None
+        inner = net.head < net.n
+        assert not (net.apart[net.tail[inner]] & net.apart[net.head[inner]]).any()
+    assert type(net._system) is module._Condensed
     assert net.solve(k) == pytest.approx(dense_solution(net, k), abs=1e-12)
 
 

@@ -1,0 +1,188 @@
+"""Exact solution of symmetric positive systems whose pattern stays and whose values change.
+
+The pattern, the pairs of unknowns that are coupled, is analysed once; then each new set of values costs one pass over them and one
+factorisation: dense, banded (reverse Cuthill-McKee) or sparse (SuperLU), whichever the size and the bandwidth favour.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg.lapack import dpbsv, dposv
+from scipy.sparse import csc_array, csr_array
+from scipy.sparse.csgraph import reverse_cuthill_mckee
+from scipy.sparse.linalg import splu
+
+from toposeam.errors import SolverError
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.signedinteger[Any]]
+
+#: Up to this many unknowns a dense factorisation beats setting up a banded one.
+DENSE_NODES = 48
+#: Beyond this half-bandwidth sparse elimination beats a banded factorisation.
+WIDEST_BAND = 100
+#: From this many unknowns on, eliminating those that are apart pays.
+CONDENSED_NODES = 1500
+#: An unknown coupled to more others than this is not eliminated early.
+_MOST_NEIGHBOURS = 4
+
+
+class System(Protocol):
+    """A pattern of n unknowns with coupled pairs (i, j)."""
+
+    def solve(self, coupling: Floats, diagonal: Floats, load: Floats) -> Floats:
+        """The solution x of A x = load, where A has `diagonal` (n,) and, at (i, j) and (j, i), minus `coupling` (E,)."""
+
+
+def system(n: int, i: Ints, j: Ints, apart: npt.NDArray[np.bool_] | None = None) -> System:
+    """The cheapest solver for a pattern.
+
+    Parameters
+    ----------
+    n : int
+    i, j : (E,) int arrays
+        Coupled pairs, each once, i ≠ j.
+    apart : (n,) bool array, optional
+        Unknowns of which no two are coupled.
+    """
+    if n <= DENSE_NODES:
+        return _Dense(n, i, j)
+    if apart is not None and n >= CONDENSED_NODES and np.count_nonzero(apart) > 0.3 * n:
+        return _Condensed(n, i, j, apart)
+    graph = csr_array((np.ones(2 * len(i), np.int8), (np.concatenate([i, j]), np.concatenate([j, i]))), shape=(n, n))
+    rank = np.empty(n, np.int32)
+    rank[reverse_cuthill_mckee(graph, symmetric_mode=True)] = np.arange(n, dtype=np.int32)
+    width = int(np.abs(rank[i] - rank[j]).max(initial=0))
+    return _Banded(n, rank, rank[i], rank[j], width) if width <= WIDEST_BAND else _Sparse(n, i, j)
+
+
+class _Dense:
+    def __init__(self, n: int, i: Ints, j: Ints) -> None:
+        self.n, self.i, self.j = n, i, j
+
+    def solve(self, coupling: Floats, diagonal: Floats, load: Floats) -> Floats:
+        n = self.n
+        if n == 0:
+            return load
+        matrix = np.zeros((n, n), order="F")
+        matrix[self.j, self.i] = matrix[self.i, self.j] = -coupling
+        matrix[np.arange(n), np.arange(n)] = diagonal
+        _, x, info = dposv(matrix, load, overwrite_a=1)
+        return _checked(x, info)
+
+
+class _Banded:
+    def __init__(self, n: int, rank: Ints, i: Ints, j: Ints, width: int) -> None:
+        self.n, self.rank, self.rows = n, rank, width + 1
+        # Lower band storage by columns: A[i, j] lies at row i - j of column j.
+        self.position = np.minimum(i, j).astype(np.int64) * self.rows + np.abs(i - j)
+        self.diagonal_position = rank.astype(np.int64) * self.rows
+
+    def solve(self, coupling: Floats, diagonal: Floats, load: Floats) -> Floats:
+        band = np.zeros(self.rows * self.n)
+        band[self.position] = -coupling
+        band[self.diagonal_position] = diagonal
+        right = np.empty(self.n)
+        right[self.rank] = load
+        _, x, info = dpbsv(band.reshape(self.rows, self.n, order="F"), right, lower=1, overwrite_ab=1, overwrite_b=1)
+        return _checked(x, info)[self.rank]
+
+
+class _Sparse:
+    def __init__(self, n: int, i: Ints, j: Ints) -> None:
+        self.n, self.i, self.j = n, i, j
+        self.ordered = False
+        self._place(np.arange(n, dtype=np.int32))
+
+    def _place(self, rank: Ints) -> None:
+        """Positions in compressed columns, diagonal included, once the unknowns are numbered by rank."""
+        i, j = rank[self.i], rank[self.j]
+        rows, columns = np.concatenate([i, j, rank]), np.concatenate([j, i, rank])
+        place = np.lexsort((rows, columns))
+        self.indices = rows[place].astype(np.int32)
+        self.indptr = np.searchsorted(columns[place], np.arange(self.n + 1)).astype(np.int32)
+        self.position = np.empty(len(place), np.int64)
+        self.position[place] = np.arange(len(place))
+        self.rank = rank
+
+    def solve(self, coupling: Floats, diagonal: Floats, load: Floats) -> Floats:
+        data = np.empty(len(self.indices))
+        data[self.position] = np.concatenate([-coupling, -coupling, diagonal])
+        matrix = csc_array((data, self.indices, self.indptr), shape=(self.n, self.n))
+        # The first factorisation finds an elimination order, which the later ones take as it is.
+        order = "NATURAL" if self.ordered else "MMD_AT_PLUS_A"
+        try:
+            # One column a panel: the supernodes of these matrices are narrow.
+            factor = splu(matrix, order, diag_pivot_thresh=0.0, relax=8, panel_size=1, options={"SymmetricMode": True})
+        except RuntimeError as error:
+            raise SolverError(f"the heat network cannot be solved: {error}") from error
+        right = np.empty(self.n)
+        right[self.rank] = load
+        x: Floats = factor.solve(right)[self.rank]
+        if not self.ordered:
+            self._place(factor.perm_c[self.rank].astype(np.int32))
+            self.ordered = True
+        return x
+
+
+class _Condensed:
+    """Unknowns that are apart are eliminated first, all at once; half of a pixel grid is, and the rest is half the work.
+
+    Eliminating r with diagonal d and couplings c_a, c_b … couples each two of its neighbours by c_a c_b / d.
+    """
+
+    def __init__(self, n: int, i: Ints, j: Ints, apart: npt.NDArray[np.bool_]) -> None:
+        degree = np.bincount(i, minlength=n) + np.bincount(j, minlength=n)
+        gone = apart & (degree <= _MOST_NEIGHBOURS)
+        self.gone, self.stay = np.flatnonzero(gone), np.flatnonzero(~gone)
+        number = np.empty(n, np.int32)
+        number[self.gone], number[self.stay] = np.arange(len(self.gone)), np.arange(len(self.stay))
+        swap = gone[j]
+        from_gone = gone[i] | swap
+        self.direct = np.flatnonzero(~from_gone)
+        legs = np.flatnonzero(from_gone)
+        hub, foot = number[np.where(swap, j, i)[legs]], number[np.where(swap, i, j)[legs]]
+        by_hub = np.argsort(hub, kind="stable")
+        self.legs, self.hub, self.foot = legs[by_hub], hub[by_hub], foot[by_hub]
+        # Pairs of legs of one hub: the k-th leg with the one `step` places on, while that is still the same hub.
+        pairs = []
+        for step in range(1, _MOST_NEIGHBOURS):
+            first = np.flatnonzero(self.hub[:-step] == self.hub[step:]) if len(self.hub) > step else np.zeros(0, np.intp)
+            pairs.append((first, first + step))
+        self.one, self.other = (np.concatenate(part) for part in zip(*pairs, strict=True))
+        low = np.concatenate([number[i[self.direct]], self.foot[self.one]])
+        high = np.concatenate([number[j[self.direct]], self.foot[self.other]])
+        low, high = np.minimum(low, high), np.maximum(low, high)
+        size = len(self.stay)
+        key, self.slot = np.unique(low.astype(np.int64) * size + high, return_inverse=True)
+        self.pairs = len(key)
+        self.rest = system(size, (key // size).astype(np.int32), (key % size).astype(np.int32))
+
+    def solve(self, coupling: Floats, diagonal: Floats, load: Floats) -> Floats:
+        d, hub_load = diagonal[self.gone], load[self.gone]
+        if not (d > 0).all():
+            raise SolverError("the heat network cannot be solved: a node is not connected to a terminal")
+        leg = coupling[self.legs]
+        share = leg / d[self.hub]
+        added = np.concatenate([coupling[self.direct], share[self.one] * leg[self.other]])
+        size = len(self.stay)
+        x = np.empty(len(diagonal))
+        x[self.stay] = rest = self.rest.solve(
+            np.bincount(self.slot, added, self.pairs).astype(np.float64, copy=False),
+            diagonal[self.stay] - np.bincount(self.foot, share * leg, size),
+            load[self.stay] + np.bincount(self.foot, share * hub_load[self.hub], size),
+        )
+        x[self.gone] = (hub_load + np.bincount(self.hub, leg * rest[self.foot], len(self.gone))) / d
+        return x
+
+
+def _checked(x: Floats, info: int) -> Floats:
+    if info:
+        raise SolverError(
+            f"the heat network cannot be solved: Cholesky stopped at row {info}; "
+            "a node is not connected to a terminal, or the conductances differ too much"
+        )
+    return x

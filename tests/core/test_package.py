@@ -1,0 +1,85 @@
+"""The core is a library: quick to import, quiet, and on its own."""
+
+import ast
+import re
+import subprocess
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+import toposeam as ts
+
+CORE = Path(ts.__file__).parent
+FILES = sorted(CORE.rglob("*.py"))
+
+
+def in_a_fresh_process(code):
+    return subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=True).stdout
+
+
+def test_importing_loads_nothing_of_the_command_line_nor_of_optional_packages():
+    loaded = in_a_fresh_process("import sys, toposeam; print(*sorted({name.partition('.')[0] for name in sys.modules}))").split()
+    assert "toposeam" in loaded
+    unwanted = {"click", "PIL", "gi", "matplotlib", "pyvips", "maxflow", "toposeam_cli", "svgelements", "defusedxml", "tifffile", "pytest"}
+    assert not unwanted & set(loaded)
+
+
+def test_importing_prints_nothing_and_sets_no_threads():
+    assert in_a_fresh_process("import os; before = dict(os.environ); import toposeam; assert dict(os.environ) == before") == ""
+
+
+@pytest.mark.slow
+def test_importing_is_quick():
+    code = "import time; start = time.perf_counter(); import toposeam; print(time.perf_counter() - start)"
+    seconds = min(float(in_a_fresh_process(code)) for _ in range(3))
+    assert seconds < 1.5  # of which numpy and scipy take most; twice what it took when this was written
+
+
+def imported(tree):
+    """Every module an ``import`` names, wherever it stands."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield node.module or "." * node.level
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.relative_to(CORE).as_posix())
+def test_the_core_knows_nothing_of_files_screens_and_the_command_line(file):
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    roots = {name.partition(".")[0] for name in imported(tree)}
+    assert not roots & {"toposeam_cli", "click", "PIL", "gi", "matplotlib", "pyvips", "tkinter"}
+    allowed = {"__future__", "toposeam", "numpy", "scipy", "skimage", "threadpoolctl", "maxflow", "svgelements", "defusedxml"}
+    assert roots <= allowed | sys.stdlib_module_names
+    calls = {node.func.id for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
+    assert "print" not in calls
+
+
+def test_heat_and_optimize_know_nothing_of_images():
+    for room in ("heat", "optimize"):
+        for file in (CORE / room).glob("*.py"):
+            rooms = {name for name in imported(ast.parse(file.read_text(encoding="utf-8"))) if name.startswith("toposeam.")}
+            assert not {name for name in rooms if name.split(".")[1] in {"seam", "stitch", "vector", "texture", "images"}}, file
+
+
+def test_the_version_is_stated_once():
+    assert re.fullmatch(r"\d+\.\d+\.\d+([.a-z]\S*)?", ts.__version__)
+    assert version("toposeam") == ts.__version__
+
+
+def test_what_is_offered_exists():
+    assert sorted(ts.__all__, key=str.lower) == sorted(set(ts.__all__), key=str.lower)
+    assert all(hasattr(ts, name) for name in ts.__all__)
+    public = {name for name, value in vars(ts).items() if not name.startswith("_") and not hasattr(value, "__path__")}
+    modules = {name for name, value in vars(ts).items() if type(value).__name__ == "module"}
+    assert public - modules == set(ts.__all__)
+
+
+def test_every_error_is_ours_and_a_builtin():
+    errors = [value for value in vars(ts).values() if isinstance(value, type) and issubclass(value, Exception)]
+    assert len(errors) > 5
+    for error in errors:
+        assert issubclass(error, ts.TopoSeamError)
+        assert error is ts.TopoSeamError or any(base.__module__ == "builtins" for base in error.__bases__)

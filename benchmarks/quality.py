@@ -14,9 +14,9 @@ import time
 from typing import Any
 
 import numpy as np
-from seams import PHOTOGRAPHS, crops
 
 import toposeam as ts
+from seams import PHOTOGRAPHS, crops
 from toposeam.errors import SolverError
 
 SIZES = ((60, 15), (80, 20), (120, 30), (160, 40), (240, 60), (320, 80))

@@ -3,10 +3,10 @@
     python benchmarks/seams.py                  the short version, about five minutes
     python benchmarks/seams.py --sizes 80x20 160x40 --pairs 20
 
-Sizes are length × width of the overlap in px. Pairs are random crops of photographs in scikit-image's wheel; where a photograph is too small
-it is continued by reflection. Times are medians in ms of the seam search alone, with the match cost given, on one BLAS thread (for OpenCV:
-its own call, which computes its own cost). Ratios are cost ÷ exact optimum of the match cost (2.4), or (3.22) for OpenCV's colour-only finders,
-which minimise something like it.
+Sizes are length × width of the overlap in px. Pairs are random crops of photographs in scikit-image's wheel; where a photograph is too
+small it is continued by reflection. Times are medians in ms of the seam search alone, with the match cost given, on one BLAS thread (for OpenCV:
+its own call, which computes its own cost). Ratios are cost ÷ exact optimum of the match cost (2.4), or (3.22) for OpenCV's colour-only
+finders, which minimise something like it.
 """
 
 from __future__ import annotations
@@ -72,10 +72,9 @@ def opencv(finder: Callable[[], object]) -> Callable[[SeamProblem, npt.NDArray[n
 
 def route(problem: SeamProblem) -> Labels:
     """scikit-image's minimum cost path over pixels, from the top row to the bottom row; b to its right, the path itself a's."""
-    cost = 0.25 * sum(
-        np.pad(array, pad) for array, pads in ((problem.right, (((0, 0), (0, 1)), ((0, 0), (1, 0)))), (problem.down, (((0, 1), (0, 0)), ((1, 0), (0, 0)))))
-        for pad in pads
-    )  # fmt: skip
+    across = (((0, 0), (0, 1)), ((0, 0), (1, 0)))
+    along = (((0, 1), (0, 0)), ((1, 0), (0, 0)))
+    cost = 0.25 * sum(np.pad(array, pad) for array, pads in ((problem.right, across), (problem.down, along)) for pad in pads)
     inner = cost[1:-1, 2:-2]
     room = np.pad(inner, ((1, 1), (0, 0)), constant_values=1e-9)
     path, _ = route_through_array(room, (0, 0), (room.shape[0] - 1, 0), fully_connected=False)
@@ -115,7 +114,9 @@ METHODS: dict[str, tuple[Callable[..., tuple[Labels, float]], int, bool]] = {
 }
 
 
-def problems(length: int, width: int, pairs: int, seed: int) -> Iterator[tuple[SeamProblem, SeamProblem, npt.NDArray[np.uint8], npt.NDArray[np.uint8]]]:
+def problems(
+    length: int, width: int, pairs: int, seed: int
+) -> Iterator[tuple[SeamProblem, SeamProblem, npt.NDArray[np.uint8], npt.NDArray[np.uint8]]]:
     """Pairs of crops with their problems: match cost with and without gradients."""
     for index in range(pairs):
         rng = np.random.default_rng([seed, length, width, index])
@@ -152,8 +153,8 @@ def main() -> None:
         print(f"{'':<34}{'ms':>10}{'÷ PyMaxflow':>13}{'cost ÷ optimum':>17}{'worst':>9}")
         for name in METHODS:
             if seconds[name]:
-                median = statistics.median(seconds[name])
-                print(f"{name:<34}{1e3 * median:>10.2f}{median / reference:>13.2f}{statistics.median(ratios[name]):>17.4f}{max(ratios[name]):>9.3f}")
+                median, ratio = statistics.median(seconds[name]), statistics.median(ratios[name])
+                print(f"{name:<34}{1e3 * median:>10.2f}{median / reference:>13.2f}{ratio:>17.4f}{max(ratios[name]):>9.3f}")
         print(flush=True)
 
 

@@ -12,6 +12,9 @@ from toposeam.errors import ImageError
 Image = npt.NDArray[Any]
 Mask = npt.NDArray[np.bool_]
 
+#: Float images with larger values are refused: their squares would overflow.
+LARGEST = 1e12
+
 
 def as_float(image: npt.ArrayLike, name: str = "image") -> npt.NDArray[np.float32]:
     """The image as float32 with a channel axis, integers scaled to [0, 1].
@@ -30,7 +33,7 @@ def as_float(image: npt.ArrayLike, name: str = "image") -> npt.NDArray[np.float3
     Raises
     ------
     ImageError
-        For other shapes, empty arrays, complex or object dtypes, NaN or infinite values.
+        For other shapes, empty arrays, complex or object dtypes, NaN, infinite or huge values.
     """
     array = np.asarray(image)
     if array.ndim not in (2, 3) or 0 in array.shape:
@@ -48,6 +51,8 @@ def as_float(image: npt.ArrayLike, name: str = "image") -> npt.NDArray[np.float3
     result = array.astype(np.float32)
     if not np.isfinite(result).all():
         raise ImageError(f"{name} has NaN or infinite values; replace them, or exclude those pixels with a mask")
+    if max(-float(result.min()), float(result.max())) > LARGEST:
+        raise ImageError(f"{name} has values beyond ±{LARGEST:g}; scale its range to [0, 1]")
     return result
 
 

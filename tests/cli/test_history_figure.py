@@ -17,12 +17,19 @@ def found(shape: tuple[int, int], side: ts.Side = "right", **options) -> ts.Seam
     return ts.find_seam(a, b, side=side, record_frames=True, **options)
 
 
-@pytest.mark.parametrize(("shape", "side"), [((60, 12), "right"), ((12, 60), "bottom"), ((30, 30), "left"), ((3, 3), "top"), ((2, 2), "right")])
+@pytest.mark.parametrize(
+    ("shape", "side"), [((60, 12), "right"), ((12, 60), "bottom"), ((30, 30), "left"), ((3, 3), "top"), ((2, 2), "right")]
+)
 def test_overlaps_of_every_proportion_make_a_picture(shape, side):
     picture = Image.open(io.BytesIO(history_figure(found(shape, side))))
     assert picture.format == "PNG"
     assert min(picture.size) > 300
-    assert len(set(picture.convert("L").getdata() if not hasattr(picture, "get_flattened_data") else picture.convert("L").get_flattened_data())) > 10
+    assert (
+        len(
+            set(picture.convert("L").getdata() if not hasattr(picture, "get_flattened_data") else picture.convert("L").get_flattened_data())
+        )
+        > 10
+    )
 
 
 @pytest.mark.parametrize("method", ["heat", "thesis"])

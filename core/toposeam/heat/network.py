@@ -1,8 +1,8 @@
 """Networks of heat conductors between two terminals, and their exact solution.
 
 A network has ``n`` free nodes, numbered ``0 … n-1``, and two terminals: node ``n`` is *cold* (temperature 0), node ``n + 1`` *hot* (1).
-Element ``e`` joins nodes ``tail[e]`` and ``head[e]`` with conductance ``k[e]``. The steady state obeys K θ = F (thesis 3.6) with K assembled
-from the two-node element matrix k [[1, -1], [-1, 1]] (3.11).
+Element ``e`` joins nodes ``tail[e]`` and ``head[e]`` with conductance ``k[e]``. The steady state obeys K θ = F (thesis 3.6) with K
+assembled from the two-node element matrix k [[1, -1], [-1, 1]] (3.11).
 
 The assembly is a fixed template: where each element lands in the matrix is worked out once per network, so that a new set of conductances
 costs two passes over the elements and one factorisation (:mod:`toposeam.heat.elimination`). Direct solution only: late in the optimisation
@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt

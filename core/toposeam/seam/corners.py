@@ -26,10 +26,10 @@ from toposeam.errors import SolverError
 from toposeam.heat.network import Floats, Ints, Network
 from toposeam.images import Mask
 from toposeam.seam.overlap import FREE, NONE, A, B, neighbours
-from toposeam.seam.problem import FORBIDDEN, SeamProblem
+from toposeam.seam.problem import M_MAX, SeamProblem
 
 #: M_max, the match cost of the outermost elements.
-OUTERMOST = FORBIDDEN
+OUTERMOST = M_MAX
 
 Indices = npt.NDArray[np.intp]
 

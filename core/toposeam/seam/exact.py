@@ -63,9 +63,7 @@ def _corners_beside_gaps(side: npt.NDArray[np.uint8], component: npt.NDArray[np.
     return {int(index): (start[owner == index], end[owner == index]) for index in np.unique(owner)}
 
 
-def _shortest_path(
-    faces: Interfaces, side: npt.NDArray[np.uint8], gaps: _Pairs | None, pixels: Mask
-) -> Mask | None:
+def _shortest_path(faces: Interfaces, side: npt.NDArray[np.uint8], gaps: _Pairs | None, pixels: Mask) -> Mask | None:
     """Labels cut by one shortest path between corners, or None where the cut is not a single path."""
     gap_start, gap_end = gaps if gaps is not None else (np.zeros(0, np.intp), np.zeros(0, np.intp))
     corners, place = np.unique(np.concatenate([faces.start, faces.end, gap_start, gap_end]), return_inverse=True)
@@ -122,7 +120,9 @@ def _flood(faces: Interfaces, cut: Mask, side: npt.NDArray[np.uint8], pixels: Ma
 def _maximum_flow(problem: SeamProblem, pixels: Mask) -> Mask:
     """Labels of some free pixels by maximum flow between the two sides; costs are rounded to about 1e-9 of their sum."""
     network, weight, index = problem.grid.network(pixels)
-    return labels_of_nodes(minimum_cut(network, weight), index, pixels.shape)
+    # Next to forbidden interfaces rounding would lose the others: as much as all of them together is forbidding enough.
+    ordinary = float(weight[weight < problem.forbidden].sum())
+    return labels_of_nodes(minimum_cut(network, np.minimum(weight, 1.01 * ordinary)), index, pixels.shape)
 
 
 def minimum_cut(network: Network, weight: npt.NDArray[np.float64]) -> Mask:

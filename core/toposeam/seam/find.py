@@ -20,7 +20,7 @@ from toposeam.seam.graph_cut import graph_cut_labels
 from toposeam.seam.heat import HeatOptions, Solution, heat_path
 from toposeam.seam.match_cost import MatchCost, match_cost
 from toposeam.seam.overlap import Overlap, Side, between_masks, side_by_side
-from toposeam.seam.problem import FORBIDDEN, SeamProblem
+from toposeam.seam.problem import M_MAX, SeamProblem
 from toposeam.seam.seam import Seam
 from toposeam.seam.thesis import ThesisOptions, thesis_path
 from toposeam.vector.apply import labels_from_paths
@@ -146,7 +146,7 @@ def apply_paths(
     height, width = problem.overlap.canvas
     if (drawing.width, drawing.height) != (width, height):
         raise PathError(
-            f"the path belongs to a canvas of {drawing.width:g} × {drawing.height:g} px, but the patches make one of {width} × {height} px; "
+            f"the path belongs to a canvas of {drawing.width:g} × {drawing.height:g} px, but the patches make one of {width} × {height}; "
             "place them as when it was exported"
         )
     top, left = problem.overlap.origin
@@ -157,6 +157,7 @@ def apply_paths(
 
 
 def _seam(problem: SeamProblem, only_b: Mask, solution: Solution, method: str, settings: dict[str, Any], seconds: float) -> Seam:
+    problem.check(solution.labels)
     return Seam(
         labels=problem.on_canvas(solution.labels, only_b).astype(bool, copy=False),
         soft=problem.on_canvas(solution.soft, only_b).astype(np.float32, copy=False),
@@ -192,11 +193,13 @@ def seam_problem(
     if weight is not None:
         factor = overlap.window(_weights(weight, canvas)).astype(np.float32)
     right, down = match_cost(patch_a, patch_b, overlap, on_a, on_b, cost, factor)
+    forbidden = float("inf")
     if avoid is not None:
+        forbidden = M_MAX * max(1.0, float(right.max(initial=0)), float(down.max(initial=0)))
         touched = overlap.window(as_mask(avoid, canvas, "avoid")).astype(bool)
-        right[(right > 0) & (touched[:, 1:] | touched[:, :-1])] = FORBIDDEN
-        down[(down > 0) & (touched[1:] | touched[:-1])] = FORBIDDEN
-    return SeamProblem(overlap, right, down), only_b
+        right[(right > 0) & (touched[:, 1:] | touched[:, :-1])] = forbidden
+        down[(down > 0) & (touched[1:] | touched[:-1])] = forbidden
+    return SeamProblem(overlap, right, down, float(np.float32(forbidden))), only_b
 
 
 def _patch(image: npt.ArrayLike, overlap: Overlap, present: Mask, name: str) -> npt.NDArray[np.float32]:

@@ -39,13 +39,6 @@ class CutGrid:
     hot: Floats32
     free: Mask
 
-    def cost(self, labels: Mask) -> float:
-        """Cost of an (h, w) bool labelling; values outside `free` do not matter."""
-        across = self.right[labels[:, 1:] != labels[:, :-1]].sum(dtype=np.float64)
-        along = self.down[labels[1:] != labels[:-1]].sum(dtype=np.float64)
-        ends = self.cold[labels].sum(dtype=np.float64) + self.hot[~labels].sum(dtype=np.float64)
-        return float(across + along + ends)
-
     def network(self, pixels: Mask) -> tuple[Network, Floats, Ints]:
         """Some free pixels as a network; no interface may join them to other free pixels.
 
@@ -84,8 +77,8 @@ class CutGrid:
         return network, np.concatenate(weights).astype(np.float64), index
 
 
-def grid_from_sides(side: npt.NDArray[np.uint8], right: Floats32, down: Floats32) -> tuple[CutGrid, float]:
-    """The cut problem of an overlap, and the cost of the interfaces that are cut whatever the free pixels do.
+def grid_from_sides(side: npt.NDArray[np.uint8], right: Floats32, down: Floats32) -> CutGrid:
+    """The cut problem of an overlap.
 
     Parameters
     ----------
@@ -96,7 +89,6 @@ def grid_from_sides(side: npt.NDArray[np.uint8], right: Floats32, down: Floats32
     """
     free = side == FREE
     cold, hot = np.zeros(side.shape, np.float32), np.zeros(side.shape, np.float32)
-    forced = 0.0
     for cost, s, t in (
         (right, (slice(None), slice(None, -1)), (slice(None), slice(1, None))),
         (down, (slice(None, -1), slice(None)), (slice(1, None), slice(None))),
@@ -104,10 +96,6 @@ def grid_from_sides(side: npt.NDArray[np.uint8], right: Floats32, down: Floats32
         for inner, outer in ((s, t), (t, s)):
             cold[inner] += np.where(free[inner] & (side[outer] == A), cost, np.float32(0))
             hot[inner] += np.where(free[inner] & (side[outer] == B), cost, np.float32(0))
-            forced += float(cost[(side[inner] == A) & (side[outer] == B)].sum(dtype=np.float64))
     both_right = free[:, 1:] & free[:, :-1]
     both_down = free[1:] & free[:-1]
-    return CutGrid(np.where(both_right, right, np.float32(0)), np.where(both_down, down, np.float32(0)), cold, hot, free), forced
-
-
-
+    return CutGrid(np.where(both_right, right, np.float32(0)), np.where(both_down, down, np.float32(0)), cold, hot, free)

@@ -105,9 +105,7 @@ def _along(
     return cost
 
 
-def _both(
-    values: Floats32, s: tuple[slice, slice], t: tuple[slice, slice], narrow_s: Mask, narrow_t: Mask, has_narrow: bool
-) -> Floats32:
+def _both(values: Floats32, s: tuple[slice, slice], t: tuple[slice, slice], narrow_s: Mask, narrow_t: Mask, has_narrow: bool) -> Floats32:
     """values(s) + values(t); where only one of the two is known, twice that one."""
     total = values[s] + values[t]
     if has_narrow:

@@ -1,8 +1,8 @@
 """A seam problem ready to be solved: the overlap, its match cost, and the same interfaces seen from pixels and from corners.
 
-One drawing of all numbering, for a window of h × w pixels. Pixel (y, x) has flat index y w + x; corner (y, x), the upper left corner of
-that pixel, has flat index y (w + 1) + x. ``right[y, x]`` belongs to the interface of pixels (y, x) and (y, x + 1), ``down[y, x]`` to that of
-(y, x) and (y + 1, x)::
+One drawing of all numbering, for a window of h × w pixels. Pixel (y, x) has flat index y w + x; corner (y, x), the upper left corner
+of that pixel, has flat index y (w + 1) + x. ``right[y, x]`` belongs to the interface of pixels (y, x) and (y, x + 1), ``down[y, x]`` to that
+of (y, x) and (y + 1, x)::
 
     corner (y, x) ───────── corner (y, x+1) ───────── corner (y, x+2)
          │                        │                        │
@@ -31,8 +31,8 @@ from toposeam.seam.grid import CutGrid, grid_from_sides
 from toposeam.seam.match_cost import Floats32
 from toposeam.seam.overlap import FREE, NONE, A, B, Overlap, neighbours
 
-#: Cost of an interface that the user forbids: the thesis's M_max.
-FORBIDDEN = 1e6
+#: The thesis's M_max: the cost of an interface where no seam may run, in units of the dearest ordinary one (at least 1).
+M_MAX = 1e6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,20 +56,19 @@ class SeamProblem:
     right : (h, w - 1) float32 array
     down : (h - 1, w) float32 array
         Match cost of each interface, 0 where the seam cannot run.
+    forbidden : float
+        Interfaces that cost as much or more are forbidden.
     """
 
     overlap: Overlap
     right: Floats32
     down: Floats32
+    forbidden: float = float("inf")
 
     @cached_property
-    def _grid_and_forced(self) -> tuple[CutGrid, float]:
-        return grid_from_sides(self.overlap.side, self.right, self.down)
-
-    @property
     def grid(self) -> CutGrid:
         """The free pixels as a cut problem."""
-        return self._grid_and_forced[0]
+        return grid_from_sides(self.overlap.side, self.right, self.down)
 
     @cached_property
     def interfaces(self) -> Interfaces:
@@ -87,19 +86,24 @@ class SeamProblem:
             parts.append((first, first + stride, start, end, cost[row, column].astype(np.float64)))
         return Interfaces(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
+    def _crossed(self, labels: Mask) -> Floats32:
+        """Cost of every interface that an (h, w) bool labelling cuts."""
+        full = self.complete(labels)
+        return np.concatenate([self.right[full[:, 1:] != full[:, :-1]], self.down[full[1:] != full[:-1]]])
+
     def cost(self, labels: Mask) -> float:
-        """Σ M over the interfaces that an (h, w) bool labelling cuts.
+        """Σ M over the interfaces that an (h, w) bool labelling cuts."""
+        return float(self._crossed(labels).sum(dtype=np.float64))
+
+    def check(self, labels: Mask) -> None:
+        """Refuse a labelling that cuts a forbidden interface.
 
         Raises
         ------
         OverlapError
-            When the labelling cuts a forbidden interface.
         """
-        grid, forced = self._grid_and_forced
-        total = grid.cost(labels) + forced
-        if total >= FORBIDDEN:
+        if self._crossed(labels).max(initial=0.0) >= self.forbidden:
             raise OverlapError("no seam avoids the pixels you excluded: they block the overlap from side to side; leave it a way through")
-        return total
 
     def on_canvas(self, labels: npt.NDArray[Any], only_b: Mask) -> npt.NDArray[Any]:
         """Window values spread to the canvas: those of the overlap from `labels`, elsewhere True (1) where only ``b`` has pixels.

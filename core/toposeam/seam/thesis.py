@@ -385,4 +385,4 @@ class _Run:
         potential = self._potential()
         thresholds = (0.5,) if self._is_single() else _THRESHOLDS
         cuts = [self._map(potential > threshold).astype(bool) for threshold in thresholds]
-        return min(cuts, key=self.problem.grid.cost)
+        return min(cuts, key=self.problem.cost)

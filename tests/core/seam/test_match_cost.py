@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 import toposeam as ts
 from toposeam.seam.find import seam_problem
 from toposeam.seam.match_cost import MatchCost

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 import toposeam as ts
 from toposeam.seam.overlap import FREE, SIDES, A, B, between_masks, side_by_side
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import toposeam as ts
 from shapes import SHAPES
+
+import toposeam as ts
 
 SIZES = ((60, 15), (80, 20), (120, 30), (160, 40), (240, 60), (320, 80))
 

@@ -14,7 +14,7 @@ from toposeam.seam.corners import CornerNetwork
 from toposeam.seam.exact import exact_labels
 from toposeam.seam.match_cost import MatchCost, match_cost
 from toposeam.seam.overlap import A, B, between_masks, side_by_side
-from toposeam.seam.problem import FORBIDDEN, SeamProblem
+from toposeam.seam.problem import M_MAX, SeamProblem
 from toposeam.seam.thesis import ThesisOptions, thesis_path
 
 SIZES = ((60, 15), (80, 20), (120, 30), (160, 40), (240, 60), (320, 80))
@@ -139,7 +139,7 @@ def test_out_of_iterations_is_said_and_still_a_seam(crops):
         assert solution.termination == Termination.ITERATIONS
         assert len(solution.history) <= limit
         assert (solution.labels == problem.complete(solution.labels)).all()
-        assert problem.cost(solution.labels) < FORBIDDEN
+        assert problem.cost(solution.labels) < M_MAX
         # Every row is divided: a at its left end, b at its right end.
         rows = solution.labels[1:-1, 1:-1]
         assert not rows[:, 0].any()
@@ -226,12 +226,13 @@ def test_where_every_seam_costs_the_same_one_line_is_chosen():
 def test_forbidden_interfaces_from_end_to_end_show_in_the_cost(crops):
     problem = strip_problem(crops, 3, 30, 12)
     right, down = problem.right.copy(), problem.down.copy()
-    right[15][right[15] > 0] = FORBIDDEN
-    down[14:16][down[14:16] > 0] = FORBIDDEN
-    blocked = SeamProblem(problem.overlap, right, down)
+    right[15][right[15] > 0] = M_MAX
+    down[14:16][down[14:16] > 0] = M_MAX
+    blocked = SeamProblem(problem.overlap, right, down, M_MAX)
     solution = thesis_path(blocked, ThesisOptions())
+    assert blocked.cost(solution.labels) >= M_MAX
     with pytest.raises(ValueError, match="no seam avoids"):
-        blocked.cost(solution.labels)
+        blocked.check(solution.labels)
 
 
 def test_formulation_2_minimises_compliance_and_says_what_came_out(crops):

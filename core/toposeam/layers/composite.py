@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from toposeam.errors import ImageError, OptionError, OverlapError
 from toposeam.images import Image, Mask
+from toposeam.layers.layer import Canvas, Layer, common_canvas
 from toposeam.seam.find import apply_paths, find_seam
 from toposeam.seam.seam import Seam
-from toposeam.stitch.layers import Canvas, Layer, common_canvas
 from toposeam.vector.svg import SvgSeam
 
 #: Largest canvas that is made without being asked to: a gigapixel.
@@ -81,7 +81,8 @@ def stitch(
         raise ImageError(f"the layers have dtypes {', '.join(sorted(map(str, dtypes)))}; convert them to one")
     canvas = common_canvas(layers, max_pixels)
     image, present = _put(layers[0], canvas, _channels(layers))
-    alpha = _put_alpha(layers[0], canvas)
+    alpha = np.zeros(canvas.shape, image.dtype)
+    alpha[canvas.place(layers[0])] = _opacity(layers[0])
     owner = np.where(present, np.int16(0), np.int16(-1))
     seams: list[Seam] = []
     for index, layer in enumerate(layers[1:], start=1):
@@ -97,9 +98,11 @@ def stitch(
         if progress is not None:
             progress(index / (len(layers) - 1))
         seams.append(seam)
-        image[seam.labels] = patch[seam.labels]
-        alpha[seam.labels] = _put_alpha(layer, canvas)[seam.labels]
-        owner[seam.labels] = index
+        place = canvas.place(layer)
+        shows = seam.labels[place]
+        np.copyto(image[place], patch[place], where=shows if image.ndim == 2 else shows[..., np.newaxis])
+        np.copyto(alpha[place], _opacity(layer), where=shows)
+        owner[place][shows] = index
         present |= covered
     opaque = bool((alpha == _opaque(layers[0].image.dtype)).all())
     return Stitched(
@@ -127,18 +130,19 @@ def _put(layer: Layer, canvas: Canvas, channels: int | None) -> tuple[Image, Mas
     """The layer on the canvas, (H, W[, C]), and where it has pixels there; elsewhere it is 0, whatever transparent pixels hide."""
     place = canvas.place(layer)
     image = np.zeros(canvas.shape if channels is None else (*canvas.shape, channels), layer.image.dtype)
-    source = layer.image if channels is None or layer.image.ndim == 3 else layer.image[..., np.newaxis]
-    image[place] = source
+    image[place] = layer.image if channels is None or layer.image.ndim == 3 else layer.image[..., np.newaxis]
     present = np.zeros(canvas.shape, bool)
     present[place] = layer.covered
-    image[~present] = 0
+    if layer.alpha is not None:
+        image[~present] = 0
     return image, present
 
 
-def _put_alpha(layer: Layer, canvas: Canvas) -> npt.NDArray[Any]:
-    alpha = np.zeros(canvas.shape, layer.image.dtype)
-    alpha[canvas.place(layer)] = _opaque(layer.image.dtype) if layer.alpha is None else np.where(layer.covered, layer.alpha, 0)
-    return alpha
+def _opacity(layer: Layer) -> npt.NDArray[Any]:
+    """(H, W) alpha of the layer, 0 where it has no pixels."""
+    if layer.alpha is None:
+        return np.broadcast_to(_opaque(layer.image.dtype), layer.image.shape[:2])
+    return np.where(layer.covered, layer.alpha, layer.alpha.dtype.type(0))
 
 
 def _opaque(dtype: np.dtype[Any]) -> Any:

@@ -4,9 +4,9 @@
     python benchmarks/seams.py --sizes 80x20 160x40 --pairs 20
 
 Sizes are length × width of the overlap in px. Pairs are random crops of photographs in scikit-image's wheel; where a photograph is too
-small it is continued by reflection. Times are medians in ms of the seam search alone, with the match cost given, on one BLAS thread (for OpenCV:
-its own call, which computes its own cost). Ratios are cost ÷ exact optimum of the match cost (2.4), or (3.22) for OpenCV's colour-only
-finders, which minimise something like it.
+small it is continued by reflection. Times are medians in ms of the seam search alone, with the match cost given, on one BLAS thread (for
+OpenCV: its own call, which computes its own cost). Ratios are cost ÷ exact optimum of the match cost (2.4), or (3.22) for OpenCV's
+colour-only finders, which minimise something like it.
 """
 
 from __future__ import annotations

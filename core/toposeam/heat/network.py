@@ -5,8 +5,8 @@ Element ``e`` joins nodes ``tail[e]`` and ``head[e]`` with conductance ``k[e]``.
 assembled from the two-node element matrix k [[1, -1], [-1, 1]] (3.11).
 
 The assembly is a fixed template: where each element lands in the matrix is worked out once per network, so that a new set of conductances
-costs two passes over the elements and one factorisation (:mod:`toposeam.heat.elimination`). Direct solution only: late in the optimisation
-conductances differ by nine orders of magnitude, where iterative solvers stall.
+costs two passes over the elements and one factorisation (:mod:`toposeam.heat.elimination`). Direct solution only: late in the
+optimisation conductances differ by nine orders of magnitude, where iterative solvers stall.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
 """From coarse to fine: which pixels of a large overlap the seam can still choose between.
 
 A large network is shrunk by merging every node with the neighbour it is most expensive to divide from, again and again, as multilevel
-graph partitioning does (Karypis and Kumar 1998, doi:10.1137/S1064827595287997). A seam hardly ever wants those interfaces, and the costs of
-all the others stay exact, so the coarse problem is the fine one with bad choices removed. A few convex steps on it show where heat flows at
-all. Back on the finer network only the nodes beside such flow stay free; the rest is merged with the side it lies on, or into one node per
-region between two flows. Every level starts from uniform conductances: those of the coarse solution would favour its own path.
+graph partitioning does (Karypis and Kumar 1998, doi:10.1137/S1064827595287997). A seam hardly ever wants those interfaces, and the costs
+of all the others stay exact, so the coarse problem is the fine one with bad choices removed. A few convex steps on it show where heat
+flows at all. Back on the finer network only the nodes beside such flow stay free; the rest is merged with the side it lies on, or into
+one node per region between two flows. Every level starts from uniform conductances: those of the coarse solution would favour its own
+path.
 """
 
 from __future__ import annotations

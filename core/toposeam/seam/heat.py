@@ -1,24 +1,24 @@
 r"""The fast heat method: the seam as the label potential of converged heat.
 
 *The convex start.* With p = 1 and no upper bound on the density the thesis's Formulation 1 with W = M² is convex in the conductances:
-minimise Σ k W under a compliance bound Σ q²/k ≤ C*. For given flux its optimality criterion is k = |q| / M up to a factor, and substituting
-back leaves Σ M |q|: its optimum is the shortest path for edge lengths M, the best seam. Each step solves the heat network for the flux of
-the current conductances and sets k ← |q| / M.
+minimise Σ k W under a compliance bound Σ q²/k ≤ C*. For given flux its optimality criterion is k = |q| / M up to a factor, and
+substituting back leaves Σ M |q|: its optimum is the shortest path for edge lengths M, the best seam. Each step solves the heat network
+for the flux of the current conductances and sets k ← |q| / M.
 
-*Seen from the pixels.* By planar duality the flux across interface (s, t) is the jump |ψ(s) - ψ(t)| of a label potential that is 0 on what
-only ``a`` covers, 1 on what only ``b`` covers, and solves Laplace's equation for conductances M / |q|. No terminals need placing, so
-strips, Ls, rings, islands and several overlaps are one case, and the converged potential is the label map. By the maximum principle every pixel on
-one side stays connected to that side's ground, so the seam is a single line.
+*Seen from the pixels.* By planar duality the flux across interface (s, t) is the jump |ψ(s) - ψ(t)| of a label potential that is 0 on
+what only ``a`` covers, 1 on what only ``b`` covers, and solves Laplace's equation for conductances M / |q|. No terminals need placing, so
+strips, Ls, rings, islands and several overlaps are one case, and the converged potential is the label map. By the maximum principle every
+pixel on one side stays connected to that side's ground, so the seam is a single line.
 
 *Over-relaxation.* With x = k M the step x ← |q| leaves path i a share that falls by L / L_i per step, L being the best path's length and
 L_i that of path i. x ← x^(1-ω) |q|^ω has the same fixed points and, for ω = 1.5, one and a half times that rate.
 
-*Contraction.* Where next to no heat flows, compared with Σ M q² / Σ M q, the seam will not run: the two pixels become one node and parallel
-interfaces one element, whose costs add up. The problem keeps its form and shrinks by orders of magnitude. Large overlaps start out
-contracted by what coarser networks show (:mod:`toposeam.seam.coarse`).
+*Contraction.* Where next to no heat flows, compared with Σ M q² / Σ M q, the seam will not run: the two pixels become one node and
+parallel interfaces one element, whose costs add up. The problem keeps its form and shrinks by orders of magnitude. Large overlaps start
+out contracted by what coarser networks show (:mod:`toposeam.seam.coarse`).
 
-*The penalising end.* Like the thesis's W ← W / q (3.21), k ← |q|^(1+s) / M with s growing makes the strongest line win until every flux is
-0 or 1.
+*The penalising end.* Like the thesis's W ← W / q (3.21), k ← |q|^(1+s) / M with s growing makes the strongest line win until every flux
+is 0 or 1.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ def heat_path(
         history.append(
             Iteration(
                 stage=stage, objective=float(settled[0] + weight @ new), compliance=float(settled[0] + resistance @ np.square(new)),
-                bound=float("nan"), n_flux=int(settled[1] + multiplicity[new > FLUX_THRESHOLD].sum()), 
+                bound=float("nan"), n_flux=int(settled[1] + multiplicity[new > FLUX_THRESHOLD].sum()),
                 change=float(np.abs(new - flux).max()), unknowns=network.n,
             )
         )  # fmt: skip

@@ -1,7 +1,7 @@
 """A seam problem ready to be solved: the overlap, its match cost, and the same interfaces seen from pixels and from corners.
 
-One drawing of all numbering, for a window of h × w pixels. Pixel (y, x) has flat index y w + x; corner (y, x), the upper left corner
-of that pixel, has flat index y (w + 1) + x. ``right[y, x]`` belongs to the interface of pixels (y, x) and (y, x + 1), ``down[y, x]`` to that
+One drawing of all numbering, for a window of h × w pixels. Pixel (y, x) has flat index y w + x; corner (y, x), the upper left corner of
+that pixel, has flat index y (w + 1) + x. ``right[y, x]`` belongs to the interface of pixels (y, x) and (y, x + 1), ``down[y, x]`` to that
 of (y, x) and (y + 1, x)::
 
     corner (y, x) ───────── corner (y, x+1) ───────── corner (y, x+2)
@@ -12,8 +12,8 @@ of (y, x) and (y + 1, x)::
          │                        │                        │
          │    pixel (y+1, x)      │    pixel (y+1, x+1)    │
 
-So every interface joins two pixels, and two corners. Heat that flows between corners along interfaces is, by planar duality, the jump of a
-potential between pixels across them.
+So every interface joins two pixels, and two corners. Heat that flows between corners along interfaces is, by planar duality, the jump of
+a potential between pixels across them.
 """
 
 from __future__ import annotations

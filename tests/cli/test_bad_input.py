@@ -453,6 +453,19 @@ def test_ctrl_c_at_any_moment_leaves_nothing_half_written(toposeam, inputs, here
     assert snapshot(here) == before
 
 
+@pytest.mark.parametrize(("received", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_kill_and_a_closed_terminal_leave_nothing_half_written(toposeam, inputs, here, monkeypatch, received, code):
+    handler = signal.signal(received, signal.SIG_DFL)
+    try:
+        monkeypatch.setattr(output.os, "fsync", lambda descriptor: signal.raise_signal(received))
+        before = snapshot(here)
+        ran = toposeam("stitch", *arguments("{a} {b} --overlap 20 -o there.png --force", inputs))
+        assert (ran.code, ran.out, ran.err) == (code, "", "")
+        assert snapshot(here) == before
+    finally:
+        signal.signal(received, handler)
+
+
 def test_a_real_ctrl_c_in_the_middle_of_work(process, inputs, here):
     rng = np.random.default_rng(0)
     for name in ("c.tif", "d.tif"):

@@ -22,7 +22,7 @@ FULL = {"uint8": 255, "uint16": 65535, "float32": 1.0}
 METHODS = [method for method in ts.METHODS if method != "thesis"]  # the thesis's own takes a second each time
 
 quick = settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True)
-thorough = settings(max_examples=1500, deadline=None, suppress_health_check=list(HealthCheck))
+thorough = settings(max_examples=600, deadline=None, suppress_health_check=list(HealthCheck))
 
 
 @dataclass(frozen=True)

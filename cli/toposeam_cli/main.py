@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-import signal
 import sys
-import threading
 from importlib import import_module
 from typing import Any
 
@@ -33,7 +31,6 @@ class Commands(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         """Run the chosen command."""
         _never_fail_to_print()
-        _end_tidily()
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
@@ -69,16 +66,6 @@ def _never_fail_to_print() -> None:
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None and stream.errors == "strict":
             reconfigure(errors="backslashreplace")
-
-
-def _end_tidily() -> None:
-    """Let the signals of ``kill``, ``timeout`` and a closed terminal end the process by way of its clean-up, which removes temporary files."""
-    if threading.current_thread() is not threading.main_thread():
-        return
-    for name in ("SIGTERM", "SIGHUP"):
-        number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) == signal.SIG_DFL:  # nohup ignores one of them
-            signal.signal(number, lambda received, _: sys.exit(128 + received))
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})

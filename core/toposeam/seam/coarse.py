@@ -14,7 +14,7 @@ import numpy as np
 
 from toposeam.heat.network import Floats, Ints, Network
 from toposeam.images import Mask
-from toposeam.seam.relaxation import convex_step, typical_flux
+from toposeam.seam.relaxation import contract, convex_step, typical_flux
 
 #: Overlaps with up to this many free pixels are solved whole.
 WHOLE_NODES = 30_000
@@ -25,6 +25,10 @@ COARSEST_NODES = 12_000
 #: Convex steps on each coarse network: at least so many, at most so many, and until the typical flux has grown to this.
 STEPS = (10, 30)
 GATHERED = 0.3
+
+#: Steps between contractions, and the share of the typical flux below which they close interfaces.
+BETWEEN = 5
+CLOSED_SHARE = 0.003
 
 #: Interfaces with at least this share of the typical flux stay open on the next finer level.
 OPEN_SHARE = 0.02
@@ -70,6 +74,11 @@ def restrict(network: Network, weight: Floats, size: Floats | None = None) -> tu
         flux = small.difference(potential)
         if step >= STEPS[0] and typical_flux(small_weight, flux) >= GATHERED:
             break
+        if step % BETWEEN == 0 and step < STEPS[1]:
+            contracted = contract(small, small_weight, flux, strength, np.ones(len(flux)), CLOSED_SHARE)
+            if contracted is not None and contracted[0].n:
+                small, small_weight, flux, strength, _, onwards, _ = contracted
+                small_map = onwards[small_map]
         strength = convex_step(strength, flux)
     threshold = OPEN_SHARE * typical_flux(small_weight, flux)
     level = potential[small_map]

@@ -122,7 +122,8 @@ def _maximum_flow(problem: SeamProblem, pixels: Mask) -> Mask:
     network, weight, index = problem.grid.network(pixels)
     # Next to forbidden interfaces rounding would lose the others: as much as all of them together is forbidding enough.
     ordinary = float(weight[weight < problem.forbidden].sum())
-    return labels_of_nodes(minimum_cut(network, np.minimum(weight, 1.01 * ordinary)), index, pixels.shape)
+    limit = 1.01 * ordinary if ordinary > 0 else weight.max()
+    return labels_of_nodes(minimum_cut(network, np.minimum(weight, limit)), index, pixels.shape)
 
 
 def minimum_cut(network: Network, weight: npt.NDArray[np.float64]) -> Mask:

@@ -29,13 +29,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.errors import OptionError, SolverError
-from toposeam.heat.network import DENSE_NODES, Floats, Ints, Network
+from toposeam.errors import OptionError
+from toposeam.heat.network import DENSE_NODES, Floats, Ints
 from toposeam.images import Mask
 from toposeam.optimize.history import Frame, Iteration, Termination
 from toposeam.seam.coarse import restrict
 from toposeam.seam.problem import SeamProblem
-from toposeam.seam.relaxation import RELAXATION, convex_step, penalising_step, typical_flux
+from toposeam.seam.relaxation import RELAXATION, contract, convex_step, penalising_step
 
 #: An interface with less flux does not belong to the heat path (thesis, q_threshold).
 FLUX_THRESHOLD = 0.01
@@ -139,7 +139,7 @@ def heat_path(
         if left == 0:
             left = options.between
             large = network.n > DENSE_NODES  # smaller ones cost less than contracting them
-            contracted = _contract(network, weight, flux, strength, multiplicity, options.threshold) if large else None
+            contracted = contract(network, weight, flux, strength, multiplicity, options.threshold) if large else None
             if contracted is not None:
                 network, weight, flux, strength, multiplicity, node_map, newly_settled = contracted
                 settled += newly_settled
@@ -161,38 +161,6 @@ def heat_path(
     if not network.n:
         termination = Termination.SINGLE_LINE
     return Solution(labels=labels, soft=soft_map, history=tuple(history), frames=tuple(frames), termination=termination)
-
-
-def _contract(
-    network: Network, weight: Floats, flux: Floats, strength: Floats, multiplicity: Floats, threshold: float
-) -> tuple[Network, Floats, Floats, Floats, Floats, Ints, Floats] | None:
-    """The network without the interfaces that carry next to no flux, or None where that would not make it much smaller.
-
-    Parallel elements add their weights and multiplicities; their flux is one and the same, their strength that of the strongest. Elements
-    left between the two terminals carry all the heat for good; the last result is their weight and number.
-    """
-    threshold *= typical_flux(weight, flux)
-    while True:
-        closed = flux < threshold
-        try:
-            node_map = network.components(closed)
-            break
-        except SolverError:  # so many faint paths that closing them all joins the two sides
-            threshold /= 4
-    if node_map[-1] - 1 > 0.8 * network.n:
-        return None
-    smaller, element_map = network.quotient(node_map)
-    kept = np.flatnonzero(element_map >= 0)
-    target = element_map[kept]
-    size = len(smaller.tail)
-    summed = [np.bincount(target, values[kept], size).astype(np.float64) for values in (weight, multiplicity)]
-    strongest = np.zeros((2, size))
-    for row, values in zip(strongest, (flux, strength), strict=True):
-        np.maximum.at(row, target, values[kept])
-    ends = np.stack([node_map[network.tail], node_map[network.head]])
-    between_terminals = (ends.min(axis=0) == smaller.n) & (ends.max(axis=0) == smaller.n + 1)
-    settled = np.array([weight[between_terminals].sum(), multiplicity[between_terminals].sum()])
-    return smaller, summed[0], strongest[0], strongest[1], summed[1], node_map, settled
 
 
 def _frame(problem: SeamProblem, potential: Floats, pixels: Ints, iteration: int, stage: int) -> Frame:

@@ -106,3 +106,12 @@ def test_an_unknown_side_is_refused():
     with pytest.raises(ts.OptionError, match="choose one of"):
         side_by_side((5, 5), "up")  # type: ignore[arg-type]
     assert SIDES == ("right", "left", "bottom", "top")
+
+
+def test_excluding_every_pixel_says_so_for_every_method():
+    mask_b = np.zeros((9, 9), bool)
+    mask_b[1:-1, 1:-1] = True
+    a = np.random.default_rng(6).random((9, 9))
+    for method in ("heat", "thesis", "shortest-path", "graph-cut"):
+        with pytest.raises(ts.OverlapError, match="no seam avoids"):
+            ts.find_seam(a, 1 - a, None, mask_b, method=method, avoid=np.ones((9, 9)))

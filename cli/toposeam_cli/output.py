@@ -3,8 +3,10 @@
 import os
 import secrets
 import shutil
+import signal
 import stat
 import tempfile
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -83,6 +85,30 @@ def atomic_write(path: str | Path, content: bytes | str, force: bool = False) ->
     path = check_output(path, force, suffixes=None)
     with replacing(path, force) as temporary:
         temporary.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+@contextmanager
+def interruptions_after() -> Iterator[None]:
+    """Hold Ctrl-C and the signals of ``kill`` and a closed terminal back until the block ends, and let them take effect then.
+
+    For calls into libvips: what a signal raises in the middle of one is lost in its callbacks, and the default action of ``kill`` would
+    leave the temporary file behind.
+    """
+    received: list[int] = []
+    held = []
+    if threading.current_thread() is threading.main_thread():
+        held = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+        held = [number for number in held if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler)]
+    before = [signal.signal(number, lambda which, _: received.append(which)) for number in held]
+    try:
+        yield
+    finally:
+        for number, handler in zip(held, before, strict=True):
+            signal.signal(number, handler)
+        if received:
+            if received[0] == signal.SIGINT:
+                raise KeyboardInterrupt
+            raise SystemExit(128 + received[0])
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from toposeam.errors import ImageError
 from toposeam_cli.colour import DEPTHS, convert_profile, fits_profile, to_depth
 from toposeam_cli.decode import UNSTATED_RESOLUTION, decode
 from toposeam_cli.libvips import VipsImage, channels, load_vips, reason, to_vips, with_profile
-from toposeam_cli.output import OutputError, check_output, replacing
+from toposeam_cli.output import OutputError, check_output, interruptions_after, replacing
 
 #: Pictures with more pixels are refused unless the user asks: 500 megapixels are 3 GB as 16-bit RGB.
 MAX_PIXELS = 500_000_000
@@ -164,7 +164,8 @@ def write_picture(path: str | Path, picture: Picture, force: bool = False) -> No
     image = _vips_image(picture)
     with replacing(path, force) as temporary:
         try:
-            getattr(image, kind.saver)(os.fsencode(temporary), **options)
+            with interruptions_after():
+                getattr(image, kind.saver)(os.fsencode(temporary), **options)
         except vips.Error as error:
             raise OutputError(f"cannot write '{path}' ({reason(error)}); free some space or choose another folder") from error
 

@@ -475,7 +475,6 @@ def test_a_real_ctrl_c_in_the_middle_of_work(process, inputs, here):
     assert snapshot(here) == before
 
 
-@pytest.mark.xfail(reason="libvips logs through a Python callback, in which the interruption is lost")
 @pytest.mark.parametrize("received", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_large_picture_is_not_written_to_its_end_after_ctrl_c(process, inputs, here, received):
     rng = np.random.default_rng(0)

@@ -18,6 +18,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from toposeam.errors import OptionError, PathError
+from toposeam.seam.overlap import neighbours
 from toposeam.vector.polyline import Floats, Ints, Mask, Polyline
 
 Bytes = npt.NDArray[np.uint8]
@@ -211,7 +212,7 @@ def _shown(cut: _Cut, ground: Bytes) -> tuple[Mask, str]:
     count = len(size)
 
     # Contacts of free pixels with the ground, each with the label it speaks for.
-    pixel, other, apart = cut.neighbours(np.flatnonzero(free & _beside(ground <= _B)))
+    pixel, other, apart = cut.neighbours(np.flatnonzero(free & neighbours(ground <= _B)))
     known = flat_ground[other] <= _B
     pixel, other, apart = pixel[known], other[known], apart[known]
     contact = region[node[pixel]]
@@ -258,16 +259,6 @@ def _at_cut(cut: _Cut) -> Mask:
     result = (cut.right | cut.down).astype(bool)
     result[:, 1:] |= cut.right[:, :-1].astype(bool)
     result[1:] |= cut.down[:-1].astype(bool)
-    return result
-
-
-def _beside(mask: Mask) -> Mask:
-    """Pixels with a 4-neighbour in the mask."""
-    result = np.zeros_like(mask)
-    result[1:] |= mask[:-1]
-    result[:-1] |= mask[1:]
-    result[:, 1:] |= mask[:, :-1]
-    result[:, :-1] |= mask[:, 1:]
     return result
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from toposeam.errors import ImageError
 from toposeam_cli.colour import DEPTHS, INTENT
 from toposeam_cli.libvips import VipsImage, load_vips, reason
+from toposeam_cli.output import interruptions_after
 
 #: libvips loaders that decode pictures; it also reads tables, drawings and its own dumps.
 _PICTURE_LOADERS = {"png", "jpeg", "tiff", "webp", "gif", "heif", "jxl", "jp2k", "ppm", "openexr"}
@@ -48,7 +49,9 @@ def decode(path: Path, max_pixels: int) -> tuple[np.ndarray, bytes | None, tuple
             resolution = resolution[::-1]  # turned by 90 degrees
         image = _gray_or_rgb(image)
         icc = image.get("icc-profile-data") if "icc-profile-data" in image.get_fields() else None
-        return _known_depth(image.numpy()), icc, resolution
+        with interruptions_after():
+            pixels = image.numpy()
+        return _known_depth(pixels), icc, resolution
     except vips.Error as error:
         raise ImageError(
             f"cannot read '{path}' ({reason(error)}): it is no picture, damaged or of a kind libvips does not know; export it again as"

@@ -9,6 +9,7 @@ from .errors import (
 )
 from .layers.composite import MAX_PIXELS, Stitched, stitch
 from .layers.layer import Layer, common_canvas
+from .motif.palette import PALETTES, Palette, palette
 from .optimize.history import Frame, Iteration, Termination
 from .seam.find import METHODS, Method, find_seam
 from .seam.heat import HeatOptions
@@ -24,6 +25,7 @@ __version__: str
 __all__ = [
     "MAX_PIXELS",
     "METHODS",
+    "PALETTES",
     "SIDES",
     "Frame",
     "HeatOptions",
@@ -35,6 +37,7 @@ __all__ = [
     "MissingPackageError",
     "OptionError",
     "OverlapError",
+    "Palette",
     "PathError",
     "Polyline",
     "Seam",
@@ -46,6 +49,7 @@ __all__ = [
     "TopoSeamError",
     "common_canvas",
     "find_seam",
+    "palette",
     "read_svg",
     "stitch",
 ]

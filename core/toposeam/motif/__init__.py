@@ -1,0 +1,1 @@
+"""Motifs invented by heat on a plate: their layers, colours, repeats, and what is drawn from them."""

@@ -9,8 +9,9 @@ from .errors import (
 )
 from .layers.composite import MAX_PIXELS, Stitched, stitch
 from .layers.layer import Layer, common_canvas
-from .motif.palette import PALETTES, Palette, palette
+from .motif.palette import PALETTES, palette
 from .optimize.history import Frame, Iteration, Termination
+from .path.plan import PathIteration, PathOptions, PlannedPath, path_cost, plan_path
 from .seam.find import METHODS, Method, find_seam
 from .seam.heat import HeatOptions
 from .seam.match_cost import MatchCost
@@ -37,8 +38,10 @@ __all__ = [
     "MissingPackageError",
     "OptionError",
     "OverlapError",
-    "Palette",
     "PathError",
+    "PathIteration",
+    "PathOptions",
+    "PlannedPath",
     "Polyline",
     "Seam",
     "Side",
@@ -50,6 +53,8 @@ __all__ = [
     "common_canvas",
     "find_seam",
     "palette",
+    "path_cost",
+    "plan_path",
     "read_svg",
     "stitch",
 ]

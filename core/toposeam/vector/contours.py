@@ -85,7 +85,7 @@ def contour(density: npt.ArrayLike, level: float, *, periodic: bool = True, tole
     bends[begin[:-1]] = True
     edge = _outside(points, width, height)
     tangent = _tangents(points, begin)
-    curves, first = _fit(points, begin, bends | edge, edge, tangent, tolerance_px)
+    curves, first = _fit(points, begin, bends | (edge & _turns(points, begin)), edge, tangent, tolerance_px)
     loop = np.searchsorted(begin, first, side="right") - 1
     return CurvePath(curves, np.flatnonzero(np.diff(loop, prepend=-1)).astype(np.int64))
 
@@ -131,17 +131,28 @@ def _from_its_first_anchor(points: Floats, width: int, height: int) -> Floats:
     return np.roll(points, -start, axis=0)
 
 
+def _neighbour(values: Floats, begin: Ints, step: int) -> Floats:
+    """The value so many points further on in the same loop."""
+    index = np.arange(len(values))
+    size, start = (np.repeat(per_loop, np.diff(begin)) for per_loop in (np.diff(begin), begin[:-1]))
+    moved: Floats = values[start + (index - start + step) % size]
+    return moved
+
+
+def _turns(points: Floats, begin: Ints) -> Mask:
+    """Where the polygon changes its direction."""
+    before, after = points - _neighbour(points, begin, -1), _neighbour(points, begin, 1) - points
+    turns: Mask = np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]) > 1e-6
+    return turns
+
+
 def _tangents(points: Floats, begin: Ints) -> Floats:
     """Unit directions of travel at every point, from the two neighbours to either side, in their own loop."""
-    index = np.arange(len(points))
-    size = np.repeat(np.diff(begin), np.diff(begin))
-    start = np.repeat(begin[:-1], np.diff(begin))
     direction = np.zeros_like(points)
-    for reach, weight in ((1, 1.0), (2, 1.0)):
-        ahead, behind = (start + (index - start + step) % size for step in (reach, -reach))
-        direction += weight * (points[ahead] - points[behind])
+    for step in (1, 2):
+        direction += _neighbour(points, begin, step) - _neighbour(points, begin, -step)
     length = np.hypot(*direction.T)
-    straight = points[start + (index - start + 1) % size] - points
+    straight = _neighbour(points, begin, 1) - points
     direction = np.where(length[:, None] > 1e-9, direction, straight)
     tangent: Floats = direction / np.maximum(np.hypot(*direction.T), 1e-12)[:, None]
     return tangent

@@ -1,1 +1,1 @@
-"""Motifs invented by heat on a plate: their layers, colours, repeats, and what is drawn from them."""
+"""Motifs: images that heat invents, and the patterns they repeat to. See docs/motifs.md."""

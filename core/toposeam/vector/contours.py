@@ -70,22 +70,30 @@ def contour(density: npt.ArrayLike, level: float, *, periodic: bool = True, tole
         For a tolerance that is not positive.
     """
     values = np.asarray(density, np.float64)
-    if values.ndim != 2 or not values.size or not np.isfinite(values).all():
-        raise ImageError(f"density has shape {values.shape}; pass a non-empty (H, W) array of finite numbers")
+    if values.ndim != 2 or not values.size:
+        raise ImageError(f"density has shape {values.shape}; pass a non-empty (H, W) array")
+    return contour_beyond(np.pad(values, MARGIN_PX, mode="wrap" if periodic else "edge"), level, tolerance_px=tolerance_px)
+
+
+def contour_beyond(window: npt.ArrayLike, level: float, *, tolerance_px: float = TOLERANCE_PX) -> CurvePath:
+    """As :func:`contour`, for a density that has its neighbours round it already: (H + 2m, W + 2m) values, m = `MARGIN_PX`."""
+    values = np.asarray(window, np.float64)
+    if values.ndim != 2 or min(values.shape) <= 2 * MARGIN_PX or not np.isfinite(values).all():
+        raise ImageError(f"density has shape {values.shape}, margins included; pass an (H, W) array of finite numbers")
     if not tolerance_px > 0:
         raise OptionError(f"tolerance_px is {tolerance_px}; it must be positive")
-    polygons = _polygons(np.pad(values, MARGIN_PX, mode="wrap" if periodic else "edge"), level)
+    polygons = _polygons(values, level)
     if not polygons:
         return CurvePath(np.zeros((0, 4, 2)), np.zeros(0, np.int64))
-    height, width = values.shape
+    height, width = (size - 2 * MARGIN_PX for size in values.shape)
     polygons = [_from_its_first_anchor(points, width, height) for points in polygons]
     points = np.concatenate(polygons)
     begin = np.cumsum([0, *(len(polygon) for polygon in polygons)])
-    bends = _anchors(points, width, height)
-    bends[begin[:-1]] = True
+    ends = _anchors(points, width, height)
+    ends[begin[:-1]] = True
     edge = _outside(points, width, height)
-    tangent = _tangents(points, begin)
-    curves, first = _fit(points, begin, bends | (edge & _turns(points, begin)), edge, tangent, tolerance_px)
+    ends |= edge & _turns(points, begin)
+    curves, first = _fit(points, begin, ends, edge, _tangents(points, begin), tolerance_px)
     loop = np.searchsorted(begin, first, side="right") - 1
     return CurvePath(curves, np.flatnonzero(np.diff(loop, prepend=-1)).astype(np.int64))
 

@@ -27,7 +27,6 @@ from toposeam.heat.plate_multigrid import Hierarchy, Multigrid, Stencil, pack
 CONDUCTION = np.array([[4.0, -1, -1, -2], [-1, 4, -2, -1], [-1, -2, 4, -1], [-2, -1, -1, 4]]) / 6
 #: Convection of a square element with h = 1, lumped.
 CONVECTION = np.eye(4) / 4
-_PATTERNS = np.stack([pack(CONDUCTION), pack(CONVECTION)], axis=1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,7 +37,7 @@ class Temperature:
     nodes: Floats
     #: Compliance Fᵀθ.
     compliance: float
-    #: -∂Π/∂k_e of every element, (h, w).
+    #: -∂Π/∂k_e, of the conductivities' shape.
     energy: Floats
     #: Iterations the solver took.
     iterations: int
@@ -61,6 +60,9 @@ class Plate:
         When there is no heat or no convection (the problem has no solution, or an empty one), or the joint does not fit the shape.
     """
 
+    #: Element matrices for k = 1 and for h = 1, packed.
+    patterns = np.stack([pack(CONDUCTION), pack(CONVECTION)], axis=1)
+
     def __init__(self, heat: Floats, convection: Floats, joint: Joint | str = Joint.FREE) -> None:
         if heat.shape != convection.shape or heat.ndim != 2:
             raise OptionError(f"heat has shape {heat.shape} and convection {convection.shape}; pass two (h, w) arrays")
@@ -79,26 +81,53 @@ class Plate:
         self._hierarchy = Hierarchy(self.shape, self.joint)
         self._groups = self._hierarchy.groups[0]
         self._convection = convection.astype(np.float64)
-        self._sink = _to_nodes(self._convection)
-        self._load = _to_nodes(heat.astype(np.float64)).ravel()
+        self._sink = self._nodal(self._convection)
+        self._load = self._nodal(heat.astype(np.float64)).ravel()
         self._groups.gather(self._load)
 
     def solve(self, conductivity: Floats, start: Floats | None = None, *, tolerance: float = 1e-5, max_iterations: int = 60) -> Temperature:
         """The steady state for (h, w) conductivities, all positive, from an optional guess (the nodes of another state)."""
         system = self._stencil(conductivity)
-        elements = np.stack([conductivity, self._convection])
-        solver = Multigrid(elements, _PATTERNS, system, self._hierarchy)
+        elements = np.concatenate([conductivity.reshape(-1, *self.shape), self._convection[np.newaxis]])
+        solver = Multigrid(elements, self.patterns, system, self._hierarchy)
         guess = None if start is None else start.ravel()
         flat, iterations = solver.solve(self._load, guess, tolerance, max_iterations)
         nodes = flat.reshape(self.shape[0] + 1, self.shape[1] + 1)
         return Temperature(
-            nodes=nodes, compliance=self._groups.dot(self._load, flat), energy=conduction_energy(nodes), iterations=iterations
+            nodes=nodes, compliance=self._groups.dot(self._load, flat), energy=self.energy(nodes), iterations=iterations
         )  # fmt: skip
+
+    def energy(self, nodes: Floats) -> Floats:
+        """θ_eᵀ K⁰ θ_e of every element, (h, w), for (h + 1, w + 1) temperatures.
+
+        A sixth of the squared differences along the four sides plus a third of those along the two diagonals.
+        """
+        across = np.square(nodes[:, 1:] - nodes[:, :-1])
+        down = np.square(nodes[1:] - nodes[:-1])
+        energy: Floats = across[1:] + across[:-1]
+        energy += down[:, 1:]
+        energy += down[:, :-1]
+        energy *= 0.5
+        energy += np.square(nodes[1:, 1:] - nodes[:-1, :-1])
+        energy += np.square(nodes[1:, :-1] - nodes[:-1, 1:])
+        energy *= 1 / 3
+        return energy
+
+    def _nodal(self, values: Floats) -> Floats:
+        """Element values shared equally among their corners, (h + 1, w + 1)."""
+        h, w = self.shape
+        nodes = np.zeros((h + 1, w + 1))
+        quarter = values * 0.25
+        nodes[:-1, :-1] = quarter
+        nodes[:-1, 1:] += quarter
+        nodes[1:, :-1] += quarter
+        nodes[1:, 1:] += quarter
+        return nodes
 
     def _stencil(self, k: Floats) -> Stencil:
         """As `stencil` of `plate_multigrid`, with the constants of the square element."""
         h, w = self.shape
-        total = _to_nodes(k)
+        total = self._nodal(k)
         diagonal = total * (8 / 3)
         diagonal += self._sink
         right, down, falling = (np.zeros((h + 1, w + 1)) for _ in range(3))
@@ -109,32 +138,3 @@ class Plate:
         down[:-1, 1:] += side
         np.multiply(k, -1 / 3, out=falling[:-1, :-1])
         return Stencil((diagonal, right, down, falling, falling), self._groups)
-
-
-def conduction_energy(nodes: Floats) -> Floats:
-    """θ_eᵀ K⁰ θ_e of every element, (h, w), for (h + 1, w + 1) temperatures.
-
-    A sixth of the squared differences along the four sides plus a third of those along the two diagonals.
-    """
-    across = np.square(nodes[:, 1:] - nodes[:, :-1])
-    down = np.square(nodes[1:] - nodes[:-1])
-    energy: Floats = across[1:] + across[:-1]
-    energy += down[:, 1:]
-    energy += down[:, :-1]
-    energy *= 0.5
-    energy += np.square(nodes[1:, 1:] - nodes[:-1, :-1])
-    energy += np.square(nodes[1:, :-1] - nodes[:-1, 1:])
-    energy *= 1 / 3
-    return energy
-
-
-def _to_nodes(elements: Floats) -> Floats:
-    """Share element values equally among their corners."""
-    h, w = elements.shape
-    nodes = np.zeros((h + 1, w + 1))
-    quarter = elements * 0.25
-    nodes[:-1, :-1] = quarter
-    nodes[:-1, 1:] += quarter
-    nodes[1:, :-1] += quarter
-    nodes[1:, 1:] += quarter
-    return nodes

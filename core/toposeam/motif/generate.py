@@ -9,10 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.errors import OptionError
-from toposeam.motif.layer import optimise_layer, plan
+from toposeam.motif.hexagonal import tile_size, to_tile
+from toposeam.motif.layer import Step, optimise_layer, plan
 from toposeam.motif.motif import Motif
 from toposeam.motif.palettes import PALETTES, Palette, palette
 from toposeam.motif.recipe import LayerRecipe, Point, Recipe, pack_base
+from toposeam.motif.symmetry import HEXAGONAL, onto_axes
 
 #: How far apart random spots keep, as a share of what an even spread allows.
 _APART = 0.7
@@ -62,8 +64,17 @@ def generate_motif(source: int | tuple[int, int] | Recipe, *, progress: Callable
         density, steps = optimise_layer(layer, recipe, report)
         densities.append(density)
         history.append(steps)
+    return make_motif(recipe, densities, history)
+
+
+def make_motif(recipe: Recipe, densities: list[npt.NDArray[np.float32]], history: list[tuple[Step, ...]]) -> Motif:
+    """Put the layers of a recipe together."""
+    layers, lattice = np.stack(densities), None
+    if recipe.repeat in HEXAGONAL:
+        lattice = layers
+        layers = np.stack([to_tile(layer, recipe.repeat, tile_size(recipe.size[0])) for layer in lattice])
     return Motif(
-        densities=np.stack(densities), inks=np.array([layer.ink for layer in recipe.layers]), paper=np.array(recipe.paper),
+        densities=layers, lattice=lattice, inks=np.array([layer.ink for layer in recipe.layers]), paper=np.array(recipe.paper),
         repeat=recipe.repeat, recipe=recipe, history=tuple(history),
     )  # fmt: skip
 
@@ -72,7 +83,7 @@ def random_recipe(
     size: int | tuple[int, int], *, layers: int = 3, repeat: str = "none", seed: int = 0,
     sources: Points | Sequence[Points] | None = None, sinks: Points | Sequence[Points] | None = None, distance: float | None = None,
     strengths: tuple[float, float] = (0.5, 1.5), ambient: float | None = None, mass: float | Sequence[float] | None = None,
-    penalty: float | Sequence[float] | None = None, iterations: int = 40, move: float = 0.2, filter_radius: float = 1.0,
+    penalty: float | Sequence[float] | None = None, iterations: int = 40, move: float = 0.2, filter_radius: float = 0.5,
     coarse: bool = True, base: npt.ArrayLike | None = None, base_strength: float = 0.7,
     palette: str | Palette | npt.ArrayLike | None = None,
 ) -> Recipe:  # fmt: skip
@@ -122,10 +133,10 @@ def random_recipe(
         # Everything is drawn whether it is used or not, so that giving one parameter leaves the others as they were.
         draw = rng.spawn(1)[0]
         many, few = int(draw.integers(3, 9)), int(draw.integers(2, 6))
-        drawn_mass, drawn_ambient = float(draw.uniform(0.16, 0.34)), float(draw.uniform(0.2, 0.9))
+        drawn_mass, drawn_ambient = float(draw.uniform(0.14, 0.34)), float(draw.uniform(0.55, 0.97))
         aspect = shape[1] / shape[0]
-        given = _points(_of_layer(sources, index, layers, "sources"), draw, many, (low, high), aspect, "sources")
-        drains = _points(_of_layer(sinks, index, layers, "sinks"), draw, few, (low, high), aspect, "sinks")
+        given = _points(_of_layer(sources, index, layers, "sources"), draw, many, (low, high), aspect, "sources", repeat)
+        drains = _points(_of_layer(sinks, index, layers, "sinks"), draw, few, (low, high), aspect, "sinks", repeat)
         if distance is not None:
             if not 0 < distance <= 1:
                 raise OptionError(f"distance is {distance}; it must be above 0 and at most 1 (of the cell's shorter side)")
@@ -189,14 +200,17 @@ def _number(value: float | Sequence[float] | None, index: int, layers: int, draw
 
 
 def _points(
-    value: Points | None, rng: np.random.Generator, drawn: int, strengths: tuple[float, float], aspect: float, name: str
-) -> tuple[Point, ...]:
+    value: Points | None, rng: np.random.Generator, drawn: int, strengths: tuple[float, float], aspect: float, name: str,
+    repeat: str,
+) -> tuple[Point, ...]:  # fmt: skip
     count = drawn if value is None else value
     if isinstance(count, int | np.integer):
         if count < 1:
             raise OptionError(f"{name} is {count}; a layer needs at least one, give a number from 1")
         places = _spread(int(count), rng, aspect)
         powers = rng.uniform(*strengths, int(count))
+        for index in range((int(count) + 1) // 2):
+            places[index] = onto_axes(places[index], repeat, rng)
         return tuple((float(x), float(y), float(s)) for (x, y), s in zip(places, powers, strict=True))
     try:
         array = np.asarray(count, np.float64)

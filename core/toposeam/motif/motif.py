@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from toposeam.errors import OptionError
 from toposeam.motif.arrange import tile
+from toposeam.motif.hexagonal import to_tile
 from toposeam.motif.layer import Step
 from toposeam.motif.mixing import mix
 from toposeam.motif.recipe import Recipe
@@ -22,7 +23,8 @@ MAX_PATTERN = 400_000_000
 class Motif:
     """What :func:`generate_motif` returns."""
 
-    #: (n_L, H, W) float32 in [0, 1]: one layer of ink each, on the cell that `repeat` arranges.
+    #: (n_L, H, W) float32 in [0, 1]: one layer of ink each, on the cell that `repeat` arranges. Hexagonal groups are arranged by the
+    #: rectangle of 1 × √3 cells.
     densities: npt.NDArray[np.float32]
     #: (n_L, 3) sRGB in [0, 1].
     inks: npt.NDArray[np.float64]
@@ -34,6 +36,8 @@ class Motif:
     recipe: Recipe
     #: Per layer, what every iteration did.
     history: tuple[tuple[Step, ...], ...]
+    #: (n_L, n, n) float32: for hexagonal groups, the densities of the lattice's nodes.
+    lattice: npt.NDArray[np.float32] | None = None
 
     def resampled(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
         """The densities on another number of elements, (n_L, H', W'), smoothly interpolated."""
@@ -41,6 +45,8 @@ class Motif:
             return self.densities
         if min(size) < 1 or size[0] * size[1] > MAX_PATTERN:
             raise OptionError(f"size is {size[0]} × {size[1]}; give rows and columns of at least 1, at most {MAX_PATTERN:,} pixels in all")
+        if self.lattice is not None:
+            return np.stack([to_tile(layer, self.repeat, size) for layer in self.lattice])
         return np.stack([resample(layer, self.repeat, size) for layer in self.densities])
 
     def image(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:

@@ -74,7 +74,7 @@ class LayerRecipe:
 class Recipe:
     """A motif's parameters."""
 
-    #: Rows and columns of the cell.
+    #: Rows and columns of the cell; for a hexagonal group, elements along its two sides.
     size: tuple[int, int]
     #: The rule it repeats by, one of `REPEATS`.
     repeat: str = "none"
@@ -88,7 +88,7 @@ class Recipe:
     #: Largest change of a density in one iteration.
     move: float = 0.2
     #: Radius of the filter against checkerboards, in hundredths of the cell's shorter side; 0 for none.
-    filter_radius: float = 1.0
+    filter_radius: float = 0.5
     #: Most iterations on coarser plates, the last ones at full size.
     coarse: bool = True
     #: Brightness of a base image, packed by `pack_base`; empty for none.

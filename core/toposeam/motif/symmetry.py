@@ -43,8 +43,22 @@ GENERATORS: dict[str, tuple[Operation, ...]] = {
 }
 _SQUARE = ("p4", "p4m", "p4g")
 
+_TURN3: Operation = ((0, -1), (1, -1), (0, 0))
+_TURN6: Operation = ((1, -1), (1, 0), (0, 0))
+_SWAP: Operation = ((0, 1), (1, 0), (0, 0))
+_CROSS: Operation = ((0, -1), (-1, 0), (0, 0))
+
+#: Generators of the hexagonal groups, in coordinates along the lattice vectors (1, 0) and (-1/2, √3/2).
+HEXAGONAL: dict[str, tuple[Operation, ...]] = {
+    "p3": (_TURN3,),
+    "p3m1": (_TURN3, _CROSS),
+    "p31m": (_TURN3, _SWAP),
+    "p6": (_TURN6,),
+    "p6m": (_TURN6, _SWAP),
+}
+
 #: Every rule a motif can repeat by.
-REPEATS = ("none", "reflect", "translate", "rotate", *GENERATORS)
+REPEATS = ("none", "reflect", "translate", "rotate", *GENERATORS, *HEXAGONAL)
 
 
 def check_repeat(repeat: str, shape: tuple[int, int]) -> None:
@@ -57,7 +71,7 @@ def check_repeat(repeat: str, shape: tuple[int, int]) -> None:
     if repeat not in REPEATS:
         raise OptionError(f"repeat is {repeat!r}; choose one of {', '.join(REPEATS)}")
     h, w = shape
-    if repeat in _SQUARE and h != w:
+    if (repeat in _SQUARE or repeat in HEXAGONAL) and h != w:
         raise OptionError(f"repeat {repeat} needs a square cell, this one is {h} × {w}; make both sides equal")
     halves = [operation[2] for operation in GENERATORS.get(repeat, ())]
     odd = (any(t for t, _ in halves) and w % 2) or (any(u for _, u in halves) and h % 2)
@@ -77,7 +91,7 @@ def operations(repeat: str) -> list[Operation]:
     identity: Operation = ((1, 0), (0, 1), (0, 0))
     found = [identity]
     for known in found:  # grows while it is read
-        for generator in GENERATORS.get(repeat, ()):
+        for generator in (*GENERATORS.get(repeat, ()), *HEXAGONAL.get(repeat, ())):
             product = _compose(generator, known)
             if product not in found:
                 found.append(product)
@@ -91,11 +105,38 @@ def _compose(second: Operation, first: Operation) -> Operation:
     return (a * e + b * g, a * f + b * h), (c * e + d * g, c * f + d * h), ((a * v + b * w + t) % 2, (c * v + d * w + u) % 2)
 
 
-def permutation(operation: Operation, shape: tuple[int, int]) -> npt.NDArray[np.intp]:
-    """Where an operation takes the centre of every element, (h, w) flat indices."""
+def onto_axes(point: npt.NDArray[np.float64], repeat: str, rng: np.random.Generator) -> npt.NDArray[np.float64]:
+    """Move a place, (x, y) in [0, 1], to a mirror or a centre of rotation of the rule, chosen at random.
+
+    Strokes stop short of mirrors on which nothing lies, which would leave empty lines in the pattern.
+    """
+    if repeat == "reflect":
+        moved = point.copy()
+        axis = int(rng.integers(2))
+        moved[axis] = np.round(point[axis])
+        return moved
+    group = operations(repeat)[1:]
+    if not group:
+        return point
+    (a, b), (c, d), (t, u) = group[int(rng.integers(len(group)))]
+    matrix, shift = np.array([[a, b], [c, d]], float), np.array([t, u]) / 2
+    shift = shift - np.round(matrix @ point + shift - point)  # of all copies the nearest
+    # The mean over the powers of an operation, whose order divides 12, is a fixed point of it. Translations and glides have none.
+    images = [point]
+    for _ in range(11):
+        images.append(matrix @ images[-1] + shift)
+    mean = np.mean(images, axis=0)
+    return mean % 1.0 if np.allclose(matrix @ mean + shift, mean, atol=1e-9) else point
+
+
+def permutation(operation: Operation, shape: tuple[int, int], hexagonal: bool = False) -> npt.NDArray[np.intp]:
+    """Where an operation takes the centre of every element, or on a hexagonal lattice every node, (h, w) flat indices."""
     h, w = shape
     (a, b), (c, d), (t, u) = operation
     y, x = np.ogrid[:h, :w]
+    if hexagonal:
+        node: npt.NDArray[np.intp] = (c * x + d * y) % h * w + (a * x + b * y) % w
+        return node
     # Twice the coordinates of the centres, so that they and half cells are whole numbers.
     x2, y2 = 2 * x + 1, 2 * y + 1
     to_x, to_y = (a * x2 + b * y2 + t * w) % (2 * w), (c * x2 + d * y2 + u * h) % (2 * h)
@@ -136,9 +177,10 @@ def symmetry(repeat: str, shape: tuple[int, int]) -> Symmetry:
     group = operations(repeat)
     if len(group) == 1:
         return Symmetry(shape, None, np.ones(shape[0] * shape[1]))
-    leader = permutation(group[0], shape)
+    hexagonal = repeat in HEXAGONAL
+    leader = permutation(group[0], shape, hexagonal)
     for operation in group[1:]:
-        np.minimum(leader, permutation(operation, shape), out=leader)
+        np.minimum(leader, permutation(operation, shape, hexagonal), out=leader)
     flat = leader.ravel()
     first = np.flatnonzero(flat == np.arange(len(flat)))
     number = np.zeros(len(flat), np.intp)

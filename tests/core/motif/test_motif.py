@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
+from toposeam.motif.symmetry import HEXAGONAL
 
 QUICK = {"size": 48, "layers": 2, "iterations": 6}
 
@@ -46,5 +47,6 @@ def test_giving_one_parameter_leaves_the_random_others():
 @pytest.mark.parametrize("repeat", [r for r in ts.REPEATS if r != "none"])
 def test_patterns_of_every_rule_have_its_size(repeat):
     motif = _quick(size=24, layers=1, repeat=repeat, iterations=3)
-    assert ts.repeat_densities(motif, (2, 3)).shape == (1, 48, 72)
+    rows = 42 if repeat in HEXAGONAL else 24
+    assert ts.repeat_densities(motif, (2, 3)).shape == (1, 2 * rows, 72)
     assert ts.repeat(motif, (2, 3), size=(30, 30)).shape == (60, 90, 3)

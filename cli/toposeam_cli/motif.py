@@ -18,7 +18,7 @@ from toposeam.motif.vary import vary
 from toposeam_cli.colour import to_depth
 from toposeam_cli.libvips import load_vips
 from toposeam_cli.output import atomic_write, check_output
-from toposeam_cli.parameters import FILE, FiniteRange, NumbersType, PairType, PaperLengthType
+from toposeam_cli.parameters import FILE, OUTPUT, FiniteRange, NumbersType, PairType, PaperLengthType
 from toposeam_cli.picture import Picture, read_picture, write_picture
 from toposeam_cli.recipe_file import read_recipe, read_settings, read_toml, recipe_from_table, to_toml, to_xmp
 from toposeam_cli.stitch import _progress
@@ -35,7 +35,7 @@ _OF_LAYERS = ("mass", "penalty", "ambient")
 
 
 @click.command()
-@click.option("-o", "--output", type=FILE, help="The motif: .png, .tif or .svg.")
+@click.option("-o", "--output", type=OUTPUT, help="The motif: .png, .tif or .svg.")
 @click.option("--size", type=PairType(), help="Elements of one motif: N, or WIDTHxHEIGHT.  [default: 256]")
 @click.option("--layers", type=click.IntRange(1, 16), help="Number of inks.  [default: 3]")
 @click.option("--repeat", type=click.Choice(ts.REPEATS), help="The rule it repeats by.  [default: translate]")
@@ -89,7 +89,6 @@ def motif(
     drawn = output.suffix.lower() == ".svg"
     if pixels is not None and (motif_width is not None or drawn):
         raise ts.OptionError("--pixels sets the size of a .png or .tif; leave it out with --motif-width and for .svg")
-    size = None if drawn else paper.motif_px(recipe)
     with _progress(f"inventing {output.name}", quiet) as bar:
         made = ts.generate_motif(recipe, progress=None if bar is None else lambda done, total: bar(done / total))
     if drawn:
@@ -98,7 +97,7 @@ def motif(
         atomic_write(output, document, force)
         extent = f"{len(document) / 1e6:.1f} MB"
     else:
-        image = ts.repeat(made, paper.counts, size)
+        image = ts.repeat(made, paper.counts, paper.motif_px(made))
         if paper.pixels is not None:
             image = image[: paper.pixels[1], : paper.pixels[0]]
         write_picture(output, printable(image, paper.resolution, {**paper.note(), "recipe": recipe.to_dict()}), force)
@@ -126,14 +125,15 @@ class Print:
         """Pixels per inch, None if nothing asks for any."""
         return _DPI if self.dpi is None and self.width_mm is not None and self.pixels is None else self.dpi
 
-    def motif_px(self, recipe: ts.Recipe) -> tuple[int, int] | None:
+    def motif_px(self, made: ts.Motif) -> tuple[int, int] | None:
         """Rows and columns of px of one motif, None for as many as elements."""
         if self.pixels is not None:
             return math.ceil(self.pixels[1] / self.counts[0]), math.ceil(self.pixels[0] / self.counts[1])
         if self.width_mm is None or self.resolution is None:
             return None
         across = max(1, round(self.width_mm / 25.4 * self.resolution))
-        return max(1, round(across * recipe.size[0] / recipe.size[1])), across
+        rows, columns = made.densities.shape[1:]
+        return max(1, round(across * rows / columns)), across
 
     def note(self) -> dict[str, Any]:
         """What is written into the file."""

@@ -15,7 +15,7 @@ from toposeam.motif.motif import MAX_PATTERN
 from toposeam.motif.svg import SvgOptions, draw_svg
 from toposeam_cli.motif import SUFFIXES, Print, describe
 from toposeam_cli.output import atomic_write, check_output
-from toposeam_cli.parameters import FILE, PairType, PaperLengthType
+from toposeam_cli.parameters import FILE, OUTPUT, PairType, PaperLengthType
 from toposeam_cli.picture import read_picture, write_picture
 from toposeam_cli.recipe_file import read_recipe, read_settings, to_xmp
 from toposeam_cli.stitch import _progress
@@ -24,7 +24,7 @@ from toposeam_cli.stitch import _progress
 @click.command()
 @click.argument("picture", metavar="MOTIF", type=FILE)
 @click.argument("counts", metavar="ROWSxCOLUMNS", type=PairType(first="rows"))
-@click.option("-o", "--output", type=FILE, required=True, help="The sheet: .png, .tif, .jpg, .webp or .svg.")
+@click.option("-o", "--output", type=OUTPUT, required=True, help="The sheet: .png, .tif, .jpg, .webp or .svg.")
 @click.option("--rule", type=click.Choice(ts.REPEATS), help="How any picture is arranged; by default as its motif was made for.")
 @click.option("--motif-width", type=PaperLengthType(), help="For .svg: width of one motif on paper, like 60mm.")
 @click.option("--levels", type=click.IntRange(1, 64), default=12, show_default=True, help="For .svg: steps from paper to full ink.")

@@ -21,7 +21,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -52,6 +52,8 @@ class Job:
     outputs: tuple[Path, ...] = ()
     #: Files it reads: when one of them has changed, the job is done again.
     inputs: tuple[Path, ...] = ()
+    #: Further arguments that change nothing in what is made, such as whether files may be replaced: they do not count for the digest.
+    manner: Mapping[str, Any] = field(default_factory=dict)
     #: How much work it is compared with the other jobs, for the estimate of time.
     weight: float = 1.0
 
@@ -206,7 +208,7 @@ def _run(
                 if table is not None:
                     table.add(begun[job.name][1])
                 tally.begin(job)
-                workers.begin(job.name, job.function, job.arguments)
+                workers.begin(job.name, job.function, {**job.arguments, **job.manner})
             yield from outcomes  # now that the workers are busy again
             outcomes = []
             for name, answer in workers.ended(_REPORT_EVERY_S):

@@ -23,7 +23,7 @@ ANCHORS_PX = 12
 #: How far the contours of a periodic density go on beyond its border, px: no curve that enters the picture is cut.
 MARGIN_PX = ANCHORS_PX + 4
 #: Farthest a curve may be from its polygon.
-TOLERANCE_PX = 0.08
+TOLERANCE_PX = 0.25
 
 
 @dataclass(frozen=True, slots=True, eq=False)

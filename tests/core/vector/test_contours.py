@@ -26,7 +26,7 @@ def test_a_disc_has_the_circle_as_its_contour():
     radius = np.hypot(*(along(path.curves) - (31, 28)).T)
     assert len(path.starts) == 1
     assert len(path.curves) < 40  # marching squares has 160 points here
-    assert np.abs(radius - 20).max() < 0.05
+    assert np.abs(radius - 20).max() < 0.15
 
 
 def test_curves_lie_on_the_level_and_join():
@@ -35,7 +35,7 @@ def test_curves_lie_on_the_level_and_join():
     points = along(path.curves)
     inside = ((points > 0) & (points < (84, 60))).all(axis=1)
     found = ndimage.map_coordinates(density, points[inside].T[::-1] - 0.5, order=1, mode="grid-wrap")
-    assert np.abs(found - 0.4).max() < 0.02
+    assert np.abs(found - 0.4).max() < 0.04
     for loop in np.split(path.curves, path.starts[1:]):
         np.testing.assert_array_equal(loop[:, 3], np.roll(loop[:, 0], -1, axis=0))
 

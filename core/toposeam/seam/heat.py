@@ -29,7 +29,7 @@ from toposeam.heat.primal_dual import PrimalDual
 from toposeam.images import Mask
 from toposeam.optimize.history import Frame, Iteration, Termination
 from toposeam.seam.coarse import restrict
-from toposeam.seam.overlap import FREE, A, B
+from toposeam.seam.overlap import FREE, TOUCHING, A, B
 from toposeam.seam.problem import SeamProblem
 from toposeam.seam.solution import Solution
 
@@ -145,7 +145,7 @@ def _without_islands(labels: Mask, side: npt.NDArray[np.uint8]) -> Mask:
     """The labelling in which pixels that are cut off from their own patch's ground go to the other; never dearer."""
     free = side == FREE
     for own, wanted in ((B, True), (A, False)):
-        region, count = ndimage.label((side == own) | (free & (labels == wanted)))
+        region, count = ndimage.label((side == own) | (free & (labels == wanted)), TOUCHING)
         grounded = np.zeros(count + 1, bool)
         grounded[region[side == own]] = True
         if count and not grounded[1:].all():

@@ -9,6 +9,12 @@ from .errors import (
 )
 from .layers.composite import MAX_PIXELS, Stitched, stitch
 from .layers.layer import Layer, common_canvas
+from .motif.generate import generate_motif, random_recipe
+from .motif.layer import Step
+from .motif.motif import Motif, repeat, repeat_densities
+from .motif.palettes import PALETTES, Palette, palette
+from .motif.recipe import LayerRecipe, Recipe
+from .motif.symmetry import REPEATS
 from .optimize.history import Frame, Iteration, Termination
 from .seam.find import METHODS, Method, find_seam
 from .seam.heat import HeatOptions
@@ -24,28 +30,40 @@ __version__: str
 __all__ = [
     "MAX_PIXELS",
     "METHODS",
+    "PALETTES",
+    "REPEATS",
     "SIDES",
     "Frame",
     "HeatOptions",
     "ImageError",
     "Iteration",
     "Layer",
+    "LayerRecipe",
     "MatchCost",
     "Method",
     "MissingPackageError",
+    "Motif",
     "OptionError",
     "OverlapError",
+    "Palette",
     "PathError",
     "Polyline",
+    "Recipe",
     "Seam",
     "Side",
     "SolverError",
+    "Step",
     "Stitched",
     "Termination",
     "ThesisOptions",
     "TopoSeamError",
     "common_canvas",
     "find_seam",
+    "generate_motif",
+    "palette",
+    "random_recipe",
     "read_svg",
+    "repeat",
+    "repeat_densities",
     "stitch",
 ]

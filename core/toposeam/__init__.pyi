@@ -16,6 +16,7 @@ from .motif.palettes import PALETTES, Palette, palette
 from .motif.recipe import LayerRecipe, Recipe
 from .motif.symmetry import REPEATS
 from .optimize.history import Frame, Iteration, Termination
+from .path.plan import PathIteration, PathOptions, PlannedPath, path_cost, plan_path
 from .seam.find import METHODS, Method, find_seam
 from .seam.heat import HeatOptions
 from .seam.match_cost import MatchCost
@@ -47,6 +48,9 @@ __all__ = [
     "OverlapError",
     "Palette",
     "PathError",
+    "PathIteration",
+    "PathOptions",
+    "PlannedPath",
     "Polyline",
     "Recipe",
     "Seam",
@@ -61,6 +65,8 @@ __all__ = [
     "find_seam",
     "generate_motif",
     "palette",
+    "path_cost",
+    "plan_path",
     "random_recipe",
     "read_svg",
     "repeat",

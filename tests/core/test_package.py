@@ -55,6 +55,7 @@ def test_the_core_knows_nothing_of_files_screens_and_the_command_line(file):
         "__future__",
         "toposeam",
         "lazy_loader",
+        "contourpy",
         "numpy",
         "scipy",
         "skimage",

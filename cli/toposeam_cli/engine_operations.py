@@ -5,6 +5,7 @@ Places are in px of the asker's image. Every raster has its ``offset`` there.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
@@ -31,6 +32,18 @@ def stitch(job: Job) -> dict[str, Any]:
     stitched = ts.stitch(layers, avoid=_outside_selection(job, layers), progress=job.progress, **options)
     seams = [_seam(seam, stitched.origin, index, layers) for index, seam in enumerate(stitched.seams, start=1)]
     return {"masks": _masks(job, layers, stitched.masks, stitched.origin), "seams": seams}
+
+
+def patch(job: Job) -> dict[str, Any]:
+    """The second layer, where it is selected, laid on the first within a seam."""
+    below, above = _layers(job)
+    outside = _outside_selection(job, [above])
+    if outside is not None:
+        alpha = np.where(outside, np.zeros((), above.image.dtype), above.image.dtype.type(1) if above.alpha is None else above.alpha)
+        above = dataclasses.replace(above, alpha=alpha)
+    stitched = ts.stitch([below, above], progress=job.progress, **job.options)
+    masks = _masks(job, [below, above], stitched.masks, stitched.origin)
+    return {"masks": masks, "seams": [_seam(seam, stitched.origin, 1, [below, above]) for seam in stitched.seams]}
 
 
 def _restitch(job: Job, layers: Sequence[ts.Layer], seams: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -154,4 +167,4 @@ def simplified(points: Floats, closed: bool, tolerance: float) -> Floats:
     return points[keep]
 
 
-OPERATIONS: dict[str, Callable[[Job], dict[str, Any]]] = {"stitch": stitch}
+OPERATIONS: dict[str, Callable[[Job], dict[str, Any]]] = {"stitch": stitch, "patch": patch}

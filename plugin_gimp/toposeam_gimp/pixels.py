@@ -53,18 +53,45 @@ def size_of(image: Gimp.Image, drawable: Gimp.Drawable) -> int:
     return drawable.get_width() * drawable.get_height() * channels * _BYTES[depth(image)]
 
 
-def send_layer(folder: RequestFolder, image: Gimp.Image, layer: Gimp.Layer, name: str, with_mask: bool = True) -> dict[str, Any]:
-    """Write a layer, and its mask if it is to count, into the folder; what describes it in a request."""
+Box = tuple[int, int, int, int]
+
+
+def box_of(raster: dict[str, Any]) -> Box:
+    """Left, top, width and height of what a raster covers of the canvas."""
+    return (*raster["offset"], raster["width"], raster["height"])
+
+
+def send_layer(
+    folder: RequestFolder, image: Gimp.Image, layer: Gimp.Layer, name: str, *, with_mask: bool = True, box: Box | None = None
+) -> dict[str, Any] | None:
+    """Write a layer, or what a box of the canvas cuts out of it, and its mask if it is to count, into the folder.
+
+    Returns
+    -------
+    dict or None
+        What describes it in a request; None where box and layer have nothing in common.
+    """
     dtype = depth(image)
-    raster = _send(
-        folder, layer, f"{name}.raw", color_format(image, layer, dtype), dtype, 2 if image.get_base_type() == Gimp.ImageBaseType.GRAY else 4
-    )
-    raster["name"] = layer.get_name()
-    raster["offset"] = list(layer.get_offsets())[1:]
+    channels = 2 if image.get_base_type() == Gimp.ImageBaseType.GRAY else 4
+    _nothing, left, top = layer.get_offsets()
+    part = _common((left, top, layer.get_width(), layer.get_height()), box)
+    if part is None:
+        return None
+    x, y, width, height = part
+    own = (x - left, y - top, width, height)
+    raster = _send(folder, layer, f"{name}.raw", color_format(image, layer, dtype), dtype, channels, own)
     mask = layer.get_mask()
     if with_mask and mask is not None and layer.get_apply_mask():
-        raster["mask"] = _send(folder, mask, f"{name}-mask.raw", Format.MASK_U8.value, "uint8", 1)
-    return raster
+        raster["mask"] = _send(folder, mask, f"{name}-mask.raw", Format.MASK_U8.value, "uint8", 1, own)
+    return {**raster, "name": layer.get_name(), "offset": [x, y]}
+
+
+def _common(first: Box, second: Box | None) -> Box | None:
+    if second is None:
+        return first
+    left, top = max(first[0], second[0]), max(first[1], second[1])
+    right, bottom = (min(first[axis] + first[axis + 2], second[axis] + second[axis + 2]) for axis in (0, 1))
+    return (left, top, right - left, bottom - top) if right > left and bottom > top else None
 
 
 def send_selection(folder: RequestFolder, image: Gimp.Image) -> dict[str, Any] | None:
@@ -79,15 +106,9 @@ def send_selection(folder: RequestFolder, image: Gimp.Image) -> dict[str, Any] |
 
 
 def _send(
-    folder: RequestFolder,
-    drawable: Gimp.Drawable,
-    file: str,
-    format_name: str,
-    dtype: str,
-    channels: int,
-    box: tuple[int, int, int, int] | None = None,
+    folder: RequestFolder, drawable: Gimp.Drawable, file: str, format_name: str, dtype: str, channels: int, box: Box
 ) -> dict[str, Any]:
-    x, y, width, height = (0, 0, drawable.get_width(), drawable.get_height()) if box is None else box
+    x, y, width, height = box
     buffer = drawable.get_buffer()
     try:
         with (folder.path / file).open("xb") as out:

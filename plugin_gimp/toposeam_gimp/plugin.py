@@ -11,6 +11,7 @@ from gi.repository import Gimp, GLib, GObject
 from toposeam_gimp import work
 from toposeam_gimp.engine import EngineError
 from toposeam_gimp.folder import FolderError, is_full
+from toposeam_gimp.layers import RefusedError
 from toposeam_gimp.procedures import PROCEDURES, Option, Procedure
 from toposeam_gimp.texts import _
 
@@ -77,7 +78,7 @@ def _run(
         Gimp.progress_init(entry.label.replace("_", "").rstrip("."))
         layer = getattr(work, entry.work)(image, drawables, options, entry)
         Gimp.displays_flush()
-    except (work.RefusedError, EngineError, FolderError) as error:
+    except (RefusedError, EngineError, FolderError) as error:
         return _failure(procedure, str(error))
     except MemoryError:
         return _failure(procedure, _("There is not enough memory for these pictures; close others, or use smaller ones."))

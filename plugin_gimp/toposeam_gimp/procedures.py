@@ -62,6 +62,10 @@ _MERGE = Option(
     name="merge", label=_("Merge into _one layer"), default=False, engine=False,
     help=_("Make one layer of the result instead of a group of layers with masks"),
 )  # fmt: skip
+_CORE = Option(
+    name="core", label=_("_Core that must show"), default=0.5, low=0.05, high=1.0,
+    help=_("The share of the patch's depth, from its innermost point outwards, that the seam must leave to the patch"),
+)  # fmt: skip
 _SHOW = Option(
     name="show-seam", label=_("_Show the seam"), default=False, engine=False,
     help=_("Make the paths of the seams visible; they are in the Paths dialog in any case"),
@@ -89,6 +93,16 @@ PROCEDURES = {
                 "seam that was found."
             ),
             returns=("group", "The group of stitched layers"),
+        ),
+        Procedure(
+            name="plug-in-toposeam-patch", label=_("Stitch Selection as _Patch..."), work="patch_selection",
+            blurb=_("Lay the selected part of this layer on what is below it, within a closed seam that nobody sees"),
+            help=_(
+                "Select generously round what you want to lay on the picture below: a face, a cloud, a cloned spot. The seam runs within "
+                "the selection where the two pictures differ least. A floating selection, or without any selection the whole layer, is a "
+                "patch too. The patch becomes a layer with a mask, and the seam a path; the layer it was cut from is hidden."
+            ),
+            options=(_CORE, _METHOD, _GRADIENT, _SHOW), returns=("patch", "The layer with the patch"),
         ),
     )
 }  # fmt: skip

@@ -7,6 +7,7 @@ from .errors import (
     SolverError,
     TopoSeamError,
 )
+from .layers.blend import BLENDS, Blend
 from .layers.composite import MAX_PIXELS, Stitched, stitch
 from .layers.layer import Layer, common_canvas
 from .optimize.history import Frame, Iteration, Termination
@@ -22,9 +23,11 @@ from .vector.svg import read_svg
 __version__: str
 
 __all__ = [
+    "BLENDS",
     "MAX_PIXELS",
     "METHODS",
     "SIDES",
+    "Blend",
     "Frame",
     "HeatOptions",
     "ImageError",

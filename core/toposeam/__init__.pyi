@@ -7,6 +7,7 @@ from .errors import (
     SolverError,
     TopoSeamError,
 )
+from .layers.blend import BLENDS, Blend
 from .layers.composite import MAX_PIXELS, Stitched, stitch
 from .layers.layer import Layer, common_canvas
 from .motif.generate import generate_motif, random_recipe
@@ -29,11 +30,13 @@ from .vector.svg import read_svg
 __version__: str
 
 __all__ = [
+    "BLENDS",
     "MAX_PIXELS",
     "METHODS",
     "PALETTES",
     "REPEATS",
     "SIDES",
+    "Blend",
     "Frame",
     "HeatOptions",
     "ImageError",

@@ -66,12 +66,10 @@ def to_pdf(title: str, folder: Path, rows: Sequence[Row], products: Sequence[tup
         ]  # fmt: skip
         for page in (_cover(title, folder, rows), _kinds(folder, rows), *_products(folder, products)):
             pdf.savefig(page.figure)
-        groups: dict[tuple[str, str], list[Row]] = {}
-        for row in ordered:
-            groups.setdefault((row["kind"], row["season"]), []).append(row)
-        for (kind, season), members in groups.items():
+        for kind in Kind:
+            members = [row for row in ordered if row["kind"] == str(kind)]
             for start in range(0, len(members), _COLUMNS * _ROWS):
-                pdf.savefig(_sheet(folder, f"{kind}: {Kind(kind).words}, {season}", members[start : start + _COLUMNS * _ROWS]).figure)
+                pdf.savefig(_sheet(folder, f"{kind}: {kind.words}", members[start : start + _COLUMNS * _ROWS]).figure)
     return buffer.getvalue()
 
 
@@ -161,18 +159,17 @@ def _filling(picture: np.ndarray, ratio: float) -> np.ndarray:
 def _sheet(folder: Path, heading: str, rows: Sequence[Row]) -> _Page:
     page = _Page()
     page.words(heading, _MARGIN_MM, 14, 13)
-    step_x, step_y = (_WIDTH_MM - 2 * _MARGIN_MM + 4) / _COLUMNS, 52.5
+    step_x, step_y = (_WIDTH_MM - 2 * _MARGIN_MM + 4) / _COLUMNS, 53.0
     for index, row in enumerate(rows):
         x, y = _MARGIN_MM + (index % _COLUMNS) * step_x, 26 + (index // _COLUMNS) * step_y
         side = step_x - 4
         page.picture(_swatch(folder, row), x, y, side, side * 0.84)
-        number, _, rest = f"{row['number']}|{caption(row)}".partition("|")
-        page.words(number, x, y + side * 0.84 + 1, 6.5)
-        page.words(_wrapped(rest, 46), x + 6, y + side * 0.84 + 1.1, 4.6, _SOFT, linespacing=1.25)
+        page.words(f"{row['number']}  {row['season']}", x, y + side * 0.84 + 1, 6.5)
+        page.words(_wrapped(caption(row), 44), x, y + side * 0.84 + 4, 5.0, _SOFT, linespacing=1.25)
     return page
 
 
 def _wrapped(text: str, width: int) -> str:
     import textwrap
 
-    return "\n".join(textwrap.wrap(text, width)[:4])
+    return "\n".join(textwrap.wrap(text, width)[:5])

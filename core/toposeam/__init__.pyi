@@ -10,6 +10,7 @@ from .errors import (
 from .layers.composite import MAX_PIXELS, Stitched, stitch
 from .layers.layer import Layer, common_canvas
 from .motif.generate import generate_motif, random_recipe
+from .motif.join import JoinedMotifs, arrange, border_mismatch, join_motifs, random_arrangement
 from .motif.layer import Step
 from .motif.motif import Motif, repeat, repeat_densities
 from .motif.palettes import PALETTES, Palette, palette
@@ -37,6 +38,7 @@ __all__ = [
     "HeatOptions",
     "ImageError",
     "Iteration",
+    "JoinedMotifs",
     "Layer",
     "LayerRecipe",
     "MatchCost",
@@ -57,10 +59,14 @@ __all__ = [
     "Termination",
     "ThesisOptions",
     "TopoSeamError",
+    "arrange",
+    "border_mismatch",
     "common_canvas",
     "find_seam",
     "generate_motif",
+    "join_motifs",
     "palette",
+    "random_arrangement",
     "random_recipe",
     "read_svg",
     "repeat",

@@ -16,6 +16,10 @@ from .seam.match_cost import MatchCost
 from .seam.overlap import SIDES, Side
 from .seam.seam import Seam
 from .seam.thesis import ThesisOptions
+from .texture.fill import fill, make_tileable
+from .texture.lay import LayOptions
+from .texture.synthesis import Synthesis
+from .texture.synthesize import synthesize
 from .vector.polyline import Polyline
 from .vector.svg import read_svg
 
@@ -29,6 +33,7 @@ __all__ = [
     "HeatOptions",
     "ImageError",
     "Iteration",
+    "LayOptions",
     "Layer",
     "MatchCost",
     "Method",
@@ -41,11 +46,15 @@ __all__ = [
     "Side",
     "SolverError",
     "Stitched",
+    "Synthesis",
     "Termination",
     "ThesisOptions",
     "TopoSeamError",
     "common_canvas",
+    "fill",
     "find_seam",
+    "make_tileable",
     "read_svg",
     "stitch",
+    "synthesize",
 ]

@@ -24,6 +24,10 @@ from .seam.match_cost import MatchCost
 from .seam.overlap import SIDES, Side
 from .seam.seam import Seam
 from .seam.thesis import ThesisOptions
+from .texture.fill import fill, make_tileable
+from .texture.lay import LayOptions
+from .texture.synthesis import Synthesis
+from .texture.synthesize import synthesize
 from .vector.polyline import Polyline
 from .vector.svg import read_svg
 
@@ -41,6 +45,7 @@ __all__ = [
     "HeatOptions",
     "ImageError",
     "Iteration",
+    "LayOptions",
     "Layer",
     "LayerRecipe",
     "MatchCost",
@@ -61,12 +66,15 @@ __all__ = [
     "SolverError",
     "Step",
     "Stitched",
+    "Synthesis",
     "Termination",
     "ThesisOptions",
     "TopoSeamError",
     "common_canvas",
+    "fill",
     "find_seam",
     "generate_motif",
+    "make_tileable",
     "palette",
     "path_cost",
     "plan_path",
@@ -75,4 +83,5 @@ __all__ = [
     "repeat",
     "repeat_densities",
     "stitch",
+    "synthesize",
 ]

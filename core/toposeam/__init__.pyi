@@ -25,6 +25,10 @@ from .seam.match_cost import MatchCost
 from .seam.overlap import SIDES, Side
 from .seam.seam import Seam
 from .seam.thesis import ThesisOptions
+from .texture.fill import fill, make_tileable
+from .texture.lay import LayOptions
+from .texture.synthesis import Synthesis
+from .texture.synthesize import synthesize
 from .vector.polyline import Polyline
 from .vector.svg import read_svg
 
@@ -43,6 +47,7 @@ __all__ = [
     "ImageError",
     "Iteration",
     "JoinedMotifs",
+    "LayOptions",
     "Layer",
     "LayerRecipe",
     "MatchCost",
@@ -63,15 +68,18 @@ __all__ = [
     "SolverError",
     "Step",
     "Stitched",
+    "Synthesis",
     "Termination",
     "ThesisOptions",
     "TopoSeamError",
     "arrange",
     "border_mismatch",
     "common_canvas",
+    "fill",
     "find_seam",
     "generate_motif",
     "join_motifs",
+    "make_tileable",
     "palette",
     "path_cost",
     "plan_path",
@@ -81,4 +89,5 @@ __all__ = [
     "repeat",
     "repeat_densities",
     "stitch",
+    "synthesize",
 ]

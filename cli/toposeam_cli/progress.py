@@ -1,10 +1,10 @@
-"""How far a batch has come, on a terminal."""
+"""How far work has come, on a terminal."""
 
 from __future__ import annotations
 
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -48,3 +48,13 @@ def progress_bar(quiet: bool = False) -> Iterator[ProgressBar]:
     shape = {"ncols": min(100, columns), "nrows": rows, "bar_format": "{percentage:3.0f}% |{bar}| {desc}"}
     with tqdm(total=1.0, file=sys.stderr, **shape) as bar:
         yield ProgressBar(bar)
+
+
+@contextmanager
+def share_bar(label: str, quiet: bool) -> Iterator[Callable[[float], None] | None]:
+    """A bar for one piece of work: yields what takes the share done, in [0, 1]; None in a pipe."""
+    if quiet or not (sys.stderr and sys.stderr.isatty()):
+        yield None
+        return
+    with click.progressbar(length=1000, label=label, file=sys.stderr) as bar:
+        yield lambda share: bar.update(max(0, round(1000 * share) - bar.pos))

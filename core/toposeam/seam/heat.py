@@ -120,9 +120,10 @@ def heat_path(
 
     labels = np.zeros(side.shape, bool)
     labels.ravel()[pixels] = hot[node]
-    labels = _without_islands(labels, side)
+    if not problem.tied:
+        labels = _without_islands(labels, side)
     if history:
-        least = problem.cost(labels)
+        least = problem.total(labels)
         used = len(problem.crossed(labels))
         seam_flux = np.abs(hot[network.head].astype(np.float64) - hot[network.tail])
         history.append(
@@ -142,10 +143,13 @@ def heat_path(
 
 def _network(problem: SeamProblem) -> tuple[Network, Floats, Floats, Ints, Ints]:
     """The network to solve, the cost of its elements and the number of interfaces each stands for; the free pixels and their nodes."""
-    if np.count_nonzero(problem.overlap.side == FREE) <= WHOLE_NODES:
+    small = np.count_nonzero(problem.overlap.side == FREE) <= WHOLE_NODES
+    if small and not problem.tied:
         cost, pixels = problem.element_cost, problem.pattern.pixels
         return problem.network, cost, np.ones(len(cost)), pixels, np.arange(len(pixels))
     whole, cost, pixels = problem.grid.network(problem.grid.free)
+    if small:
+        return whole, cost, np.ones(len(cost)), pixels, np.arange(len(pixels))
     network, cost, multiplicity, node = restrict(whole, cost)
     return network, cost, multiplicity, pixels, node[:-2]
 

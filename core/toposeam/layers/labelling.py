@@ -12,6 +12,7 @@ seam problem; the rules of :mod:`toposeam.seam.overlap` are carried over to many
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -210,9 +211,7 @@ class Labelling:
         beside = [self._beside(index, pair, shows, free, cost.box) for index in pair]
         overlap = Overlap(side, cost.shared & inside, (cost.box.top, cost.box.left), self.canvas.shape)
         problem = SeamProblem(overlap, right, down, cost.forbidden, showing_a=beside[0], showing_b=beside[1])
-        if settle:
-            _settle(problem, second)
-        return problem
+        return _settled(problem, second) if settle else problem
 
     def _beside(self, index: int, pair: Pair, shows: Owner, free: Mask, box: Box) -> Floats32:
         """(h, w) cost of showing one layer of a pair at its free pixels, beside those that other layers hold."""
@@ -270,8 +269,7 @@ class Labelling:
         overlap = Overlap(side, free | own, (box.top, box.left), self.canvas.shape)
         right, down = links
         problem = SeamProblem(overlap, right, down, showing_a=np.maximum(-turned, 0), showing_b=np.maximum(turned, 0))
-        _settle(problem, own)
-        return problem, box
+        return _settled(problem, own), box
 
     def total(self, shows: Owner, box: Box) -> float:
         """Σ M of a labelling in a box."""
@@ -293,20 +291,19 @@ class Labelling:
         return sorted(found)
 
 
-def _settle(problem: SeamProblem, second: Mask) -> None:
-    """Decide free pixels, in place, that nothing ties to one of the two sides: they cost nothing there."""
-    side = problem.overlap.side
-    grid = problem.grid
-    component, count = ndimage.label(side == FREE)
-    tied_a, tied_b = (np.bincount(component.ravel(), ties.ravel(), count + 1) > 0 for ties in (grid.cold, grid.hot))
-    for label, only in ((A, tied_a & ~tied_b), (B, tied_b & ~tied_a)):
-        only[0] = False
-        side[only[component]] = label
+def _settled(problem: SeamProblem, second: Mask) -> SeamProblem:
+    """The problem with those free pixels decided that nothing ties to one of the two sides: they cost nothing there."""
+    component, count = ndimage.label(problem.overlap.side == FREE)
+    tied_a, tied_b = (np.bincount(component.ravel(), ties.ravel(), count + 1) > 0 for ties in (problem.grid.cold, problem.grid.hot))
+    if tied_a[1:].all() and tied_b[1:].all():
+        return problem
+    side = problem.overlap.side.copy()
     loose = ~tied_a & ~tied_b
-    loose[0] = False
-    side[loose[component] & second] = B
-    side[loose[component] & ~second] = A
-    del problem.__dict__["grid"]  # it was made of the old sides
+    for label, chosen in (
+        (A, (tied_a & ~tied_b)[component] | (loose[component] & ~second)), (B, (tied_b & ~tied_a)[component] | (loose[component] & second))
+    ):  # fmt: skip
+        side[chosen & (component > 0)] = label
+    return dataclasses.replace(problem, overlap=dataclasses.replace(problem.overlap, side=side))
 
 
 def exclusive_covers(layers: Sequence[Layer], places: Sequence[Box], canvas: Canvas) -> list[Mask]:

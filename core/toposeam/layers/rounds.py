@@ -27,9 +27,10 @@ from toposeam.layers.layer import Box, cut
 from toposeam.layers.painting import Owner
 from toposeam.optimize.history import Termination
 from toposeam.seam.find import Method, method_options, solve
-from toposeam.seam.heat import HeatOptions, Solution
+from toposeam.seam.heat import HeatOptions
 from toposeam.seam.overlap import FREE
 from toposeam.seam.seam import Seam
+from toposeam.seam.solution import Solution
 from toposeam.seam.thesis import ThesisOptions
 
 #: A move counts when it lowers the cost of its region by this share.

@@ -17,11 +17,12 @@ from toposeam.optimize.history import Termination
 from toposeam.seam.dynamic_programming import dp_labels
 from toposeam.seam.exact import exact_labels
 from toposeam.seam.graph_cut import graph_cut_labels
-from toposeam.seam.heat import HeatOptions, Solution, heat_path
+from toposeam.seam.heat import HeatOptions, heat_path
 from toposeam.seam.match_cost import MatchCost, match_cost
 from toposeam.seam.overlap import Overlap, Side, between_masks, side_by_side
 from toposeam.seam.problem import M_MAX, SeamProblem
 from toposeam.seam.seam import Seam
+from toposeam.seam.solution import Solution
 from toposeam.seam.thesis import ThesisOptions, thesis_path
 from toposeam.vector.apply import labels_from_paths
 from toposeam.vector.svg import SvgSeam

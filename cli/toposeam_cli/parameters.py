@@ -69,6 +69,24 @@ class FiniteRange(click.FloatRange):
 
 
 FILE = click.Path(path_type=Path)
+#: A file that a command makes: ``toposeam batch`` has to know it from those it reads.
+OUTPUT = click.Path(path_type=Path)
+
+
+def is_output(parameter: click.Parameter) -> bool:
+    """Whether a parameter names a file that the command makes."""
+    return parameter.type is OUTPUT
+
+
+def is_input(parameter: click.Parameter) -> bool:
+    """Whether a parameter names files that the command reads."""
+    return is_path(parameter) and not is_output(parameter)
+
+
+def is_path(parameter: click.Parameter) -> bool:
+    """Whether a parameter names files."""
+    return isinstance(parameter.type, click.Path)
+
 
 PLACEMENT: tuple[Callable[[Any], Any], ...] = (
     click.argument("first", metavar="A", type=FILE),

@@ -7,6 +7,7 @@ from .errors import (
     SolverError,
     TopoSeamError,
 )
+from .layers.align import Aligned, align
 from .layers.blend import BLENDS, Blend
 from .layers.composite import MAX_PIXELS, Stitched, stitch
 from .layers.layer import Layer, common_canvas
@@ -27,6 +28,7 @@ __all__ = [
     "MAX_PIXELS",
     "METHODS",
     "SIDES",
+    "Aligned",
     "Blend",
     "Frame",
     "HeatOptions",
@@ -47,6 +49,7 @@ __all__ = [
     "Termination",
     "ThesisOptions",
     "TopoSeamError",
+    "align",
     "common_canvas",
     "find_seam",
     "read_svg",

@@ -7,6 +7,7 @@ from .errors import (
     SolverError,
     TopoSeamError,
 )
+from .layers.align import Aligned, align
 from .layers.blend import BLENDS, Blend
 from .layers.composite import MAX_PIXELS, Stitched, stitch
 from .layers.layer import Layer, common_canvas
@@ -40,6 +41,7 @@ __all__ = [
     "PALETTES",
     "REPEATS",
     "SIDES",
+    "Aligned",
     "Blend",
     "Frame",
     "HeatOptions",
@@ -70,6 +72,7 @@ __all__ = [
     "Termination",
     "ThesisOptions",
     "TopoSeamError",
+    "align",
     "common_canvas",
     "fill",
     "find_seam",

@@ -20,11 +20,6 @@ def convex_step(strength: Floats, flux: Floats, relaxation: float = RELAXATION) 
     return np.clip(grown, LEAST_FLUX, 1.0)
 
 
-def penalising_step(flux: Floats, penalty: float) -> Floats:
-    """The next x = k M once the strongest line is to win, (3.21) applied to the flux: |q|^(1+s)."""
-    return np.clip(np.maximum(flux, LEAST_FLUX) ** (1.0 + penalty), LEAST_FLUX, 1.0)
-
-
 def typical_flux(weight: Floats, flux: Floats) -> float:
     """The flux that the heat meets on its way, Σ M q² / Σ M q: 1 on a single line, 1/N where N equal lines share the heat."""
     return float(weight @ np.square(flux) / (weight @ flux))

@@ -34,8 +34,8 @@ from toposeam.optimize.history import Frame, Iteration, Termination
 from toposeam.optimize.mma import MMA, MMAOptions
 from toposeam.optimize.oc import OCOptions, oc_step
 from toposeam.seam.corners import OUTERMOST, CornerNetwork, GroundStructure, PixelNetwork, corner_network, ground_structure, pixel_network
-from toposeam.seam.heat import Solution
 from toposeam.seam.problem import SeamProblem
+from toposeam.seam.solution import Solution
 
 #: Distance of the upper asymptote, as good as infinite for densities of at most 1.
 _FAR = 1e3

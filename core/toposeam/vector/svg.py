@@ -143,7 +143,7 @@ def read_svg(source: str | bytes | os.PathLike[str], *, size: tuple[int, int] | 
 
 def read_metadata(source: str | bytes | os.PathLike[str]) -> dict[str, Any] | None:
     """The settings that TopoSeam wrote into an SVG document, None in one without any; reads and raises as :func:`read_svg`."""
-    return _metadata(_parse(_document(source)))
+    return settings_of(parse(document_of(source)))
 
 
 def _number(value: float) -> str:

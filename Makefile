@@ -37,6 +37,7 @@ format: $(READY)  ## let ruff rewrite what it can
 	$(BIN)/ruff format .
 
 bench: $(READY)  ## seams against their peers, in one run (about 5 minutes)
+	$(BIN)/python benchmarks/small_seams.py --seams 100
 	$(BIN)/python benchmarks/seams.py
 
 figures: $(READY)  ## the thesis's figures, into docs/figures

@@ -59,8 +59,8 @@ def system(n: int, i: Ints, j: Ints, apart: npt.NDArray[np.bool_] | None = None)
     if apart is not None and n >= CONDENSED_NODES and np.count_nonzero(apart) > 0.3 * n:
         return _Condensed(n, i, j, apart)
     graph = csr_array((np.ones(2 * len(i), np.int8), (np.concatenate([i, j]), np.concatenate([j, i]))), shape=(n, n))
-    rank = np.empty(n, np.int32)
-    rank[reverse_cuthill_mckee(graph, symmetric_mode=True)] = np.arange(n, dtype=np.int32)
+    rank = np.empty(n, np.intp)
+    rank[reverse_cuthill_mckee(graph, symmetric_mode=True)] = np.arange(n)
     width = int(np.abs(rank[i] - rank[j]).max(initial=0))
     return _Banded(n, rank, rank[i], rank[j], width) if width <= WIDEST_BAND else _Sparse(n, i, j)
 
@@ -102,7 +102,7 @@ class _Banded:
         def solve(load: Floats) -> Floats:
             right = np.empty(self.n)
             right[self.rank] = load
-            x: Floats = dpbtrs(triangle, right, lower=1, overwrite_b=1)[0][self.rank]
+            x: Floats = dpbtrs(triangle, right, lower=1, overwrite_b=1)[0].take(self.rank)
             return x
 
         return solve
@@ -162,7 +162,7 @@ class _Condensed:
         degree = np.bincount(i, minlength=n) + np.bincount(j, minlength=n)
         gone = apart & (degree <= _MOST_NEIGHBOURS)
         self.gone, self.stay = np.flatnonzero(gone), np.flatnonzero(~gone)
-        number = np.empty(n, np.int32)
+        number = np.empty(n, i.dtype)
         number[self.gone], number[self.stay] = np.arange(len(self.gone)), np.arange(len(self.stay))
         swap = gone[j]
         from_gone = gone[i] | swap
@@ -183,27 +183,27 @@ class _Condensed:
         size = len(self.stay)
         key, self.slot = np.unique(low.astype(np.int64) * size + high, return_inverse=True)
         self.pairs = len(key)
-        self.rest = system(size, (key // size).astype(np.int32), (key % size).astype(np.int32))
+        self.rest = system(size, (key // size).astype(i.dtype), (key % size).astype(i.dtype))
         self.repeatable = self.rest.repeatable
 
     def factor(self, coupling: Floats, diagonal: Floats) -> Factor:
-        d = diagonal[self.gone]
+        d = diagonal.take(self.gone)
         if not (d > 0).all():
             raise SolverError("the heat network cannot be solved: a node is not connected to a terminal")
-        leg = coupling[self.legs]
-        share = leg / d[self.hub]
-        added = np.concatenate([coupling[self.direct], share[self.one] * leg[self.other]])
+        leg = coupling.take(self.legs)
+        share = leg / d.take(self.hub)
+        added = np.concatenate([coupling.take(self.direct), share.take(self.one) * leg.take(self.other)])
         size = len(self.stay)
         rest = self.rest.factor(
             np.bincount(self.slot, added, self.pairs).astype(np.float64, copy=False),
-            diagonal[self.stay] - np.bincount(self.foot, share * leg, size),
+            diagonal.take(self.stay) - np.bincount(self.foot, share * leg, size),
         )
 
         def solve(load: Floats) -> Floats:
-            hub_load = load[self.gone]
+            hub_load = load.take(self.gone)
             x = np.empty(len(load))
-            x[self.stay] = found = rest(load[self.stay] + np.bincount(self.foot, share * hub_load[self.hub], size))
-            x[self.gone] = (hub_load + np.bincount(self.hub, leg * found[self.foot], len(self.gone))) / d
+            x[self.stay] = found = rest(load.take(self.stay) + np.bincount(self.foot, share * hub_load.take(self.hub), size))
+            x[self.gone] = (hub_load + np.bincount(self.hub, leg * found.take(self.foot), len(self.gone))) / d
             return x
 
         return solve

@@ -21,6 +21,8 @@ from toposeam.heat.network import Floats, Network
 _REACH = 0.99
 #: Share of the capacity that the first flow fills.
 _FILLED = 0.95
+#: μ of the first state, in shares of the mean of M |d|.
+_SPREAD = 0.25
 #: Thresholds at which the potential is cut.
 _THRESHOLDS = 64
 
@@ -31,7 +33,7 @@ class PrimalDual:
     Parameters
     ----------
     network : Network
-        No element may join the two terminals.
+        With free nodes; no element may join the two terminals.
     cost : (E,) float64 array, positive
         M, the cost of dividing the two nodes of each element.
 
@@ -39,40 +41,38 @@ class PrimalDual:
     ----------
     potential : (n + 2,) float64 array
         ψ; between steps it may lie a little outside [0, 1].
-    jump, flow, conductance : (E,) float64 arrays
-        d, f, and k of the last step.
-    bound : float
-        No seam costs less.
+    jump, flow : (E,) float64 arrays
+        d and f, counted from tail to head.
     """
 
     def __init__(self, network: Network, cost: Floats) -> None:
         self.network, self.cost = network, cost
-        self.conductance = cost
         self.potential = network.solve(cost)
         self.jump = self._jumps(self.potential)
         # Heat flow through conductances M is M d; scaled it fits the capacities.
-        self.flow = cost * self.jump
-        steepest = float(np.abs(self.jump).max())
-        if steepest > 0:
-            self.flow *= _FILLED / steepest
-        spread = 0.5 * float(np.abs(self.jump).mean()) + np.finfo(float).tiny
-        self._up = np.maximum(self.jump, 0.0) + spread
-        self._down = np.maximum(-self.jump, 0.0) + spread
+        size = np.abs(self.jump)
+        steepest = float(size.max())
+        self.flow = cost * self.jump * (_FILLED / steepest if steepest > 0 else 0.0)
+        self._split(_SPREAD * float(cost @ size) / len(cost) / cost + np.finfo(float).tiny)
+
+    def _split(self, least: Floats) -> None:
+        """Set u and v: their difference is the jump, the smaller one is given."""
+        self._up, self._down = np.maximum(self.jump, 0.0) + least, np.maximum(-self.jump, 0.0) + least
 
     def _jumps(self, potential: Floats) -> Floats:
-        jump: Floats = potential[self.network.head] - potential[self.network.tail]
+        jump: Floats = potential.take(self.network.head) - potential.take(self.network.tail)
         return jump
 
     @property
     def bound(self) -> float:
-        """The size of the flow."""
-        n = self.network.n
-        return float(self.flow[self.network.head == n + 1].sum() - self.flow[self.network.tail == n + 1].sum())
+        """The size of the flow: no seam costs less."""
+        (_, _), (hot, _) = self.network._ends
+        return float(np.abs(self.flow[hot]).sum())
 
     def best_cut(self) -> tuple[float, float]:
         """The cheapest cut of the potential: its cost, and the threshold above which nodes are hot."""
         level = np.ceil(np.clip(self.potential, 0.0, 1.0) * _THRESHOLDS - 0.5).astype(np.intp)
-        tail, head = level[self.network.tail], level[self.network.head]
+        tail, head = level.take(self.network.tail), level.take(self.network.head)
         # Threshold j divides the elements whose levels lie at or below j on one side, above j on the other.
         opened = np.bincount(np.minimum(tail, head), self.cost, _THRESHOLDS + 1)
         closed = np.bincount(np.maximum(tail, head), self.cost, _THRESHOLDS + 1)
@@ -90,32 +90,36 @@ class PrimalDual:
         """
         up, down, flow, jump = self._up, self._down, self.flow, self.jump
         left_up, left_down = self.cost - flow, self.cost + flow
-        ratio_up, ratio_down = up / left_up, down / left_down
-        self.conductance = conductance = 1.0 / (ratio_up + ratio_down)
+        conductance = 1.0 / (up / left_up + down / left_down)
         solve = self.network.factor(conductance)
-        gap = float(up @ left_up + down @ left_down)
-        # Predictor: straight at μ = 0.
+        # Predictor: straight at μ = 0. x and y are the changes of f relative to the room that is left either way.
         change = np.zeros(len(self.potential))
         change[:-2] = solve(self.network.surplus(-conductance * jump - flow))
         more = (self._jumps(change) + jump) * conductance
-        more_up, more_down = ratio_up * more - up, -ratio_down * more - down
-        primal, dual = _reach(more_up / up, more_down / down), _reach(more / left_down, -more / left_up)
-        rest = float((up + primal * more_up) @ (left_up - dual * more) + (down + primal * more_down) @ (left_down + dual * more))
+        x, y = more / left_up, more / left_down
+        slow, fast = min(float(x.min()), -float(y.max())), max(float(x.max()), -float(y.min()))
+        primal, dual = _share(1.0 - slow), _share(fast)
+        product_up, product_down = up * left_up, down * left_down
+        gap = float(product_up.sum() + product_down.sum())
+        linear = float(product_up @ x - product_down @ y)
+        square = float((product_up * x) @ x + (product_down * y) @ y)
+        rest = (1.0 - primal) * gap + (primal - dual * (1.0 - primal)) * linear - primal * dual * square
         target = (rest / gap) ** 3 * gap / (2 * len(flow))
         # Corrector: at a smaller μ > 0, with the predictor's second-order terms.
-        toward_up, toward_down = (target + more_up * more) / left_up, (target - more_down * more) / left_down
+        toward_up, toward_down = target / left_up + up * x * (x - 1.0), target / left_down + down * y * (y + 1.0)
         wanted = toward_up - toward_down - jump
         change[:-2] = solve(self.network.surplus(conductance * wanted - flow))
         more = (self._jumps(change) - wanted) * conductance
-        more_up, more_down = toward_up - up + ratio_up * more, toward_down - down - ratio_down * more
-        primal, dual = _reach(more_up / up, more_down / down), _reach(more / left_down, -more / left_up)
+        x, y = more / left_up, more / left_down
+        more_up, more_down = toward_up + up * (x - 1.0), toward_down - down * (y + 1.0)
+        primal = _share(-min(float((more_up / up).min()), float((more_down / down).min())))
+        dual = _share(max(float(x.max()), -float(y.min())))
         self.potential = self.potential + primal * change
         self._up, self._down = up + primal * more_up, down + primal * more_down
         self.jump = self._jumps(self.potential)
         self.flow = flow + dual * more
 
 
-def _reach(one: Floats, other: Floats) -> float:
-    """How far a step may go, at most 1, given the relative changes of quantities that must stay positive."""
-    fastest = -min(float(one.min()), float(other.min()))
+def _share(fastest: float) -> float:
+    """How far a step may go, at most 1, when what must stay positive falls by up to this share."""
     return 1.0 if fastest <= _REACH else _REACH / fastest

@@ -25,11 +25,12 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from toposeam.errors import OptionError, SolverError
+from toposeam.heat.network import Floats, Ints, Network
 from toposeam.heat.primal_dual import PrimalDual
 from toposeam.images import Mask
 from toposeam.optimize.history import Frame, Iteration, Termination
-from toposeam.seam.coarse import restrict
-from toposeam.seam.overlap import FREE, A, B
+from toposeam.seam.coarse import WHOLE_NODES, restrict
+from toposeam.seam.overlap import FREE, TOUCHING, A, B
 from toposeam.seam.problem import SeamProblem
 from toposeam.seam.solution import Solution
 
@@ -77,8 +78,7 @@ def heat_path(
         one line.
     """
     side = problem.overlap.side
-    pixels = problem.pattern.pixels
-    network, cost, multiplicity, node_of_pixel = restrict(problem.network, problem.element_cost)
+    network, cost, multiplicity, pixels, node = _network(problem)
     history: list[Iteration] = []
     frames: list[Frame] = []
     hot = np.append(np.zeros(network.n, bool), [False, True])
@@ -107,7 +107,7 @@ def heat_path(
         if objective > (1 + _SOFT) * bound:
             soft = state.potential
         if record_frames:
-            frames.append(_frame(problem, state.potential[node_of_pixel[:-2]], step + 1, 1))
+            frames.append(_frame(problem, pixels, state.potential[node], step + 1, 1))
         if cheapest <= (1 + options.tolerance) * bound:
             termination = Termination.SINGLE_LINE
             break
@@ -118,9 +118,8 @@ def heat_path(
         except SolverError:
             break  # double precision ends here; the best cut so far stands
 
-    on_pixel = node_of_pixel[:-2]
     labels = np.zeros(side.shape, bool)
-    labels.ravel()[pixels] = hot[on_pixel]
+    labels.ravel()[pixels] = hot[node]
     labels = _without_islands(labels, side)
     if history:
         least = problem.cost(labels)
@@ -133,19 +132,29 @@ def heat_path(
             )
         )  # fmt: skip
         if record_frames:
-            frames.append(_frame(problem, labels.ravel()[pixels], len(history), 2))
+            frames.append(_frame(problem, pixels, labels.ravel()[pixels], len(history), 2))
     if progress is not None:
         progress(1.0)
     soft_map = np.zeros(side.shape, np.float32)
-    soft_map.ravel()[pixels] = np.clip(soft[on_pixel], 0.0, 1.0)
+    soft_map.ravel()[pixels] = np.clip(soft[node], 0.0, 1.0)
     return Solution(labels=labels, soft=soft_map, history=tuple(history), frames=tuple(frames), termination=termination)
+
+
+def _network(problem: SeamProblem) -> tuple[Network, Floats, Floats, Ints, Ints]:
+    """The network to solve, the cost of its elements and the number of interfaces each stands for; the free pixels and their nodes."""
+    if np.count_nonzero(problem.overlap.side == FREE) <= WHOLE_NODES:
+        cost, pixels = problem.element_cost, problem.pattern.pixels
+        return problem.network, cost, np.ones(len(cost)), pixels, np.arange(len(pixels))
+    whole, cost, pixels = problem.grid.network(problem.grid.free)
+    network, cost, multiplicity, node = restrict(whole, cost)
+    return network, cost, multiplicity, pixels, node[:-2]
 
 
 def _without_islands(labels: Mask, side: npt.NDArray[np.uint8]) -> Mask:
     """The labelling in which pixels that are cut off from their own patch's ground go to the other; never dearer."""
     free = side == FREE
     for own, wanted in ((B, True), (A, False)):
-        region, count = ndimage.label((side == own) | (free & (labels == wanted)))
+        region, count = ndimage.label((side == own) | (free & (labels == wanted)), TOUCHING)
         grounded = np.zeros(count + 1, bool)
         grounded[region[side == own]] = True
         if count and not grounded[1:].all():
@@ -153,10 +162,10 @@ def _without_islands(labels: Mask, side: npt.NDArray[np.uint8]) -> Mask:
     return labels
 
 
-def _frame(problem: SeamProblem, potential: npt.NDArray[Any], iteration: int, stage: int) -> Frame:
+def _frame(problem: SeamProblem, pixels: Ints, potential: npt.NDArray[Any], iteration: int, stage: int) -> Frame:
     """Flux of every interface of the window, from the label potential of its free pixels."""
     on_free = np.zeros(problem.overlap.side.shape, np.float32)
-    on_free.ravel()[problem.pattern.pixels] = np.clip(potential, 0.0, 1.0)
+    on_free.ravel()[pixels] = np.clip(potential, 0.0, 1.0)
     values = problem.complete(on_free)
     return Frame(
         iteration=iteration, stage=stage,

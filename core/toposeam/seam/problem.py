@@ -26,19 +26,14 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.errors import OverlapError
-from toposeam.heat.network import Network
+from toposeam.heat.network import Ints, Network
 from toposeam.images import Mask
 from toposeam.seam.grid import CutGrid, grid_from_sides
 from toposeam.seam.match_cost import Floats32
-from toposeam.seam.overlap import FREE, NONE, A, B, Overlap, neighbours
+from toposeam.seam.overlap import FREE, KEPT_PIXELS, KEPT_SHAPES, NONE, A, B, Overlap, neighbours
 
 #: The thesis's M_max: the cost of an interface where no seam may run, in units of the dearest ordinary one (at least 1).
 M_MAX = 1e6
-
-#: Windows of up to this many pixels share what their shape alone decides with the next ones of the same shape.
-_KEPT_PIXELS = 1 << 14
-#: How many shapes are remembered.
-_KEPT_SHAPES = 16
 
 Indices = npt.NDArray[np.intp]
 
@@ -88,14 +83,14 @@ def _pattern(side: npt.NDArray[np.uint8], right: Mask, down: Mask) -> Pattern:
     first, second, start, end = geometry(right, down)
     pixels = np.flatnonzero(free)
     n = len(pixels)
-    node = np.where(side.ravel() == B, np.int32(n + 1), np.int32(n))
-    node[pixels] = np.arange(n, dtype=np.int32)
+    node: Ints = np.where(side.ravel() == B, n + 1, n).astype(np.intp if side.size <= KEPT_PIXELS else np.int32)
+    node[pixels] = np.arange(n)
     row, column = np.divmod(pixels, side.shape[1])
     network = Network(n, node[first], node[second], (row + column) % 2 == 0)
     return Pattern(first, second, start, end, np.flatnonzero(np.concatenate([right.ravel(), down.ravel()])), pixels, network)
 
 
-@lru_cache(maxsize=_KEPT_SHAPES)
+@lru_cache(maxsize=KEPT_SHAPES)
 def _kept_pattern(shape: tuple[int, int], side: bytes, right: bytes, down: bytes) -> Pattern:
     h, w = shape
     return _pattern(
@@ -144,7 +139,7 @@ class SeamProblem:
     def pattern(self) -> Pattern:
         """What this problem has in common with others of its shape; small ones share it."""
         side, right, down = self.overlap.side, self.right > 0, self.down > 0
-        if side.size > _KEPT_PIXELS:
+        if side.size > KEPT_PIXELS:
             return _pattern(side, right, down)
         return _kept_pattern((side.shape[0], side.shape[1]), side.tobytes(), right.tobytes(), down.tobytes())
 

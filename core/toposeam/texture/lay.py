@@ -15,6 +15,8 @@ from toposeam.texture.atlas import Atlas, Floats32, Ints32, values_at
 from toposeam.texture.canvas import Canvas
 from toposeam.texture.search import Ints, PatchSearch, box_sum
 
+#: How much dearer a place is whose pixels have all shown as often as they should, where there is no other.
+_WORN = 30
 #: Added to every error, so that a perfect fit does not outweigh everything else; the square of 1 % of the image's range.
 _FLOOR = 1e-4
 
@@ -202,15 +204,15 @@ class Layer:
         usage = self.canvas.usage.reshape(self.atlas.usable.shape)
         on_grid = slice(m, None, f), slice(m, None, f)
         mean = box_sum(usage, shape)[on_grid][:n, :columns_n] / (shape[0] * shape[1] * self._average)
-        worn = box_sum(usage >= self._limit, shape)[on_grid][:n, :columns_n] > 0
+        worn = box_sum(usage >= self._limit, shape)[on_grid][:n, :columns_n] / (shape[0] * shape[1])
         raised = (error * (1 + self.options.variety * np.square(mean))).astype(np.float32)
         free = raised.copy()
-        free[worn] = np.inf
+        free[worn > 0] = np.inf
         apart = max(3, min(shape) // 8)
         for row, column in self._continued(known):
             _block(free, (row - m) / f, (column - m) / f, apart / f)
         # With few places to choose from, better a worn place or a copy than none.
-        left = free if np.isfinite(free).any() else raised * (1 + mean).astype(np.float32)
+        left = free if np.isfinite(free).any() else raised * (1 + _WORN * worn).astype(np.float32)
         rows: list[int] = []
         columns: list[int] = []
         errors: list[np.float32] = []

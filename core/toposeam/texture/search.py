@@ -110,8 +110,8 @@ class PatchSearch:
         y, x = np.nonzero(weight)
         room = self.room(patch)
         reach = np.arange(1 - self.factor, self.factor)
-        rows = np.clip(row + reach, 0, room.shape[0] - 1).repeat(len(reach))
-        columns = np.tile(np.clip(column + reach, 0, room.shape[1] - 1), len(reach))
+        rows = np.clip(row + reach, margin[0], room.shape[0] - 1 - margin[0]).repeat(len(reach))
+        columns = np.tile(np.clip(column + reach, margin[1], room.shape[1] - 1 - margin[1]), len(reach))
         places = rows * self.atlas.width + columns
         pixels = places[:, np.newaxis] + ((y - margin[0]) * self.atlas.width + x - margin[1])
         share = self.atlas.usable.ravel()[pixels] * weight[y, x]

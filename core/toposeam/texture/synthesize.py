@@ -17,7 +17,7 @@ from toposeam.texture.canvas import Canvas
 from toposeam.texture.lay import Guide, Layer, LayOptions
 from toposeam.texture.rendering import render
 from toposeam.texture.scale import natural_patch
-from toposeam.texture.sources import Images, Sources, as_list, check_varied, read_sources
+from toposeam.texture.sources import Images, Sources, as_list, check_varied, full_scale, read_sources
 from toposeam.texture.synthesis import Synthesis
 
 Tileable = bool | Literal["x", "y"]
@@ -146,6 +146,8 @@ def finish(
             np.copyto(picture, images[0], where=~changed[..., np.newaxis])
         made.append(picture[..., 0] if gray else picture)
     alpha = made.pop() if sources.has_alpha else None
+    if alpha is None and canvas.ground is not None:
+        alpha = canvas.ground * full_scale(made[0].dtype)
     exemplar, place = atlas.locate(canvas.index)
     return Synthesis(
         image=made[0], alpha=alpha, maps=tuple(made[1:]), labels=canvas.labels, source=place, exemplar=exemplar, wraps=canvas.wrap,

@@ -37,12 +37,14 @@ class LayOptions:
     most: float = 2.5
     #: How strongly places that show often already are avoided.
     variety: float = 0.5
+    #: How many further patches are tried over the worst seams, as a share of the patches laid.
+    mend: float = 0.5
     #: How the seam is found.
     method: Method = "heat"
     cost: MatchCost | None = None
 
     def __post_init__(self) -> None:
-        for name, low, high in (("tolerance", 0, 10), ("context_weight", 0, 1), ("most", 1, np.inf), ("variety", 0, 100)):
+        for name, low, high in (("tolerance", 0, 10), ("context_weight", 0, 1), ("most", 1, np.inf), ("variety", 0, 100), ("mend", 0, 10)):
             if not low <= getattr(self, name) <= high:
                 raise OptionError(f"{name} is {getattr(self, name)}; it must be from {low} to {high}")
         if self.candidates < 1 or self.context < 0:
@@ -121,12 +123,27 @@ class Layer:
         covers = inside if may_show is None else (may_show | empty) & inside
         weight = np.where(known >= 0, np.float32(self.options.context_weight), np.float32(0))
         weight[m : m + h, m : m + w] = inner >= 0
-        terms = self._terms(top, left, shape, known, weight)
-        row, column = self._choose(terms, shape, known) if terms else self._anywhere(shape)
-        source = (row * self.atlas.width + column + self._grid(shape)).astype(np.int32)
+        source = self.choose(top, left, shape, known, weight)
         padded = self.canvas.read(top - 1, left - 1, h + 2, w + 2)
         self.canvas.paint(top, left, source, self.cut(padded, source, covers))
         return True
+
+    def choose(self, top: int, left: int, shape: tuple[int, int], known: Ints32, weight: Floats32) -> Ints32:
+        """A patch that fits a window, (h, w) flat indices.
+
+        Parameters
+        ----------
+        top, left, shape
+            The patch's window on the canvas.
+        known : int32 array
+            What the canvas shows there and in the margin round it; -1 where empty.
+        weight : float32 array
+            How much that counts.
+        """
+        terms = self._terms(top, left, shape, known, weight)
+        row, column = self._choose(terms, shape, known) if terms else self._anywhere(shape)
+        grid = np.arange(shape[0])[:, np.newaxis] * self.atlas.width + np.arange(shape[1])
+        return (row * self.atlas.width + column + grid).astype(np.int32)
 
     def cut(self, padded: Ints32, source: Ints32, covers: Mask) -> Mask:
         """Where a patch shows, given what is there.
@@ -153,9 +170,6 @@ class Layer:
             return covers & ~mask_a[1:-1, 1:-1]
         shows: Mask = seam.labels[1:-1, 1:-1] & covers
         return shows
-
-    def _grid(self, shape: tuple[int, int]) -> Ints:
-        return np.arange(shape[0])[:, np.newaxis] * self.atlas.width + np.arange(shape[1])
 
     def _anywhere(self, shape: tuple[int, int]) -> tuple[int, int]:
         rows, columns = np.nonzero(self.search.room(shape))

@@ -14,7 +14,7 @@ from toposeam.texture.atlas import Floats32
 #: Patches are no smaller and, when their size is chosen automatically, no larger than this, px.
 SMALLEST, LARGEST = 8, 96
 #: A patch holds about this many elements side by side.
-_ELEMENTS = 2.5
+_ELEMENTS = 4
 #: Where the autocorrelation has fallen to this, one element has ended.
 _DECAY = 0.2
 

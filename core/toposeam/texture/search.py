@@ -12,6 +12,8 @@ places.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 import scipy.fft as sf
@@ -138,12 +140,12 @@ class PatchSearch:
         return result
 
 
-def box_sum(values: npt.NDArray[np.generic], shape: tuple[int, int]) -> npt.NDArray[np.float64]:
-    """Sum of every h × w box of an (H, W) array: (H - h + 1, W - w + 1), exact for whole numbers."""
-    total = np.zeros((values.shape[0] + 1, values.shape[1] + 1))
-    np.cumsum(np.cumsum(values, axis=0, dtype=np.float64), axis=1, out=total[1:, 1:])
+def box_sum(values: npt.NDArray[Any], shape: tuple[int, int]) -> npt.NDArray[np.int32]:
+    """Sum of every h × w box of an (H, W) array of whole numbers: (H - h + 1, W - w + 1)."""
+    total = np.zeros((values.shape[0] + 1, values.shape[1] + 1), np.int32)
+    np.cumsum(np.cumsum(values, axis=1, dtype=np.int32), axis=0, out=total[1:, 1:])
     h, w = shape
-    result: npt.NDArray[np.float64] = total[h:, w:] - total[:-h, w:] - total[h:, :-w] + total[:-h, :-w]
+    result: npt.NDArray[np.int32] = total[h:, w:] - total[:-h, w:] - total[h:, :-w] + total[:-h, :-w]
     return result
 
 

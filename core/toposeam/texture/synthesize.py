@@ -15,6 +15,7 @@ from toposeam.layers.composite import MAX_PIXELS
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.canvas import Canvas
 from toposeam.texture.lay import Guide, Layer, LayOptions
+from toposeam.texture.mend import mend
 from toposeam.texture.rendering import render
 from toposeam.texture.scale import natural_patch
 from toposeam.texture.sources import Images, Sources, as_list, check_varied, full_scale, read_sources
@@ -126,10 +127,14 @@ def synthesize(
     if not layer.search.room(shape).any():
         raise ImageError(f"no place in the mask has room for a patch of {shape[1]} × {shape[0]} px; use smaller patches or a larger mask")
     places = [(top, left) for top in axes[0][1] for left in axes[1][1]]
+    count = round(chosen.mend * len(places))
     for done, (top, left) in enumerate(places, start=1):
         layer.lay(top, left, shape)
         if progress is not None:
-            progress(done / len(places))
+            progress(done / (len(places) + count))
+    mend(layer, shape, count, None if progress is None else lambda share: progress((len(places) + share * count) / (len(places) + count)))
+    if progress is not None:
+        progress(1.0)
     settings = {"patch": side, "overlap": overlap, "seed": seed, "tileable": tileable, "smooth": smooth, **settings_of(chosen)}
     return finish(sources, atlas, canvas, shape, settings, smooth)
 

@@ -39,6 +39,8 @@ class LayOptions:
     variety: float = 0.5
     #: How many further patches are tried over the worst seams, as a share of the patches laid.
     mend: float = 0.5
+    #: Whether ordered textures that repeat are laid twice, so that their order closes (:mod:`toposeam.texture.closing`).
+    close: bool = True
     #: How the seam is found.
     method: Method = "heat"
     cost: MatchCost | None = None

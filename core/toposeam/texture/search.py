@@ -41,7 +41,7 @@ class PatchSearch:
     def __init__(self, atlas: Atlas, features: Floats32) -> None:
         self.atlas, self.features = atlas, features
         self.factor = atlas.factor
-        features, present = _reduced(features, atlas.usable.astype(np.float32), self.factor)
+        features, present = reduced(features, atlas.usable.astype(np.float32), self.factor)
         self._mean: Floats32 = (features * present[..., np.newaxis]).sum((0, 1), dtype=np.float64) / max(present.sum(dtype=np.float64), 1.0)
         self._mean = self._mean.astype(np.float32)
         features = (features - self._mean) * (present[..., np.newaxis] > 0)
@@ -79,14 +79,14 @@ class PatchSearch:
             inf where the patch cannot lie. Row i, column j: the patch's first pixel at atlas row and column margin + factor * (i, j).
         """
         f = self.factor
-        reduced, mass = _reduced(values, weight, f)
+        window, mass = reduced(values, weight, f)
         share, below = self._share(mass)
-        reduced -= self._mean
+        window -= self._mean
         total = share * self._square
         for c, spectrum in enumerate(self._channels):
-            plane = reduced[..., c] * mass
+            plane = window[..., c] * mass
             total -= np.complex64(2) * np.conj(self._spectrum(plane)) * spectrum
-        total += np.conj(self._spectrum(np.square(reduced).sum(axis=2) * mass)) * self._present
+        total += np.conj(self._spectrum(np.square(window).sum(axis=2) * mass)) * self._present
         rows, columns = self._grid[0] - mass.shape[0] + 1, self._grid[1] - mass.shape[1] + 1
         error = sf.irfft2(total, self._size, overwrite_x=True)[:rows, :columns]
         error = np.maximum(error, np.float32(0)) / np.maximum(below, np.float32(1e-9))
@@ -149,7 +149,7 @@ def box_sum(values: npt.NDArray[Any], shape: tuple[int, int]) -> npt.NDArray[np.
     return result
 
 
-def _reduced(values: Floats32, weight: Floats32, factor: int) -> tuple[Floats32, Floats32]:
+def reduced(values: Floats32, weight: Floats32, factor: int) -> tuple[Floats32, Floats32]:
     """Weighted means over blocks of factor × factor pixels, and the blocks' weight; what does not fill a block counts with weight 0."""
     if factor == 1:
         return values.copy(), weight

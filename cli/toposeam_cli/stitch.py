@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +16,7 @@ from toposeam_cli.overlay import draw_seam
 from toposeam_cli.parameters import FILE, OUTPUT, placement
 from toposeam_cli.picture import Picture, write_picture
 from toposeam_cli.placing import read_pair
+from toposeam_cli.progress import share_bar
 
 
 @click.command()
@@ -59,7 +57,7 @@ def stitch(
     else:
         if formulation is not None:
             options["formulation"] = formulation
-        with _progress(f"joining {first.name} and {second.name}", quiet) as progress:
+        with share_bar(f"joining {first.name} and {second.name}", quiet) as progress:
             stitched = ts.stitch(pair.layers, method=method, record_frames=history is not None, progress=progress, **options)
     found = stitched.seams[0]
     # Every result exists before the first file is written.
@@ -130,13 +128,3 @@ def _check_files(*, output: Path, force: bool, seam: Path | None, labels: Path |
     given = [path.resolve() for path in (output, seam, labels, overlay, history) if path is not None]
     if len(set(given)) < len(given):
         raise ts.OptionError("two outputs have the same name; give each a name of its own")
-
-
-@contextmanager
-def _progress(label: str, quiet: bool) -> Iterator[Callable[[float], None] | None]:
-    """A progress bar on a terminal, nothing in a pipe."""
-    if quiet or not (sys.stderr and sys.stderr.isatty()):  # there is none when it was closed
-        yield None
-        return
-    with click.progressbar(length=1000, label=label, file=sys.stderr) as bar:
-        yield lambda share: bar.update(max(0, round(1000 * share) - bar.pos))

@@ -28,7 +28,7 @@ from .seam.thesis import ThesisOptions
 from .texture.fill import fill, make_tileable
 from .texture.lay import LayOptions
 from .texture.synthesis import Synthesis
-from .texture.synthesize import synthesize
+from .texture.synthesize import Tileable, synthesize
 from .vector.polyline import Polyline
 from .vector.svg import read_svg
 
@@ -71,6 +71,7 @@ __all__ = [
     "Synthesis",
     "Termination",
     "ThesisOptions",
+    "Tileable",
     "TopoSeamError",
     "align",
     "common_canvas",

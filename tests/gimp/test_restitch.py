@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 from inside import covers_once, mask_of, refused, succeeded
 from pictures import crops, photograph
+from running import needs_gimp
+
+needs_gimp()
 
 RESTITCH = "plug-in-toposeam-restitch"
 

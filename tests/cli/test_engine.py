@@ -99,9 +99,32 @@ def test_the_found_lines_applied_again_give_the_same_masks(request_folder, pair)
     for path in request_folder.folder.glob("result-*"):
         path.unlink()
     request_folder.close()
-    second = result_of(request_folder.ask(operation="stitch", layers=layers, seams=first["seams"]))
+    seams = [{**seam, "touched": True} for seam in first["seams"]]
+    shown = [request_folder.raster(f"shown-{name}", np.zeros((30, 40), np.uint8)) for name in "ab"]
+    second = result_of(request_folder.ask(operation="restitch", layers=layers, seams=seams, shown=shown))
     for old, raster in zip(found, second["masks"], strict=True):
         np.testing.assert_array_equal(old, request_folder.pixels(raster))
+
+
+@pytest.mark.parametrize("blend", ts.BLENDS)
+def test_masks_and_what_blending_changes_make_the_composite_of_core(request_folder, pair, blend):
+    pair[1] = np.maximum(pair[1], 60)
+    layers = [request_folder.raster("a", pair[0]), request_folder.raster("b", pair[1], (20, 5))]
+    options = {"blend": blend, "blend_width": 6, "match_tones": True}
+    result = result_of(request_folder.ask(operation="stitch", layers=layers, options=options))
+    width = {"blend_width": 6.0} if blend in ("feather", "multiband", "gradient") else {}
+    placed = [ts.Layer(image=pair[0][..., :3]), ts.Layer(image=pair[1][..., :3], offset=(20, 5))]
+    expected = ts.stitch(placed, blend=blend, match_tones=True, **width)
+    canvas = np.zeros((*expected.masks[0].shape, 4), np.uint8)
+    for pixels, mask, place in zip(result["pixels"], result["masks"], [np.s_[:30, :40], np.s_[5:, 20:]], strict=True):
+        np.copyto(canvas[place], request_folder.pixels(pixels), where=request_folder.pixels(mask)[..., None] > 0)
+    assert (result["blended"] is None) == (blend == "none")
+    if result["blended"]:
+        over = request_folder.pixels(result["blended"])
+        x, y = result["blended"]["offset"]
+        part = canvas[y : y + over.shape[0], x : x + over.shape[1]]
+        np.copyto(part, over, where=over[..., 3:] > 0)
+    np.testing.assert_array_equal(canvas[..., :3], expected.image)
 
 
 def test_progress_rises_to_the_end(request_folder):

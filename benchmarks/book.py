@@ -67,7 +67,8 @@ def main() -> None:
                 print(f"-j {processes}: {found[-1]:.1f} s, load {os.getloadavg()[0]:.1f}", flush=True)
     one, two = (statistics.median(found) for found in times.values())
     print(
-        f"{chosen.n} patterns of {chosen.size} × {chosen.size} and 16 products: {one:.1f} s on one process, {two:.1f} s on two: {one / two:.2f} × as fast"
+        f"{chosen.n} patterns of {chosen.size} × {chosen.size} and 16 products: {one:.1f} s on one process, {two:.1f} s on two: "
+        f"{one / two:.2f} × as fast"
     )
 
 

@@ -1,4 +1,4 @@
-"""How far work has come, on a terminal."""
+"""How far a batch has come, on a terminal."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ def progress_bar(quiet: bool = False) -> Iterator[ProgressBar]:
 
 @contextmanager
 def share_bar(label: str, quiet: bool) -> Iterator[Callable[[float], None] | None]:
-    """A bar for one piece of work: yields what takes the share done, in [0, 1]; None in a pipe."""
-    if quiet or not (sys.stderr and sys.stderr.isatty()):
+    """A bar on a terminal for what reports the share of the work done, nothing in a pipe."""
+    if quiet or not (sys.stderr and sys.stderr.isatty()):  # there is none when it was closed
         yield None
         return
     with click.progressbar(length=1000, label=label, file=sys.stderr) as bar:

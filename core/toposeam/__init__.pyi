@@ -7,6 +7,7 @@ from .errors import (
     SolverError,
     TopoSeamError,
 )
+from .layers.align import Aligned, align
 from .layers.blend import BLENDS, Blend
 from .layers.composite import MAX_PIXELS, Stitched, stitch
 from .layers.layer import Layer, common_canvas
@@ -28,7 +29,7 @@ from .seam.thesis import ThesisOptions
 from .texture.fill import fill, make_tileable
 from .texture.lay import LayOptions
 from .texture.synthesis import Synthesis
-from .texture.synthesize import synthesize
+from .texture.synthesize import Tileable, synthesize
 from .vector.polyline import Polyline
 from .vector.svg import read_svg
 
@@ -41,6 +42,7 @@ __all__ = [
     "PALETTES",
     "REPEATS",
     "SIDES",
+    "Aligned",
     "Blend",
     "Frame",
     "HeatOptions",
@@ -71,7 +73,9 @@ __all__ = [
     "Synthesis",
     "Termination",
     "ThesisOptions",
+    "Tileable",
     "TopoSeamError",
+    "align",
     "arrange",
     "border_mismatch",
     "common_canvas",

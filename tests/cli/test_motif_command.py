@@ -85,9 +85,11 @@ def test_a_recipe_as_toml_and_back(made, toposeam):
 
 
 def test_options_from_a_file_and_over_it(made, toposeam):
-    (made / "my.toml").write_text(
-        'size = 32\nlayers = 2\niterations = 4\np = 1.0\nbase-strength = 0.5\nbase = "a.png"\nmass = [0.2, 0.3]\nsources = [[0.1, 0.2], [0.3, 0.4, 2.0]]\nsinks = [1, 2]\n'
-    )
+    lines = (
+        "size = 32", "layers = 2", "iterations = 4", "p = 1.0", "base-strength = 0.5", 'base = "a.png"', "mass = [0.2, 0.3]",
+        "sources = [[0.1, 0.2], [0.3, 0.4, 2.0]]", "sinks = [1, 2]",
+    )  # fmt: skip
+    (made / "my.toml").write_text("\n".join(lines))
     assert toposeam("motif", "-o", "a.tif", "--config", "my.toml", "--iterations", "5").code == 0
     recipe = read_recipe(made / "a.tif")
     assert (recipe.iterations, recipe.size, recipe.base_strength) == (5, (32, 32), 0.5)

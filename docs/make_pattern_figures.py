@@ -174,7 +174,7 @@ def drawing() -> None:
 
 
 def textures() -> None:
-    """Textures grown from motifs, as Figure 3.26: patches of 40 px, 14 × 14 of them."""
+    """Textures grown from motifs, as Figure 3.26: patches of 40 px."""
     large, small, gap = 430, 118, 14
     canvas = Image.new("RGB", (3 * large + 2 * gap, large + gap + small), _PAPER)
     for index, (rule, name, seed) in enumerate((("translate", "sumi", 11), ("p2", "terracotta", 3), ("rotate", "spring", 5))):

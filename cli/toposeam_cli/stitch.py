@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,21 +13,22 @@ import numpy as np
 import toposeam as ts
 from toposeam_cli.output import atomic_write, check_output
 from toposeam_cli.overlay import draw_seam
-from toposeam_cli.parameters import FILE, placement
+from toposeam_cli.parameters import FILE, OUTPUT, placement
 from toposeam_cli.picture import Picture, write_picture
 from toposeam_cli.placing import read_pair
+from toposeam_cli.progress import share_bar
 
 
 @click.command()
 @placement
-@click.option("-o", "--output", type=FILE, required=True, help="The joined picture: .png, .tif, .jpg or .webp.")
+@click.option("-o", "--output", type=OUTPUT, required=True, help="The joined picture: .png, .tif, .jpg or .webp.")
 @click.option("--method", type=click.Choice(ts.METHODS), default="heat", show_default=True, help="How the seam is found.")
 @click.option("--formulation", type=click.IntRange(1, 2), help="With --method thesis: 1 (default), or 2 (unstable, see the docs).")
-@click.option("--seam", type=FILE, help="Also write the seam as SVG; edit it and give it back with --use-seam.")
+@click.option("--seam", type=OUTPUT, help="Also write the seam as SVG; edit it and give it back with --use-seam.")
 @click.option("--use-seam", type=FILE, help="Join along the paths of this SVG instead of searching.")
-@click.option("--labels", type=FILE, help="Also write the mask: white where B shows.")
-@click.option("--overlay", type=FILE, help="Also write the joined picture with the seam drawn over it.")
-@click.option("--history", type=FILE, help="Also write a figure (.png, .svg, .pdf) of how the heat converged.")
+@click.option("--labels", type=OUTPUT, help="Also write the mask: white where B shows.")
+@click.option("--overlay", type=OUTPUT, help="Also write the joined picture with the seam drawn over it.")
+@click.option("--history", type=OUTPUT, help="Also write a figure (.png, .svg, .pdf) of how the heat converged.")
 @click.option("--json", "as_json", is_flag=True, help="Print cost, optimum, ratio, stages, iterations and seconds as JSON.")
 @click.option("--force", is_flag=True, help="Replace existing files.")
 @click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
@@ -59,7 +57,7 @@ def stitch(
     else:
         if formulation is not None:
             options["formulation"] = formulation
-        with _progress(f"joining {first.name} and {second.name}", quiet) as progress:
+        with share_bar(f"joining {first.name} and {second.name}", quiet) as progress:
             stitched = ts.stitch(pair.layers, method=method, record_frames=history is not None, progress=progress, **options)
     found = stitched.seams[0]
     # Every result exists before the first file is written.
@@ -130,13 +128,3 @@ def _check_files(*, output: Path, force: bool, seam: Path | None, labels: Path |
     given = [path.resolve() for path in (output, seam, labels, overlay, history) if path is not None]
     if len(set(given)) < len(given):
         raise ts.OptionError("two outputs have the same name; give each a name of its own")
-
-
-@contextmanager
-def _progress(label: str, quiet: bool) -> Iterator[Callable[[float], None] | None]:
-    """A progress bar on a terminal, nothing in a pipe."""
-    if quiet or not (sys.stderr and sys.stderr.isatty()):  # there is none when it was closed
-        yield None
-        return
-    with click.progressbar(length=1000, label=label, file=sys.stderr) as bar:
-        yield lambda share: bar.update(max(0, round(1000 * share) - bar.pos))

@@ -6,11 +6,12 @@ factorisation: dense, banded (reverse Cuthill-McKee) or sparse (SuperLU), whiche
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg.lapack import dpbsv, dposv
+from scipy.linalg.lapack import dpbtrf, dpbtrs, dpotrf, dpotrs
 from scipy.sparse import csc_array, csr_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import splu
@@ -19,11 +20,17 @@ from toposeam.errors import SolverError
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.signedinteger[Any]]
+#: From loads (n,) to the solutions for them.
+Factor = Callable[[Floats], Floats]
 
 #: Up to this many unknowns a dense factorisation beats setting up a banded one.
 DENSE_NODES = 48
-#: Beyond this half-bandwidth sparse elimination beats a banded factorisation.
+#: Beyond this half-bandwidth sparse elimination beats a banded factorisation …
 WIDEST_BAND = 100
+#: … but where the band is as full as for an overlap solved whole it does so only beyond this one.
+WIDEST_FULL_BAND = 250
+#: A band is full when rows reach this share of its width in the mean.
+_FULL = 0.5
 #: From this many unknowns on, eliminating those that are apart pays.
 CONDENSED_NODES = 1500
 #: An unknown coupled to more others than this is not eliminated early.
@@ -33,8 +40,11 @@ _MOST_NEIGHBOURS = 4
 class System(Protocol):
     """A pattern of n unknowns with coupled pairs (i, j)."""
 
-    def solve(self, coupling: Floats, diagonal: Floats, load: Floats) -> Floats:
-        """The solution x of A x = load, where A has `diagonal` (n,) and, at (i, j) and (j, i), minus `coupling` (E,)."""
+    #: Whether the same values always give the same bits; an order of elimination found on the way rounds differently.
+    repeatable: bool
+
+    def factor(self, coupling: Floats, diagonal: Floats) -> Factor:
+        """What solves A x = load, where A has `diagonal` (n,) and, at (i, j) and (j, i), minus `coupling` (E,)."""
 
 
 def system(n: int, i: Ints, j: Ints, apart: npt.NDArray[np.bool_] | None = None) -> System:
@@ -53,45 +63,64 @@ def system(n: int, i: Ints, j: Ints, apart: npt.NDArray[np.bool_] | None = None)
     if apart is not None and n >= CONDENSED_NODES and np.count_nonzero(apart) > 0.3 * n:
         return _Condensed(n, i, j, apart)
     graph = csr_array((np.ones(2 * len(i), np.int8), (np.concatenate([i, j]), np.concatenate([j, i]))), shape=(n, n))
-    rank = np.empty(n, np.int32)
-    rank[reverse_cuthill_mckee(graph, symmetric_mode=True)] = np.arange(n, dtype=np.int32)
+    rank = np.empty(n, np.intp)
+    rank[reverse_cuthill_mckee(graph, symmetric_mode=True)] = np.arange(n)
     width = int(np.abs(rank[i] - rank[j]).max(initial=0))
-    return _Banded(n, rank, rank[i], rank[j], width) if width <= WIDEST_BAND else _Sparse(n, i, j)
+    if WIDEST_BAND < width <= WIDEST_FULL_BAND:
+        reach = np.zeros(n, np.intp)
+        np.maximum.at(reach, np.maximum(rank[i], rank[j]), np.abs(rank[i] - rank[j]))
+        banded = float(reach.mean()) >= _FULL * width
+    else:
+        banded = width <= WIDEST_BAND
+    return _Banded(n, rank, rank[i], rank[j], width) if banded else _Sparse(n, i, j)
 
 
 class _Dense:
+    repeatable = True
+
     def __init__(self, n: int, i: Ints, j: Ints) -> None:
         self.n, self.i, self.j = n, i, j
 
-    def solve(self, coupling: Floats, diagonal: Floats, load: Floats) -> Floats:
+    def factor(self, coupling: Floats, diagonal: Floats) -> Factor:
         n = self.n
         if n == 0:
-            return load
+            return lambda load: load
         matrix = np.zeros((n, n), order="F")
         matrix[self.j, self.i] = matrix[self.i, self.j] = -coupling
         matrix[np.arange(n), np.arange(n)] = diagonal
-        _, x, info = dposv(matrix, load, overwrite_a=1)
-        return _checked(x, info)
+        triangle, info = dpotrf(matrix, overwrite_a=1)
+        _check(info)
+        return lambda load: dpotrs(triangle, load)[0]
 
 
 class _Banded:
+    repeatable = True
+
     def __init__(self, n: int, rank: Ints, i: Ints, j: Ints, width: int) -> None:
         self.n, self.rank, self.rows = n, rank, width + 1
         # Lower band storage by columns: A[i, j] lies at row i - j of column j.
         self.position = np.minimum(i, j).astype(np.int64) * self.rows + np.abs(i - j)
         self.diagonal_position = rank.astype(np.int64) * self.rows
 
-    def solve(self, coupling: Floats, diagonal: Floats, load: Floats) -> Floats:
+    def factor(self, coupling: Floats, diagonal: Floats) -> Factor:
         band = np.zeros(self.rows * self.n)
         band[self.position] = -coupling
         band[self.diagonal_position] = diagonal
-        right = np.empty(self.n)
-        right[self.rank] = load
-        _, x, info = dpbsv(band.reshape(self.rows, self.n, order="F"), right, lower=1, overwrite_ab=1, overwrite_b=1)
-        return _checked(x, info)[self.rank]
+        triangle, info = dpbtrf(band.reshape(self.rows, self.n, order="F"), lower=1, overwrite_ab=1)
+        _check(info)
+
+        def solve(load: Floats) -> Floats:
+            right = np.empty(self.n)
+            right[self.rank] = load
+            x: Floats = dpbtrs(triangle, right, lower=1, overwrite_b=1)[0].take(self.rank)
+            return x
+
+        return solve
 
 
 class _Sparse:
+    repeatable = False
+
     def __init__(self, n: int, i: Ints, j: Ints) -> None:
         self.n, self.i, self.j = n, i, j
         self.ordered = False
@@ -108,7 +137,7 @@ class _Sparse:
         self.position[place] = np.arange(len(place))
         self.rank = rank
 
-    def solve(self, coupling: Floats, diagonal: Floats, load: Floats) -> Floats:
+    def factor(self, coupling: Floats, diagonal: Floats) -> Factor:
         data = np.empty(len(self.indices))
         data[self.position] = np.concatenate([-coupling, -coupling, diagonal])
         matrix = csc_array((data, self.indices, self.indptr), shape=(self.n, self.n))
@@ -119,13 +148,18 @@ class _Sparse:
             factor = splu(matrix, order, diag_pivot_thresh=0.0, relax=8, panel_size=1, options={"SymmetricMode": True})
         except RuntimeError as error:
             raise SolverError(f"the heat network cannot be solved: {error}") from error
-        right = np.empty(self.n)
-        right[self.rank] = load
-        x: Floats = factor.solve(right)[self.rank]
+        rank = self.rank
         if not self.ordered:
-            self._place(factor.perm_c[self.rank].astype(np.int32))
+            self._place(factor.perm_c[rank].astype(np.int32))
             self.ordered = True
-        return x
+
+        def solve(load: Floats) -> Floats:
+            right = np.empty(self.n)
+            right[rank] = load
+            x: Floats = factor.solve(right)[rank]
+            return x
+
+        return solve
 
 
 class _Condensed:
@@ -138,7 +172,7 @@ class _Condensed:
         degree = np.bincount(i, minlength=n) + np.bincount(j, minlength=n)
         gone = apart & (degree <= _MOST_NEIGHBOURS)
         self.gone, self.stay = np.flatnonzero(gone), np.flatnonzero(~gone)
-        number = np.empty(n, np.int32)
+        number = np.empty(n, i.dtype)
         number[self.gone], number[self.stay] = np.arange(len(self.gone)), np.arange(len(self.stay))
         swap = gone[j]
         from_gone = gone[i] | swap
@@ -159,30 +193,35 @@ class _Condensed:
         size = len(self.stay)
         key, self.slot = np.unique(low.astype(np.int64) * size + high, return_inverse=True)
         self.pairs = len(key)
-        self.rest = system(size, (key // size).astype(np.int32), (key % size).astype(np.int32))
+        self.rest = system(size, (key // size).astype(i.dtype), (key % size).astype(i.dtype))
+        self.repeatable = self.rest.repeatable
 
-    def solve(self, coupling: Floats, diagonal: Floats, load: Floats) -> Floats:
-        d, hub_load = diagonal[self.gone], load[self.gone]
+    def factor(self, coupling: Floats, diagonal: Floats) -> Factor:
+        d = diagonal.take(self.gone)
         if not (d > 0).all():
             raise SolverError("the heat network cannot be solved: a node is not connected to a terminal")
-        leg = coupling[self.legs]
-        share = leg / d[self.hub]
-        added = np.concatenate([coupling[self.direct], share[self.one] * leg[self.other]])
+        leg = coupling.take(self.legs)
+        share = leg / d.take(self.hub)
+        added = np.concatenate([coupling.take(self.direct), share.take(self.one) * leg.take(self.other)])
         size = len(self.stay)
-        x = np.empty(len(diagonal))
-        x[self.stay] = rest = self.rest.solve(
+        rest = self.rest.factor(
             np.bincount(self.slot, added, self.pairs).astype(np.float64, copy=False),
-            diagonal[self.stay] - np.bincount(self.foot, share * leg, size),
-            load[self.stay] + np.bincount(self.foot, share * hub_load[self.hub], size),
+            diagonal.take(self.stay) - np.bincount(self.foot, share * leg, size),
         )
-        x[self.gone] = (hub_load + np.bincount(self.hub, leg * rest[self.foot], len(self.gone))) / d
-        return x
+
+        def solve(load: Floats) -> Floats:
+            hub_load = load.take(self.gone)
+            x = np.empty(len(load))
+            x[self.stay] = found = rest(load.take(self.stay) + np.bincount(self.foot, share * hub_load.take(self.hub), size))
+            x[self.gone] = (hub_load + np.bincount(self.hub, leg * found.take(self.foot), len(self.gone))) / d
+            return x
+
+        return solve
 
 
-def _checked(x: Floats, info: int) -> Floats:
+def _check(info: int) -> None:
     if info:
         raise SolverError(
             f"the heat network cannot be solved: Cholesky stopped at row {info}; "
             "a node is not connected to a terminal, or the conductances differ too much"
         )
-    return x

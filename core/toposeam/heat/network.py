@@ -20,9 +20,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from toposeam.errors import SolverError
-from toposeam.heat.elimination import DENSE_NODES, Floats, Ints, System, system
+from toposeam.heat.elimination import Factor, Floats, Ints, System, system
 
-__all__ = ["DENSE_NODES", "Floats", "Ints", "Network"]
+__all__ = ["Floats", "Ints", "Network"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,8 @@ class Network:
     n : int
         Number of free nodes. Node ``n`` is the cold terminal, node ``n + 1`` the hot one.
     tail, head : (E,) int arrays
-        The nodes each element joins. Every free node must be connected, through elements, to a terminal.
+        The nodes each element joins; 64-bit integers are quicker to use, 32-bit ones half as large. Every free node must be connected,
+        through elements, to a terminal.
     apart : (n,) bool array, optional
         Nodes of which no two are joined, such as the black fields of a chessboard. They are eliminated first, all at once.
     """
@@ -60,6 +61,11 @@ class Network:
     def _system(self) -> System:
         return system(self.n, self.tail[self._inner], self.head[self._inner], self.apart)
 
+    @property
+    def repeatable(self) -> bool:
+        """Whether every solution is the same to the last bit, however many there were before; otherwise only from the second one on."""
+        return self._system.repeatable
+
     def solve(self, conductance: Floats) -> Floats:
         """Temperatures for the given conductances.
 
@@ -78,19 +84,38 @@ class Network:
             When the factorisation breaks down (a free node without connection, or a contrast beyond double precision).
         """
         n = self.n
-        inner = conductance[self._inner]
-        (cold, cold_node), (hot, hot_node) = self._ends
+        hot, hot_node = self._ends[1]
         load: Floats = np.bincount(hot_node, conductance[hot], n).astype(np.float64, copy=False)
-        diagonal: Floats = load + np.bincount(cold_node, conductance[cold], n)
-        diagonal += np.bincount(self.tail[self._inner], inner, n) + np.bincount(self.head[self._inner], inner, n)
         temperature = np.empty(n + 2)
-        temperature[:n] = self._system.solve(inner, diagonal, load)
+        temperature[:n] = self.factor(conductance)(load)
         temperature[n:] = 0.0, 1.0
         return temperature
 
+    def factor(self, conductance: Floats) -> Factor:
+        """What turns the heat that enters at each free node, (n,), into temperatures (n,), with both terminals at 0.
+
+        Parameters
+        ----------
+        conductance : (E,) float array, positive
+
+        Raises
+        ------
+        SolverError
+            As for :meth:`solve`.
+        """
+        diagonal = self._sums(self.tail, conductance) + self._sums(self.head, conductance)
+        return self._system.factor(conductance.take(self._inner), diagonal[:-2])
+
+    def surplus(self, flow: Floats) -> Floats:
+        """Net flow into every free node, (n,), of a flow (E,) counted from tail to head."""
+        return (self._sums(self.head, flow) - self._sums(self.tail, flow))[:-2]
+
+    def _sums(self, node: Ints, values: Floats) -> Floats:
+        return np.bincount(node, values, self.n + 2).astype(np.float64, copy=False)
+
     def difference(self, temperature: Floats) -> Floats:
         """Temperature difference |θ_head - θ_tail| of every element, (E,) floats."""
-        return np.abs(temperature[self.head] - temperature[self.tail])
+        return np.abs(temperature.take(self.head) - temperature.take(self.tail))
 
     def components(self, joined: npt.NDArray[np.bool_]) -> Ints:
         """Merge the nodes that some elements join.
@@ -147,4 +172,5 @@ class Network:
             apart = np.zeros(count, bool)
             apart[group[:-2][self.apart]] = True
             apart = (apart & (np.bincount(group, minlength=count) == 1))[:-2]
-        return Network(count - 2, (key // count).astype(np.int32), (key % count).astype(np.int32), apart), element_map
+        kind = self.tail.dtype
+        return Network(count - 2, (key // count).astype(kind), (key % count).astype(kind), apart), element_map

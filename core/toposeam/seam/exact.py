@@ -39,7 +39,8 @@ def exact_labels(problem: SeamProblem) -> Mask:
         mine = owner == index if count > 1 else np.ones(len(owner), bool)
         part = Interfaces(faces.first[mine], faces.second[mine], faces.start[mine], faces.end[mine], faces.cost[mine])
         pixels = component == index
-        found = _shortest_path(part, side, gap_corners.get(index), pixels)
+        # Costs beside further layers belong to no interface, hence to no path.
+        found = _shortest_path(part, side, gap_corners.get(index), pixels) if not problem.tied else None
         labels[pixels] = (_maximum_flow(problem, pixels) if found is None else found)[pixels]
     return labels
 

@@ -1,82 +1,59 @@
-r"""The fast heat method: the seam as the label potential of converged heat.
+r"""The heat method: the seam as the label potential of a conductor network.
 
-*The convex start.* With p = 1 and no upper bound on the density the thesis's Formulation 1 with W = M² is convex in the conductances:
+*The convex problem.* With p = 1 and no upper bound on the density the thesis's Formulation 1 with W = M² is convex in the conductances:
 minimise Σ k W under a compliance bound Σ q²/k ≤ C*. For given flux its optimality criterion is k = |q| / M up to a factor, and
-substituting back leaves Σ M |q|: its optimum is the shortest path for edge lengths M, the best seam. Each step solves the heat network
-for the flux of the current conductances and sets k ← |q| / M.
+substituting back leaves Σ M |q|: its optimum is the shortest path for edge lengths M, the best seam.
 
 *Seen from the pixels.* By planar duality the flux across interface (s, t) is the jump |ψ(s) - ψ(t)| of a label potential that is 0 on
-what only ``a`` covers, 1 on what only ``b`` covers, and solves Laplace's equation for conductances M / |q|. No terminals need placing, so
-strips, Ls, rings, islands and several overlaps are one case, and the converged potential is the label map. By the maximum principle every
-pixel on one side stays connected to that side's ground, so the seam is a single line.
+what only ``a`` covers and 1 on what only ``b`` covers. No terminals need placing, so strips, Ls, rings, islands and several overlaps are
+one case, and the converged potential is the label map.
 
-*Over-relaxation.* With x = k M the step x ← |q| leaves path i a share that falls by L / L_i per step, L being the best path's length and
-L_i that of path i. x ← x^(1-ω) |q|^ω has the same fixed points and, for ω = 1.5, one and a half times that rate.
-
-*Contraction.* Where next to no heat flows, compared with Σ M q² / Σ M q, the seam will not run: the two pixels become one node and
-parallel interfaces one element, whose costs add up. The problem keeps its form and shrinks by orders of magnitude. Large overlaps start
-out contracted by what coarser networks show (:mod:`toposeam.seam.coarse`).
-
-*The penalising end.* Like the thesis's W ← W / q (3.21), k ← |q|^(1+s) / M with s growing makes the strongest line win until every flux
-is 0 or 1.
+*Its solution.* Setting k ← |q| / M again and again converges, and slows down the closer it comes. Newton steps on the potential and its
+dual flow together (:mod:`toposeam.heat.primal_dual`) are heat networks just as well, take six to ten of them, and prove how good the seam
+is: the flow bounds every seam's cost from below. Large overlaps start out contracted by what coarser networks show
+(:mod:`toposeam.seam.coarse`); there the proof holds for the choices that are left.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy import ndimage
 
-from toposeam.errors import OptionError
-from toposeam.heat.network import DENSE_NODES, Floats, Ints
+from toposeam.errors import OptionError, SolverError
+from toposeam.heat.network import Floats, Ints, Network
+from toposeam.heat.primal_dual import PrimalDual
 from toposeam.images import Mask
 from toposeam.optimize.history import Frame, Iteration, Termination
-from toposeam.seam.coarse import restrict
+from toposeam.seam.coarse import WHOLE_NODES, restrict
+from toposeam.seam.overlap import FREE, TOUCHING, A, B
 from toposeam.seam.problem import SeamProblem
-from toposeam.seam.relaxation import RELAXATION, contract, convex_step, penalising_step
+from toposeam.seam.solution import Solution
 
 #: An interface with less flux does not belong to the heat path (thesis, q_threshold).
 FLUX_THRESHOLD = 0.01
+#: ``soft`` is the last potential whose cost exceeded what is proven by this share.
+_SOFT = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeatOptions:
-    """How the heat method iterates."""
+    """How far the heat method goes."""
 
-    #: Solutions on the whole network before the first contraction.
-    whole: int = 6
-    #: Convex steps k = |q| / M before penalising begins.
-    convex: int = 30
-    #: Over-relaxation ω of the convex steps; 1 is the plain step, beyond 1.8 they swing.
-    relaxation: float = RELAXATION
-    #: By how much the penalising exponent s grows per step.
-    growth: float = 0.05
-    #: An interface is closed, when the network is contracted, below this share of the typical flux.
-    threshold: float = 0.003
-    #: Steps between contractions.
-    between: int = 6
+    #: The search ends when no seam can be cheaper by more than this share.
+    tolerance: float = 1e-3
     #: Steps at most.
     max_iterations: int = 100
 
     def __post_init__(self) -> None:
-        if not (self.whole >= 1 and self.convex >= 1 and self.between >= 1 and self.max_iterations >= 1):
-            raise OptionError("whole, convex, between and max_iterations must be at least 1")
-        for name, low, high in (("threshold", 0.0, 0.5), ("growth", 0.0, 1.0), ("relaxation", 0.5, 1.9)):
-            if not low < getattr(self, name) <= high:
-                raise OptionError(f"{name} is {getattr(self, name)}; it must be above {low} and at most {high}")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Solution:
-    """What a seam method returns: labels on the overlap's window, and how it got there."""
-
-    labels: Mask
-    soft: npt.NDArray[np.float32]
-    history: tuple[Iteration, ...] = ()
-    frames: tuple[Frame, ...] = ()
-    termination: Termination = Termination.DIRECT
+        if not 1e-9 <= self.tolerance <= 1.0:
+            raise OptionError(f"tolerance is {self.tolerance}; it must be between 1e-9 and 1")
+        if not self.max_iterations >= 1:
+            raise OptionError(f"max_iterations is {self.max_iterations}; it must be at least 1")
 
 
 def heat_path(
@@ -96,78 +73,101 @@ def heat_path(
     Returns
     -------
     Solution
-        ``soft`` is the label potential at the end of the first stage, before anything is contracted.
+        ``soft`` is the label potential of the last step before the seam was proven within 10 %; where the overlap was contracted first,
+        it varies only between the pixels that were left to choose from. The last record of the history is the seam itself, all heat on
+        one line.
     """
-    grid = problem.grid
-    network, weight, pixels = grid.network(grid.free)
-    network, weight, multiplicity, node_of_pixel = restrict(network, weight)
+    side = problem.overlap.side
+    network, cost, multiplicity, node_of_pixel = _network(problem)
     history: list[Iteration] = []
     frames: list[Frame] = []
-    soft = np.zeros(len(node_of_pixel))
-    flux = np.ones(len(weight))
-    strength = np.ones(len(weight))  # k M, the flux that the conductances expect
-    penalty = 0.0
-    settled = np.zeros(2)  # weight and number of the interfaces that already carry all the heat
-    stage, left = 1, options.whole
-    termination = Termination.ITERATIONS
-    potential = np.zeros(network.n + 2)
-    potential[-1] = 1.0
+    hot = np.append(np.zeros(network.n, bool), [False, True])
+    soft = hot.astype(np.float64)
+    termination = Termination.ITERATIONS if network.n else Termination.SINGLE_LINE
+    if network.n:
+        state = PrimalDual(network, cost)
+        soft = state.potential
+    bound, cheapest = 0.0, np.inf
+    flux = np.ones(len(cost))
 
     for step in range(options.max_iterations if network.n else 0):
-        resistance = weight / strength
-        potential = network.solve(resistance)
-        new = network.difference(potential)
+        cut, threshold = state.best_cut()
+        if cut < cheapest:
+            cheapest, hot = cut, state.potential > threshold
+        bound = max(bound, state.bound)
+        new = np.abs(state.jump)
+        objective = float(cost @ new)
         history.append(
             Iteration(
-                stage=stage, objective=float(settled[0] + weight @ new), compliance=float(settled[0] + resistance @ np.square(new)),
-                bound=float("nan"), n_flux=int(settled[1] + multiplicity[new > FLUX_THRESHOLD].sum()),
-                change=float(np.abs(new - flux).max()), unknowns=network.n,
+                stage=1, objective=objective, compliance=state.bound, bound=float("nan"),
+                n_flux=int(multiplicity[new > FLUX_THRESHOLD].sum()), change=float(np.abs(new - flux).max()), unknowns=network.n,
             )
         )  # fmt: skip
         flux = new
-        if stage == 1:
-            soft = potential[node_of_pixel]
+        if objective > (1 + _SOFT) * bound:
+            soft = state.potential
         if record_frames:
-            frames.append(_frame(problem, potential[node_of_pixel[:-2]], pixels, step + 1, stage))
-        undecided = np.count_nonzero((potential > FLUX_THRESHOLD) & (potential < 1 - FLUX_THRESHOLD))
-        if progress is not None:
-            progress(1.0 if not undecided else min(0.95, (step + 1) / (options.convex + 15)))
-        if not undecided:
+            frames.append(_frame(problem, state.potential[node_of_pixel], step + 1, 1))
+        if cheapest <= (1 + options.tolerance) * bound:
             termination = Termination.SINGLE_LINE
             break
-        left -= 1
-        if left == 0:
-            left = options.between
-            large = network.n > DENSE_NODES  # smaller ones cost less than contracting them
-            contracted = contract(network, weight, flux, strength, multiplicity, options.threshold) if large else None
-            if contracted is not None:
-                network, weight, flux, strength, multiplicity, node_map, newly_settled = contracted
-                settled += newly_settled
-                node_of_pixel = node_map[node_of_pixel]
-                if not network.n:
-                    potential, termination = np.array([0.0, 1.0]), Termination.SINGLE_LINE
-                    break
-            stage = max(stage, 2)
-        if step + 1 >= options.convex:
-            stage = 3
-            penalty = min(penalty + options.growth, 1.5)
-        strength = penalising_step(flux, penalty) if penalty else convex_step(strength, flux, options.relaxation)
+        if progress is not None:
+            progress(min(0.95, (step + 1) / 10))
+        try:
+            state.step()
+        except SolverError:
+            break  # double precision ends here; the best cut so far stands
 
-    shape = grid.free.shape
-    labels = np.zeros(shape, bool)
-    labels.ravel()[pixels] = potential[node_of_pixel[:-2]] > 0.5
-    soft_map = np.zeros(shape, np.float32)
-    soft_map.ravel()[pixels] = soft[:-2]
-    if not network.n:
-        termination = Termination.SINGLE_LINE
-    return Solution(labels=labels, soft=soft_map, history=tuple(history), frames=tuple(frames), termination=termination)
+    labels = hot[node_of_pixel]
+    if not problem.tied:
+        labels = _without_islands(labels, side)
+    if history:
+        least = problem.total(labels)
+        used = len(problem.crossed(labels))
+        seam_flux = np.abs(hot[network.head].astype(np.float64) - hot[network.tail])
+        history.append(
+            Iteration(
+                stage=2, objective=least, compliance=least, bound=float("nan"), n_flux=used,
+                change=float(np.abs(seam_flux - flux).max()), unknowns=0,
+            )
+        )  # fmt: skip
+        if record_frames:
+            frames.append(_frame(problem, labels, len(history), 2))
+    if progress is not None:
+        progress(1.0)
+    on_node = np.clip(soft, 0.0, 1.0).astype(np.float32)
+    return Solution(labels=labels, soft=on_node[node_of_pixel], history=tuple(history), frames=tuple(frames), termination=termination)
 
 
-def _frame(problem: SeamProblem, potential: Floats, pixels: Ints, iteration: int, stage: int) -> Frame:
-    """Flux of every interface of the window, from the label potential of its pixels."""
-    on_free = np.zeros(problem.grid.free.shape, np.float32)
-    on_free.ravel()[pixels] = potential
-    values = problem.complete(on_free)
+def _network(problem: SeamProblem) -> tuple[Network, Floats, Floats, Ints]:
+    """The network to solve, the cost of its elements and the number of interfaces each stands for; (h, w) node of every free pixel."""
+    side = problem.overlap.side
+    if np.count_nonzero(side == FREE) > WHOLE_NODES:
+        return restrict(problem.grid)
+    if problem.tied:
+        network, cost, pixels = problem.grid.network(problem.grid.free)
+    else:
+        network, cost, pixels = problem.network, problem.element_cost, problem.pattern.pixels
+    node = np.full(side.shape, network.n, np.int32)
+    node.ravel()[pixels] = np.arange(network.n)
+    return network, cost, np.ones(len(cost)), node
+
+
+def _without_islands(labels: Mask, side: npt.NDArray[np.uint8]) -> Mask:
+    """The labelling in which pixels that are cut off from their own patch's ground go to the other; never dearer."""
+    free = side == FREE
+    for own, wanted in ((B, True), (A, False)):
+        region, count = ndimage.label((side == own) | (free & (labels == wanted)), TOUCHING)
+        grounded = np.zeros(count + 1, bool)
+        grounded[region[side == own]] = True
+        if count and not grounded[1:].all():
+            labels = np.where(free & (labels == wanted) & ~grounded[region], not wanted, labels)
+    return labels
+
+
+def _frame(problem: SeamProblem, potential: npt.NDArray[Any], iteration: int, stage: int) -> Frame:
+    """Flux of every interface of the window, from the (h, w) label potential of its free pixels."""
+    values = problem.complete(np.clip(potential, 0.0, 1.0).astype(np.float32))
     return Frame(
         iteration=iteration, stage=stage,
         right=np.where(problem.right > 0, np.abs(np.diff(values, axis=1)), np.float32(0)),

@@ -21,6 +21,7 @@ the seam closes round it. A component that touches neither ground is covered ide
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -35,6 +36,13 @@ A, B, FREE, NONE = 0, 1, 2, 3
 Side = Literal["right", "left", "bottom", "top"]
 SIDES: tuple[Side, ...] = get_args(Side)
 
+#: What the shape of a window of up to this many pixels decides is kept for the next ones of the same shape.
+KEPT_PIXELS = 1 << 14
+#: How many shapes are remembered.
+KEPT_SHAPES = 16
+#: Pixels that touch along a side.
+TOUCHING = ndimage.generate_binary_structure(2, 1)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Overlap:
@@ -45,7 +53,7 @@ class Overlap:
     side : (h, w) uint8 array
         `A`, `B`, `FREE` or `NONE` per pixel of the window.
     shared : (h, w) bool array
-        Where both patches have pixels.
+        Where both patches have pixels. Both arrays become read-only: overlaps of one shape share them.
     origin : (int, int)
         Row and column of the window's first pixel on the canvas; the margin may start at -1.
     canvas : (int, int)
@@ -56,6 +64,10 @@ class Overlap:
     shared: Mask
     origin: tuple[int, int]
     canvas: tuple[int, int]
+
+    def __post_init__(self) -> None:
+        self.side.setflags(write=False)
+        self.shared.setflags(write=False)
 
     @property
     def inside(self) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
@@ -90,6 +102,12 @@ def side_by_side(shape: tuple[int, int], side: Side) -> Overlap:
     across = 1 if side in ("right", "left") else 0
     if shape[across] < 2:
         raise OverlapError(f"the overlap is {shape[across]} px wide; a seam needs at least 2 px between the two patches")
+    small = shape[0] * shape[1] <= KEPT_PIXELS
+    return _kept_side_by_side(shape, side) if small else _side_by_side(shape, side)
+
+
+def _side_by_side(shape: tuple[int, int], side: Side) -> Overlap:
+    across = 1 if side in ("right", "left") else 0
     padded = (shape[0] + 2, shape[1] + 2)
     ground_a, ground_b = np.zeros(padded, bool), np.zeros(padded, bool)
     first, last = [slice(1, -1), slice(1, -1)], [slice(1, -1), slice(1, -1)]
@@ -101,6 +119,9 @@ def side_by_side(shape: tuple[int, int], side: Side) -> Overlap:
     shared = np.zeros(padded, bool)
     shared[1:-1, 1:-1] = True
     return Overlap(_sides(shared, ground_a, ground_b, 0.0), shared, (-1, -1), shape)
+
+
+_kept_side_by_side = lru_cache(maxsize=KEPT_SHAPES)(_side_by_side)
 
 
 def between_masks(mask_a: Mask, mask_b: Mask, core: float = 0.5) -> Overlap:
@@ -121,6 +142,17 @@ def between_masks(mask_a: Mask, mask_b: Mask, core: float = 0.5) -> Overlap:
     """
     if not 0.0 < core <= 1.0:
         raise OptionError(f"core is {core}; it must be above 0 and at most 1")
+    if mask_a.size > KEPT_PIXELS:
+        return _between_masks(mask_a, mask_b, core)
+    return _kept_between_masks((mask_a.shape[0], mask_a.shape[1]), mask_a.tobytes(), mask_b.tobytes(), core)
+
+
+@lru_cache(maxsize=KEPT_SHAPES)
+def _kept_between_masks(shape: tuple[int, int], mask_a: bytes, mask_b: bytes, core: float) -> Overlap:
+    return _between_masks(np.frombuffer(mask_a, bool).reshape(shape), np.frombuffer(mask_b, bool).reshape(shape), core)
+
+
+def _between_masks(mask_a: Mask, mask_b: Mask, core: float) -> Overlap:
     shared = mask_a & mask_b
     if not shared.any():
         raise OverlapError("the patches do not overlap: no pixel is covered by both; move one of them, or check the offset and the masks")
@@ -156,7 +188,7 @@ def _sides(shared: Mask, ground_a: Mask, ground_b: Mask, core: float) -> npt.NDA
     touches_a, touches_b = neighbours(ground_a) & shared, neighbours(ground_b) & shared
     side[shared] = FREE
     side[touches_a & ~touches_b], side[touches_b & ~touches_a] = A, B
-    component, count = ndimage.label(shared)
+    component, count = ndimage.label(shared, TOUCHING)
     if count == 0:
         return side
     has_a = np.bincount(component[touches_a], minlength=count + 1) > 0

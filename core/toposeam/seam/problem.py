@@ -18,21 +18,86 @@ a potential between pixels across them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from toposeam.errors import OverlapError
+from toposeam.heat.network import Ints, Network
 from toposeam.images import Mask
 from toposeam.seam.grid import CutGrid, grid_from_sides
 from toposeam.seam.match_cost import Floats32
-from toposeam.seam.overlap import FREE, NONE, A, B, Overlap, neighbours
+from toposeam.seam.overlap import FREE, KEPT_PIXELS, KEPT_SHAPES, NONE, A, B, Overlap, neighbours
 
 #: The thesis's M_max: the cost of an interface where no seam may run, in units of the dearest ordinary one (at least 1).
 M_MAX = 1e6
+
+Indices = npt.NDArray[np.intp]
+
+
+def geometry(right: Mask, down: Mask) -> tuple[Indices, Indices, Indices, Indices]:
+    """Which pixels and which corners the chosen interfaces join, those of `right` first.
+
+    Parameters
+    ----------
+    right : (h, w - 1) bool array
+    down : (h - 1, w) bool array
+
+    Returns
+    -------
+    first, second : (E,) int arrays
+        Flat index of the left or upper pixel, and of the right or lower one.
+    start, end : (E,) int arrays
+        Flat index of the upper or left corner, and of the lower or right one.
+    """
+    w = down.shape[1]
+    row, column = np.nonzero(right)
+    below, beside = np.nonzero(down)
+    first = np.concatenate([row * w + column, below * w + beside])
+    stride, along = np.ones(len(first), np.intp), np.full(len(first), w + 1, np.intp)
+    stride[len(row) :], along[len(row) :] = w, 1
+    start = np.concatenate([row * (w + 1) + column + 1, (below + 1) * (w + 1) + beside])
+    return first, first + stride, start, start + along
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pattern:
+    """What problems have in common whose overlaps have one shape. No array of it may be written to."""
+
+    first: Indices  #: (E,) as of :func:`geometry`, for the interfaces a seam may use
+    second: Indices
+    start: Indices
+    end: Indices
+    place: Indices  #: (E,) where their costs lie in ``right`` followed by ``down``
+    pixels: Indices  #: (n,) flat index of each free pixel
+    network: Network  #: nodes are the free pixels, terminals what shows ``a`` (cold) and ``b`` (hot), elements the interfaces
+
+
+def _pattern(side: npt.NDArray[np.uint8], right: Mask, down: Mask) -> Pattern:
+    """The pattern of a window with the given sides, where `right` and `down` tell which interfaces have a cost."""
+    free = side == FREE
+    right, down = right & (free[:, 1:] | free[:, :-1]), down & (free[1:] | free[:-1])
+    first, second, start, end = geometry(right, down)
+    pixels = np.flatnonzero(free)
+    n = len(pixels)
+    node: Ints = np.where(side.ravel() == B, n + 1, n).astype(np.intp if side.size <= KEPT_PIXELS else np.int32)
+    node[pixels] = np.arange(n)
+    row, column = np.divmod(pixels, side.shape[1])
+    network = Network(n, node[first], node[second], (row + column) % 2 == 0)
+    return Pattern(first, second, start, end, np.flatnonzero(np.concatenate([right.ravel(), down.ravel()])), pixels, network)
+
+
+@lru_cache(maxsize=KEPT_SHAPES)
+def _kept_pattern(shape: tuple[int, int], side: bytes, right: bytes, down: bytes) -> Pattern:
+    h, w = shape
+    return _pattern(
+        np.frombuffer(side, np.uint8).reshape(h, w),
+        np.frombuffer(right, bool).reshape(h, w - 1),
+        np.frombuffer(down, bool).reshape(h - 1, w),
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,42 +123,88 @@ class SeamProblem:
         Match cost of each interface, 0 where the seam cannot run.
     forbidden : float
         Interfaces that cost as much or more are forbidden.
+    showing_a, showing_b : (h, w) float32 arrays, optional
+        Further cost of each free pixel when it shows ``a`` (``b``): its interfaces with layers that are not part of the problem.
     """
 
     overlap: Overlap
     right: Floats32
     down: Floats32
     forbidden: float = float("inf")
+    showing_a: Floats32 | None = None
+    showing_b: Floats32 | None = None
+
+    @property
+    def tied(self) -> bool:
+        """Whether free pixels also lie beside layers that are not part of the problem."""
+        return self.showing_a is not None
 
     @cached_property
     def grid(self) -> CutGrid:
         """The free pixels as a cut problem."""
-        return grid_from_sides(self.overlap.side, self.right, self.down)
+        grid = grid_from_sides(self.overlap.side, self.right, self.down)
+        if self.showing_a is None or self.showing_b is None:
+            return grid
+        return replace(grid, hot=grid.hot + self.showing_a, cold=grid.cold + self.showing_b)
 
     @cached_property
+    def pattern(self) -> Pattern:
+        """What this problem has in common with others of its shape; small ones share it."""
+        side, right, down = self.overlap.side, self.right > 0, self.down > 0
+        if side.size > KEPT_PIXELS:
+            return _pattern(side, right, down)
+        return _kept_pattern((side.shape[0], side.shape[1]), side.tobytes(), right.tobytes(), down.tobytes())
+
+    @property
+    def _interface_cost(self) -> npt.NDArray[np.float64]:
+        return np.concatenate([self.right.ravel(), self.down.ravel()])[self.pattern.place].astype(np.float64)
+
+    @cached_property
+    def _ties(self) -> tuple[Indices, npt.NDArray[np.float64], Indices]:
+        """What free pixels cost beside layers that are not part of the problem: node, cost, and the terminal of the side it speaks for."""
+        if self.showing_a is None or self.showing_b is None:
+            return np.zeros(0, np.intp), np.zeros(0), np.zeros(0, np.intp)
+        n = len(self.pattern.pixels)
+        costs = [values.ravel()[self.pattern.pixels].astype(np.float64) for values in (self.showing_b, self.showing_a)]
+        nodes = [np.flatnonzero(cost > 0) for cost in costs]
+        terminals = np.repeat([n, n + 1], [len(node) for node in nodes])
+        return np.concatenate(nodes), np.concatenate([cost[node] for cost, node in zip(costs, nodes, strict=True)]), terminals
+
+    @cached_property
+    def element_cost(self) -> npt.NDArray[np.float64]:
+        """(E,) float64: the cost of each interface of the pattern, then of each tie to a terminal."""
+        return np.concatenate([self._interface_cost, self._ties[1]])
+
+    @property
+    def network(self) -> Network:
+        """The pattern's network, whose solutions depend on nothing that was solved before; with ties, another one."""
+        kept = self.pattern.network
+        nodes, _, terminals = self._ties
+        if len(nodes):
+            return Network(kept.n, np.concatenate([kept.tail, nodes]), np.concatenate([kept.head, terminals]), kept.apart)
+        return kept if kept.repeatable else replace(kept)
+
+    @property
     def interfaces(self) -> Interfaces:
         """Every interface with a cost and at least one free pixel."""
-        side = self.overlap.side
-        w = side.shape[1]
-        free = side == FREE
-        parts = []
-        for cost, stride in ((self.right, 1), (self.down, w)):
-            s, t = (free[:, :-1], free[:, 1:]) if stride == 1 else (free[:-1], free[1:])
-            row, column = np.nonzero((cost > 0) & (s | t))
-            first = row * w + column
-            start = row * (w + 1) + column + 1 if stride == 1 else (row + 1) * (w + 1) + column
-            end = start + (w + 1 if stride == 1 else 1)
-            parts.append((first, first + stride, start, end, cost[row, column].astype(np.float64)))
-        return Interfaces(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+        kept = self.pattern
+        return Interfaces(kept.first, kept.second, kept.start, kept.end, self._interface_cost)
 
-    def _crossed(self, labels: Mask) -> Floats32:
+    def crossed(self, labels: Mask) -> Floats32:
         """Cost of every interface that an (h, w) bool labelling cuts."""
         full = self.complete(labels)
         return np.concatenate([self.right[full[:, 1:] != full[:, :-1]], self.down[full[1:] != full[:-1]]])
 
     def cost(self, labels: Mask) -> float:
         """Σ M over the interfaces that an (h, w) bool labelling cuts."""
-        return float(self._crossed(labels).sum(dtype=np.float64))
+        return float(self.crossed(labels).sum(dtype=np.float64))
+
+    def total(self, labels: Mask) -> float:
+        """:meth:`cost`, and what free pixels cost beside layers that are not part of the problem."""
+        if self.showing_a is None or self.showing_b is None:
+            return self.cost(labels)
+        beside = np.where(labels, self.showing_b, self.showing_a)[self.overlap.side == FREE]
+        return self.cost(labels) + float(beside.sum(dtype=np.float64))
 
     def check(self, labels: Mask) -> None:
         """Refuse a labelling that cuts a forbidden interface.
@@ -102,7 +213,7 @@ class SeamProblem:
         ------
         OverlapError
         """
-        if self._crossed(labels).max(initial=0.0) >= self.forbidden:
+        if self.crossed(labels).max(initial=0.0) >= self.forbidden:
             raise OverlapError("no seam avoids the pixels you excluded: they block the overlap from side to side; leave it a way through")
 
     def on_canvas(self, labels: npt.NDArray[Any], only_b: Mask) -> npt.NDArray[Any]:

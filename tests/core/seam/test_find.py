@@ -168,8 +168,8 @@ def test_gray_with_colour_is_widened():
 
 
 @pytest.mark.parametrize(("options", "text"), [
-    ({"method": "magic"}, "choose one of"), ({"side": "up"}, "choose one of"), ({"convex": 0}, "at least 1"),
-    ({"treshold": 0.1}, "its options are"), ({"method": "dp", "convex": 3}, "takes no options"), ({"threshold": 2.0}, "threshold"),
+    ({"method": "magic"}, "choose one of"), ({"side": "up"}, "choose one of"), ({"max_iterations": 0}, "at least 1"),
+    ({"treshold": 0.1}, "its options are"), ({"method": "dp", "tolerance": 0.1}, "takes no options"), ({"tolerance": 2.0}, "tolerance"),
     ({"weight": np.zeros((20, 10))}, "positive"), ({"avoid": np.zeros((3, 3))}, "per pixel"),
     ({"core": 0.0, "mask_a": np.ones((20, 10))}, "core"),
 ])  # fmt: skip

@@ -1,0 +1,126 @@
+"""The heat path of least cost: a primal-dual Newton method whose every step heats the network anew.
+
+With potential ψ between 0 on the cold and 1 on the hot terminal, jump d = ψ(head) - ψ(tail) and cost M per element, the relaxed seam is
+the least of Σ M |d|; its dual is the largest flow f between the terminals with |f| ≤ M. Writing d = u - v with u, v ≥ 0, points near both
+optima satisfy u (M - f) = v (M + f) = μ for a small μ (the *central path*). One Newton step towards it is one heat network: element e
+conducts k = 1 / (u / (M - f) + v / (M + f)), and the heat that enters at the nodes is what the step has to even out. Where the flow leaves
+room, M - |f|, the potential becomes level; it jumps where the flow fills the elements: there is the seam. Mehrotra's predictor and
+corrector (1992, doi:10.1137/0802028) take two solutions with one factorisation.
+
+*What is known at every step.* The flow is feasible, so its size is a lower bound on every seam. The potential cut at any threshold is a
+seam. When the two meet, the seam is proven to be the best one, up to the tolerance.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toposeam.heat.network import Floats, Network
+
+#: Share of the way to the boundary that a step goes.
+_REACH = 0.99
+#: Share of the capacity that the first flow fills.
+_FILLED = 0.95
+#: μ of the first state, in shares of the mean of M |d|.
+_SPREAD = 0.25
+#: Thresholds at which the potential is cut.
+_THRESHOLDS = 64
+
+
+class PrimalDual:
+    """State of the method between steps.
+
+    Parameters
+    ----------
+    network : Network
+        With free nodes; no element may join the two terminals.
+    cost : (E,) float64 array, positive
+        M, the cost of dividing the two nodes of each element.
+
+    Attributes
+    ----------
+    potential : (n + 2,) float64 array
+        ψ; between steps it may lie a little outside [0, 1].
+    jump, flow : (E,) float64 arrays
+        d and f, counted from tail to head.
+    """
+
+    def __init__(self, network: Network, cost: Floats) -> None:
+        self.network, self.cost = network, cost
+        self.potential = network.solve(cost)
+        self.jump = self._jumps(self.potential)
+        # Heat flow through conductances M is M d; scaled it fits the capacities.
+        size = np.abs(self.jump)
+        steepest = float(size.max())
+        self.flow = cost * self.jump * (_FILLED / steepest if steepest > 0 else 0.0)
+        self._split(_SPREAD * float(cost @ size) / len(cost) / cost + np.finfo(float).tiny)
+
+    def _split(self, least: Floats) -> None:
+        """Set u and v: their difference is the jump, the smaller one is given."""
+        self._up, self._down = np.maximum(self.jump, 0.0) + least, np.maximum(-self.jump, 0.0) + least
+
+    def _jumps(self, potential: Floats) -> Floats:
+        jump: Floats = potential.take(self.network.head) - potential.take(self.network.tail)
+        return jump
+
+    @property
+    def bound(self) -> float:
+        """The size of the flow: no seam costs less."""
+        (_, _), (hot, _) = self.network._ends
+        return float(np.abs(self.flow[hot]).sum())
+
+    def best_cut(self) -> tuple[float, float]:
+        """The cheapest cut of the potential: its cost, and the threshold above which nodes are hot; of equals, the middle one."""
+        level = np.ceil(np.clip(self.potential, 0.0, 1.0) * _THRESHOLDS - 0.5).astype(np.intp)
+        tail, head = level.take(self.network.tail), level.take(self.network.head)
+        # Threshold j divides the elements whose levels lie at or below j on one side, above j on the other.
+        opened = np.bincount(np.minimum(tail, head), self.cost, _THRESHOLDS + 1)
+        closed = np.bincount(np.maximum(tail, head), self.cost, _THRESHOLDS + 1)
+        costs = np.cumsum(opened - closed)[:-1]
+        ties = np.flatnonzero(costs <= costs.min() + 1e-9 * costs.max())
+        best = int(ties[np.argmin(np.abs(ties - (_THRESHOLDS - 1) / 2))])
+        return float(costs[best]), (best + 0.5) / _THRESHOLDS
+
+    def step(self) -> None:
+        """One Newton step.
+
+        Raises
+        ------
+        SolverError
+            When the factorisation breaks down.
+        """
+        up, down, flow, jump = self._up, self._down, self.flow, self.jump
+        left_up, left_down = self.cost - flow, self.cost + flow
+        conductance = 1.0 / (up / left_up + down / left_down)
+        solve = self.network.factor(conductance)
+        # Predictor: straight at μ = 0. x and y are the changes of f relative to the room that is left either way.
+        change = np.zeros(len(self.potential))
+        change[:-2] = solve(self.network.surplus(-conductance * jump - flow))
+        more = (self._jumps(change) + jump) * conductance
+        x, y = more / left_up, more / left_down
+        slow, fast = min(float(x.min()), -float(y.max())), max(float(x.max()), -float(y.min()))
+        primal, dual = _share(1.0 - slow), _share(fast)
+        product_up, product_down = up * left_up, down * left_down
+        gap = float(product_up.sum() + product_down.sum())
+        linear = float(product_up @ x - product_down @ y)
+        square = float((product_up * x) @ x + (product_down * y) @ y)
+        rest = (1.0 - primal) * gap + (primal - dual * (1.0 - primal)) * linear - primal * dual * square
+        target = (rest / gap) ** 3 * gap / (2 * len(flow))
+        # Corrector: at a smaller μ > 0, with the predictor's second-order terms.
+        toward_up, toward_down = target / left_up + up * x * (x - 1.0), target / left_down + down * y * (y + 1.0)
+        wanted = toward_up - toward_down - jump
+        change[:-2] = solve(self.network.surplus(conductance * wanted - flow))
+        more = (self._jumps(change) - wanted) * conductance
+        x, y = more / left_up, more / left_down
+        more_up, more_down = toward_up + up * (x - 1.0), toward_down - down * (y + 1.0)
+        primal = _share(-min(float((more_up / up).min()), float((more_down / down).min())))
+        dual = _share(max(float(x.max()), -float(y.min())))
+        self.potential = self.potential + primal * change
+        self._up, self._down = up + primal * more_up, down + primal * more_down
+        self.jump = self._jumps(self.potential)
+        self.flow = flow + dual * more
+
+
+def _share(fastest: float) -> float:
+    """How far a step may go, at most 1, when what must stay positive falls by up to this share."""
+    return 1.0 if fastest <= _REACH else _REACH / fastest

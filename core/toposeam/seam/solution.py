@@ -1,0 +1,22 @@
+"""What a seam method returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.images import Mask
+from toposeam.optimize.history import Frame, Iteration, Termination
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Solution:
+    """Labels and soft labels on the overlap's window, and how a method got there."""
+
+    labels: Mask
+    soft: npt.NDArray[np.float32]
+    history: tuple[Iteration, ...] = ()
+    frames: tuple[Frame, ...] = ()
+    termination: Termination = Termination.DIRECT

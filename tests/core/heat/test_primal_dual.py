@@ -1,0 +1,101 @@
+"""The primal-dual method against maximum flows, and what it claims at every step."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import maximum_flow
+
+from toposeam.heat.network import Network
+from toposeam.heat.primal_dual import PrimalDual
+
+
+def random_network(rng, n=40, degree=3):
+    """A connected graph of n nodes, some of them on a terminal; costs are whole numbers."""
+    tail, head = np.arange(n - 1), np.arange(1, n)
+    more = rng.integers(0, n, (degree * n, 2))
+    more = more[more[:, 0] != more[:, 1]]
+    ends = rng.choice(n, 6, replace=False)
+    tail, head = np.r_[tail, more[:, 0], ends], np.r_[head, more[:, 1], np.repeat([n, n + 1], 3)]
+    flip = rng.random(len(tail)) < 0.3
+    tail, head = np.where(flip, head, tail), np.where(flip, tail, head)
+    inner = Network(n, tail, head)
+    network, element_map = inner.quotient(np.arange(n + 2))  # parallel elements become one
+    cost = np.bincount(element_map, rng.integers(1, 1000, len(tail)), len(network.tail)).astype(float)
+    return network, cost
+
+
+def least_cut(network, cost):
+    size = network.n + 2
+    capacity = cost.astype(np.int32)
+    rows, columns = np.r_[network.tail, network.head], np.r_[network.head, network.tail]
+    return maximum_flow(coo_array((np.r_[capacity, capacity], (rows, columns)), shape=(size, size)).tocsr(), size - 1, size - 2).flow_value
+
+
+def solved(network, cost, gap=1e-6):
+    state = PrimalDual(network, cost)
+    for _ in range(40):
+        if state.best_cut()[0] <= (1 + gap) * state.bound:
+            return state
+        state.step()
+    raise AssertionError("not proven within 40 steps")
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_cut_and_the_bound_meet_at_the_maximum_flow(seed):
+    network, cost = random_network(np.random.default_rng(seed))
+    state = solved(network, cost)
+    exact = least_cut(network, cost)
+    found, threshold = state.best_cut()
+    assert found == pytest.approx(exact, rel=1e-9)
+    assert state.bound == pytest.approx(exact, rel=2e-6)
+    hot = state.potential > threshold
+    assert cost[hot[network.tail] != hot[network.head]].sum() == pytest.approx(exact)
+
+
+def test_every_step_keeps_what_the_bound_rests_on():
+    network, cost = random_network(np.random.default_rng(100), n=80)
+    exact = least_cut(network, cost)
+    state = PrimalDual(network, cost)
+    while state.best_cut()[0] > (1 + 1e-9) * state.bound:
+        assert (np.abs(state.flow) < cost).all()
+        assert np.abs(network.surplus(state.flow)).max() < 1e-9 * cost.max()
+        assert state.bound <= exact * (1 + 1e-9)
+        assert state.best_cut()[0] >= exact * (1 - 1e-9)
+        state.step()
+
+
+def test_it_does_not_matter_in_which_unit_costs_are_given():
+    network, cost = random_network(np.random.default_rng(7))
+    plain, scaled = PrimalDual(network, cost), PrimalDual(network, 1e-6 * cost)
+    for _ in range(5):
+        plain.step()
+        scaled.step()
+    np.testing.assert_allclose(scaled.potential, plain.potential, atol=1e-6)
+    assert scaled.bound == pytest.approx(1e-6 * plain.bound, rel=1e-6)
+
+
+def test_equal_seams_are_proven_equal():
+    # Four nodes in two rows between the terminals: every cut across both rows costs the same.
+    network = Network(4, np.array([4, 0, 1, 4, 2, 3, 0, 1]), np.array([0, 1, 5, 2, 3, 5, 2, 3]))
+    state = solved(network, np.ones(8))
+    assert state.best_cut()[0] == pytest.approx(2.0)
+
+
+def test_a_part_without_a_way_to_one_terminal_costs_nothing():
+    network = Network(4, np.array([4, 0, 1, 4, 2]), np.array([0, 1, 5, 2, 3]))  # nodes 2 and 3 hang on the cold terminal only
+    state = solved(network, np.array([3.0, 2.0, 5.0, 1.0, 1.0]))
+    found, threshold = state.best_cut()
+    assert found == pytest.approx(2.0)
+    assert not (state.potential[[2, 3]] > threshold).any()
+
+
+def test_costs_of_forbidden_elements_do_not_hide_the_others():
+    network, cost = random_network(np.random.default_rng(8))
+    rng = np.random.default_rng(9)
+    forbidden = rng.random(len(cost)) < 0.05
+    dear = np.where(forbidden, 1e9, cost)
+    state = solved(network, dear)
+    limited = least_cut(network, np.minimum(dear, cost.sum()))
+    assert state.best_cut()[0] == pytest.approx(limited)

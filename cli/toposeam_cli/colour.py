@@ -3,7 +3,7 @@
 import numpy as np
 
 from toposeam.errors import ImageError
-from toposeam_cli.libvips import channels, load_vips, to_vips, with_profile
+from toposeam_cli.libvips import channels, evaluate, load_vips, to_vips, with_profile
 
 #: The depths a picture can have, shallowest first.
 DEPTHS = (np.dtype(np.uint8), np.dtype(np.uint16), np.dtype(np.float32))
@@ -93,7 +93,8 @@ def _transform(pixels: np.ndarray, source: bytes | None, target: bytes | None, n
         image = with_profile(to_vips(widen(pixels) if source is None else pixels), source or srgb)
         # Through XYZ: on the way to LAB, lcms samples a gray profile's curve so coarsely that dark grays are off by 2 % of full scale.
         image = with_profile(image.icc_import(embedded=True, pcs="xyz", **INTENT), target or srgb)
-        converted: np.ndarray = image.icc_export(depth=16, pcs="xyz", **INTENT).numpy()
+        image = image.icc_export(depth=16, pcs="xyz", **INTENT)
+        converted: np.ndarray = evaluate(image, image.numpy)
     except vips.Error as error:
         raise ImageError("a colour profile cannot be applied; convert the pictures to sRGB first") from error
     return converted[:, :, 1] if n_channels == 1 and converted.ndim == 3 else converted

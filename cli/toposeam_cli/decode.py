@@ -9,8 +9,7 @@ import numpy as np
 
 from toposeam.errors import ImageError
 from toposeam_cli.colour import DEPTHS, INTENT
-from toposeam_cli.libvips import VipsImage, load_vips, reason
-from toposeam_cli.output import interruptions_after
+from toposeam_cli.libvips import VipsImage, evaluate, load_vips, reason
 
 #: libvips loaders that decode pictures; it also reads tables, drawings and its own dumps.
 _PICTURE_LOADERS = {"png", "jpeg", "tiff", "webp", "gif", "heif", "jxl", "jp2k", "ppm", "openexr"}
@@ -44,13 +43,12 @@ def decode(path: Path, max_pixels: int) -> tuple[np.ndarray, bytes | None, tuple
         resolution = _resolution(image)
         orientation = image.get("orientation") if "orientation" in image.get_fields() else 1
         if orientation != 1:
-            image = image.copy_memory().autorot()  # turning needs the last rows first
+            image = evaluate(image, image.copy_memory).autorot()  # turning needs the last rows first
         if orientation in (5, 6, 7, 8) and resolution is not None:
             resolution = resolution[::-1]  # turned by 90 degrees
         image = _gray_or_rgb(image)
         icc = image.get("icc-profile-data") if "icc-profile-data" in image.get_fields() else None
-        with interruptions_after():
-            pixels = image.numpy()
+        pixels = evaluate(image, image.numpy)
         return _known_depth(pixels), icc, resolution
     except vips.Error as error:
         raise ImageError(

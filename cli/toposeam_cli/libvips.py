@@ -2,14 +2,18 @@
 
 import functools
 import logging
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 
 from toposeam.errors import MissingPackageError
+from toposeam_cli.interruption import interruptible
 
 #: A ``pyvips.Image``; pyvips carries no types.
 VipsImage = Any
+
+Value = TypeVar("Value")
 
 _INTERPRETATIONS = {
     (np.dtype(np.uint8), 1): "b-w",
@@ -52,6 +56,11 @@ def with_profile(image: VipsImage, icc: bytes) -> VipsImage:
     image = image.copy()
     image.set_type(load_vips().GValue.blob_type, "icc-profile-data", icc)
     return image
+
+
+def evaluate(image: VipsImage, call: Callable[[], Value]) -> Value:
+    """The value of a call that computes the pixels of an image, which Ctrl-C and ``kill`` can end."""
+    return interruptible(call, lambda: image.set_kill(True))
 
 
 def reason(error: Exception) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from importlib import import_module
 from typing import Any
@@ -10,8 +9,11 @@ from typing import Any
 import click
 from click.shell_completion import get_completion_class
 
+from toposeam_cli.interruption import terminations_raised
+from toposeam_cli.sentence import sentence
+
 #: Commands that are imported when they are wanted: loading the numerics takes most of a second, and Ctrl-C may come in it.
-_COMMANDS = ("stitch", "compare")
+_COMMANDS = ("stitch", "compare", "motif", "repeat", "batch")
 
 
 class Commands(click.Group):
@@ -32,32 +34,15 @@ class Commands(click.Group):
         """Run the chosen command."""
         _never_fail_to_print()
         try:
-            return super().invoke(ctx)
+            with terminations_raised():
+                return super().invoke(ctx)
         except KeyboardInterrupt:
             click.echo("Interrupted; no file was left unfinished.", err=True)
             ctx.exit(130)
         except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
             raise
         except Exception as error:
-            raise click.ClickException(_sentence(error)) from error
-
-
-def _sentence(error: Exception) -> str:
-    """What to tell the user, on one line."""
-    from toposeam.errors import TopoSeamError
-
-    if isinstance(error, TopoSeamError):
-        text = str(error)
-    elif isinstance(error, MemoryError):
-        text = "the pictures do not fit into memory; use smaller ones, or close other programs"
-    elif isinstance(error, OSError):
-        text = f"the system refused ({error.strerror or error}); free some space, or check the rights and where the output goes"
-    elif os.environ.get("TOPOSEAM_DEBUG"):
-        raise error
-    else:
-        text = f"something went wrong inside TopoSeam ({type(error).__name__}: {error}); set TOPOSEAM_DEBUG=1 for details and report it"
-    # File names may hold line breaks and worse.
-    return "".join(character if character.isprintable() else ascii(character)[1:-1] for character in text)
+            raise click.ClickException(sentence(error)) from error
 
 
 def _never_fail_to_print() -> None:

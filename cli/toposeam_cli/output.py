@@ -3,18 +3,26 @@
 import os
 import secrets
 import shutil
-import signal
 import stat
 import tempfile
-import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from pathlib import Path
+from typing import Any
 
 from toposeam.errors import OptionError, TopoSeamError
 
+fcntl: Any = None
+with suppress(ImportError):  # there is none on Windows
+    import fcntl
+
 #: The extensions :func:`toposeam_cli.picture.write_picture` writes.
 PICTURE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp")
+
+_TEMPORARY, _UNFINISHED = ".toposeam-", ".part"
+#: Files that appeared within :func:`all_or_nothing`.
+_new_files: ContextVar[list[Path] | None] = ContextVar("new_files", default=None)
 
 
 class OutputError(TopoSeamError, OSError):
@@ -88,30 +96,6 @@ def atomic_write(path: str | Path, content: bytes | str, force: bool = False) ->
 
 
 @contextmanager
-def interruptions_after() -> Iterator[None]:
-    """Hold Ctrl-C and the signals of ``kill`` and a closed terminal back until the block ends, and let them take effect then.
-
-    For calls into libvips: what a signal raises in the middle of one is lost in its callbacks, and the default action of ``kill`` would
-    leave the temporary file behind.
-    """
-    received: list[int] = []
-    held = []
-    if threading.current_thread() is threading.main_thread():
-        held = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
-        held = [number for number in held if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler)]
-    before = [signal.signal(number, lambda which, _: received.append(which)) for number in held]
-    try:
-        yield
-    finally:
-        for number, handler in zip(held, before, strict=True):
-            signal.signal(number, handler)
-        if received:
-            if received[0] == signal.SIGINT:
-                raise KeyboardInterrupt
-            raise SystemExit(128 + received[0])
-
-
-@contextmanager
 def replacing(path: Path, force: bool = False) -> Iterator[Path]:
     """Yield an empty temporary file in the folder of `path`; on success it takes that name, on any failure it is removed.
 
@@ -119,16 +103,20 @@ def replacing(path: Path, force: bool = False) -> Iterator[Path]:
     did, and its target is replaced. An :class:`OSError` within the block is a failure to write, and leaves as :class:`OutputError`.
     """
     target = _target(path)
-    temporary = target.with_name(f".toposeam-{secrets.token_hex(8)}.part")
+    temporary = target.with_name(f"{_TEMPORARY}{secrets.token_hex(8)}{_UNFINISHED}")
     try:
-        _create(temporary)
-        yield temporary
-        if force:
-            with suppress(OSError):
-                shutil.copymode(target, temporary)
-        with temporary.open("rb+") as file:
-            os.fsync(file.fileno())
-        _rename(temporary, target, force)
+        with _claimed(temporary):
+            yield temporary
+            is_new = not target.exists()
+            if not is_new:
+                with suppress(OSError):
+                    shutil.copymode(target, temporary)
+            with temporary.open("rb+") as file:
+                os.fsync(file.fileno())
+            _rename(temporary, target, force)
+        new_files = _new_files.get()
+        if is_new and new_files is not None:
+            new_files.append(target)
     except TopoSeamError:
         raise
     except FileExistsError as error:
@@ -140,6 +128,57 @@ def replacing(path: Path, force: bool = False) -> Iterator[Path]:
             temporary.unlink()
 
 
+@contextmanager
+def all_or_nothing() -> Iterator[None]:
+    """Remove the files that appeared in the block if it fails; what it replaced stays replaced."""
+    files: list[Path] = []
+    token = _new_files.set(files)
+    try:
+        yield
+    except BaseException:
+        for path in files:
+            with suppress(OSError):
+                path.unlink()
+        raise
+    finally:
+        _new_files.reset(token)
+
+
+def remove_stale(folder: Path) -> None:
+    """Remove the temporary files in a folder whose writers are gone."""
+    for path in folder.glob(f"{_TEMPORARY}*{_UNFINISHED}"):
+        with suppress(OSError), path.open("rb+") as file:
+            if lock(file.fileno()):
+                path.unlink()
+
+
+def lock(descriptor: int) -> bool:
+    """Claim an open file until it is closed, or its process ends: False if another process has claimed it."""
+    if fcntl is None:
+        return True  # Windows does not let anybody remove or replace an open file
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        pass  # a file system without locks
+    return True
+
+
+@contextmanager
+def _claimed(path: Path) -> Iterator[None]:
+    """Create an empty file that :func:`remove_stale` leaves alone within the block."""
+    descriptor = _create(path)
+    try:
+        lock(descriptor)
+        if fcntl is None:
+            os.close(descriptor)  # an open file cannot be renamed either
+        yield
+    finally:
+        if fcntl is not None:
+            os.close(descriptor)
+
+
 def _rename(temporary: Path, target: Path, force: bool) -> None:
     if force:
         temporary.replace(target)
@@ -149,7 +188,7 @@ def _rename(temporary: Path, target: Path, force: bool) -> None:
     except FileExistsError:
         raise
     except OSError:  # no hard links here (FAT, some network drives): claim the name, then replace what is ours
-        _create(target)
+        os.close(_create(target))
         try:
             temporary.replace(target)
         except BaseException:
@@ -157,8 +196,8 @@ def _rename(temporary: Path, target: Path, force: bool) -> None:
             raise
 
 
-def _create(path: Path) -> None:
-    os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+def _create(path: Path) -> int:
+    return os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
 
 
 def _target(path: Path) -> Path:

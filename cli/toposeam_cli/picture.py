@@ -16,8 +16,8 @@ import numpy as np
 from toposeam.errors import ImageError
 from toposeam_cli.colour import DEPTHS, convert_profile, fits_profile, to_depth
 from toposeam_cli.decode import UNSTATED_RESOLUTION, decode
-from toposeam_cli.libvips import VipsImage, channels, load_vips, reason, to_vips, with_profile
-from toposeam_cli.output import OutputError, check_output, interruptions_after, replacing
+from toposeam_cli.libvips import VipsImage, channels, evaluate, load_vips, reason, to_vips, with_profile
+from toposeam_cli.output import OutputError, check_output, replacing
 
 #: Pictures with more pixels are refused unless the user asks: 500 megapixels are 3 GB as 16-bit RGB.
 MAX_PIXELS = 500_000_000
@@ -70,6 +70,8 @@ class Picture:
     icc: bytes | None = None
     #: (horizontal, vertical) in pixels per mm; None if unknown.
     resolution: tuple[float, float] | None = None
+    #: An XMP packet to be written with it.
+    xmp: bytes | None = None
     #: The file it came from, for messages.
     source: Path | None = None
 
@@ -164,8 +166,7 @@ def write_picture(path: str | Path, picture: Picture, force: bool = False) -> No
     image = _vips_image(picture)
     with replacing(path, force) as temporary:
         try:
-            with interruptions_after():
-                getattr(image, kind.saver)(os.fsencode(temporary), **options)
+            evaluate(image, lambda: getattr(image, kind.saver)(os.fsencode(temporary), **options))
         except vips.Error as error:
             raise OutputError(f"cannot write '{path}' ({reason(error)}); free some space or choose another folder") from error
 
@@ -250,4 +251,7 @@ def _vips_image(picture: Picture) -> VipsImage:
         image = image.bandjoin(to_vips(picture.alpha))
     x, y = picture.resolution or (UNSTATED_RESOLUTION, UNSTATED_RESOLUTION)
     image = image.copy(xres=x, yres=y)
+    if picture.xmp is not None:
+        image = image.copy()
+        image.set_type(load_vips().GValue.blob_type, "xmp-data", picture.xmp)
     return image if picture.icc is None else with_profile(image, picture.icc)

@@ -16,21 +16,21 @@ import numpy as np
 import toposeam as ts
 from toposeam_cli.output import atomic_write, check_output
 from toposeam_cli.overlay import draw_seam
-from toposeam_cli.parameters import FILE, placement
+from toposeam_cli.parameters import FILE, OUTPUT, placement
 from toposeam_cli.picture import Picture, write_picture
 from toposeam_cli.placing import read_pair
 
 
 @click.command()
 @placement
-@click.option("-o", "--output", type=FILE, required=True, help="The joined picture: .png, .tif, .jpg or .webp.")
+@click.option("-o", "--output", type=OUTPUT, required=True, help="The joined picture: .png, .tif, .jpg or .webp.")
 @click.option("--method", type=click.Choice(ts.METHODS), default="heat", show_default=True, help="How the seam is found.")
 @click.option("--formulation", type=click.IntRange(1, 2), help="With --method thesis: 1 (default), or 2 (unstable, see the docs).")
-@click.option("--seam", type=FILE, help="Also write the seam as SVG; edit it and give it back with --use-seam.")
+@click.option("--seam", type=OUTPUT, help="Also write the seam as SVG; edit it and give it back with --use-seam.")
 @click.option("--use-seam", type=FILE, help="Join along the paths of this SVG instead of searching.")
-@click.option("--labels", type=FILE, help="Also write the mask: white where B shows.")
-@click.option("--overlay", type=FILE, help="Also write the joined picture with the seam drawn over it.")
-@click.option("--history", type=FILE, help="Also write a figure (.png, .svg, .pdf) of how the heat converged.")
+@click.option("--labels", type=OUTPUT, help="Also write the mask: white where B shows.")
+@click.option("--overlay", type=OUTPUT, help="Also write the joined picture with the seam drawn over it.")
+@click.option("--history", type=OUTPUT, help="Also write a figure (.png, .svg, .pdf) of how the heat converged.")
 @click.option("--json", "as_json", is_flag=True, help="Print cost, optimum, ratio, stages, iterations and seconds as JSON.")
 @click.option("--force", is_flag=True, help="Replace existing files.")
 @click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")

@@ -70,14 +70,15 @@ class PrimalDual:
         return float(np.abs(self.flow[hot]).sum())
 
     def best_cut(self) -> tuple[float, float]:
-        """The cheapest cut of the potential: its cost, and the threshold above which nodes are hot."""
+        """The cheapest cut of the potential: its cost, and the threshold above which nodes are hot; of equals, the middle one."""
         level = np.ceil(np.clip(self.potential, 0.0, 1.0) * _THRESHOLDS - 0.5).astype(np.intp)
         tail, head = level.take(self.network.tail), level.take(self.network.head)
         # Threshold j divides the elements whose levels lie at or below j on one side, above j on the other.
         opened = np.bincount(np.minimum(tail, head), self.cost, _THRESHOLDS + 1)
         closed = np.bincount(np.maximum(tail, head), self.cost, _THRESHOLDS + 1)
         costs = np.cumsum(opened - closed)[:-1]
-        best = int(np.argmin(costs))
+        ties = np.flatnonzero(costs <= costs.min() + 1e-9 * costs.max())
+        best = int(ties[np.argmin(np.abs(ties - (_THRESHOLDS - 1) / 2))])
         return float(costs[best]), (best + 0.5) / _THRESHOLDS
 
     def step(self) -> None:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from toposeam.errors import ImageError, OptionError
-from toposeam.images import Image, Mask
+from toposeam.images import Image, Mask, as_mask
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -26,6 +26,10 @@ class Layer:
     offset: tuple[int, int] = (0, 0)
     #: Shown in error texts and file names.
     name: str = "layer"
+    #: (H, W), where the layer may show; None means wherever it has pixels.
+    mask: npt.ArrayLike | None = None
+    #: (H, W), where no other layer may show; counts where the layer itself may.
+    keep: npt.ArrayLike | None = None
 
     def __post_init__(self) -> None:
         if self.image.ndim not in (2, 3) or 0 in self.image.shape:
@@ -36,11 +40,55 @@ class Layer:
             raise ImageError(f"{self.name}: alpha is {self.alpha.dtype} and the image {self.image.dtype}; convert it")
         if len(self.offset) != 2 or not all(isinstance(value, int | np.integer) for value in self.offset):
             raise OptionError(f"{self.name}: offset is {self.offset}; give two whole numbers of px, column and row")
+        for field in ("mask", "keep"):
+            if getattr(self, field) is not None:
+                object.__setattr__(self, field, as_mask(getattr(self, field), self.image.shape[:2], f"{self.name}: {field}"))
 
     @property
     def covered(self) -> Mask:
-        """(H, W) bool, where the layer has pixels."""
-        return np.ones(self.image.shape[:2], bool) if self.alpha is None else self.alpha > 0
+        """(H, W) bool, where the layer has pixels that may show."""
+        covered = np.ones(self.image.shape[:2], bool) if self.alpha is None else self.alpha > 0
+        return covered if self.mask is None else covered & np.asarray(self.mask)
+
+
+class Box(NamedTuple):
+    """A rectangle of canvas pixels; it may reach over the canvas's edge."""
+
+    top: int
+    left: int
+    bottom: int
+    right: int
+
+    @property
+    def slices(self) -> tuple[slice, slice]:
+        """Rows and columns, for a box that lies on the canvas."""
+        return slice(self.top, self.bottom), slice(self.left, self.right)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width in px."""
+        return max(0, self.bottom - self.top), max(0, self.right - self.left)
+
+    def grown(self, margin: int) -> Box:
+        """The box with a margin on all sides."""
+        return Box(self.top - margin, self.left - margin, self.bottom + margin, self.right + margin)
+
+    def shared(self, other: Box) -> Box:
+        """What two boxes have in common; its shape has a zero when that is nothing."""
+        return Box(max(self.top, other.top), max(self.left, other.left), min(self.bottom, other.bottom), min(self.right, other.right))
+
+    def within(self, outer: Box) -> tuple[slice, slice]:
+        """Rows and columns of this box in an array that fills `outer`."""
+        return slice(self.top - outer.top, self.bottom - outer.top), slice(self.left - outer.left, self.right - outer.left)
+
+
+def cut(array: npt.NDArray[Any], at: Box, box: Box, fill: int = 0) -> npt.NDArray[Any]:
+    """A copy of what an array that fills `at` holds in `box`; `fill` where it does not reach. (H, W, …) to (h, w, …)."""
+    result = np.full((*box.shape, *array.shape[2:]), fill, array.dtype)
+    common = at.shared(box)
+    if all(common.shape):
+        result[common.within(box)] = array[common.within(at)]
+    return result
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,11 +99,15 @@ class Canvas:
     #: Height and width in px.
     shape: tuple[int, int]
 
-    def place(self, layer: Layer) -> tuple[slice, slice]:
-        """Rows and columns of the canvas that the layer fills."""
+    @property
+    def box(self) -> Box:
+        """The canvas itself."""
+        return Box(0, 0, *self.shape)
+
+    def place(self, layer: Layer) -> Box:
+        """The part of the canvas that the layer fills."""
         x, y = layer.offset[0] - self.origin[0], layer.offset[1] - self.origin[1]
-        height, width = layer.image.shape[:2]
-        return slice(y, y + height), slice(x, x + width)
+        return Box(y, x, y + layer.image.shape[0], x + layer.image.shape[1])
 
 
 def common_canvas(layers: Sequence[Layer], max_pixels: int) -> Canvas:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -112,22 +112,45 @@ def find_seam(
     problem, only_b = seam_problem(a, b, mask_a, mask_b, side, match, weight, avoid, core)
     settings: dict[str, Any] = {"side": side, "core": core, **dataclasses.asdict(match)}
     started = time.perf_counter()
-    if method in _ITERATIVE:
-        kind, solve = _ITERATIVE[method]
-        try:
-            chosen = kind(**options)
-        except TypeError as error:
-            known = ", ".join(option.name for option in dataclasses.fields(kind))
-            raise OptionError(f"method {method} does not know {', '.join(sorted(options))}; its options are {known}") from error
+    chosen = method_options(method, options)
+    if chosen is not None:
         settings |= dataclasses.asdict(chosen)
-        with one_thread():
-            solution = solve(problem, chosen, record_frames=record_frames, progress=progress)
-    elif options:
-        raise OptionError(f"method {method} takes no options, but {', '.join(sorted(options))} was given; leave it out")
-    else:
-        labels = _DIRECT[method](problem)
-        solution = Solution(labels=labels, soft=labels.astype(np.float32))
+    solution = solve(problem, method, chosen, record_frames=record_frames, progress=progress)
     return _seam(problem, only_b, solution, method, settings, time.perf_counter() - started)
+
+
+def method_options(method: Method, options: Mapping[str, Any]) -> HeatOptions | ThesisOptions | None:
+    """The checked options of a method, None for a direct one.
+
+    Raises
+    ------
+    OptionError
+        For an unknown method or options it does not have.
+    """
+    if method not in METHODS:
+        raise OptionError(f"method is {method!r}; choose one of {', '.join(METHODS)}")
+    if method not in _ITERATIVE:
+        if options:
+            raise OptionError(f"method {method} takes no options, but {', '.join(sorted(options))} was given; leave it out")
+        return None
+    kind = _ITERATIVE[method][0]
+    try:
+        return kind(**options)
+    except TypeError as error:
+        known = ", ".join(option.name for option in dataclasses.fields(kind))
+        raise OptionError(f"method {method} does not know {', '.join(sorted(options))}; its options are {known}") from error
+
+
+def solve(
+    problem: SeamProblem, method: Method, options: HeatOptions | ThesisOptions | None, *, record_frames: bool = False,
+    progress: Callable[[float], None] | None = None,
+) -> Solution:  # fmt: skip
+    """The labels a method finds for a problem."""
+    if method in _ITERATIVE:
+        with one_thread():
+            return _ITERATIVE[method][1](problem, options, record_frames=record_frames, progress=progress)
+    labels = _DIRECT[method](problem)
+    return Solution(labels=labels, soft=labels.astype(np.float32))
 
 
 def apply_paths(
@@ -163,8 +186,7 @@ def apply_paths(
 def _seam(problem: SeamProblem, only_b: Mask, solution: Solution, method: str, settings: dict[str, Any], seconds: float) -> Seam:
     problem.check(solution.labels)
     return Seam(
-        labels=problem.on_canvas(solution.labels, only_b).astype(bool, copy=False),
-        soft=problem.on_canvas(solution.soft, only_b).astype(np.float32, copy=False),
+        shown=problem.complete(solution.labels).astype(bool, copy=False), potential=problem.complete(solution.soft), only_b=only_b,
         cost=problem.cost(solution.labels), method=method, history=solution.history, frames=solution.frames,
         termination=solution.termination, seconds=seconds, settings=settings, problem=problem,
     )  # fmt: skip
@@ -194,15 +216,20 @@ def seam_problem(
         only_b = full_b & ~full_a
     factor = None
     if weight is not None:
-        factor = overlap.window(_weights(weight, canvas)).astype(np.float32)
+        factor = overlap.window(as_weights(weight, canvas)).astype(np.float32)
     right, down = _match_cost(np.asarray(a), np.asarray(b), overlap, on_a, on_b, cost, factor)
     forbidden = float("inf")
     if avoid is not None:
-        forbidden = M_MAX * max(1.0, float(right.max(initial=0)), float(down.max(initial=0)))
-        touched = overlap.window(as_mask(avoid, canvas, "avoid")).astype(bool)
-        right[(right > 0) & (touched[:, 1:] | touched[:, :-1])] = forbidden
-        down[(down > 0) & (touched[1:] | touched[:-1])] = forbidden
-    return SeamProblem(overlap, right, down, float(np.float32(forbidden))), only_b
+        forbidden = forbid(right, down, overlap.window(as_mask(avoid, canvas, "avoid")))
+    return SeamProblem(overlap, right, down, forbidden), only_b
+
+
+def forbid(right: npt.NDArray[np.float32], down: npt.NDArray[np.float32], avoid: Mask) -> float:
+    """Raise, in place, the cost of all interfaces of some (h, w) pixels beyond what a seam accepts; returns that cost."""
+    forbidden = np.float32(M_MAX * max(1.0, float(right.max(initial=0)), float(down.max(initial=0))))
+    right[(right > 0) & (avoid[:, 1:] | avoid[:, :-1])] = forbidden
+    down[(down > 0) & (avoid[1:] | avoid[:-1])] = forbidden
+    return float(forbidden)
 
 
 def _match_cost(
@@ -235,7 +262,8 @@ def _patch(image: npt.ArrayLike, overlap: Overlap, present: Mask, name: str) -> 
     return as_float(window, name)
 
 
-def _weights(weight: npt.ArrayLike, canvas: tuple[int, int]) -> npt.NDArray[np.float64]:
+def as_weights(weight: npt.ArrayLike, canvas: tuple[int, int]) -> npt.NDArray[np.float64]:
+    """The factors on the match cost, one positive number per pixel."""
     array = np.asarray(weight, float)
     if array.shape != canvas:
         raise ImageError(f"weight has shape {array.shape}, the images have {canvas}; pass one value per pixel")

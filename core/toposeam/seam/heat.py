@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.errors import OptionError, SolverError
+from toposeam.errors import SolverError, check_range
 from toposeam.heat.network import Floats, Ints, Network
 from toposeam.heat.primal_dual import PrimalDual
 from toposeam.images import Mask
@@ -50,10 +50,8 @@ class HeatOptions:
     max_iterations: int = 100
 
     def __post_init__(self) -> None:
-        if not 1e-9 <= self.tolerance <= 1.0:
-            raise OptionError(f"tolerance is {self.tolerance}; it must be between 1e-9 and 1")
-        if not self.max_iterations >= 1:
-            raise OptionError(f"max_iterations is {self.max_iterations}; it must be at least 1")
+        check_range(1e-9, 1, tolerance=self.tolerance)
+        check_range(1, max_iterations=self.max_iterations)
 
 
 def heat_path(
@@ -118,9 +116,11 @@ def heat_path(
         except SolverError:
             break  # double precision ends here; the best cut so far stands
 
-    labels = _without_islands(hot[node_of_pixel], side)
+    labels = hot[node_of_pixel]
+    if not problem.tied:
+        labels = _without_islands(labels, side)
     if history:
-        least = problem.cost(labels)
+        least = problem.total(labels)
         used = len(problem.crossed(labels))
         seam_flux = np.abs(hot[network.head].astype(np.float64) - hot[network.tail])
         history.append(
@@ -142,9 +142,12 @@ def _network(problem: SeamProblem) -> tuple[Network, Floats, Floats, Ints]:
     side = problem.overlap.side
     if np.count_nonzero(side == FREE) > WHOLE_NODES:
         return restrict(problem.grid)
-    network, cost = problem.network, problem.element_cost
+    if problem.tied:
+        network, cost, pixels = problem.grid.network(problem.grid.free)
+    else:
+        network, cost, pixels = problem.network, problem.element_cost, problem.pattern.pixels
     node = np.full(side.shape, network.n, np.int32)
-    node.ravel()[problem.pattern.pixels] = np.arange(network.n)
+    node.ravel()[pixels] = np.arange(network.n)
     return network, cost, np.ones(len(cost)), node
 
 

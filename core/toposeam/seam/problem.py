@@ -123,17 +123,29 @@ class SeamProblem:
         Match cost of each interface, 0 where the seam cannot run.
     forbidden : float
         Interfaces that cost as much or more are forbidden.
+    showing_a, showing_b : (h, w) float32 arrays, optional
+        Further cost of each free pixel when it shows ``a`` (``b``): its interfaces with layers that are not part of the problem.
     """
 
     overlap: Overlap
     right: Floats32
     down: Floats32
     forbidden: float = float("inf")
+    showing_a: Floats32 | None = None
+    showing_b: Floats32 | None = None
+
+    @property
+    def tied(self) -> bool:
+        """Whether free pixels also lie beside layers that are not part of the problem."""
+        return self.showing_a is not None
 
     @cached_property
     def grid(self) -> CutGrid:
         """The free pixels as a cut problem."""
-        return grid_from_sides(self.overlap.side, self.right, self.down)
+        grid = grid_from_sides(self.overlap.side, self.right, self.down)
+        if self.showing_a is None or self.showing_b is None:
+            return grid
+        return replace(grid, hot=grid.hot + self.showing_a, cold=grid.cold + self.showing_b)
 
     @cached_property
     def pattern(self) -> Pattern:
@@ -168,6 +180,13 @@ class SeamProblem:
     def cost(self, labels: Mask) -> float:
         """Σ M over the interfaces that an (h, w) bool labelling cuts."""
         return float(self.crossed(labels).sum(dtype=np.float64))
+
+    def total(self, labels: Mask) -> float:
+        """:meth:`cost`, and what free pixels cost beside layers that are not part of the problem."""
+        if self.showing_a is None or self.showing_b is None:
+            return self.cost(labels)
+        beside = np.where(labels, self.showing_b, self.showing_a)[self.overlap.side == FREE]
+        return self.cost(labels) + float(beside.sum(dtype=np.float64))
 
     def check(self, labels: Mask) -> None:
         """Refuse a labelling that cuts a forbidden interface.

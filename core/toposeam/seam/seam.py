@@ -22,10 +22,12 @@ from toposeam.vector.svg import write_svg
 class Seam:
     """A seam between two patches on an (H, W) canvas."""
 
-    #: (H, W) bool, True where ``b`` shows.
-    labels: Mask
-    #: (H, W) float32 in [0, 1], the label potential: 0 where ``a`` shows, 1 where ``b`` shows, between them a soft mask.
-    soft: npt.NDArray[np.float32]
+    #: (h, w) bool on the problem's window, True where ``b`` shows.
+    shown: Mask
+    #: (h, w) float32 in [0, 1] on the problem's window, the label potential.
+    potential: npt.NDArray[np.float32]
+    #: (H, W) bool, what shows ``b`` outside of the overlap.
+    only_b: Mask = field(repr=False)
     #: Σ M over the interfaces the seam cuts; comparable across methods for the same patches and cost options.
     cost: float
     #: Name of the method that found it.
@@ -44,23 +46,33 @@ class Seam:
     problem: SeamProblem = field(repr=False)
 
     @cached_property
+    def labels(self) -> Mask:
+        """(H, W) bool, True where ``b`` shows."""
+        return self.problem.on_canvas(self.shown, self.only_b).astype(bool, copy=False)
+
+    @cached_property
+    def soft(self) -> npt.NDArray[np.float32]:
+        """(H, W) float32 in [0, 1], the label potential: 0 where ``a`` shows, 1 where ``b`` shows, between them a soft mask."""
+        return self.problem.on_canvas(self.potential, self.only_b).astype(np.float32, copy=False)
+
+    @cached_property
     def paths(self) -> list[Polyline]:
         """The seam as lines through pixel corners, ``b`` to the right of the direction of travel."""
-        on_canvas, on_window = self.problem.overlap.inside
-        shown = np.zeros(self.problem.overlap.side.shape, bool)
-        shown[on_window] = self.labels[on_canvas]
         top, left = self.problem.overlap.origin
         shift = np.array([left, top], float)
-        traced = trace_boundary(self.problem.complete(shown), self.problem.seam_ground)
+        traced = trace_boundary(self.problem.complete(self.shown), self.problem.seam_ground)
         return [Polyline(points=line.points + shift, closed=line.closed) for line in traced]
 
     @cached_property
     def _optimum(self) -> float:
-        return self.problem.cost(exact_labels(self.problem))
+        return self.problem.total(exact_labels(self.problem))
 
     def optimum_ratio(self) -> float:
-        """The seam's cost divided by the least possible one (1.0 is optimal); the optimum is computed on the first call."""
-        return self.cost / self._optimum if self._optimum > 0 else 1.0
+        """The seam's cost divided by the least possible one (1.0 is optimal); the optimum is computed on the first call.
+
+        Among more than two layers the cost of both includes the interfaces with the layers around, which stay as they are.
+        """
+        return self.problem.total(self.shown) / self._optimum if self._optimum > 0 else 1.0
 
     def to_svg(self, path: str | Path | None = None) -> str:
         """The seam as an SVG document of the canvas's size, one path per line, its settings in ``<metadata>``.

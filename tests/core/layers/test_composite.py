@@ -91,7 +91,7 @@ def test_three_layers_in_any_order_that_overlaps(order):
     layers = [tiles[index] for index in order]
     stitched = ts.stitch(layers)
     assert_whole(stitched, layers)
-    assert len(stitched.seams) == 2
+    assert stitched.pairs == ((0, 1), (0, 2), (1, 2))
     assert stitched.image.shape == (50, 68, 3)
     assert stitched.alpha is not None  # the three do not fill their rectangle
 
@@ -189,8 +189,10 @@ def test_the_method_and_its_options_are_handed_on(method):
     layers = [crop(0, 0), crop(25, 0), crop(50, 0)]
     stitched = ts.stitch(layers, method=method, gradient=False)
     assert_whole(stitched, layers)
-    assert [seam.method for seam in stitched.seams] == [method, method]
+    # The regions of the rounds are no strips, and dp and thesis know nothing else.
+    assert {seam.method for seam in stitched.seams} == {method if method in ("heat", "shortest-path") else "heat"}
     assert stitched.seams[0].settings["gradient"] is False
+    assert ts.stitch(layers[:2], method=method).seams[0].method == method
 
 
 def test_no_seam_touches_what_is_to_be_avoided():
@@ -221,7 +223,7 @@ def test_progress_grows_to_one():
         ts.stitch([crop(0, 0), crop(25, 0), crop(50, 0)], method=method, progress=shares.append)
         assert shares == sorted(shares)
         assert shares[-1] == 1
-        assert 0.5 in shares
+        assert len(set(shares)) > 4
 
 
 def test_the_inputs_are_not_changed():
@@ -265,7 +267,7 @@ ERRORS = {
     "path": (
         lambda: ts.stitch([crop(0, 0), crop(25, 0), crop(50, 0)], use_path=ts.read_svg(SVG)),
         ts.OptionError,
-        "stitch them pair by pair",
+        "say between which two it runs",
     ),
     "path elsewhere": (lambda: ts.stitch([crop(0, 0), crop(20, 0)], use_path=ts.read_svg(SVG)), ts.PathError, "9 × 9"),
     "empty": (lambda: ts.Layer(image=np.zeros((0, 5)), name="B"), ts.ImageError, r"B has shape \(0, 5\)"),

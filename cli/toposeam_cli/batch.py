@@ -1,0 +1,167 @@
+"""``toposeam batch``: many runs of another command."""
+
+from __future__ import annotations
+
+import io
+import shlex
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from contextlib import redirect_stdout
+from pathlib import Path
+from typing import Any
+
+import click
+
+from toposeam.errors import OptionError
+from toposeam_cli.entries import NAME, Entry, expand, parse_patterns, read_entries, to_words
+from toposeam_cli.interruption import Terminated
+from toposeam_cli.journal import Journal
+from toposeam_cli.parameters import FILE, is_input, is_output
+from toposeam_cli.progress import progress_bar
+from toposeam_cli.runner import Job, check, finished, run
+
+#: Options that say how a command does its work, not what it makes.
+_MANNER = ("force", "quiet")
+
+
+@click.command(context_settings={"ignore_unknown_options": True})
+@click.argument("words", metavar="JOBS.toml | PATTERN... [OPTIONS OF THE COMMAND]", nargs=-1, required=True, type=click.UNPROCESSED)
+@click.option("--command", "name", default="stitch", show_default=True, help="With patterns: the command to run.")
+@click.option("-j", "--jobs", "processes", type=click.IntRange(min=1), default=1, show_default=True, help="How many at a time.")
+@click.option("--dask", metavar="ADDRESS|local", help="Run on the workers of a Dask scheduler, or on a Dask cluster made of -j processes.")
+@click.option(
+    "--results", type=FILE, help="Table of results, JSON lines, from which an interrupted batch goes on; beside the TOML file by default."
+)
+@click.option("--fresh", is_flag=True, help="Do everything again, also what the table of results says is done.")
+@click.option("-n", "--dry-run", is_flag=True, help="Print what would be run, and run nothing.")
+@click.option("--force", is_flag=True, help="Replace existing files.")
+@click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
+def batch(
+    words: tuple[str, ...], name: str, processes: int, dask: str | None, results: Path | None, fresh: bool, dry_run: bool, force: bool,
+    quiet: bool,
+) -> None:  # fmt: skip
+    """Run many jobs: those of a TOML file, or one for each set of pictures that patterns match.
+
+    \b
+    toposeam batch jobs.toml -j 4
+    toposeam batch 'left_*.png' 'right_*.png' --overlap 25% -o 'out/{name}.png'
+
+    The same again goes on after an interruption and tries once more what failed.
+    """  # noqa: D301 - click wants the character
+    commands = _commands()
+    if words[0].lower().endswith(".toml"):
+        if len(words) > 1:
+            raise click.UsageError(f"{words[1]!r} cannot be used with a file of jobs; write the options into its [defaults]")
+        entries = read_entries(Path(words[0]), commands)
+        results = results or Path(words[0]).with_suffix(".results.jsonl")
+    else:
+        if name not in commands:
+            raise OptionError(f"--command is {name!r}; choose one of {', '.join(commands)}")
+        entries = [parse_patterns(commands[name], words, Path())]
+        results = results or Path("batch.results.jsonl")
+    jobs = [job for entry in entries for job in _jobs(entry, force)]
+    check(jobs)
+    if dry_run:
+        _show(jobs, results, fresh)
+        return
+    for folder in {path.parent for job in jobs for path in job.outputs}:
+        folder.mkdir(parents=True, exist_ok=True)
+    start, tally = time.monotonic(), Counter[str]()
+    try:
+        with progress_bar(quiet) as bar:
+            for outcome in run(jobs, processes=processes, dask=dask, journal=results, resume=not fresh, progress=bar.report):
+                tally[outcome.status] += 1
+                if outcome.status == "failed":
+                    bar.say(f"{outcome.job.name}: {outcome.message}")
+    except (KeyboardInterrupt, Terminated):
+        click.echo(f"{tally.total()} of {len(jobs)} jobs have ended; run the same again to go on.", err=True)
+        raise
+    if not quiet:
+        parts = [f"{tally[status]} {text}" for status, text in _STATUSES.items() if tally[status] or status == "done"]
+        click.echo(f"{', '.join(parts)} in {time.monotonic() - start:.1f} s; see {results}")
+    if tally["failed"]:
+        click.get_current_context().exit(1)
+
+
+_STATUSES = {"done": "done", "skipped": "done before", "failed": "failed"}
+
+
+def run_command(command: str, words: Sequence[str], manner: Sequence[str] = ()) -> Any:
+    """Run a command in this process, as a worker does.
+
+    Returns
+    -------
+    dict or None
+        What the command returns.
+    """
+    with redirect_stdout(io.StringIO()):  # what it has to say belongs into the table
+        return _commands()[command].main([*manner, *words], prog_name=f"toposeam {command}", standalone_mode=False)
+
+
+def _commands() -> dict[str, click.Command]:
+    """The commands that make files, by name."""
+    from toposeam_cli.main import main
+
+    context = click.Context(main)
+    commands = {name: main.get_command(context, name) for name in main.list_commands(context) if name != "batch"}
+    return {name: command for name, command in commands.items() if command is not None and any(map(is_output, command.params))}
+
+
+def _jobs(entry: Entry, force: bool) -> list[Job]:
+    jobs = []
+    for settings, found in expand(entry):
+        name = settings.pop("name", None)
+        if name is not None and not isinstance(name, str):
+            raise entry.refuse(f"name is {name!r}; write a text")
+        jobs.append(_job(entry, settings, name, found, force))
+    if len(jobs) > 1 and len({path for job in jobs for path in job.outputs}) < sum(len(job.outputs) for job in jobs):
+        raise entry.refuse(
+            f"{len(jobs)} sets of pictures match, but the outputs are the same; put {NAME} into each output, like out/{NAME}.png"
+        )
+    return jobs
+
+
+def _job(entry: Entry, settings: Mapping[str, Any], name: str | None, found: str, force: bool) -> Job:
+    """The job that runs a command with some settings, which the command itself has checked."""
+    command = entry.command
+    flags = {parameter.name: parameter for parameter in command.params if parameter.name in _MANNER}
+    wanted = {"force": force or settings.get("force") is True, "quiet": True}
+    manner = [max(flag.opts, key=len) for key, flag in flags.items() if wanted[str(key)]]
+    words = to_words(entry, {key: value for key, value in settings.items() if key not in _MANNER})
+    try:
+        parameters = command.make_context(command.name, list(words)).params
+    except click.UsageError as error:
+        text = error.format_message().rstrip(".")
+        raise entry.refuse(f"{found}: {text}" if found else text) from error
+    paths: dict[bool, list[Path]] = {True: [], False: []}
+    for parameter in command.params:
+        value = parameters.get(str(parameter.name))
+        if (is_input(parameter) or is_output(parameter)) and value is not None:
+            paths[is_output(parameter)] += [Path(path) for path in (value if isinstance(value, list | tuple) else [value])]
+    return Job(
+        name or _relative(paths[True][0], entry.folder), f"{__name__}:run_command",
+        {"command": command.name, "words": words}, outputs=tuple(paths[True]), inputs=tuple(paths[False]),
+        weight=max(1.0, sum(path.stat().st_size for path in paths[False] if path.is_file())),
+        manner={"manner": manner},
+    )  # fmt: skip
+
+
+def _relative(path: Path, folder: Path) -> str:
+    try:
+        return str(path.relative_to(folder.absolute()))
+    except ValueError:
+        return str(path)
+
+
+def _show(jobs: Sequence[Job], results: Path, fresh: bool) -> None:
+    """Print the command line of every job that would be run."""
+    rows = {}
+    if results.exists() and not fresh:
+        with Journal(results) as journal:
+            rows = journal.rows
+    for job in jobs:
+        if finished(job, rows.get(job.name)):
+            click.echo(f"# {job.name} is done")
+        else:
+            click.echo(shlex.join(["toposeam", job.arguments["command"], *job.manner["manner"], *job.arguments["words"]]))

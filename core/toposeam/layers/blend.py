@@ -1,0 +1,271 @@
+"""What happens across the seams of a composite.
+
+==============  ====================================================================================================
+``none``        nothing: a hard cut
+``feather``     along the seam the two layers fade into each other, over `width` px
+``soft``        they fade as the label potential of the heat method does: wide where the layers agree, narrow elsewhere
+``multiband``   coarse shades fade over `width` px, fine detail over few (:mod:`toposeam.layers.multiband`)
+``gradient``    the step between the layers is spread (:mod:`toposeam.layers.gradient`), all over the picture or over `width` px
+==============  ====================================================================================================
+
+Only pixels near seams change but with ``gradient``. Where one layer has no pixels, the others make up for it. Work is done in tiles, so
+that memory does not grow with the picture but with ``gradient``. Opacity fades with ``feather`` and ``soft`` and stays as it is otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from toposeam.errors import OptionError
+from toposeam.images import Image, Mask, as_float
+from toposeam.layers.gradient import correction
+from toposeam.layers.layer import Box, Layer, cut
+from toposeam.layers.multiband import expand, gaussian, multiband
+from toposeam.layers.painting import Owner, opaque
+from toposeam.seam.seam import Seam
+
+Blend = Literal["none", "feather", "soft", "multiband", "gradient"]
+BLENDS: tuple[Blend, ...] = get_args(Blend)
+
+#: Width in px where none is given; None spreads over the whole picture.
+WIDTHS: dict[Blend, float | None] = {"feather": 7.0, "multiband": 32.0, "gradient": None}
+#: Widths that make sense: beyond, tiles would no longer bound the memory.
+WIDEST = 512.0
+
+_TILE = 1024
+_SETTLED = 1e-3  # shares below this count as none
+
+Floats32 = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Placed:
+    """Layers on a canvas and which of them shows where."""
+
+    layers: Sequence[Layer]
+    places: Sequence[Box]
+    #: Per layer, on its place, where it has pixels it may show.
+    covered: Sequence[Mask]
+    #: (H, W) int16.
+    owner: Owner
+
+    @property
+    def box(self) -> Box:
+        """The canvas."""
+        return Box(0, 0, *self.owner.shape)
+
+
+def check_blend(blend: str, width: float | None) -> None:
+    """Refuse what :func:`blend_seams` cannot do.
+
+    Raises
+    ------
+    OptionError
+    """
+    if blend not in BLENDS:
+        raise OptionError(f"blend is {blend!r}; choose one of {', '.join(BLENDS)}")
+    if width is None:
+        return
+    if blend in ("none", "soft"):
+        raise OptionError(f"blend {blend} has no width, but {width:g} px was given; leave it out, or choose feather, multiband or gradient")
+    if not 1 <= width <= WIDEST:
+        raise OptionError(f"blend_width is {width:g} px; choose 1 to {WIDEST:g}")
+
+
+def blend_seams(
+    placed: Placed, seams: Iterable[tuple[tuple[int, int], Seam]], image: Image, alpha: Image, blend: Blend, width: float | None
+) -> None:
+    """Blend a composite in place.
+
+    Parameters
+    ----------
+    placed : Placed
+    seams : iterable of ((int, int), Seam)
+        By the two layers they divide; needed for ``soft``.
+    image, alpha : (H, W[, C]) and (H, W) arrays
+        The composite, a hard cut.
+    blend, width
+        See :func:`check_blend`; None for the default width.
+    """
+    width = WIDTHS.get(blend) if width is None else width
+    if blend == "gradient":
+        _spread(placed, image, width)
+        return
+    mix: Callable[[Box, Owner, list[int]], tuple[Floats32, Floats32 | None, Mask]]
+    if blend == "multiband":
+        levels = max(1, round(np.log2(width or 1.0)))
+        reach, step = 4 * 2**levels, 2**levels
+        mix = _Multiband(placed, levels).mix
+    elif blend == "feather":
+        size = max(2, round(width or 2))
+        reach, step = 2 * size + 2, 1
+        mix = _Fade(placed, _Feather(placed, size).weights).mix
+    elif blend == "soft":
+        reach, step = 1, 1
+        mix = _Fade(placed, _Soft(dict(seams)).weights).mix
+    else:
+        return
+    for tile, around in _tiles(placed.box, reach, step):
+        shows = cut(placed.owner, placed.box, around, fill=-1)
+        index = [k for k in range(len(placed.layers)) if all(placed.places[k].shared(around).shape)]
+        if len(index) < 2 or len(np.unique(shows[shows >= 0])) < (1 if blend == "soft" else 2):
+            continue
+        colours, opacity, changed = mix(around, shows, index)
+        inner = tile.within(around)
+        now = changed[inner] & (shows[inner] >= 0)
+        _write(image[tile.slices], colours[inner], now)
+        if opacity is not None:
+            _write(alpha[tile.slices], opacity[inner], now)
+
+
+def _tiles(canvas: Box, reach: int, step: int) -> Iterator[tuple[Box, Box]]:
+    """Tiles of the canvas, and what has to be known for each; the latter's corners and sizes are multiples of `step`."""
+    for top in range(0, canvas.bottom, _TILE):
+        for left in range(0, canvas.right, _TILE):
+            tile = Box(top, left, top + _TILE, left + _TILE).shared(canvas)
+            bottom, right = (-(-edge // step) * step for edge in (tile.bottom, tile.right))
+            yield tile, Box(top, left, bottom, right).grown(reach)
+
+
+def _write(target: npt.NDArray[Any], values: Floats32, where: Mask) -> None:
+    """Put float values in [0, 1] (or beyond, for floats) where they have changed."""
+    chosen: npt.NDArray[Any] = values[where]
+    if np.issubdtype(target.dtype, np.integer):
+        limits = np.iinfo(target.dtype)
+        chosen = np.clip(np.rint(chosen.astype(np.float64) * limits.max), limits.min, limits.max)
+    target[where] = chosen.reshape(target[where].shape).astype(target.dtype)
+
+
+def _colours(placed: Placed, index: int, box: Box, channels: int) -> tuple[Floats32, Mask]:
+    """A layer's colours in a box, (h, w, C) float32, 0 where it has none, and where it has some."""
+    place = placed.places[index]
+    present = cut(placed.covered[index], place, box)
+    image = cut(placed.layers[index].image, place, box)
+    image[~present] = 0
+    values = as_float(image, placed.layers[index].name)
+    return np.ascontiguousarray(np.broadcast_to(values, (*values.shape[:2], channels))), present
+
+
+def _channels(placed: Placed) -> int:
+    return max(1 if layer.image.ndim == 2 else layer.image.shape[2] for layer in placed.layers)
+
+
+class _Fade:
+    """Layers mixed by weights that add up to 1."""
+
+    def __init__(self, placed: Placed, weights: Callable[[Box, Owner, list[int]], dict[int, Floats32]]) -> None:
+        self._placed, self._weights = placed, weights
+
+    def mix(self, box: Box, shows: Owner, index: list[int]) -> tuple[Floats32, Floats32, Mask]:
+        placed = self._placed
+        channels = _channels(placed)
+        colour = np.zeros((*box.shape, channels), np.float32)
+        opacity, total = np.zeros(box.shape, np.float32), np.zeros(box.shape, np.float32)
+        own = np.zeros(box.shape, np.float32)
+        for k, weight in self._weights(box, shows, index).items():
+            values, present = _colours(placed, k, box, channels)
+            layer = placed.layers[k]
+            weight = weight * present
+            own += np.where(shows == k, weight, np.float32(0))
+            total += weight
+            if layer.alpha is not None:
+                alpha = np.where(present, cut(layer.alpha, placed.places[k], box), layer.alpha.dtype.type(0))
+                weight = weight * (alpha / opaque(alpha.dtype)).astype(np.float32)
+            opacity += weight
+            colour += weight[..., np.newaxis] * values
+        colour /= np.maximum(opacity, np.float32(1e-9))[..., np.newaxis]
+        opacity /= np.maximum(total, np.float32(1e-9))
+        return colour, opacity, (own < (1 - _SETTLED) * total) & (opacity > 0)
+
+
+class _Feather:
+    """Weights that change evenly across the seam, and end before a layer does."""
+
+    def __init__(self, placed: Placed, size: int) -> None:
+        self._placed, self._size = placed, size
+
+    def weights(self, box: Box, shows: Owner, index: list[int]) -> dict[int, Floats32]:
+        ground = shows >= 0
+        result = {}
+        for k in index:
+            if not (shows == k).any():
+                continue
+            smooth = self._smooth((shows == k) | ~ground)
+            present = cut(self._placed.covered[k], self._placed.places[k], box) | ~ground
+            inside = np.clip(2 * self._smooth(present) - 1, 0, 1)
+            result[k] = smooth * inside
+        return result
+
+    def _smooth(self, mask: Mask) -> Floats32:
+        smooth: Floats32 = ndimage.uniform_filter(mask.astype(np.float32), self._size, mode="nearest")
+        return smooth
+
+
+class _Soft:
+    """Weights from the label potential of each pair of layers."""
+
+    def __init__(self, seams: dict[tuple[int, int], Seam]) -> None:
+        self._seams = seams
+
+    def weights(self, box: Box, shows: Owner, index: list[int]) -> dict[int, Floats32]:
+        result = {k: (shows == k).astype(np.float32) for k in index}
+        for (i, j), seam in self._seams.items():
+            problem = seam.problem
+            top, left = problem.overlap.origin
+            at = Box(top, left, top + seam.potential.shape[0], left + seam.potential.shape[1])
+            common = at.shared(box)
+            if i not in result or j not in result or not all(common.shape):
+                continue
+            here, there = common.within(box), common.within(at)
+            towards = np.clip(seam.potential[there], 0, 1 - _SETTLED)
+            free = problem.overlap.shared[there]
+            back = np.clip(1 - seam.potential[there], 0, 1 - _SETTLED)
+            result[j][here] += np.where(free & (shows[here] == i), towards / (1 - towards), np.float32(0))
+            result[i][here] += np.where(free & (shows[here] == j), back / (1 - back), np.float32(0))
+        return result
+
+
+class _Multiband:
+    """Tiles mixed band by band."""
+
+    def __init__(self, placed: Placed, levels: int) -> None:
+        self._placed, self._levels = placed, levels
+
+    def mix(self, box: Box, shows: Owner, index: list[int]) -> tuple[Floats32, None, Mask]:
+        index = [k for k in index if (shows == k).any()]
+        images, present = zip(*(_colours(self._placed, k, box, _channels(self._placed)) for k in index), strict=True)
+        masks = [shows == k for k in index]
+        mixed = np.zeros_like(images[0])
+        for image, mask in zip(images, masks, strict=True):
+            np.copyto(mixed, image, where=mask[..., np.newaxis])
+        known = [here & (shows >= 0) for here in present]
+        differences = [np.where(here[..., np.newaxis], image - mixed, np.float32(0)) for image, here in zip(images, known, strict=True)]
+        mixed += multiband(differences, known, masks, self._levels)
+        own = np.zeros(box.shape, np.float32)
+        total = np.zeros(box.shape, np.float32)
+        for mask in masks:
+            share = gaussian(mask[..., np.newaxis].astype(np.float32), self._levels)[-1]
+            for _ in range(self._levels):
+                share = expand(share)
+            own[mask] = share[..., 0][mask]
+            total += share[..., 0]
+        return mixed, None, own < (1 - _SETTLED) * total
+
+
+def _spread(placed: Placed, image: Image, width: float | None) -> None:
+    ground = placed.owner >= 0
+    planes = [image] if image.ndim == 2 else [image[..., channel] for channel in range(image.shape[2])]
+    for channel, plane in enumerate(planes):
+        values = correction(placed.layers, placed.places, placed.covered, placed.owner, channel, width)
+        values += plane
+        if np.issubdtype(plane.dtype, np.integer):
+            limits = np.iinfo(plane.dtype)
+            np.rint(values, out=values)
+            np.clip(values, limits.min, limits.max, out=values)
+        np.copyto(plane, values.astype(plane.dtype), where=ground)

@@ -1,0 +1,67 @@
+"""A labelling as a picture: every pixel that of the layer that shows there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.errors import ImageError
+from toposeam.images import Image
+from toposeam.layers.layer import Box, Layer
+
+#: The layer that shows at each pixel of the canvas, -1 for none.
+Owner = npt.NDArray[np.int16]
+
+
+def paint(layers: Sequence[Layer], places: Sequence[Box], owner: Owner, at: Box, channels: int | None) -> tuple[Image, Image]:
+    """The picture of a labelling in a box, (h, w[, C]), and its opacity, (h, w); 0 where no layer shows.
+
+    Parameters
+    ----------
+    owner : (h, w) int16 array
+        The layer that shows at each pixel of the box, -1 for none.
+    at : Box
+    channels : int or None
+        None for a plane of gray.
+    """
+    dtype = layers[0].image.dtype
+    image = np.zeros(at.shape if channels is None else (*at.shape, channels), dtype)
+    alpha = np.zeros(at.shape, dtype)
+    for index, (layer, place) in enumerate(zip(layers, places, strict=True)):
+        common = place.shared(at)
+        if not all(common.shape):
+            continue
+        here, there = common.within(at), common.within(place)
+        shows = owner[here] == index
+        part = layer.image[there]
+        if channels is None:
+            np.copyto(image[here], part, where=shows)
+        else:
+            np.copyto(image[here], part if part.ndim == 3 else part[..., np.newaxis], where=shows[..., np.newaxis])
+        np.copyto(alpha[here], opaque(dtype) if layer.alpha is None else layer.alpha[there], where=shows)
+    return image, alpha
+
+
+def opaque(dtype: np.dtype[Any]) -> Any:
+    """Full opacity: the largest integer, or 1.0."""
+    return dtype.type(np.iinfo(dtype).max if np.issubdtype(dtype, np.integer) else 1)
+
+
+def channel_count(layers: Sequence[Layer]) -> int | None:
+    """The number of channels of the composite, None for a plane of gray.
+
+    Raises
+    ------
+    ImageError
+        When layers have several but not equally many channels.
+    """
+    counts = {1 if layer.image.ndim == 2 else layer.image.shape[2] for layer in layers}
+    wide = counts - {1}
+    if len(wide) > 1:
+        raise ImageError(f"the layers have {', '.join(map(str, sorted(wide)))} channels; convert them to the same number, or to gray")
+    if wide:
+        return wide.pop()
+    return None if all(layer.image.ndim == 2 for layer in layers) else 1

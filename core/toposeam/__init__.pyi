@@ -9,7 +9,7 @@ from .errors import (
 )
 from .layers.align import Aligned, align
 from .layers.blend import BLENDS, Blend
-from .layers.composite import MAX_PIXELS, Stitched, stitch
+from .layers.composite import MAX_PIXELS, Stitched, pair_name, stitch
 from .layers.layer import Layer, common_canvas
 from .optimize.history import Frame, Iteration, Termination
 from .seam.find import METHODS, Method, find_seam
@@ -19,7 +19,7 @@ from .seam.overlap import SIDES, Side
 from .seam.seam import Seam
 from .seam.thesis import ThesisOptions
 from .vector.polyline import Polyline
-from .vector.svg import read_svg
+from .vector.svg import SvgSeam, read_svg
 
 __version__: str
 
@@ -46,12 +46,14 @@ __all__ = [
     "Side",
     "SolverError",
     "Stitched",
+    "SvgSeam",
     "Termination",
     "ThesisOptions",
     "TopoSeamError",
     "align",
     "common_canvas",
     "find_seam",
+    "pair_name",
     "read_svg",
     "stitch",
 ]

@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check lint format bench figures clean
+.PHONY: help demo test gimp test-gimp check lint format bench figures clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -22,6 +22,12 @@ demo: $(READY)  ## join two photographs along a heat seam, into ./demo
 
 test: $(READY)  ## every test
 	$(ONE_THREAD) $(BIN)/python -m pytest -n auto --dist worksteal
+
+gimp:  ## provide GIMP 3 for the tests: the system's, or Debian's in a folder of its own
+	PYTHON=$(BIN)/python tests/gimp/gimp3.sh provide
+
+test-gimp: $(READY) gimp  ## the plug-in's tests in a real GIMP 3 (GIMP_SUITE=sid: in the newest)
+	PYTHON=$(BIN)/python TOPOSEAM_GIMP_REQUIRED=1 tests/gimp/gimp3.sh run python -m pytest tests/gimp -q
 
 check: $(READY)  ## the quick loop: lint, types and all tests that are not slow
 	$(MAKE) --no-print-directory lint

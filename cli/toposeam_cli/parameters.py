@@ -57,6 +57,61 @@ class LengthType(click.ParamType):  # type: ignore[type-arg]
         return Length(float(match[1]), percent)
 
 
+class PairType(click.ParamType):  # type: ignore[type-arg]
+    """``AxB`` whole numbers, or one for both."""
+
+    def __init__(self, first: str = "width") -> None:
+        self.first = first
+        self.name = "ROWSxCOLUMNS" if first == "rows" else "N|WIDTHxHEIGHT"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        """Parse the text."""
+        if isinstance(value, tuple):
+            return value
+        match = re.fullmatch(r"\s*(\d{1,6})(?:\s*[x×]\s*(\d{1,6}))?\s*", str(value))
+        if match is None or int(match[1]) < 1 or (match[2] is not None and int(match[2]) < 1):
+            example = "rows and columns, like 4x6" if self.first == "rows" else "width and height, like 512x384"
+            self.fail(f"{value!r} is not a size; write one whole number above 0, or {example}", param, ctx)
+        return int(match[1]), int(match[2] or match[1])
+
+
+class NumbersType(click.ParamType):  # type: ignore[type-arg]
+    """A number, or one per layer with commas between."""
+
+    def __init__(self, kind: type[int] | type[float]) -> None:
+        self.kind = kind
+        self.name = "N[,N...]"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Parse the text."""
+        if isinstance(value, list | tuple):
+            value = ",".join(map(str, value))
+        try:
+            numbers = [self.kind(word) for word in str(value).split(",")]
+        except ValueError:
+            numbers = [math.nan]
+        if not all(math.isfinite(number) for number in numbers):
+            self.fail(
+                f"{value!r} is not a number, nor one per layer; write them like {'2,5' if self.kind is int else '0.2,0.3'}", param, ctx
+            )
+        return numbers[0] if len(numbers) == 1 else numbers
+
+
+class PaperLengthType(click.ParamType):  # type: ignore[type-arg]
+    """A length on paper, in mm."""
+
+    name = "LENGTH"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Parse the text."""
+        if isinstance(value, float):
+            return value
+        match = re.fullmatch(r"\s*(\d{1,6}(?:\.\d+)?)\s*(mm|cm|m|in)\s*", str(value))
+        if match is None or float(match[1]) == 0:
+            self.fail(f"{value!r} is not a length; write it with its unit, like 80mm, 8cm or 3in", param, ctx)
+        return float(match[1]) * {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}[match[2]]
+
+
 class FiniteRange(click.FloatRange):
     """A number within bounds; NaN and infinity, which comparisons let through, are none."""
 

@@ -70,6 +70,8 @@ class Picture:
     icc: bytes | None = None
     #: (horizontal, vertical) in pixels per mm; None if unknown.
     resolution: tuple[float, float] | None = None
+    #: An XMP packet to be written with it.
+    xmp: bytes | None = None
     #: The file it came from, for messages.
     source: Path | None = None
 
@@ -249,4 +251,7 @@ def _vips_image(picture: Picture) -> VipsImage:
         image = image.bandjoin(to_vips(picture.alpha))
     x, y = picture.resolution or (UNSTATED_RESOLUTION, UNSTATED_RESOLUTION)
     image = image.copy(xres=x, yres=y)
+    if picture.xmp is not None:
+        image = image.copy()
+        image.set_type(load_vips().GValue.blob_type, "xmp-data", picture.xmp)
     return image if picture.icc is None else with_profile(image, picture.icc)

@@ -55,6 +55,7 @@ def test_the_core_knows_nothing_of_files_screens_and_the_command_line(file):
         "__future__",
         "toposeam",
         "lazy_loader",
+        "contourpy",
         "numpy",
         "scipy",
         "skimage",
@@ -81,7 +82,7 @@ def test_the_version_is_stated_once():
 
 
 def test_what_is_offered_exists():
-    assert sorted(ts.__all__, key=str.lower) == sorted(set(ts.__all__), key=str.lower)
+    assert len(ts.__all__) == len(set(ts.__all__))
     assert all(hasattr(ts, name) for name in ts.__all__)
     public = {name for name, value in vars(ts).items() if not name.startswith("_") and not hasattr(value, "__path__")}
     modules = {name for name, value in vars(ts).items() if type(value).__name__ == "module"}

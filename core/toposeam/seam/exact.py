@@ -40,7 +40,7 @@ def exact_labels(problem: SeamProblem) -> Mask:
         part = Interfaces(faces.first[mine], faces.second[mine], faces.start[mine], faces.end[mine], faces.cost[mine])
         pixels = component == index
         # Costs beside further layers belong to no interface, hence to no path.
-        found = _shortest_path(part, side, gap_corners.get(index), pixels) if problem.showing_a is None else None
+        found = _shortest_path(part, side, gap_corners.get(index), pixels) if not problem.tied else None
         labels[pixels] = (_maximum_flow(problem, pixels) if found is None else found)[pixels]
     return labels
 

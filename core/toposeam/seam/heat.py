@@ -25,10 +25,11 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from toposeam.errors import OptionError, SolverError
+from toposeam.heat.network import Floats, Ints, Network
 from toposeam.heat.primal_dual import PrimalDual
 from toposeam.images import Mask
 from toposeam.optimize.history import Frame, Iteration, Termination
-from toposeam.seam.coarse import restrict
+from toposeam.seam.coarse import WHOLE_NODES, restrict
 from toposeam.seam.overlap import FREE, TOUCHING, A, B
 from toposeam.seam.problem import SeamProblem
 from toposeam.seam.solution import Solution
@@ -77,8 +78,7 @@ def heat_path(
         one line.
     """
     side = problem.overlap.side
-    pixels = problem.pattern.pixels
-    network, cost, multiplicity, node_of_pixel = restrict(problem.network, problem.element_cost)
+    network, cost, multiplicity, node_of_pixel = _network(problem)
     history: list[Iteration] = []
     frames: list[Frame] = []
     hot = np.append(np.zeros(network.n, bool), [False, True])
@@ -107,7 +107,7 @@ def heat_path(
         if objective > (1 + _SOFT) * bound:
             soft = state.potential
         if record_frames:
-            frames.append(_frame(problem, state.potential[node_of_pixel[:-2]], step + 1, 1))
+            frames.append(_frame(problem, state.potential[node_of_pixel], step + 1, 1))
         if cheapest <= (1 + options.tolerance) * bound:
             termination = Termination.SINGLE_LINE
             break
@@ -118,13 +118,11 @@ def heat_path(
         except SolverError:
             break  # double precision ends here; the best cut so far stands
 
-    on_pixel = node_of_pixel[:-2]
-    labels = np.zeros(side.shape, bool)
-    labels.ravel()[pixels] = hot[on_pixel]
-    if problem.showing_a is None:  # with ties, a side may show apart from its ground
+    labels = hot[node_of_pixel]
+    if not problem.tied:
         labels = _without_islands(labels, side)
     if history:
-        least = problem.cost(labels)
+        least = problem.total(labels)
         used = len(problem.crossed(labels))
         seam_flux = np.abs(hot[network.head].astype(np.float64) - hot[network.tail])
         history.append(
@@ -134,12 +132,25 @@ def heat_path(
             )
         )  # fmt: skip
         if record_frames:
-            frames.append(_frame(problem, labels.ravel()[pixels], len(history), 2))
+            frames.append(_frame(problem, labels, len(history), 2))
     if progress is not None:
         progress(1.0)
-    soft_map = np.zeros(side.shape, np.float32)
-    soft_map.ravel()[pixels] = np.clip(soft[on_pixel], 0.0, 1.0)
-    return Solution(labels=labels, soft=soft_map, history=tuple(history), frames=tuple(frames), termination=termination)
+    on_node = np.clip(soft, 0.0, 1.0).astype(np.float32)
+    return Solution(labels=labels, soft=on_node[node_of_pixel], history=tuple(history), frames=tuple(frames), termination=termination)
+
+
+def _network(problem: SeamProblem) -> tuple[Network, Floats, Floats, Ints]:
+    """The network to solve, the cost of its elements and the number of interfaces each stands for; (h, w) node of every free pixel."""
+    side = problem.overlap.side
+    if np.count_nonzero(side == FREE) > WHOLE_NODES:
+        return restrict(problem.grid)
+    if problem.tied:
+        network, cost, pixels = problem.grid.network(problem.grid.free)
+    else:
+        network, cost, pixels = problem.network, problem.element_cost, problem.pattern.pixels
+    node = np.full(side.shape, network.n, np.int32)
+    node.ravel()[pixels] = np.arange(network.n)
+    return network, cost, np.ones(len(cost)), node
 
 
 def _without_islands(labels: Mask, side: npt.NDArray[np.uint8]) -> Mask:
@@ -155,10 +166,8 @@ def _without_islands(labels: Mask, side: npt.NDArray[np.uint8]) -> Mask:
 
 
 def _frame(problem: SeamProblem, potential: npt.NDArray[Any], iteration: int, stage: int) -> Frame:
-    """Flux of every interface of the window, from the label potential of its free pixels."""
-    on_free = np.zeros(problem.overlap.side.shape, np.float32)
-    on_free.ravel()[problem.pattern.pixels] = np.clip(potential, 0.0, 1.0)
-    values = problem.complete(on_free)
+    """Flux of every interface of the window, from the (h, w) label potential of its free pixels."""
+    values = problem.complete(np.clip(potential, 0.0, 1.0).astype(np.float32))
     return Frame(
         iteration=iteration, stage=stage,
         right=np.where(problem.right > 0, np.abs(np.diff(values, axis=1)), np.float32(0)),

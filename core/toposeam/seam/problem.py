@@ -134,6 +134,11 @@ class SeamProblem:
     showing_a: Floats32 | None = None
     showing_b: Floats32 | None = None
 
+    @property
+    def tied(self) -> bool:
+        """Whether free pixels also lie beside layers that are not part of the problem."""
+        return self.showing_a is not None
+
     @cached_property
     def grid(self) -> CutGrid:
         """The free pixels as a cut problem."""

@@ -157,6 +157,11 @@ def read_svg(source: str | bytes | os.PathLike[str], *, size: tuple[int, int] | 
     return SvgSeam(tuple(polylines), width, height, _metadata(root), tuple(names))
 
 
+def read_metadata(source: str | bytes | os.PathLike[str]) -> dict[str, Any] | None:
+    """The settings that TopoSeam wrote into an SVG document, None in one without any; reads and raises as :func:`read_svg`."""
+    return _metadata(_parse(_document(source)))
+
+
 def _number(value: float) -> str:
     """The shortest text that reads back as the same number."""
     value = float(value)

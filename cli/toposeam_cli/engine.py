@@ -1,0 +1,166 @@
+"""``python -m toposeam_cli.engine FOLDER``: the numerics for programs that cannot load them, like the GIMP plug-in.
+
+The folder belongs to one request and holds all of it: ``request.json``, the pixels in raw files beside it, and the results. The engine
+speaks on stdout, one JSON object a line::
+
+    {"event": "hello", "protocol": 1, "version": "0.1.0"}
+    {"event": "progress", "share": 0.25}
+    {"event": "alive"}                                  every few seconds, so that silence means trouble
+    {"event": "result", "result": {…}}                  or {"event": "error", "message": "what to do"}
+
+It ends, and takes the folder with it, when its stdin is closed: then whoever asked is gone. To cancel, end the process.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TextIO
+
+from toposeam_cli.sentence import sentence
+
+#: Raised when requests or results change their meaning.
+PROTOCOL = 1
+_HEARTBEAT_S = 2.0
+_DTYPES = ("uint8", "uint16", "float32")
+
+
+class Channel:
+    """The line back to the asker; used from several threads."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._lock = threading.Lock()
+        self._share = -1.0
+
+    def send(self, event: str, **fields: Any) -> None:
+        """Say one thing."""
+        with self._lock:
+            self._stream.write(json.dumps({"event": event, **fields}) + "\n")
+            self._stream.flush()
+
+    def progress(self, share: float) -> None:
+        """Say how much is done; steps too small to be seen are left out."""
+        if share >= self._share + 0.002 or share >= 1.0 > self._share:
+            self._share = share
+            self.send("progress", share=round(min(max(share, 0.0), 1.0), 4))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """A request, its pixels, and where results go."""
+
+    folder: Path
+    request: Mapping[str, Any]
+    progress: Callable[[float], None]
+    _written: list[str] = field(default_factory=list)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The options of the operation."""
+        return dict(self.request.get("options", {}))
+
+    def read(self, raster: Mapping[str, Any]) -> Any:
+        """The (H, W) or (H, W, C) pixels of a raster that the request describes, mapped and not loaded, read-only."""
+        import numpy as np
+
+        from toposeam.errors import ImageError
+
+        shape = (int(raster["height"]), int(raster["width"]), int(raster["channels"]))
+        if raster["dtype"] not in _DTYPES:
+            raise ImageError(f"pixels of type {raster['dtype']} were sent; use one of {', '.join(_DTYPES)}")
+        dtype = np.dtype(raster["dtype"])
+        path = self._inside(str(raster["file"]))
+        if 0 in shape or path.stat().st_size != shape[0] * shape[1] * shape[2] * dtype.itemsize:
+            raise ImageError(f"{path.name} has {path.stat().st_size} bytes, which is not {shape} of {dtype}; send it again")
+        pixels = np.memmap(path, dtype, "r", shape=shape)
+        return pixels if shape[2] > 1 else pixels[..., 0]
+
+    def write(self, pixels: Any) -> dict[str, Any]:
+        """Put (H, W) or (H, W, C) pixels into a file of their own; what describes it in the result."""
+        import numpy as np
+
+        name = f"result-{len(self._written)}.raw"
+        self._written.append(name)
+        array = np.asarray(pixels)
+        with (self.folder / name).open("xb") as file:
+            for top in range(0, array.shape[0], 256):
+                file.write(np.ascontiguousarray(array[top : top + 256]).data)
+        channels = 1 if array.ndim == 2 else array.shape[2]
+        return {"file": name, "width": array.shape[1], "height": array.shape[0], "channels": channels, "dtype": str(array.dtype)}
+
+    def _inside(self, name: str) -> Path:
+        from toposeam.errors import OptionError
+
+        if Path(name).name != name:
+            raise OptionError(f"{name!r} is not the name of a file in the request's folder")
+        return self.folder / name
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Serve one request."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if len(arguments) != 1 or not Path(arguments[0]).is_dir():
+        print("usage: python -m toposeam_cli.engine FOLDER   (the GIMP plug-in calls it)", file=sys.stderr)  # noqa: T201
+        return 2
+    folder = Path(arguments[0]).resolve()
+    # What libraries print must not end up between the events.
+    channel = Channel(os.fdopen(os.dup(1), "w", encoding="utf-8"))
+    os.dup2(2, 1)
+    threading.Thread(target=_end_with_asker, args=(folder,), daemon=True).start()
+    threading.Thread(target=_beat, args=(channel,), daemon=True).start()
+    try:
+        channel.send("hello", protocol=PROTOCOL, version=_version())
+        result = _serve(folder, channel)
+    except Exception as error:
+        channel.send("error", message=sentence(error))
+        return 1
+    channel.send("result", result=result)
+    return 0
+
+
+def _serve(folder: Path, channel: Channel) -> dict[str, Any]:
+    request = json.loads((folder / "request.json").read_text(encoding="utf-8"))
+    from toposeam.errors import OptionError
+
+    if request.get("protocol") != PROTOCOL or request.get("version") != _version():
+        raise OptionError(
+            f"the plug-in is of TopoSeam {request.get('version')} and the installed TopoSeam is {_version()}; "
+            "run “toposeam gimp install” and start GIMP again"
+        )
+    from toposeam_cli.engine_operations import OPERATIONS
+
+    operation = OPERATIONS.get(request.get("operation"))
+    if operation is None:
+        raise OptionError(f"the engine has no operation {request.get('operation')!r}; it has {', '.join(OPERATIONS)}")
+    return operation(Job(folder=folder, request=request, progress=channel.progress))
+
+
+def _version() -> str:
+    import toposeam
+
+    return toposeam.__version__
+
+
+def _end_with_asker(folder: Path) -> None:
+    """Wait until stdin is closed; then nobody is left who could use the result, or clean up."""
+    while sys.stdin.buffer.read(4096):
+        pass
+    shutil.rmtree(folder, ignore_errors=True)
+    os._exit(3)
+
+
+def _beat(channel: Channel) -> None:
+    clock = threading.Event()
+    while not clock.wait(_HEARTBEAT_S):
+        channel.send("alive")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

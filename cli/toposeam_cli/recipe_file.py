@@ -1,0 +1,130 @@
+"""The recipe inside a file: written with a motif, and read back to make it again.
+
+Pictures carry it in an XMP packet, which PNG and TIFF hold and image editors keep; drawings in ``<metadata>``. It is JSON in both.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import tomllib
+from collections.abc import Mapping
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import toposeam as ts
+from toposeam.errors import ImageError, OptionError
+from toposeam.vector.svg import read_metadata
+from toposeam_cli.libvips import load_vips
+
+_NAMESPACE = "urn:x-toposeam:1.0:"
+_RECIPE = f"{{{_NAMESPACE}}}recipe"
+#: Files of parameters are not larger.
+_LARGEST_BYTES = 4_000_000
+
+
+def to_xmp(settings: Mapping[str, Any]) -> bytes:
+    """An XMP packet with the settings as JSON."""
+    text = escape(json.dumps(dict(settings), allow_nan=False), quote=False)
+    return (
+        '<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?><x:xmpmeta xmlns:x="adobe:ns:meta/">'
+        '<rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">'
+        f'<rdf:Description rdf:about="" xmlns:toposeam="{_NAMESPACE}"><toposeam:recipe>{text}</toposeam:recipe></rdf:Description>'
+        '</rdf:RDF></x:xmpmeta><?xpacket end="w"?>'
+    ).encode()
+
+
+def read_settings(path: Path) -> dict[str, Any]:
+    """The settings that TopoSeam wrote into a picture or a drawing.
+
+    Raises
+    ------
+    OptionError
+        When there are none, or they are damaged.
+    ImageError
+        When the file cannot be read.
+    """
+    settings = read_metadata(path) if path.suffix.lower() == ".svg" else _from_picture(path)
+    if settings is None or "recipe" not in settings:
+        raise OptionError(f"'{path}' holds no recipe; give a motif that toposeam wrote and no editor stripped")
+    return settings
+
+
+def read_recipe(path: Path) -> ts.Recipe:
+    """The recipe in a picture or a drawing; raises as :func:`read_settings`."""
+    try:
+        return ts.Recipe.from_dict(read_settings(path)["recipe"])
+    except (OptionError, ValueError, TypeError) as error:
+        if "holds no recipe" in str(error):
+            raise
+        raise OptionError(f"the recipe in '{path}' is damaged: {error}") from error
+
+
+def _from_picture(path: Path) -> dict[str, Any] | None:
+    vips = load_vips()
+    if not path.is_file():
+        raise ImageError(f"there is no file '{path}'; check its name and folder")
+    try:
+        image = vips.Image.new_from_file(str(path))
+        packet = bytes(image.get("xmp-data")) if image.get_typeof("xmp-data") else b""
+    except vips.Error as error:
+        raise ImageError(f"'{path}' is not a picture that can be read; give a PNG, TIFF or SVG that toposeam wrote") from error
+    if not packet:
+        return None
+    from defusedxml import DefusedXmlException
+    from defusedxml.ElementTree import ParseError, fromstring
+
+    try:
+        text = next((element.text for element in fromstring(packet.strip(b"\x00 ")).iter(_RECIPE)), None)
+        settings = None if text is None else json.loads(text)
+    except (ParseError, DefusedXmlException, ValueError, RecursionError) as error:
+        raise OptionError(f"the recipe in '{path}' is damaged; use a copy that no editor has changed") from error
+    return settings if isinstance(settings, dict) else None
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The table in a TOML file.
+
+    Raises
+    ------
+    OptionError
+        When it cannot be read.
+    """
+    try:
+        if path.stat().st_size > _LARGEST_BYTES:
+            raise OptionError(f"'{path}' is larger than {_LARGEST_BYTES // 10**6} MB, so it is no file of parameters; choose another one")
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise OptionError(f"'{path}' cannot be read ({(error.strerror or str(error)).lower()}); check its name and folder") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise OptionError(f"'{path}' is not TOML ({error}); correct it there") from error
+
+
+def to_toml(recipe: ts.Recipe) -> str:
+    """A recipe as TOML, for people to edit."""
+    record = recipe.to_dict()
+    layers = record.pop("layers")
+    lines = [f"{name} = {_value(value)}" for name, value in record.items()]
+    for layer in layers:
+        lines += ["", "[[layers]]", *(f"{name} = {_value(value)}" for name, value in layer.items())]
+    return "\n".join([*lines, ""])
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool | str):
+        return json.dumps(value)  # JSON's texts and truth values are TOML's
+    if isinstance(value, list):
+        return f"[{', '.join(map(_value, value))}]"
+    return repr(value)
+
+
+def recipe_from_table(table: Mapping[str, Any], path: Path) -> ts.Recipe | None:
+    """The whole recipe in a table of parameters, None if it holds options only."""
+    if "layers" not in table or not isinstance(table["layers"], list):
+        return None
+    known = {field.name for field in dataclasses.fields(ts.Recipe)}
+    unknown = set(table) - known
+    if unknown:
+        raise OptionError(f"'{path}' has {min(unknown)!r} beside [[layers]]; with layers written out, use {', '.join(sorted(known))}")
+    return ts.Recipe.from_dict(table)

@@ -1,0 +1,1 @@
+"""Motifs: images that heat invents, and the patterns they repeat to. See docs/motifs.md."""

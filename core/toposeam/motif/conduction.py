@@ -1,0 +1,144 @@
+r"""One colour layer as a problem of heat conduction: its loads, its conductivities and their derivatives.
+
+The conductivity of an element is k_e (ε + (1 - ε) ρ_e^p), with ε = 10⁻³ so that heat leaves every element by some way, and
+
+.. math:: \partial\Pi / \partial\rho_e = -p\,\rho_e^{p-1} (1-ε) k_e\,\theta_e^T \mathbf K^0 \theta_e.
+
+A filter against checkerboards replaces the sensitivities by a weighted mean of ρ ∂Π/∂ρ over the neighbourhood, divided by ρ (Sigmund
+2001, doi:10.1007/s001580050176); its weights fall linearly with the distance down and across. Neighbours beyond the border are those of
+the pattern.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import correlate1d
+
+from toposeam.heat.plate import Plate
+from toposeam.heat.plate_joints import Floats
+from toposeam.motif.arrange import extend
+from toposeam.motif.recipe import LayerRecipe, Point, Recipe, unpack_base
+from toposeam.motif.sampling import resample
+from toposeam.motif.symmetry import Symmetry, joint, symmetry
+
+#: Conductivity of an empty element as a share of a full one's.
+VOID = 1e-3
+#: Radius of a source or a sink as a share of the cell's shorter side.
+SPOT = 0.012
+#: Lowest nominal conductivity where a base image blocks the way.
+_BLOCKED = 0.02
+#: Least radius of the filter at full size, in elements.
+_SMOOTH = 1.5
+#: Convection of all sinks together, relative to the conductivity.
+_CONVECTION = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class LayerProblem:
+    """A layer's plate at one size."""
+
+    plate: Plate
+    #: Nominal conductivity k_e, (h, w).
+    nominal: Floats
+    symmetry: Symmetry
+    repeat: str
+    #: The filter's radius, in elements.
+    radius: float
+
+    @classmethod
+    def at(cls, layer: LayerRecipe, recipe: Recipe, shape: tuple[int, int]) -> LayerProblem:
+        """The layer of a recipe on a plate of the given shape."""
+        orbits = symmetry(recipe.repeat, shape)
+        spots = (_spots(points, shape, recipe.repeat) for points in (layer.sources, layer.sinks))
+        plate = Plate(*cls.loads(layer, orbits, *spots), joint(recipe.repeat))
+        brightness = None if not recipe.base else resample(unpack_base(recipe.base), "none", shape)
+        nominal = orbits.mean(nominal_conductivity(brightness, recipe.base_strength, shape))
+        return cls(plate, nominal, orbits, recipe.repeat, filter_radius(recipe, shape))
+
+    @staticmethod
+    def loads(layer: LayerRecipe, orbits: Symmetry, sources: Floats, sinks: Floats) -> tuple[Floats, Floats]:
+        """Heat, one in all, and convection, both equal along the orbits."""
+        heat = (1.0 - layer.ambient) * sources + layer.ambient / sources.size
+        return orbits.mean(heat), orbits.mean(_CONVECTION * sinks)
+
+    def conductivity(self, density: Floats, penalty: float) -> Floats:
+        """k_e (ε + (1 - ε) ρ^p)."""
+        k: Floats = power(density, penalty)
+        k *= 1.0 - VOID
+        k += VOID
+        k *= self.nominal
+        return k
+
+    def sensitivity(self, density: Floats, penalty: float, energy: Floats) -> Floats:
+        """∂Π/∂ρ, not filtered."""
+        slope: Floats = power(density, penalty - 1.0)
+        slope *= -(1.0 - VOID) * penalty
+        slope *= self.nominal
+        slope *= energy
+        return slope
+
+    def filtered(self, density: Floats, sensitivity: Floats) -> Floats:
+        """The filtered sensitivities."""
+        reach = math.ceil(self.radius) - 1
+        if reach < 1:
+            return sensitivity
+        weights = self.radius - np.abs(np.arange(-reach, reach + 1))
+        wide = extend(density * sensitivity, self.repeat, reach)
+        for axis in (0, 1):
+            wide = correlate1d(wide, weights / weights.sum(), axis=axis, mode="nearest")
+        result: Floats = wide[reach:-reach, reach:-reach] / density
+        return result
+
+    def finer(self, density: Floats, shape: tuple[int, int]) -> Floats:
+        """Densities on a plate of twice the size."""
+        return resample(density, self.repeat, shape).astype(np.float64)
+
+
+def filter_radius(recipe: Recipe, shape: tuple[int, int]) -> float:
+    """The filter's radius on a plate, in elements; at full size wide enough to smooth the strokes' edges."""
+    radius = recipe.filter_radius * min(shape) / 100
+    return max(radius, _SMOOTH) if radius > 0 and shape == recipe.size else radius
+
+
+def nominal_conductivity(brightness: npt.NDArray[np.floating] | None, strength: float, shape: tuple[int, int]) -> Floats:
+    """k_e, in proportion to brightness at strength 1, to darkness at -1, and 1 everywhere at 0."""
+    if brightness is None:
+        return np.ones(shape)
+    shown = brightness.astype(np.float64) if strength > 0 else 1.0 - brightness
+    nominal: Floats = np.maximum(1.0 - abs(strength) * (1.0 - shown), _BLOCKED)
+    return nominal
+
+
+def power(density: Floats, exponent: float) -> Floats:
+    """ρ^p, the small whole p without a logarithm."""
+    if exponent == 0.0:
+        return np.ones_like(density)
+    if exponent == 1.0:
+        return density.copy()
+    if exponent == 2.0:
+        return np.square(density)
+    if exponent == 3.0:
+        return np.square(density) * density
+    result: Floats = density**exponent
+    return result
+
+
+def _spots(points: tuple[Point, ...], shape: tuple[int, int], repeat: str) -> Floats:
+    """Discs around points with the given relative strengths, one in all."""
+    h, w = shape
+    radius = max(SPOT * min(h, w), 0.75)
+    field = np.zeros(shape)
+    wraps = repeat not in ("none", "reflect", "rotate")
+    y, x = np.arange(h) + 0.5, np.arange(w) + 0.5
+    for px, py, strength in points:
+        down, across = np.abs(y - py * h), np.abs(x - px * w)
+        if wraps:
+            down, across = np.minimum(down, h - down), np.minimum(across, w - across)
+        spot = np.clip(radius + 0.5 - np.hypot(down[:, None], across[None, :]), 0.0, 1.0)
+        field += spot * (strength / spot.sum())
+    total = field.sum()
+    return field / total if total > 0 else field

@@ -1,0 +1,254 @@
+"""From a size and a seed, or a recipe, to a motif."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.errors import OptionError
+from toposeam.motif.hexagonal import tile_size, to_tile
+from toposeam.motif.layer import Step, optimise_layer, plan
+from toposeam.motif.motif import Motif
+from toposeam.motif.palettes import PALETTES, Palette, palette
+from toposeam.motif.recipe import LayerRecipe, Point, Recipe, pack_base
+from toposeam.motif.symmetry import HEXAGONAL, onto_axes
+
+#: How far apart random spots keep, as a share of what an even spread allows.
+_APART = 0.7
+
+Points = int | Sequence[Sequence[float]]
+
+
+def generate_motif(source: int | tuple[int, int] | Recipe, *, progress: Callable[[int, int], None] | None = None, **options: Any) -> Motif:
+    """Invent a motif.
+
+    Parameters
+    ----------
+    source : int, (rows, columns) or Recipe
+        The cell's size, or a recipe, which decides everything.
+    progress : callable, optional
+        Called with the number of iterations done and the number of all.
+    **options
+        Those of :func:`random_recipe`; only with a size.
+
+    Returns
+    -------
+    Motif
+        The same bytes for the same recipe.
+
+    Raises
+    ------
+    OptionError
+        For options out of range or in conflict.
+    ImageError
+        For a base image or a palette's picture that cannot be used.
+    """
+    if isinstance(source, Recipe):
+        if options:
+            raise OptionError(f"a recipe decides everything; leave out {', '.join(options)} or change the recipe with dataclasses.replace")
+        recipe = source
+    else:
+        recipe = random_recipe(source, **options)
+    per_layer = sum(count for _, count in plan(recipe))
+    total = per_layer * len(recipe.layers)
+    densities, history = [], []
+    for index, layer in enumerate(recipe.layers):
+
+        def report(done: int, before: int = index * per_layer) -> None:
+            if progress is not None:
+                progress(before + done, total)
+
+        density, steps = optimise_layer(layer, recipe, report)
+        densities.append(density)
+        history.append(steps)
+    return make_motif(recipe, densities, history)
+
+
+def make_motif(recipe: Recipe, densities: list[npt.NDArray[np.float32]], history: list[tuple[Step, ...]]) -> Motif:
+    """Put the layers of a recipe together."""
+    layers, lattice = np.stack(densities), None
+    if recipe.repeat in HEXAGONAL:
+        lattice = layers
+        layers = np.stack([to_tile(layer, recipe.repeat, tile_size(recipe.size[0])) for layer in lattice])
+    return Motif(
+        densities=layers, lattice=lattice, inks=np.array([layer.ink for layer in recipe.layers]), paper=np.array(recipe.paper),
+        repeat=recipe.repeat, recipe=recipe, history=tuple(history),
+    )  # fmt: skip
+
+
+def random_recipe(
+    size: int | tuple[int, int], *, layers: int = 3, repeat: str = "none", seed: int = 0,
+    sources: Points | Sequence[Points] | None = None, sinks: Points | Sequence[Points] | None = None, distance: float | None = None,
+    strengths: tuple[float, float] = (0.5, 1.5), ambient: float | None = None, mass: float | Sequence[float] | None = None,
+    penalty: float | Sequence[float] | None = None, iterations: int = 40, move: float = 0.2, filter_radius: float = 0.5,
+    coarse: bool = True, base: npt.ArrayLike | None = None, base_strength: float = 0.7,
+    palette: str | Palette | npt.ArrayLike | None = None,
+) -> Recipe:  # fmt: skip
+    """A recipe in which everything not given is drawn from the seed.
+
+    Parameters
+    ----------
+    size : int or (rows, columns)
+    layers : int
+        Number of inks n_L.
+    repeat : str
+        One of `REPEATS`.
+    seed : int
+    sources, sinks : int or (n, 2 or 3) array_like, or one of these per layer
+        How many, or where: x, y in [0, 1] of the cell and, if given, a strength.
+    distance : float
+        Distance from each sink to a source, as a share of the cell's shorter side. Small makes wide strokes, large slender ones.
+    strengths : (low, high)
+        Range of the random strengths.
+    ambient : float
+        Share of the heat that is generated everywhere; it makes strokes branch.
+    mass, penalty : float or one per layer
+        Mean density, and the exponent p (1 for ink wash).
+    iterations, move, filter_radius, coarse
+        See :class:`Recipe`.
+    base : (H, W) or (H, W, C) array_like
+        A logo, a symbol or a photograph that shapes the strokes.
+    base_strength : float
+        How strongly it shows, -1 to 1.
+    palette : str, Palette or picture
+        Colours; a random named palette without it.
+
+    Raises
+    ------
+    OptionError, ImageError
+    """
+    shape = (size, size) if isinstance(size, int | np.integer) else (int(size[0]), int(size[1]))
+    if layers < 1:
+        raise OptionError(f"{layers} layers were asked for; ask for at least 1")
+    rng = np.random.default_rng(_checked_seed(seed))
+    inks = _inks(palette, layers, rng)
+    low, high = strengths
+    if not 0 < low <= high:
+        raise OptionError(f"strengths is ({low}, {high}); give a low and a high one, both above 0")
+    recipes = []
+    for index in range(layers):
+        # Everything is drawn whether it is used or not, so that giving one parameter leaves the others as they were.
+        draw = rng.spawn(1)[0]
+        many, few = int(draw.integers(3, 9)), int(draw.integers(2, 6))
+        drawn_mass, drawn_ambient = float(draw.uniform(0.14, 0.34)), float(draw.uniform(0.55, 0.97))
+        aspect = shape[1] / shape[0]
+        given = _points(_of_layer(sources, index, layers, "sources"), draw, many, (low, high), aspect, "sources", repeat)
+        drains = _points(_of_layer(sinks, index, layers, "sinks"), draw, few, (low, high), aspect, "sinks", repeat)
+        if distance is not None:
+            if not 0 < distance <= 1:
+                raise OptionError(f"distance is {distance}; it must be above 0 and at most 1 (of the cell's shorter side)")
+            drains = _placed_around(given, drains, distance, draw, shape)
+        recipes.append(
+            LayerRecipe(
+                ink=tuple(inks.inks[index]),
+                sources=given,
+                sinks=drains,
+                ambient=drawn_ambient if ambient is None else ambient,
+                mass=_number(mass, index, layers, drawn_mass, "mass"),
+                penalty=_number(penalty, index, layers, 3.0, "penalty"),
+            )
+        )
+    packed = "" if base is None else pack_base(base)
+    return Recipe(
+        size=shape, repeat=repeat, seed=int(seed), paper=tuple(inks.paper), layers=tuple(recipes), iterations=iterations, move=move,
+        filter_radius=filter_radius, coarse=coarse, base=packed, base_strength=base_strength if packed else 0.0,
+    )  # fmt: skip
+
+
+def _checked_seed(seed: int) -> int:
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise OptionError(f"seed is {seed!r}; give a whole number from 0")
+    return int(seed)
+
+
+def _inks(choice: str | Palette | npt.ArrayLike | None, layers: int, rng: np.random.Generator) -> Palette:
+    names = list(PALETTES)
+    drawn = names[int(rng.integers(len(names)))]
+    if isinstance(choice, Palette):
+        if len(choice.inks) < layers:
+            raise OptionError(f"the palette has {len(choice.inks)} inks for {layers} layers; use fewer layers or more inks")
+        return choice
+    return palette(drawn if choice is None else choice, layers)
+
+
+def _of_layer(value: Any, index: int, layers: int, name: str) -> Points | None:
+    """What concerns one layer of a value that may be given once or per layer."""
+    if value is None or isinstance(value, int | np.integer):
+        return None if value is None else int(value)
+    items = list(value)
+    per_layer = bool(items) and all(isinstance(item, int | np.integer) or (np.ndim(item) == 2) for item in items)
+    if not per_layer:
+        return items
+    if len(items) != layers:
+        raise OptionError(f"{name} is given for {len(items)} layers, the motif has {layers}; give one for each")
+    chosen: Points = items[index]
+    return chosen
+
+
+def _number(value: float | Sequence[float] | None, index: int, layers: int, drawn: float, name: str) -> float:
+    if value is None:
+        return drawn
+    if np.ndim(value) == 0:
+        return float(value)  # type: ignore[arg-type]
+    values = list(value)  # type: ignore[arg-type]
+    if len(values) != layers:
+        raise OptionError(f"{name} is given for {len(values)} layers, the motif has {layers}; give one number or one for each")
+    return float(values[index])
+
+
+def _points(
+    value: Points | None, rng: np.random.Generator, drawn: int, strengths: tuple[float, float], aspect: float, name: str,
+    repeat: str,
+) -> tuple[Point, ...]:  # fmt: skip
+    count = drawn if value is None else value
+    if isinstance(count, int | np.integer):
+        if count < 1:
+            raise OptionError(f"{name} is {count}; a layer needs at least one, give a number from 1")
+        places = _spread(int(count), rng, aspect)
+        powers = rng.uniform(*strengths, int(count))
+        for index in range((int(count) + 1) // 2):
+            places[index] = onto_axes(places[index], repeat, rng)
+        return tuple((float(x), float(y), float(s)) for (x, y), s in zip(places, powers, strict=True))
+    try:
+        array = np.asarray(count, np.float64)
+    except (TypeError, ValueError):
+        array = np.zeros(0)
+    if array.ndim != 2 or array.shape[1] not in (2, 3) or len(array) == 0:
+        raise OptionError(f"{name} must be a number or a list of (x, y) or (x, y, strength), one at least")
+    if array.shape[1] == 2:
+        array = np.column_stack([array, np.ones(len(array))])
+    return tuple((float(x), float(y), float(s)) for x, y, s in array)
+
+
+def _spread(count: int, rng: np.random.Generator, aspect: float) -> npt.NDArray[np.float64]:
+    """Random places that keep apart, also across the border."""
+    places: list[npt.NDArray[np.float64]] = []
+    apart = _APART * np.sqrt(aspect / count)
+    for _ in range(count):
+        for attempt in range(30):
+            place = rng.uniform(0.03, 0.97, 2)
+            gaps = [np.abs(place - other) for other in places]
+            wrapped = [np.hypot(min(g[0], 1 - g[0]) * aspect, min(g[1], 1 - g[1])) for g in gaps]
+            if all(gap >= apart * (1 - attempt / 30) for gap in wrapped):
+                break
+        places.append(place)
+    return np.array(places)
+
+
+def _placed_around(
+    sources: tuple[Point, ...], sinks: tuple[Point, ...], distance: float, rng: np.random.Generator, shape: tuple[int, int]
+) -> tuple[Point, ...]:
+    """The sinks, moved to the given distance from the sources in turn."""
+    side = min(shape)
+    moved = []
+    for index, (*_, strength) in enumerate(sinks):
+        x, y, _ = sources[index % len(sources)]
+        angle = rng.uniform(0, 2 * np.pi)
+        along = distance * side * np.array([np.cos(angle) / shape[1], np.sin(angle) / shape[0]])
+        place = np.array([x, y]) + along
+        place = np.where((place < 0) | (place > 1), np.array([x, y]) - along, place)
+        moved.append((float(np.clip(place[0], 0, 1)), float(np.clip(place[1], 0, 1)), strength))
+    return tuple(moved)

@@ -1,0 +1,122 @@
+"""The four kinds of pattern (thesis 4.5), measured: thick or thin strokes, and whether the base image shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from toposeam.errors import ImageError
+from toposeam.images import as_float
+
+Floats = npt.NDArray[np.float64]
+
+#: Strokes wider than this share of the motif's shorter side are thick.
+THICK = 0.05
+#: From this correlation on, with either sign, the base image shows clearly.
+CLEAR = 0.35
+
+_LUMA = np.array([0.2126, 0.7152, 0.0722])
+
+
+class Kind(StrEnum):
+    """The four kinds, in the thesis's order."""
+
+    THICK_CLEAR = "A"
+    THICK_HIDDEN = "B"
+    THIN_CLEAR = "C"
+    THIN_HIDDEN = "D"
+
+    @property
+    def words(self) -> str:
+        """What the letter stands for."""
+        return _WORDS[self]
+
+
+_WORDS = {
+    Kind.THICK_CLEAR: "thick strokes, theme shows",
+    Kind.THICK_HIDDEN: "thick strokes, theme hidden",
+    Kind.THIN_CLEAR: "thin strokes, theme shows",
+    Kind.THIN_HIDDEN: "thin strokes, theme hidden",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Character:
+    """What was measured on a motif."""
+
+    #: Mean width of its strokes as a share of the shorter side.
+    stroke: float
+    #: Correlation of its brightness with the base image's, in [-1, 1]; 0 without a base image.
+    likeness: float
+
+    @property
+    def kind(self) -> Kind:
+        """The kind, by the thresholds `THICK` and `CLEAR`."""
+        thick, clear = self.stroke > THICK, abs(self.likeness) >= CLEAR
+        if thick:
+            return Kind.THICK_CLEAR if clear else Kind.THICK_HIDDEN
+        return Kind.THIN_CLEAR if clear else Kind.THIN_HIDDEN
+
+
+def measure(image: npt.ArrayLike, base: npt.ArrayLike | None = None) -> Character:
+    """Measure a motif's picture.
+
+    Strokes are what is darker than Otsu's threshold (1979, doi:10.1109/TSMC.1979.4310076). Within a strip of width w the distance to its
+    border is w / 4 on average, so four times that average is the width; wide strokes count by their area. The likeness is Pearson's
+    correlation of the two brightnesses, blurred over one stroke width, as the eye does that sees a half-tone.
+
+    Parameters
+    ----------
+    image : (H, W[, 3]) array_like
+        The motif; it is taken to repeat.
+    base : (H, W[, 3]) array_like, optional
+        The base image, of the same size.
+
+    Raises
+    ------
+    ImageError
+        When a picture cannot be used, or the two differ in size.
+    """
+    brightness = _brightness(as_float(image))
+    height, width = brightness.shape
+    strokes = brightness < _otsu(brightness)
+    # One copy all round closes the strokes across the border.
+    around = np.pad(strokes, [(height // 2, height // 2), (width // 2, width // 2)], mode="wrap")
+    distance = ndimage.distance_transform_edt(around)[height // 2 : height // 2 + height, width // 2 : width // 2 + width]
+    # Distances are to the centres of pixels outside: half a pixel more than to the border.
+    stroke_px = 4.0 * float(np.maximum(distance[strokes] - 0.5, 0.25).mean()) if strokes.any() else 0.0
+    likeness = 0.0
+    if base is not None:
+        other = _brightness(as_float(base, "base"))
+        if other.shape != brightness.shape:
+            raise ImageError(f"base has shape {other.shape}, the motif {brightness.shape}; resize it to the motif's size")
+        likeness = _correlation(*(ndimage.gaussian_filter(values, stroke_px / 2, mode="wrap") for values in (brightness, other)))
+    return Character(stroke=stroke_px / min(height, width), likeness=likeness)
+
+
+def _brightness(image: npt.NDArray[np.float32]) -> Floats:
+    values = image.astype(np.float64)
+    brightness: Floats = values[..., 0] if values.shape[2] < 3 else values[..., :3] @ _LUMA
+    return brightness
+
+
+def _otsu(values: Floats) -> float:
+    """The threshold between two classes of values that lie farthest apart."""
+    count, edges = np.histogram(values, 256)
+    centre = (edges[1:] + edges[:-1]) / 2
+    low = np.cumsum(count)[:-1].astype(float)
+    high = count.sum() - low
+    total = np.cumsum(count * centre)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        between = low * high * (total[:-1] / low - (total[-1] - total[:-1]) / high) ** 2
+    return float(edges[1 + int(np.nanargmax(between))]) if np.isfinite(between).any() else float(edges[0])
+
+
+def _correlation(a: Floats, b: Floats) -> float:
+    a, b = a - a.mean(), b - b.mean()
+    scale = float(np.sqrt((a**2).sum() * (b**2).sum()))
+    return float((a * b).sum()) / scale if scale > 1e-12 else 0.0

@@ -1,0 +1,28 @@
+"""Subtractive colour mixing: layers of ink over paper (thesis 4.5)."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+
+def mix(densities: npt.NDArray[np.floating], inks: npt.NDArray[np.floating], paper: npt.NDArray[np.floating]) -> npt.NDArray[np.float32]:
+    """The colour of layers of ink over paper.
+
+    Each layer takes from the light what its ink absorbs, in proportion to its density: paper Π (1 - ρ_l (1 - C_l)).
+
+    Parameters
+    ----------
+    densities : (n_L, H, W) float array in [0, 1]
+    inks : (n_L, 3) float array, sRGB in [0, 1]
+    paper : (3,) float array
+
+    Returns
+    -------
+    (H, W, 3) float32 array in [0, 1]
+    """
+    image = np.empty((*densities.shape[1:], 3), np.float32)
+    image[:] = paper
+    for density, ink in zip(densities, inks, strict=True):
+        image *= 1.0 - density[..., np.newaxis] * (1.0 - ink).astype(np.float32)
+    return np.clip(image, 0.0, 1.0, out=image)

@@ -1,0 +1,119 @@
+"""Colours that go together: a paper and the inks for it, by name or taken from a picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.errors import OptionError
+from toposeam.images import as_float
+
+Floats = npt.NDArray[np.float64]
+
+#: Paper, then inks from the leading one on.
+PALETTES: dict[str, tuple[str, ...]] = {
+    "spring": ("#fdf8ee", "#e58a9a", "#8fb86a", "#f2c14e", "#7fb3c8", "#c79bc7", "#5d8a66"),
+    "summer": ("#fbfaf3", "#1f8a9e", "#f26d5b", "#f4b73f", "#3b6fb6", "#79b791", "#d94f70"),
+    "fall": ("#f8f0e1", "#b5532a", "#d99a2b", "#6f7a3a", "#7d2e3a", "#3f4a4f", "#c77b58"),
+    "winter": ("#f4f6f8", "#23426b", "#7fa6c4", "#8c2f45", "#9aa7b4", "#3e6b6f", "#5b4b7a"),
+    "indigo": ("#f6f3ea", "#24376b", "#5f86b5", "#9dbad0", "#16233f", "#7d7fa8", "#c0894f"),
+    "sumi": ("#f5f1e8", "#2b2b2e", "#7b7a78", "#b0342c", "#55585c", "#a79f91", "#3d3a38"),
+    "terracotta": ("#faf1e6", "#c4583a", "#2f5d62", "#e0a458", "#8a3b2e", "#88a096", "#5a3d2b"),
+    "botanic": ("#f7f5e9", "#2f6b4f", "#a3b86c", "#d98c5f", "#1f4037", "#d6b656", "#7c9f8a"),
+    "sea": ("#f3f8f6", "#12637a", "#52a7a5", "#f0a48b", "#0f3d57", "#a3d1c6", "#dcae5b"),
+    "plum": ("#faf3f1", "#6d2e58", "#d1728f", "#e7a977", "#40294d", "#a486b4", "#7e8f5f"),
+    "saffron": ("#fdf6e3", "#d98816", "#a63a2f", "#2f6f73", "#e8b84a", "#5b3a5e", "#7a8c45"),
+    "night": ("#efe9dc", "#1b2a41", "#b0413e", "#d8a25e", "#3e5c76", "#748cab", "#5c4b51"),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Palette:
+    """A paper and its inks, sRGB in [0, 1]."""
+
+    #: (3,)
+    paper: Floats
+    #: (n, 3)
+    inks: Floats
+
+
+def parse_colour(text: str) -> tuple[float, float, float]:
+    """The colour of ``#rrggbb``.
+
+    Raises
+    ------
+    OptionError
+    """
+    digits = text.removeprefix("#")
+    try:
+        if len(digits) != 6:
+            raise ValueError
+        return int(digits[:2], 16) / 255, int(digits[2:4], 16) / 255, int(digits[4:], 16) / 255
+    except ValueError:
+        raise OptionError(f"colour {text!r} cannot be read; write it as #rrggbb") from None
+
+
+def palette(source: str | npt.ArrayLike, n: int) -> Palette:
+    """A paper and `n` inks.
+
+    Parameters
+    ----------
+    source : str or (H, W, 3) array_like
+        A name from `PALETTES`, or a picture: its lightest main colour becomes the paper, the others the inks that give them on it.
+    n : int
+        Number of inks.
+
+    Raises
+    ------
+    OptionError
+        For an unknown name, or more inks than the palette or the picture has.
+    """
+    if n < 1:
+        raise OptionError(f"a palette of {n} inks was asked for; ask for at least 1")
+    if isinstance(source, str):
+        if source not in PALETTES:
+            raise OptionError(f"palette {source!r} is not known; choose one of {', '.join(PALETTES)}")
+        colours = np.array([parse_colour(text) for text in PALETTES[source]])
+        if n > len(colours) - 1:
+            raise OptionError(f"palette {source} has {len(colours) - 1} inks, {n} were asked for; use fewer layers or give the inks")
+        return Palette(paper=colours[0], inks=colours[1 : n + 1])
+    return _from_picture(source, n)
+
+
+def _from_picture(source: npt.ArrayLike, n: int) -> Palette:
+    image = as_float(source, "the palette's picture")
+    pixels = image[..., :3].reshape(-1, image.shape[2] if image.shape[2] < 3 else 3).astype(np.float64)
+    if pixels.shape[1] < 3:
+        pixels = np.repeat(pixels[:, :1], 3, axis=1)
+    pixels = np.clip(pixels[:: max(1, len(pixels) // 20_000)], 0.0, 1.0)
+    distinct = np.unique(np.round(pixels * 31), axis=0)
+    if len(distinct) < n + 1:
+        raise OptionError(f"the palette's picture has {len(distinct)} colours, {n + 1} are needed (paper and {n} inks); use fewer layers")
+    centres, sizes = _cluster(pixels, n + 1)
+    lightest = int(np.argmax(centres @ np.array([0.2126, 0.7152, 0.0722])))
+    paper = centres[lightest]
+    rest = np.delete(np.arange(n + 1), lightest)
+    rest = rest[np.argsort(-sizes[rest], kind="stable")]
+    return Palette(paper=paper, inks=np.clip(centres[rest] / np.maximum(paper, 1e-3), 0.0, 1.0))
+
+
+def _cluster(pixels: Floats, n: int) -> tuple[Floats, Floats]:
+    """Main colours by k-means in a perceptual scale, from a farthest-point start that needs no chance."""
+    points = np.cbrt(pixels) @ np.array([[0.3, 0.6, 0.3], [0.6, -0.9, 0.5], [0.1, 0.3, -0.8]])
+    chosen = [int(np.argmax(points[:, 0]))]
+    nearest = np.full(len(points), np.inf)
+    for _ in range(n - 1):
+        nearest = np.minimum(nearest, np.square(points - points[chosen[-1]]).sum(1))
+        chosen.append(int(np.argmax(nearest)))
+    centres = points[chosen]
+    label = np.zeros(len(points), np.intp)
+    for _ in range(25):
+        label = np.argmin(np.square(points[:, None] - centres[None]).sum(2), axis=1)
+        for cluster in range(n):
+            if np.any(label == cluster):
+                centres[cluster] = points[label == cluster].mean(0)
+    counts = np.bincount(label, minlength=n).astype(np.float64)
+    means = np.stack([pixels[label == c].mean(0) if counts[c] else pixels[chosen[c]] for c in range(n)])
+    return means, counts

@@ -1,0 +1,206 @@
+"""Everything a motif is made from, as plain values: the same recipe makes the same bytes again."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import dataclasses
+import math
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.errors import OptionError
+from toposeam.images import as_float
+from toposeam.motif.symmetry import check_repeat
+
+#: x and y in [0, 1] of the cell, and a strength.
+Point = tuple[float, float, float]
+Colour = tuple[float, float, float]
+#: Smallest and largest cell, in elements.
+SMALLEST, LARGEST = 8, 8192
+Kind = TypeVar("Kind")
+#: A base image is kept at most this large.
+_BASE_SIZE = 256
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LayerRecipe:
+    """One colour: where its heat comes from and goes, and how it flows."""
+
+    #: sRGB in [0, 1].
+    ink: Colour
+    #: Where heat is generated; strengths are relative.
+    sources: tuple[Point, ...]
+    #: Where heat leaves by convection; strengths are relative.
+    sinks: tuple[Point, ...]
+    #: Share of the heat that is generated evenly everywhere, 0 to 1. It makes strokes branch.
+    ambient: float = 0.0
+    #: Allowed mass (4.4): the mean density.
+    mass: float = 0.3
+    #: Penalty exponent p: 1 for ink wash, 3 for distinct strokes.
+    penalty: float = 3.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "ink", _numbers(self.ink, 3, "ink"))
+        for name in ("sources", "sinks"):
+            object.__setattr__(self, name, tuple(_numbers(point, 3, name) for point in getattr(self, name)))
+        if not all(0 <= c <= 1 for c in self.ink):
+            raise OptionError(f"ink is {self.ink}; colours are three numbers from 0 to 1")
+        if not 0 <= self.ambient <= 1:
+            raise OptionError(f"ambient is {self.ambient}; it must lie between 0 and 1")
+        if not 0 < self.mass < 1:
+            raise OptionError(f"mass is {self.mass}; it must lie between 0 and 1, both excluded (0.2 to 0.5 is usual)")
+        if not 1 <= self.penalty <= 10:
+            raise OptionError(f"penalty is {self.penalty}; it must lie between 1 (ink wash) and 10")
+        if not any(s > 0 for *_, s in self.sources) and self.ambient == 0:
+            raise OptionError("a layer has no heat source; give at least one source a strength above 0, or set ambient above 0")
+        if not any(s > 0 for *_, s in self.sinks):
+            raise OptionError("a layer has no heat sink; give at least one sink a strength above 0")
+        for name in ("sources", "sinks"):
+            for x, y, strength in getattr(self, name):
+                if not (0 <= x <= 1 and 0 <= y <= 1 and strength >= 0):
+                    raise OptionError(f"{name} has ({x:g}, {y:g}, {strength:g}); x and y must lie in 0 to 1 and strengths not be negative")
+        places = {(x, y) for x, y, s in (*self.sources, *self.sinks) if s > 0}
+        if self.ambient == 0 and len(places) < 2:
+            raise OptionError("a layer's sources and sinks all lie on one point, so no heat flows; move them apart")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recipe:
+    """A motif's parameters."""
+
+    #: Rows and columns of the cell; for a hexagonal group, elements along its two sides.
+    size: tuple[int, int]
+    #: The rule it repeats by, one of `REPEATS`.
+    repeat: str = "none"
+    #: The seed its random choices came from; kept for the record.
+    seed: int = 0
+    #: sRGB in [0, 1].
+    paper: Colour = (1.0, 1.0, 1.0)
+    layers: tuple[LayerRecipe, ...] = ()
+    #: Iterations; strokes become more distinct with each.
+    iterations: int = 40
+    #: Largest change of a density in one iteration.
+    move: float = 0.2
+    #: Radius of the filter against checkerboards, in hundredths of the cell's shorter side; 0 for none.
+    filter_radius: float = 0.5
+    #: Most iterations on coarser plates, the last ones at full size.
+    coarse: bool = True
+    #: Brightness of a base image, packed by `pack_base`; empty for none.
+    base: str = ""
+    #: How strongly the base image shows, -1 to 1: strokes keep to its bright parts, or below 0 to its dark ones.
+    base_strength: float = 0.0
+
+    def __post_init__(self) -> None:
+        size = tuple(int(side) for side in self.size)
+        if len(size) != 2 or not all(SMALLEST <= side <= LARGEST for side in size):
+            raise OptionError(f"size is {self.size}; give rows and columns from {SMALLEST} to {LARGEST}")
+        object.__setattr__(self, "size", size)
+        object.__setattr__(self, "layers", tuple(self.layers))
+        object.__setattr__(self, "paper", _numbers(self.paper, 3, "paper"))
+        check_repeat(self.repeat, (size[0], size[1]))
+        if not all(0 <= c <= 1 for c in self.paper):
+            raise OptionError(f"paper is {self.paper}; colours are three numbers from 0 to 1")
+        if not self.layers:
+            raise OptionError("the recipe has no layers; give at least one")
+        if self.iterations < 1:
+            raise OptionError(f"iterations is {self.iterations}; at least 1 is needed")
+        if not 0 < self.move <= 1:
+            raise OptionError(f"move is {self.move}; it must be above 0 and at most 1")
+        if not 0 <= self.filter_radius <= 10:
+            raise OptionError(f"filter_radius is {self.filter_radius}; it must lie between 0 and 10 (hundredths of the cell)")
+        if not -1 <= self.base_strength <= 1:
+            raise OptionError(f"base_strength is {self.base_strength}; it must lie between -1 and 1")
+        if self.base:
+            unpack_base(self.base)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain lists, numbers and strings, ready for JSON or TOML."""
+        record = dataclasses.asdict(self)
+        record["layers"] = [{name: _plain(value) for name, value in layer.items()} for layer in record["layers"]]
+        return {name: _plain(value) for name, value in record.items()}
+
+    @classmethod
+    def from_dict(cls, record: Mapping[str, Any]) -> Recipe:
+        """The recipe of `to_dict`.
+
+        Raises
+        ------
+        OptionError
+            For unknown names, missing or unusable values.
+        """
+        values = dict(record)
+        layers = values.pop("layers", ())
+        try:
+            return _build(cls, {**values, "layers": tuple(_build(LayerRecipe, layer) for layer in layers)})
+        except (TypeError, ValueError, AttributeError) as error:
+            if isinstance(error, OptionError):
+                raise
+            raise OptionError(f"the recipe cannot be read ({error}); compare it with one that toposeam wrote") from error
+
+
+def _build(kind: type[Kind], values: Mapping[str, Any]) -> Kind:
+    known = {field.name for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
+    unknown = [name for name in values if name not in known]
+    if unknown:
+        raise OptionError(f"the recipe has an unknown entry {unknown[0]!r}; known are {', '.join(sorted(known))}")
+    return kind(**values)
+
+
+def _plain(value: Any) -> Any:
+    return [_plain(item) for item in value] if isinstance(value, tuple | list) and not isinstance(value, str) else value
+
+
+def _numbers(values: Any, count: int, name: str) -> tuple[float, ...]:
+    try:
+        result = tuple(float(value) for value in values)
+    except (TypeError, ValueError):
+        result = ()
+    if len(result) != count or not all(math.isfinite(value) for value in result):
+        raise OptionError(f"{name} has {values!r}; give {count} numbers")
+    return result
+
+
+def pack_base(image: npt.ArrayLike) -> str:
+    """The brightness of a picture as text, at most 256 elements long, 8 bits each.
+
+    Raises
+    ------
+    ImageError
+        For pictures that cannot be used.
+    """
+    array = as_float(image, "the base image")
+    if array.shape[2] in (2, 4):  # on white where it is transparent
+        alpha = np.clip(array[..., -1:], 0.0, 1.0)
+        array = array[..., :-1] * alpha + (1.0 - alpha)
+    gray = array @ np.array([0.2126, 0.7152, 0.0722], np.float32) if array.shape[2] == 3 else array.mean(axis=2)
+    step = max(1.0, max(gray.shape) / _BASE_SIZE)
+    if step > 1:
+        from toposeam.motif.sampling import resample
+
+        gray = resample(np.clip(gray, 0.0, 1.0), "none", (max(1, round(gray.shape[0] / step)), max(1, round(gray.shape[1] / step))))
+    levels = np.round(np.clip(gray, 0.0, 1.0) * 255).astype(np.uint8)
+    return f"{levels.shape[0]}x{levels.shape[1]}:" + base64.b85encode(zlib.compress(levels.tobytes(), 9)).decode("ascii")
+
+
+def unpack_base(text: str) -> npt.NDArray[np.float32]:
+    """The brightness in [0, 1] that `pack_base` wrote.
+
+    Raises
+    ------
+    OptionError
+    """
+    try:
+        shape, _, data = text.partition(":")
+        rows, columns = (int(side) for side in shape.split("x"))
+        if not (0 < rows <= _BASE_SIZE and 0 < columns <= _BASE_SIZE):
+            raise ValueError("size")
+        raw = zlib.decompressobj().decompress(base64.b85decode(data), rows * columns + 1)
+        return np.frombuffer(raw, np.uint8).reshape(rows, columns).astype(np.float32) / np.float32(255)
+    except (ValueError, zlib.error, binascii.Error) as error:
+        raise OptionError("the recipe's base image is damaged; give the picture again") from error

@@ -1,0 +1,1 @@
+"""Ways for a robot, planned by heat on a plate."""

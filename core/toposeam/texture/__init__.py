@@ -1,0 +1,1 @@
+"""Textures laid from patches of samples, joined along heat seams: synthesis, tiles, filled holes."""

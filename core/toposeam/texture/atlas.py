@@ -1,0 +1,127 @@
+"""The atlas: all exemplars on one plane, from which patches are copied.
+
+Exemplars lie below one another with a margin round each, so that a pixel is one flat index, its neighbour in the exemplar is that index
+plus a constant, and a window that reaches beyond an exemplar meets pixels that are not *usable* instead of another exemplar's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.images import Mask
+
+Floats32 = npt.NDArray[np.float32]
+Ints32 = npt.NDArray[np.int32]
+
+#: Exemplars of more pixels are searched at reduced size first.
+SEARCH_PIXELS = 300 * 300
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Atlas:
+    """Where each exemplar lies on a plane of AH × AW pixels.
+
+    Parameters
+    ----------
+    usable : (AH, AW) bool array
+        The pixels that have a value.
+    copied : (AH, AW) bool array
+        Those of them that patches may consist of.
+    corners : (E, 2) int array
+        Row and column of each exemplar's first pixel.
+    shapes : (E, 2) int array
+        Height and width of each exemplar.
+    margin : int
+        Least distance in px between an exemplar and anything else, a multiple of the factor.
+    factor : int
+        By how much the plane is reduced for the first search, a power of two.
+    """
+
+    usable: Mask
+    copied: Mask
+    corners: npt.NDArray[np.intp]
+    shapes: npt.NDArray[np.intp]
+    margin: int
+    factor: int
+
+    @classmethod
+    def of(cls, usable: Sequence[Mask], context: int, copied: Sequence[Mask] | None = None) -> Atlas:
+        """Put exemplars on one plane.
+
+        Parameters
+        ----------
+        usable : sequence of (H, W) bool arrays
+            One per exemplar: where it has pixels.
+        context : int
+            How far, in px, windows will reach beyond their patches.
+        copied : sequence of (H, W) bool arrays, optional
+            Where patches may be copied from, if not everywhere.
+        """
+        factor = 1
+        while sum(mask.size for mask in usable) / factor**2 > SEARCH_PIXELS:
+            factor *= 2
+        margin = factor * -(-max(context, 2) // factor)
+        shapes = np.array([mask.shape for mask in usable], np.intp)
+        rows = margin + np.concatenate([[0], np.cumsum(shapes[:-1, 0] + margin)])
+        corners = np.column_stack([rows, np.full(len(rows), margin)]).astype(np.intp)
+        size = int(rows[-1] + shapes[-1, 0]) + margin, int(shapes[:, 1].max()) + 2 * margin
+        atlas = cls(np.zeros(size, bool), np.zeros(size, bool), corners, shapes, margin, factor)
+        for place, mask, allowed in zip(atlas.places, usable, copied or usable, strict=True):
+            atlas.usable[place] = mask
+            atlas.copied[place] = mask & allowed
+        return atlas
+
+    @property
+    def width(self) -> int:
+        """AW, the step from one row to the next in flat indices."""
+        return int(self.usable.shape[1])
+
+    @property
+    def places(self) -> list[tuple[slice, slice]]:
+        """Rows and columns of each exemplar."""
+        return [
+            (slice(row, row + h), slice(column, column + w))
+            for (row, column), (h, w) in zip(self.corners.tolist(), self.shapes.tolist(), strict=True)
+        ]
+
+    def spread(self, images: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
+        """One (H, W, C) array per exemplar, of one dtype, on the plane; 0 elsewhere."""
+        plane = np.zeros((*self.usable.shape, images[0].shape[2]), images[0].dtype)
+        for place, image in zip(self.places, images, strict=True):
+            plane[place] = image
+        return plane
+
+    def locate(self, index: Ints32) -> tuple[npt.NDArray[np.int16], Ints32]:
+        """Exemplar, and row and column in it, of pixels given by flat index.
+
+        Returns
+        -------
+        exemplar : int16 array of the shape of `index`
+        place : int32 array, (…, 2)
+            -1 for pixels without source.
+        """
+        row, column = np.divmod(index, np.int32(self.width))
+        exemplar = np.maximum(np.searchsorted(self.corners[:, 0], row, side="right") - 1, 0).astype(np.int16)
+        place = np.empty((*index.shape, 2), np.int32)
+        place[..., 0] = row - self.corners[:, 0].astype(np.int32)[exemplar]
+        place[..., 1] = column - self.corners[:, 1].astype(np.int32)[exemplar]
+        place[index < 0] = -1
+        return exemplar, place
+
+    def index_of(self, exemplar: npt.NDArray[np.int16], place: Ints32) -> Ints32:
+        """The inverse of :meth:`locate`."""
+        row = place[..., 0] + self.corners[:, 0].astype(np.int32)[exemplar]
+        column = place[..., 1] + self.corners[:, 1].astype(np.int32)[exemplar]
+        return np.where(place[..., 0] < 0, np.int32(-1), row * np.int32(self.width) + column)
+
+
+def values_at(plane: Floats32, index: Ints32) -> Floats32:
+    """Values of an (AH, AW, F) plane at flat indices, (…, F); 0 for index -1."""
+    found: Floats32 = plane.reshape(-1, plane.shape[2])[np.maximum(index, 0)]
+    found[index < 0] = 0
+    return found

@@ -1,0 +1,240 @@
+"""Laying a patch: find where one fits, choose, cut it along the heat seam, paint it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from toposeam.errors import OptionError, OverlapError
+from toposeam.images import Mask
+from toposeam.seam.find import Method, find_seam
+from toposeam.seam.match_cost import MatchCost
+from toposeam.texture.atlas import Atlas, Floats32, Ints32, values_at
+from toposeam.texture.canvas import Canvas
+from toposeam.texture.search import Ints, PatchSearch, box_sum
+
+#: Added to every error, so that a perfect fit does not outweigh everything else; the square of 1 % of the image's range.
+_FLOOR = 1e-4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LayOptions:
+    """How patches are chosen and cut."""
+
+    #: A patch is drawn at random from those whose error is at most 1 + tolerance times the least.
+    tolerance: float = 0.1
+    #: How many different places are compared.
+    candidates: int = 8
+    #: px round the patch in which known pixels are compared too.
+    context: int = 8
+    #: What a pixel of the context counts, one of the overlap being 1.
+    context_weight: float = 0.5
+    #: No source pixel shows more often than this many times the average.
+    most: float = 2.5
+    #: How strongly places that show often already are avoided.
+    variety: float = 0.5
+    #: How the seam is found.
+    method: Method = "heat"
+    cost: MatchCost | None = None
+
+    def __post_init__(self) -> None:
+        for name, low, high in (("tolerance", 0, 10), ("context_weight", 0, 1), ("most", 1, np.inf), ("variety", 0, 100)):
+            if not low <= getattr(self, name) <= high:
+                raise OptionError(f"{name} is {getattr(self, name)}; it must be from {low} to {high}")
+        if self.candidates < 1 or self.context < 0:
+            raise OptionError(f"candidates is {self.candidates} and context {self.context}; they must be at least 1 and 0")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Guide:
+    """What a texture should look like, patch by patch."""
+
+    #: (AH, AW, G) float32, what each pixel of the atlas stands for.
+    source: Floats32
+    #: (H, W, G) float32, what is wanted on the canvas.
+    target: Floats32
+    #: Its share in the choice, in [0, 1]; the rest is the overlap's.
+    weight: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Term:
+    """One reason to prefer a place: a window of values that should be found there, and how much that counts."""
+
+    search: PatchSearch
+    values: Floats32
+    weight: Floats32
+    strength: float
+
+
+class Layer:
+    """Lays patches of an atlas on a canvas.
+
+    Parameters
+    ----------
+    atlas : Atlas
+    features : (AH, AW, F) float32 array
+        What overlapping patches are compared by, 0 where the atlas is not usable.
+    canvas : Canvas
+    options : LayOptions
+    rng : numpy.random.Generator
+    area : int
+        Number of canvas pixels that patches will fill, for the average use of a source pixel.
+    guide : Guide, optional
+        What the patches should look like.
+    """
+
+    def __init__(
+        self, atlas: Atlas, features: Floats32, canvas: Canvas, options: LayOptions, rng: np.random.Generator, area: int,
+        guide: Guide | None = None,
+    ) -> None:  # fmt: skip
+        self.atlas, self.features, self.canvas, self.options, self.rng, self.guide = atlas, features, canvas, options, rng, guide
+        self.search = PatchSearch(atlas, features)
+        self._guides = None if guide is None else PatchSearch(atlas, guide.source)
+        self._average = max(area / max(int(atlas.usable.sum()), 1), 1.0)
+        self._limit = max(1, int(options.most * self._average))
+        self.margin = atlas.margin
+
+    def lay(self, top: int, left: int, shape: tuple[int, int], may_show: Mask | None = None) -> bool:
+        """Lay one patch on a window of the canvas; False where nothing there is empty.
+
+        Parameters
+        ----------
+        top, left : int
+            Its first pixel on the canvas.
+        shape : (int, int)
+            Its height and width.
+        may_show : (h, w) bool array, optional
+            Where the patch may replace what is there; it always fills what is empty.
+        """
+        m, (h, w) = self.margin, shape
+        known = self.canvas.read(top - m, left - m, h + 2 * m, w + 2 * m)
+        _, _, inside = self.canvas.window(top, left, h, w)
+        inner = known[m : m + h, m : m + w]
+        empty = (inner < 0) & inside
+        if not empty.any():
+            return False
+        covers = inside if may_show is None else (may_show | empty) & inside
+        weight = np.where(known >= 0, np.float32(self.options.context_weight), np.float32(0))
+        weight[m : m + h, m : m + w] = inner >= 0
+        terms = self._terms(top, left, shape, known, weight)
+        row, column = self._choose(terms, shape, known) if terms else self._anywhere(shape)
+        source = (row * self.atlas.width + column + self._grid(shape)).astype(np.int32)
+        padded = self.canvas.read(top - 1, left - 1, h + 2, w + 2)
+        self.canvas.paint(top, left, source, self.cut(padded, source, covers))
+        return True
+
+    def cut(self, padded: Ints32, source: Ints32, covers: Mask) -> Mask:
+        """Where a patch shows, given what is there.
+
+        Parameters
+        ----------
+        padded : (h + 2, w + 2) int32 array
+            What the canvas shows in the patch's window and one pixel round it; -1 where empty.
+        source : (h, w) int32 array
+            The patch.
+        covers : (h, w) bool array
+            Where it may show; it must show where the canvas is empty there.
+        """
+        mask_a = padded >= 0
+        mask_b = np.zeros_like(mask_a)
+        mask_b[1:-1, 1:-1] = covers
+        if not (mask_a & mask_b).any():
+            return covers
+        b = np.zeros((*mask_a.shape, self.features.shape[2]), np.float32)
+        b[1:-1, 1:-1] = values_at(self.features, source)
+        try:
+            seam = find_seam(values_at(self.features, padded), b, mask_a, mask_b, method=self.options.method, cost=self.options.cost)
+        except OverlapError:  # too thin to hold a seam
+            return covers & ~mask_a[1:-1, 1:-1]
+        shows: Mask = seam.labels[1:-1, 1:-1] & covers
+        return shows
+
+    def _grid(self, shape: tuple[int, int]) -> Ints:
+        return np.arange(shape[0])[:, np.newaxis] * self.atlas.width + np.arange(shape[1])
+
+    def _anywhere(self, shape: tuple[int, int]) -> tuple[int, int]:
+        rows, columns = np.nonzero(self.search.room(shape))
+        pick = int(self.rng.integers(len(rows)))
+        return int(rows[pick]), int(columns[pick])
+
+    def _terms(self, top: int, left: int, shape: tuple[int, int], known: Ints32, weight: Floats32) -> list[_Term]:
+        """What a place is judged by: how it fits what is known, and how it fits the guide."""
+        terms = []
+        share = 0.0 if self.guide is None else self.guide.weight
+        if weight.any():
+            terms.append(_Term(self.search, values_at(self.features, known), weight, 1.0 - share))
+        if self.guide is not None and self._guides is not None:
+            m = self.margin
+            rows, columns, inside = self.canvas.window(top - m, left - m, *known.shape)
+            wanted = np.zeros_like(weight)
+            wanted[m : m + shape[0], m : m + shape[1]] = inside[m : m + shape[0], m : m + shape[1]]
+            terms.append(_Term(self._guides, self.guide.target[rows, columns], wanted, share))
+        return terms
+
+    def _choose(self, terms: list[_Term], shape: tuple[int, int], known: Ints32) -> tuple[int, int]:
+        """Atlas row and column of the patch, drawn from the best places."""
+        m, f = self.margin, self.search.factor
+        error = sum(term.strength * term.search.fit(term.values, term.weight, (m, m), shape) for term in terms)
+        error = np.asarray(error, np.float32)
+        rows, columns, errors = self._best(error + np.float32(_FLOOR), shape, known)
+        if f > 1:
+            for k, (row, column) in enumerate(zip(rows.tolist(), columns.tolist(), strict=True)):
+                exact = np.zeros(1, np.float32)
+                before = error[(row - m) // f, (column - m) // f] + _FLOOR
+                for term in terms:
+                    near_rows, near_columns, near = term.search.around(row, column, term.values, term.weight, (m, m), shape)
+                    exact = exact + term.strength * near
+                least = int(np.argmin(exact))
+                rows[k], columns[k] = near_rows[least], near_columns[least]
+                errors[k] *= (exact[least] + _FLOOR) / before
+        good = np.flatnonzero(errors <= (1 + self.options.tolerance) * errors.min())
+        pick = int(self.rng.choice(good))
+        return int(rows[pick]), int(columns[pick])
+
+    def _best(self, error: Floats32, shape: tuple[int, int], known: Ints32) -> tuple[Ints, Ints, Floats32]:
+        """The best places of the search's grid that lie apart, and their errors: raised where the source shows often, and without those
+        that would only continue a neighbour's copy.
+        """
+        m, f, (n, columns_n) = self.margin, self.search.factor, error.shape
+        usage = self.canvas.usage.reshape(self.atlas.usable.shape)
+        on_grid = slice(m, None, f), slice(m, None, f)
+        mean = box_sum(usage, shape)[on_grid][:n, :columns_n] / (shape[0] * shape[1] * self._average)
+        worn = box_sum(usage >= self._limit, shape)[on_grid][:n, :columns_n] > 0
+        raised = (error * (1 + self.options.variety * np.square(mean))).astype(np.float32)
+        free = raised.copy()
+        free[worn] = np.inf
+        apart = max(3, min(shape) // 8)
+        for row, column in self._continued(known):
+            _block(free, (row - m) / f, (column - m) / f, apart / f)
+        # With few places to choose from, better a worn place or a copy than none.
+        left = free if np.isfinite(free).any() else raised * (1 + mean).astype(np.float32)
+        rows: list[int] = []
+        columns: list[int] = []
+        errors: list[np.float32] = []
+        for _ in range(self.options.candidates):
+            i, j = divmod(int(left.argmin()), columns_n)
+            if rows and not np.isfinite(left[i, j]):
+                break
+            rows.append(m + f * i)
+            columns.append(m + f * j)
+            errors.append(left[i, j])
+            _block(left, i, j, max(1.0, apart / f))
+        return np.array(rows, np.intp), np.array(columns, np.intp), np.array(errors, np.float32)
+
+    def _continued(self, known: Ints32) -> list[tuple[int, int]]:
+        """Atlas places at which the patch would show exactly what continues a patch that is known in its window."""
+        y, x = np.nonzero(known >= 0)
+        row, column = np.divmod(known[y, x], np.int32(self.atlas.width))
+        # One number per shift, which sorts faster than two.
+        shift = np.unique((row - y + self.margin) * 2**32 + (column - x + self.margin) + 2**31)
+        return [(int(pair) >> 32, (int(pair) & 0xFFFFFFFF) - 2**31) for pair in shift]
+
+
+def _block(error: Floats32, row: float, column: float, reach: float) -> None:
+    """Set a square to inf."""
+    rows = slice(max(0, math.ceil(row - reach)), max(0, math.floor(row + reach) + 1))
+    columns = slice(max(0, math.ceil(column - reach)), max(0, math.floor(column + reach) + 1))
+    error[rows, columns] = np.inf

@@ -1,0 +1,100 @@
+"""From a map of sources to pixels, smoothed along the seams only.
+
+Where every pixel near shows the same copy, the texture is that copy. At a seam each pixel becomes the mean of what the copies showing round
+it have *there*: copy i, seen k pixels away, contributes its own pixel at this very place, with the weight of k in a binomial kernel. So the
+smoothing mixes neighbouring copies and never blurs one of them, and the map of sources is all it needs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.images import Mask
+from toposeam.texture.atlas import Ints32
+
+#: Rows rendered at a time.
+_ROWS = 256
+
+
+def render(index: Ints32, plane: npt.NDArray[Any], usable: Mask, wrap: tuple[bool, bool], smooth: int) -> npt.NDArray[Any]:
+    """The picture that a map of sources shows.
+
+    Parameters
+    ----------
+    index : (H, W) int32 array
+        Flat index into the atlas, or -1.
+    plane : (AH, AW, C) array
+        Any map, on the atlas.
+    usable : (AH, AW) bool array
+    wrap : (bool, bool)
+        Whether rows and columns continue at the opposite border.
+    smooth : int
+        How many px to either side of a seam are mixed; 0 for none.
+
+    Returns
+    -------
+    (H, W, C) array of the plane's dtype, 0 where there is no source
+    """
+    flat = plane.reshape(-1, plane.shape[2])
+    result = flat[np.maximum(index, 0)]
+    result[index < 0] = 0
+    if smooth:
+        for y, x in _near_seams(index, plane.shape[1], wrap, smooth):
+            result[y, x] = _mixed(index, flat, usable.ravel(), plane.shape[1], wrap, smooth, y, x).astype(plane.dtype)
+    return result
+
+
+def _near_seams(
+    index: Ints32, stride: int, wrap: tuple[bool, bool], smooth: int
+) -> Iterator[tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]]:
+    """Rows and columns of the pixels within reach of a seam, some rows of the canvas at a time."""
+    near = np.zeros(index.shape, bool)
+    for axis, step in ((0, stride), (1, 1)):
+        ahead = np.roll(index, -1, axis)
+        differs = (ahead - index != step) & (index >= 0) & (ahead >= 0)
+        if not wrap[axis]:
+            differs[(slice(-1, None), slice(None)) if axis == 0 else (slice(None), slice(-1, None))] = False
+        near |= differs | np.roll(differs, 1, axis)
+    for axis in (0, 1):
+        for _ in range(smooth - 1):
+            grown = near | np.roll(near, 1, axis) | np.roll(near, -1, axis)
+            near = grown
+    near &= index >= 0
+    for first in range(0, index.shape[0], _ROWS):
+        y, x = np.nonzero(near[first : first + _ROWS])
+        if len(y):
+            yield y + first, x
+
+
+def _mixed(
+    index: Ints32, flat: npt.NDArray[Any], usable: Mask, stride: int, wrap: tuple[bool, bool], smooth: int,
+    y: npt.NDArray[np.intp], x: npt.NDArray[np.intp],
+) -> npt.NDArray[np.floating[Any]]:  # fmt: skip
+    kernel = np.array([1.0])
+    for _ in range(smooth):
+        kernel = np.convolve(kernel, [0.25, 0.5, 0.25])
+    total = np.zeros((len(y), flat.shape[1]), np.float32 if flat.dtype.itemsize < 4 else np.float64)
+    mass = np.zeros((len(y), 1), total.dtype)
+    height, width = index.shape
+    for dy in range(-smooth, smooth + 1):
+        for dx in range(-smooth, smooth + 1):
+            ny, nx = y + dy, x + dx
+            on = np.ones(len(y), bool)
+            for line, limit, wraps in ((ny, height, wrap[0]), (nx, width, wrap[1])):
+                if wraps:
+                    line %= limit
+                else:
+                    on &= (line >= 0) & (line < limit)
+                    np.clip(line, 0, limit - 1, out=line)
+            found = index[ny, nx]
+            here = np.clip(found - (dy * stride + dx), 0, len(flat) - 1)
+            on &= (found >= 0) & usable[here]
+            weight = (on * (kernel[dy + smooth] * kernel[dx + smooth])).astype(total.dtype)[:, np.newaxis]
+            total += weight * flat[here]
+            mass += weight
+    total /= mass
+    return np.rint(total) if np.issubdtype(flat.dtype, np.integer) else total

@@ -1,0 +1,160 @@
+"""Where in the exemplars a patch fits: the weighted sum of squared differences at every place at once, by FFT.
+
+For a window of known pixels T with weights w, and exemplar pixels E that count where M is 1, the mean squared difference at place o is
+
+    D(o) = Σ w(m) M(o + m) |E(o + m) - T(m)|² / Σ w(m) M(o + m)
+         = (w ⋆ M|E|² - 2 Σ_c w T_c ⋆ M E_c + w|T|² ⋆ M) / (w ⋆ M),
+
+⋆ being the correlation. The transforms on the exemplars' side never change; per patch there is one transform for each channel of T, two for
+the weights, and one back. Large exemplars are searched at a half, a quarter … of their size first and then at full size round the best
+places.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import scipy.fft as sf
+
+from toposeam.images import Mask
+from toposeam.texture.atlas import Atlas, Floats32
+
+#: The share of a window's weight that has to meet usable pixels.
+_LEAST_SHARE = 0.25
+
+Spectrum = npt.NDArray[np.complex64]
+Ints = npt.NDArray[np.intp]
+
+
+class PatchSearch:
+    """Finds where patches fit.
+
+    Parameters
+    ----------
+    atlas : Atlas
+    features : (AH, AW, F) float32 array
+        What is compared, 0 where the atlas is not usable.
+    """
+
+    def __init__(self, atlas: Atlas, features: Floats32) -> None:
+        self.atlas, self.features = atlas, features
+        self.factor = atlas.factor
+        features, present = _reduced(features, atlas.usable.astype(np.float32), self.factor)
+        self._mean: Floats32 = (features * present[..., np.newaxis]).sum((0, 1), dtype=np.float64) / max(present.sum(dtype=np.float64), 1.0)
+        self._mean = self._mean.astype(np.float32)
+        features = (features - self._mean) * (present[..., np.newaxis] > 0)
+        self._grid = present.shape
+        self._size = (sf.next_fast_len(present.shape[0]), sf.next_fast_len(present.shape[1], real=True))
+        self._present = self._spectrum(present)
+        self._channels = [self._spectrum(features[..., c] * present) for c in range(features.shape[2])]
+        self._square = self._spectrum(np.square(features).sum(axis=2) * present)
+        self._shares: dict[bytes, tuple[Spectrum, Floats32]] = {}
+        self._rooms: dict[tuple[int, int], Mask] = {}
+
+    def room(self, shape: tuple[int, int]) -> Mask:
+        """(AH - h + 1, AW - w + 1) bool: where a patch of that shape may be copied."""
+        if shape not in self._rooms:
+            self._rooms[shape] = box_sum(~self.atlas.copied, shape) == 0
+        return self._rooms[shape]
+
+    def fit(self, values: Floats32, weight: Floats32, margin: tuple[int, int], patch: tuple[int, int]) -> Floats32:
+        """The mean squared difference at every place where the patch has room.
+
+        Parameters
+        ----------
+        values : (h, w, F) float32 array
+            The window: the patch and a margin round it.
+        weight : (h, w) float32 array
+            How much each pixel of the window counts; 0 where nothing is known.
+        margin : (int, int)
+            Rows above and columns left of the patch in the window, multiples of the factor and no more than the atlas's margin.
+        patch : (int, int)
+            Height and width of the patch.
+
+        Returns
+        -------
+        (n, m) float32 array
+            inf where the patch cannot lie. Row i, column j: the patch's first pixel at atlas row and column margin + factor * (i, j).
+        """
+        f = self.factor
+        reduced, mass = _reduced(values, weight, f)
+        share, below = self._share(mass)
+        reduced -= self._mean
+        total = share * self._square
+        for c, spectrum in enumerate(self._channels):
+            plane = reduced[..., c] * mass
+            total -= np.complex64(2) * np.conj(self._spectrum(plane)) * spectrum
+        total += np.conj(self._spectrum(np.square(reduced).sum(axis=2) * mass)) * self._present
+        rows, columns = self._grid[0] - mass.shape[0] + 1, self._grid[1] - mass.shape[1] + 1
+        error = sf.irfft2(total, self._size, overwrite_x=True)[:rows, :columns]
+        error = np.maximum(error, np.float32(0)) / np.maximum(below, np.float32(1e-9))
+        error[below < _LEAST_SHARE * mass.sum()] = np.inf
+        room = self.room(patch)[margin[0] :: f, margin[1] :: f][:rows, :columns]
+        full = np.full((min(rows, room.shape[0]), min(columns, room.shape[1])), np.inf, np.float32)
+        n, m = full.shape
+        np.copyto(full, error[:n, :m], where=room[:n, :m])
+        return full
+
+    def around(
+        self, row: int, column: int, values: Floats32, weight: Floats32, margin: tuple[int, int], patch: tuple[int, int]
+    ) -> tuple[Ints, Ints, Floats32]:
+        """Places at full size round one that the reduced search found, and the mean squared difference there.
+
+        Parameters
+        ----------
+        row, column : int
+            Atlas place of the patch's first pixel.
+        values, weight, margin, patch
+            As for :meth:`fit`.
+        """
+        y, x = np.nonzero(weight)
+        room = self.room(patch)
+        reach = np.arange(1 - self.factor, self.factor)
+        rows = np.clip(row + reach, 0, room.shape[0] - 1).repeat(len(reach))
+        columns = np.tile(np.clip(column + reach, 0, room.shape[1] - 1), len(reach))
+        places = rows * self.atlas.width + columns
+        pixels = places[:, np.newaxis] + ((y - margin[0]) * self.atlas.width + x - margin[1])
+        share = self.atlas.usable.ravel()[pixels] * weight[y, x]
+        square = np.square(self.features.reshape(-1, values.shape[2])[pixels] - values[y, x]).sum(axis=2)
+        error = (square * share).sum(axis=1) / np.maximum(share.sum(axis=1), np.float32(1e-9))
+        error[~room[rows, columns]] = np.inf
+        return rows, columns, error
+
+    def _share(self, mass: Floats32) -> tuple[Spectrum, Floats32]:
+        """Conjugate spectrum of the weights, and the weight that meets pixels with a value at every place; they come again and again."""
+        key = mass.tobytes() + bytes(str(mass.shape), "ascii")
+        if key not in self._shares:
+            if len(self._shares) >= 64:
+                self._shares.clear()
+            spectrum = np.conj(self._spectrum(mass))
+            rows, columns = self._grid[0] - mass.shape[0] + 1, self._grid[1] - mass.shape[1] + 1
+            self._shares[key] = spectrum, sf.irfft2(spectrum * self._present, self._size)[:rows, :columns]
+        return self._shares[key]
+
+    def _spectrum(self, plane: Floats32) -> Spectrum:
+        """Its transform on the common size; rows beyond the plane are zero and need no transform of their own."""
+        lines = sf.rfft(plane, self._size[1], axis=1)
+        result: Spectrum = sf.fft(lines, self._size[0], axis=0)
+        return result
+
+
+def box_sum(values: npt.NDArray[np.generic], shape: tuple[int, int]) -> npt.NDArray[np.float64]:
+    """Sum of every h × w box of an (H, W) array: (H - h + 1, W - w + 1), exact for whole numbers."""
+    total = np.zeros((values.shape[0] + 1, values.shape[1] + 1))
+    np.cumsum(np.cumsum(values, axis=0, dtype=np.float64), axis=1, out=total[1:, 1:])
+    h, w = shape
+    result: npt.NDArray[np.float64] = total[h:, w:] - total[:-h, w:] - total[h:, :-w] + total[:-h, :-w]
+    return result
+
+
+def _reduced(values: Floats32, weight: Floats32, factor: int) -> tuple[Floats32, Floats32]:
+    """Weighted means over blocks of factor × factor pixels, and the blocks' weight; what does not fill a block counts with weight 0."""
+    if factor == 1:
+        return values.copy(), weight
+    h, w = (-(-length // factor) * factor for length in weight.shape)
+    padding = ((0, h - weight.shape[0]), (0, w - weight.shape[1]))
+    blocks = h // factor, factor, w // factor, factor
+    mass = np.pad(weight, padding).reshape(blocks).sum(axis=(1, 3))
+    total = np.pad(values * weight[..., np.newaxis], (*padding, (0, 0))).reshape(*blocks, -1).sum(axis=(1, 3))
+    total /= np.maximum(mass, np.float32(1e-9))[..., np.newaxis]
+    return total, mass / np.float32(factor**2)

@@ -1,0 +1,187 @@
+"""Exemplars as a caller gives them: one or several, each with any number of maps, opacity and a mask."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.errors import ImageError, OptionError
+from toposeam.images import Image, Mask, as_float, as_mask
+from toposeam.texture.atlas import Floats32
+
+Images = npt.ArrayLike | Sequence[npt.ArrayLike]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sources:
+    """Exemplars, checked.
+
+    Parameters
+    ----------
+    planes : tuple of tuples
+        Per map (the picture itself first, then further maps, then opacity if there is any), one (H, W, C) array per exemplar.
+    gray : tuple of bool
+        Per map, whether it came without a channel axis.
+    features : tuple of (H, W, F) float32 arrays
+        Per exemplar, the channels of all maps times the root of the map's weight.
+    present : tuple of (H, W) bool arrays
+        Where the exemplar has pixels.
+    usable : tuple of (H, W) bool arrays
+        Where it may be copied.
+    has_alpha : bool
+        Whether the last plane is opacity.
+    """
+
+    planes: tuple[tuple[npt.NDArray[Any], ...], ...]
+    gray: tuple[bool, ...]
+    features: tuple[Floats32, ...]
+    present: tuple[Mask, ...]
+    usable: tuple[Mask, ...]
+    has_alpha: bool
+
+    @property
+    def shapes(self) -> tuple[tuple[int, int], ...]:
+        """Height and width of each exemplar."""
+        return tuple((mask.shape[0], mask.shape[1]) for mask in self.usable)
+
+
+def as_list(images: Images | None, count: int, name: str) -> list[Any]:
+    """One entry per exemplar: a lone array stands for the only exemplar.
+
+    Raises
+    ------
+    ImageError
+        When there are not as many as exemplars.
+    """
+    if images is None:
+        return [None] * count
+    found: list[Any] = list(images) if isinstance(images, list | tuple) else [images]
+    if len(found) != count:
+        raise ImageError(f"{name} has {len(found)} images for {count} exemplars; give one for each, in the same order")
+    return found
+
+
+def read_sources(
+    source: Images, *, alpha: Images | None = None, mask: Images | None = None, maps: Sequence[Images] = (),
+    weights: Sequence[float] | None = None, name: str = "source",
+) -> Sources:  # fmt: skip
+    """Check exemplars and all that belongs to them.
+
+    Parameters
+    ----------
+    source : (H, W[, C]) array_like, or a list of such
+    alpha, mask : (H, W) array_like, or a list with one (or None) per exemplar
+        Opacity, and where to sample; by default where the opacity is above 0.
+    maps : sequence
+        Further maps of the same exemplars, each an array or a list with one per exemplar.
+    weights : sequence of float, optional
+        How much the picture and each further map count in the search; 1 each by default.
+    name : str
+        What the caller calls the exemplars, for messages.
+
+    Raises
+    ------
+    ImageError
+        For images that cannot be used, or unlike sizes.
+    OptionError
+        For weights that do not fit.
+    """
+    several: list[Any] = list(source) if isinstance(source, list | tuple) else [source]
+    if not several:
+        raise ImageError(f"{name} is an empty list; give at least one image")
+    count = len(several)
+    names = [name if count == 1 else f"{name} {index + 1}" for index in range(count)]
+    pictures = [_picture(image, label) for image, label in zip(several, names, strict=True)]
+    shapes = [picture.shape[:2] for picture in pictures]
+    opacity = [None if a is None else np.asarray(a) for a in as_list(alpha, count, "alpha")]
+    masks = [None if m is None else as_mask(m, shape, "mask") for m, shape in zip(as_list(mask, count, "mask"), shapes, strict=True)]
+    factors = _weights(weights, 1 + len(maps))
+    planes, gray = [_alike(pictures, names)], [all(picture.ndim == 2 for picture in pictures)]
+    for number, given in enumerate(maps, start=1):
+        label = f"map {number}"
+        found = [_picture(np.asarray(image), label) for image in as_list(given, count, label)]
+        for image, shape, owner in zip(found, shapes, names, strict=True):
+            if image.shape[:2] != shape:
+                raise ImageError(
+                    f"{label} is {image.shape[1]} × {image.shape[0]} px, but {owner} {shape[1]} × {shape[0]} px; scale the maps to one size"
+                )
+        planes.append(_alike(found, [label] * count))
+        gray.append(all(image.ndim == 2 for image in found))
+    present, usable = [], []
+    for picture, a, m, label in zip(planes[0], opacity, masks, names, strict=True):
+        if a is not None and (a.shape != picture.shape[:2] or a.dtype != picture.dtype):
+            raise ImageError(f"alpha of {label} is {a.dtype} of shape {a.shape}; give {picture.dtype} of shape {picture.shape[:2]}")
+        present.append(np.ones(picture.shape[:2], bool) if a is None else a > 0)
+        usable.append(present[-1] if m is None else present[-1] & m)
+    has_alpha = any(a is not None and (a < full_scale(a.dtype)).any() for a in opacity)
+    if has_alpha:
+        planes.append(tuple(
+            (np.full(shape, full_scale(planes[0][0].dtype), planes[0][0].dtype) if a is None else a)[..., np.newaxis]
+            for a, shape in zip(opacity, shapes, strict=True)
+        ))  # fmt: skip
+        gray.append(True)
+        factors = [*factors, 1.0]
+    features = []
+    for exemplar in range(count):
+        channels = [
+            as_float(np.where(present[exemplar][..., np.newaxis], plane[exemplar], 0), names[exemplar]) * np.float32(np.sqrt(factor))
+            for plane, factor in zip(planes, factors, strict=True)
+            if factor > 0
+        ]
+        features.append(np.concatenate(channels, axis=2))
+    return Sources(
+        planes=tuple(planes), gray=tuple(gray), features=tuple(features), present=tuple(present), usable=tuple(usable), has_alpha=has_alpha,
+    )  # fmt: skip
+
+
+def full_scale(dtype: np.dtype[Any]) -> Any:
+    """What counts as 1 in that dtype."""
+    return dtype.type(np.iinfo(dtype).max if np.issubdtype(dtype, np.integer) else 1)
+
+
+def check_varied(sources: Sources, name: str = "source") -> None:
+    """Refuse exemplars of one flat colour, from which every texture is that colour.
+
+    Raises
+    ------
+    ImageError
+    """
+    seen = [values[usable] for values, usable in zip(sources.features, sources.usable, strict=True)]
+    if all(len(values) == 0 or (values == seen[0][:1]).all() for values in seen):
+        raise ImageError(f"{name} has one value everywhere, so there is nothing to make a texture of; give a picture with some structure")
+
+
+def _picture(image: npt.ArrayLike, name: str) -> Image:
+    array = np.asarray(image)
+    if array.ndim not in (2, 3) or 0 in array.shape:
+        raise ImageError(f"{name} has shape {array.shape}; pass a non-empty (H, W) or (H, W, C) array")
+    if array.ndim == 3 and array.shape[2] not in (1, 3):
+        raise ImageError(f"{name} has {array.shape[2]} channels; pass gray or RGB, and opacity apart as alpha")
+    if array.dtype != bool and not np.issubdtype(array.dtype, np.integer) and not np.issubdtype(array.dtype, np.floating):
+        raise ImageError(f"{name} has dtype {array.dtype}; pass integers or floats")
+    return array
+
+
+def _alike(images: Sequence[Image], names: Sequence[str]) -> tuple[npt.NDArray[Any], ...]:
+    """All with a channel axis and equally many channels; gray ones are widened."""
+    if len({image.dtype for image in images}) > 1:
+        kinds = ", ".join(f"{name}: {image.dtype}" for name, image in zip(names, images, strict=True))
+        raise ImageError(f"the exemplars differ in dtype ({kinds}); convert them to one")
+    widest = max(1 if image.ndim == 2 else image.shape[2] for image in images)
+    deep = [image[..., np.newaxis] if image.ndim == 2 else image for image in images]
+    return tuple(np.repeat(image, widest, axis=2) if image.shape[2] < widest else image for image in deep)
+
+
+def _weights(weights: Sequence[float] | None, count: int) -> list[float]:
+    if weights is None:
+        return [1.0] * count
+    found = [float(weight) for weight in weights]
+    if len(found) != count:
+        raise OptionError(f"{len(found)} weights were given for {count} maps; give one for the picture and one for each further map")
+    if not all(np.isfinite(weight) and weight >= 0 for weight in found) or not any(found):
+        raise OptionError(f"the weights are {', '.join(f'{weight:g}' for weight in found)}; give numbers from 0 up, at least one above 0")
+    return found

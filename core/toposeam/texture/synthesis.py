@@ -1,0 +1,113 @@
+"""The result of laying patches: the picture and its maps, where every pixel came from, and the seams between the patches."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from toposeam.errors import ImageError
+from toposeam.images import Image, Mask
+from toposeam.texture.atlas import Atlas, Ints32
+from toposeam.texture.rendering import render
+from toposeam.texture.sources import Images, as_list
+from toposeam.vector.polyline import Polyline, trace_boundary
+from toposeam.vector.svg import write_svg
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Synthesis:
+    """A picture made of patches of exemplars."""
+
+    #: (H, W) or (H, W, C), dtype and channels of the exemplars.
+    image: Image
+    #: (H, W) opacity in that dtype, or None where every pixel is opaque.
+    alpha: npt.NDArray[Any] | None = None
+    #: The further maps, made of the same patches along the same seams.
+    maps: tuple[Image, ...] = ()
+    #: (H, W) int32, number of the patch that shows. In pictures that were only mended, 0 is what was there.
+    labels: Ints32
+    #: (H, W, 2) int32, row and column of the exemplar's pixel that shows.
+    source: Ints32
+    #: (H, W) int16, number of the exemplar it came from.
+    exemplar: npt.NDArray[np.int16]
+    #: Whether rows and whether columns continue at the opposite border.
+    wraps: tuple[bool, bool] = (False, False)
+    #: (height, width) of the patches, px.
+    patch: tuple[int, int]
+    #: The settings that reproduce it.
+    settings: dict[str, Any] = field(default_factory=dict)
+    #: px to either side of a seam in which neighbouring patches are mixed.
+    smooth: int = 1
+    #: (H, W) bool: pixels that may differ from the picture given; None means all.
+    changed: Mask | None = field(default=None, repr=False)
+    atlas: Atlas = field(repr=False)
+
+    @cached_property
+    def paths(self) -> list[Polyline]:
+        """The seams, as lines through pixel corners; those along the border of the picture left out."""
+        lines = []
+        for number, box in enumerate(ndimage.find_objects(self.labels + 1)):
+            if box is None:
+                continue
+            grown = tuple(slice(max(side.start - 1, 0), side.stop + 1) for side in box)
+            shown = self.labels[grown]
+            shift = np.array([grown[1].start, grown[0].start], float)
+            # Against lower numbers only, so that no seam is drawn twice.
+            traced = trace_boundary(shown == number, (shown <= number) & (shown >= 0))
+            lines += [Polyline(points=line.points + shift, closed=line.closed) for line in traced]
+        return lines
+
+    def to_svg(self, path: str | Path | None = None) -> str:
+        """The seams as an SVG document of the picture's size, the settings in ``<metadata>``.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            Also write the document there (an existing file is replaced).
+        """
+        height, width = self.labels.shape
+        text = write_svg(self.paths, width, height, self.settings)
+        if path is not None:
+            Path(path).write_text(text, encoding="utf-8")
+        return text
+
+    def apply(self, images: Images) -> Image:
+        """The same patches and seams, cut from other pictures.
+
+        Parameters
+        ----------
+        images : (H, W[, C]) array_like, or a list with one per exemplar
+            Of the exemplars' sizes: another map of them, or another version.
+
+        Returns
+        -------
+        (H, W) or (H, W, C) array of their dtype
+
+        Raises
+        ------
+        ImageError
+            For other sizes, or images that differ in dtype or channels.
+        """
+        found = [np.asarray(image) for image in as_list(images, len(self.atlas.shapes), "images")]
+        for image, (height, width) in zip(found, self.atlas.shapes.tolist(), strict=True):
+            if image.ndim not in (2, 3) or image.shape[:2] != (height, width):
+                raise ImageError(f"an image has shape {image.shape}, but its exemplar is {width} × {height} px; scale it to that size")
+        if len({(image.dtype, image.shape[2:]) for image in found}) > 1:
+            raise ImageError("the images differ in dtype or channels; convert them to one")
+        deep = [image[..., np.newaxis] if image.ndim == 2 else image for image in found]
+        made = self._render(deep)
+        return made[..., 0] if found[0].ndim == 2 else made
+
+    def _render(self, images: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
+        index = self.atlas.index_of(self.exemplar, self.source)
+        made = render(index, self.atlas.spread(images), self.atlas.usable, self.wraps, self.smooth)
+        if self.changed is not None:
+            np.copyto(made, images[0], where=~self.changed[..., np.newaxis])
+        return made

@@ -1,0 +1,194 @@
+"""GI-free: the engine process that does the numerics.
+
+It is the Python of an installed TopoSeam, named in ``engine.json`` beside this file by ``toposeam gimp install``. The request and all
+pixels lie in a private folder; JSON lines come back on its stdout. It dies with us: its stdin is a pipe that breaks when we end.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import shutil
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from toposeam_gimp import __version__
+from toposeam_gimp.folder import RequestFolder
+
+PROTOCOL = 1
+#: The engine speaks every two seconds; this long a silence means that it hangs.
+SILENCE_S = 300.0
+
+#: What GIMP's own libraries need and another Python must not see.
+_FOREIGN = (
+    "LD_PRELOAD", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "DYLD_INSERT_LIBRARIES", "PYTHONHOME", "PYTHONPATH", "PYTHONSTARTUP",
+    "PYTHONEXECUTABLE", "PYTHONPLATLIBDIR", "GI_TYPELIB_PATH", "GTK_PATH", "GDK_PIXBUF_MODULE_FILE", "VIRTUAL_ENV", "__PYVENV_LAUNCHER__",
+)  # fmt: skip
+
+_INSTALL = "Run “toposeam gimp install” in a terminal (after “pip install toposeam”), then try again."
+
+
+class EngineError(Exception):
+    """The engine could not do it; the text says what to do."""
+
+
+def settings_file() -> Path:
+    """Where ``toposeam gimp install`` writes which Python to use."""
+    return Path(__file__).with_name("engine.json")
+
+
+def find_python(environment: Mapping[str, str] | None = None, home: Path | None = None) -> str:
+    """The Python that has TopoSeam: as told by TOPOSEAM_PYTHON, by the installer, or where pipx and uv put it.
+
+    Raises
+    ------
+    EngineError
+        When there is none.
+    """
+    environment = os.environ if environment is None else environment
+    told = environment.get("TOPOSEAM_PYTHON")
+    if told:
+        if shutil.which(told) is None:
+            raise EngineError(f"TOPOSEAM_PYTHON is {told}, but that is not a program; correct it or unset it.")
+        return told
+    try:
+        recorded = str(json.loads(settings_file().read_text(encoding="utf-8"))["python"])
+    except (OSError, ValueError, KeyError, TypeError):
+        recorded = ""
+    if recorded:
+        if shutil.which(recorded) is None:
+            raise EngineError(f"TopoSeam's engine {recorded} is gone. {_INSTALL}")
+        return recorded
+    for place in _usual_places(Path.home() if home is None else home):
+        if place.exists():
+            return str(place)
+    raise EngineError(f"TopoSeam's engine is not installed for GIMP. {_INSTALL}")
+
+
+def _usual_places(home: Path) -> Iterator[Path]:
+    python = Path("Scripts/python.exe") if sys.platform == "win32" else Path("bin/python")
+    for tools in (".local/share/pipx/venvs", ".local/pipx/venvs", "pipx/venvs", ".local/share/uv/tools", "AppData/Roaming/uv/tools"):
+        yield home / tools / "toposeam" / python
+
+
+def clean_environment(environment: Mapping[str, str]) -> dict[str, str]:
+    """The environment without what GIMP's launchers put there for their own Python and libraries; one BLAS thread."""
+    clean = {name: value for name, value in environment.items() if name not in _FOREIGN}
+    return {**clean, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONUTF8": "1"}
+
+
+def ask(
+    folder: RequestFolder,
+    request: Mapping[str, Any],
+    progress: Callable[[float], None],
+    *,
+    command: Iterable[str] | None = None,
+    silence_s: float = SILENCE_S,
+) -> dict[str, Any]:
+    """Let the engine work on a request whose pixels are in the folder already.
+
+    Parameters
+    ----------
+    folder : RequestFolder
+    request : mapping
+        ``operation``, ``options``, and what the operation wants; protocol and version are added here.
+    progress : callable
+        Called with the share of the work done, in [0, 1].
+    command : iterable of str, optional
+        What to run instead of the engine; the folder is appended.
+    silence_s : float
+        Give up after so many seconds without a sign of life.
+
+    Returns
+    -------
+    dict
+        The result.
+
+    Raises
+    ------
+    EngineError
+        The engine's own sentence, or what became of the engine.
+    """
+    python = [find_python(), "-P", "-m", "toposeam_cli.engine"] if command is None else list(command)
+    text = json.dumps({"protocol": PROTOCOL, "version": __version__, **request})
+    (folder.path / "request.json").write_text(text, encoding="utf-8")
+    log = folder.path / "engine.log"
+    with log.open("wb") as noise:
+        try:
+            process = subprocess.Popen(  # noqa: S603 - the program the installer recorded, and no shell
+                [*python, str(folder.path)],
+                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=noise, cwd=folder.path, env=clean_environment(os.environ),
+                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+            )  # fmt: skip
+        except OSError as error:
+            raise EngineError(f"TopoSeam's engine {python[0]} does not start ({error.strerror}). {_INSTALL}") from error
+        try:
+            return _listen(process, folder, progress, silence_s, log)
+        finally:
+            if process.poll() is None:
+                process.kill()
+            process.wait()
+            for pipe in (process.stdin, process.stdout):
+                if pipe is not None:
+                    pipe.close()
+
+
+def _listen(
+    process: subprocess.Popen[bytes], folder: RequestFolder, progress: Callable[[float], None], silence_s: float, log: Path
+) -> dict[str, Any]:
+    lines: queue.Queue[bytes | None] = queue.Queue()
+    threading.Thread(target=_read, args=(process, lines), daemon=True).start()
+    greeted = False
+    while True:
+        try:
+            line = lines.get(timeout=silence_s)
+        except queue.Empty:
+            raise EngineError(
+                f"TopoSeam's engine has not moved for {silence_s:.0f} s and was stopped; nothing was changed. Try again."
+            ) from None
+        if line is None:
+            raise EngineError(_obituary(process, log, greeted))
+        folder.touch()
+        try:
+            event = json.loads(line)
+            kind = event["event"]
+        except (ValueError, KeyError, TypeError):
+            continue
+        if kind == "hello":
+            greeted = True
+            if (event.get("protocol"), event.get("version")) != (PROTOCOL, __version__):
+                raise EngineError(
+                    f"the plug-in is of TopoSeam {__version__} and the installed TopoSeam is {event.get('version')}; "
+                    "run “toposeam gimp install” and start GIMP again."
+                )
+        elif kind == "progress":
+            progress(float(event["share"]))
+        elif kind == "error":
+            raise EngineError(str(event["message"]))
+        elif kind == "result":
+            result: dict[str, Any] = event["result"]
+            return result
+
+
+def _read(process: subprocess.Popen[bytes], lines: queue.Queue[bytes | None]) -> None:
+    if process.stdout is not None:
+        for line in process.stdout:
+            lines.put(line)
+    lines.put(None)
+
+
+def _obituary(process: subprocess.Popen[bytes], log: Path, greeted: bool) -> str:
+    """What to tell the user about an engine that ended without a word."""
+    code = process.wait()
+    said = [line.strip() for line in log.read_text(encoding="utf-8", errors="replace").splitlines() if line.strip()][-1:]
+    last = f" Its last words: {said[0][:300]}" if said else ""
+    if not greeted:
+        return f"TopoSeam's engine does not start.{last} {_INSTALL}"
+    if code in (-9, 137):
+        return "TopoSeam's engine was killed, perhaps because memory ran out; nothing was changed. Close other pictures and try again."
+    return f"TopoSeam's engine ended unexpectedly (code {code}); nothing was changed.{last}"

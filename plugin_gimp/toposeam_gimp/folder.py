@@ -1,0 +1,72 @@
+"""GI-free: the private temporary folder of one request, and what to do about those that a crash has left behind."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import tempfile
+import time
+from contextlib import suppress
+from pathlib import Path
+
+_PREFIX = "toposeam-request-"
+_SIGN_OF_LIFE = "alive"
+#: A folder that showed no sign of life for this long belongs to nobody.
+STALE_S = 15 * 60.0
+
+
+class FolderError(Exception):
+    """The temporary folder cannot be used; the text says what to do."""
+
+
+class RequestFolder:
+    """A folder only this user can read; gone at the end of the ``with`` block, however that ends.
+
+    Parameters
+    ----------
+    needed : int
+        Bytes that must be free there.
+    """
+
+    def __init__(self, needed: int = 0) -> None:
+        self._parent = Path(tempfile.gettempdir())
+        sweep(self._parent)
+        free = shutil.disk_usage(self._parent).free
+        if free < needed:
+            raise FolderError(too_small(self._parent, needed))
+        self.path = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=self._parent))
+        self.touch()
+
+    def touch(self) -> None:
+        """Show a sign of life."""
+        with suppress(OSError):
+            (self.path / _SIGN_OF_LIFE).touch()
+
+    def __enter__(self) -> RequestFolder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        shutil.rmtree(self.path, ignore_errors=True)
+
+
+def too_small(folder: Path, needed: int | None = None) -> str:
+    """What to tell the user when the temporary folder is full."""
+    size = "" if needed is None else f"; {max(needed >> 20, 1)} MiB are needed"
+    return f"there is no space left in the temporary folder {folder}{size}. Free some, or start GIMP with TMPDIR set to a larger folder."
+
+
+def is_full(error: OSError) -> bool:
+    """Whether an error means that the disk is full."""
+    return error.errno in (errno.ENOSPC, errno.EDQUOT)
+
+
+def sweep(parent: Path, now: float | None = None) -> None:
+    """Remove request folders whose owners crashed."""
+    now = time.time() if now is None else now
+    for folder in parent.glob(_PREFIX + "*"):
+        with suppress(OSError):
+            sign = folder / _SIGN_OF_LIFE
+            seen = (sign if sign.exists() else folder).stat()
+            if now - seen.st_mtime > STALE_S and (not hasattr(os, "getuid") or seen.st_uid == os.getuid()):
+                shutil.rmtree(folder, ignore_errors=True)

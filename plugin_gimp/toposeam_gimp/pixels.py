@@ -1,0 +1,155 @@
+"""Layers, masks and selections as raw files and back, in blocks of rows, in the image's own depth and colour space."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from gi.repository import Babl, Gegl, Gimp
+
+from toposeam_gimp.folder import FolderError, RequestFolder, is_full, too_small
+
+_ROWS = 256
+_BYTES = {"uint8": 1, "uint16": 2, "float32": 4}
+
+
+class Format(StrEnum):
+    """The pixel formats that are used; a misspelt one would end the process."""
+
+    RGBA_U8 = "R'G'B'A u8"
+    RGBA_U16 = "R'G'B'A u16"
+    RGBA_FLOAT = "R'G'B'A float"
+    GRAY_U8 = "Y'A u8"
+    GRAY_U16 = "Y'A u16"
+    GRAY_FLOAT = "Y'A float"
+    MASK_U8 = "Y u8"
+    MASK_FLOAT = "Y float"
+
+
+_COLOR = {
+    ("RGB", "uint8"): Format.RGBA_U8, ("RGB", "uint16"): Format.RGBA_U16, ("RGB", "float32"): Format.RGBA_FLOAT,
+    ("GRAY", "uint8"): Format.GRAY_U8, ("GRAY", "uint16"): Format.GRAY_U16, ("GRAY", "float32"): Format.GRAY_FLOAT,
+}  # fmt: skip
+_MASK = {"uint8": Format.MASK_U8, "float32": Format.MASK_FLOAT}
+
+
+def depth(image: Gimp.Image) -> str:
+    """The type pixels travel in: the image's own where that is 8 or 16 bits as in a file, single floats for all else."""
+    exact = {Gimp.Precision.U8_NON_LINEAR: "uint8", Gimp.Precision.U16_NON_LINEAR: "uint16"}
+    return exact.get(image.get_precision(), "float32")
+
+
+def color_format(image: Gimp.Image, drawable: Gimp.Drawable, dtype: str) -> str:
+    """The format of colour and alpha in the drawable's own colour space."""
+    kind = "GRAY" if image.get_base_type() == Gimp.ImageBaseType.GRAY else "RGB"
+    space = Babl.format_get_space(drawable.get_format())
+    return Babl.get_name(Babl.format_with_space(_COLOR[kind, dtype].value, space))
+
+
+def size_of(image: Gimp.Image, drawable: Gimp.Drawable) -> int:
+    """Bytes a layer takes in a request."""
+    channels = 2 if image.get_base_type() == Gimp.ImageBaseType.GRAY else 4
+    return drawable.get_width() * drawable.get_height() * channels * _BYTES[depth(image)]
+
+
+Box = tuple[int, int, int, int]
+
+
+def box_of(raster: dict[str, Any]) -> Box:
+    """Left, top, width and height of what a raster covers of the canvas."""
+    return (*raster["offset"], raster["width"], raster["height"])
+
+
+def send_layer(
+    folder: RequestFolder, image: Gimp.Image, layer: Gimp.Layer, name: str, *, with_mask: bool = True, box: Box | None = None
+) -> dict[str, Any] | None:
+    """Write a layer, or what a box of the canvas cuts out of it, and its mask if it is to count, into the folder.
+
+    Returns
+    -------
+    dict or None
+        What describes it in a request; None where box and layer have nothing in common.
+    """
+    dtype = depth(image)
+    channels = 2 if image.get_base_type() == Gimp.ImageBaseType.GRAY else 4
+    _nothing, left, top = layer.get_offsets()
+    part = _common((left, top, layer.get_width(), layer.get_height()), box)
+    if part is None:
+        return None
+    x, y, width, height = part
+    own = (x - left, y - top, width, height)
+    raster = _send(folder, layer, f"{name}.raw", color_format(image, layer, dtype), dtype, channels, own)
+    mask = layer.get_mask()
+    if with_mask and mask is not None and layer.get_apply_mask():
+        raster["mask"] = _send(folder, mask, f"{name}-mask.raw", Format.MASK_U8.value, "uint8", 1, own)
+    return {**raster, "name": layer.get_name(), "offset": [x, y]}
+
+
+def _common(first: Box, second: Box | None) -> Box | None:
+    if second is None:
+        return first
+    left, top = max(first[0], second[0]), max(first[1], second[1])
+    right, bottom = (min(first[axis] + first[axis + 2], second[axis] + second[axis + 2]) for axis in (0, 1))
+    return (left, top, right - left, bottom - top) if right > left and bottom > top else None
+
+
+def send_selection(folder: RequestFolder, image: Gimp.Image) -> dict[str, Any] | None:
+    """Write the selection into the folder, cut to its bounds; None if there is none."""
+    _, something, left, top, right, bottom = Gimp.Selection.bounds(image)
+    if not something:
+        return None
+    raster = _send(
+        folder, image.get_selection(), "selection.raw", Format.MASK_U8.value, "uint8", 1, (left, top, right - left, bottom - top)
+    )
+    return {**raster, "offset": [left, top]}
+
+
+def _send(
+    folder: RequestFolder, drawable: Gimp.Drawable, file: str, format_name: str, dtype: str, channels: int, box: Box
+) -> dict[str, Any]:
+    x, y, width, height = box
+    buffer = drawable.get_buffer()
+    try:
+        with (folder.path / file).open("xb") as out:
+            for row in range(0, height, _ROWS):
+                rows = min(_ROWS, height - row)
+                out.write(buffer.get(Gegl.Rectangle.new(x, y + row, width, rows), 1.0, format_name, Gegl.AbyssPolicy.NONE))
+                folder.touch()
+    except OSError as error:
+        if is_full(error):
+            raise FolderError(too_small(folder.path.parent)) from error
+        raise
+    return {"file": file, "width": width, "height": height, "channels": channels, "dtype": dtype}
+
+
+def receive(folder: RequestFolder, raster: dict[str, Any], drawable: Gimp.Drawable, format_name: str) -> None:
+    """Fill a new layer or mask from a file of the folder.
+
+    Raises
+    ------
+    ValueError
+        When the file is not as large as the result says.
+    """
+    width, height = raster["width"], raster["height"]
+    stride = width * raster["channels"] * _BYTES[raster["dtype"]]
+    if (width, height) != (drawable.get_width(), drawable.get_height()):
+        raise ValueError(f"the engine sent {width} × {height} pixels for {drawable.get_width()} × {drawable.get_height()}")
+    buffer = drawable.get_buffer()
+    with Path(folder.path, raster["file"]).open("rb") as source:
+        for row in range(0, height, _ROWS):
+            rows = min(_ROWS, height - row)
+            block = source.read(rows * stride)
+            if len(block) != rows * stride:
+                raise ValueError("the engine sent fewer pixels than it said")
+            buffer.set(Gegl.Rectangle.new(0, row, width, rows), format_name, block)
+            folder.touch()
+    buffer.flush()
+    drawable.update(0, 0, width, height)
+
+
+def new_mask(folder: RequestFolder, raster: dict[str, Any], layer: Gimp.Layer) -> Gimp.LayerMask:
+    """A mask for a layer, filled, not attached yet (attaching it is what undo takes back)."""
+    mask = layer.create_mask(Gimp.AddMaskType.WHITE)
+    receive(folder, raster, mask, _MASK[raster["dtype"]].value)
+    return mask

@@ -1,0 +1,112 @@
+"""The plug-in as GIMP sees it: procedures made from the table, dialogs, and the one place where errors become messages."""
+
+from __future__ import annotations
+
+import traceback
+from typing import Any
+
+import gi
+from gi.repository import Gimp, GLib, GObject
+
+from toposeam_gimp import work
+from toposeam_gimp.engine import EngineError
+from toposeam_gimp.folder import FolderError, is_full
+from toposeam_gimp.layers import RefusedError
+from toposeam_gimp.procedures import PROCEDURES, Option, Procedure
+from toposeam_gimp.texts import _
+
+_MENU = "<Image>/Filters/TopoSeam"
+_READ_WRITE = GObject.ParamFlags.READWRITE
+
+
+class TopoSeam(Gimp.PlugIn):
+    """Filters → TopoSeam."""
+
+    def do_set_i18n(self, _name: str) -> bool:
+        """The texts come translated, see :mod:`toposeam_gimp.texts`."""
+        return False
+
+    def do_query_procedures(self) -> list[str]:
+        """The names of all procedures."""
+        return list(PROCEDURES)
+
+    def do_create_procedure(self, name: str) -> Gimp.Procedure:
+        """One procedure, from the table."""
+        entry = PROCEDURES[name]
+        procedure = Gimp.ImageProcedure.new(self, name, Gimp.PDBProcType.PLUGIN, _run, None)
+        procedure.set_image_types("*")  # indexed images are refused with a sentence, which says more than a gray menu entry
+        sensitive = Gimp.ProcedureSensitivityMask.DRAWABLES if entry.several else Gimp.ProcedureSensitivityMask.DRAWABLE
+        procedure.set_sensitivity_mask(sensitive)
+        procedure.set_menu_label(entry.label)
+        procedure.add_menu_path(_MENU)
+        procedure.set_documentation(entry.blurb, entry.help, name)
+        procedure.set_attribution("The TopoSeam developers", "The TopoSeam developers", "2026")
+        for option in entry.options:
+            _add(procedure, option)
+        procedure.add_layer_return_value(entry.returns[0], entry.returns[0].capitalize(), entry.returns[1], True, _READ_WRITE)
+        return procedure
+
+
+def _add(procedure: Gimp.Procedure, option: Option) -> None:
+    value, text = option.default, (option.name, option.label, option.help)
+    if isinstance(value, bool):
+        procedure.add_boolean_argument(*text, value, _READ_WRITE)
+    elif isinstance(value, int):
+        procedure.add_int_argument(*text, int(option.low), int(option.high), value, _READ_WRITE)
+    elif isinstance(value, float):
+        procedure.add_double_argument(*text, option.low, option.high, value, _READ_WRITE)
+    else:
+        choice = Gimp.Choice.new()
+        for index, (nick, label) in enumerate(option.choices):
+            choice.add(nick, index, label, "")
+        procedure.add_choice_argument(*text, choice, value, _READ_WRITE)
+
+
+def _run(
+    procedure: Gimp.Procedure,
+    run_mode: Gimp.RunMode,
+    image: Gimp.Image,
+    drawables: list[Gimp.Drawable],
+    config: Gimp.ProcedureConfig,
+    _data: Any,
+) -> Gimp.ValueArray:
+    entry = PROCEDURES[procedure.get_name()]
+    try:
+        if run_mode == Gimp.RunMode.INTERACTIVE and entry.options and not _ask_user(procedure, config, entry):
+            return procedure.new_return_values(Gimp.PDBStatusType.CANCEL, None)
+        options = {option.name: config.get_property(option.name) for option in entry.options}
+        Gimp.progress_init(entry.label.replace("_", "").rstrip("."))
+        layer = getattr(work, entry.work)(image, drawables, options, entry)
+        Gimp.displays_flush()
+    except (RefusedError, EngineError, FolderError) as error:
+        return _failure(procedure, str(error))
+    except MemoryError:
+        return _failure(procedure, _("There is not enough memory for these pictures; close others, or use smaller ones."))
+    except OSError as error:
+        hint = _("free some space") if is_full(error) else _("check the rights of the temporary folder")
+        return _failure(procedure, f"{error.strerror or error}: {error.filename or ''}; {hint}.")
+    except Exception as error:
+        traceback.print_exc()
+        return _failure(procedure, _("Something went wrong inside TopoSeam; please report it:") + f" {type(error).__name__}: {error}")
+    result = procedure.new_return_values(Gimp.PDBStatusType.SUCCESS, None)
+    result.remove(1)
+    value = GObject.Value(Gimp.Layer, layer)
+    result.insert(1, value)
+    return result
+
+
+def _ask_user(procedure: Gimp.Procedure, config: Gimp.ProcedureConfig, entry: Procedure) -> bool:
+    gi.require_version("GimpUi", "3.0")
+    from gi.repository import GimpUi
+
+    GimpUi.init("toposeam_gimp")
+    dialog = GimpUi.ProcedureDialog.new(procedure, config, entry.label.replace("_", "").rstrip("."))
+    dialog.fill(None)
+    try:
+        return bool(dialog.run())
+    finally:
+        dialog.destroy()
+
+
+def _failure(procedure: Gimp.Procedure, message: str) -> Gimp.ValueArray:
+    return procedure.new_return_values(Gimp.PDBStatusType.EXECUTION_ERROR, GLib.Error(message))

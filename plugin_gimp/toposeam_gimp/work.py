@@ -1,0 +1,141 @@
+"""What each menu entry does: read layers, ask the engine, and only when it has answered change the image, in one undo step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from gi.repository import Gimp
+
+from toposeam_gimp import curves, engine, pixels
+from toposeam_gimp.below import picture_below
+from toposeam_gimp.folder import RequestFolder
+from toposeam_gimp.layers import (
+    RefusedError,
+    chosen_layers,
+    draw_seam,
+    insert_copy,
+    lowest_first,
+    one_undo_step,
+    remember,
+    stitched_group,
+    strokes_of,
+)
+from toposeam_gimp.procedures import Procedure
+from toposeam_gimp.texts import _
+
+Options = dict[str, Any]
+
+
+def stitch_layers(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], options: Options, entry: Procedure) -> Gimp.Layer:
+    """Two or more layers into a group with masks and paths."""
+    layers = lowest_first(image, chosen_layers(image, drawables))
+    if len(layers) < 2:
+        raise RefusedError(_("Stitching needs two or more layers; select them in the Layers dialog (Ctrl-click) and try again."))
+    with _request(image, layers) as (folder, rasters):
+        request = {"layers": rasters, "selection": pixels.send_selection(folder, image), "options": _for_engine(entry, options)}
+        answer = engine.ask(folder, {"operation": "stitch", **request}, Gimp.progress_update)
+        with one_undo_step(image) as undone:
+            parent, position = layers[-1].get_parent(), image.get_item_position(layers[-1])
+            group = Gimp.GroupLayer.new(image, _("Stitched"))
+            image.insert_layer(group, parent, position)
+            undone.append(lambda: image.remove_layer(group))
+            copies = [insert_copy(image, layer, group, 0) for layer in layers]
+            for layer, copy, mask in zip(layers, copies, answer["masks"], strict=True):
+                _put_mask(folder, copy, mask)
+                copy.set_name(layer.get_name())
+            seams = []
+            for seam in answer["seams"]:
+                path, memory = draw_seam(image, seam, visible=options["show-seam"])
+                undone.append(lambda path=path: image.remove_path(path))
+                seams.append(memory)
+            remember(group, copies, seams)
+            for layer in layers if options["keep-layers"] else ():
+                layer.set_visible(False)
+                undone.append(lambda layer=layer: layer.set_visible(True))
+            result = group.merge() if options["merge"] else group
+            for layer in () if options["keep-layers"] else layers:
+                image.remove_layer(layer)
+            image.set_selected_layers([result])
+    return result
+
+
+def restitch(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], _options: Options, _entry: Procedure) -> Gimp.Layer:
+    """The masks of a stitched group made anew from its paths."""
+    group, memory = stitched_group(chosen_layers(image, drawables))
+    layers = [image.get_layer_by_tattoo(tattoo) for tattoo in memory["layers"]]
+    if any(layer is None for layer in layers):
+        raise RefusedError(_("A layer of this group was deleted or merged; stitch the layers again."))
+    seams = []
+    for seam in memory["seams"]:
+        path = image.get_path_by_tattoo(seam["path"]) or image.get_path_by_name(seam["name"])
+        if path is None:
+            raise RefusedError(_("The path “{name}” is gone; undo its deletion, or stitch the layers again.").format(name=seam["name"]))
+        lines = curves.lines_of(strokes_of(path), seam["lines"])
+        if not lines:
+            text = _("The path “{name}” is empty; draw the seam from border to border of the overlap.")
+            raise RefusedError(text.format(name=path.get_name()))
+        seams.append({**seam, "lines": lines})
+    with _request(image, layers, with_masks=False) as (folder, rasters):
+        answer = engine.ask(folder, {"operation": "stitch", "layers": rasters, "seams": seams}, Gimp.progress_update)
+        with one_undo_step(image):
+            for layer, mask in zip(layers, answer["masks"], strict=True):
+                _put_mask(folder, layer, mask)
+    return group
+
+
+def patch_selection(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], options: Options, entry: Procedure) -> Gimp.Layer:
+    """The selected part of a layer, or a floating selection, laid on what is below it within a closed seam."""
+    (layer,) = chosen_layers(image, drawables)
+    floating = layer.is_floating_sel()
+    with RequestFolder(needed=3 * pixels.size_of(image, layer)) as folder:
+        selection = None if floating else pixels.send_selection(folder, image)
+        patch = pixels.send_layer(folder, image, layer, "patch", box=None if selection is None else pixels.box_of(selection))
+        if patch is None:
+            raise RefusedError(_("The selection lies outside the layer “{name}”; select a part of it.").format(name=layer.get_name()))
+        below = picture_below(folder, image, layer, pixels.box_of(patch))
+        request = {"layers": [below, patch], "selection": selection, "options": _for_engine(entry, options)}
+        answer = engine.ask(folder, {"operation": "patch", **request}, Gimp.progress_update)
+        with one_undo_step(image) as undone:
+            if floating:
+                Gimp.floating_sel_to_layer(layer)
+                result = layer
+            else:
+                result = insert_copy(image, layer, layer.get_parent(), image.get_item_position(layer))
+                undone.append(lambda: image.remove_layer(result))
+                x, y, width, height = pixels.box_of(patch)
+                _nothing, left, top = result.get_offsets()
+                result.resize(width, height, left - x, top - y)
+                result.set_name(_("Patch of {name}").format(name=layer.get_name()))
+                layer.set_visible(False)
+                undone.append(lambda: layer.set_visible(True))
+            _put_mask(folder, result, answer["masks"][1])
+            for seam in answer["seams"]:
+                path, _memory = draw_seam(image, seam, visible=options["show-seam"])
+                undone.append(lambda path=path: image.remove_path(path))
+            image.set_selected_layers([result])
+    return result
+
+
+@contextmanager
+def _request(
+    image: Gimp.Image, layers: Sequence[Gimp.Layer], *, with_masks: bool = True
+) -> Iterator[tuple[RequestFolder, list[dict[str, Any]]]]:
+    """A folder that holds the layers' pixels, and what describes them."""
+    with RequestFolder(needed=2 * sum(pixels.size_of(image, layer) for layer in layers)) as folder:
+        rasters = [pixels.send_layer(folder, image, layer, f"layer-{index}", with_mask=with_masks) for index, layer in enumerate(layers)]
+        yield folder, rasters
+
+
+def _for_engine(entry: Procedure, options: Options) -> Options:
+    return {option.name.replace("-", "_"): options[option.name] for option in entry.options if option.engine}
+
+
+def _put_mask(folder: RequestFolder, layer: Gimp.Layer, raster: dict[str, Any]) -> None:
+    """Give a layer a new mask in place of the one it may have."""
+    mask = pixels.new_mask(folder, raster, layer)
+    if layer.get_mask() is not None:
+        layer.remove_mask(Gimp.MaskApplyMode.DISCARD)
+    layer.add_mask(mask)
+    layer.set_edit_mask(False)

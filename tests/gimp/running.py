@@ -1,0 +1,117 @@
+"""A GIMP that is running, and the tests' line to it; inside_gimp.py is the other end."""
+
+import json
+import os
+import re
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+HERE = Path(__file__).parent
+CHECKOUT = HERE.parent.parent
+
+
+def find_gimp(kind="gimp-console"):
+    """The newest GIMP 3 on PATH, None without one."""
+    folders = [Path(folder) for folder in os.environ.get("PATH", "").split(os.pathsep) if Path(folder).is_dir()]
+    names = {entry.name for folder in folders for entry in folder.glob(f"{kind}-3*") if re.fullmatch(rf"{kind}-3(\.\d+)?", entry.name)}
+    found = sorted(names, key=lambda name: [int(number) for number in re.findall(r"\d+", name)])
+    return shutil.which(found[-1]) if found else None
+
+
+class Gimp:
+    """The other end of inside_gimp.py."""
+
+    def __init__(self, folder, environment=None, command=None):
+        self.folder = folder
+        self.profile = folder / "profile"
+        self.profile.mkdir()
+        (self.profile / "gimprc").write_text(f'(plug-in-path "{CHECKOUT / "plugin_gimp"}:${{gimp_plug_in_dir}}/plug-ins")\n')
+        self.log = folder / "gimp.log"
+        address = str(folder / "socket")
+        own = str(Path(sys.executable).parent)  # GIMP must not take our Python for its plug-ins
+        path = os.pathsep.join(folder for folder in os.environ["PATH"].split(os.pathsep) if folder != own)
+        self.environment = {
+            **os.environ, "PATH": path, "GIMP3_DIRECTORY": str(self.profile), "TOPOSEAM_TEST_SOCKET": address,
+            "TOPOSEAM_PYTHON": str(folder / "engine"),
+            "TMPDIR": str(folder / "tmp"), **(environment or {}),
+        }  # fmt: skip
+        (folder / "tmp").mkdir()
+        self.engine = folder / "engine"
+        self.set_engine(f'exec "{sys.executable}" "$@"')
+        code = f"exec(compile(open({str(HERE / 'inside_gimp.py')!r}).read(), 'inside_gimp.py', 'exec'), globals())"
+        command = command or [find_gimp(), "-nidfs"]
+        with self.log.open("wb") as log:
+            self.process = subprocess.Popen(
+                [*command, "--batch-interpreter=python-fu-eval", "-b", code, "--quit"],
+                env=self.environment, stdout=log, stderr=log, stdin=subprocess.DEVNULL
+            )  # fmt: skip
+        self.socket = socket.socket(socket.AF_UNIX)
+        deadline = time.monotonic() + 120
+        while True:
+            try:
+                self.socket.connect(address)
+                break
+            except OSError:
+                if self.process.poll() is not None or time.monotonic() > deadline:
+                    raise RuntimeError(f"GIMP did not start: {self.log.read_text(errors='replace')[-3000:]}") from None
+                time.sleep(0.1)
+        self.lines = self.socket.makefile("rw", encoding="utf-8")
+
+    def set_engine(self, script):
+        """Let a shell script be the Python that the plug-in starts its engine with."""
+        self.engine.write_text(f"#!/bin/sh\n{script}\n")
+        self.engine.chmod(0o755)
+
+    def __getattr__(self, name):
+        def call(**values):
+            self.lines.write(json.dumps([name, values]) + "\n")
+            self.lines.flush()
+            line = self.lines.readline()
+            if not line:
+                raise RuntimeError(f"GIMP ended: {self.log.read_text(errors='replace')[-3000:]}")
+            answer = json.loads(line)
+            if "error" in answer:
+                raise RuntimeError(answer["error"])
+            return answer["answer"]
+
+        return call
+
+    def stitch(self, loaded, options=None, **more):
+        return self.run(procedure="plug-in-toposeam-stitch", image=loaded["image"], layers=loaded["layers"], options=options, **more)
+
+    def pixels(self, drawable, format_name):
+        """(H, W, C) array of a drawable, and its offset."""
+        file = self.folder / "pixels.raw"
+        width, height, x, y = self.save_pixels(drawable=drawable, file=str(file), format_name=format_name)
+        return _array(file, height, width, format_name), (x, y)
+
+    def projection(self, image, format_name):
+        file = self.folder / "projection.raw"
+        width, height = self.save_projection(image=image, file=str(file), format_name=format_name)
+        return _array(file, height, width, format_name)
+
+    def leftovers(self):
+        """Request folders that are still there."""
+        return list((self.folder / "tmp").glob("toposeam-request-*"))
+
+    def close(self):
+        try:
+            self.lines.write('["quit", {}]\n')
+            self.lines.flush()
+            self.process.wait(timeout=30)
+        except (OSError, subprocess.TimeoutExpired):
+            self.process.kill()
+            self.process.wait()
+        self.lines.close()
+        self.socket.close()
+
+
+def _array(file, height, width, format_name):
+    dtype = {"u8": np.uint8, "u16": np.uint16, "float": np.float32}[format_name.split()[1]]
+    return np.fromfile(file, dtype).reshape(height, width, -1)

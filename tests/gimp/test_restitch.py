@@ -1,0 +1,148 @@
+"""Re-stitch from Paths in a real GIMP."""
+
+import numpy as np
+import pytest
+from inside import covers_once, mask_of, refused, succeeded
+from pictures import crops, photograph
+
+RESTITCH = "plug-in-toposeam-restitch"
+
+
+@pytest.fixture
+def stitched(gimp, image, samples):
+    """Two pictures side by side, 130 px of overlap over the whole height of 500, stitched; the group's layer too."""
+    loaded = image([samples / "motorcycle_left.png", samples / "motorcycle_right.png"], offsets=[(0, 0), (310, 0)])
+    return {**loaded, "group": succeeded(gimp.stitch(loaded))["layer"]}
+
+
+def restitch(gimp, stitched):
+    return gimp.run(procedure=RESTITCH, image=stitched["image"], layers=[stitched["group"]])
+
+
+def masks(gimp, image):
+    group = gimp.tree(image=image)["layers"][0]
+    return [mask_of(gimp, child["id"]) for child in reversed(group["children"])]
+
+
+def redraw(gimp, image, controls, closed=False, keep=False):
+    """Replace the strokes of the only path by one of the given control points, six numbers per anchor."""
+    code = """
+path = image_of(number).get_paths()[0]
+for stroke in () if keep else path.get_strokes():
+    path.remove_stroke(stroke)
+if controls:
+    path.stroke_new_from_points(Gimp.PathStrokeType.BEZIER, controls, closed)
+"""
+    gimp.python(code=code, number=image, controls=[float(value) for value in controls], closed=closed, keep=keep)
+
+
+def straight(*points):
+    return [value for point in points for value in point * 3]
+
+
+def test_a_path_that_nobody_touched_gives_the_same_masks(gimp, stitched):
+    before = gimp.tree(image=stitched["image"])
+    found = masks(gimp, stitched["image"])
+    succeeded(restitch(gimp, stitched))
+    for old, new in zip(found, masks(gimp, stitched["image"]), strict=True):
+        np.testing.assert_array_equal(old, new)
+    after = gimp.tree(image=stitched["image"])
+    assert after == before
+
+
+def test_masks_follow_a_straight_path(gimp, stitched):
+    redraw(gimp, stitched["image"], straight((380, 0), (380, 500)))
+    succeeded(restitch(gimp, stitched))
+    low, high = masks(gimp, stitched["image"])
+    assert (low[:, :380] == 255).all()
+    assert (low[:, 380:] == 0).all()
+    assert covers_once(low, high, 310, 0)
+
+
+def test_a_curve_is_followed_and_short_ends_are_extended(gimp, stitched):
+    # A Bézier curve from (340, 100) to (340, 400) that bulges to the right by 3/4 of its handles' reach of 80 px.
+    redraw(gimp, stitched["image"], [340, 100, 340, 100, 420, 100, 420, 400, 340, 400, 340, 400])
+    succeeded(restitch(gimp, stitched))
+    low, high = masks(gimp, stitched["image"])
+    assert covers_once(low, high, 310, 0)
+    widths = (low == 255).sum(axis=1)
+    assert abs(int(widths[250]) - 400) <= 1
+    assert widths[250] > widths[150] > widths[105] > 335
+
+
+def test_moving_one_anchor_changes_the_mask_only_there(gimp, stitched):
+    path = gimp.tree(image=stitched["image"])["paths"][0]["id"]
+    (stroke,) = gimp.strokes(path=path)
+    anchors = np.array(stroke["points"]).reshape(-1, 3, 2)
+    middle = int(np.argmin(np.abs(anchors[:, 1, 1] - 250)))
+    old, _ = masks(gimp, stitched["image"])
+    anchors[middle, :, 0] += 12
+    low, high = (anchors[middle + step, 1, 1] for step in (-1, 1))
+    redraw(gimp, stitched["image"], anchors.ravel().tolist())
+    succeeded(restitch(gimp, stitched))
+    new, upper = masks(gimp, stitched["image"])
+    assert covers_once(new, upper, 310, 0)
+    moved = np.argwhere(old != new)
+    assert len(moved)
+    top, bottom = sorted((low, high))
+    near = (moved[:, 0] >= top - 2) & (moved[:, 0] <= bottom + 2)
+    assert near.sum() > 12
+    # Elsewhere the line with fewer points counts, which is at most a pixel beside the stairs.
+    assert (~near).sum() <= 500
+
+
+def test_the_layers_may_have_been_moved_to_another_place_of_the_stack(gimp, stitched):
+    found = masks(gimp, stitched["image"])
+    code = """
+image, group = image_of(number), item(group)
+image.reorder_item(group, None, 2)
+group.set_name("panorama")
+"""
+    gimp.python(code=code, number=stitched["image"], group=stitched["group"])
+    child = gimp.tree(image=stitched["image"])["layers"][2]["children"][0]["id"]
+    succeeded(gimp.run(procedure=RESTITCH, image=stitched["image"], layers=[child]))
+    new = [mask_of(gimp, one["id"]) for one in reversed(gimp.tree(image=stitched["image"])["layers"][2]["children"])]
+    for old, now in zip(found, new, strict=True):
+        np.testing.assert_array_equal(old, now)
+
+
+def test_a_saved_and_reopened_file_can_be_stitched_again(gimp, stitched, tmp_path):
+    found = masks(gimp, stitched["image"])
+    assert gimp.export(image=stitched["image"], file=str(tmp_path / "joined.xcf"))
+    code = "answer = Gimp.file_load(Gimp.RunMode.NONINTERACTIVE, Gio.File.new_for_path(file)).get_id()"
+    number = gimp.python(code=code, file=str(tmp_path / "joined.xcf"))
+    group = gimp.tree(image=number)["layers"][0]["id"]
+    succeeded(gimp.run(procedure=RESTITCH, image=number, layers=[group]))
+    for old, new in zip(found, masks(gimp, number), strict=True):
+        np.testing.assert_array_equal(old, new)
+    gimp.delete(image=number)
+
+
+def test_four_layers_again(gimp, image, tmp_path):
+    files, offsets = crops(tmp_path, photograph(300, 340), [(0, 0), (150, 10), (20, 130), (140, 120)], 180, 160)
+    loaded = image(files, offsets=offsets)
+    group = succeeded(gimp.stitch(loaded))["layer"]
+    found = masks(gimp, loaded["image"])
+    succeeded(gimp.run(procedure=RESTITCH, image=loaded["image"], layers=[group]))
+    for old, new in zip(found, masks(gimp, loaded["image"]), strict=True):
+        np.testing.assert_array_equal(old, new)
+
+
+def test_a_path_that_does_not_part_the_layers(gimp, stitched):
+    # A loop in the middle of the overlap parts nothing.
+    redraw(gimp, stitched["image"], straight((360, 200), (390, 200), (390, 230)), closed=True)
+    refused(gimp, {**stitched, "layers": [stitched["group"]]}, "does not separate", RESTITCH)
+
+
+def test_an_empty_path(gimp, stitched):
+    redraw(gimp, stitched["image"], [])
+    refused(gimp, {**stitched, "layers": [stitched["group"]]}, "is empty", RESTITCH)
+
+
+def test_a_deleted_path(gimp, stitched):
+    gimp.python(code="image_of(number).remove_path(image_of(number).get_paths()[0])", number=stitched["image"])
+    refused(gimp, {**stitched, "layers": [stitched["group"]]}, "is gone", RESTITCH)
+
+
+def test_a_layer_that_was_never_stitched(gimp, stitched):
+    refused(gimp, stitched, "Select a group that Stitch Layers has made", RESTITCH)

@@ -1,0 +1,283 @@
+"""Stitch Layers in a real GIMP."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from inside import covers_once, mask_of, refused, succeeded
+from pictures import crops, photograph
+
+MOTORCYCLE = (0, 0), (310, -6)
+
+
+def cli(*arguments):
+    subprocess.run([sys.executable, "-m", "toposeam_cli.main", *map(str, arguments)], check=True, capture_output=True)
+
+
+@pytest.fixture
+def motorcycle(samples):
+    return [samples / "motorcycle_left.png", samples / "motorcycle_right.png"]
+
+
+@pytest.mark.parametrize(
+    ("precision", "gray", "format_name"),
+    [
+        ("U8_NON_LINEAR", False, "R'G'B'A u8"),
+        ("U16_NON_LINEAR", False, "R'G'B'A u16"),
+        ("U8_NON_LINEAR", True, "Y'A u8"),
+    ],
+)
+def test_the_same_pixels_as_the_command_line_on_the_exported_layers(gimp, image, motorcycle, tmp_path, precision, gray, format_name):
+    loaded = image(motorcycle, offsets=MOTORCYCLE, precision=precision, gray=gray)
+    files = [tmp_path / "a.png", tmp_path / "b.png"]
+    for layer, file in zip(loaded["layers"], files, strict=True):
+        assert gimp.export_layer(layer=layer, file=str(file))
+    succeeded(gimp.stitch(loaded))
+    shown = gimp.projection(loaded["image"], format_name)
+    cli("stitch", *files, "--offset", "310,-6", "-o", tmp_path / "joined.png")
+    joined = image([tmp_path / "joined.png"], alpha=True)
+    expected, _ = gimp.pixels(joined["layers"][0], format_name)
+    assert shown.shape == expected.shape
+    covered = expected[..., -1] > 0
+    np.testing.assert_array_equal(shown[..., -1], expected[..., -1])
+    np.testing.assert_array_equal(shown[covered], expected[covered])
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"precision": "U8_LINEAR"}, {"precision": "U16_LINEAR"}, {"precision": "U32_NON_LINEAR"}, {"precision": "HALF_NON_LINEAR"},
+        {"precision": "FLOAT_LINEAR"}, {"precision": "FLOAT_NON_LINEAR"}, {"precision": "FLOAT_LINEAR", "gray": True},
+        {"precision": "U8_PERCEPTUAL"}, {"precision": "DOUBLE_LINEAR"},
+    ],
+    ids=lambda options: "-".join(str(value) for value in options.values()),
+)  # fmt: skip
+def test_any_precision_keeps_every_layer_bit_for_bit(gimp, image, motorcycle, options):
+    loaded = image(motorcycle, offsets=MOTORCYCLE, **options)
+    before = {layer["id"]: layer["pixels"] for layer in gimp.tree(image=loaded["image"])["layers"]}
+    succeeded(gimp.stitch(loaded))
+    group, *originals = gimp.tree(image=loaded["image"])["layers"]
+    assert [layer["pixels"] for layer in group["children"]] == [before[layer["id"]] for layer in originals] == list(before.values())
+    low, high = (mask_of(gimp, child["id"]) for child in reversed(group["children"]))
+    assert covers_once(low, high, 310, 6)
+
+
+def test_an_adobe_rgb_image_is_cut_in_its_own_space(gimp, image, motorcycle):
+    loaded = image(motorcycle, offsets=MOTORCYCLE)
+    gimp.python(code="image_of(number).set_color_profile(Gimp.ColorProfile.new_rgb_adobe())", number=loaded["image"])
+    plain = image(motorcycle, offsets=MOTORCYCLE)
+    masks = []
+    for one in (loaded, plain):
+        succeeded(gimp.stitch(one))
+        group = gimp.tree(image=one["image"])["layers"][0]
+        masks.append([mask_of(gimp, child["id"]) for child in group["children"]])
+        profile = gimp.python(code="answer = image_of(number).get_effective_color_profile().get_label()", number=one["image"])
+        assert ("Adobe" in profile) == (one is loaded)
+    # The same numbers in another space are the same picture to a seam.
+    for adobe, srgb in zip(*masks, strict=True):
+        np.testing.assert_array_equal(adobe, srgb)
+
+
+def test_four_layers_become_a_group_with_masks_and_three_paths(gimp, image, tmp_path):
+    files, offsets = crops(tmp_path, photograph(300, 340), [(0, 0), (150, 10), (20, 130), (140, 120)], 180, 160)
+    loaded = image(files, offsets=offsets)
+    expected = gimp.projection(loaded["image"], "R'G'B'A u8")
+    result = succeeded(gimp.stitch(loaded))
+    after = gimp.tree(image=loaded["image"])
+    assert after["layers"][0]["id"] == result["layer"]
+    assert [child["offsets"] for child in reversed(after["layers"][0]["children"])] == [list(offset) for offset in offsets]
+    assert not any(layer["visible"] for layer in after["layers"][1:])
+    assert len(after["paths"]) == 3
+    assert not any(path["visible"] for path in after["paths"])
+    # The crops come from one photograph, so any tiling without hole or double cover shows the photograph.
+    np.testing.assert_array_equal(gimp.projection(loaded["image"], "R'G'B'A u8"), expected)
+    canvas = np.zeros((340, 400), int)
+    for child in after["layers"][0]["children"]:
+        (x, y), mask = child["offsets"], mask_of(gimp, child["id"])
+        canvas[y : y + mask.shape[0], x : x + mask.shape[1]] += mask
+    covered = expected[..., 3] > 0
+    assert (canvas[: covered.shape[0], : covered.shape[1]][covered] == 255).all()
+
+
+def test_transparent_parts_do_not_take_part(gimp, image, samples):
+    loaded = image([samples / "sky_a.png", samples / "sky_b.png"], offsets=[(0, 0), (60, 60)])
+    succeeded(gimp.stitch(loaded))
+    group = gimp.tree(image=loaded["image"])["layers"][0]
+    shown = gimp.projection(loaded["image"], "R'G'B'A u8")
+    below, _ = gimp.pixels(group["children"][1]["id"], "R'G'B'A u8")
+    hole = below[60:220, 60:220, 3] == 0
+    assert hole.any()
+    assert (shown[60:220, 60:220, 3][hole] == 255).all()  # what only the upper layer covers is shown
+
+
+def test_the_seam_stays_within_a_selection_that_is_no_rectangle(gimp, image, motorcycle):
+    loaded = image(motorcycle, offsets=[(0, 0), (310, 0)])
+    code = """
+image = image_of(number)
+image.select_polygon(Gimp.ChannelOps.REPLACE, [350.0, 0.0, 400.0, 0.0, 430.0, 250.0, 390.0, 500.0, 340.0, 500.0, 380.0, 250.0])
+selection = image.get_selection()
+box = Gegl.Rectangle.new(0, 0, image.get_width(), image.get_height())
+open(file, "wb").write(selection.get_buffer().get(box, 1.0, "Y u8", Gegl.AbyssPolicy.NONE))
+answer = [image.get_width(), image.get_height()]
+"""
+    file = gimp.folder / "selection.raw"
+    width, height = gimp.python(code=code, number=loaded["image"], file=str(file))
+    selected = np.fromfile(file, np.uint8).reshape(height, width) >= 128
+    succeeded(gimp.stitch(loaded))
+    group = gimp.tree(image=loaded["image"])["layers"][0]
+    mask = mask_of(gimp, group["children"][0]["id"])[:, : 440 - 310]  # the right layer, within the overlap
+    edges = np.argwhere(mask[:, 1:] != mask[:, :-1])
+    assert len(edges) >= 500
+    touched = [selected[y, 310 + x] and selected[y, 311 + x] for y, x in edges]
+    assert all(touched)
+    np.testing.assert_array_equal(np.fromfile(file, np.uint8).reshape(height, width) >= 128, selected)
+
+
+def test_a_hidden_layer_that_was_selected_takes_part(gimp, image, motorcycle):
+    loaded = image(motorcycle, offsets=MOTORCYCLE)
+    gimp.python(code="item(number).set_visible(False)", number=loaded["layers"][0])
+    succeeded(gimp.stitch(loaded))
+    assert all(child["visible"] for child in gimp.tree(image=loaded["image"])["layers"][0]["children"])
+
+
+def test_a_layer_group_is_joined_like_a_layer(gimp, image, motorcycle):
+    loaded = image(motorcycle, offsets=MOTORCYCLE)
+    code = """
+image, layer = image_of(number), item(layer)
+group = Gimp.GroupLayer.new(image, "pair")
+image.insert_layer(group, None, 0)
+image.reorder_item(layer, group, 0)
+answer = group.get_id()
+"""
+    group = gimp.python(code=code, number=loaded["image"], layer=loaded["layers"][1])
+    both = {"image": loaded["image"], "layers": [loaded["layers"][0], group]}
+    succeeded(gimp.stitch(both))
+    stitched = gimp.tree(image=loaded["image"])["layers"][0]
+    assert "children" in stitched["children"][0]
+    low, high = (mask_of(gimp, child["id"]) for child in reversed(stitched["children"]))
+    assert covers_once(low, high, 310, 6)
+
+
+def test_a_group_and_a_layer_inside_it_are_refused(gimp, image, motorcycle):
+    loaded = image(motorcycle, offsets=MOTORCYCLE)
+    code = """
+image, layer = image_of(number), item(layer)
+group = Gimp.GroupLayer.new(image, "pair")
+image.insert_layer(group, None, 0)
+image.reorder_item(layer, group, 0)
+answer = group.get_id()
+"""
+    group = gimp.python(code=code, number=loaded["image"], layer=loaded["layers"][1])
+    refused(gimp, {"image": loaded["image"], "layers": [loaded["layers"][1], group]}, "select either of them")
+
+
+def test_what_a_mask_hides_does_not_take_part_and_the_mask_survives(gimp, image, motorcycle):
+    loaded = image(motorcycle, offsets=[(0, 0), (310, 0)])
+    code = """
+layer = item(number)
+mask = layer.create_mask(Gimp.AddMaskType.WHITE)
+layer.add_mask(mask)
+box = Gegl.Rectangle.new(0, 0, 60, layer.get_height())
+mask.get_buffer().set(box, "Y u8", bytes(60 * layer.get_height()))
+mask.get_buffer().flush()
+"""
+    gimp.python(code=code, number=loaded["layers"][1])
+    masked = gimp.tree(image=loaded["image"])["layers"][0]
+    succeeded(gimp.stitch(loaded))
+    group, original, _ = gimp.tree(image=loaded["image"])["layers"]
+    assert (original["pixels"], original["mask"]) == (masked["pixels"], masked["mask"])
+    low = mask_of(gimp, group["children"][1]["id"])
+    assert (low[:, :370] == 255).all()  # what the upper layer's mask hides shows the lower one
+    assert (low[:, 439] == 0).all()
+
+
+def test_replacing_the_layers_and_merging(gimp, image, motorcycle):
+    loaded = image(motorcycle, offsets=MOTORCYCLE)
+    succeeded(gimp.stitch(loaded))
+    expected = gimp.projection(loaded["image"], "R'G'B'A u8")
+    again = image(motorcycle, offsets=MOTORCYCLE)
+    result = succeeded(gimp.stitch(again, {"keep-layers": False, "merge": True, "show-seam": True}))
+    after = gimp.tree(image=again["image"])
+    assert [layer["id"] for layer in after["layers"]] == [result["layer"]]
+    assert "children" not in after["layers"][0]
+    assert [path["visible"] for path in after["paths"]] == [True]
+    np.testing.assert_array_equal(gimp.projection(again["image"], "R'G'B'A u8"), expected)
+
+
+@pytest.mark.parametrize("method", ["thesis", "shortest-path", "dp", "graph-cut"])
+def test_every_method(gimp, image, samples, method):
+    loaded = image([samples / "grass_a.png", samples / "grass_b.png"], offsets=[(0, 0), (120, 0)])
+    succeeded(gimp.stitch(loaded, {"method": method, "gradient": False}))
+    group = gimp.tree(image=loaded["image"])["layers"][0]
+    assert covers_once(*(mask_of(gimp, child["id"]) for child in reversed(group["children"])), 120, 0)
+
+
+def test_layers_that_do_not_overlap(gimp, image, motorcycle):
+    refused(gimp, image(motorcycle, offsets=[(0, 0), (441, 0)]), "overlap")
+
+
+def test_one_layer(gimp, image, motorcycle):
+    loaded = image(motorcycle, offsets=MOTORCYCLE)
+    refused(gimp, {**loaded, "layers": loaded["layers"][:1]}, "two or more layers")
+
+
+def test_an_indexed_image(gimp, image, motorcycle):
+    loaded = image(motorcycle, offsets=MOTORCYCLE)
+    code = "image_of(number).convert_indexed(Gimp.ConvertDitherType.NONE, Gimp.ConvertPaletteType.GENERATE, 16, False, False, '')"
+    gimp.python(code=code, number=loaded["image"])
+    refused(gimp, loaded, "Image → Mode → RGB")
+
+
+def test_a_selection_that_leaves_no_way(gimp, image, motorcycle):
+    loaded = image(motorcycle, offsets=[(0, 0), (310, 0)])
+    gimp.python(code="image_of(number).select_rectangle(Gimp.ChannelOps.REPLACE, 0, 0, 20, 20)", number=loaded["image"])
+    refused(gimp, loaded, "avoid")
+
+
+def test_nan_pixels(gimp, image, motorcycle):
+    loaded = image(motorcycle, offsets=[(0, 0), (310, 0)], precision="FLOAT_NON_LINEAR")
+    code = """
+import struct
+layer = item(number)
+layer.get_buffer().set(Gegl.Rectangle.new(50, 50, 1, 1), "R'G'B'A float", struct.pack("4f", float("nan"), 0.0, 0.0, 1.0))
+"""
+    gimp.python(code=code, number=loaded["layers"][1])
+    refused(gimp, loaded, "NaN")
+
+
+def test_from_script_fu(gimp, real_gimp, motorcycle, tmp_path):
+    out = tmp_path / "joined.xcf"
+    script = f"""
+(script-fu-use-v3)
+(let* ((image (gimp-file-load RUN-NONINTERACTIVE "{motorcycle[0]}"))
+       (layer (gimp-file-load-layer RUN-NONINTERACTIVE image "{motorcycle[1]}")))
+  (gimp-image-insert-layer image layer 0 0)
+  (gimp-layer-set-offsets layer 310 -6)
+  (gimp-image-resize-to-layers image)
+  (plug-in-toposeam-stitch #:run-mode RUN-NONINTERACTIVE #:image image #:drawables (gimp-image-get-layers image)
+                           #:method "shortest-path" #:show-seam #t)
+  (gimp-xcf-save RUN-NONINTERACTIVE image "{out}"))
+"""
+    command = [real_gimp, "-nidfs", "--batch-interpreter=plug-in-script-fu-eval", "-b", script, "--quit"]
+    ended = subprocess.run(
+        command, env={**gimp.environment, "TOPOSEAM_TEST_SOCKET": ""}, capture_output=True, timeout=120, stdin=subprocess.DEVNULL
+    )
+    assert ended.returncode == 0, ended.stderr.decode()
+    number = gimp.python(code="answer = Gimp.file_load(Gimp.RunMode.NONINTERACTIVE, Gio.File.new_for_path(file)).get_id()", file=str(out))
+    after = gimp.tree(image=number)
+    assert len(after["layers"][0]["children"]) == 2
+    assert after["paths"][0]["visible"]
+    gimp.delete(image=number)
+
+
+def test_a_stitched_file_is_saved_with_its_seams(gimp, image, motorcycle, tmp_path):
+    loaded = image(motorcycle, offsets=MOTORCYCLE)
+    group = succeeded(gimp.stitch(loaded))["layer"]
+    code = "answer = bytes(item(number).get_parasite('toposeam-seam').get_data()).decode()"
+    memory = json.loads(gimp.python(code=code, number=group))
+    assert len(memory["layers"]) == 2
+    exact = np.array(memory["seams"][0]["lines"][0]["points"]).reshape(-1, 2)
+    assert (exact == np.round(exact)).all()
+    assert len(exact) > len(memory["seams"][0]["lines"][0]["stroke"]) / 6 > 2

@@ -1,0 +1,137 @@
+"""When the engine, the disk or the user gives up: a sentence, the picture as it was, and nothing left behind."""
+
+import os
+import signal
+import subprocess
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from inside import STITCH, refused, succeeded
+from pictures import photograph, write_png
+from running import Gimp
+
+
+@pytest.fixture
+def motorcycle(image, samples):
+    return image([samples / "motorcycle_left.png", samples / "motorcycle_right.png"], offsets=[(0, 0), (310, -6)])
+
+
+def test_no_engine(gimp, engine, motorcycle):
+    engine()
+    refused(gimp, motorcycle, "TOPOSEAM_PYTHON")
+
+
+def test_an_engine_that_cannot_start(gimp, engine, motorcycle):
+    engine('echo "No module named toposeam_cli" >&2; exit 1')
+    refused(gimp, motorcycle, "No module named toposeam_cli Run “toposeam gimp install”")
+
+
+def test_an_engine_of_another_release(gimp, engine, motorcycle):
+    engine("""echo '{"event": "hello", "protocol": 1, "version": "9.9"}'; sleep 60""")
+    refused(gimp, motorcycle, "the installed TopoSeam is 9.9; run “toposeam gimp install” and start GIMP again")
+
+
+def test_an_engine_that_talks_nonsense_and_ends(gimp, engine, motorcycle):
+    engine("""echo '{"event": "hello", "protocol": 1, "version": "0.1.0"}'; echo nonsense; echo '[]'; exit 3""")
+    refused(gimp, motorcycle, "ended unexpectedly (code 3)")
+
+
+@pytest.fixture
+def long_work(gimp, image, tmp_path):
+    """A call that takes the engine many seconds, under way in a thread; `pid` of its engine, and `answer` when it ended."""
+    write_png(tmp_path / "large.png", photograph(700, 900))
+    loaded = image([tmp_path / "large.png"] * 2, offsets=[(0, 0), (300, 0)])
+
+    class Work:
+        before = gimp.tree(image=loaded["image"])
+        image = loaded["image"]
+        answer = None
+
+        def call(self):
+            self.answer = gimp.stitch(loaded, {"method": "thesis"})
+
+    work = Work()
+    thread = threading.Thread(target=work.call)
+    thread.start()
+    work.engine = wait_for(lambda: find_process("toposeam_cli.engine", str(gimp.folder)))
+    wait_for(lambda: gimp.leftovers())
+    time.sleep(1)
+    work.thread = thread
+    yield work
+    thread.join(60)
+
+
+def find_process(*words):
+    """The id of the process whose command line has all these words."""
+    for entry in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            line = entry.read_bytes().decode(errors="replace")
+        except OSError:
+            continue
+        if all(word in line for word in words):
+            return int(entry.parent.name)
+    return None
+
+
+def wait_for(found, seconds=60):
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        value = found()
+        if value:
+            return value
+        time.sleep(0.05)
+    raise AssertionError(f"waited for {seconds} s")
+
+
+def ended(process):
+    try:
+        return "Z" in Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return True
+
+
+def test_an_engine_killed_in_the_middle(gimp, long_work):
+    os.kill(long_work.engine, signal.SIGKILL)
+    long_work.thread.join(60)
+    assert long_work.answer["status"] == "execution-error"
+    assert "killed" in long_work.answer["message"]
+    assert "nothing was changed" in long_work.answer["message"]
+    assert gimp.tree(image=long_work.image) == long_work.before
+    assert not gimp.leftovers()
+
+
+def test_cancelling_ends_the_engine_and_changes_nothing(gimp, long_work):
+    # GIMP's Cancel button kills the plug-in, which cannot clean up then.
+    plug_in = find_process("toposeam_gimp.py", "-run")
+    os.kill(plug_in, signal.SIGKILL)
+    long_work.thread.join(60)
+    assert long_work.answer["status"] != "success"
+    wait_for(lambda: ended(long_work.engine))
+    wait_for(lambda: not gimp.leftovers())
+    assert gimp.tree(image=long_work.image) == long_work.before
+
+
+def test_a_full_disk(real_gimp, tmp_path, samples):
+    small = tmp_path / "gimp"
+    small.mkdir()
+    gimp = Gimp(small)
+    try:
+        subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "none", str(small / "tmp")], check=True)
+        loaded = gimp.load(files=[str(samples / f"motorcycle_{side}.png") for side in ("left", "right")], offsets=[[0, 0], [310, -6]])
+        refused(gimp, loaded, f"no space left in the temporary folder {small / 'tmp'}; 3 MiB are needed. Free some")
+        subprocess.run(["mount", "-o", "remount,size=100m", str(small / "tmp")], check=True)
+        succeeded(gimp.stitch(loaded))
+    finally:
+        gimp.close()
+        subprocess.run(["umount", str(small / "tmp")], check=False)
+
+
+def test_crashed_requests_are_swept_away(gimp, motorcycle):
+    old = gimp.folder / "tmp" / "toposeam-request-crashed"
+    old.mkdir()
+    (old / "alive").touch()
+    os.utime(old / "alive", (0, 0))
+    succeeded(gimp.run(procedure=STITCH, image=motorcycle["image"], layers=motorcycle["layers"]))
+    assert not gimp.leftovers()

@@ -7,8 +7,9 @@ from .errors import (
     SolverError,
     TopoSeamError,
 )
+from .layers.align import Aligned, align
 from .layers.blend import BLENDS, Blend
-from .layers.composite import MAX_PIXELS, Stitched, stitch
+from .layers.composite import MAX_PIXELS, Stitched, pair_name, stitch
 from .layers.layer import Layer, common_canvas
 from .motif.generate import generate_motif, random_recipe
 from .motif.layer import Step
@@ -29,7 +30,7 @@ from .texture.lay import LayOptions
 from .texture.synthesis import Synthesis
 from .texture.synthesize import synthesize
 from .vector.polyline import Polyline
-from .vector.svg import read_svg
+from .vector.svg import SvgSeam, read_svg
 
 __version__: str
 
@@ -40,6 +41,7 @@ __all__ = [
     "PALETTES",
     "REPEATS",
     "SIDES",
+    "Aligned",
     "Blend",
     "Frame",
     "HeatOptions",
@@ -66,15 +68,18 @@ __all__ = [
     "SolverError",
     "Step",
     "Stitched",
+    "SvgSeam",
     "Synthesis",
     "Termination",
     "ThesisOptions",
     "TopoSeamError",
+    "align",
     "common_canvas",
     "fill",
     "find_seam",
     "generate_motif",
     "make_tileable",
+    "pair_name",
     "palette",
     "path_cost",
     "plan_path",

@@ -14,9 +14,8 @@ seam. When the two meet, the seam is proven to be the best one, up to the tolera
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from toposeam.heat.network import Floats, Ints, Network
+from toposeam.heat.network import Floats, Network
 
 #: Share of the way to the boundary that a step goes.
 _REACH = 0.99
@@ -120,48 +119,6 @@ class PrimalDual:
         self._up, self._down = up + primal * more_up, down + primal * more_down
         self.jump = self._jumps(self.potential)
         self.flow = flow + dual * more
-
-    def contracted(self, closed: npt.NDArray[np.bool_]) -> tuple[PrimalDual, Ints, Ints]:
-        """The state on the network in which some elements are closed: the nodes they join become one, parallel elements too.
-
-        The flow keeps its size. What is proven from here on holds for seams that leave the closed elements alone.
-
-        Parameters
-        ----------
-        closed : (E,) bool array
-
-        Returns
-        -------
-        state : PrimalDual
-        node_map : (n + 2,) int array
-            The new number of every node.
-        element_map : (E,) int array
-            The new number of every element, -1 for those that are gone.
-
-        Raises
-        ------
-        SolverError
-            When the elements join the two terminals.
-        """
-        node_map = self.network.components(closed)
-        network, element_map = self.network.quotient(node_map)
-        kept = np.flatnonzero(element_map >= 0)
-        target, size = element_map[kept], len(network.tail)
-
-        def total(values: Floats) -> Floats:
-            return np.bincount(target, values, size).astype(np.float64, copy=False)
-
-        state = object.__new__(PrimalDual)
-        state.network, state.cost = network, total(self.cost[kept])
-        nodes = np.bincount(node_map, minlength=network.n + 2)
-        state.potential = np.bincount(node_map, self.potential, network.n + 2) / nodes
-        state.potential[-2:] = 0.0, 1.0
-        state.jump = state._jumps(state.potential)
-        along = node_map[self.network.tail[kept]] == network.tail[target]
-        state.flow = total(np.where(along, self.flow[kept], -self.flow[kept]))
-        least = np.minimum(self._up, self._down)[kept]
-        state._split(total(least * self.cost[kept]) / state.cost)
-        return state, node_map, element_map
 
 
 def _share(fastest: float) -> float:

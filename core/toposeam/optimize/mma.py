@@ -18,6 +18,7 @@ distance to the asymptotes, which makes both approximations more conservative, a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -90,6 +91,7 @@ def solve_subproblem(
     p0, q0 = np.square(above) * np.maximum(df, 0.0), np.square(below) * np.maximum(-df, 0.0)
     p1, q1 = np.square(above) * np.maximum(dg, 0.0), np.square(below) * np.maximum(-dg, 0.0)
     has_p, has_q = bool(p1.any()), bool(q1.any())
+    q0_none = not q0.any()
     terms = float(above @ np.maximum(dg, 0.0) + below @ np.maximum(-dg, 0.0))  # Σ p/(U - x) + q/(x - L) at the point of approximation
     rest = constraint - terms
     still = (df == 0) & (dg == 0)
@@ -97,7 +99,7 @@ def solve_subproblem(
     def design(y: float) -> Floats:
         # Zero of p / (U - x)² - q / (x - L)², with p = p₀ + y p₁ and q = q₀ + y q₁.
         root_p = np.sqrt(p0 + y * p1) if has_p else root_p0
-        root_q = np.sqrt(q0 + y * q1)
+        root_q = math.sqrt(y) * root_q1 if q0_none else np.sqrt(q0 + y * q1)
         with np.errstate(invalid="ignore"):
             value: Floats = (root_p * low + root_q * high) / (root_p + root_q)
         if any_still:
@@ -113,7 +115,7 @@ def solve_subproblem(
             value += np.sum(q1 / (point - low))
         return float(value)
 
-    root_p0, any_still = np.sqrt(p0), bool(still.any())
+    root_p0, root_q1, any_still = np.sqrt(p0), np.sqrt(q1), bool(still.any())
     if residual(0.0) <= 0:
         return design(0.0), 0.0
     size = float(np.abs(dg).sum())

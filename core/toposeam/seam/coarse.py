@@ -2,19 +2,25 @@
 
 A large network is shrunk by merging every node with the neighbour it is most expensive to divide from, again and again, as multilevel
 graph partitioning does (Karypis and Kumar 1998, doi:10.1137/S1064827595287997). A seam hardly ever wants those interfaces, and the costs
-of all the others stay exact, so the coarse problem is the fine one with bad choices removed. A few convex steps on it show where heat
-flows at all. Back on the finer network only the nodes beside such flow stay free; the rest is merged with the side it lies on, or into
-one node per region between two flows. Every level starts from uniform conductances: those of the coarse solution would favour its own
-path.
+of all the others stay exact, so the coarse problem is the fine one with bad choices removed. A few heat steps on the coarsest network
+show where heat flows at all. On the next finer one only the nodes beside such flow are free; the others stay merged with the side they
+lie on, or with their region between two flows. There the heat starts anew, and so on down to the pixels.
 """
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import connected_components
+
+from toposeam.errors import SolverError
 from toposeam.heat.network import Floats, Ints, Network
+from toposeam.heat.primal_dual import PrimalDual
 from toposeam.images import Mask
-from toposeam.seam.relaxation import contract, convex_step, typical_flux
+from toposeam.seam.grid import CutGrid
 
 #: Overlaps with up to this many free pixels are solved whole.
 WHOLE_NODES = 30_000
@@ -22,99 +28,214 @@ WHOLE_NODES = 30_000
 #: Coarse networks up to this many free nodes are not made coarser still.
 COARSEST_NODES = 12_000
 
-#: Convex steps on each coarse network: at least so many, at most so many, and until the typical flux has grown to this.
-STEPS = (10, 30)
-GATHERED = 0.3
+#: The heat of a coarse network has gathered enough when its best cut is proven within this share; steps at most.
+GATHERED = 0.1
+STEPS = 10
 
-#: Steps between contractions, and the share of the typical flux below which they close interfaces.
-BETWEEN = 5
-CLOSED_SHARE = 0.003
-
-#: Interfaces with at least this share of the typical flux stay open on the next finer level.
-OPEN_SHARE = 0.02
+#: At most so many nodes of a coarse network are taken apart on the next finer level ...
+OPENED_NODES = 6_000
+#: ... those beside the strongest flux, but none with less than this.
+OPEN_FLUX = 0.005
 
 _UNEVENNESS = 1e-3
-_GOLDEN = (5**0.5 - 1) / 2
+_GOLDEN = np.uint32(2654435769)  # 2^32 times the golden ratio
+
+_Ints32 = npt.NDArray[np.int32]
+_Floats32 = npt.NDArray[np.float32]
 
 
-def restrict(network: Network, weight: Floats, size: Floats | None = None) -> tuple[Network, Floats, Floats, Ints]:
-    """The network without the nodes that coarser ones show to be decided.
+@dataclass(frozen=True, slots=True, eq=False)
+class _Level:
+    """One network of the hierarchy; node n is the cold terminal and n + 1 the hot one."""
+
+    n: int
+    tail: _Ints32
+    head: _Ints32
+    #: (E,) cost of dividing the two nodes of each element.
+    weight: Floats
+    #: (n + 2,) pixels per node.
+    size: Floats
+
+
+def restrict(grid: CutGrid) -> tuple[Network, Floats, Floats, _Ints32]:
+    """The network of the free pixels without those that coarser networks show to be decided.
 
     Parameters
     ----------
-    network : Network
-    weight : (E,) float64 array
-        Cost of dividing the two nodes of each element.
-    size : (n + 2,) float64 array, optional
-        Pixels per node; 1 by default.
+    grid : CutGrid
 
     Returns
     -------
     network : Network
-    weight, multiplicity : (E',) float64 arrays
-        Summed cost and number of the elements that each new element stands for.
-    node_map : (n + 2,) int array
-        The new number of every node.
+    weight, multiplicity : (E,) float64 arrays
+        Summed cost and number of the interfaces that each element stands for.
+    node_of_pixel : (h, w) int32 array
+        The node of every free pixel; that of the cold terminal elsewhere.
     """
-    n = network.n
-    same = network, weight, np.ones(len(weight)), np.arange(n + 2, dtype=np.int32)
-    if n <= (WHOLE_NODES if size is None else COARSEST_NODES):
-        return same
-    if size is None:
-        size = np.ones(n + 2)
-    parent = _merge_most_expensive(network, weight, size)
-    coarse, element_map = network.quotient(parent)
-    if coarse.n > 0.7 * n or coarse.n == 0:
-        return same
-    coarse_weight = _sum(weight, element_map, len(coarse.tail))
-    small, small_weight, _, small_map = restrict(coarse, coarse_weight, np.bincount(parent, size, coarse.n + 2).astype(np.float64))
-    strength = np.ones(len(small_weight))
-    for step in range(1, STEPS[1] + 1):
-        potential = small.solve(small_weight / strength)
-        flux = small.difference(potential)
-        if step >= STEPS[0] and typical_flux(small_weight, flux) >= GATHERED:
+    below, count = _merge_pixels(grid)
+    level = _quotient(count, *_pixel_elements(grid, below, count), below[grid.free], None)
+    levels, parents = [level], [below]
+    while level.n > COARSEST_NODES:
+        parent = _merge_nodes(level)
+        coarser = _quotient(int(parent[-1]) - 1, parent[level.tail], parent[level.head], level.weight, parent, level.size)
+        if coarser.n > 0.8 * level.n or coarser.n == 0:
             break
-        if step % BETWEEN == 0 and step < STEPS[1]:
-            contracted = contract(small, small_weight, flux, strength, np.ones(len(flux)), CLOSED_SHARE)
-            if contracted is not None and contracted[0].n:
-                small, small_weight, flux, strength, _, onwards, _ = contracted
-                small_map = onwards[small_map]
-        strength = convex_step(strength, flux)
-    threshold = OPEN_SHARE * typical_flux(small_weight, flux)
-    level = potential[small_map]
-    open_elements = coarse.difference(level) > threshold
-    active = np.zeros(coarse.n + 2, bool)
-    active[coarse.tail[open_elements]] = active[coarse.head[open_elements]] = True
-    active[coarse.n :] = False
-    node_map = _passive_groups(network, active[parent], level[parent], threshold)
-    smaller, element_map = network.quotient(node_map)
-    count = len(smaller.tail)
-    return smaller, _sum(weight, element_map, count), _sum(np.ones(len(weight)), element_map, count), node_map
+        levels.append(coarser)
+        parents.append(parent)
+        level = coarser
+    network, weight, node_of = Network(level.n, level.tail, level.head), level.weight, np.arange(level.n + 2, dtype=np.int32)
+    while True:
+        active, region = _decided(levels.pop(), network, weight, node_of)
+        node_of, n = _freed(active, region, parents.pop())
+        if not levels:
+            break
+        level = levels[-1]
+        tail, head, (weight,) = _parallel(n, node_of[level.tail], node_of[level.head], level.weight)
+        network = Network(n, tail, head)
+    tail, head, cost = _pixel_elements(grid, node_of, n)
+    tail, head, (weight, multiplicity) = _parallel(n, tail, head, cost, np.ones_like(cost))
+    return Network(n, tail, head), weight, multiplicity, node_of
 
 
-def _merge_most_expensive(network: Network, weight: Floats, size: Floats) -> Ints:
+def _merge_pixels(grid: CutGrid) -> tuple[_Ints32, int]:
+    """Group every free pixel with the neighbour it costs most to divide from; (h, w) group numbers and their count."""
+    shape = grid.free.shape
+    best = np.zeros(shape, np.float32)
+    target = np.zeros(shape, np.int32)
+    for cost, s, t, stride in ((grid.right, np.s_[:, :-1], np.s_[:, 1:], 1), (grid.down, np.s_[:-1], np.s_[1:], shape[1])):
+        score = cost * _uneven(cost.size, stride).reshape(cost.shape)
+        for here, offset in ((s, stride), (t, -stride)):
+            better = score > best[here]
+            np.copyto(best[here], score, where=better)
+            np.copyto(target[here], np.int32(offset), where=better)
+    target += np.arange(target.size, dtype=np.int32).reshape(shape)
+    count, group = _components(target.ravel())
+    free = grid.free.ravel()
+    if not free.all():
+        kept = np.zeros(count, bool)
+        kept[group[free]] = True
+        number = np.cumsum(kept, dtype=np.int32) - 1
+        count = int(number[-1]) + 1
+        group = np.where(free, number[group], np.int32(count))
+    return group.reshape(shape), count
+
+
+def _merge_nodes(level: _Level) -> _Ints32:
     """Group every node with the neighbour it costs most to divide from, relative to the nodes' sizes; (n + 2,) group numbers."""
-    # Equal scores, as in flat places, must not merge all of these into one node: a golden-ratio sequence tells them apart.
-    uneven = 1.0 + _UNEVENNESS * ((np.arange(len(weight)) * _GOLDEN) % 1.0)
-    score = weight * uneven / np.sqrt(size[network.tail] * size[network.head])
-    score[np.maximum(network.tail, network.head) >= network.n] = 0.0
-    best = np.full(network.n + 2, np.finfo(float).tiny)
-    np.maximum.at(best, network.tail, score)
-    np.maximum.at(best, network.head, score)
-    return network.components((score == best[network.tail]) | (score == best[network.head]))
+    n = level.n
+    share = 1.0 / np.sqrt(np.maximum(level.size, 1.0))
+    share[n:] = 0.0
+    score = level.weight * share.take(level.tail) * share.take(level.head) * _uneven(len(level.weight), 0)
+    best = np.full(n + 2, np.finfo(float).tiny)
+    target = np.arange(n + 2, dtype=np.int32)
+    for here in (level.tail, level.head):
+        np.maximum.at(best, here, score)
+    for here, there in ((level.tail, level.head), (level.head, level.tail)):
+        found = np.flatnonzero(score == best.take(here))
+        target[here[found]] = there[found]
+    return _components(target)[1]  # the terminals stay alone, and last
 
 
-def _sum(values: Floats, element_map: Ints, count: int) -> Floats:
-    """Values of elements added up over the elements of a quotient."""
-    kept = element_map >= 0
-    return np.bincount(element_map[kept], values[kept], count).astype(np.float64, copy=False)
+def _uneven(count: int, start: int) -> _Floats32:
+    """Factors just above 1 that tell equal costs apart, by a golden-ratio sequence: flat places must not merge into one node."""
+    spread = np.arange(start, start + count, dtype=np.uint32)
+    spread *= _GOLDEN
+    factor = spread.astype(np.float32)
+    factor *= np.float32(_UNEVENNESS / 2**32)
+    factor += np.float32(1)
+    return factor
 
 
-def _passive_groups(network: Network, active: Mask, level: Floats, threshold: float) -> Ints:
-    """Active nodes each alone; passive ones with the terminal they are level with, or with their region. (n + 2,) group numbers."""
-    n = network.n
-    group = network.components(~(active[network.tail] | active[network.head]))
-    passive = ~active[:n]
-    group[:n][passive & (level[:n] < threshold)] = group[n]
-    group[:n][passive & (level[:n] > 1 - threshold)] = group[n + 1]
-    return np.unique(group, return_inverse=True)[1].astype(np.int32)
+def _components(target: _Ints32) -> tuple[int, _Ints32]:
+    """Components of the graph in which every node points to one other or to itself."""
+    n = len(target)
+    graph = csr_array((np.ones(n, np.int8), target, np.arange(n + 1, dtype=np.int32)), shape=(n, n))
+    return connected_components(graph, directed=False)  # type: ignore[no-any-return]
+
+
+def _pixel_elements(grid: CutGrid, group: _Ints32, n: int) -> tuple[_Ints32, _Ints32, _Floats32]:
+    """The interfaces between n groups of pixels and the two terminals: two nodes each, and the cost."""
+    tails, heads, costs = [], [], []
+    for cost, s, t in ((grid.right, np.s_[:, :-1], np.s_[:, 1:]), (grid.down, np.s_[:-1], np.s_[1:])):
+        divided = (group[s] != group[t]) & (cost > 0)
+        tails.append(group[s][divided])
+        heads.append(group[t][divided])
+        costs.append(cost[divided])
+    for terminal, ends in ((n, grid.cold), (n + 1, grid.hot)):
+        touching = ends > 0
+        tails.append(group[touching])
+        heads.append(np.full(len(tails[-1]), terminal, np.int32))
+        costs.append(ends[touching])
+    return np.concatenate(tails), np.concatenate(heads), np.concatenate(costs)
+
+
+def _parallel(n: int, one: Ints, other: Ints, *values: npt.NDArray[np.floating]) -> tuple[_Ints32, _Ints32, list[Floats]]:
+    """Elements between n nodes and two terminals, parallel ones added up; those within a node or between the terminals are left out."""
+    low, high = np.minimum(one, other), np.maximum(one, other)
+    alive = np.flatnonzero((low != high) & (low < n))
+    pair = low[alive], high[alive]
+    sums = []
+    for value in values:
+        table = coo_array((value[alive].astype(np.float64), pair), shape=(n + 2, n + 2)).tocsc().tocsr()
+        sums.append(table.data)
+    tail = np.repeat(np.arange(n + 2, dtype=np.int32), np.diff(table.indptr))
+    return tail, table.indices, sums
+
+
+def _quotient(n: int, one: Ints, other: Ints, weight: npt.NDArray[np.floating], group: Ints, size: Floats | None) -> _Level:
+    """The level of n groups of nodes; `group` has the group of every finer node, `size` the pixels in it (1 by default)."""
+    tail, head, (weight,) = _parallel(n, one, other, weight)
+    return _Level(n, tail, head, weight, np.bincount(group, size, n + 2).astype(np.float64, copy=False))
+
+
+def _decided(level: _Level, network: Network, weight: Floats, node_of: _Ints32) -> tuple[Mask, _Ints32]:
+    """Let heat gather on the restricted network of a level.
+
+    Returns
+    -------
+    active : (level.n + 2,) bool array
+        Nodes beside flow.
+    region : (level.n + 2,) int array
+        The region of every node that is not active; those of the terminals come last.
+    """
+    state = PrimalDual(network, weight)
+    for _ in range(STEPS):
+        if state.best_cut()[0] <= (1 + GATHERED) * state.bound:
+            break
+        try:
+            state.step()
+        except SolverError:
+            break
+    potential = np.clip(state.potential, 0.0, 1.0)
+    at = potential[node_of]
+    jump = np.abs(at.take(level.tail) - at.take(level.head))
+    strongest = np.zeros(level.n + 2)
+    for here in (level.tail, level.head):
+        np.maximum.at(strongest, here, jump)
+    strongest[level.n :] = 0.0
+    threshold = OPEN_FLUX
+    found = np.flatnonzero(strongest > threshold)
+    if len(found) > OPENED_NODES:
+        threshold = float(-np.partition(-strongest[found], OPENED_NODES)[OPENED_NODES])
+    flux = network.difference(potential)
+    while True:
+        try:
+            region = network.components(flux <= threshold)[node_of]
+            break
+        except SolverError:  # so many faint flows that closing them all joins the two sides
+            threshold /= 2
+    active = strongest > threshold
+    # Only regions that keep a node are numbered.
+    kept = np.zeros(int(region[-1]) + 1, bool)
+    kept[region[~active]] = True
+    return active, (np.cumsum(kept, dtype=np.int32) - 1)[region]
+
+
+def _freed(active: Mask, region: _Ints32, parent: _Ints32) -> tuple[_Ints32, int]:
+    """The node of everything on the finer level, in the shape of `parent`: what is freed, each alone, then regions, then terminals."""
+    free = active[parent]
+    node = np.cumsum(free, dtype=np.int32).reshape(free.shape)
+    count = int(node.ravel()[-1])
+    node -= 1
+    np.copyto(node, (region + np.int32(count))[parent], where=~free)
+    return node, count + int(region[-1]) - 1

@@ -78,7 +78,7 @@ def heat_path(
         one line.
     """
     side = problem.overlap.side
-    network, cost, multiplicity, pixels, node = _network(problem)
+    network, cost, multiplicity, node_of_pixel = _network(problem)
     history: list[Iteration] = []
     frames: list[Frame] = []
     hot = np.append(np.zeros(network.n, bool), [False, True])
@@ -107,7 +107,7 @@ def heat_path(
         if objective > (1 + _SOFT) * bound:
             soft = state.potential
         if record_frames:
-            frames.append(_frame(problem, pixels, state.potential[node], step + 1, 1))
+            frames.append(_frame(problem, state.potential[node_of_pixel], step + 1, 1))
         if cheapest <= (1 + options.tolerance) * bound:
             termination = Termination.SINGLE_LINE
             break
@@ -118,8 +118,7 @@ def heat_path(
         except SolverError:
             break  # double precision ends here; the best cut so far stands
 
-    labels = np.zeros(side.shape, bool)
-    labels.ravel()[pixels] = hot[node]
+    labels = hot[node_of_pixel]
     if not problem.tied:
         labels = _without_islands(labels, side)
     if history:
@@ -133,25 +132,25 @@ def heat_path(
             )
         )  # fmt: skip
         if record_frames:
-            frames.append(_frame(problem, pixels, labels.ravel()[pixels], len(history), 2))
+            frames.append(_frame(problem, labels, len(history), 2))
     if progress is not None:
         progress(1.0)
-    soft_map = np.zeros(side.shape, np.float32)
-    soft_map.ravel()[pixels] = np.clip(soft[node], 0.0, 1.0)
-    return Solution(labels=labels, soft=soft_map, history=tuple(history), frames=tuple(frames), termination=termination)
+    on_node = np.clip(soft, 0.0, 1.0).astype(np.float32)
+    return Solution(labels=labels, soft=on_node[node_of_pixel], history=tuple(history), frames=tuple(frames), termination=termination)
 
 
-def _network(problem: SeamProblem) -> tuple[Network, Floats, Floats, Ints, Ints]:
-    """The network to solve, the cost of its elements and the number of interfaces each stands for; the free pixels and their nodes."""
-    small = np.count_nonzero(problem.overlap.side == FREE) <= WHOLE_NODES
-    if small and not problem.tied:
-        cost, pixels = problem.element_cost, problem.pattern.pixels
-        return problem.network, cost, np.ones(len(cost)), pixels, np.arange(len(pixels))
-    whole, cost, pixels = problem.grid.network(problem.grid.free)
-    if small:
-        return whole, cost, np.ones(len(cost)), pixels, np.arange(len(pixels))
-    network, cost, multiplicity, node = restrict(whole, cost)
-    return network, cost, multiplicity, pixels, node[:-2]
+def _network(problem: SeamProblem) -> tuple[Network, Floats, Floats, Ints]:
+    """The network to solve, the cost of its elements and the number of interfaces each stands for; (h, w) node of every free pixel."""
+    side = problem.overlap.side
+    if np.count_nonzero(side == FREE) > WHOLE_NODES:
+        return restrict(problem.grid)
+    if problem.tied:
+        network, cost, pixels = problem.grid.network(problem.grid.free)
+    else:
+        network, cost, pixels = problem.network, problem.element_cost, problem.pattern.pixels
+    node = np.full(side.shape, network.n, np.int32)
+    node.ravel()[pixels] = np.arange(network.n)
+    return network, cost, np.ones(len(cost)), node
 
 
 def _without_islands(labels: Mask, side: npt.NDArray[np.uint8]) -> Mask:
@@ -166,11 +165,9 @@ def _without_islands(labels: Mask, side: npt.NDArray[np.uint8]) -> Mask:
     return labels
 
 
-def _frame(problem: SeamProblem, pixels: Ints, potential: npt.NDArray[Any], iteration: int, stage: int) -> Frame:
-    """Flux of every interface of the window, from the label potential of its free pixels."""
-    on_free = np.zeros(problem.overlap.side.shape, np.float32)
-    on_free.ravel()[pixels] = np.clip(potential, 0.0, 1.0)
-    values = problem.complete(on_free)
+def _frame(problem: SeamProblem, potential: npt.NDArray[Any], iteration: int, stage: int) -> Frame:
+    """Flux of every interface of the window, from the (h, w) label potential of its free pixels."""
+    values = problem.complete(np.clip(potential, 0.0, 1.0).astype(np.float32))
     return Frame(
         iteration=iteration, stage=stage,
         right=np.where(problem.right > 0, np.abs(np.diff(values, axis=1)), np.float32(0)),

@@ -10,6 +10,7 @@ from shapes import SHAPES
 
 from toposeam.errors import OptionError, SolverError
 from toposeam.optimize.history import Termination
+from toposeam.seam import thesis
 from toposeam.seam.corners import CornerNetwork
 from toposeam.seam.exact import exact_labels
 from toposeam.seam.match_cost import MatchCost, match_cost
@@ -196,6 +197,44 @@ def test_a_step_that_breaks_the_network_is_taken_back(crops, monkeypatch):
     # The step after a failure is a shorter one from the same point.
     step, shorter = (np.abs(calls[index] - calls[3]).max() for index in (4, 5))
     assert 0 < shorter < step
+
+
+def test_not_solving_again_for_equal_ratios_keeps_the_path_to_rounding(crops, monkeypatch):
+    problem = strip_problem(crops, 11, 120, 30)
+    flows = []
+    flow = CornerNetwork.flow
+    monkeypatch.setattr(CornerNetwork, "flow", lambda self, conductance: flows.append(len(conductance)) or flow(self, conductance))
+    quick = thesis_path(problem, ThesisOptions())
+    spared = len(quick.history) - len(flows)
+    assert spared >= 2
+    monkeypatch.setattr(thesis, "_ALIKE", -1.0)
+    flows.clear()
+    full = thesis_path(problem, ThesisOptions())
+    assert len(flows) >= len(full.history)
+    assert len(quick.history) == len(full.history)
+    for mine, theirs in zip(quick.history, full.history, strict=True):
+        assert mine.objective == pytest.approx(theirs.objective, rel=1e-5)
+        assert mine.compliance == pytest.approx(theirs.compliance, rel=1e-5)
+    assert (quick.labels == full.labels).all()
+
+
+def test_leaving_out_dead_elements_keeps_the_path_and_the_seam(crops, monkeypatch):
+    """The first stage decides on the outline: its objective stays within a few percent, and nearly every seam is the same."""
+    deviations, same = [], 0
+    for seed in range(12):
+        problem = strip_problem(crops, [12, seed], *((80, 20), (120, 30))[seed % 2])
+        with monkeypatch.context() as patch:
+            quick = thesis_path(problem, ThesisOptions())
+            patch.setattr(thesis, "_SETTLED", 10**6)
+            full = thesis_path(problem, ThesisOptions())
+        mine, theirs = ([record for record in solution.history if record.stage == 1] for solution in (quick, full))
+        assert theirs[-1].unknowns == theirs[0].unknowns
+        assert mine[-1].unknowns < 0.5 * mine[0].unknowns
+        deviations += [abs(one.objective / other.objective - 1) for one, other in zip(mine, theirs, strict=False)]
+        same += quick.labels.tobytes() == full.labels.tobytes()
+    assert np.median(deviations) < 0.005
+    assert max(deviations) < 0.05
+    assert same >= 11
 
 
 def test_two_pixels_between_the_patches_leave_nothing_to_decide():

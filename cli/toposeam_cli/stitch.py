@@ -58,7 +58,7 @@ def stitch(
     align_radius: int | None, masks: tuple[Keyed, ...], keeps: tuple[Keyed, ...], method: ts.Method | None, formulation: int | None,
     match_tones: bool, blend: ts.Blend, blend_width: float | None, seam: Path | None, use_seam: tuple[Keyed, ...], labels: Path | None,
     overlay: Path | None, history: Path | None, as_json: bool, force: bool, quiet: bool,
-) -> None:  # fmt: skip
+) -> dict[str, Any]:  # fmt: skip
     """Join pictures where they overlap, along seams that nobody sees.
 
     A is the first picture, or an OpenRaster file (.ora) or layout (.toml, .json) with all of them; later pictures lie on top.
@@ -130,6 +130,8 @@ def stitch(
             write_picture(overlay, Picture(pixels=draw_seams(stitched.image, stitched.seams)), force)
     if as_json or not quiet:
         click.echo(report)
+    result: dict[str, Any] = json.loads(report) if as_json else {"report": report}
+    return result
 
 
 def _names(layers: Sequence[ts.Layer]) -> str:

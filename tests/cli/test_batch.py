@@ -106,8 +106,7 @@ def test_a_file_of_jobs_says_everything_the_command_line_can(toposeam, pairs):
         no-gradient = true
 
         [[stitch]]
-        first = "../left_0.png"
-        second = "../right_0.png"
+        pictures = ["../left_0.png", "../right_0.png"]
         output = "joined/zero.png"
         seam = "joined/zero.svg"
 
@@ -122,9 +121,14 @@ def test_a_file_of_jobs_says_everything_the_command_line_can(toposeam, pairs):
         output = "joined/one.png"
 
         [[stitch]]
-        first = "../left_*.png"
-        second = "../right_*.png"
+        pictures = ["../left_*.png", "../right_*.png"]
         output = "joined/all-{name}.tif"
+
+        [[stitch]]
+        pictures = ["../left_0.png", "../right_0.png", "../right_0.png"]
+        at = [[0, 0], [36, 0], [36, 5]]
+        overlap = false
+        output = "joined/three.png"
         """,
         "work/jobs.toml",
     )
@@ -138,8 +142,10 @@ def test_a_file_of_jobs_says_everything_the_command_line_can(toposeam, pairs):
         alone = f"alone{Path(made).suffix}"
         assert toposeam("stitch", f"left_{index}.png", f"right_{index}.png", *options, "-o", alone, "--force").code == 0
         assert Path(alone).read_bytes() == (pairs / "work" / "joined" / made).read_bytes()
-    names = ["joined/zero.png", "one", *(f"joined/all-{index}.tif" for index in range(4))]
-    assert list(table("work/jobs.results.jsonl")) == names
+    names = ["joined/zero.png", "one", *(f"joined/all-{index}.tif" for index in range(4)), "joined/three.png"]
+    rows = table("work/jobs.results.jsonl")
+    assert list(rows) == names
+    assert "92 × 45 px" in rows["joined/three.png"]["result"]["report"]
     assert (pairs / "work" / "joined" / "zero.svg").exists()
 
 
@@ -200,6 +206,9 @@ ENTRY = '\n[[stitch]]\nfirst = "left_0.png"\nsecond = "right_0.png"\noverlap = "
         (ENTRY.replace('"20px"', "1979-05-27"), ["line 2", "overlap"]),
         (ENTRY + "no-gradient = 'yes'\n", ["line 2", "no-gradient", "true or false"]),
         (ENTRY + "no-gradient = true\nno_gradient = true\n", ["line 2", "twice"]),
+        (ENTRY + "pictures = 3\n", ["line 2", "a list of files"]),
+        (ENTRY + "pictures = ['a.png']\n", ["line 2", "'first'", "twice"]),
+        (ENTRY + "at = [[0, true]]\n", ["line 2", "at is"]),
         (ENTRY + "name = 3\n", ["line 2", "name is 3"]),
         (ENTRY.replace('output = "x.png"', ""), ["line 2", "--output"]),
         (ENTRY + ENTRY, ["two jobs are called 'x.png'"]),

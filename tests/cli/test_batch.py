@@ -3,6 +3,7 @@
 import json
 import os
 import pty
+import resource
 import shlex
 import signal
 import textwrap
@@ -252,6 +253,21 @@ def test_a_command_line_that_makes_no_sense_is_one_sentence(toposeam, pairs, lin
     before = contents(pairs)
     toposeam("batch", *shlex.split(line)).fails(phrase, code)
     assert contents(pairs).items() >= before.items()
+
+
+def test_a_disk_that_fills_costs_only_what_does_not_fit(started, pairs):
+    for name in ("left_2", "right_2"):  # noise, which does not compress
+        write_picture(f"{name}.png", Picture(pixels=np.random.default_rng(0).integers(0, 256, (90, 90, 3), np.uint8)), force=True)
+
+    def leave_little_space():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+
+    ran = started("batch", *PATTERNS, "-j", 2, preexec_fn=leave_little_space)
+    assert (ran.code, ran.out[:16]) == (1, "3 done, 1 failed"), ran
+    assert ran.err.startswith("out/2.png: cannot write"), ran
+    assert "free some space" in ran.err
+    assert sorted(path.name for path in (pairs / "out").iterdir()) == ["0.png", "1.png", "3.png"]
+    assert started("batch", *PATTERNS).out.startswith("1 done, 3 done before")
 
 
 def test_a_terminal_shows_how_far_it_is_and_ctrl_c_says_how_to_go_on(process, pairs):

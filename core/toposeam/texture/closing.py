@@ -60,8 +60,8 @@ def order_axis(features: Floats32, usable: Mask) -> int | None:
 
 
 def closing_guide(
-    sources: Sources, atlas: Atlas, options: LayOptions, size: tuple[int, int], wraps: tuple[bool, bool], axis: int, patch: int, overlap: int,
-    seed: int, progress: Callable[[float], None] | None = None,
+    sources: Sources, atlas: Atlas, options: LayOptions, size: tuple[int, int], wraps: tuple[bool, bool], axis: int, patch: int,
+    overlap: int, seed: int, progress: Callable[[float], None] | None = None,
 ) -> Guide:  # fmt: skip
     """What the texture should look like, planned at half size where patches are large enough.
 

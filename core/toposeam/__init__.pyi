@@ -7,10 +7,12 @@ from .errors import (
     SolverError,
     TopoSeamError,
 )
+from .layers.align import Aligned, align
 from .layers.blend import BLENDS, Blend
 from .layers.composite import MAX_PIXELS, Stitched, stitch
 from .layers.layer import Layer, common_canvas
 from .motif.generate import generate_motif, random_recipe
+from .motif.join import JoinedMotifs, arrange, border_mismatch, join_motifs, random_arrangement
 from .motif.layer import Step
 from .motif.motif import Motif, repeat, repeat_densities
 from .motif.palettes import PALETTES, Palette, palette
@@ -40,11 +42,13 @@ __all__ = [
     "PALETTES",
     "REPEATS",
     "SIDES",
+    "Aligned",
     "Blend",
     "Frame",
     "HeatOptions",
     "ImageError",
     "Iteration",
+    "JoinedMotifs",
     "LayOptions",
     "Layer",
     "LayerRecipe",
@@ -71,14 +75,19 @@ __all__ = [
     "ThesisOptions",
     "Tileable",
     "TopoSeamError",
+    "align",
+    "arrange",
+    "border_mismatch",
     "common_canvas",
     "fill",
     "find_seam",
     "generate_motif",
+    "join_motifs",
     "make_tileable",
     "palette",
     "path_cost",
     "plan_path",
+    "random_arrangement",
     "random_recipe",
     "read_svg",
     "repeat",

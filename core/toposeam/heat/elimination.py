@@ -25,8 +25,12 @@ Factor = Callable[[Floats], Floats]
 
 #: Up to this many unknowns a dense factorisation beats setting up a banded one.
 DENSE_NODES = 48
-#: Beyond this half-bandwidth sparse elimination beats a banded factorisation (twice as fast at 160, equal at 300).
-WIDEST_BAND = 250
+#: Beyond this half-bandwidth sparse elimination beats a banded factorisation …
+WIDEST_BAND = 100
+#: … but where the band is as full as for an overlap solved whole it does so only beyond this one.
+WIDEST_FULL_BAND = 250
+#: A band is full when rows reach this share of its width in the mean.
+_FULL = 0.5
 #: From this many unknowns on, eliminating those that are apart pays.
 CONDENSED_NODES = 1500
 #: An unknown coupled to more others than this is not eliminated early.
@@ -62,7 +66,13 @@ def system(n: int, i: Ints, j: Ints, apart: npt.NDArray[np.bool_] | None = None)
     rank = np.empty(n, np.intp)
     rank[reverse_cuthill_mckee(graph, symmetric_mode=True)] = np.arange(n)
     width = int(np.abs(rank[i] - rank[j]).max(initial=0))
-    return _Banded(n, rank, rank[i], rank[j], width) if width <= WIDEST_BAND else _Sparse(n, i, j)
+    if WIDEST_BAND < width <= WIDEST_FULL_BAND:
+        reach = np.zeros(n, np.intp)
+        np.maximum.at(reach, np.maximum(rank[i], rank[j]), np.abs(rank[i] - rank[j]))
+        banded = float(reach.mean()) >= _FULL * width
+    else:
+        banded = width <= WIDEST_BAND
+    return _Banded(n, rank, rank[i], rank[j], width) if banded else _Sparse(n, i, j)
 
 
 class _Dense:

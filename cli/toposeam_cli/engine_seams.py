@@ -1,4 +1,4 @@
-"""What the engine can be asked for: one function per operation, from a :class:`~toposeam_cli.engine.Job` to what goes into the result.
+"""What the engine can be asked for about seams: functions from a :class:`~toposeam_cli.engine.Job` to what goes into the result.
 
 Places are in px of the asker's image. Every raster has its ``offset`` there.
 """
@@ -6,7 +6,7 @@ Places are in px of the asker's image. Every raster has its ``offset`` there.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -244,6 +244,3 @@ def simplified(points: Floats, closed: bool, tolerance: float) -> Floats:
             keep[middle] = True
             waiting += [(start, middle), (middle, end)]
     return points[keep]
-
-
-OPERATIONS: dict[str, Callable[[Job], dict[str, Any]]] = {"stitch": stitch, "restitch": restitch, "patch": patch}

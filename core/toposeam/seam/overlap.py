@@ -166,7 +166,7 @@ def _between_masks(mask_a: Mask, mask_b: Mask, core: float) -> Overlap:
     if not ((side[shared] == A).any() and (side[shared] == B).any()) and not (side == FREE).any():
         raise OverlapError(
             "nothing divides the patches: wherever they overlap both cover the same ground, or one is too thin to hold a seam; "
-            "leave the masks out and give the side on which b continues"
+            "let one of them reach beyond the other, or lie well inside it"
         )
     return overlap
 

@@ -1,4 +1,4 @@
-"""What each menu entry does: read layers, ask the engine, and only when it has answered change the image, in one undo step."""
+"""Stitch Layers, Re-stitch from Paths, Stitch Selection as Patch: ask the engine, and only when it has answered change the image."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from gi.repository import Gimp
 
 from toposeam_gimp import curves, engine, pixels
 from toposeam_gimp.below import picture_below
+from toposeam_gimp.call import Call, renamed
 from toposeam_gimp.folder import RequestFolder
 from toposeam_gimp.layers import (
     RefusedError,
@@ -22,19 +23,19 @@ from toposeam_gimp.layers import (
     stitched_group,
     strokes_of,
 )
-from toposeam_gimp.procedures import Procedure
 from toposeam_gimp.texts import _
 
 Options = dict[str, Any]
 
 
-def stitch_layers(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], options: Options, entry: Procedure) -> Gimp.Layer:
+def stitch_layers(call: Call) -> Gimp.Layer:
     """Two or more layers into a group with masks and paths."""
-    layers = lowest_first(image, chosen_layers(image, drawables))
+    image, options = call.image, call.options
+    layers = lowest_first(image, chosen_layers(image, call.drawables))
     if len(layers) < 2:
         raise RefusedError(_("Stitching needs two or more layers; select them in the Layers dialog (Ctrl-click) and try again."))
     with _request(image, layers) as (folder, rasters):
-        request = {"layers": rasters, "selection": pixels.send_selection(folder, image), "options": _for_engine(entry, options)}
+        request = {"layers": rasters, "selection": pixels.send_selection(folder, image), "options": call.for_engine}
         answer = engine.ask(folder, {"operation": "stitch", **request}, Gimp.progress_update)
         with one_undo_step(image) as undone:
             parent, position = layers[-1].get_parent(), image.get_item_position(layers[-1])
@@ -42,15 +43,18 @@ def stitch_layers(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], options
             image.insert_layer(group, parent, position)
             undone.append(lambda: image.remove_layer(group))
             copies = [insert_copy(image, layer, group, 0) for layer in layers]
-            for layer, copy, mask in zip(layers, copies, answer["masks"], strict=True):
-                _put_mask(folder, copy, mask)
+            for index, (layer, copy) in enumerate(zip(layers, copies, strict=True)):
+                if answer.get("pixels"):
+                    copy = copies[index] = pixels.replaced(folder, image, copy, answer["pixels"][index])
+                _put_mask(folder, copy, answer["masks"][index])
                 copy.set_name(layer.get_name())
+            blended = _put_blended(folder, image, group, answer)
             seams = []
             for seam in answer["seams"]:
                 path, memory = draw_seam(image, seam, visible=options["show-seam"])
                 undone.append(lambda path=path: image.remove_path(path))
                 seams.append(memory)
-            remember(group, copies, seams)
+            remember(group, copies, seams, blended, {name: options[name] for name in ("blend", "blend-width")})
             for layer in layers if options["keep-layers"] else ():
                 layer.set_visible(False)
                 undone.append(lambda layer=layer: layer.set_visible(True))
@@ -61,9 +65,10 @@ def stitch_layers(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], options
     return result
 
 
-def restitch(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], _options: Options, _entry: Procedure) -> Gimp.Layer:
+def restitch(call: Call) -> Gimp.Layer:
     """The masks of a stitched group made anew from its paths."""
-    group, memory = stitched_group(chosen_layers(image, drawables))
+    image = call.image
+    group, memory = stitched_group(chosen_layers(image, call.drawables))
     layers = [image.get_layer_by_tattoo(tattoo) for tattoo in memory["layers"]]
     if any(layer is None for layer in layers):
         raise RefusedError(_("A layer of this group was deleted or merged; stitch the layers again."))
@@ -72,22 +77,30 @@ def restitch(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], _options: Op
         path = image.get_path_by_tattoo(seam["path"]) or image.get_path_by_name(seam["name"])
         if path is None:
             raise RefusedError(_("The path “{name}” is gone; undo its deletion, or stitch the layers again.").format(name=seam["name"]))
-        lines = curves.lines_of(strokes_of(path), seam["lines"])
+        lines, touched = curves.lines_of(strokes_of(path), seam["lines"])
         if not lines:
             text = _("The path “{name}” is empty; draw the seam from border to border of the overlap.")
             raise RefusedError(text.format(name=path.get_name()))
-        seams.append({**seam, "lines": lines})
+        seams.append({**seam, "lines": lines, "touched": touched})
     with _request(image, layers, with_masks=False) as (folder, rasters):
-        answer = engine.ask(folder, {"operation": "stitch", "layers": rasters, "seams": seams}, Gimp.progress_update)
+        shown = [pixels.send_mask(folder, layer, f"shown-{index}") for index, layer in enumerate(layers)]
+        request = {"layers": rasters, "shown": shown, "seams": seams, "options": renamed(memory["options"])}
+        answer = engine.ask(folder, {"operation": "restitch", **request}, Gimp.progress_update)
         with one_undo_step(image):
             for layer, mask in zip(layers, answer["masks"], strict=True):
                 _put_mask(folder, layer, mask)
+            old = memory["blended"] and image.get_layer_by_tattoo(memory["blended"])
+            if old:
+                image.remove_layer(old)
+            blended = _put_blended(folder, image, group, answer)
+            remember(group, layers, memory["seams"], blended, memory["options"])
     return group
 
 
-def patch_selection(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], options: Options, entry: Procedure) -> Gimp.Layer:
+def patch_selection(call: Call) -> Gimp.Layer:
     """The selected part of a layer, or a floating selection, laid on what is below it within a closed seam."""
-    (layer,) = chosen_layers(image, drawables)
+    image, options = call.image, call.options
+    (layer,) = chosen_layers(image, call.drawables)
     floating = layer.is_floating_sel()
     with RequestFolder(needed=3 * pixels.size_of(image, layer)) as folder:
         selection = None if floating else pixels.send_selection(folder, image)
@@ -95,7 +108,7 @@ def patch_selection(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], optio
         if patch is None:
             raise RefusedError(_("The selection lies outside the layer “{name}”; select a part of it.").format(name=layer.get_name()))
         below = picture_below(folder, image, layer, pixels.box_of(patch))
-        request = {"layers": [below, patch], "selection": selection, "options": _for_engine(entry, options)}
+        request = {"layers": [below, patch], "selection": selection, "options": call.for_engine}
         answer = engine.ask(folder, {"operation": "patch", **request}, Gimp.progress_update)
         with one_undo_step(image) as undone:
             if floating:
@@ -111,6 +124,9 @@ def patch_selection(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], optio
                 layer.set_visible(False)
                 undone.append(lambda: layer.set_visible(True))
             _put_mask(folder, result, answer["masks"][1])
+            blended = _put_blended(folder, image, result, answer)
+            if blended is not None:
+                undone.append(lambda: image.remove_layer(blended))
             for seam in answer["seams"]:
                 path, _memory = draw_seam(image, seam, visible=options["show-seam"])
                 undone.append(lambda path=path: image.remove_path(path))
@@ -128,10 +144,6 @@ def _request(
         yield folder, rasters
 
 
-def _for_engine(entry: Procedure, options: Options) -> Options:
-    return {option.name.replace("-", "_"): options[option.name] for option in entry.options if option.engine}
-
-
 def _put_mask(folder: RequestFolder, layer: Gimp.Layer, raster: dict[str, Any]) -> None:
     """Give a layer a new mask in place of the one it may have."""
     mask = pixels.new_mask(folder, raster, layer)
@@ -139,3 +151,15 @@ def _put_mask(folder: RequestFolder, layer: Gimp.Layer, raster: dict[str, Any]) 
         layer.remove_mask(Gimp.MaskApplyMode.DISCARD)
     layer.add_mask(mask)
     layer.set_edit_mask(False)
+
+
+def _put_blended(folder: RequestFolder, image: Gimp.Image, under: Gimp.Layer, answer: Options) -> Gimp.Layer | None:
+    """A layer of what blending has changed, on top of a group or right above a layer."""
+    if answer.get("blended") is None:
+        return None
+    layer = pixels.new_layer(image, _("Blended seams"), answer["blended"])
+    parent, position = (under, 0) if under.is_group() else (under.get_parent(), image.get_item_position(under))
+    image.insert_layer(layer, parent, position)
+    layer.set_offsets(*answer["blended"]["offset"])
+    pixels.receive_colors(folder, image, layer, answer["blended"])
+    return layer

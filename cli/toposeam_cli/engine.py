@@ -89,7 +89,7 @@ class Job:
         name = f"result-{len(self._written)}.raw"
         self._written.append(name)
         array = np.asarray(pixels)
-        with (self.folder / name).open("xb") as file:
+        with (self.folder / name).open("wb") as file:
             for top in range(0, array.shape[0], 256):
                 file.write(np.ascontiguousarray(array[top : top + 256]).data)
         channels = 1 if array.ndim == 2 else array.shape[2]
@@ -150,7 +150,7 @@ def _version() -> str:
 
 def _end_with_asker(folder: Path) -> None:
     """Wait until stdin is closed; then nobody is left who could use the result, or clean up."""
-    while sys.stdin.buffer.read(4096):
+    while os.read(0, 4096):  # not through sys.stdin, whose lock would abort the interpreter's end
         pass
     shutil.rmtree(folder, ignore_errors=True)
     os._exit(3)

@@ -13,7 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 import toposeam as ts
+from toposeam.images import Image
+from toposeam.layers.blend import Placed, blend_seams
 from toposeam.layers.layer import Canvas
+from toposeam.layers.painting import channel_count, opaque, paint
+from toposeam.layers.tones import match_tones
 from toposeam.vector.svg import SvgSeam
 from toposeam_cli.engine import Job
 
@@ -24,14 +28,16 @@ EDITABLE_PX = 0.75
 
 
 def stitch(job: Job) -> dict[str, Any]:
-    """Layers, first the lowest, joined along seams; one mask per layer and one entry per seam."""
+    """Layers, first the lowest, joined along seams: masks, seams, the layers in matched tones, and what blending changes."""
     layers = _layers(job)
-    options = job.options
-    if job.request.get("seams") is not None:
-        return _restitch(job, layers, job.request["seams"])
+    options = _blending(job.options)
+    result: dict[str, Any] = {}
+    if options.pop("match_tones", False):
+        canvas = ts.common_canvas(layers, ts.MAX_PIXELS)
+        layers = match_tones(layers, [canvas.place(layer) for layer in layers])
+        result["pixels"] = [job.write(_with_alpha(layer.image, layer.alpha)) for layer in layers]
     stitched = ts.stitch(layers, avoid=_outside_selection(job, layers), progress=job.progress, **options)
-    seams = [_seam(seam, stitched.origin, index, layers) for index, seam in enumerate(stitched.seams, start=1)]
-    return {"masks": _masks(job, layers, stitched.masks, stitched.origin), "seams": seams}
+    return result | _joined(job, layers, stitched)
 
 
 def patch(job: Job) -> dict[str, Any]:
@@ -39,35 +45,111 @@ def patch(job: Job) -> dict[str, Any]:
     below, above = _layers(job)
     outside = _outside_selection(job, [above])
     if outside is not None:
-        alpha = np.where(outside, np.zeros((), above.image.dtype), above.image.dtype.type(1) if above.alpha is None else above.alpha)
-        above = dataclasses.replace(above, alpha=alpha)
-    stitched = ts.stitch([below, above], progress=job.progress, **job.options)
-    masks = _masks(job, [below, above], stitched.masks, stitched.origin)
-    return {"masks": masks, "seams": [_seam(seam, stitched.origin, 1, [below, above]) for seam in stitched.seams]}
+        above = dataclasses.replace(above, mask=~outside)
+    stitched = ts.stitch([below, above], progress=job.progress, **_blending(job.options))
+    return _joined(job, [below, above], stitched)
 
 
-def _restitch(job: Job, layers: Sequence[ts.Layer], seams: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The layers joined along given paths, one entry of ``seams`` for each layer after the first."""
+def restitch(job: Job) -> dict[str, Any]:
+    """Layers joined along given paths.
+
+    Of two layers the paths say everything. Of more, each pair whose path was touched divides anew what the two of them show.
+    """
+    layers = _layers(job)
     canvas = ts.common_canvas(layers, ts.MAX_PIXELS)
-    below = layers[0]
+    places = [canvas.place(layer) for layer in layers]
+    covered = [layer.covered for layer in layers]
     owner = np.full(canvas.shape, -1, np.int16)
-    owner[canvas.place(below)][below.covered] = 0
-    found = []
-    for index, (layer, entry) in enumerate(zip(layers[1:], seams, strict=True), start=1):
-        joined = ts.stitch([below, layer], use_path=_drawing(entry, ts.common_canvas([below, layer], ts.MAX_PIXELS)))
-        below = ts.Layer(image=joined.image, alpha=joined.alpha, offset=joined.origin, name=below.name)
-        owner[canvas.place(below)][joined.masks[1]] = index
-        found.append(_seam(joined.seams[0], joined.origin, index, layers))
-        job.progress(index / len(seams))
-    return {"masks": _masks(job, layers, [owner == index for index in range(len(layers))], canvas.origin), "seams": found}
+    for index, (place, shown) in enumerate(zip(places, job.request["shown"], strict=True)):
+        there = owner[place.slices]
+        there[covered[index] & ((there < 0) | (job.read(shown) >= 128))] = index
+    for seam in job.request["seams"]:
+        if len(layers) > 2 and not seam["touched"]:
+            continue
+        pair = [int(index) for index in seam["pair"]]
+        both = []
+        for index in pair:
+            held = True if len(layers) == 2 else np.isin(owner[places[index].slices], pair)
+            both.append(dataclasses.replace(layers[index], mask=covered[index] & held))
+        drawing = _drawing(seam, ts.common_canvas(both, ts.MAX_PIXELS))
+        joined = ts.stitch(both, use_path=drawing)
+        at = canvas.place(ts.Layer(image=joined.image, offset=joined.origin))
+        for index, mask in zip(pair, joined.masks, strict=True):
+            owner[at.slices][mask] = index
+    masks = [owner == index for index in range(len(layers))]
+    result: dict[str, Any] = {"masks": _masks(job, layers, masks, canvas.origin)}
+    options = _blending(job.options)
+    blend: ts.Blend = options.get("blend", "none")
+    if blend == "soft":  # a line drawn by hand has no potential
+        blend = "feather"
+    if blend != "none":
+        image, alpha = paint(layers, places, owner, canvas.box, channel_count(layers))
+        placed = Placed(layers=layers, places=places, covered=covered, owner=owner)
+        blend_seams(placed, (), image, alpha, blend, options.get("blend_width"))
+        result["blended"] = _changes(job, layers, masks, image, alpha, canvas)
+    return result
+
+
+def _joined(job: Job, layers: Sequence[ts.Layer], stitched: ts.Stitched) -> dict[str, Any]:
+    canvas = ts.common_canvas(layers, ts.MAX_PIXELS)
+    alpha = stitched.alpha if stitched.alpha is not None else np.broadcast_to(opaque(stitched.image.dtype), canvas.shape)
+    seams = [
+        {
+            "pair": pair,
+            "name": ts.pair_name(*(stitched.names[index] for index in pair)),
+            "lines": _lines(seam, stitched.origin),
+            "cost": seam.cost,
+            "method": seam.method,
+        }
+        for pair, seam in zip(stitched.pairs, stitched.seams, strict=True)
+    ]
+    return {
+        "masks": _masks(job, layers, stitched.masks, stitched.origin),
+        "seams": seams,
+        "blended": _changes(job, layers, stitched.masks, stitched.image, alpha, canvas),
+    }
+
+
+def _changes(
+    job: Job, layers: Sequence[ts.Layer], masks: Sequence[npt.NDArray[np.bool_]], image: Image, alpha: Image, canvas: Canvas
+) -> dict[str, Any] | None:
+    """The pixels in which the composite differs from the layers under their masks, transparent elsewhere; None if it does not differ."""
+    changed = np.zeros(canvas.shape, bool)
+    for layer, mask in zip(layers, masks, strict=True):
+        place = canvas.place(layer)
+        for top in range(place.top, place.bottom, 256):
+            part = np.s_[top : min(top + 256, place.bottom), place.left : place.right]
+            own = layer.image[part[0].start - place.top : part[0].stop - place.top]
+            seen = image[part]
+            differs = seen != (own if own.ndim == seen.ndim else own[..., np.newaxis])
+            changed[part] |= (differs if differs.ndim == 2 else differs.any(axis=2)) & mask[part]
+    if not changed.any():
+        return None
+    rows, columns = (np.flatnonzero(changed.any(axis=axis)) for axis in (1, 0))
+    top, left = int(rows[0]), int(columns[0])
+    box = np.s_[top : int(rows[-1]) + 1, left : int(columns[-1]) + 1]
+    raster = job.write(_with_alpha(image[box], np.where(changed[box], alpha[box], alpha.dtype.type(0))))
+    return {**raster, "offset": [canvas.origin[0] + left, canvas.origin[1] + top]}
+
+
+def _with_alpha(image: Image, alpha: Image | None) -> Image:
+    shown = np.broadcast_to(opaque(image.dtype), image.shape[:2]) if alpha is None else alpha
+    return np.dstack([image, shown])
+
+
+def _blending(options: Mapping[str, Any]) -> dict[str, Any]:
+    """The options; a width of 0 means the usual one, and some ways of blending have none."""
+    chosen = dict(options)
+    width = chosen.pop("blend_width", 0)
+    if width and chosen.get("blend") in ("feather", "multiband", "gradient"):
+        chosen["blend_width"] = float(width)
+    return chosen
 
 
 def _drawing(entry: Mapping[str, Any], canvas: Canvas) -> SvgSeam:
     """The lines of a seam, on the canvas of the two pictures it joins."""
-    lines = tuple(
-        ts.Polyline(np.array(line["points"], float).reshape(-1, 2) - np.array(canvas.origin, float), bool(line["closed"]))
-        for line in entry["lines"]
-    )
+    shift = np.array(canvas.origin, float)
+    lines = tuple(ts.Polyline(np.array(line["points"], float).reshape(-1, 2) - shift, bool(line["closed"])) for line in entry["lines"])
     height, width = canvas.shape
     return SvgSeam(lines, width, height, None, (str(entry["name"]),) * len(lines))
 
@@ -81,8 +163,8 @@ def _layer(job: Job, raster: Mapping[str, Any]) -> ts.Layer:
     pixels = job.read(raster)
     alpha = pixels[..., -1]
     if raster.get("mask") is not None:
-        hidden = job.read(raster["mask"]) == 0
-        alpha = np.where(hidden, alpha.dtype.type(0), alpha)
+        share = job.read(raster["mask"]) / np.float32(255)
+        alpha = (np.rint(alpha * share) if np.issubdtype(alpha.dtype, np.integer) else alpha * share).astype(alpha.dtype)
     image = pixels[..., 0] if pixels.shape[2] == 2 else pixels[..., :-1]
     x, y = raster["offset"]
     return ts.Layer(image=image, alpha=alpha, offset=(int(x), int(y)), name=str(raster["name"]))
@@ -113,17 +195,14 @@ def _masks(job: Job, layers: Sequence[ts.Layer], masks: Iterable[npt.NDArray[np.
     return written
 
 
-def _seam(seam: ts.Seam, origin: tuple[int, int], layer: int, layers: Sequence[ts.Layer]) -> dict[str, Any]:
-    """The seam round a layer as the asker needs it: exact lines, and the same with fewer points for people to bend."""
+def _lines(seam: ts.Seam, origin: tuple[int, int]) -> list[dict[str, Any]]:
+    """The lines of a seam as the asker needs them: exact, and with fewer points for people to bend."""
     lines = []
     for path in seam.paths:
         points = path.points + np.array(origin, float)
-        lines.append({
-            "closed": path.closed,
-            "points": points.ravel().tolist(),
-            "editable": simplified(points, path.closed, EDITABLE_PX).ravel().tolist(),
-        })  # fmt: skip
-    return {"name": layers[layer].name, "layer": layer, "lines": lines, "cost": seam.cost, "method": seam.method}
+        editable = simplified(points, path.closed, EDITABLE_PX)
+        lines.append({"closed": path.closed, "points": points.ravel().tolist(), "editable": editable.ravel().tolist()})
+    return lines
 
 
 def simplified(points: Floats, closed: bool, tolerance: float) -> Floats:
@@ -167,4 +246,4 @@ def simplified(points: Floats, closed: bool, tolerance: float) -> Floats:
     return points[keep]
 
 
-OPERATIONS: dict[str, Callable[[Job], dict[str, Any]]] = {"stitch": stitch, "patch": patch}
+OPERATIONS: dict[str, Callable[[Job], dict[str, Any]]] = {"stitch": stitch, "restitch": restitch, "patch": patch}

@@ -106,7 +106,7 @@ def parse_patterns(command: click.Command, words: Sequence[str], folder: Path) -
     click.UsageError
         If they are not words of that command.
     """
-    context = click.Context(command, info_name=command.name)
+    context = click.Context(command, parent=click.get_current_context(silent=True), info_name=command.name)
     settings, rest, _ = command.make_parser(context).parse_args(list(words))
     if rest:
         raise click.UsageError(f"too many words: {' '.join(rest)}; put patterns in quotes, so that the shell leaves them alone")

@@ -20,8 +20,8 @@ from toposeam_cli.libvips import load_vips
 from toposeam_cli.output import atomic_write, check_output
 from toposeam_cli.parameters import FILE, OUTPUT, FiniteRange, NumbersType, PairType, PaperLengthType
 from toposeam_cli.picture import Picture, read_picture, write_picture
+from toposeam_cli.progress import share_bar
 from toposeam_cli.recipe_file import read_recipe, read_settings, read_toml, recipe_from_table, to_toml, to_xmp
-from toposeam_cli.stitch import _progress
 
 SUFFIXES = (".png", ".tif", ".tiff", ".svg")
 #: Resolution of a motif whose width on paper is given, without --dpi.
@@ -89,7 +89,7 @@ def motif(
     drawn = output.suffix.lower() == ".svg"
     if pixels is not None and (motif_width is not None or drawn):
         raise ts.OptionError("--pixels sets the size of a .png or .tif; leave it out with --motif-width and for .svg")
-    with _progress(f"inventing {output.name}", quiet) as bar:
+    with share_bar(f"inventing {output.name}", quiet) as bar:
         made = ts.generate_motif(recipe, progress=None if bar is None else lambda done, total: bar(done / total))
     if drawn:
         options = SvgOptions(levels=paper.levels, width_mm=paper.width_mm)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +18,7 @@ from toposeam_cli.overlay import draw_seams
 from toposeam_cli.parameters import FILE, OUTPUT, FiniteRange, Keyed, KeyedFile, OffsetType, placement
 from toposeam_cli.picture import Picture, write_picture
 from toposeam_cli.placing import Where, arrange, given_seams, read_avoid
+from toposeam_cli.progress import share_bar
 from toposeam_cli.report import describe, describe_alignment, summary_of_all
 
 
@@ -100,7 +99,7 @@ def stitch(
     if formulation is not None:
         options["formulation"] = formulation
     try:
-        with _progress(f"joining {_names(job.layers)}", quiet) as progress:
+        with share_bar(f"joining {_names(job.layers)}", quiet) as progress:
             stitched = ts.stitch(
                 job.layers, method=method or "heat", use_path=paths, record_frames=history is not None, progress=progress, **options
             )
@@ -174,13 +173,3 @@ def _check_opaque(paths: Sequence[Path], layers: Sequence[ts.Layer]) -> None:
         raise ts.ImageError(
             f"'{paths[0]}' cannot be written: the picture is partly transparent, which {paths[0].suffix} cannot hold; use .png or .tif"
         )
-
-
-@contextmanager
-def _progress(label: str, quiet: bool) -> Iterator[Callable[[float], None] | None]:
-    """A progress bar on a terminal, nothing in a pipe."""
-    if quiet or not (sys.stderr and sys.stderr.isatty()):  # there is none when it was closed
-        yield None
-        return
-    with click.progressbar(length=1000, label=label, file=sys.stderr) as bar:
-        yield lambda share: bar.update(max(0, round(1000 * share) - bar.pos))

@@ -12,6 +12,7 @@ from .layers.blend import BLENDS, Blend
 from .layers.composite import MAX_PIXELS, Stitched, pair_name, stitch
 from .layers.layer import Layer, common_canvas
 from .motif.generate import generate_motif, random_recipe
+from .motif.join import JoinedMotifs, arrange, border_mismatch, join_motifs, random_arrangement
 from .motif.layer import Step
 from .motif.motif import Motif, repeat, repeat_densities
 from .motif.palettes import PALETTES, Palette, palette
@@ -28,7 +29,7 @@ from .seam.thesis import ThesisOptions
 from .texture.fill import fill, make_tileable
 from .texture.lay import LayOptions
 from .texture.synthesis import Synthesis
-from .texture.synthesize import synthesize
+from .texture.synthesize import Tileable, synthesize
 from .vector.polyline import Polyline
 from .vector.svg import SvgSeam, read_svg
 
@@ -47,6 +48,7 @@ __all__ = [
     "HeatOptions",
     "ImageError",
     "Iteration",
+    "JoinedMotifs",
     "LayOptions",
     "Layer",
     "LayerRecipe",
@@ -72,17 +74,22 @@ __all__ = [
     "Synthesis",
     "Termination",
     "ThesisOptions",
+    "Tileable",
     "TopoSeamError",
     "align",
+    "arrange",
+    "border_mismatch",
     "common_canvas",
     "fill",
     "find_seam",
     "generate_motif",
+    "join_motifs",
     "make_tileable",
     "pair_name",
     "palette",
     "path_cost",
     "plan_path",
+    "random_arrangement",
     "random_recipe",
     "read_svg",
     "repeat",

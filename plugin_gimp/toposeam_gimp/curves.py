@@ -22,7 +22,9 @@ def same(stroke: Sequence[float], other: Sequence[float]) -> bool:
     return len(stroke) == len(other) and all(abs(a - b) <= SAME_PX for a, b in zip(stroke, other, strict=True))
 
 
-def lines_of(strokes: Iterable[tuple[Sequence[float], bool, Sequence[float]]], known: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def lines_of(
+    strokes: Iterable[tuple[Sequence[float], bool, Sequence[float]]], known: Sequence[Mapping[str, Any]]
+) -> tuple[list[dict[str, Any]], bool]:
     """The lines to apply.
 
     Parameters
@@ -36,11 +38,14 @@ def lines_of(strokes: Iterable[tuple[Sequence[float], bool, Sequence[float]]], k
     -------
     list of dict
         ``points`` and ``closed``: the exact line where the stroke is as it was written, else the flattened one.
+    bool
+        Whether anything differs from what was written.
     """
-    lines = []
+    lines, found = [], 0
     for stroke, closed, flattened in strokes:
         untouched = next((line for line in known if line["closed"] == closed and same(line["stroke"], stroke)), None)
+        found += untouched is not None
         points = list(flattened) if untouched is None else untouched["points"]
         if len(points) >= 4:
             lines.append({"points": points, "closed": closed})
-    return lines
+    return lines, not found == len(lines) == len(known)

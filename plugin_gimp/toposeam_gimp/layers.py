@@ -85,7 +85,7 @@ def insert_copy(image: Gimp.Image, layer: Gimp.Layer, parent: Gimp.Layer | None,
 
 def draw_seam(image: Gimp.Image, seam: dict[str, Any], *, visible: bool) -> tuple[Gimp.Path, dict[str, Any]]:
     """A GIMP path for a seam, and what has to be remembered of it."""
-    path = Gimp.Path.new(image, _("Seam of {name}").format(name=seam["name"]))
+    path = Gimp.Path.new(image, _("Seam {name}").format(name=seam["name"]))
     image.insert_path(path, None, 0)
     for line in seam["lines"]:
         path.stroke_new_from_points(Gimp.PathStrokeType.BEZIER, curves.to_stroke(line["editable"]), line["closed"])
@@ -94,7 +94,7 @@ def draw_seam(image: Gimp.Image, seam: dict[str, Any], *, visible: bool) -> tupl
         {"stroke": stroke, "closed": closed, "points": line["points"]}
         for (stroke, closed, _flat), line in zip(strokes_of(path), seam["lines"], strict=True)
     ]
-    return path, {"name": path.get_name(), "path": path.get_tattoo(), "lines": lines}
+    return path, {"name": path.get_name(), "path": path.get_tattoo(), "pair": seam["pair"], "lines": lines}
 
 
 def strokes_of(path: Gimp.Path) -> Iterator[tuple[list[float], bool, list[float]]]:
@@ -105,9 +105,16 @@ def strokes_of(path: Gimp.Path) -> Iterator[tuple[list[float], bool, list[float]
         yield list(points), closed, list(flattened)
 
 
-def remember(group: Gimp.GroupLayer, layers: Sequence[Gimp.Layer], seams: Sequence[dict[str, Any]]) -> None:
+def remember(
+    group: Gimp.GroupLayer,
+    layers: Sequence[Gimp.Layer],
+    seams: Sequence[dict[str, Any]],
+    blended: Gimp.Layer | None,
+    options: dict[str, Any],
+) -> None:
     """Attach to a stitched group what Re-stitch from Paths needs; it is saved with the file."""
-    memory = {"version": _PARASITE_VERSION, "layers": [layer.get_tattoo() for layer in layers], "seams": seams}
+    tattoos = {"layers": [layer.get_tattoo() for layer in layers], "blended": None if blended is None else blended.get_tattoo()}
+    memory = {"version": _PARASITE_VERSION, **tattoos, "seams": seams, "options": options}
     flags = Gimp.PARASITE_PERSISTENT | Gimp.PARASITE_UNDOABLE
     group.attach_parasite(Gimp.Parasite.new(PARASITE, flags, list(json.dumps(memory, separators=(",", ":")).encode())))
 

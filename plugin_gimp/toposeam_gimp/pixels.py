@@ -94,6 +94,12 @@ def _common(first: Box, second: Box | None) -> Box | None:
     return (left, top, right - left, bottom - top) if right > left and bottom > top else None
 
 
+def send_mask(folder: RequestFolder, layer: Gimp.Layer, name: str) -> dict[str, Any]:
+    """Write where a layer shows; without a mask that is everywhere."""
+    mask = layer.get_mask() or layer.create_mask(Gimp.AddMaskType.WHITE)
+    return _send(folder, mask, f"{name}.raw", Format.MASK_U8.value, "uint8", 1, (0, 0, layer.get_width(), layer.get_height()))
+
+
 def send_selection(folder: RequestFolder, image: Gimp.Image) -> dict[str, Any] | None:
     """Write the selection into the folder, cut to its bounds; None if there is none."""
     _, something, left, top, right, bottom = Gimp.Selection.bounds(image)
@@ -146,6 +152,29 @@ def receive(folder: RequestFolder, raster: dict[str, Any], drawable: Gimp.Drawab
             folder.touch()
     buffer.flush()
     drawable.update(0, 0, width, height)
+
+
+def new_layer(image: Gimp.Image, name: str, raster: dict[str, Any]) -> Gimp.Layer:
+    """An empty layer of a raster's size, not inserted yet."""
+    kind = Gimp.ImageType.GRAYA_IMAGE if image.get_base_type() == Gimp.ImageBaseType.GRAY else Gimp.ImageType.RGBA_IMAGE
+    return Gimp.Layer.new(image, name, raster["width"], raster["height"], kind, 100.0, image.get_default_new_layer_mode())
+
+
+def receive_colors(folder: RequestFolder, image: Gimp.Image, layer: Gimp.Layer, raster: dict[str, Any]) -> None:
+    """Fill an inserted layer with colours and opacity."""
+    receive(folder, raster, layer, color_format(image, layer, raster["dtype"]))
+
+
+def replaced(folder: RequestFolder, image: Gimp.Image, layer: Gimp.Layer, raster: dict[str, Any]) -> Gimp.Layer:
+    """The layer with new pixels; a group or a text becomes an ordinary layer in its place."""
+    fresh = layer
+    if layer.is_group() or layer.is_text_layer():
+        fresh = new_layer(image, layer.get_name(), raster)
+        image.insert_layer(fresh, layer.get_parent(), image.get_item_position(layer))
+        fresh.set_offsets(*list(layer.get_offsets())[1:])
+        image.remove_layer(layer)
+    receive_colors(folder, image, fresh, raster)
+    return fresh
 
 
 def new_mask(folder: RequestFolder, raster: dict[str, Any], layer: Gimp.Layer) -> Gimp.LayerMask:

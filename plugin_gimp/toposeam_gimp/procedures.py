@@ -54,6 +54,22 @@ _GRADIENT = Option(
     name="gradient", label=_("Compare _gradients too"), default=True,
     help=_("Also count how much the pictures differ in their gradients, so that the seam does not cut across edges"),
 )  # fmt: skip
+_BLEND = Option(
+    name="blend", label=_("_Blend"), default="none",
+    help=_("What happens across the seams; anything but a hard cut is put into a layer of its own above the others"),
+    choices=(
+        ("none", _("Hard cut")), ("feather", _("Feather along the seam")), ("soft", _("Soft, as the heat flows")),
+        ("multiband", _("Multiband (coarse shades far, detail close)")), ("gradient", _("Gradient domain (no step in tone)")),
+    ),
+)  # fmt: skip
+_WIDTH = Option(
+    name="blend-width", label=_("Blend _width (px, 0: automatic)"), default=0.0, low=0.0, high=512.0,
+    help=_("How far feather, multiband and gradient reach"),
+)  # fmt: skip
+_TONES = Option(
+    name="match-tones", label=_("Match _tones first"), default=False,
+    help=_("Remove a step in exposure or white balance: each layer's copy gets a gain per channel so that the overlaps agree"),
+)  # fmt: skip
 _KEEP = Option(
     name="keep-layers", label=_("_Keep the selected layers, hidden"), default=True, engine=False,
     help=_("Leave the layers you selected where they are, invisible; otherwise the stitched copies replace them"),
@@ -82,7 +98,8 @@ PROCEDURES = {
                 "mask, and one path per seam. If there is a selection, the seams stay within it. Bend a path with the path tool and use "
                 "Re-stitch from Paths to apply it."
             ),
-            options=(_METHOD, _GRADIENT, _KEEP, _MERGE, _SHOW), returns=("group", "The group of stitched layers, or the merged layer"),
+            options=(_METHOD, _GRADIENT, _BLEND, _WIDTH, _TONES, _KEEP, _MERGE, _SHOW),
+            returns=("group", "The group of stitched layers, or the merged layer"),
         ),
         Procedure(
             name="plug-in-toposeam-restitch", label=_("_Re-stitch from Paths"), work="restitch",
@@ -102,7 +119,7 @@ PROCEDURES = {
                 "the selection where the two pictures differ least. A floating selection, or without any selection the whole layer, is a "
                 "patch too. The patch becomes a layer with a mask, and the seam a path; the layer it was cut from is hidden."
             ),
-            options=(_CORE, _METHOD, _GRADIENT, _SHOW), returns=("patch", "The layer with the patch"),
+            options=(_CORE, _METHOD, _GRADIENT, _BLEND, _WIDTH, _SHOW), returns=("patch", "The layer with the patch"),
         ),
     )
 }  # fmt: skip

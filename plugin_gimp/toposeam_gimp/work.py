@@ -42,15 +42,18 @@ def stitch_layers(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], options
             image.insert_layer(group, parent, position)
             undone.append(lambda: image.remove_layer(group))
             copies = [insert_copy(image, layer, group, 0) for layer in layers]
-            for layer, copy, mask in zip(layers, copies, answer["masks"], strict=True):
-                _put_mask(folder, copy, mask)
+            for index, (layer, copy) in enumerate(zip(layers, copies, strict=True)):
+                if answer.get("pixels"):
+                    copy = copies[index] = pixels.replaced(folder, image, copy, answer["pixels"][index])
+                _put_mask(folder, copy, answer["masks"][index])
                 copy.set_name(layer.get_name())
+            blended = _put_blended(folder, image, group, answer)
             seams = []
             for seam in answer["seams"]:
                 path, memory = draw_seam(image, seam, visible=options["show-seam"])
                 undone.append(lambda path=path: image.remove_path(path))
                 seams.append(memory)
-            remember(group, copies, seams)
+            remember(group, copies, seams, blended, {name: options[name] for name in ("blend", "blend-width")})
             for layer in layers if options["keep-layers"] else ():
                 layer.set_visible(False)
                 undone.append(lambda layer=layer: layer.set_visible(True))
@@ -72,16 +75,23 @@ def restitch(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], _options: Op
         path = image.get_path_by_tattoo(seam["path"]) or image.get_path_by_name(seam["name"])
         if path is None:
             raise RefusedError(_("The path “{name}” is gone; undo its deletion, or stitch the layers again.").format(name=seam["name"]))
-        lines = curves.lines_of(strokes_of(path), seam["lines"])
+        lines, touched = curves.lines_of(strokes_of(path), seam["lines"])
         if not lines:
             text = _("The path “{name}” is empty; draw the seam from border to border of the overlap.")
             raise RefusedError(text.format(name=path.get_name()))
-        seams.append({**seam, "lines": lines})
+        seams.append({**seam, "lines": lines, "touched": touched})
     with _request(image, layers, with_masks=False) as (folder, rasters):
-        answer = engine.ask(folder, {"operation": "stitch", "layers": rasters, "seams": seams}, Gimp.progress_update)
+        shown = [pixels.send_mask(folder, layer, f"shown-{index}") for index, layer in enumerate(layers)]
+        request = {"layers": rasters, "shown": shown, "seams": seams, "options": _renamed(memory["options"])}
+        answer = engine.ask(folder, {"operation": "restitch", **request}, Gimp.progress_update)
         with one_undo_step(image):
             for layer, mask in zip(layers, answer["masks"], strict=True):
                 _put_mask(folder, layer, mask)
+            old = memory["blended"] and image.get_layer_by_tattoo(memory["blended"])
+            if old:
+                image.remove_layer(old)
+            blended = _put_blended(folder, image, group, answer)
+            remember(group, layers, memory["seams"], blended, memory["options"])
     return group
 
 
@@ -111,6 +121,9 @@ def patch_selection(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], optio
                 layer.set_visible(False)
                 undone.append(lambda: layer.set_visible(True))
             _put_mask(folder, result, answer["masks"][1])
+            blended = _put_blended(folder, image, result, answer)
+            if blended is not None:
+                undone.append(lambda: image.remove_layer(blended))
             for seam in answer["seams"]:
                 path, _memory = draw_seam(image, seam, visible=options["show-seam"])
                 undone.append(lambda path=path: image.remove_path(path))
@@ -129,7 +142,11 @@ def _request(
 
 
 def _for_engine(entry: Procedure, options: Options) -> Options:
-    return {option.name.replace("-", "_"): options[option.name] for option in entry.options if option.engine}
+    return _renamed({option.name: options[option.name] for option in entry.options if option.engine})
+
+
+def _renamed(options: Options) -> Options:
+    return {name.replace("-", "_"): value for name, value in options.items()}
 
 
 def _put_mask(folder: RequestFolder, layer: Gimp.Layer, raster: dict[str, Any]) -> None:
@@ -139,3 +156,15 @@ def _put_mask(folder: RequestFolder, layer: Gimp.Layer, raster: dict[str, Any]) 
         layer.remove_mask(Gimp.MaskApplyMode.DISCARD)
     layer.add_mask(mask)
     layer.set_edit_mask(False)
+
+
+def _put_blended(folder: RequestFolder, image: Gimp.Image, under: Gimp.Layer, answer: Options) -> Gimp.Layer | None:
+    """A layer of what blending has changed, on top of a group or right above a layer."""
+    if answer.get("blended") is None:
+        return None
+    layer = pixels.new_layer(image, _("Blended seams"), answer["blended"])
+    parent, position = (under, 0) if under.is_group() else (under.get_parent(), image.get_item_position(under))
+    image.insert_layer(layer, parent, position)
+    layer.set_offsets(*answer["blended"]["offset"])
+    pixels.receive_colors(folder, image, layer, answer["blended"])
+    return layer

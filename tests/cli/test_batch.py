@@ -161,6 +161,11 @@ def test_a_dry_run_prints_commands_that_do_the_same(toposeam, pairs):
     assert sorted(contents(pairs / "out")) == ["0.png", "3.png"]
 
 
+def test_commands_are_the_same_after_a_batch(toposeam, pairs):
+    assert toposeam("batch", *PATTERNS, "--dry-run").code == 0
+    assert toposeam("stitch", "-h").code == 0
+
+
 def test_brackets_in_names_are_no_patterns(toposeam, pairs):
     for name in ("left", "right"):
         (pairs / f"{name}_1.png").rename(pairs / f"{name}_[x] 1.png")

@@ -6,14 +6,15 @@
 #   gimp3.sh where            say which GIMP that is
 #
 # GIMP_SUITE=trixie|sid picks Debian's GIMP 3.0 or the newest one, and then the system's is not looked at. GIMP_MIRROR is the Debian mirror.
-# The folder is $XDG_CACHE_HOME/toposeam/gimp-<suite>; delete it to start anew. Mounts live in a namespace of the command and vanish with it.
+# A mirror that lags behind (its signed list has expired) is good enough for tests. The folder is $XDG_CACHE_HOME/toposeam/gimp-<suite>;
+# delete it to start anew. Mounts live in a namespace of the command and vanish with it.
 set -euo pipefail
 
 checkout=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 suite=${GIMP_SUITE:-trixie}
 cache=${XDG_CACHE_HOME:-$HOME/.cache}/toposeam
 root=$cache/gimp-$suite
-packages="gimp python3-gi python3-venv gir1.2-gtk-3.0 xvfb xdotool imagemagick fonts-dejavu-core fonts-noto-cjk icc-profiles-free gettext make locales"
+packages="gimp python3-gi python3-venv gir1.2-gtk-3.0 xvfb xdotool imagemagick openbox fonts-dejavu-core fonts-noto-cjk icc-profiles-free gettext make locales"
 python=${PYTHON:-python3}
 
 say() { echo "gimp3: $*" >&2; }
@@ -70,14 +71,16 @@ provide() {
     if [ "$(cat "$root/.ready-packages" 2>/dev/null)" != "$packages" ]; then
         say "installing GIMP there"
         # shellcheck disable=SC2086
-        inside sh -c 'dpkg --configure -a && apt-get update && apt-get install -y --no-install-recommends "$@" && apt-get clean' sh $packages \
+        inside sh -c 'dpkg --configure -a && apt-get -o Acquire::Check-Valid-Until=false update && apt-get install -y --no-install-recommends "$@" && apt-get clean' sh $packages \
             >>"$cache/gimp-$suite.log" 2>&1 || fail "apt-get failed inside: $(tail -n 1 "$cache/gimp-$suite.log") (more in $cache/gimp-$suite.log)"
         echo "$packages" >"$root/.ready-packages"
     fi
     wanted=$(sha256sum <"$checkout/pyproject.toml")
     if [ "$(cat "$root/.ready-python" 2>/dev/null)" != "$wanted" ]; then
         say "installing toposeam's dependencies there"
-        inside sh -c 'test -x /opt/toposeam/bin/pip || python3 -m venv --clear /opt/toposeam; cd /checkout && pip install --quiet --editable ".[test]"' \
+        inside sh -c 'test -x /opt/toposeam/bin/pip || python3 -m venv --clear /opt/toposeam; 
+            cd /checkout && pip install --quiet --editable . pytest
+            pip install --quiet --only-binary :all: "PyMaxflow>=1.3" || echo "PyMaxflow has no wheel for this Python"' \
             >>"$cache/gimp-$suite.log" 2>&1 || fail "pip failed inside: $(tail -n 1 "$cache/gimp-$suite.log") (more in $cache/gimp-$suite.log)"
         echo "$wanted" >"$root/.ready-python"
     fi
@@ -97,5 +100,5 @@ case ${1:-} in
     provide) provide ;;
     run) shift; run "$@" ;;
     where) if found=$(system_gimp); then echo "the system's $found"; else run sh -c 'echo "GIMP $(dpkg-query -W -f "\${Version}" gimp) of Debian, in a folder of its own"'; fi ;;
-    *) sed -n '2,10s/^# \{0,1\}//p' "$0"; exit 2 ;;
+    *) sed -n '2,11s/^# \{0,1\}//p' "$0"; exit 2 ;;
 esac

@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 from inside import mask_of, refused, succeeded
 from pictures import photograph, write_png
+from running import needs_gimp
+
+needs_gimp()
 
 PATCH = "plug-in-toposeam-patch"
 

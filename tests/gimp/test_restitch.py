@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 from inside import covers_once, mask_of, refused, succeeded
 from pictures import crops, photograph
+from running import needs_gimp
+
+needs_gimp()
 
 RESTITCH = "plug-in-toposeam-restitch"
 
@@ -126,6 +129,49 @@ def test_four_layers_again(gimp, image, tmp_path):
     succeeded(gimp.run(procedure=RESTITCH, image=loaded["image"], layers=[group]))
     for old, new in zip(found, masks(gimp, loaded["image"]), strict=True):
         np.testing.assert_array_equal(old, new)
+
+
+def test_the_blended_layer_follows(gimp, image, samples):
+    loaded = image([samples / "motorcycle_left.png", samples / "motorcycle_right.png"], offsets=[(0, 0), (310, 0)])
+    group = succeeded(gimp.stitch(loaded, {"blend": "feather", "blend-width": 10.0}))["layer"]
+    redraw(gimp, loaded["image"], straight((380, 0), (380, 500)))
+    for _ in range(2):
+        succeeded(gimp.run(procedure=RESTITCH, image=loaded["image"], layers=[group]))
+        children = gimp.tree(image=loaded["image"])["layers"][0]["children"]
+        assert [child["name"] for child in children][:1] == ["Blended seams"]
+        assert len(children) == 3
+        opacity, (x, _) = gimp.pixels(children[0]["id"], "R'G'B'A u8")
+        columns = x + np.flatnonzero((opacity[20:480, :, 3] > 0).any(axis=0))
+        assert columns.min() >= 370
+        assert columns.max() <= 390
+
+
+def test_of_four_layers_only_the_two_beside_the_bent_path_change(gimp, image, tmp_path):
+    # Four different pictures, so that seams run through the overlaps and not along their borders.
+    offsets = [[0, 0], [130, 10], [20, 110], [140, 100]]
+    files = [crops(tmp_path, photograph(160, 180, seed), [(0, 0)], 180, 160)[0][0].rename(tmp_path / f"{seed}.png") for seed in range(4)]
+    loaded = image(files, offsets=offsets)
+    group = succeeded(gimp.stitch(loaded))["layer"]
+    before = masks(gimp, loaded["image"])
+    paths = gimp.tree(image=loaded["image"])["paths"]
+    strokes = {path["id"]: gimp.strokes(path=path["id"])[0] for path in paths}
+    chosen, stroke = max(strokes.items(), key=lambda entry: len(entry[1]["points"]))
+    anchors = np.array(stroke["points"]).reshape(-1, 3, 2)
+    anchors[len(anchors) // 2] += 3
+    code = """
+path = item(number)
+path.remove_stroke(path.get_strokes()[0])
+path.stroke_new_from_points(Gimp.PathStrokeType.BEZIER, points, False)
+"""
+    gimp.python(code=code, number=chosen, points=anchors.ravel().tolist())
+    succeeded(gimp.run(procedure=RESTITCH, image=loaded["image"], layers=[group]))
+    after = masks(gimp, loaded["image"])
+    changed = [bool((old != new).any()) for old, new in zip(before, after, strict=True)]
+    assert sum(changed) == 2
+    canvas = np.zeros((340, 400), int)
+    for (x, y), mask in zip(offsets, after, strict=True):
+        canvas[y : y + mask.shape[0], x : x + mask.shape[1]] += mask
+    assert set(np.unique(canvas)) == {0, 255}
 
 
 def test_a_path_that_does_not_part_the_layers(gimp, stitched):

@@ -3,11 +3,17 @@
 import json
 import subprocess
 import sys
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
 from inside import covers_once, mask_of, refused, succeeded
 from pictures import crops, photograph
+from running import needs_gimp
+
+import toposeam as ts
+
+needs_gimp()
 
 MOTORCYCLE = (0, 0), (310, -6)
 
@@ -80,7 +86,7 @@ def test_an_adobe_rgb_image_is_cut_in_its_own_space(gimp, image, motorcycle):
         np.testing.assert_array_equal(adobe, srgb)
 
 
-def test_four_layers_become_a_group_with_masks_and_three_paths(gimp, image, tmp_path):
+def test_four_layers_become_a_group_with_masks_and_a_path_per_seam(gimp, image, tmp_path):
     files, offsets = crops(tmp_path, photograph(300, 340), [(0, 0), (150, 10), (20, 130), (140, 120)], 180, 160)
     loaded = image(files, offsets=offsets)
     expected = gimp.projection(loaded["image"], "R'G'B'A u8")
@@ -89,7 +95,7 @@ def test_four_layers_become_a_group_with_masks_and_three_paths(gimp, image, tmp_
     assert after["layers"][0]["id"] == result["layer"]
     assert [child["offsets"] for child in reversed(after["layers"][0]["children"])] == [list(offset) for offset in offsets]
     assert not any(layer["visible"] for layer in after["layers"][1:])
-    assert len(after["paths"]) == 3
+    assert len(after["paths"]) >= 3
     assert not any(path["visible"] for path in after["paths"])
     # The crops come from one photograph, so any tiling without hole or double cover shows the photograph.
     np.testing.assert_array_equal(gimp.projection(loaded["image"], "R'G'B'A u8"), expected)
@@ -206,9 +212,38 @@ def test_replacing_the_layers_and_merging(gimp, image, motorcycle):
     np.testing.assert_array_equal(gimp.projection(again["image"], "R'G'B'A u8"), expected)
 
 
+@pytest.mark.parametrize(
+    "options", [{"blend": "feather", "blend-width": 12.0}, {"blend": "multiband"}, {"blend": "gradient"}, {"blend": "soft"}]
+)
+@pytest.mark.parametrize("precision", ["U8_NON_LINEAR", "FLOAT_LINEAR"])
+def test_blending_and_tones_as_core_does_them(gimp, image, motorcycle, options, precision):
+    loaded = image(motorcycle, offsets=[(0, 0), (310, 0)], precision=precision)
+    code = """
+layer = item(number)
+Gimp.context_set_foreground(Gegl.Color.new("black"))
+layer.levels(Gimp.HistogramChannel.VALUE, 0.0, 1.0, False, 1.0, 0.0, 0.8, False)
+"""
+    gimp.python(code=code, number=loaded["layers"][1])
+    format_name = "R'G'B'A u8" if precision == "U8_NON_LINEAR" else "R'G'B'A float"
+    pixels = [gimp.pixels(layer, format_name)[0] for layer in loaded["layers"]]
+    succeeded(gimp.stitch(loaded, {**options, "match-tones": True}))
+    shown = gimp.projection(loaded["image"], format_name)
+    layers = [ts.Layer(image=array[..., :3], offset=(x, 0)) for array, x in zip(pixels, (0, 310), strict=True)]
+    named = {name.replace("-", "_"): value for name, value in options.items()}
+    expected = ts.stitch(layers, match_tones=True, **named)
+    tolerance = 0 if format_name.endswith("u8") else 1e-4
+    np.testing.assert_allclose(shown[..., :3], expected.image, atol=tolerance, rtol=0)
+    group, *originals = gimp.tree(image=loaded["image"])["layers"]
+    assert [child["name"].split(" #")[0] for child in group["children"]] == ["Blended seams", "motorcycle_right.png", "Background"]
+    np.testing.assert_array_equal(gimp.pixels(originals[0]["id"], format_name)[0], pixels[1])
+
+
 @pytest.mark.parametrize("method", ["thesis", "shortest-path", "dp", "graph-cut"])
 def test_every_method(gimp, image, samples, method):
     loaded = image([samples / "grass_a.png", samples / "grass_b.png"], offsets=[(0, 0), (120, 0)])
+    if method == "graph-cut" and find_spec("maxflow") is None:
+        refused(gimp, loaded, "PyMaxflow", options={"method": method})
+        return
     succeeded(gimp.stitch(loaded, {"method": method, "gradient": False}))
     group = gimp.tree(image=loaded["image"])["layers"][0]
     assert covers_once(*(mask_of(gimp, child["id"]) for child in reversed(group["children"])), 120, 0)

@@ -10,7 +10,9 @@ from pathlib import Path
 import pytest
 from inside import STITCH, refused, succeeded
 from pictures import photograph, write_png
-from running import Gimp
+from running import Gimp, needs_gimp
+
+needs_gimp()
 
 
 @pytest.fixture

@@ -54,15 +54,16 @@ class LayerProblem:
         """The layer of a recipe on a plate of the given shape."""
         orbits = symmetry(recipe.repeat, shape)
         spots = (_spots(points, shape, recipe.repeat) for points in (layer.sources, layer.sinks))
-        plate = Plate(*cls.loads(layer, orbits, *spots), joint(recipe.repeat))
         brightness = None if not recipe.base else resample(unpack_base(recipe.base), "none", shape)
         nominal = orbits.mean(nominal_conductivity(brightness, recipe.base_strength, shape))
+        plate = Plate(*cls.loads(layer, orbits, nominal, *spots), joint(recipe.repeat))
         return cls(plate, nominal, orbits, recipe.repeat, filter_radius(recipe, shape))
 
     @staticmethod
-    def loads(layer: LayerRecipe, orbits: Symmetry, sources: Floats, sinks: Floats) -> tuple[Floats, Floats]:
-        """Heat, one in all, and convection, both equal along the orbits."""
-        heat = (1.0 - layer.ambient) * sources + layer.ambient / sources.size
+    def loads(layer: LayerRecipe, orbits: Symmetry, nominal: Floats, sources: Floats, sinks: Floats) -> tuple[Floats, Floats]:
+        """Heat, one in all, and convection, both equal along the orbits. A base image keeps the even heat where it lets heat through."""
+        even = np.square(nominal)
+        heat = (1.0 - layer.ambient) * sources + layer.ambient * even / even.sum()
         return orbits.mean(heat), orbits.mean(_CONVECTION * sinks)
 
     def conductivity(self, density: Floats, penalty: float) -> Floats:

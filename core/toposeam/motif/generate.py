@@ -19,6 +19,9 @@ from toposeam.motif.symmetry import HEXAGONAL, onto_axes
 #: How far apart random spots keep, as a share of what an even spread allows.
 _APART = 0.7
 
+#: Random spots keep this far from the border, as a share of the cell: their strokes are the thickest.
+_MARGIN = 0.1
+
 Points = int | Sequence[Sequence[float]]
 
 
@@ -229,7 +232,7 @@ def _spread(count: int, rng: np.random.Generator, aspect: float) -> npt.NDArray[
     apart = _APART * np.sqrt(aspect / count)
     for _ in range(count):
         for attempt in range(30):
-            place = rng.uniform(0.03, 0.97, 2)
+            place = rng.uniform(_MARGIN, 1 - _MARGIN, 2)
             gaps = [np.abs(place - other) for other in places]
             wrapped = [np.hypot(min(g[0], 1 - g[0]) * aspect, min(g[1], 1 - g[1])) for g in gaps]
             if all(gap >= apart * (1 - attempt / 30) for gap in wrapped):

@@ -86,9 +86,9 @@ def optimise_layer(
     temperature: Floats | None = None
     for shape, count in plan(recipe):
         problem = problem_at(layer, recipe, shape)
-        density = np.full(shape, layer.mass) if density is None else _carry(density, problem, layer.mass)
+        density = np.full(shape, layer.mass) if density is None else carry(density, problem, layer.mass)
         if temperature is not None:
-            temperature = _finer(temperature, shape)
+            temperature = finer_temperature(temperature, shape)
         for _ in range(count):
             state = problem.plate.solve(problem.conductivity(density, layer.penalty), temperature, tolerance=TOLERANCE)
             temperature = state.nodes
@@ -96,23 +96,26 @@ def optimise_layer(
                 Step(rows=shape[0], compliance=state.compliance, mass=float(density.mean()), solver=state.iterations)
             )  # fmt: skip
             slope = problem.filtered(density, problem.sensitivity(density, layer.penalty, state.energy))
-            density = _update(problem.symmetry, density, slope, layer.mass, OCOptions(move=recipe.move))
+            density = update(density, slope, problem.symmetry, layer.mass, OCOptions(move=recipe.move))
             if progress is not None:
                 progress(len(steps))
     assert density is not None  # noqa: S101
     return density.astype(np.float32), tuple(steps)
 
 
-def _update(orbits: Symmetry, density: Floats, slope: Floats, mass: float, options: OCOptions) -> Floats:
-    """The next design; one variable per orbit."""
+def update(
+    density: Floats, slope: Floats, orbits: Symmetry, mass: float, options: OCOptions,
+    lower: Floats | float = THINNEST, upper: Floats | float = 1.0,
+) -> Floats:  # fmt: skip
+    """The next design; one variable per orbit. Bounds given as fields must be equal along the orbits."""
     count = orbits.count
     x = orbits.total(density) / count
-    return orbits.spread(
-        oc_step(x, orbits.total(slope), count if orbits.orbit is not None else 1.0, mass * density.size, THINNEST, 1.0, options)
-    )
+    low, high = (bound if isinstance(bound, float) else orbits.total(bound) / count for bound in (lower, upper))
+    weights = count if orbits.orbit is not None else 1.0
+    return orbits.spread(oc_step(x, orbits.total(slope), weights, mass * density.size, low, high, options))
 
 
-def _finer(nodes: Floats, shape: tuple[int, int]) -> Floats:
+def finer_temperature(nodes: Floats, shape: tuple[int, int]) -> Floats:
     """Temperatures of a plate of half the shape, interpolated."""
     fine = np.empty((shape[0] + 1, shape[1] + 1))
     fine[::2, ::2] = nodes
@@ -121,7 +124,7 @@ def _finer(nodes: Floats, shape: tuple[int, int]) -> Floats:
     return fine
 
 
-def _carry(density: Floats, problem: LayerProblem, mass: float) -> Floats:
+def carry(density: Floats, problem: LayerProblem, mass: float) -> Floats:
     """A coarser plate's densities on a finer one, with the same mass."""
     fine = problem.symmetry.mean(problem.finer(density, problem.plate.shape))
     fine = np.clip(fine, THINNEST, 1.0)

@@ -1,0 +1,192 @@
+"""``toposeam gimp``: the plug-in's way into GIMP's folders, without a GIMP."""
+
+import json
+import os
+import stat
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+import toposeam as ts
+from toposeam_cli import gimp_folders
+from toposeam_cli.main import main
+
+CHECKOUT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def home(tmp_path, monkeypatch):
+    """A user who has started GIMP 3.0 and 3.2, and no GIMP program."""
+    for version in ("2.10", "3.0", "3.2"):
+        (tmp_path / ".config" / "GIMP" / version).mkdir(parents=True)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("USERPROFILE", str(tmp_path))
+    monkeypatch.setenv("PATH", str(tmp_path / "bin"))
+    for name in ("XDG_CONFIG_HOME", "GIMP3_DIRECTORY"):
+        monkeypatch.delenv(name, raising=False)
+    return tmp_path
+
+
+def run(*arguments, code=0):
+    result = CliRunner().invoke(main, ["gimp", *map(str, arguments)])
+    assert result.exit_code == code, result.output
+    return result.output
+
+
+def plug_in(home, version):
+    return home / ".config" / "GIMP" / version / "plug-ins" / "toposeam_gimp"
+
+
+def test_install_goes_into_every_gimp_3_profile(home):
+    output = run("install")
+    assert str(plug_in(home, "3.0")) in output
+    for version in ("3.0", "3.2"):
+        main_file = plug_in(home, version) / "toposeam_gimp.py"
+        assert main_file.stat().st_mode & stat.S_IXUSR
+        assert json.loads((plug_in(home, version) / "engine.json").read_text()) == {"python": sys.executable}
+        assert sorted(path.name for path in plug_in(home, version).parent.iterdir()) == ["toposeam_gimp"]
+    assert not plug_in(home, "2.10").exists()
+
+
+def test_installing_again_replaces_what_was_there_and_looks_newer(home):
+    run("install", "--gimp-version", "3.0")
+    stale = plug_in(home, "3.0") / "stale.py"
+    stale.touch()
+    os.utime(plug_in(home, "3.0") / "toposeam_gimp.py", (0, 0))
+    run("install", "--gimp-version", "3.0")
+    assert not stale.exists()
+    assert (plug_in(home, "3.0") / "toposeam_gimp.py").stat().st_mtime > 1e9
+
+
+def test_a_version_that_was_never_started_gets_its_folder(home):
+    run("install", "--gimp-version", "3.4")
+    assert (plug_in(home, "3.4") / "toposeam_gimp.py").is_file()
+
+
+def test_a_folder_of_ones_own_and_another_python(home, tmp_path):
+    run("install", "--dir", tmp_path / "mine", "--python", sys.executable)
+    assert (tmp_path / "mine" / "toposeam_gimp" / "toposeam_gimp.py").is_file()
+
+
+def test_uninstall_leaves_nothing(home):
+    run("install")
+    assert str(plug_in(home, "3.2")) in run("uninstall")
+    assert not plug_in(home, "3.0").exists()
+    assert "nothing to remove" in run("uninstall")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "phrase"),
+    [
+        (("--gimp-version", "2.10"), "GIMP 3"),
+        (("--gimp-version", "3.0", "--dir", "x"), "give one of them"),
+        (("--python", "nowhere"), "no such program"),
+    ],
+)
+def test_bad_requests_are_one_sentence(home, arguments, phrase):
+    assert phrase in run("install", *arguments, code=1)
+    assert not plug_in(home, "3.0").exists()
+
+
+def test_without_any_profile_it_says_where_it_looked(home):
+    for version in ("3.0", "3.2"):
+        (home / ".config" / "GIMP" / version).rmdir()
+    output = run("install", code=1)
+    assert "start GIMP 3 once" in output
+    assert str(home / ".config" / "GIMP") in output
+
+
+@pytest.mark.parametrize(
+    ("platform", "environment", "expected"),
+    [
+        ("linux", {}, [".config/GIMP", ".var/app/org.gimp.GIMP/config/GIMP", "snap/gimp/current/.config/GIMP"]),
+        ("linux", {"XDG_CONFIG_HOME": "HOME/xdg"}, ["xdg/GIMP", ".var/app/org.gimp.GIMP/config/GIMP", "snap/gimp/current/.config/GIMP"]),
+        ("win32", {"APPDATA": "HOME/roaming"}, ["roaming/GIMP"]),
+        ("darwin", {}, ["Library/Application Support/GIMP"]),
+    ],
+)
+def test_profiles_of_each_system(tmp_path, platform, environment, expected):
+    environment = {name: value.replace("HOME", str(tmp_path)) for name, value in environment.items()}
+    for root in expected:
+        (tmp_path / root / "3.0").mkdir(parents=True)
+    found = gimp_folders.profiles(None, environment, platform, tmp_path)
+    assert [profile.plug_ins for profile in found] == [tmp_path / root / "3.0" / "plug-ins" for root in expected]
+
+
+def test_gimp3_directory_is_where_gimp_looks_then(home, monkeypatch):
+    monkeypatch.setenv("GIMP3_DIRECTORY", str(home / "elsewhere"))
+    run("install")
+    assert (home / "elsewhere" / "plug-ins" / "toposeam_gimp" / "toposeam_gimp.py").is_file()
+
+
+def test_doctor_finds_a_working_engine_and_no_gimp(home):
+    run("install", "--gimp-version", "3.0")
+    output = run("doctor", "--gimp-version", "3.0", code=1)
+    assert "no GIMP 3 was found" in output
+    assert f"ok       the engine works: {sys.executable}" in output
+
+
+def test_doctor_names_each_trouble_and_its_remedy(home):
+    assert "the plug-in is not in" in run("doctor", "--gimp-version", "3.0", code=1)
+    run("install", "--gimp-version", "3.0")
+    folder = plug_in(home, "3.0")
+    (folder / "toposeam_gimp.py").chmod(0o644)
+    (folder / "__init__.py").write_text('__version__ = "0.0.1"\n')
+    (folder / "engine.json").write_text('{"python": "/nowhere/python"}')
+    output = run("doctor", "--gimp-version", "3.0", code=1)
+    assert "chmod +x" in output
+    assert f"the plug-in there is of TopoSeam 0.0.1, and this is {ts.__version__}" in output
+    assert "/nowhere/python does not start" in output
+    (folder / "engine.json").unlink()
+    assert "engine.json is missing" in run("doctor", "--gimp-version", "3.0", code=1)
+
+
+def test_doctor_sees_a_folder_in_a_folder_and_a_file_without_one(home):
+    inner = plug_in(home, "3.0") / "toposeam_gimp"
+    inner.mkdir(parents=True)
+    (inner / "toposeam_gimp.py").touch()
+    assert "move the inner folder up" in run("doctor", "--gimp-version", "3.0", code=1)
+    (plug_in(home, "3.2").parent).mkdir()
+    (plug_in(home, "3.2").parent / "toposeam_gimp.py").touch()
+    assert "a folder of its own" in run("doctor", "--gimp-version", "3.2", code=1)
+
+
+def test_doctor_knows_whether_gimp_was_started_since(home):
+    run("install", "--gimp-version", "3.0")
+    record = home / ".config" / "GIMP" / "3.0" / "pluginrc"
+    record.write_text("(plug-in-def …)")
+    os.utime(record, (0, 0))
+    assert "was not started since" in run("doctor", "--gimp-version", "3.0", code=1)
+    os.utime(record)
+    os.utime(plug_in(home, "3.0") / "toposeam_gimp.py", (1e9, 1e9))
+    assert "did not register it" in run("doctor", "--gimp-version", "3.0", code=1)
+    record.write_text('(plug-in-def "${gimp_dir}/plug-ins/toposeam_gimp/toposeam_gimp.py" 1')
+    assert "has registered it" in run("doctor", "--gimp-version", "3.0", code=1)
+
+
+def test_a_profile_that_cannot_be_written_keeps_the_old_plug_in(home, monkeypatch):
+    run("install", "--gimp-version", "3.0")
+    before = sorted(path.name for path in plug_in(home, "3.0").rglob("*"))
+
+    def full(*_arguments, **_options):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(gimp_folders.shutil, "copytree", full)
+    assert "cannot write" in run("install", "--gimp-version", "3.0", code=1)
+    assert sorted(path.name for path in plug_in(home, "3.0").rglob("*")) == before
+    assert [path.name for path in plug_in(home, "3.0").parent.iterdir()] == ["toposeam_gimp"]
+
+
+def test_the_zip_has_one_folder_whose_main_file_is_executable(tmp_path):
+    target = tmp_path / "plug-in.zip"
+    subprocess.run([sys.executable, str(CHECKOUT / "plugin_gimp" / "make_zip.py"), str(target)], check=True, capture_output=True)
+    with zipfile.ZipFile(target) as archive:
+        rights = {entry.filename: entry.external_attr >> 16 for entry in archive.infolist()}
+    assert {name.split("/")[0] for name in rights} == {"toposeam_gimp"}
+    assert rights["toposeam_gimp/toposeam_gimp.py"] == 0o755
+    assert rights["toposeam_gimp/work.py"] == 0o644
+    assert not any(name.endswith((".pyc", "engine.json")) for name in rights)

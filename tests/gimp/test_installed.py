@@ -1,0 +1,51 @@
+"""`toposeam gimp install` and `doctor` with a real GIMP."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from running import Gimp, needs_gimp
+
+needs_gimp()
+
+
+@pytest.fixture
+def home(tmp_path):
+    (tmp_path / ".config" / "GIMP" / "3.0").mkdir(parents=True)
+    return tmp_path
+
+
+def toposeam(home, *arguments):
+    environment = {**os.environ, "HOME": str(home), "XDG_CONFIG_HOME": "", "GIMP3_DIRECTORY": ""}
+    command = [sys.executable, "-m", "toposeam_cli.main", "gimp", *arguments]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+
+
+def test_doctor_is_content_after_install(home):
+    assert toposeam(home, "install").returncode == 0
+    ran = toposeam(home, "doctor")
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    for phrase in ("GIMP 3 is installed", "the engine works", "GIMP loads the plug-in"):
+        assert phrase in ran.stdout
+
+
+def test_doctor_says_what_keeps_gimp_from_loading_it(home):
+    toposeam(home, "install")
+    (home / ".config" / "GIMP" / "3.0" / "plug-ins" / "toposeam_gimp" / "plugin.py").write_text("import nothing_of_that_name\n")
+    ran = toposeam(home, "doctor")
+    assert ran.returncode == 1
+    assert "GIMP does not load the plug-in: ModuleNotFoundError: No module named 'nothing_of_that_name'" in ran.stdout
+    assert "toposeam gimp install" in ran.stdout
+
+
+def test_an_installed_plug_in_finds_its_engine_by_itself(home, tmp_path, samples):
+    toposeam(home, "install")
+    folder = tmp_path / "gimp"
+    folder.mkdir()
+    gimp = Gimp(folder, environment={"TOPOSEAM_PYTHON": ""}, plug_ins=home / ".config" / "GIMP" / "3.0" / "plug-ins")
+    try:
+        loaded = gimp.load(files=[str(samples / f"grass_{name}.png") for name in "ab"], offsets=[[0, 0], [120, 0]])
+        assert gimp.stitch(loaded)["status"] == "success"
+    finally:
+        gimp.close()

@@ -20,14 +20,8 @@ class Terminated(SystemExit):
 
 
 @contextmanager
-def terminations_raised(*, ignore_ctrl_c: bool = False) -> Iterator[None]:
-    """Raise :class:`Terminated` in the main thread on ``kill`` and when the terminal closes, unless somebody handles that already.
-
-    Parameters
-    ----------
-    ignore_ctrl_c : bool
-        For worker processes: a terminal sends Ctrl-C to them too, but it is their parent that answers.
-    """
+def terminations_raised() -> Iterator[None]:
+    """Raise :class:`Terminated` in the main thread on ``kill`` and when the terminal closes, unless somebody handles that already."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -36,14 +30,28 @@ def terminations_raised(*, ignore_ctrl_c: bool = False) -> Iterator[None]:
         for name in ("SIGTERM", "SIGHUP")
         if hasattr(signal, name) and signal.getsignal(getattr(signal, name)) == signal.SIG_DFL
     }
-    if ignore_ctrl_c:
-        handlers[signal.SIGINT] = signal.SIG_IGN
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     try:
         yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+@contextmanager
+def ctrl_c_later() -> Iterator[None]:
+    """Keep Ctrl-C from processes that are started in the block, from their first moment on; here it takes effect after the block."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield  # Windows
+        return
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()  # which would unblock the signal
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:

@@ -31,22 +31,10 @@ def theme(path: Path) -> None:
 
 def seconds(folder: Path, number: int, size: int, processes: int) -> float:
     """Wall time of a whole book."""
-    line = [
-        sys.executable,
-        "-m",
-        "toposeam_cli.main",
-        "book",
-        str(folder / "theme.png"),
-        "-o",
-        str(folder / "book"),
-        "--fresh",
-        "--no-pdf",
-        "-q",
-    ]
+    line = [sys.executable, "-m", "toposeam_cli.main", "book", str(folder / "theme.png"), "-o", str(folder / "book")]
+    line += ["--fresh", "--no-pdf", "-q", "-n", str(number), "--size", str(size), "-j", str(processes)]
     started = time.perf_counter()
-    subprocess.run(
-        [*line, "-n", str(number), "--size", str(size), "-j", str(processes)], check=True, env=os.environ | {"OPENBLAS_NUM_THREADS": "1"}
-    )
+    subprocess.run(line, check=True, env=os.environ | {"OPENBLAS_NUM_THREADS": "1"})
     return time.perf_counter() - started
 
 
@@ -66,10 +54,7 @@ def main() -> None:
                 found.append(seconds(folder, chosen.n, chosen.size, processes))
                 print(f"-j {processes}: {found[-1]:.1f} s, load {os.getloadavg()[0]:.1f}", flush=True)
     one, two = (statistics.median(found) for found in times.values())
-    print(
-        f"{chosen.n} patterns of {chosen.size} × {chosen.size} and 16 products: {one:.1f} s on one process, {two:.1f} s on two: "
-        f"{one / two:.2f} × as fast"
-    )
+    print(f"{chosen.n} patterns of {chosen.size}², 16 products: {one:.1f} s on one process, {two:.1f} s on two: {one / two:.2f} × as fast")
 
 
 if __name__ == "__main__":

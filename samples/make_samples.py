@@ -33,6 +33,20 @@ def main() -> None:
     opacity[160:, 160:] = 0
     write("sky_a.png", np.concatenate([np.where(opacity > 0, large, 0), opacity], axis=2))
     write("sky_b.png", small)
+    write("leaf.png", ginkgo())
+
+
+def ginkgo(size: int = 200) -> np.ndarray:
+    """A sign drawn here, a ginkgo leaf in black on white, as a theme for patterns."""
+    y, x = np.mgrid[-1 : 1 : 3j * size, -1 : 1 : 3j * size]
+    radius, angle = np.hypot(x, 0.36 - y), np.arctan2(x, 0.36 - y)
+    edge = 0.95 + 0.035 * np.cos(11 * angle) - 0.42 * np.exp(-((angle / 0.075) ** 2))
+    fan = (radius < edge) & (np.abs(angle) < 1.22 * np.clip(radius / 0.95, 0, 1) ** 0.3)
+    spread = np.abs((5 * angle + 0.5) % 1 - 0.5)
+    veins = (spread * radius < 0.06) & (radius > 0.3) & (np.abs(angle) > 0.1) & (np.abs(angle) < 1.1)
+    stem = (np.abs(x + 0.09 * np.maximum(y - 0.3, 0) ** 2) < 0.03) & (y > 0.3) & (y < 0.9)
+    leaf = np.where((fan & ~veins) | stem, 20.0, 255.0)
+    return leaf.reshape(size, 3, size, 3).mean(axis=(1, 3)).round().astype(np.uint8)
 
     write("brick.png", read("brick.png")[:192, :192])
     write("gravel.png", read("gravel.png")[:192, :192])

@@ -32,6 +32,8 @@ class Product:
     drawing: str
     #: Angle of the pattern, degrees.
     angle: float = 0.0
+    #: How far the pattern has to reach, as a share of the longer side: 1, or more where pieces of it are turned.
+    reach: float = 1.0
 
 
 _SHADOW = '<filter id="soft" x="-20%" y="-20%" width="140%" height="140%"><feGaussianBlur stdDeviation="{}"/></filter>'
@@ -53,7 +55,7 @@ def _tie() -> Product:
     knot = "M140,28 C158,22 192,22 210,28 L196,96 C186,102 164,102 154,96 Z"
     tail = "M190,110 C200,220 210,330 214,470 L199,492 L184,470 Z"
     return Product(
-        name="tie", width=350, height=640, motif_mm=24, angle=45,
+        name="tie", width=350, height=640, motif_mm=24, angle=45, reach=1.2,
         drawing=f"""<defs>{_SHADOW.format(5)}
 {_fold(1, 132, 0, 218, 0, "0:.34 .16:.05 .4:-.16 .62:0 .88:.14 1:.38")}
 {_fold(2, 140, 40, 210, 60, "0:.3 .3:-.14 .6:.02 1:.34")}
@@ -129,7 +131,7 @@ def _shirt() -> Product:
         )
     )  # fmt: skip
     return Product(
-        name="shirt", width=900, height=830, motif_mm=130,
+        name="shirt", width=900, height=830, motif_mm=130, reach=1.25,
         drawing=f"""<defs>{_SHADOW.format(9)}{clips}
 {_fold(1, 236, 0, 664, 0, "0:.36 .14:.06 .32:-.1 .5:.05 .68:-.08 .86:.08 1:.36")}
 {_fold(2, 100, 300, 262, 260, "0:.1 .5:-.08 1:.34")}{_fold(3, 800, 300, 638, 260, "0:.1 .5:-.08 1:.34")}</defs>
@@ -201,11 +203,11 @@ def draw_product(
     """
     vips = load_vips()
     mm_per_px = (product.motif_mm if motif_mm is None else motif_mm) / motif_px
-    # As much as covers the picture at any angle, resampled once to the picture's own resolution, so that no seam lies between tiles.
-    reach = math.hypot(product.width, product.height) * 1.2
+    # As much as covers the picture, resampled once to the picture's own resolution, so that no seam lies between tiles.
+    reach = product.reach * max(product.width, product.height)
     tile = to_vips(pattern)
     across, down = (math.ceil(reach / (size * mm_per_px)) for size in (tile.width, tile.height))
-    covering = tile.replicate(across, down).resize(mm_per_px * _SCALE * 1.5)
+    covering = tile.replicate(across, down).resize(mm_per_px * _SCALE * 1.2)
     width, height = across * tile.width * mm_per_px, down * tile.height * mm_per_px
     data = base64.b64encode(covering.pngsave_buffer(compression=1)).decode("ascii")
     x, y = (product.width - width) / 2, (product.height - height) / 2

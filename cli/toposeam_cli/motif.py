@@ -233,8 +233,8 @@ def _checked(table: Mapping[str, Any], config: Path) -> dict[str, Any]:
         if parameter is None or name in _NOT_IN_FILES:
             known = sorted(str(known) for known in set(names) - set(_NOT_IN_FILES))
             raise ts.OptionError(f"'{config}' has {key!r}, which is no parameter; use {', '.join(known)}")
-        if name in ("sources", "sinks") and isinstance(value, list):
-            options[name] = value  # places, which only files can hold
+        if name in ("sources", "sinks") and isinstance(value, list) and any(isinstance(place, list) for place in value):
+            options[name] = _with_strengths(value)  # places, which only files can hold
             continue
         text = value if isinstance(value, list) else str(value)
         try:
@@ -251,6 +251,13 @@ def _checked(table: Mapping[str, Any], config: Path) -> dict[str, Any]:
 _NOT_IN_FILES = (
     "output", "config", "like", "amount", "sheet", "pixels", "motif_width", "dpi", "levels", "show_recipe", "force", "quiet",
 )  # fmt: skip
+
+
+def _with_strengths(places: list[Any]) -> list[Any]:
+    """Places, or those of each layer, every one with a strength: 1 where none is given."""
+    if places and all(isinstance(number, int | float) for number in places):
+        return [*places, 1.0] if len(places) == 2 else places
+    return [_with_strengths(place) if isinstance(place, list) else place for place in places]
 
 
 def _changed(recipe: ts.Recipe, given: dict[str, Any], amount: float | None) -> ts.Recipe:

@@ -41,11 +41,11 @@ class HexagonalProblem(LayerProblem):
         plate = TrianglePlate(*cls.loads(layer, orbits, nominal, _spots(layer.sources, shape), _spots(layer.sinks, shape)))
         return cls(plate, _at_triangles(nominal), orbits, recipe.repeat, filter_radius(recipe, shape))
 
-    def conductivity(self, density: Floats, penalty: float) -> Floats:
+    def conductivity(self, density: Floats, penalty: Floats | float) -> Floats:
         """Of every triangle, (2, h, w)."""
         return super().conductivity(_at_triangles(density), penalty)
 
-    def sensitivity(self, density: Floats, penalty: float, energy: Floats) -> Floats:
+    def sensitivity(self, density: Floats, penalty: Floats | float, energy: Floats) -> Floats:
         """∂Π/∂ρ of every node: a third of that of each of its six triangles."""
         slope = power(_at_triangles(density), penalty - 1.0)
         slope *= -(1.0 - VOID) * penalty / 3

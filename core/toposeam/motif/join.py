@@ -165,20 +165,27 @@ class _Plate:
         self.problem, self.members, self.weight = problem, members, weight
         self.temperature: Floats | None = None
 
+    def _penalty(self, penalties: list[float]) -> Floats | float:
+        own = [penalties[member] for member in self.members]
+        if len(set(own)) == 1:
+            return own[0]
+        h, w = self.problem.plate.shape
+        return np.tile(np.repeat(own, w // len(own)), (h, 1))
+
     def _design(self, designs: list[Floats]) -> Floats:
         return np.concatenate([designs[member] for member in self.members], axis=1)
 
-    def solve(self, designs: list[Floats], penalty: float) -> Temperature:
+    def solve(self, designs: list[Floats], penalties: list[float]) -> Temperature:
         """The steady state, started from the one before."""
-        k = self.problem.conductivity(self._design(designs), penalty)
+        k = self.problem.conductivity(self._design(designs), self._penalty(penalties))
         state = self.problem.plate.solve(k, self.temperature, tolerance=TOLERANCE)
         self.temperature = state.nodes
         return state
 
-    def slopes(self, designs: list[Floats], penalty: float, state: Temperature) -> list[Floats]:
+    def slopes(self, designs: list[Floats], penalties: list[float], state: Temperature) -> list[Floats]:
         """The weighted filtered sensitivity of each member."""
         design = self._design(designs)
-        slope = self.weight * self.problem.filtered(design, self.problem.sensitivity(design, penalty, state.energy))
+        slope = self.weight * self.problem.filtered(design, self.problem.sensitivity(design, self._penalty(penalties), state.energy))
         return np.split(slope, len(self.members), axis=1)
 
 
@@ -199,6 +206,7 @@ def _optimise(row: list[_Member], pairs: list[tuple[int, int]], layer: int, opti
     recipes = [member.recipe for member in row]
     layers = [recipe.layers[layer] for recipe in recipes]
     new = [index for index, member in enumerate(row) if member.densities is None]
+    penalties = [part.penalty for part in layers]
     steps: list[list[Step]] = [[] for _ in row]
     designs: list[Floats] = []
     temperatures: list[Floats | None] = []
@@ -216,8 +224,8 @@ def _optimise(row: list[_Member], pairs: list[tuple[int, int]], layer: int, opti
             slopes = [np.zeros(shape) for _ in row]
             compliance, solver = np.zeros(len(row)), np.zeros(len(row), int)
             for plate in plates:
-                state = plate.solve(designs, layers[plate.members[0]].penalty)
-                for member, part in zip(plate.members, plate.slopes(designs, layers[plate.members[0]].penalty, state), strict=True):
+                state = plate.solve(designs, penalties)
+                for member, part in zip(plate.members, plate.slopes(designs, penalties, state), strict=True):
                     slopes[member] += part
                     compliance[member] += plate.weight * state.compliance
                     solver[member] = max(solver[member], state.iterations)
@@ -293,7 +301,7 @@ def _blend(a: Recipe, b: Recipe, share: float) -> Recipe:
                 sinks=_weighted(one.sinks, 1 - share) + _weighted(two.sinks, share),
                 ambient=(1 - share) * one.ambient + share * two.ambient,
                 mass=(1 - share) * one.mass + share * two.mass,
-                penalty=one.penalty,
+                penalty=(1 - share) * one.penalty + share * two.penalty,
             )
         )
     return replace(a, layers=tuple(layers))
@@ -322,8 +330,8 @@ def _check(recipes: Sequence[Recipe], weight: float, stages: int, between: int, 
         for name in ("size", "repeat", "paper", "iterations", "move", "filter_radius", "coarse"):
             if getattr(other, name) != getattr(first, name):
                 raise OptionError(f"the recipes differ in {name} ({getattr(first, name)} and {getattr(other, name)}); give all the same")
-        if [(part.ink, part.penalty) for part in other.layers] != [(part.ink, part.penalty) for part in first.layers]:
-            raise OptionError("the recipes differ in their inks or penalties; give all the same number of layers, inks and penalties")
+        if [part.ink for part in other.layers] != [part.ink for part in first.layers]:
+            raise OptionError("the recipes differ in their inks; give all the same palette and number of layers")
 
 
 def arrange(

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.heat.plate_joints import Floats
-from toposeam.motif.conduction import LayerProblem
+from toposeam.motif.conduction import LayerProblem, filter_radius
 from toposeam.motif.hexagonal import HexagonalProblem
 from toposeam.motif.recipe import LayerRecipe, Recipe
 from toposeam.motif.symmetry import HEXAGONAL, Symmetry
@@ -25,6 +25,8 @@ THINNEST = 1e-3
 TOLERANCE = 1e-3
 #: Coarser plates have at least this many elements across.
 _COARSEST = 48
+#: Coarser plates serve where the filter's radius is at least this many elements at full size: finer strokes they cannot hold.
+_WIDE = 2.5
 #: Iterations at full size and on the plates between, after those on the coarsest.
 _LAST, _BETWEEN = 5, 8
 
@@ -47,7 +49,8 @@ def plan(recipe: Recipe) -> list[tuple[tuple[int, int], int]]:
     """The plates' shapes from coarse to fine, and how many iterations run on each."""
     shapes = [recipe.size]
     grain = 4 if recipe.repeat not in ("none", "reflect") else 2
-    while recipe.coarse and len(shapes) < 4 and all(side % grain == 0 and side // 2 >= _COARSEST for side in shapes[0]):
+    coarse = recipe.coarse and filter_radius(recipe, recipe.size) >= _WIDE
+    while coarse and len(shapes) < 4 and all(side % grain == 0 and side // 2 >= _COARSEST for side in shapes[0]):
         shapes.insert(0, (shapes[0][0] // 2, shapes[0][1] // 2))
     counts = [0] * len(shapes)
     left = recipe.iterations

@@ -45,9 +45,10 @@ format: $(READY)  ## let ruff rewrite what it can
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-bench: $(READY)  ## seams against their peers, in one run (about 5 minutes)
+bench: $(READY)  ## seams and textures against their peers, in one run (about 10 minutes)
 	$(BIN)/python benchmarks/small_seams.py --seams 100
 	$(BIN)/python benchmarks/seams.py
+	$(BIN)/python benchmarks/texture.py
 
 figures: $(READY)  ## the thesis's figures, into docs/figures
 	$(BIN)/python docs/make_figures.py

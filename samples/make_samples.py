@@ -39,6 +39,13 @@ def main() -> None:
     write("sky_a.png", np.concatenate([np.where(opacity > 0, large, 0), opacity], axis=2))
     write("sky_b.png", small)
     write("leaf.png", ginkgo())
+    write("brick.png", read("brick.png")[:192, :192])
+    write("gravel.png", read("gravel.png")[:192, :192])
+    write("stars.png", sky[80:272, 80:272])
+    colour, normals = cobbles(192)
+    write("cobbles.png", colour)
+    write("cobbles_normal.png", normals)
+    write("cloth.png", cloth(160))
 
     write("brick.png", read("brick.png")[:192, :192])
     write("gravel.png", read("gravel.png")[:192, :192])

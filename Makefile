@@ -48,9 +48,12 @@ format: $(READY)  ## let ruff rewrite what it can
 bench: $(READY)  ## seams against their peers, in one run (about 5 minutes)
 	$(BIN)/python benchmarks/small_seams.py --seams 100
 	$(BIN)/python benchmarks/seams.py
+	$(BIN)/python benchmarks/plate.py
 
 figures: $(READY)  ## the thesis's figures, into docs/figures
 	$(BIN)/python docs/make_figures.py
+	$(BIN)/python docs/motif_figures.py
+	$(BIN)/python docs/make_pattern_figures.py
 
 clean:  ## remove what the other targets made
 	rm -rf $(VENV) demo build dist .pytest_cache .mypy_cache .ruff_cache

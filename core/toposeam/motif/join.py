@@ -8,7 +8,7 @@ with a mass bound each, f being the thermal compliance. The compound motif AB ha
 so that every border of one meets one of the other. Of more than two motifs, every pair is a compound.
 
 *Stages.* The motifs of the stage before are fixed, and new ones are generated between each and the next: their sources and sinks are
-those of both, in proportion, and they form compounds with their two fixed neighbours.
+those of both, in proportion, they start as a blend of both, and form compounds with both.
 """
 
 from __future__ import annotations
@@ -219,6 +219,8 @@ def _optimise(row: list[_Member], pairs: list[tuple[int, int]], layer: int, opti
             plate.temperature = None if nodes is None else finer_temperature(nodes, plate.problem.plate.shape)
         carried: list[Floats] | list[None] = designs or [None] * len(row)
         designs = [_start(member, layer, problem, coarse) for member, problem, coarse in zip(row, problems, carried, strict=True)]
+        if not temperatures and len(new) < len(row):
+            _interpolate(designs, new, [part.mass for part in layers])
         ring = _Ring(shape, options.shared, designs, new)
         for _ in range(count):
             slopes = [np.zeros(shape) for _ in row]
@@ -243,6 +245,17 @@ def _optimise(row: list[_Member], pairs: list[tuple[int, int]], layer: int, opti
             options.report()
         temperatures = [plate.temperature for plate in plates]
     return designs, steps
+
+
+def _interpolate(designs: list[Floats], new: list[int], masses: list[float]) -> None:
+    """Start new members as blends of their fixed neighbours, so that strokes which both have on the border stay."""
+    fixed = [index for index in range(len(designs)) if index not in new]
+    for index in new:
+        left = max(i for i in fixed if i < index)
+        right = min(i for i in fixed if i > index)
+        share = (index - left) / (right - left)
+        blend = (1 - share) * designs[left] + share * designs[right]
+        designs[index] = np.clip(blend * (masses[index] / blend.mean()), THINNEST, 1.0)
 
 
 class _Ring:

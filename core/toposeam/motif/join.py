@@ -23,6 +23,7 @@ import numpy.typing as npt
 from toposeam.errors import OptionError
 from toposeam.heat.plate import Plate, Temperature
 from toposeam.heat.plate_joints import Floats, Joint
+from toposeam.heat.threads import one_thread
 from toposeam.motif.conduction import LayerProblem
 from toposeam.motif.generate import make_motif
 from toposeam.motif.layer import THINNEST, TOLERANCE, Step, carry, finer_temperature, plan, problem_at, update
@@ -195,7 +196,8 @@ def _generate(row: list[_Member], options: _Options) -> None:
     pairs = list(combinations(new, 2))
     if len(new) < len(row):
         pairs = [(a, a + 1) for a in range(len(row) - 1) if a in new or a + 1 in new]
-    layers = [_optimise(row, pairs, layer, options) for layer in range(len(row[0].recipe.layers))]
+    with one_thread():
+        layers = [_optimise(row, pairs, layer, options) for layer in range(len(row[0].recipe.layers))]
     for index in new:
         row[index].densities = [designs[index].astype(np.float32) for designs, _ in layers]
         row[index].history = [tuple(steps[index]) for _, steps in layers]

@@ -54,6 +54,7 @@ bench: $(READY)  ## seams against their peers, in one run (about 5 minutes)
 
 figures: $(READY)  ## the thesis's figures, into docs/figures
 	$(BIN)/python docs/make_figures.py
+	$(BIN)/python docs/make_pattern_figures.py
 
 clean:  ## remove what the other targets made
 	rm -rf $(VENV) demo build dist .pytest_cache .mypy_cache .ruff_cache

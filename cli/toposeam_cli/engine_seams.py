@@ -94,7 +94,13 @@ def _joined(job: Job, layers: Sequence[ts.Layer], stitched: ts.Stitched) -> dict
     canvas = ts.common_canvas(layers, ts.MAX_PIXELS)
     alpha = stitched.alpha if stitched.alpha is not None else np.broadcast_to(opaque(stitched.image.dtype), canvas.shape)
     seams = [
-        {"pair": pair, "name": stitched.pair_name(pair), "lines": _lines(seam, stitched.origin), "cost": seam.cost, "method": seam.method}
+        {
+            "pair": pair,
+            "name": ts.pair_name(*(stitched.names[index] for index in pair)),
+            "lines": _lines(seam, stitched.origin),
+            "cost": seam.cost,
+            "method": seam.method,
+        }
         for pair, seam in zip(stitched.pairs, stitched.seams, strict=True)
     ]
     return {

@@ -20,8 +20,8 @@ from toposeam_cli.libvips import load_vips
 from toposeam_cli.output import atomic_write, check_output
 from toposeam_cli.parameters import FILE, OUTPUT, FiniteRange, NumbersType, PairType, PaperLengthType
 from toposeam_cli.picture import Picture, read_picture, write_picture
+from toposeam_cli.progress import share_bar
 from toposeam_cli.recipe_file import read_recipe, read_settings, read_toml, recipe_from_table, to_toml, to_xmp
-from toposeam_cli.stitch import _progress
 
 SUFFIXES = (".png", ".tif", ".tiff", ".svg")
 #: Resolution of a motif whose width on paper is given, without --dpi.
@@ -89,7 +89,7 @@ def motif(
     drawn = output.suffix.lower() == ".svg"
     if pixels is not None and (motif_width is not None or drawn):
         raise ts.OptionError("--pixels sets the size of a .png or .tif; leave it out with --motif-width and for .svg")
-    with _progress(f"inventing {output.name}", quiet) as bar:
+    with share_bar(f"inventing {output.name}", quiet) as bar:
         made = ts.generate_motif(recipe, progress=None if bar is None else lambda done, total: bar(done / total))
     if drawn:
         options = SvgOptions(levels=paper.levels, width_mm=paper.width_mm)
@@ -233,8 +233,8 @@ def _checked(table: Mapping[str, Any], config: Path) -> dict[str, Any]:
         if parameter is None or name in _NOT_IN_FILES:
             known = sorted(str(known) for known in set(names) - set(_NOT_IN_FILES))
             raise ts.OptionError(f"'{config}' has {key!r}, which is no parameter; use {', '.join(known)}")
-        if name in ("sources", "sinks") and isinstance(value, list):
-            options[name] = value  # places, which only files can hold
+        if name in ("sources", "sinks") and isinstance(value, list) and any(isinstance(place, list) for place in value):
+            options[name] = _with_strengths(value)  # places, which only files can hold
             continue
         text = value if isinstance(value, list) else str(value)
         try:
@@ -251,6 +251,13 @@ def _checked(table: Mapping[str, Any], config: Path) -> dict[str, Any]:
 _NOT_IN_FILES = (
     "output", "config", "like", "amount", "sheet", "pixels", "motif_width", "dpi", "levels", "show_recipe", "force", "quiet",
 )  # fmt: skip
+
+
+def _with_strengths(places: list[Any]) -> list[Any]:
+    """Places, or those of each layer, every one with a strength: 1 where none is given."""
+    if places and all(isinstance(number, int | float) for number in places):
+        return [*places, 1.0] if len(places) == 2 else places
+    return [_with_strengths(place) if isinstance(place, list) else place for place in places]
 
 
 def _changed(recipe: ts.Recipe, given: dict[str, Any], amount: float | None) -> ts.Recipe:

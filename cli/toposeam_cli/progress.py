@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -48,3 +48,13 @@ def progress_bar(quiet: bool = False) -> Iterator[ProgressBar]:
     shape = {"ncols": min(100, columns), "nrows": rows, "bar_format": "{percentage:3.0f}% |{bar}| {desc}"}
     with tqdm(total=1.0, file=sys.stderr, **shape) as bar:
         yield ProgressBar(bar)
+
+
+@contextmanager
+def share_bar(label: str, quiet: bool) -> Iterator[Callable[[float], None] | None]:
+    """A bar on a terminal for what reports the share of the work done, nothing in a pipe."""
+    if quiet or not (sys.stderr and sys.stderr.isatty()):  # there is none when it was closed
+        yield None
+        return
+    with click.progressbar(length=1000, label=label, file=sys.stderr) as bar:
+        yield lambda share: bar.update(max(0, round(1000 * share) - bar.pos))

@@ -17,8 +17,8 @@ from toposeam_cli.motif import SUFFIXES, Print, describe
 from toposeam_cli.output import atomic_write, check_output
 from toposeam_cli.parameters import FILE, OUTPUT, PairType, PaperLengthType
 from toposeam_cli.picture import read_picture, write_picture
+from toposeam_cli.progress import share_bar
 from toposeam_cli.recipe_file import read_recipe, read_settings, to_xmp
-from toposeam_cli.stitch import _progress
 
 
 @click.command()
@@ -50,7 +50,7 @@ def repeat(
         recipe = read_recipe(picture)
         if rule is not None and rule != recipe.repeat:
             raise ts.OptionError(f"a drawing repeats by the motif's own rule, {recipe.repeat}; leave --rule out, or write a .png")
-        with _progress(f"drawing {output.name}", quiet) as bar:
+        with share_bar(f"drawing {output.name}", quiet) as bar:
             made = ts.generate_motif(recipe, progress=None if bar is None else lambda done, total: bar(done / total))
         paper = Print(counts=counts, width_mm=motif_width, levels=levels)
         document = draw_svg(made, counts, options=SvgOptions(levels=levels, width_mm=motif_width), note=paper.note())

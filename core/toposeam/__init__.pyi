@@ -7,10 +7,12 @@ from .errors import (
     SolverError,
     TopoSeamError,
 )
+from .layers.align import Aligned, align
 from .layers.blend import BLENDS, Blend
-from .layers.composite import MAX_PIXELS, Stitched, stitch
+from .layers.composite import MAX_PIXELS, Stitched, pair_name, stitch
 from .layers.layer import Layer, common_canvas
 from .motif.generate import generate_motif, random_recipe
+from .motif.join import JoinedMotifs, arrange, border_mismatch, join_motifs, random_arrangement
 from .motif.layer import Step
 from .motif.motif import Motif, repeat, repeat_densities
 from .motif.palettes import PALETTES, Palette, palette
@@ -27,9 +29,9 @@ from .seam.thesis import ThesisOptions
 from .texture.fill import fill, make_tileable
 from .texture.lay import LayOptions
 from .texture.synthesis import Synthesis
-from .texture.synthesize import synthesize
+from .texture.synthesize import Tileable, synthesize
 from .vector.polyline import Polyline
-from .vector.svg import read_svg
+from .vector.svg import SvgSeam, read_svg
 
 __version__: str
 
@@ -40,11 +42,13 @@ __all__ = [
     "PALETTES",
     "REPEATS",
     "SIDES",
+    "Aligned",
     "Blend",
     "Frame",
     "HeatOptions",
     "ImageError",
     "Iteration",
+    "JoinedMotifs",
     "LayOptions",
     "Layer",
     "LayerRecipe",
@@ -66,18 +70,26 @@ __all__ = [
     "SolverError",
     "Step",
     "Stitched",
+    "SvgSeam",
     "Synthesis",
     "Termination",
     "ThesisOptions",
+    "Tileable",
     "TopoSeamError",
+    "align",
+    "arrange",
+    "border_mismatch",
     "common_canvas",
     "fill",
     "find_seam",
     "generate_motif",
+    "join_motifs",
     "make_tileable",
+    "pair_name",
     "palette",
     "path_cost",
     "plan_path",
+    "random_arrangement",
     "random_recipe",
     "read_svg",
     "repeat",

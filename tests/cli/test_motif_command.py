@@ -85,15 +85,16 @@ def test_a_recipe_as_toml_and_back(made, toposeam):
 
 
 def test_options_from_a_file_and_over_it(made, toposeam):
-    (made / "my.toml").write_text(
-        'size = 32\nlayers = 2\niterations = 4\np = 1.0\nbase-strength = 0.5\nbase = "a.png"\nmass = [0.2, 0.3]\nsources = [[0.1, 0.2]]\n'
-    )
+    lines = (
+        "size = 32", "layers = 2", "iterations = 4", "p = 1.0", "base-strength = 0.5", 'base = "a.png"', "mass = [0.2, 0.3]",
+        "sources = [[0.1, 0.2], [0.3, 0.4, 2.0]]", "sinks = [1, 2]",
+    )  # fmt: skip
+    (made / "my.toml").write_text("\n".join(lines))
     assert toposeam("motif", "-o", "a.tif", "--config", "my.toml", "--iterations", "5").code == 0
     recipe = read_recipe(made / "a.tif")
     assert (recipe.iterations, recipe.size, recipe.base_strength) == (5, (32, 32), 0.5)
-    assert [(layer.mass, layer.penalty, layer.sources) for layer in recipe.layers] == [
-        (0.2, 1.0, ((0.1, 0.2, 1.0),)), (0.3, 1.0, ((0.1, 0.2, 1.0),)),
-    ]  # fmt: skip
+    assert [(layer.mass, layer.penalty, len(layer.sinks)) for layer in recipe.layers] == [(0.2, 1.0, 1), (0.3, 1.0, 2)]
+    assert [layer.sources for layer in recipe.layers] == [((0.1, 0.2, 1.0), (0.3, 0.4, 2.0))] * 2
     assert recipe.base
 
 

@@ -80,15 +80,15 @@ class Plate:
             )
         self._hierarchy = Hierarchy(self.shape, self.joint)
         self._groups = self._hierarchy.groups[0]
-        self._convection = convection.astype(np.float64)
-        self._sink = self._nodal(self._convection)
-        self._load = self._nodal(heat.astype(np.float64)).ravel()
+        self.heat, self.convection = heat.astype(np.float64), convection.astype(np.float64)
+        self._sink = self._nodal(self.convection)
+        self._load = self._nodal(self.heat).ravel()
         self._groups.gather(self._load)
 
     def solve(self, conductivity: Floats, start: Floats | None = None, *, tolerance: float = 1e-5, max_iterations: int = 60) -> Temperature:
         """The steady state for (h, w) conductivities, all positive, from an optional guess (the nodes of another state)."""
         system = self._stencil(conductivity)
-        elements = np.concatenate([conductivity.reshape(-1, *self.shape), self._convection[np.newaxis]])
+        elements = np.concatenate([conductivity.reshape(-1, *self.shape), self.convection[np.newaxis]])
         solver = Multigrid(elements, self.patterns, system, self._hierarchy)
         guess = None if start is None else start.ravel()
         flat, iterations = solver.solve(self._load, guess, tolerance, max_iterations)

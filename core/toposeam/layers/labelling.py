@@ -12,8 +12,9 @@ seam problem; the rules of :mod:`toposeam.seam.overlap` are carried over to many
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -292,18 +293,17 @@ class Labelling:
 
 def _settled(problem: SeamProblem, second: Mask) -> SeamProblem:
     """The problem with those free pixels decided that nothing ties to one of the two sides: they cost nothing there."""
+    component, count = ndimage.label(problem.overlap.side == FREE)
+    tied_a, tied_b = (np.bincount(component.ravel(), ties.ravel(), count + 1) > 0 for ties in (problem.grid.cold, problem.grid.hot))
+    if tied_a[1:].all() and tied_b[1:].all():
+        return problem
     side = problem.overlap.side.copy()
-    grid = problem.grid
-    component, count = ndimage.label(side == FREE)
-    tied_a, tied_b = (np.bincount(component.ravel(), ties.ravel(), count + 1) > 0 for ties in (grid.cold, grid.hot))
-    for label, only in ((A, tied_a & ~tied_b), (B, tied_b & ~tied_a)):
-        only[0] = False
-        side[only[component]] = label
     loose = ~tied_a & ~tied_b
-    loose[0] = False
-    side[loose[component] & second] = B
-    side[loose[component] & ~second] = A
-    return replace(problem, overlap=replace(problem.overlap, side=side))
+    for label, chosen in (
+        (A, (tied_a & ~tied_b)[component] | (loose[component] & ~second)), (B, (tied_b & ~tied_a)[component] | (loose[component] & second))
+    ):  # fmt: skip
+        side[chosen & (component > 0)] = label
+    return dataclasses.replace(problem, overlap=dataclasses.replace(problem.overlap, side=side))
 
 
 def exclusive_covers(layers: Sequence[Layer], places: Sequence[Box], canvas: Canvas) -> list[Mask]:

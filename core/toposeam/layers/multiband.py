@@ -105,11 +105,16 @@ def _continued(image: Floats32, known: Mask, levels: int) -> Floats32:
         return image
     weights = gaussian(known[..., np.newaxis].astype(np.float32), levels)
     sums = gaussian(np.where(known[..., np.newaxis], image, np.float32(0)), levels)
-    filled: Floats32 = sums[-1] / np.maximum(weights[-1], np.float32(1e-3))
+    filled = _ratio(sums[-1], weights[-1])
     for level in reversed(range(levels)):
         share = weights[level]
-        own = sums[level] / np.maximum(share, np.float32(1e-3))
         # Averages of few pixels give way to the coarser level.
-        trust = np.minimum(share if level else (share > 0).astype(np.float32), 1)
-        filled = trust * own + (1 - trust) * expand(filled)
+        trust = np.minimum(share, 1) if level else (share > 0).astype(np.float32)
+        coarser = expand(filled)
+        filled = coarser + trust * (_ratio(sums[level], share) - coarser)
     return filled
+
+
+def _ratio(sums: Floats32, weights: Floats32) -> Floats32:
+    """Means from sums; 0 where next to nothing was summed."""
+    return (sums / np.maximum(weights, 1e-3)).astype(np.float32, copy=False)

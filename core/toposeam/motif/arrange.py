@@ -16,6 +16,8 @@ def copy_at(cell: npt.NDArray[Scalar], repeat: str, row: int, column: int) -> np
         return cell[..., :: -1 if row % 2 else 1, :: -1 if column % 2 else 1]
     if repeat == "rotate" and (row + column) % 2:
         return cell[..., ::-1, ::-1]
+    if repeat == "exchange" and row % 2:
+        return np.roll(cell, cell.shape[-1] // 2, axis=-1)
     return cell
 
 

@@ -29,7 +29,7 @@ from toposeam.motif.symmetry import Symmetry, joint, symmetry
 VOID = 1e-3
 #: Radius of a source or a sink as a share of the cell's shorter side.
 SPOT = 0.012
-#: Lowest nominal conductivity where a base image blocks the way.
+#: Nominal conductivity where a base image of full strength blocks the way.
 _BLOCKED = 0.02
 #: Least radius of the filter at full size, in elements.
 _SMOOTH = 1.5
@@ -54,18 +54,19 @@ class LayerProblem:
         """The layer of a recipe on a plate of the given shape."""
         orbits = symmetry(recipe.repeat, shape)
         spots = (_spots(points, shape, recipe.repeat) for points in (layer.sources, layer.sinks))
-        plate = Plate(*cls.loads(layer, orbits, *spots), joint(recipe.repeat))
         brightness = None if not recipe.base else resample(unpack_base(recipe.base), "none", shape)
         nominal = orbits.mean(nominal_conductivity(brightness, recipe.base_strength, shape))
+        plate = Plate(*cls.loads(layer, orbits, nominal, *spots), joint(recipe.repeat))
         return cls(plate, nominal, orbits, recipe.repeat, filter_radius(recipe, shape))
 
     @staticmethod
-    def loads(layer: LayerRecipe, orbits: Symmetry, sources: Floats, sinks: Floats) -> tuple[Floats, Floats]:
-        """Heat, one in all, and convection, both equal along the orbits."""
-        heat = (1.0 - layer.ambient) * sources + layer.ambient / sources.size
+    def loads(layer: LayerRecipe, orbits: Symmetry, nominal: Floats, sources: Floats, sinks: Floats) -> tuple[Floats, Floats]:
+        """Heat, one in all, and convection, both equal along the orbits. A base image keeps the even heat where it lets heat through."""
+        even = np.square(nominal)
+        heat = (1.0 - layer.ambient) * sources + layer.ambient * even / even.sum()
         return orbits.mean(heat), orbits.mean(_CONVECTION * sinks)
 
-    def conductivity(self, density: Floats, penalty: float) -> Floats:
+    def conductivity(self, density: Floats, penalty: Floats | float) -> Floats:
         """k_e (ε + (1 - ε) ρ^p)."""
         k: Floats = power(density, penalty)
         k *= 1.0 - VOID
@@ -73,7 +74,7 @@ class LayerProblem:
         k *= self.nominal
         return k
 
-    def sensitivity(self, density: Floats, penalty: float, energy: Floats) -> Floats:
+    def sensitivity(self, density: Floats, penalty: Floats | float, energy: Floats) -> Floats:
         """∂Π/∂ρ, not filtered."""
         slope: Floats = power(density, penalty - 1.0)
         slope *= -(1.0 - VOID) * penalty
@@ -105,16 +106,23 @@ def filter_radius(recipe: Recipe, shape: tuple[int, int]) -> float:
 
 
 def nominal_conductivity(brightness: npt.NDArray[np.floating] | None, strength: float, shape: tuple[int, int]) -> Floats:
-    """k_e, in proportion to brightness at strength 1, to darkness at -1, and 1 everywhere at 0."""
+    """k_e, 1 where a base image is brightest (or darkest, for strengths below 0) and falling geometrically from there.
+
+    At strength ±1 the other end conducts a fiftieth; at 0 the image does not matter.
+    """
     if brightness is None:
         return np.ones(shape)
-    shown = brightness.astype(np.float64) if strength > 0 else 1.0 - brightness
-    nominal: Floats = np.maximum(1.0 - abs(strength) * (1.0 - shown), _BLOCKED)
+    dark, bright = float(brightness.min()), float(brightness.max())
+    shown = (brightness.astype(np.float64) - dark) / max(bright - dark, 1e-6)
+    nominal: Floats = _BLOCKED ** (abs(strength) * (1.0 - shown if strength > 0 else shown))
     return nominal
 
 
-def power(density: Floats, exponent: float) -> Floats:
+def power(density: Floats, exponent: Floats | float) -> Floats:
     """ρ^p, the small whole p without a logarithm."""
+    if np.ndim(exponent):
+        varied: Floats = density**exponent
+        return varied
     if exponent == 0.0:
         return np.ones_like(density)
     if exponent == 1.0:

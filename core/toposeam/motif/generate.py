@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -9,15 +10,22 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.errors import OptionError
+from toposeam.motif.conduction import nominal_conductivity
 from toposeam.motif.hexagonal import tile_size, to_tile
 from toposeam.motif.layer import Step, optimise_layer, plan
 from toposeam.motif.motif import Motif
 from toposeam.motif.palettes import PALETTES, Palette, palette
-from toposeam.motif.recipe import LayerRecipe, Point, Recipe, pack_base
-from toposeam.motif.symmetry import HEXAGONAL, onto_axes
+from toposeam.motif.recipe import LayerRecipe, Point, Recipe, pack_base, unpack_base
+from toposeam.motif.symmetry import HEXAGONAL, check_repeat, onto_axes
 
 #: How far apart random spots keep, as a share of what an even spread allows.
 _APART = 0.7
+
+#: Random spots keep this far from the border, as a share of the cell: their strokes are the thickest.
+_MARGIN = 0.06
+
+#: Share of random layers that are ink wash.
+_WASH = 0.15
 
 Points = int | Sequence[Sequence[float]]
 
@@ -51,6 +59,10 @@ def generate_motif(source: int | tuple[int, int] | Recipe, *, progress: Callable
             raise OptionError(f"a recipe decides everything; leave out {', '.join(options)} or change the recipe with dataclasses.replace")
         recipe = source
     else:
+        known = inspect.signature(random_recipe).parameters
+        unknown = [name for name in options if name not in known]
+        if unknown:
+            raise OptionError(f"{unknown[0]} is not an option of a motif; known are {', '.join(list(known)[1:])}")
         recipe = random_recipe(source, **options)
     per_layer = sum(count for _, count in plan(recipe))
     total = per_layer * len(recipe.layers)
@@ -120,23 +132,27 @@ def random_recipe(
     ------
     OptionError, ImageError
     """
-    shape = (size, size) if isinstance(size, int | np.integer) else (int(size[0]), int(size[1]))
+    shape = _shape(size)
+    check_repeat(repeat, shape)
     if layers < 1:
         raise OptionError(f"{layers} layers were asked for; ask for at least 1")
     rng = np.random.default_rng(_checked_seed(seed))
     inks = _inks(palette, layers, rng)
+    if np.shape(strengths) != (2,) or not 0 < strengths[0] <= strengths[1]:
+        raise OptionError(f"strengths is {strengths}; give a low and a high one, both above 0")
     low, high = strengths
-    if not 0 < low <= high:
-        raise OptionError(f"strengths is ({low}, {high}); give a low and a high one, both above 0")
+    packed = "" if base is None else pack_base(base)
+    shown = _shown(packed, base_strength) if packed and repeat not in HEXAGONAL else None
     recipes = []
     for index in range(layers):
         # Everything is drawn whether it is used or not, so that giving one parameter leaves the others as they were.
         draw = rng.spawn(1)[0]
-        many, few = int(draw.integers(3, 9)), int(draw.integers(2, 6))
-        drawn_mass, drawn_ambient = float(draw.uniform(0.14, 0.34)), float(draw.uniform(0.55, 0.97))
+        many, few = int(draw.integers(3, 10)), int(draw.integers(2, 7))
+        drawn_mass, drawn_ambient = float(draw.uniform(0.14, 0.34)), 0.97 - 0.5 * float(draw.random()) ** 2
+        drawn_penalty = float(draw.uniform(1.0, 1.3)) if draw.random() < _WASH else 3.0
         aspect = shape[1] / shape[0]
-        given = _points(_of_layer(sources, index, layers, "sources"), draw, many, (low, high), aspect, "sources", repeat)
-        drains = _points(_of_layer(sinks, index, layers, "sinks"), draw, few, (low, high), aspect, "sinks", repeat)
+        given = _points(_of_layer(sources, index, layers, "sources"), draw, many, (low, high), aspect, "sources", repeat, shown)
+        drains = _points(_of_layer(sinks, index, layers, "sinks"), draw, few, (low, high), aspect, "sinks", repeat, shown)
         if distance is not None:
             if not 0 < distance <= 1:
                 raise OptionError(f"distance is {distance}; it must be above 0 and at most 1 (of the cell's shorter side)")
@@ -148,14 +164,20 @@ def random_recipe(
                 sinks=drains,
                 ambient=drawn_ambient if ambient is None else ambient,
                 mass=_number(mass, index, layers, drawn_mass, "mass"),
-                penalty=_number(penalty, index, layers, 3.0, "penalty"),
+                penalty=_number(penalty, index, layers, drawn_penalty, "penalty"),
             )
         )
-    packed = "" if base is None else pack_base(base)
     return Recipe(
         size=shape, repeat=repeat, seed=int(seed), paper=tuple(inks.paper), layers=tuple(recipes), iterations=iterations, move=move,
         filter_radius=filter_radius, coarse=coarse, base=packed, base_strength=base_strength if packed else 0.0,
     )  # fmt: skip
+
+
+def _shape(size: Any) -> tuple[int, int]:
+    sides = (size, size) if isinstance(size, int | np.integer) else size
+    if isinstance(sides, str) or np.shape(sides) != (2,) or not all(isinstance(side, int | np.integer) for side in sides):
+        raise OptionError(f"size is {size!r}; give a whole number, or rows and columns")
+    return int(sides[0]), int(sides[1])
 
 
 def _checked_seed(seed: int) -> int:
@@ -201,13 +223,13 @@ def _number(value: float | Sequence[float] | None, index: int, layers: int, draw
 
 def _points(
     value: Points | None, rng: np.random.Generator, drawn: int, strengths: tuple[float, float], aspect: float, name: str,
-    repeat: str,
+    repeat: str, shown: npt.NDArray[np.float64] | None,
 ) -> tuple[Point, ...]:  # fmt: skip
     count = drawn if value is None else value
     if isinstance(count, int | np.integer):
         if count < 1:
             raise OptionError(f"{name} is {count}; a layer needs at least one, give a number from 1")
-        places = _spread(int(count), rng, aspect)
+        places = _spread(int(count), rng, aspect, shown)
         powers = rng.uniform(*strengths, int(count))
         for index in range((int(count) + 1) // 2):
             places[index] = onto_axes(places[index], repeat, rng)
@@ -223,15 +245,23 @@ def _points(
     return tuple((float(x), float(y), float(s)) for x, y, s in array)
 
 
-def _spread(count: int, rng: np.random.Generator, aspect: float) -> npt.NDArray[np.float64]:
-    """Random places that keep apart, also across the border."""
+def _shown(packed: str, strength: float) -> npt.NDArray[np.float64]:
+    """Nominal conductivities on the base image's own grid."""
+    brightness = unpack_base(packed)
+    return nominal_conductivity(brightness, strength, (brightness.shape[0], brightness.shape[1]))
+
+
+def _spread(count: int, rng: np.random.Generator, aspect: float, shown: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
+    """Random places that keep apart, also across the border, and out of the parts that a base image blocks."""
     places: list[npt.NDArray[np.float64]] = []
     apart = _APART * np.sqrt(aspect / count)
     for _ in range(count):
         for attempt in range(30):
-            place = rng.uniform(0.03, 0.97, 2)
+            place = rng.uniform(_MARGIN, 1 - _MARGIN, 2)
             gaps = [np.abs(place - other) for other in places]
             wrapped = [np.hypot(min(g[0], 1 - g[0]) * aspect, min(g[1], 1 - g[1])) for g in gaps]
+            if shown is not None and rng.random() > shown[int(place[1] * shown.shape[0]), int(place[0] * shown.shape[1])]:
+                continue
             if all(gap >= apart * (1 - attempt / 30) for gap in wrapped):
                 break
         places.append(place)

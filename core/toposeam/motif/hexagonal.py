@@ -36,16 +36,16 @@ class HexagonalProblem(LayerProblem):
     def at(cls, layer: LayerRecipe, recipe: Recipe, shape: tuple[int, int]) -> LayerProblem:
         """The layer of a recipe on a cell of the given shape."""
         orbits = symmetry(recipe.repeat, shape)
-        plate = TrianglePlate(*cls.loads(layer, orbits, _spots(layer.sources, shape), _spots(layer.sinks, shape)))
         brightness = None if not recipe.base else _shown_round_lattice_points(unpack_base(recipe.base), shape)
         nominal = orbits.mean(nominal_conductivity(brightness, recipe.base_strength, shape))
+        plate = TrianglePlate(*cls.loads(layer, orbits, nominal, _spots(layer.sources, shape), _spots(layer.sinks, shape)))
         return cls(plate, _at_triangles(nominal), orbits, recipe.repeat, filter_radius(recipe, shape))
 
-    def conductivity(self, density: Floats, penalty: float) -> Floats:
+    def conductivity(self, density: Floats, penalty: Floats | float) -> Floats:
         """Of every triangle, (2, h, w)."""
         return super().conductivity(_at_triangles(density), penalty)
 
-    def sensitivity(self, density: Floats, penalty: float, energy: Floats) -> Floats:
+    def sensitivity(self, density: Floats, penalty: Floats | float, energy: Floats) -> Floats:
         """∂Π/∂ρ of every node: a third of that of each of its six triangles."""
         slope = power(_at_triangles(density), penalty - 1.0)
         slope *= -(1.0 - VOID) * penalty / 3

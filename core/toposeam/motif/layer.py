@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.heat.plate_joints import Floats
-from toposeam.motif.conduction import LayerProblem
+from toposeam.motif.conduction import LayerProblem, filter_radius
 from toposeam.motif.hexagonal import HexagonalProblem
 from toposeam.motif.recipe import LayerRecipe, Recipe
 from toposeam.motif.symmetry import HEXAGONAL, Symmetry
@@ -25,6 +25,8 @@ THINNEST = 1e-3
 TOLERANCE = 1e-3
 #: Coarser plates have at least this many elements across.
 _COARSEST = 48
+#: Coarser plates serve where the filter's radius is at least this many elements at full size: finer strokes they cannot hold.
+_WIDE = 2.5
 #: Iterations at full size and on the plates between, after those on the coarsest.
 _LAST, _BETWEEN = 5, 8
 
@@ -47,7 +49,8 @@ def plan(recipe: Recipe) -> list[tuple[tuple[int, int], int]]:
     """The plates' shapes from coarse to fine, and how many iterations run on each."""
     shapes = [recipe.size]
     grain = 4 if recipe.repeat not in ("none", "reflect") else 2
-    while recipe.coarse and len(shapes) < 4 and all(side % grain == 0 and side // 2 >= _COARSEST for side in shapes[0]):
+    coarse = recipe.coarse and filter_radius(recipe, recipe.size) >= _WIDE
+    while coarse and len(shapes) < 4 and all(side % grain == 0 and side // 2 >= _COARSEST for side in shapes[0]):
         shapes.insert(0, (shapes[0][0] // 2, shapes[0][1] // 2))
     counts = [0] * len(shapes)
     left = recipe.iterations
@@ -86,9 +89,9 @@ def optimise_layer(
     temperature: Floats | None = None
     for shape, count in plan(recipe):
         problem = problem_at(layer, recipe, shape)
-        density = np.full(shape, layer.mass) if density is None else _carry(density, problem, layer.mass)
+        density = np.full(shape, layer.mass) if density is None else carry(density, problem, layer.mass)
         if temperature is not None:
-            temperature = _finer(temperature, shape)
+            temperature = finer_temperature(temperature, shape)
         for _ in range(count):
             state = problem.plate.solve(problem.conductivity(density, layer.penalty), temperature, tolerance=TOLERANCE)
             temperature = state.nodes
@@ -96,23 +99,26 @@ def optimise_layer(
                 Step(rows=shape[0], compliance=state.compliance, mass=float(density.mean()), solver=state.iterations)
             )  # fmt: skip
             slope = problem.filtered(density, problem.sensitivity(density, layer.penalty, state.energy))
-            density = _update(problem.symmetry, density, slope, layer.mass, OCOptions(move=recipe.move))
+            density = update(density, slope, problem.symmetry, layer.mass, OCOptions(move=recipe.move))
             if progress is not None:
                 progress(len(steps))
     assert density is not None  # noqa: S101
     return density.astype(np.float32), tuple(steps)
 
 
-def _update(orbits: Symmetry, density: Floats, slope: Floats, mass: float, options: OCOptions) -> Floats:
-    """The next design; one variable per orbit."""
+def update(
+    density: Floats, slope: Floats, orbits: Symmetry, mass: float, options: OCOptions,
+    lower: Floats | float = THINNEST, upper: Floats | float = 1.0,
+) -> Floats:  # fmt: skip
+    """The next design; one variable per orbit. Bounds given as fields must be equal along the orbits."""
     count = orbits.count
     x = orbits.total(density) / count
-    return orbits.spread(
-        oc_step(x, orbits.total(slope), count if orbits.orbit is not None else 1.0, mass * density.size, THINNEST, 1.0, options)
-    )
+    low, high = (bound if isinstance(bound, float) else orbits.total(bound) / count for bound in (lower, upper))
+    weights = count if orbits.orbit is not None else 1.0
+    return orbits.spread(oc_step(x, orbits.total(slope), weights, mass * density.size, low, high, options))
 
 
-def _finer(nodes: Floats, shape: tuple[int, int]) -> Floats:
+def finer_temperature(nodes: Floats, shape: tuple[int, int]) -> Floats:
     """Temperatures of a plate of half the shape, interpolated."""
     fine = np.empty((shape[0] + 1, shape[1] + 1))
     fine[::2, ::2] = nodes
@@ -121,7 +127,7 @@ def _finer(nodes: Floats, shape: tuple[int, int]) -> Floats:
     return fine
 
 
-def _carry(density: Floats, problem: LayerProblem, mass: float) -> Floats:
+def carry(density: Floats, problem: LayerProblem, mass: float) -> Floats:
     """A coarser plate's densities on a finer one, with the same mass."""
     fine = problem.symmetry.mean(problem.finer(density, problem.plate.shape))
     fine = np.clip(fine, THINNEST, 1.0)

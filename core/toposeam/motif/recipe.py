@@ -38,7 +38,7 @@ class LayerRecipe:
     sources: tuple[Point, ...]
     #: Where heat leaves by convection; strengths are relative.
     sinks: tuple[Point, ...]
-    #: Share of the heat that is generated evenly everywhere, 0 to 1. It makes strokes branch.
+    #: Share of the heat that is generated everywhere (of a base image: where it conducts), 0 to 1. It makes strokes branch.
     ambient: float = 0.0
     #: Allowed mass (4.4): the mean density.
     mass: float = 0.3

@@ -108,7 +108,8 @@ def _compose(second: Operation, first: Operation) -> Operation:
 def onto_axes(point: npt.NDArray[np.float64], repeat: str, rng: np.random.Generator) -> npt.NDArray[np.float64]:
     """Move a place, (x, y) in [0, 1], to a mirror or a centre of rotation of the rule, chosen at random.
 
-    Strokes stop short of mirrors on which nothing lies, which would leave empty lines in the pattern.
+    Strokes stop short of mirrors on which nothing lies, which would leave empty lines in the pattern. Centres on the cell's border are
+    left alone, as the thickest strokes would lie there.
     """
     if repeat == "reflect":
         moved = point.copy()
@@ -126,7 +127,11 @@ def onto_axes(point: npt.NDArray[np.float64], repeat: str, rng: np.random.Genera
     for _ in range(11):
         images.append(matrix @ images[-1] + shift)
     mean = np.mean(images, axis=0)
-    return mean % 1.0 if np.allclose(matrix @ mean + shift, mean, atol=1e-9) else point
+    if not np.allclose(matrix @ mean + shift, mean, atol=1e-9):
+        return point
+    turns = a * d - b * c == 1
+    on_border = np.any(np.abs(mean - np.round(mean)) < 1e-9)
+    return point if turns and on_border else mean % 1.0
 
 
 def permutation(operation: Operation, shape: tuple[int, int], hexagonal: bool = False) -> npt.NDArray[np.intp]:

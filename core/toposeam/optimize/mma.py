@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.errors import OptionError
+from toposeam.errors import OptionError, check_range
 from toposeam.optimize.multiplier import find_multiplier
 
 Floats = npt.NDArray[np.float64]
@@ -51,8 +51,7 @@ class MMAOptions:
     margin: float = 0.1
 
     def __post_init__(self) -> None:
-        if not (self.move > 0 and self.initial > 0):
-            raise OptionError(f"move is {self.move} and initial {self.initial}; both must be positive")
+        check_range(0, above=True, move=self.move, initial=self.initial)
         if not (0 < self.closer <= 1 <= self.farther):
             raise OptionError(f"closer is {self.closer} and farther {self.farther}; use 0 < closer <= 1 <= farther")
         if not (0 < self.nearest <= self.farthest):

@@ -155,22 +155,40 @@ class SeamProblem:
             return _pattern(side, right, down)
         return _kept_pattern((side.shape[0], side.shape[1]), side.tobytes(), right.tobytes(), down.tobytes())
 
+    @property
+    def _interface_cost(self) -> npt.NDArray[np.float64]:
+        return np.concatenate([self.right.ravel(), self.down.ravel()])[self.pattern.place].astype(np.float64)
+
+    @cached_property
+    def _ties(self) -> tuple[Indices, npt.NDArray[np.float64], Indices]:
+        """What free pixels cost beside layers that are not part of the problem: node, cost, and the terminal of the side it speaks for."""
+        if self.showing_a is None or self.showing_b is None:
+            return np.zeros(0, np.intp), np.zeros(0), np.zeros(0, np.intp)
+        n = len(self.pattern.pixels)
+        costs = [values.ravel()[self.pattern.pixels].astype(np.float64) for values in (self.showing_b, self.showing_a)]
+        nodes = [np.flatnonzero(cost > 0) for cost in costs]
+        terminals = np.repeat([n, n + 1], [len(node) for node in nodes])
+        return np.concatenate(nodes), np.concatenate([cost[node] for cost, node in zip(costs, nodes, strict=True)]), terminals
+
     @cached_property
     def element_cost(self) -> npt.NDArray[np.float64]:
-        """(E,) float64: the cost of each interface of the pattern."""
-        return np.concatenate([self.right.ravel(), self.down.ravel()])[self.pattern.place].astype(np.float64)
+        """(E,) float64: the cost of each interface of the pattern, then of each tie to a terminal."""
+        return np.concatenate([self._interface_cost, self._ties[1]])
 
     @property
     def network(self) -> Network:
-        """The pattern's network, whose solutions depend on nothing that was solved before."""
+        """The pattern's network, whose solutions depend on nothing that was solved before; with ties, another one."""
         kept = self.pattern.network
+        nodes, _, terminals = self._ties
+        if len(nodes):
+            return Network(kept.n, np.concatenate([kept.tail, nodes]), np.concatenate([kept.head, terminals]), kept.apart)
         return kept if kept.repeatable else replace(kept)
 
     @property
     def interfaces(self) -> Interfaces:
         """Every interface with a cost and at least one free pixel."""
         kept = self.pattern
-        return Interfaces(kept.first, kept.second, kept.start, kept.end, self.element_cost)
+        return Interfaces(kept.first, kept.second, kept.start, kept.end, self._interface_cost)
 
     def crossed(self, labels: Mask) -> Floats32:
         """Cost of every interface that an (h, w) bool labelling cuts."""

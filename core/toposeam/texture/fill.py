@@ -14,11 +14,12 @@ from toposeam.images import Mask, as_mask
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.canvas import Canvas
 from toposeam.texture.lay import Layer, LayOptions
+from toposeam.texture.raster import SMALLEST_TILE
 from toposeam.texture.scale import natural_patch
 from toposeam.texture.search import box_sum
 from toposeam.texture.sources import Images, Sources, check_varied, read_sources
 from toposeam.texture.synthesis import Synthesis
-from toposeam.texture.synthesize import SMALLEST_TILE, Tileable, check_patch, finish, lay_options, settings_of
+from toposeam.texture.synthesize import Tileable, check_patch, finish, lay_options, settings_of
 
 #: A hole with its band that fits a patch this many times the usual one is filled by one patch, along a closed seam.
 _ONE_PATCH = 2.0

@@ -15,6 +15,8 @@ from toposeam.texture.atlas import Atlas, Floats32, Ints32, values_at
 from toposeam.texture.canvas import Canvas
 from toposeam.texture.search import Ints, PatchSearch, box_sum
 
+#: How much dearer a place is whose pixels have all shown as often as they should, where there is no other.
+_WORN = 30
 #: Added to every error, so that a perfect fit does not outweigh everything else; the square of 1 % of the image's range.
 _FLOOR = 1e-4
 
@@ -35,12 +37,16 @@ class LayOptions:
     most: float = 2.5
     #: How strongly places that show often already are avoided.
     variety: float = 0.5
+    #: How many further patches are tried over the worst seams, as a share of the patches laid.
+    mend: float = 0.2
+    #: Whether ordered textures that repeat are laid twice, so that their order closes (:mod:`toposeam.texture.closing`).
+    close: bool = True
     #: How the seam is found.
     method: Method = "heat"
     cost: MatchCost | None = None
 
     def __post_init__(self) -> None:
-        for name, low, high in (("tolerance", 0, 10), ("context_weight", 0, 1), ("most", 1, np.inf), ("variety", 0, 100)):
+        for name, low, high in (("tolerance", 0, 10), ("context_weight", 0, 1), ("most", 1, np.inf), ("variety", 0, 100), ("mend", 0, 10)):
             if not low <= getattr(self, name) <= high:
                 raise OptionError(f"{name} is {getattr(self, name)}; it must be from {low} to {high}")
         if self.candidates < 1 or self.context < 0:
@@ -119,12 +125,27 @@ class Layer:
         covers = inside if may_show is None else (may_show | empty) & inside
         weight = np.where(known >= 0, np.float32(self.options.context_weight), np.float32(0))
         weight[m : m + h, m : m + w] = inner >= 0
-        terms = self._terms(top, left, shape, known, weight)
-        row, column = self._choose(terms, shape, known) if terms else self._anywhere(shape)
-        source = (row * self.atlas.width + column + self._grid(shape)).astype(np.int32)
+        source = self.choose(top, left, shape, known, weight)
         padded = self.canvas.read(top - 1, left - 1, h + 2, w + 2)
         self.canvas.paint(top, left, source, self.cut(padded, source, covers))
         return True
+
+    def choose(self, top: int, left: int, shape: tuple[int, int], known: Ints32, weight: Floats32) -> Ints32:
+        """A patch that fits a window, (h, w) flat indices.
+
+        Parameters
+        ----------
+        top, left, shape
+            The patch's window on the canvas.
+        known : int32 array
+            What the canvas shows there and in the margin round it; -1 where empty.
+        weight : float32 array
+            How much that counts.
+        """
+        terms = self._terms(top, left, shape, known, weight)
+        row, column = self._choose(terms, shape, known) if terms else self._anywhere(shape)
+        grid = np.arange(shape[0])[:, np.newaxis] * self.atlas.width + np.arange(shape[1])
+        return (row * self.atlas.width + column + grid).astype(np.int32)
 
     def cut(self, padded: Ints32, source: Ints32, covers: Mask) -> Mask:
         """Where a patch shows, given what is there.
@@ -151,9 +172,6 @@ class Layer:
             return covers & ~mask_a[1:-1, 1:-1]
         shows: Mask = seam.labels[1:-1, 1:-1] & covers
         return shows
-
-    def _grid(self, shape: tuple[int, int]) -> Ints:
-        return np.arange(shape[0])[:, np.newaxis] * self.atlas.width + np.arange(shape[1])
 
     def _anywhere(self, shape: tuple[int, int]) -> tuple[int, int]:
         rows, columns = np.nonzero(self.search.room(shape))
@@ -202,15 +220,15 @@ class Layer:
         usage = self.canvas.usage.reshape(self.atlas.usable.shape)
         on_grid = slice(m, None, f), slice(m, None, f)
         mean = box_sum(usage, shape)[on_grid][:n, :columns_n] / (shape[0] * shape[1] * self._average)
-        worn = box_sum(usage >= self._limit, shape)[on_grid][:n, :columns_n] > 0
+        worn = box_sum(usage >= self._limit, shape)[on_grid][:n, :columns_n] / (shape[0] * shape[1])
         raised = (error * (1 + self.options.variety * np.square(mean))).astype(np.float32)
         free = raised.copy()
-        free[worn] = np.inf
+        free[worn > 0] = np.inf
         apart = max(3, min(shape) // 8)
         for row, column in self._continued(known):
             _block(free, (row - m) / f, (column - m) / f, apart / f)
         # With few places to choose from, better a worn place or a copy than none.
-        left = free if np.isfinite(free).any() else raised * (1 + mean).astype(np.float32)
+        left = free if np.isfinite(free).any() else raised * (1 + _WORN * worn).astype(np.float32)
         rows: list[int] = []
         columns: list[int] = []
         errors: list[np.float32] = []

@@ -12,6 +12,8 @@ places.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 import scipy.fft as sf
@@ -39,7 +41,7 @@ class PatchSearch:
     def __init__(self, atlas: Atlas, features: Floats32) -> None:
         self.atlas, self.features = atlas, features
         self.factor = atlas.factor
-        features, present = _reduced(features, atlas.usable.astype(np.float32), self.factor)
+        features, present = reduced(features, atlas.usable.astype(np.float32), self.factor)
         self._mean: Floats32 = (features * present[..., np.newaxis]).sum((0, 1), dtype=np.float64) / max(present.sum(dtype=np.float64), 1.0)
         self._mean = self._mean.astype(np.float32)
         features = (features - self._mean) * (present[..., np.newaxis] > 0)
@@ -77,14 +79,14 @@ class PatchSearch:
             inf where the patch cannot lie. Row i, column j: the patch's first pixel at atlas row and column margin + factor * (i, j).
         """
         f = self.factor
-        reduced, mass = _reduced(values, weight, f)
+        window, mass = reduced(values, weight, f)
         share, below = self._share(mass)
-        reduced -= self._mean
+        window -= self._mean
         total = share * self._square
         for c, spectrum in enumerate(self._channels):
-            plane = reduced[..., c] * mass
+            plane = window[..., c] * mass
             total -= np.complex64(2) * np.conj(self._spectrum(plane)) * spectrum
-        total += np.conj(self._spectrum(np.square(reduced).sum(axis=2) * mass)) * self._present
+        total += np.conj(self._spectrum(np.square(window).sum(axis=2) * mass)) * self._present
         rows, columns = self._grid[0] - mass.shape[0] + 1, self._grid[1] - mass.shape[1] + 1
         error = sf.irfft2(total, self._size, overwrite_x=True)[:rows, :columns]
         error = np.maximum(error, np.float32(0)) / np.maximum(below, np.float32(1e-9))
@@ -110,8 +112,8 @@ class PatchSearch:
         y, x = np.nonzero(weight)
         room = self.room(patch)
         reach = np.arange(1 - self.factor, self.factor)
-        rows = np.clip(row + reach, 0, room.shape[0] - 1).repeat(len(reach))
-        columns = np.tile(np.clip(column + reach, 0, room.shape[1] - 1), len(reach))
+        rows = np.clip(row + reach, margin[0], room.shape[0] - 1 - margin[0]).repeat(len(reach))
+        columns = np.tile(np.clip(column + reach, margin[1], room.shape[1] - 1 - margin[1]), len(reach))
         places = rows * self.atlas.width + columns
         pixels = places[:, np.newaxis] + ((y - margin[0]) * self.atlas.width + x - margin[1])
         share = self.atlas.usable.ravel()[pixels] * weight[y, x]
@@ -138,16 +140,16 @@ class PatchSearch:
         return result
 
 
-def box_sum(values: npt.NDArray[np.generic], shape: tuple[int, int]) -> npt.NDArray[np.float64]:
-    """Sum of every h × w box of an (H, W) array: (H - h + 1, W - w + 1), exact for whole numbers."""
-    total = np.zeros((values.shape[0] + 1, values.shape[1] + 1))
-    np.cumsum(np.cumsum(values, axis=0, dtype=np.float64), axis=1, out=total[1:, 1:])
+def box_sum(values: npt.NDArray[Any], shape: tuple[int, int]) -> npt.NDArray[np.int32]:
+    """Sum of every h × w box of an (H, W) array of whole numbers: (H - h + 1, W - w + 1)."""
+    total = np.zeros((values.shape[0] + 1, values.shape[1] + 1), np.int32)
+    np.cumsum(np.cumsum(values, axis=1, dtype=np.int32), axis=0, out=total[1:, 1:])
     h, w = shape
-    result: npt.NDArray[np.float64] = total[h:, w:] - total[:-h, w:] - total[h:, :-w] + total[:-h, :-w]
+    result: npt.NDArray[np.int32] = total[h:, w:] - total[:-h, w:] - total[h:, :-w] + total[:-h, :-w]
     return result
 
 
-def _reduced(values: Floats32, weight: Floats32, factor: int) -> tuple[Floats32, Floats32]:
+def reduced(values: Floats32, weight: Floats32, factor: int) -> tuple[Floats32, Floats32]:
     """Weighted means over blocks of factor × factor pixels, and the blocks' weight; what does not fill a block counts with weight 0."""
     if factor == 1:
         return values.copy(), weight

@@ -117,7 +117,11 @@ def read_sources(
             raise ImageError(f"alpha of {label} is {a.dtype} of shape {a.shape}; give {picture.dtype} of shape {picture.shape[:2]}")
         present.append(np.ones(picture.shape[:2], bool) if a is None else a > 0)
         usable.append(present[-1] if m is None else present[-1] & m)
-    has_alpha = any(a is not None and (a < full_scale(a.dtype)).any() for a in opacity)
+    if not any(pixels.any() for pixels in usable):
+        raise ImageError(
+            f"nothing of {name} may be sampled: its mask is empty, or it is transparent everywhere; paint the mask white somewhere"
+        )
+    has_alpha = any(a is not None and (a[pixels] < full_scale(a.dtype)).any() for a, pixels in zip(opacity, usable, strict=True))
     if has_alpha:
         planes.append(tuple(
             (np.full(shape, full_scale(planes[0][0].dtype), planes[0][0].dtype) if a is None else a)[..., np.newaxis]

@@ -49,6 +49,11 @@ class Synthesis:
     changed: Mask | None = field(default=None, repr=False)
     atlas: Atlas = field(repr=False)
 
+    @property
+    def count(self) -> int:
+        """How many patches show; what was there before is none."""
+        return len(np.unique(self.labels[self.labels >= (self.changed is not None)]))
+
     @cached_property
     def paths(self) -> list[Polyline]:
         """The seams, as lines through pixel corners; those along the border of the picture left out."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
@@ -14,15 +13,18 @@ from toposeam.images import as_float
 from toposeam.layers.composite import MAX_PIXELS
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.canvas import Canvas
+from toposeam.texture.closing import closing_guide, order_axis
 from toposeam.texture.lay import Guide, Layer, LayOptions
+from toposeam.texture.mend import mend
+from toposeam.texture.raster import lay_all, patches_along
 from toposeam.texture.rendering import render
 from toposeam.texture.scale import natural_patch
-from toposeam.texture.sources import Images, Sources, as_list, check_varied, read_sources
+from toposeam.texture.sources import Images, Sources, as_list, check_varied, full_scale, read_sources
 from toposeam.texture.synthesis import Synthesis
 
 Tileable = bool | Literal["x", "y"]
-#: Sides of a texture that repeats, and of a patch, are at least this many px.
-SMALLEST_TILE, SMALLEST_PATCH = 16, 4
+#: Sides of a patch are at least this many px.
+SMALLEST_PATCH = 4
 
 
 def synthesize(
@@ -112,26 +114,48 @@ def synthesize(
     chosen = lay_options(options)
     side = natural_patch(sources.features, sources.usable, sources.shapes) if patch is None else patch
     side, overlap = check_patch(sources, side, overlap)
-    axes = [
-        _axis(length, side, overlap, wrapping, name)
-        for length, wrapping, name in zip((height, width), wraps, ("high", "wide"), strict=True)
-    ]
-    shape = axes[0][0], axes[1][0]
     atlas = Atlas.of(sources.present, chosen.context, sources.usable)
+    features = atlas.spread(sources.features)
+    given = _guide(guide, guide_source, guide_weight, atlas, sources, (height, width))
+    rows, columns = patches_along(height, side, overlap, wraps[0]), patches_along(width, side, overlap, wraps[1])
+    report = _Stages(progress)
+    axis = None
+    if given is None and chosen.close and any(wraps) and min(height, width) >= 4 * side:
+        axis = order_axis(sources.features[0], sources.usable[0])
+    if axis is not None and wraps[axis]:
+        given = closing_guide(sources, atlas, chosen, (height, width), wraps, axis, side, overlap, seed, report.stage(0.0, 0.3))
     canvas = Canvas((height, width), wraps, atlas.usable.size)
-    layer = Layer(
-        atlas, atlas.spread(sources.features), canvas, chosen, np.random.default_rng(seed), height * width,
-        _guide(guide, guide_source, guide_weight, atlas, sources, (height, width)),
-    )  # fmt: skip
+    layer = Layer(atlas, features, canvas, chosen, np.random.default_rng(seed), height * width, given)
+    shape = rows[0], columns[0]
     if not layer.search.room(shape).any():
         raise ImageError(f"no place in the mask has room for a patch of {shape[1]} × {shape[0]} px; use smaller patches or a larger mask")
-    places = [(top, left) for top in axes[0][1] for left in axes[1][1]]
-    for done, (top, left) in enumerate(places, start=1):
-        layer.lay(top, left, shape)
-        if progress is not None:
-            progress(done / len(places))
+    lay_all(layer, side, overlap, 0, report.stage(report.done, 0.9))
+    mend(layer, shape, round(chosen.mend * len(rows[1]) * len(columns[1])), report.stage(0.9, 1.0))
+    report.finish()
     settings = {"patch": side, "overlap": overlap, "seed": seed, "tileable": tileable, "smooth": smooth, **settings_of(chosen)}
     return finish(sources, atlas, canvas, shape, settings, smooth)
+
+
+class _Stages:
+    """Progress through several stages."""
+
+    def __init__(self, progress: Callable[[float], None] | None) -> None:
+        self._progress, self.done = progress, 0.0
+
+    def stage(self, first: float, last: float) -> Callable[[float], None] | None:
+        """What reports the share done of a stage that takes from one share of the whole to another."""
+
+        def report(share: float) -> None:
+            self.done = first + (last - first) * share
+            if self._progress is not None:
+                self._progress(self.done)
+
+        return report
+
+    def finish(self) -> None:
+        """All is done."""
+        if self._progress is not None:
+            self._progress(1.0)
 
 
 def finish(
@@ -146,6 +170,8 @@ def finish(
             np.copyto(picture, images[0], where=~changed[..., np.newaxis])
         made.append(picture[..., 0] if gray else picture)
     alpha = made.pop() if sources.has_alpha else None
+    if alpha is None and canvas.ground is not None:
+        alpha = canvas.ground * full_scale(made[0].dtype)
     exemplar, place = atlas.locate(canvas.index)
     return Synthesis(
         image=made[0], alpha=alpha, maps=tuple(made[1:]), labels=canvas.labels, source=place, exemplar=exemplar, wraps=canvas.wrap,
@@ -208,22 +234,6 @@ def _size(size: int | tuple[int, int], max_pixels: int) -> tuple[int, int]:
             f"a texture of {width} × {height} px has more than {max_pixels} pixels; make a smaller one that repeats, and repeat it"
         )
     return height, width
-
-
-def _axis(length: int, patch: int, overlap: int, wraps: bool, name: str) -> tuple[int, list[int]]:
-    """Side of the patches along one axis, and where each begins: spread evenly, so that all overlap by at least the overlap."""
-    if not wraps:
-        if length <= patch:
-            return length, [0]
-        count = 1 + math.ceil((length - patch) / (patch - overlap))
-        return patch, [round(k * (length - patch) / (count - 1)) for k in range(count)]
-    if length < SMALLEST_TILE:
-        raise OptionError(f"the texture is {length} px {name}; one that repeats needs at least {SMALLEST_TILE} px")
-    if length <= patch:
-        patch = max(2 * length // 3, length // 2 + 2)
-        overlap = patch - length // 2
-    count = max(2, math.ceil(length / (patch - overlap)))
-    return patch, [round(k * length / count) for k in range(count)]
 
 
 def _guide(

@@ -13,6 +13,7 @@ from toposeam.layers.multiband import expand, reduce
 from toposeam.layers.tones import tone_gains
 
 PHOTOGRAPH = data.coffee()[:180, 200:420]
+STRAIGHT = ts.read_svg('<svg xmlns="http://www.w3.org/2000/svg" width="100" height="20"><path d="M50 0 V20"/></svg>')
 BLURS = [kind for kind in ts.BLENDS if kind != "none"]
 
 
@@ -88,8 +89,7 @@ def test_tiles_leave_no_trace(kind, monkeypatch):
 
 def test_feather_is_a_ramp_of_its_width_across_a_straight_seam():
     a, b = (ts.Layer(image=np.full((20, 60), value, np.float32), offset=(x, 0)) for value, x in ((0.0, 0), (1.0, 40)))
-    path = ts.read_svg('<svg xmlns="http://www.w3.org/2000/svg" width="100" height="20"><path d="M50 0 V20"/></svg>')
-    row = ts.stitch([a, b], blend="feather", blend_width=9, use_path=path).image[10]
+    row = ts.stitch([a, b], blend="feather", blend_width=9, use_path=STRAIGHT).image[10]
     assert (row[:45] == 0).all()
     assert (row[55:] == 1).all()
     np.testing.assert_allclose(np.diff(row[45:54]), 1 / 9, atol=1e-6)
@@ -111,7 +111,7 @@ def test_opacity_fades_too():
         ts.Layer(image=np.full((20, 60), 100, np.uint8), alpha=np.full((20, 60), opacity, np.uint8), offset=(x, 0))
         for opacity, x in ((255, 0), (55, 40))
     ]
-    stitched = ts.stitch(layers, blend="feather", blend_width=11)
+    stitched = ts.stitch(layers, blend="feather", blend_width=11, use_path=STRAIGHT)
     row = stitched.alpha[10].astype(int)
     assert (np.diff(row) <= 0).all()
     assert len(np.unique(row)) > 8

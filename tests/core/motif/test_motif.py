@@ -50,3 +50,121 @@ def test_patterns_of_every_rule_have_its_size(repeat):
     rows = 42 if repeat in HEXAGONAL else 24
     assert ts.repeat_densities(motif, (2, 3)).shape == (1, 2 * rows, 72)
     assert ts.repeat(motif, (2, 3), size=(30, 30)).shape == (60, 90, 3)
+
+
+def test_subtractive_mixing_is_a_product_over_paper():
+    motif = _quick(layers=2)
+    one, two = motif.densities[..., np.newaxis]
+    expected = motif.paper * (1 - one * (1 - motif.inks[0])) * (1 - two * (1 - motif.inks[1]))
+    assert motif.image() == pytest.approx(expected, abs=1e-5)
+
+
+@pytest.mark.parametrize("repeat", ["none", "reflect", "translate", "rotate", "p4g", "p6m"])
+def test_any_size_is_the_same_picture(repeat):
+    motif = ts.generate_motif(48, layers=1, repeat=repeat, seed=2)
+    rows, columns = motif.densities.shape[1:]
+    large = motif.resampled((4 * rows, 4 * columns))[0]
+    # The mean over what a pixel became is that pixel, but for a cubic's overshoot, clipped to [0, 1].
+    means = large.reshape(rows, 4, columns, 4).mean(axis=(1, 3))
+    # The rectangle of a hexagonal group is itself a sample of its lattice, not a mean.
+    assert np.abs(means - motif.densities[0]).mean() < (0.03 if motif.lattice is None else 0.05)
+    assert large.mean() == pytest.approx(motif.densities[0].mean(), abs=0.01)
+    # Smooth, not pixelated: neighbours differ by far less than pixels did.
+    assert np.abs(np.diff(large, axis=1)).max() < 0.55 * np.abs(np.diff(motif.densities[0], axis=1)).max()
+    small = motif.resampled((rows // 2, columns // 2))[0]
+    assert small.mean() == pytest.approx(motif.densities[0].mean(), abs=0.02)
+
+
+def test_progress_counts_every_iteration():
+    seen = []
+    _quick(progress=lambda done, total: seen.append((done, total)))
+    assert seen == [(i, 12) for i in range(1, 13)]
+
+
+def test_named_palettes_and_those_of_pictures():
+    for name in ts.PALETTES:
+        palette = ts.palette(name, 3)
+        assert palette.inks.shape == (3, 3)
+        assert palette.paper.mean() > 0.85
+    picture = np.zeros((20, 40, 3), np.uint8)
+    picture[:, :20], picture[:, 20:32], picture[:, 32:] = (250, 250, 250), (200, 30, 30), (20, 60, 160)
+    palette = ts.palette(picture, 2)
+    assert palette.paper * 255 == pytest.approx(np.full(3, 250.0))
+    assert (palette.paper * palette.inks) * 255 == pytest.approx(np.array([[200.0, 30, 30], [20, 60, 160]]), abs=1)
+
+
+SPOT = [(0.5, 0.5)]
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"sources": 0, "ambient": 0.0}, "source"),
+        ({"sources": [], "ambient": 0.0}, "source"),
+        ({"sources": [(0.5, 0.5, 0.0)], "ambient": 0.0}, "no heat source"),
+        ({"sinks": 0}, "sinks"),
+        ({"sinks": [(0.5, 0.5, 0.0)]}, "no heat sink"),
+        ({"sources": SPOT, "sinks": SPOT, "ambient": 0.0}, "one point"),
+        ({"sources": [(0.5, 2.0)]}, "0 to 1"),
+        ({"sources": [(0.5,)]}, "list"),
+        ({"sources": "many"}, "sources"),
+        ({"mass": 0}, "mass"),
+        ({"mass": 1}, "mass"),
+        ({"mass": [0.2, 0.3, 0.4]}, "layers"),
+        ({"penalty": 0.5}, "penalty"),
+        ({"iterations": 0}, "iterations"),
+        ({"move": 0}, "move"),
+        ({"filter_radius": -1}, "filter_radius"),
+        ({"layers": 0}, "layers"),
+        ({"layers": 9, "palette": "sumi"}, "inks"),
+        ({"palette": "mauve"}, "palette"),
+        ({"palette": np.zeros((4, 4, 3))}, "colours"),
+        ({"repeat": "p7"}, "repeat"),
+        ({"repeat": "p4", "size": (40, 48)}, "square"),
+        ({"repeat": "p6", "size": (40, 48)}, "square"),
+        ({"repeat": "rotate", "size": 47}, "even"),
+        ({"repeat": "pg", "size": (47, 48)}, "even"),
+        ({"size": 4}, "size"),
+        ({"size": (48, 48, 3)}, "size"),
+        ({"size": "large"}, "size"),
+        ({"size": 100_000}, "size"),
+        ({"seed": -1}, "seed"),
+        ({"seed": 1.5}, "seed"),
+        ({"strengths": (0, 1)}, "strengths"),
+        ({"strengths": 3}, "strengths"),
+        ({"distance": 0}, "distance"),
+        ({"ambient": 2}, "ambient"),
+        ({"base": np.full((4, 4), np.nan)}, "base image"),
+        ({"base": np.zeros(4)}, "base image"),
+        ({"base": np.zeros((4, 4)), "base_strength": 3}, "base_strength"),
+        ({"colour": "red"}, "colour"),
+    ],
+)
+def test_bad_options_are_refused_in_one_sentence(options, text):
+    with pytest.raises(ts.TopoSeamError, match=text) as caught:
+        _quick(**options)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"size": None}, {"layers": []}, {"layers": [{"ink": "red"}]}, {"layers": 3}, {"colour": 1}, {"base": "3x3:junk"}, {"base": "\x00"},
+     {"paper": [2, 0, 0]}, {"move": "far"}, {"iterations": "many"}],
+)  # fmt: skip
+def test_damaged_recipes_are_refused_in_one_sentence(change):
+    record = ts.random_recipe(48).to_dict()
+    record.update(change)
+    with pytest.raises(ts.TopoSeamError) as caught:
+        ts.Recipe.from_dict(record)
+    assert "\n" not in str(caught.value)
+
+
+def test_arrangements_of_nothing_are_refused():
+    motif = _quick()
+    for counts in ((0, 1), (10_000, 10_000)):
+        with pytest.raises(ts.OptionError):
+            ts.repeat(motif, counts)
+    with pytest.raises(ts.OptionError):
+        motif.image((0, 5))
+    with pytest.raises(ts.OptionError, match="recipe"):
+        ts.generate_motif(motif.recipe, layers=2)

@@ -1,0 +1,206 @@
+"""What ``synth``, ``tile`` and ``fill`` share: their options, and the files that belong to a texture."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+import numpy.typing as npt
+
+import toposeam as ts
+from toposeam_cli.output import atomic_write, check_output
+from toposeam_cli.parameters import FILE, OUTPUT, FiniteRange
+from toposeam_cli.picture import Picture, match_pictures, read_picture, write_picture
+
+
+class SizeType(click.ParamType):  # type: ignore[type-arg]  # generic only since click 8.4
+    """``WxH`` in whole pixels, or one number for a square; (height, width) in Python."""
+
+    name = "WxH"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        """Parse the text."""
+        if isinstance(value, tuple):
+            return value
+        match = re.fullmatch(r"\s*(\d{1,9})(?:\s*[x×]\s*(\d{1,9}))?\s*", value, re.IGNORECASE)
+        if match is None or 0 in (int(match[1]), int(match[2] or match[1])):
+            self.fail(f"{value!r} is not a size; write width and height in pixels, like 1024x512", param, ctx)
+        return int(match[2] or match[1]), int(match[1])
+
+
+class PatchType(click.ParamType):  # type: ignore[type-arg]
+    """A number of pixels, or ``auto`` (None in Python)."""
+
+    name = "N|auto"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int | None:
+        """Parse the text."""
+        if value == "auto":
+            return None
+        if isinstance(value, str) and not re.fullmatch(r"\d{1,9}", value):
+            self.fail(f"{value!r} is not a patch size; write pixels, like 40, or auto", param, ctx)
+        return int(value)
+
+
+class WeightsType(click.ParamType):  # type: ignore[type-arg]
+    """Numbers separated by commas."""
+
+    name = "W,W,…"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
+        """Parse the text."""
+        if isinstance(value, tuple):
+            return value
+        try:
+            return tuple(float(part) for part in value.split(","))
+        except ValueError:
+            self.fail(f"{value!r} is not a list of weights; write numbers, like 1,0.5", param, ctx)
+
+
+#: Which borders of a texture match, by the name used on the command line.
+BORDERS: dict[str, ts.Tileable] = {"both": True, "x": "x", "y": "y"}
+
+_SEARCH: tuple[Callable[[Any], Any], ...] = (
+    click.option("--also", type=FILE, multiple=True,
+                 help="A further map of the same size (normals, roughness …), cut alike into OUTPUT_NAME; may be repeated."),
+    click.option("--weights", type=WeightsType(), help="How much the picture and each map count in the search; 1 each by default."),
+    click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="The same seed makes the same picture."),
+    click.option("--tolerance", type=FiniteRange(0, 10), default=0.1, show_default=True,
+                 help="How much worse than the best a patch may fit to be drawn as well."),
+    click.option("--smooth", type=click.IntRange(0, 8), default=1, show_default=True, help="Mix patches over this many px beside seams."),
+)  # fmt: skip
+
+_RESULTS: tuple[Callable[[Any], Any], ...] = (
+    click.option("--seams", type=OUTPUT, help="Also write the seams as SVG."),
+    click.option("--labels", type=OUTPUT, help="Also write the patches' numbers, a 16-bit gray picture."),
+    click.option("--coordinates", type=OUTPUT,
+                 help="Also write where each pixel came from, a 16-bit picture: red column, green row, blue exemplar."),
+    click.option("--max-megapixels", type=FiniteRange(min=0, min_open=True), default=500.0, show_default=True,
+                 help="Refuse larger pictures."),
+    click.option("--force", is_flag=True, help="Replace existing files."),
+    click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors."),
+)  # fmt: skip
+
+
+def search_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options that say how patches are chosen."""
+    for option in reversed(_SEARCH):
+        command = option(command)
+    return command
+
+
+def result_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options that say what else is written."""
+    for option in reversed(_RESULTS):
+        command = option(command)
+    return command
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Destinations:
+    """Where a texture and all that belongs to it goes."""
+
+    output: Path
+    #: One per further map.
+    maps: tuple[Path, ...] = ()
+    seams: Path | None = None
+    labels: Path | None = None
+    coordinates: Path | None = None
+    preview: Path | None = None
+    force: bool = False
+
+    def __post_init__(self) -> None:
+        pictures = [path for path in (self.output, *self.maps, self.labels, self.preview) if path is not None]
+        for path in pictures:
+            check_output(path, self.force)
+        if self.coordinates is not None:
+            check_output(self.coordinates, self.force, (".png", ".tif", ".tiff"))
+            pictures.append(self.coordinates)
+        if self.seams is not None:
+            check_output(self.seams, self.force, (".svg",))
+            pictures.append(self.seams)
+        if len({path.resolve() for path in pictures}) < len(pictures):
+            raise ts.OptionError("two outputs have the same name; give each a name of its own")
+
+    def write(self, made: ts.Synthesis, picture: Picture, maps: Sequence[Picture]) -> None:
+        """Write everything that was asked for.
+
+        Parameters
+        ----------
+        made : Synthesis
+        picture : Picture
+            Whose profile and resolution the result takes.
+        maps : sequence of Picture
+            Likewise, per further map.
+        """
+        document = None if self.seams is None else made.to_svg()
+        write_picture(self.output, dataclasses.replace(picture, pixels=made.image, alpha=made.alpha), self.force)
+        for path, values, owner in zip(self.maps, made.maps, maps, strict=True):
+            write_picture(path, dataclasses.replace(owner, pixels=values, alpha=None), self.force)
+        if self.seams is not None and document is not None:
+            atomic_write(self.seams, document, self.force)
+        if self.labels is not None:
+            write_picture(self.labels, Picture(pixels=(made.labels % 65536).astype(np.uint16)), self.force)
+        if self.coordinates is not None:
+            write_picture(self.coordinates, Picture(pixels=coordinate_picture(made)), self.force)
+        if self.preview is not None:
+            pixels = np.tile(made.image, (3, 3, 1)[: made.image.ndim])
+            alpha = None if made.alpha is None else np.tile(made.alpha, (3, 3))
+            write_picture(self.preview, dataclasses.replace(picture, pixels=pixels, alpha=alpha), self.force)
+
+
+def coordinate_picture(made: ts.Synthesis) -> npt.NDArray[np.uint16]:
+    """(H, W, 3) column, row and exemplar of every pixel's source."""
+    return np.concatenate([made.source[..., ::-1], made.exemplar[..., np.newaxis]], axis=2).astype(np.uint16)
+
+
+def map_outputs(output: Path, also: Sequence[Path]) -> tuple[Path, ...]:
+    """Where further maps go: beside the output, the map's own name appended to the output's."""
+    return tuple(output.with_name(f"{output.stem}_{path.stem}{output.suffix}") for path in also)
+
+
+def read_sources(paths: Sequence[Path], max_megapixels: float) -> list[Picture]:
+    """Exemplars of one depth and colour space."""
+    return match_pictures([read_picture(path, max_pixels=round(max_megapixels * 1e6)) for path in paths])
+
+
+def read_maps(also: Sequence[Path], count: int, max_megapixels: float) -> list[list[Picture]]:
+    """Further maps, each a list with one picture per exemplar.
+
+    Raises
+    ------
+    OptionError
+        When there are not as many of them as exemplars, or a multiple.
+    """
+    if len(also) % count:
+        raise ts.OptionError(f"--also was given {len(also)} times for {count} sources; give each map once for every source, in their order")
+    return [read_sources(also[first : first + count], max_megapixels) for first in range(0, len(also), count)]
+
+
+def alphas(pictures: Sequence[Picture]) -> list[Any] | None:
+    """Opacity per picture, or None where all are opaque."""
+    return None if all(picture.alpha is None for picture in pictures) else [picture.alpha for picture in pictures]
+
+
+def read_white(path: Path, shape: tuple[int, int], of: str, max_megapixels: float) -> npt.NDArray[np.bool_]:
+    """True where a mask picture is at least half white (and not transparent).
+
+    Raises
+    ------
+    ImageError
+        When it is not of the shape wanted.
+    """
+    mask = read_picture(path, max_pixels=round(max_megapixels * 1e6))
+    if mask.pixels.shape[:2] != shape:
+        height, width = mask.pixels.shape[:2]
+        raise ts.ImageError(f"the mask {path.name} is {width} × {height} px, but {of} {shape[1]} × {shape[0]} px; make it that size")
+    pixels = mask.pixels if mask.pixels.ndim == 2 else mask.pixels.mean(axis=2)
+    top = np.iinfo(mask.pixels.dtype).max if np.issubdtype(mask.pixels.dtype, np.integer) else 1.0
+    white: npt.NDArray[np.bool_] = (pixels >= top / 2) & mask.covered()
+    return white

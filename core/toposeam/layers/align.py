@@ -1,0 +1,198 @@
+"""Approximate positions made exact, to the pixel, by what overlapping layers show.
+
+Each pair of layers that overlap, or would within the search radius, is compared by masked phase correlation (Padfield 2012,
+doi:10.1109/TIP.2011.2181402; scikit-image's), on a coarser scale first where the overlap is large. A shift counts when it lies within the
+radius and the overlap then correlates. All shifts together give the positions, in the least-squares sense, the first layer staying where
+it is. Layers are moved by whole pixels and not resampled, turned or warped.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from toposeam.errors import OptionError, OverlapError
+from toposeam.images import Image, Mask, as_float
+from toposeam.layers.layer import Box, Layer, cut
+
+#: Farthest a layer is searched from where it was said to be, px in x and in y.
+RADIUS = 32
+#: Least correlation of two overlaps that are taken to show the same.
+LEAST_CORRELATION = 0.5
+
+_COARSE_PIXELS = 400_000  # compared at once
+_LEAST_SHARE = 0.3  # of the smaller part, that two parts have to share
+_LEAST_PIXELS = 64
+_BLUR = 8.0  # px; slower changes are exposure, not content
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Aligned:
+    """Layers at the positions that were found."""
+
+    layers: tuple[Layer, ...]
+    #: (N, 2) px in x and y by which each was moved.
+    shifts: npt.NDArray[np.intp]
+    #: Correlation of each pair that was used.
+    correlations: dict[tuple[int, int], float]
+
+
+def align(layers: Sequence[Layer], radius: int = RADIUS) -> Aligned:
+    """Move layers from about where they belong to where they agree.
+
+    Parameters
+    ----------
+    layers : sequence of Layer
+        At least two.
+    radius : int
+        How far off, in px in x and in y, a pair may be.
+
+    Returns
+    -------
+    Aligned
+
+    Raises
+    ------
+    OverlapError
+        When a layer agrees with none of those it overlaps.
+    OptionError
+        For a radius that is no positive number of px, or fewer than two layers.
+    """
+    if radius < 1:
+        raise OptionError(f"the search radius is {radius} px; it must be at least 1")
+    if len(layers) < 2:
+        raise OptionError(f"{len(layers)} layer was given; aligning needs at least two")
+    found: dict[tuple[int, int], tuple[Floats, float, float]] = {}
+    best: dict[int, float] = dict.fromkeys(range(len(layers)), -1.0)
+    for i in range(len(layers)):
+        for j in range(i + 1, len(layers)):
+            match = _match(layers[i], layers[j], radius)
+            if match is None:
+                continue
+            shift, correlation, weight = match
+            best[i], best[j] = max(best[i], correlation), max(best[j], correlation)
+            if correlation >= LEAST_CORRELATION:
+                found[i, j] = shift, correlation, weight
+    _check_joined(layers, found, best, radius)
+    shifts = np.rint(_positions(len(layers), found)).astype(np.intp)
+    moved = [
+        dataclasses.replace(layer, offset=(int(layer.offset[0] + dx), int(layer.offset[1] + dy)))
+        for layer, (dx, dy) in zip(layers, shifts, strict=True)
+    ]
+    return Aligned(layers=tuple(moved), shifts=shifts, correlations={pair: correlation for pair, (_, correlation, _) in found.items()})
+
+
+def _check_joined(
+    layers: Sequence[Layer], found: dict[tuple[int, int], tuple[Floats, float, float]], best: dict[int, float], radius: int
+) -> None:
+    """Refuse layers that are not joined to the first one by pairs that agree."""
+    joined, waiting = {0}, [0]
+    while waiting:
+        layer = waiting.pop()
+        for i, j in found:
+            if layer in (i, j) and not {i, j} <= joined:
+                waiting.append(j if layer == i else i)
+                joined |= {i, j}
+    lost = [index for index in range(len(layers)) if index not in joined]
+    if lost:
+        index = lost[0]
+        close = f"the best correlation is {best[index]:.2f}" if best[index] > -1 else "it overlaps none of them"
+        raise OverlapError(
+            f"{layers[index].name} cannot be aligned: within {radius} px of where it was put it agrees with none of the others ({close}, "
+            f"{LEAST_CORRELATION:g} is needed); correct its position, search farther, or leave out aligning"
+        )
+
+
+def _positions(count: int, found: dict[tuple[int, int], tuple[Floats, float, float]]) -> Floats:
+    """(N, 2) shifts that agree best with those of the pairs, the first layer's being 0."""
+    rows, values = np.zeros((len(found) + 1, count)), np.zeros((len(found) + 1, 2))
+    rows[-1, 0] = 1e6
+    for row, value, ((i, j), (shift, _, weight)) in zip(rows, values, found.items(), strict=False):
+        row[i], row[j] = -weight, weight
+        value[:] = weight * shift
+    return np.asarray(np.linalg.lstsq(rows, values, rcond=None)[0], np.float64)
+
+
+def _match(a: Layer, b: Layer, radius: int) -> tuple[Floats, float, float] | None:
+    """By how much (x, y) `b` has to move to fit `a`, how well they then correlate, and the weight of that; None if they are apart."""
+    at_a, at_b = _place(a), _place(b)
+    box = at_a.shared(at_b.grown(radius)).grown(radius).shared(_around(at_a, at_b))
+    if not all(at_a.shared(at_b.grown(radius)).shape):
+        return None
+    scale = max(1, int(np.ceil(np.sqrt(box.shape[0] * box.shape[1] / _COARSE_PIXELS))))
+    shift = _shift(_content(a, at_a, box, scale), _content(b, at_b, box, scale), radius / scale) * scale
+    if scale > 1:
+        overlap = _middle(at_a.shared(_moved(at_b, shift)))
+        if not all(overlap.shape):
+            return None
+        shift = shift + _shift(_content(a, at_a, overlap), _content(b, _moved(at_b, shift), overlap), 2 * scale)
+    if np.abs(shift).max() > radius:
+        return None
+    overlap = _middle(at_a.shared(_moved(at_b, shift)), 4)
+    first, second = _content(a, at_a, overlap), _content(b, _moved(at_b, shift), overlap)
+    both = first[1] & second[1]
+    if np.count_nonzero(both) < _LEAST_PIXELS:
+        return None
+    product, energy = float(first[0][both] @ second[0][both]), float(np.square(first[0][both]).sum() * np.square(second[0][both]).sum())
+    correlation = product / np.sqrt(energy) if energy > 0 else 0.0
+    return shift[::-1].astype(float), correlation, float(np.sqrt(np.count_nonzero(both)) * max(correlation, 0.0))
+
+
+def _shift(a: tuple[Floats, Mask], b: tuple[Floats, Mask], reach: float) -> npt.NDArray[np.intp]:
+    """By how many pixels (y, x) the second part has to move to fit the first; 0 where that is farther than it may be."""
+    from skimage.registration import phase_cross_correlation
+
+    if min(np.count_nonzero(a[1]), np.count_nonzero(b[1])) < _LEAST_PIXELS or not (a[0].any() and b[0].any()):
+        return np.zeros(2, np.intp)
+    register: Any = phase_cross_correlation  # carries no types
+    found = register(a[0], b[0], reference_mask=a[1], moving_mask=b[1], overlap_ratio=_LEAST_SHARE)[0]
+    shift: npt.NDArray[np.intp] = np.rint(found).astype(np.intp)
+    return shift if np.abs(shift).max() <= np.ceil(reach) else np.zeros(2, np.intp)
+
+
+def _place(layer: Layer) -> Box:
+    x, y = layer.offset
+    return Box(y, x, y + layer.image.shape[0], x + layer.image.shape[1])
+
+
+def _moved(box: Box, shift: npt.NDArray[np.intp]) -> Box:
+    y, x = int(shift[0]), int(shift[1])
+    return Box(box.top + y, box.left + x, box.bottom + y, box.right + x)
+
+
+def _around(a: Box, b: Box) -> Box:
+    return Box(min(a.top, b.top), min(a.left, b.left), max(a.bottom, b.bottom), max(a.right, b.right))
+
+
+def _middle(box: Box, share: int = 1) -> Box:
+    """As much of the middle of a box as is compared at once, `share` times."""
+    side = int(np.sqrt(_COARSE_PIXELS * share))
+    (height, width), rows, columns = box.shape, box.shape[0], box.shape[1]
+    height, width = min(height, max(side, side * side // max(columns, 1))), min(width, max(side, side * side // max(rows, 1)))
+    top, left = box.top + (rows - height) // 2, box.left + (columns - width) // 2
+    return Box(top, left, top + height, left + width)
+
+
+def _content(layer: Layer, place: Box, box: Box, scale: int = 1) -> tuple[Floats, Mask]:
+    """What a layer shows in a box without its slow changes, in blocks of `scale` px, and where."""
+    known = cut(layer.covered, place, box)
+    image: Image = cut(layer.image, place, box)
+    image[~known] = 0
+    gray = as_float(image, layer.name).mean(axis=2, dtype=np.float64)
+    if scale > 1:
+        rows, columns = (size // scale * scale for size in gray.shape)
+        blocks = (rows // scale, scale, columns // scale, scale)
+        gray = gray[:rows, :columns].reshape(blocks).mean(axis=(1, 3))
+        known = np.asarray(known[:rows, :columns].reshape(blocks).all(axis=(1, 3)))
+    gray[~known] = 0
+    weight = ndimage.gaussian_filter(known.astype(np.float64), _BLUR)
+    slow = ndimage.gaussian_filter(gray, _BLUR) / np.maximum(weight, 1e-6)
+    return np.where(known, gray - slow, 0.0), known

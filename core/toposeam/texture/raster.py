@@ -1,0 +1,66 @@
+"""Patches laid row by row over a whole canvas."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from toposeam.errors import OptionError
+from toposeam.texture.lay import Layer
+
+#: Sides of a texture that repeats are at least this many px.
+SMALLEST_TILE = 16
+
+
+def lay_all(layer: Layer, patch: int, overlap: int, axis: int = 0, progress: Callable[[float], None] | None = None) -> tuple[int, int]:
+    """Fill the canvas.
+
+    Parameters
+    ----------
+    layer : Layer
+    patch, overlap : int
+        Side of the patches and least overlap, px.
+    axis : int
+        0 row by row, 1 column by column.
+    progress : callable, optional
+        Called with the share of the patches laid.
+
+    Returns
+    -------
+    (int, int)
+        Height and width of the patches: the texture's own where it is smaller than they.
+    """
+    canvas = layer.canvas
+    rows = patches_along(canvas.shape[0], patch, overlap, canvas.wrap[0])
+    columns = patches_along(canvas.shape[1], patch, overlap, canvas.wrap[1])
+    shape = rows[0], columns[0]
+    places = [(top, left) for top in rows[1] for left in columns[1]]
+    if axis == 1:
+        places.sort(key=lambda place: place[::-1])
+    for done, (top, left) in enumerate(places, start=1):
+        layer.lay(top, left, shape)
+        if progress is not None:
+            progress(done / len(places))
+    return shape
+
+
+def patches_along(length: int, patch: int, overlap: int, wraps: bool) -> tuple[int, list[int]]:
+    """Side of the patches along one axis, and where each begins: spread evenly, so that all overlap by at least the overlap.
+
+    Raises
+    ------
+    OptionError
+        When a texture that repeats is too small for two patches.
+    """
+    if not wraps:
+        if length <= patch:
+            return length, [0]
+        count = 1 + math.ceil((length - patch) / (patch - overlap))
+        return patch, [round(k * (length - patch) / (count - 1)) for k in range(count)]
+    if length < SMALLEST_TILE:
+        raise OptionError(f"a side of the texture is {length} px; a texture that repeats needs at least {SMALLEST_TILE} px")
+    if length <= patch:
+        patch = max(2 * length // 3, length // 2 + 2)
+        overlap = patch - length // 2
+    count = max(2, math.ceil(length / (patch - overlap)))
+    return patch, [round(k * length / count) for k in range(count)]

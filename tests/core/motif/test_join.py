@@ -1,0 +1,101 @@
+"""Different motifs that join: compounds (4.10), stages (Figure 4.8), arrangements (Figure 4.9)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import toposeam as ts
+
+SIZE = 48
+
+
+def _recipes(seeds=(1, 2), size=SIZE):
+    return [ts.random_recipe(size, layers=1, seed=seed, repeat="translate", palette="botanic", iterations=24) for seed in seeds]
+
+
+def _joined(weight, stages=1, shared=0, seeds=(1, 2), size=SIZE):
+    return ts.join_motifs(_recipes(seeds, size), weight=weight, stages=stages, shared=shared)
+
+
+def test_without_weight_each_motif_is_what_it_is_alone():
+    joined = _joined(0.0)
+    for motif, recipe in zip(joined.motifs, _recipes(), strict=True):
+        assert np.array_equal(motif.densities, ts.generate_motif(recipe).densities)
+
+
+def test_motifs_join_each_other_the_better_the_more_the_compound_weighs():
+    apart, together = _joined(0.0), _joined(0.5)
+    assert together.mismatch() < 0.7 * apart.mismatch()
+    own = [np.mean([ts.border_mismatch(m, m) for m in joined.motifs]) for joined in (apart, together, _joined(1.0))]
+    assert own[0] < own[1] < own[2]  # and each itself the worse (Figure 4.7)
+
+
+@pytest.mark.slow
+def test_the_mismatch_falls_with_the_stages():
+    """In the mean over some pairs; not of every pair at every stage."""
+    mismatches = []
+    for seeds in ((1, 2), (5, 6), (7, 9), (11, 12), (13, 14), (15, 16)):
+        joined = _joined(0.5, stages=3, seeds=seeds, size=96)
+        assert joined.stages == (1, 3, 2, 3, 1)
+        mismatches.append([joined.mismatch(stage) for stage in (1, 2, 3)])
+    first, second, third = np.mean(mismatches, axis=0)
+    assert third < second < first
+
+
+def test_a_stage_leaves_the_motifs_before_it_alone():
+    one, two = _joined(0.5), _joined(0.5, stages=2)
+    assert np.array_equal(one.motifs[0].densities, two.motifs[0].densities)
+    assert np.array_equal(one.motifs[1].densities, two.motifs[2].densities)
+
+
+def test_a_shared_border_joins_any_motif_to_any():
+    motifs = _joined(0.5, shared=1, seeds=(1, 2, 3)).motifs
+    assert len(motifs) == 3
+    for other in motifs[1:]:
+        for side in (np.s_[:, 0], np.s_[:, -1], np.s_[:, :, 0], np.s_[:, :, -1]):
+            assert np.array_equal(motifs[0].densities[side], other.densities[side])
+        assert ts.border_mismatch(motifs[0], other) < 1.5
+
+
+@pytest.mark.parametrize("shared", [0, 1])
+def test_every_motif_keeps_its_mass(shared):
+    for motif in _joined(0.5, stages=2, shared=shared).motifs:
+        assert motif.densities.mean() == pytest.approx(motif.recipe.layers[0].mass, abs=1e-3)
+
+
+def test_an_arrangement_puts_motifs_where_the_grid_says():
+    motifs = _joined(0.0).motifs
+    image = ts.arrange(motifs, [[0, 1, 1], [1, 0, 0]])
+    assert np.array_equal(image[:SIZE, SIZE : 2 * SIZE], motifs[1].image())
+    assert np.array_equal(image[SIZE:, :SIZE], motifs[1].image())
+    assert np.array_equal(image[SIZE:, 2 * SIZE :], motifs[0].image())
+    assert ts.arrange(motifs, (2, 3), seed=4, size=(20, 30)).shape == (40, 90, 3)
+
+
+def test_random_neighbours_keep_within_reach():
+    grid = ts.random_arrangement((20, 30), 7, seed=1, reach=1)
+    assert np.abs(np.diff(grid, axis=0)).max() == 1
+    assert np.abs(np.diff(grid, axis=1)).max() == 1
+    assert np.unique(grid).size > 3
+    assert np.array_equal(grid, ts.random_arrangement((20, 30), 7, seed=1, reach=1))
+
+
+def test_what_cannot_be_joined_is_refused_in_one_sentence():
+    one, two = _recipes()
+    other = ts.random_recipe(SIZE, layers=1, seed=2, repeat="translate", palette="plum", iterations=24)
+    for recipes, options, text in [
+        ([one], {}, "two motifs"),
+        ([one, other], {}, "paper"),
+        ([one, ts.random_recipe(SIZE + 2, layers=1, repeat="translate", palette="botanic", iterations=24)], {}, "size"),
+        ([ts.random_recipe(SIZE, layers=1), one], {}, "repeat"),
+        ([one, two], {"weight": 1.5}, "weight"),
+        ([one, two], {"stages": 0}, "stages"),
+        ([one, two], {"shared": -1}, "shared"),
+    ]:
+        with pytest.raises(ts.OptionError, match=text):
+            ts.join_motifs(recipes, **options)
+    motifs = _joined(0.0).motifs
+    for arrangement in ([[0, 2]], [[0.5]], (0, 3), []):
+        with pytest.raises(ts.OptionError):
+            ts.arrange(motifs, arrangement)

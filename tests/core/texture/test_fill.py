@@ -1,0 +1,125 @@
+import numpy as np
+import pytest
+
+import toposeam as ts
+
+
+@pytest.mark.parametrize("shape", ["small", "large", "at the corner", "two"])
+def test_a_hole_is_filled_and_nothing_beyond_the_band_changes(sample, shape):
+    image = sample(0, (140, 150), channels=3)
+    hole = np.zeros(image.shape[:2], bool)
+    place = {
+        "small": [(60, 70, 50, 62)],
+        "large": [(30, 100, 40, 110)],
+        "at the corner": [(0, 20, 130, 150)],
+        "two": [(10, 20, 10, 25), (80, 90, 80, 99)],
+    }
+    for top, bottom, left, right in place[shape]:
+        hole[top:bottom, left:right] = True
+    holed = image.copy()
+    holed[hole] = 255
+    made = ts.fill(holed, hole, patch=24, band=5)
+    from scipy import ndimage
+
+    beyond = ndimage.distance_transform_edt(~hole) > 5
+    np.testing.assert_array_equal(made.image[beyond], image[beyond])
+    assert (made.labels[hole] > 0).all()
+    source = made.source[hole]
+    assert not hole[source[:, 0], source[:, 1]].any()
+    # What fills it is like the rest, not like the white that was there.
+    assert abs(made.image[hole].mean() - image.mean()) < 0.15 * 255
+
+
+def test_one_small_hole_is_closed_by_one_closed_seam(sample):
+    image = sample(1, (120, 120))
+    hole = np.zeros(image.shape, bool)
+    hole[50:62, 55:70] = True
+    made = ts.fill(image, hole, patch=32)
+    assert [line.closed for line in made.paths] == [True]
+
+
+def test_a_periodic_pattern_is_restored_exactly():
+    unit = np.random.default_rng(2).integers(0, 256, (12, 12), np.uint8)
+    image = np.tile(unit, (10, 10))
+    hole = np.zeros(image.shape, bool)
+    hole[50:70, 48:70] = True
+    spoiled = np.where(hole, 0, image).astype(np.uint8)
+    np.testing.assert_array_equal(ts.fill(spoiled, hole, patch=20).image, image)
+
+
+@pytest.mark.parametrize("tileable", [True, "x", "y"])
+def test_a_picture_is_made_to_repeat_and_its_inside_stays(sample, tileable):
+    from scipy import ndimage
+
+    image = sample(3, (96, 112), channels=3)
+    image = np.clip(image.astype(int) + ndimage.zoom([[0, 90], [90, 180]], (48, 56), order=1)[..., None] // 2, 0, 255).astype(np.uint8)
+    made = ts.make_tileable(image, 12, tileable=tileable)
+    rows = slice(12, -12) if tileable in (True, "y") else slice(None)
+    columns = slice(12, -12) if tileable in (True, "x") else slice(None)
+    np.testing.assert_array_equal(made.image[rows, columns], image[rows, columns])
+    for axis, closes in ((0, tileable in (True, "y")), (1, tileable in (True, "x"))):
+
+        def step(values, axis=axis):
+            values = values.astype(float)
+            return np.abs(np.take(values, 0, axis) - np.take(values, -1, axis)).mean() / np.abs(np.diff(values, axis=axis)).mean()
+
+        if closes:
+            assert step(made.image) < 1.2 < step(image)
+
+
+def test_a_periodic_pattern_that_closes_already_is_left_as_it_is():
+    unit = np.random.default_rng(4).integers(0, 256, (16, 16), np.uint8)
+    image = np.tile(unit, (6, 6))
+    np.testing.assert_array_equal(ts.make_tileable(image, 16).image, image)
+
+
+def test_floats_with_nothing_in_the_hole_are_filled(sample):
+    image = sample(5, (90, 90), dtype=np.float32)
+    hole = np.zeros(image.shape, bool)
+    hole[40:50, 40:50] = True
+    image[hole] = np.nan
+    assert np.isfinite(ts.fill(image, hole, patch=24).image).all()
+
+
+def test_copies_come_only_from_where_they_may(sample):
+    image = sample(6, (100, 120))
+    hole = np.zeros(image.shape, bool)
+    hole[40:60, 30:50] = True
+    allow = np.zeros(image.shape, bool)
+    allow[:, 70:] = True
+    made = ts.fill(image, hole, patch=24, allow=allow)
+    assert (made.source[made.labels > 0][:, 1] >= 70).all()
+
+
+def test_transparent_ground_is_neither_copied_nor_filled(sample):
+    image, alpha = sample(7, (100, 100)), np.full((100, 100), 255, np.uint8)
+    alpha[:30] = 0
+    image[:30] = 255
+    hole = np.zeros(image.shape, bool)
+    hole[25:45, 40:60] = True
+    made = ts.fill(image, hole, patch=24, alpha=alpha)
+    np.testing.assert_array_equal(made.alpha, alpha)
+    filled = made.labels > 0
+    assert (filled[30:45, 40:60]).all()
+    assert not filled[:30].any()
+    assert (made.source[filled][:, 0] >= 30).all()
+
+
+IMAGE = np.random.default_rng(0).integers(0, 256, (64, 64), np.uint8)
+
+
+@pytest.mark.parametrize(("call", "error", "text"), [
+    (lambda: ts.fill(IMAGE, np.zeros((64, 64))), ts.ImageError, "mask is empty"),
+    (lambda: ts.fill(IMAGE, np.ones((64, 64))), ts.ImageError, "nothing is left"),
+    (lambda: ts.fill(IMAGE, np.ones((3, 3))), ts.ImageError, "shape"),
+    (lambda: ts.fill(IMAGE, (np.indices((64, 64)) % 9 == 0).any(axis=0), patch=24), ts.ImageError, "no place"),
+    (lambda: ts.fill(IMAGE, np.eye(64), band=-1), ts.OptionError, "band"),
+    (lambda: ts.make_tileable(IMAGE, 40), ts.OptionError, "band"),
+    (lambda: ts.make_tileable(IMAGE[:20, :20]), ts.ImageError, "needs at least"),
+    (lambda: ts.make_tileable(IMAGE, tileable=False), ts.OptionError, "tileable"),
+    (lambda: ts.make_tileable(np.ones((64, 64))), ts.ImageError, "one value everywhere"),
+])  # fmt: skip
+def test_bad_input_is_refused_in_one_sentence(call, error, text):
+    with pytest.raises(error, match=text) as caught:
+        call()
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,89 @@
+import numpy as np
+import pytest
+
+from toposeam.texture.atlas import Atlas
+from toposeam.texture.search import PatchSearch, box_sum
+
+
+def brute_force(features, usable, values, weight, margin, patch):
+    """The definition, place by place; inf where the patch has no room or a window pixel is off the atlas."""
+    (height, width), (h, w) = usable.shape, weight.shape
+    error = np.full((height - h + 1, width - w + 1), np.inf)
+    for y in range(error.shape[0]):
+        for x in range(error.shape[1]):
+            part = slice(y, y + h), slice(x, x + w)
+            room = usable[y + margin : y + margin + patch[0], x + margin : x + margin + patch[1]]
+            share = weight * usable[part]
+            if room.all() and share.sum() >= 0.25 * weight.sum():
+                error[y, x] = (share[..., None] * (features[part] - values) ** 2).sum() / share.sum()
+    return error
+
+
+@pytest.mark.parametrize("holes", [False, True])
+def test_the_fit_is_the_weighted_mean_squared_difference(holes):
+    rng = np.random.default_rng(0)
+    exemplars = [rng.random((20, 24, 3)).astype(np.float32), rng.random((15, 19, 3)).astype(np.float32)]
+    usable = [np.ones(image.shape[:2], bool) for image in exemplars]
+    if holes:
+        usable[0][5:8, 17:] = False
+    atlas = Atlas.of(usable, 3)
+    features = atlas.spread(exemplars) * atlas.usable[..., None]
+    m, patch = atlas.margin, (7, 6)
+    values = rng.random((patch[0] + 2 * m, patch[1] + 2 * m, 3)).astype(np.float32)
+    weight = (rng.random(values.shape[:2]) * (rng.random(values.shape[:2]) > 0.3)).astype(np.float32)
+    found = PatchSearch(atlas, features).fit(values, weight, (m, m), patch)
+    expected = brute_force(features, atlas.usable, values, weight, m, patch)
+    assert (np.isfinite(found) == np.isfinite(expected)).all()
+    assert np.isfinite(expected).sum() > 100
+    # float32 transforms of sums of about 100 terms
+    np.testing.assert_allclose(found[np.isfinite(found)], expected[np.isfinite(expected)], atol=2e-5)
+
+
+def test_a_large_exemplar_is_searched_reduced_and_then_exactly():
+    rng = np.random.default_rng(1)
+    image = rng.random((400, 360, 1)).astype(np.float32)
+    image = (image + np.roll(image, 1, 0) + np.roll(image, 1, 1) + np.roll(image, 1, (0, 1))) / 4
+    atlas = Atlas.of([np.ones(image.shape[:2], bool)], 4)
+    assert atlas.factor == 2
+    search = PatchSearch(atlas, atlas.spread([image]))
+    m = atlas.margin
+    row, column = 137 + m, 90 + m
+    values = search.features[row - m : row + 24 + m, column - m : column + 24 + m]
+    weight = np.ones(values.shape[:2], np.float32)
+    error = search.fit(values, weight, (m, m), (24, 24))
+    i, j = np.unravel_index(error.argmin(), error.shape)
+    rows, columns, exact = search.around(m + 2 * i, m + 2 * j, values, weight, (m, m), (24, 24))
+    best = exact.argmin()
+    assert (rows[best], columns[best]) == (row, column)
+    assert exact[best] == 0
+
+
+def test_a_window_at_the_very_corner_of_the_atlas_can_be_refined():
+    image = np.random.default_rng(2).random((400, 400, 1)).astype(np.float32)
+    atlas = Atlas.of([np.ones((400, 400), bool)], 8)
+    search, m = PatchSearch(atlas, atlas.spread([image])), atlas.margin
+    values = np.zeros((32 + 2 * m, 32 + 2 * m, 1), np.float32)
+    last = 400 - 32 + m
+    rows, columns, exact = search.around(last, last, values, np.ones(values.shape[:2], np.float32), (m, m), (32, 32))
+    assert max(rows) == max(columns) == last
+    assert np.isfinite(exact).all()
+
+
+def test_box_sums_are_the_sums_of_boxes():
+    values = np.random.default_rng(3).integers(0, 9, (11, 13))
+    expected = np.lib.stride_tricks.sliding_window_view(values, (4, 5)).sum(axis=(2, 3))
+    np.testing.assert_array_equal(box_sum(values, (4, 5)), expected)
+
+
+def test_indices_lead_back_to_exemplar_row_and_column():
+    atlas = Atlas.of([np.ones((9, 5), bool), np.ones((4, 8), bool)], 2)
+    plane = atlas.spread([np.full((9, 5, 1), 1), np.full((4, 8, 1), 2)])[..., 0]
+    for number, (rows, columns) in enumerate(atlas.places):
+        assert (plane[rows, columns] == number + 1).all()
+        index = np.arange(plane.size, dtype=np.int32).reshape(plane.shape)[rows, columns]
+        exemplar, place = atlas.locate(index)
+        assert (exemplar == number).all()
+        np.testing.assert_array_equal(place[..., 0], np.indices(index.shape)[0])
+        np.testing.assert_array_equal(place[..., 1], np.indices(index.shape)[1])
+        np.testing.assert_array_equal(atlas.index_of(exemplar, place), index)
+    assert (atlas.locate(np.array([-1], np.int32))[1] == -1).all()

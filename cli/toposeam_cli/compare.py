@@ -9,16 +9,18 @@ from typing import Any
 import click
 
 import toposeam as ts
-from toposeam_cli.parameters import placement
-from toposeam_cli.placing import read_pair
+from toposeam_cli.parameters import FILE, placement
+from toposeam_cli.placing import Where, arrange, read_avoid
 
 
 @click.command()
+@click.argument("first", metavar="A", type=FILE)
+@click.argument("second", metavar="B", type=FILE)
 @placement
 @click.option("--method", "methods", type=click.Choice(ts.METHODS), multiple=True, help="Only this method; may be repeated.")
 @click.option("--json", "as_json", is_flag=True, help="Print the table as JSON.")
 def compare(
-    first: Path, second: Path, offset: Any, overlap: Any, side: str, avoid: Path | None, no_gradient: bool, core: float,
+    first: Path, second: Path, offset: Any, overlap: Any, side: ts.Side | None, avoid: Path | None, no_gradient: bool, core: float,
     max_megapixels: float, methods: tuple[ts.Method, ...], as_json: bool,
 ) -> None:  # fmt: skip
     """Find the seam between A and B with every method: cost, cost ÷ optimum, seconds.
@@ -26,13 +28,14 @@ def compare(
     \b
     toposeam compare left.png right.png --overlap 25%
     """  # noqa: D301 - click wants the character
-    pair = read_pair(first, second, offset=offset, overlap=overlap, side=side, avoid=avoid, max_megapixels=max_megapixels)
+    pair = arrange([first, second], Where(offset=offset, overlap=overlap, side=side), max_megapixels=max_megapixels)
+    away = None if avoid is None else read_avoid(avoid, pair.shape, max_megapixels)
     rows: list[dict[str, Any]] = []
     optimum: float | None = None  # the same for every method, and slow to compute
     for method in methods or ts.METHODS:
         row: dict[str, Any] = {"method": method}
         try:
-            seam = ts.stitch(pair.layers, method=method, gradient=not no_gradient, core=core, avoid=pair.avoid).seams[0]
+            seam = ts.stitch(pair.layers, method=method, gradient=not no_gradient, core=core, avoid=away).seams[0]
         except ts.MissingPackageError as error:
             row["note"] = str(error)
         except ts.OverlapError as error:

@@ -1,7 +1,9 @@
 """An image file to one array of gray or RGB, upright; every unusable file ends in one sentence."""
 
 import os
+import re
 import stat
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
@@ -17,18 +19,33 @@ _PICTURE_LOADERS = {"png", "jpeg", "tiff", "webp", "gif", "heif", "jxl", "jp2k",
 #: Pixels per mm that mean "not stated": every writer that has to put something puts 72 per inch.
 UNSTATED_RESOLUTION = 72 / 25.4
 
+#: How the entry of EXIF begins that states the horizontal resolution, in either byte order; libvips makes one up where there is none.
+_X_RESOLUTION = (b"\x1a\x01\x05\0", b"\x01\x1a\0\x05")
 
-def decode(path: Path, max_pixels: int) -> tuple[np.ndarray, bytes | None, tuple[float, float] | None]:
+_BLOCKS = ("icc-profile", "exif", "xmp")
+
+#: The XML namespace of a recipe in an XMP packet: it tells how this very picture was made, so that no other inherits it.
+RECIPE_NAMESPACE = "urn:x-toposeam:1.0:"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Decoded:
+    """What a file holds."""
+
+    #: (H, W) or (H, W, C) ndarray: channels as the file has them once its colours are gray or RGB, alpha last; of one of the depths a
+    #: picture can have.
+    values: np.ndarray
+    #: The profile of `values`, not yet compared with its channels.
+    icc: bytes | None
+    #: Horizontal and vertical, in pixels per mm.
+    resolution: tuple[float, float] | None
+    #: As :class:`toposeam_cli.picture.Picture` has them.
+    exif: bytes | None
+    xmp: bytes | None
+
+
+def decode(path: Path, max_pixels: int) -> Decoded:
     """Decode the first page of a file; the rules are those of :func:`toposeam_cli.picture.read_picture`.
-
-    Returns
-    -------
-    values : (H, W) or (H, W, C) ndarray
-        Channels as the file has them once its colours are gray or RGB, alpha last; of one of the depths a picture can have.
-    icc : bytes or None
-        The profile of `values`, not yet compared with its channels.
-    resolution : (float, float) or None
-        Horizontal and vertical, in pixels per mm.
 
     Raises
     ------
@@ -47,9 +64,12 @@ def decode(path: Path, max_pixels: int) -> tuple[np.ndarray, bytes | None, tuple
         if orientation in (5, 6, 7, 8) and resolution is not None:
             resolution = resolution[::-1]  # turned by 90 degrees
         image = _gray_or_rgb(image)
-        icc = image.get("icc-profile-data") if "icc-profile-data" in image.get_fields() else None
+        fields = set(image.get_fields())
+        if not any(name.startswith("exif-ifd") for name in fields):
+            fields.discard("exif-data")  # damaged
+        icc, exif, xmp = (image.get(f"{name}-data") if f"{name}-data" in fields else None for name in _BLOCKS)
         pixels = evaluate(image, image.numpy)
-        return _known_depth(pixels), icc, resolution
+        return Decoded(_known_depth(pixels), icc, resolution, exif, _xmp(xmp))
     except vips.Error as error:
         raise ImageError(
             f"cannot read '{path}' ({reason(error)}): it is no picture, damaged or of a kind libvips does not know; export it again as"
@@ -91,7 +111,7 @@ def _check_header(path: Path, image: VipsImage, max_pixels: int) -> None:
 def _resolution(image: VipsImage) -> tuple[float, float] | None:
     fields = image.get_fields()
     resolution = None
-    if image.xres == image.yres == 1 and "exif-ifd0-XResolution" in fields and "exif-ifd0-YResolution" in fields:
+    if image.xres == image.yres == 1 and "exif-data" in fields and any(tag in image.get("exif-data") for tag in _X_RESOLUTION):
         # WebP states it nowhere else, and libvips leaves it there.
         unit_mm = 10.0 if image.get_typeof("exif-ifd0-ResolutionUnit") and image.get("exif-ifd0-ResolutionUnit").startswith("3") else 25.4
         try:
@@ -106,6 +126,13 @@ def _resolution(image: VipsImage) -> tuple[float, float] | None:
     if all(abs(value - UNSTATED_RESOLUTION) < 2e-3 for value in resolution):
         return None
     return resolution
+
+
+def _xmp(packet: bytes | None) -> bytes | None:
+    """An XMP packet for a picture that stands upright, and is not what a recipe of ours made."""
+    if packet is None or RECIPE_NAMESPACE.encode() in packet:
+        return None
+    return re.sub(rb"""(tiff:Orientation\s*(?:=\s*["']|>)\s*)[2-8]""", rb"\g<1>1", packet)
 
 
 def _gray_or_rgb(image: VipsImage) -> VipsImage:

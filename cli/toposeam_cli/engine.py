@@ -20,6 +20,7 @@ import sys
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -27,6 +28,17 @@ from toposeam_cli.sentence import sentence
 
 #: Raised when requests or results change their meaning.
 PROTOCOL = 1
+#: What can be asked for, and the module whose function of that name does it; loaded when it is wanted.
+OPERATIONS = {
+    "stitch": "engine_seams",
+    "restitch": "engine_seams",
+    "patch": "engine_seams",
+    "synthesize": "engine_textures",
+    "make_tileable": "engine_textures",
+    "fill": "engine_textures",
+    "motif": "engine_motifs",
+    "repeat": "engine_motifs",
+}
 _HEARTBEAT_S = 2.0
 _DTYPES = ("uint8", "uint16", "float32")
 
@@ -134,11 +146,10 @@ def _serve(folder: Path, channel: Channel) -> dict[str, Any]:
             f"the plug-in is of TopoSeam {request.get('version')} and the installed TopoSeam is {_version()}; "
             "run “toposeam gimp install” and start GIMP again"
         )
-    from toposeam_cli.engine_operations import OPERATIONS
-
-    operation = OPERATIONS.get(request.get("operation"))
-    if operation is None:
-        raise OptionError(f"the engine has no operation {request.get('operation')!r}; it has {', '.join(OPERATIONS)}")
+    name = request.get("operation")
+    if name not in OPERATIONS:
+        raise OptionError(f"the engine has no operation {name!r}; it has {', '.join(OPERATIONS)}")
+    operation: Callable[[Job], dict[str, Any]] = getattr(import_module(f"toposeam_cli.{OPERATIONS[name]}"), name)
     return operation(Job(folder=folder, request=request, progress=channel.progress))
 
 

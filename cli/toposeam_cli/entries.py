@@ -19,7 +19,8 @@ from toposeam_cli.parameters import is_input, is_path
 #: Stands for what the wildcards of the patterns match.
 NAME = "{name}"
 #: Keys of an entry that are no option of its command.
-_OWN_KEYS = ("name",)
+#: All files that a command takes as arguments, in one list.
+_PICTURES = "pictures"
 #: What each wildcard stands for. Brackets, which patterns have elsewhere, are common in names of pictures and stand for themselves.
 _MEANINGS = {"**/": "(.*/|)", "**": "(.*)", "*": "([^/]*)", "?": "([^/])"}
 _WILDCARD = re.compile("|".join(map(re.escape, _MEANINGS)))
@@ -49,8 +50,7 @@ def read_entries(path: Path, commands: Mapping[str, click.Command]) -> list[Entr
         overlap = "25%"
 
         [[stitch]]
-        first = "left.png"
-        second = "right.png"
+        pictures = ["left.png", "right.png"]
         output = "joined.png"
 
     Raises
@@ -106,8 +106,11 @@ def parse_patterns(command: click.Command, words: Sequence[str], folder: Path) -
     click.UsageError
         If they are not words of that command.
     """
-    context = click.Context(command, info_name=command.name)
-    settings, rest, _ = command.make_parser(context).parse_args(list(words))
+    context = click.Context(command, parent=click.get_current_context(silent=True), info_name=command.name)
+    try:
+        settings, rest, _ = command.make_parser(context).parse_args(list(words))
+    except click.UsageError as error:
+        raise click.UsageError(error.format_message()) from error  # of `batch`: its usage is to be shown
     if rest:
         raise click.UsageError(f"too many words: {' '.join(rest)}; put patterns in quotes, so that the shell leaves them alone")
     settings = {name: value for name, value in settings.items() if isinstance(value, str | bool | tuple | list)}
@@ -194,11 +197,17 @@ def _flag(entry: Entry, parameter: click.Option, value: Any) -> list[str]:
 def _texts(entry: Entry, parameter: click.Parameter, value: Any) -> list[str]:
     """A setting's value as the command line has it."""
     values = list(value) if isinstance(value, list | tuple) else [value]
-    if not values or not all(isinstance(item, str | int | float) and not isinstance(item, bool) for item in values):
-        raise entry.refuse(f"{parameter.name} is {value!r}; write a text or a number, or a list of them")
-    texts = [item if isinstance(item, str) else repr(item) for item in values]
     several = parameter.nargs != 1 or (isinstance(parameter, click.Option) and parameter.multiple)
+    if several and values and all(isinstance(item, list) for item in values):  # at = [[0, 0], [900, 10]]
+        return [",".join(_plain_texts(entry, parameter, item)) for item in values]
+    texts = _plain_texts(entry, parameter, values)
     return texts if several else [",".join(texts)]
+
+
+def _plain_texts(entry: Entry, parameter: click.Parameter, values: Sequence[Any]) -> list[str]:
+    if not values or not all(isinstance(item, str | int | float) and not isinstance(item, bool) for item in values):
+        raise entry.refuse(f"{parameter.name} is {values!r}; write a text or a number, or a list of them")
+    return [item if isinstance(item, str) else repr(item) for item in values]
 
 
 def _long(parameter: click.Parameter) -> str:
@@ -213,15 +222,33 @@ def _by_parameter(entry: Entry, settings: Mapping[str, Any]) -> dict[str, Any]:
     """The settings under the names of the command's parameters."""
     names = setting_names(entry.command)
     renamed: dict[str, Any] = {}
+    settings = dict(settings)
+    if _PICTURES in settings and _PICTURES not in names:
+        renamed = _spread(entry, settings.pop(_PICTURES))
     for key, value in settings.items():
         if _plain(key) not in names:
             known = ", ".join(sorted({_shown(parameter) for parameter in names.values()} - {"help"}))
             raise entry.refuse(f"{entry.command.name} has no option {key!r}; it has {known}")
         parameter = str(names[_plain(key)].name)
         if parameter in renamed:
-            raise entry.refuse(f"{key!r} is given twice, under two names; give it once")
+            raise entry.refuse(f"{key!r} is given twice; give it once")
         renamed[parameter] = value
     return renamed
+
+
+def _spread(entry: Entry, pictures: Any) -> dict[str, Any]:
+    """The pictures of an entry as the arguments of its command, in their order."""
+    if not isinstance(pictures, list):
+        raise entry.refuse(f"{_PICTURES} is {pictures!r}; write a list of files")
+    rest, spread = list(pictures), {}
+    for parameter in entry.command.params:
+        if isinstance(parameter, click.Argument) and rest:
+            count = len(rest) if parameter.nargs < 0 else parameter.nargs
+            spread[str(parameter.name)] = rest[:count] if parameter.nargs != 1 else rest[0]
+            rest = rest[count:]
+    if rest:
+        raise entry.refuse(f"{entry.command.name} takes no {len(pictures)} pictures; leave {', '.join(map(str, rest))} out")
+    return spread
 
 
 def _shown(parameter: click.Parameter) -> str:

@@ -42,6 +42,20 @@ _DECADES = 3
 Floats32 = npt.NDArray[np.float32]
 
 
+def check_matplotlib() -> None:
+    """Refuse figures that could not be drawn, before a seam is searched for them.
+
+    Raises
+    ------
+    MissingPackageError
+        When matplotlib is not installed.
+    """
+    try:
+        import matplotlib.figure  # noqa: F401
+    except ImportError as error:
+        raise ts.MissingPackageError("--history needs matplotlib; install it with: pip install 'toposeam[plot]'") from error
+
+
 def history_figure(seam: ts.Seam, suffix: str = ".png", *, frames: int = _FRAMES, curves: bool = True) -> bytes:
     """Draw the history of a seam that was found with ``record_frames=True``.
 
@@ -64,11 +78,10 @@ def history_figure(seam: ts.Seam, suffix: str = ".png", *, frames: int = _FRAMES
     MissingPackageError
         When matplotlib is not installed.
     """
-    try:
-        import matplotlib as mpl
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ts.MissingPackageError("--history needs matplotlib; install it with: pip install 'toposeam[plot]'") from error
+    check_matplotlib()
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
     chosen = choose_frames(seam.frames, frames)
     strip = None if not chosen else _Strip.fitting(chosen)
     top = (50 + _CURVES + 80) if curves else _MARGIN

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
+from io import FileIO
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO, Self
+from typing import Any, Self
 
 from toposeam.errors import OptionError
 from toposeam_cli.output import OutputError, check_output, lock, replacing
@@ -25,7 +27,7 @@ class Journal:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._file: BinaryIO
+        self._file: FileIO
         #: The last row of each name.
         self.rows: dict[str, Row] = {}
 
@@ -38,7 +40,7 @@ class Journal:
             If the file is something else, cannot be written, or is in use.
         """
         check_output(self._path, force=True, suffixes=None)
-        self._file = self._path.open("ab+")
+        self._file = self._path.open("ab+", buffering=0)
         try:
             if not lock(self._file.fileno()):
                 raise OptionError(f"another run is writing '{self._path}'; wait for it to end, or choose another file of results")
@@ -62,8 +64,9 @@ class Journal:
         """
         self.rows[row["name"]] = row
         try:
-            self._file.write(_line(row))
-            self._file.flush()
+            line = _line(row)
+            if self._file.write(line) < len(line):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             os.fsync(self._file.fileno())
         except OSError as error:
             raise OutputError(f"cannot write '{self._path}' ({error.strerror}); free some space and run the same again") from error

@@ -1,7 +1,8 @@
-"""The seam drawn over a picture."""
+"""Seams drawn over a picture."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -13,13 +14,13 @@ _LINE = np.array([230, 30, 40], np.uint8)
 _HALO = np.array([255, 255, 255], np.uint8)
 
 
-def draw_seam(image: npt.NDArray[Any], seam: ts.Seam) -> npt.NDArray[np.uint8]:
-    """The picture with the seam in red on a white halo, thick enough to be seen at the picture's size.
+def draw_seams(image: npt.NDArray[Any], seams: Iterable[ts.Seam]) -> npt.NDArray[np.uint8]:
+    """The picture with its seams in red on a white halo, thick enough to be seen at the picture's size.
 
     Parameters
     ----------
     image : (H, W) or (H, W, C) array
-    seam : Seam
+    seams : iterable of Seam
         On the same canvas.
 
     Returns
@@ -27,7 +28,7 @@ def draw_seam(image: npt.NDArray[Any], seam: ts.Seam) -> npt.NDArray[np.uint8]:
     (H, W, 3) uint8 array
     """
     drawn = to_rgb8(image)
-    visited = [_pixels(line) for line in seam.paths]
+    visited = [_pixels(line) for seam in seams for line in seam.paths]
     if not visited:
         return drawn
     column, row = np.unique(np.concatenate(visited), axis=0).T

@@ -123,6 +123,38 @@ class FiniteRange(click.FloatRange):
         return number
 
 
+@dataclass(frozen=True, slots=True)
+class Keyed:
+    """A file, and which picture or pair of pictures it is for."""
+
+    key: str | None
+    path: Path
+
+    def __fspath__(self) -> str:
+        return str(self.path)
+
+
+class KeyedFile(click.Path):
+    """``KEY=FILE``, the key being a number or a name; where it is optional, also ``FILE``."""
+
+    name = "KEY=FILE"
+
+    def __init__(self, needed: bool) -> None:
+        super().__init__()
+        self._needed = needed
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Parse the text; a folder before the key, which relative paths get in a batch, belongs to the file."""
+        if isinstance(value, Keyed):
+            return value
+        before, sign, file = str(value).partition("=")
+        if not self._needed and (not sign or Path(value).exists()):
+            return Keyed(None, Path(value))
+        if not sign or not file or not Path(before).name:
+            self.fail(f"{value!r} does not say for which picture; write it like 0=mask.png", param, ctx)
+        return Keyed(Path(before).name, Path(before).parent / file)
+
+
 FILE = click.Path(path_type=Path)
 #: A file that a command makes: ``toposeam batch`` has to know it from those it reads.
 OUTPUT = click.Path(path_type=Path)
@@ -143,17 +175,15 @@ def is_path(parameter: click.Parameter) -> bool:
     return isinstance(parameter.type, click.Path)
 
 
+#: Where two pictures lie, and what a seam between them costs.
 PLACEMENT: tuple[Callable[[Any], Any], ...] = (
-    click.argument("first", metavar="A", type=FILE),
-    click.argument("second", metavar="B", type=FILE),
     click.option("--offset", type=OffsetType(), help="Where B's upper left corner lies in A, in px; may be negative."),
     click.option("--overlap", type=LengthType(), help="Instead of --offset: how far B overlaps A, in px or % of A."),
-    click.option("--side", type=click.Choice(ts.SIDES), default="right", show_default=True,
-                 help="With --overlap: the side of A on which B continues."),
-    click.option("--mask", "avoid", type=FILE, help="Image of the canvas's size; the seam avoids its white pixels."),
+    click.option("--side", type=click.Choice(ts.SIDES), help="With --overlap: the side of A on which B continues; right by default."),
+    click.option("--mask", "avoid", type=FILE, help="Image of the canvas's size; no seam touches its white pixels."),
     click.option("--no-gradient", is_flag=True, help="Match cost without image gradients, (3.22) instead of (2.4)."),
     click.option("--core", type=FiniteRange(0, 1, min_open=True), default=0.5, show_default=True,
-                 help="For a picture inside the other: the share of its depth that must show."),
+                 help="For a picture inside the others: the share of its depth that must show."),
     click.option("--max-megapixels", type=FiniteRange(min=0, min_open=True), default=500.0, show_default=True,
                  help="Refuse larger pictures."),
 )  # fmt: skip

@@ -1,8 +1,8 @@
 """Pictures read from files, matched and written; beside `decode`, the only place that knows file formats.
 
 What survives from input to output: 8 and 16 bits per channel and 32-bit float, gray or RGB, alpha, the colour profile byte for byte,
-the resolution, and the orientation, which is applied to the pixels. EXIF and XMP are not copied: exposure, place and thumbnail describe
-the source, not what was made of it.
+the resolution, the orientation, which is applied to the pixels, and EXIF and XMP as far as libvips has a place for them in the format:
+no EXIF in TIFF, no blocks above 60 kB in JPEG. The thumbnail does not: it shows the source, not what was made of it.
 """
 
 import os
@@ -59,7 +59,7 @@ _FORMATS = {".png": _PNG, ".tif": _TIFF, ".tiff": _TIFF, ".jpg": _JPEG, ".jpeg":
 class Picture:
     """A picture in memory, upright, its alpha apart and not multiplied in.
 
-    Derive one from another with :func:`dataclasses.replace`, which keeps profile and resolution.
+    Derive one from another with :func:`dataclasses.replace`, which keeps profile, resolution and metadata.
     """
 
     #: (H, W) gray or (H, W, 3) RGB ndarray: uint8, uint16, or finite float32 with 1.0 as white.
@@ -70,7 +70,8 @@ class Picture:
     icc: bytes | None = None
     #: (horizontal, vertical) in pixels per mm; None if unknown.
     resolution: tuple[float, float] | None = None
-    #: An XMP packet to be written with it.
+    #: Blocks of metadata. Of what EXIF says the orientation is ignored, and size and resolution are those of the pixels.
+    exif: bytes | None = None
     xmp: bytes | None = None
     #: The file it came from, for messages.
     source: Path | None = None
@@ -119,10 +120,12 @@ def read_picture(path: str | Path, max_pixels: int = MAX_PIXELS) -> Picture:
         If there is no such file, or it is no picture, damaged, cut short or too large.
     """
     path = Path(path)
-    values, icc, resolution = decode(path, max_pixels)
-    pixels, alpha = _split_alpha(path, values)
-    icc = icc if fits_profile(icc, channels(pixels)) else None
-    return Picture(pixels=pixels, alpha=alpha, icc=icc, resolution=resolution, source=path)
+    file = decode(path, max_pixels)
+    pixels, alpha = _split_alpha(path, file.values)
+    icc = file.icc if fits_profile(file.icc, channels(pixels)) else None
+    return Picture(
+        pixels=pixels, alpha=alpha, icc=icc, resolution=file.resolution, exif=file.exif, xmp=file.xmp, source=path
+    )  # fmt: skip
 
 
 def write_picture(path: str | Path, picture: Picture, force: bool = False) -> None:
@@ -249,9 +252,15 @@ def _vips_image(picture: Picture) -> VipsImage:
     image = to_vips(picture.pixels)
     if picture.alpha is not None:
         image = image.bandjoin(to_vips(picture.alpha))
+    image = image.copy()
+    for name, value in (("exif-data", picture.exif), ("xmp-data", picture.xmp)):
+        if value:  # libvips cannot write empty ones
+            image.set_type(load_vips().GValue.blob_type, name, value)
+    # libvips has read the EXIF block: what it says of the source's size, resolution and orientation is replaced, its thumbnail removed.
+    image.set_type(load_vips().GValue.gint_type, "orientation", 1)
+    for name in image.get_fields():
+        if name == "jpeg-thumbnail-data" or name.startswith("exif-ifd1-"):
+            image.remove(name)
     x, y = picture.resolution or (UNSTATED_RESOLUTION, UNSTATED_RESOLUTION)
     image = image.copy(xres=x, yres=y)
-    if picture.xmp is not None:
-        image = image.copy()
-        image.set_type(load_vips().GValue.blob_type, "xmp-data", picture.xmp)
     return image if picture.icc is None else with_profile(image, picture.icc)

@@ -16,10 +16,10 @@ from typing import Any
 import toposeam as ts
 from toposeam.errors import ImageError, OptionError
 from toposeam.vector.svg import read_metadata
+from toposeam_cli.decode import RECIPE_NAMESPACE
 from toposeam_cli.libvips import load_vips
 
-_NAMESPACE = "urn:x-toposeam:1.0:"
-_RECIPE = f"{{{_NAMESPACE}}}recipe"
+_RECIPE = f"{{{RECIPE_NAMESPACE}}}recipe"
 #: Files of parameters are not larger.
 _LARGEST_BYTES = 4_000_000
 
@@ -30,7 +30,7 @@ def to_xmp(settings: Mapping[str, Any]) -> bytes:
     return (
         '<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?><x:xmpmeta xmlns:x="adobe:ns:meta/">'
         '<rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">'
-        f'<rdf:Description rdf:about="" xmlns:toposeam="{_NAMESPACE}"><toposeam:recipe>{text}</toposeam:recipe></rdf:Description>'
+        f'<rdf:Description rdf:about="" xmlns:toposeam="{RECIPE_NAMESPACE}"><toposeam:recipe>{text}</toposeam:recipe></rdf:Description>'
         '</rdf:RDF></x:xmpmeta><?xpacket end="w"?>'
     ).encode()
 

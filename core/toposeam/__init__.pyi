@@ -9,7 +9,7 @@ from .errors import (
 )
 from .layers.align import Aligned, align
 from .layers.blend import BLENDS, Blend
-from .layers.composite import MAX_PIXELS, Stitched, stitch
+from .layers.composite import MAX_PIXELS, Stitched, pair_name, stitch
 from .layers.layer import Layer, common_canvas
 from .motif.generate import generate_motif, random_recipe
 from .motif.join import JoinedMotifs, arrange, border_mismatch, join_motifs, random_arrangement
@@ -31,7 +31,7 @@ from .texture.lay import LayOptions
 from .texture.synthesis import Synthesis
 from .texture.synthesize import Tileable, synthesize
 from .vector.polyline import Polyline
-from .vector.svg import read_svg
+from .vector.svg import SvgSeam, read_svg
 
 __version__: str
 
@@ -70,6 +70,7 @@ __all__ = [
     "SolverError",
     "Step",
     "Stitched",
+    "SvgSeam",
     "Synthesis",
     "Termination",
     "ThesisOptions",
@@ -84,6 +85,7 @@ __all__ = [
     "generate_motif",
     "join_motifs",
     "make_tileable",
+    "pair_name",
     "palette",
     "path_cost",
     "plan_path",

@@ -111,6 +111,21 @@ def send_selection(folder: RequestFolder, image: Gimp.Image) -> dict[str, Any] |
     return {**raster, "offset": [left, top]}
 
 
+def send_selection_on(folder: RequestFolder, image: Gimp.Image, box: Box) -> dict[str, Any] | None:
+    """Write what is selected within a box, which may reach over the canvas's edge; None if that is nothing."""
+    _nothing, _something, left, top, right, bottom = Gimp.Selection.bounds(image)
+    if _common(box, (left, top, right - left, bottom - top)) is None:
+        return None
+    raster = _send(folder, image.get_selection(), "selection.raw", Format.MASK_U8.value, "uint8", 1, box)
+    return {**raster, "offset": [box[0], box[1]]}
+
+
+def send_density(folder: RequestFolder, layer: Gimp.Layer, name: str) -> dict[str, Any]:
+    """Write a layer's mask as it is, in single floats."""
+    box = (0, 0, layer.get_width(), layer.get_height())
+    return _send(folder, layer.get_mask(), f"{name}.raw", Format.MASK_FLOAT.value, "float32", 1, box)
+
+
 def _send(
     folder: RequestFolder, drawable: Gimp.Drawable, file: str, format_name: str, dtype: str, channels: int, box: Box
 ) -> dict[str, Any]:

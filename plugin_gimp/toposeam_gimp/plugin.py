@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import traceback
+from importlib import import_module
 from typing import Any
 
 import gi
 from gi.repository import Gimp, GLib, GObject
 
-from toposeam_gimp import work
+from toposeam_gimp.call import Call
 from toposeam_gimp.engine import EngineError
 from toposeam_gimp.folder import FolderError, is_full
 from toposeam_gimp.layers import RefusedError
@@ -16,6 +17,11 @@ from toposeam_gimp.procedures import PROCEDURES, Option, Procedure
 from toposeam_gimp.texts import _
 
 _MENU = "<Image>/Filters/TopoSeam"
+_SENSITIVE = {
+    "layer": Gimp.ProcedureSensitivityMask.DRAWABLE,
+    "layers": Gimp.ProcedureSensitivityMask.DRAWABLE | Gimp.ProcedureSensitivityMask.DRAWABLES,
+    "nothing": Gimp.ProcedureSensitivityMask.ALWAYS,
+}
 _READ_WRITE = GObject.ParamFlags.READWRITE
 
 
@@ -35,8 +41,7 @@ class TopoSeam(Gimp.PlugIn):
         entry = PROCEDURES[name]
         procedure = Gimp.ImageProcedure.new(self, name, Gimp.PDBProcType.PLUGIN, _run, None)
         procedure.set_image_types("*")  # indexed images are refused with a sentence, which says more than a gray menu entry
-        sensitive = Gimp.ProcedureSensitivityMask.DRAWABLES if entry.several else Gimp.ProcedureSensitivityMask.DRAWABLE
-        procedure.set_sensitivity_mask(sensitive)
+        procedure.set_sensitivity_mask(_SENSITIVE[entry.needs])
         procedure.set_menu_label(entry.label)
         procedure.add_menu_path(_MENU)
         procedure.set_documentation(entry.blurb, entry.help, name)
@@ -76,7 +81,9 @@ def _run(
             return procedure.new_return_values(Gimp.PDBStatusType.CANCEL, None)
         options = {option.name: config.get_property(option.name) for option in entry.options}
         Gimp.progress_init(entry.label.replace("_", "").rstrip("."))
-        layer = getattr(work, entry.work)(image, drawables, options, entry)
+        module, function = entry.work.split(".")
+        call = Call(image=image, drawables=drawables, options=options, entry=entry, interactive=run_mode == Gimp.RunMode.INTERACTIVE)
+        layer = getattr(import_module(f"toposeam_gimp.{module}"), function)(call)
         Gimp.displays_flush()
     except (RefusedError, EngineError, FolderError) as error:
         return _failure(procedure, str(error))

@@ -3,8 +3,10 @@
 import json
 import os
 import pty
+import resource
 import shlex
 import signal
+import subprocess
 import textwrap
 import time
 from pathlib import Path
@@ -106,8 +108,7 @@ def test_a_file_of_jobs_says_everything_the_command_line_can(toposeam, pairs):
         no-gradient = true
 
         [[stitch]]
-        first = "../left_0.png"
-        second = "../right_0.png"
+        pictures = ["../left_0.png", "../right_0.png"]
         output = "joined/zero.png"
         seam = "joined/zero.svg"
 
@@ -122,9 +123,14 @@ def test_a_file_of_jobs_says_everything_the_command_line_can(toposeam, pairs):
         output = "joined/one.png"
 
         [[stitch]]
-        first = "../left_*.png"
-        second = "../right_*.png"
+        pictures = ["../left_*.png", "../right_*.png"]
         output = "joined/all-{name}.tif"
+
+        [[stitch]]
+        pictures = ["../left_0.png", "../right_0.png", "../right_0.png"]
+        at = [[0, 0], [36, 0], [36, 5]]
+        overlap = false
+        output = "joined/three.png"
         """,
         "work/jobs.toml",
     )
@@ -138,8 +144,10 @@ def test_a_file_of_jobs_says_everything_the_command_line_can(toposeam, pairs):
         alone = f"alone{Path(made).suffix}"
         assert toposeam("stitch", f"left_{index}.png", f"right_{index}.png", *options, "-o", alone, "--force").code == 0
         assert Path(alone).read_bytes() == (pairs / "work" / "joined" / made).read_bytes()
-    names = ["joined/zero.png", "one", *(f"joined/all-{index}.tif" for index in range(4))]
-    assert list(table("work/jobs.results.jsonl")) == names
+    names = ["joined/zero.png", "one", *(f"joined/all-{index}.tif" for index in range(4)), "joined/three.png"]
+    rows = table("work/jobs.results.jsonl")
+    assert list(rows) == names
+    assert "92 × 45 px" in rows["joined/three.png"]["result"]["report"]
     assert (pairs / "work" / "joined" / "zero.svg").exists()
 
 
@@ -154,6 +162,11 @@ def test_a_dry_run_prints_commands_that_do_the_same(toposeam, pairs):
     assert sorted(contents(pairs / "out")) == ["0.png", "3.png"]
 
 
+def test_commands_are_the_same_after_a_batch(toposeam, pairs):
+    assert toposeam("batch", *PATTERNS, "--dry-run").code == 0
+    assert toposeam("stitch", "-h").code == 0
+
+
 def test_brackets_in_names_are_no_patterns(toposeam, pairs):
     for name in ("left", "right"):
         (pairs / f"{name}_1.png").rename(pairs / f"{name}_[x] 1.png")
@@ -161,6 +174,7 @@ def test_brackets_in_names_are_no_patterns(toposeam, pairs):
     assert sorted(contents(pairs / "out")) == [" 1.png"]
 
 
+@pytest.mark.slow
 def test_two_stars_walk_through_folders(toposeam, pairs):
     for index in range(2):
         (pairs / f"set{index}").mkdir()
@@ -200,6 +214,9 @@ ENTRY = '\n[[stitch]]\nfirst = "left_0.png"\nsecond = "right_0.png"\noverlap = "
         (ENTRY.replace('"20px"', "1979-05-27"), ["line 2", "overlap"]),
         (ENTRY + "no-gradient = 'yes'\n", ["line 2", "no-gradient", "true or false"]),
         (ENTRY + "no-gradient = true\nno_gradient = true\n", ["line 2", "twice"]),
+        (ENTRY + "pictures = 3\n", ["line 2", "a list of files"]),
+        (ENTRY + "pictures = ['a.png']\n", ["line 2", "'first'", "twice"]),
+        (ENTRY + "at = [[0, true]]\n", ["line 2", "at is"]),
         (ENTRY + "name = 3\n", ["line 2", "name is 3"]),
         (ENTRY.replace('output = "x.png"', ""), ["line 2", "--output"]),
         (ENTRY + ENTRY, ["two jobs are called 'x.png'"]),
@@ -227,13 +244,13 @@ def test_a_file_of_jobs_that_makes_no_sense_is_refused_before_any_work(toposeam,
         ("jobs.toml --overlap 25%", "'--overlap' cannot be used with a file of jobs", 2),
         ("'lost_*.png' 'right_*.png' --overlap 25% -o {name}.png", "no file matches 'lost_*.png'", 1),
         ("left_0.png right_0.png --overlap 25% -o {name}.png", "none of the inputs is a pattern", 1),
-        ("left_0.png left_1.png right_0.png right_1.png --overlap 25% -o {name}.png", "in quotes", 2),
+        ("left_0.png left_1.png right_0.png right_1.png --overlap 25% -o {name}.png", "in quotes", 1),
         ("'left_*.png' 'right_*_*.png' --overlap 25% -o {name}.png", "no file matches 'right_*_*.png'", 1),
         ("'l*_*.png' 'right_*.png' --overlap 25% -o {name}.png", "different numbers of wildcards", 1),
         ("'left_*.png' 'right_*.png' --overlap 25% -o out.png", "put {name} into each output", 1),
         ("'left_*.png' 'right_*.png' --overlap 25% --nonsense -o {name}.png", "--nonsense", 2),
         ("'left_*.png' 'right_*.png' --overlap 25%", "--output", 1),
-        ("'left_*.png' --command compare", "choose one of fill", 1),
+        ("'left_*.png' --command compare", "choose one of", 1),
         ("'left_*.png' 'right_*.png' --overlap 25% -o {name}.png --results left_0.png", "choose another file", 1),
         ("'left_*.png' 'right_*.png' --overlap 25% -o {name}.png -j 0", "-j", 2),
         ("'left_*.png' 'right_*.png' --overlap 25% -o {name}.png --dask nowhere", "nowhere", 1),
@@ -243,6 +260,22 @@ def test_a_command_line_that_makes_no_sense_is_one_sentence(toposeam, pairs, lin
     before = contents(pairs)
     toposeam("batch", *shlex.split(line)).fails(phrase, code)
     assert contents(pairs).items() >= before.items()
+
+
+@pytest.mark.slow
+def test_a_disk_that_fills_costs_only_what_does_not_fit(started, pairs):
+    for name in ("left_2", "right_2"):  # noise, which does not compress
+        write_picture(f"{name}.png", Picture(pixels=np.random.default_rng(0).integers(0, 256, (90, 90, 3), np.uint8)), force=True)
+
+    def leave_little_space():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+
+    ran = started("batch", *PATTERNS, "-j", 2, preexec_fn=leave_little_space)
+    assert (ran.code, ran.out[:16]) == (1, "3 done, 1 failed"), ran
+    assert ran.err.startswith("out/2.png: cannot write"), ran
+    assert "free some space" in ran.err
+    assert sorted(path.name for path in (pairs / "out").iterdir()) == ["0.png", "1.png", "3.png"]
+    assert started("batch", *PATTERNS).out.startswith("1 done, 3 done before")
 
 
 def test_a_terminal_shows_how_far_it_is_and_ctrl_c_says_how_to_go_on(process, pairs):
@@ -267,6 +300,18 @@ def test_a_terminal_shows_how_far_it_is_and_ctrl_c_says_how_to_go_on(process, pa
     assert " 1 failed" in text
     assert "of 4 jobs have ended; run the same again to go on." in text
     assert not list(pairs.glob("**/*.part"))
+
+
+def test_ctrl_c_on_a_terminal_while_workers_start_is_quiet(process, pairs):
+    with process("batch", *PATTERNS, "-j", 2, stderr=subprocess.PIPE, start_new_session=True) as child:
+        while not (pairs / "batch.results.jsonl").exists() or not (pairs / "batch.results.jsonl").stat().st_size:
+            time.sleep(0.005)
+        time.sleep(0.1)
+        os.killpg(child.pid, signal.SIGINT)
+        said = child.stderr.read().decode()
+        assert child.wait(30) == 130
+    assert said.splitlines()[-2:] == ["0 of 4 jobs have ended; run the same again to go on.", "Interrupted; no file was left unfinished."]
+    assert "Traceback" not in said
 
 
 @pytest.mark.slow

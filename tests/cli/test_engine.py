@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam_cli.engine_operations import simplified
+from toposeam_cli.engine_seams import simplified
 
 
 class Request:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from toposeam.errors import OptionError
+from toposeam_cli.output import OutputError
 from toposeam_cli.runner import Job, Progress, run
 
 JOBS = """
@@ -36,6 +38,9 @@ JOBS = """
             Path(output).write_text("unfinished")
             os.kill(os.getpid(), signal.SIGKILL)
         atomic_write(output, "finished")
+
+    def nothing():
+        pass
 
     def unspeakable():
         return object()
@@ -195,6 +200,21 @@ def test_jobs_in_each_other_s_way_are_refused_before_any_work(tmp_path, monkeypa
     with pytest.raises(OptionError, match=phrase):
         run(there, journal=tmp_path / "results.jsonl")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_disk_that_is_full_for_the_table_is_one_sentence(tmp_path, functions):
+    table = tmp_path / "results.jsonl"
+    jobs = [Job(f"job {index}", "job_functions:nothing", {}) for index in range(9)]
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (700, hard))
+        with pytest.raises(OutputError, match="free some space and run the same again"):
+            list(run(jobs, journal=table))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    again = statuses(run(jobs, journal=table))
+    assert set(again) == {job.name for job in jobs}
+    assert "skipped" in again.values()
 
 
 def test_progress_counts_work_and_foretells_its_end(tmp_path, functions):

@@ -83,7 +83,7 @@ def run(procedure, image, layers, options=None, mode="NONINTERACTIVE"):
     found = Gimp.get_pdb().lookup_procedure(procedure)
     config = found.create_config()
     config.set_property("run-mode", getattr(Gimp.RunMode, mode))
-    config.set_property("image", image_of(image))
+    config.set_property("image", image and image_of(image))
     config.set_core_object_array("drawables", [item(number) for number in layers])
     for name, value in (options or {}).items():
         config.set_property(name, value)

@@ -27,14 +27,17 @@ Factor = Callable[[Floats], Floats]
 DENSE_NODES = 48
 #: Beyond this half-bandwidth sparse elimination beats a banded factorisation …
 WIDEST_BAND = 100
-#: … but where the band is as full as for an overlap solved whole it does so only beyond this one.
-WIDEST_FULL_BAND = 250
+#: … but for a full band, as of an overlap solved whole, only beyond so many times that.
+_FULL_BAND = 2.5
 #: A band is full when rows reach this share of its width in the mean.
 _FULL = 0.5
-#: From this many unknowns on, eliminating those that are apart pays.
+#: A factorisation of this many products costs less than reordering the unknowns.
+_CHEAP = 1e6
+#: From this many unknowns on, eliminating those that are apart pays, if they are at least this share of all.
 CONDENSED_NODES = 1500
+_APART_SHARE = 0.15
 #: An unknown coupled to more others than this is not eliminated early.
-_MOST_NEIGHBOURS = 4
+_MOST_NEIGHBOURS = 6
 
 
 class System(Protocol):
@@ -60,19 +63,43 @@ def system(n: int, i: Ints, j: Ints, apart: npt.NDArray[np.bool_] | None = None)
     """
     if n <= DENSE_NODES:
         return _Dense(n, i, j)
-    if apart is not None and n >= CONDENSED_NODES and np.count_nonzero(apart) > 0.3 * n:
-        return _Condensed(n, i, j, apart)
+    if n >= CONDENSED_NODES:
+        if apart is None or np.count_nonzero(apart) <= 0.3 * n:
+            apart = _independent(n, i, j)
+        if np.count_nonzero(apart) > _APART_SHARE * n:
+            return _Condensed(n, i, j, apart)
+    width = int(np.abs(i - j).max(initial=0))
+    if width <= WIDEST_BAND and width * width <= min(n, _CHEAP / n):  # as good as any order could be, or cheaper than finding a better one
+        return _Banded(n, np.arange(n), i, j, width)
     graph = csr_array((np.ones(2 * len(i), np.int8), (np.concatenate([i, j]), np.concatenate([j, i]))), shape=(n, n))
     rank = np.empty(n, np.intp)
     rank[reverse_cuthill_mckee(graph, symmetric_mode=True)] = np.arange(n)
     width = int(np.abs(rank[i] - rank[j]).max(initial=0))
-    if WIDEST_BAND < width <= WIDEST_FULL_BAND:
+    if WIDEST_BAND < width <= _FULL_BAND * WIDEST_BAND:
         reach = np.zeros(n, np.intp)
         np.maximum.at(reach, np.maximum(rank[i], rank[j]), np.abs(rank[i] - rank[j]))
         banded = float(reach.mean()) >= _FULL * width
     else:
         banded = width <= WIDEST_BAND
     return _Banded(n, rank, rank[i], rank[j], width) if banded else _Sparse(n, i, j)
+
+
+def _independent(n: int, i: Ints, j: Ints) -> npt.NDArray[np.bool_]:
+    """Unknowns with few neighbours, no two of which are coupled, (n,) bool: those with fewer than their neighbours, over and over."""
+    degree = np.bincount(i, minlength=n) + np.bincount(j, minlength=n)
+    # A golden-ratio sequence decides between equals.
+    priority = np.where(degree <= _MOST_NEIGHBOURS, degree + (np.arange(n) * 0.6180339887498949) % 1.0, np.inf)
+    chosen = np.zeros(n, bool)
+    for _ in range(3):
+        least = np.full(n, np.inf)
+        np.minimum.at(least, i, priority.take(j))
+        np.minimum.at(least, j, priority.take(i))
+        first = priority < least
+        chosen |= first
+        priority[first] = np.inf
+        priority[i[first[j]]] = np.inf
+        priority[j[first[i]]] = np.inf
+    return chosen
 
 
 class _Dense:
@@ -130,11 +157,11 @@ class _Sparse:
         """Positions in compressed columns, diagonal included, once the unknowns are numbered by rank."""
         i, j = rank[self.i], rank[self.j]
         rows, columns = np.concatenate([i, j, rank]), np.concatenate([j, i, rank])
-        place = np.lexsort((rows, columns))
-        self.indices = rows[place].astype(np.int32)
-        self.indptr = np.searchsorted(columns[place], np.arange(self.n + 1)).astype(np.int32)
-        self.position = np.empty(len(place), np.int64)
-        self.position[place] = np.arange(len(place))
+        # Compressed by rows and then by columns, the entries come in order.
+        table = csr_array((np.arange(len(rows)), (rows, columns)), shape=(self.n, self.n)).tocsc()
+        self.indices, self.indptr = table.indices, table.indptr
+        self.position = np.empty(len(rows), np.intp)
+        self.position[table.data] = np.arange(len(rows))
         self.rank = rank
 
     def factor(self, coupling: Floats, diagonal: Floats) -> Factor:

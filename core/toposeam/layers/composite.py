@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.errors import ImageError, OptionError, OverlapError
+from toposeam.errors import ImageError, OptionError, OverlapError, PathError
 from toposeam.images import Image, Mask, as_mask
 from toposeam.layers.blend import Blend, Placed, blend_seams, check_blend
 from toposeam.layers.labelling import Labelling, Pair, exclusive_covers
@@ -59,7 +59,11 @@ class Stitched:
     def to_svg(self) -> str:
         """All seams as one SVG document; the paths of a seam are named after its layers, as ``"first.png : second.png"``."""
         height, width = self.masks[0].shape
-        lines = [(line, self.pair_name(pair)) for seam, pair in zip(self.seams, self.pairs, strict=True) for line in seam.paths]
+        lines = [
+            (line, pair_name(self.names[i], self.names[j]))
+            for seam, (i, j) in zip(self.seams, self.pairs, strict=True)
+            for line in seam.paths
+        ]
         settings: dict[str, Any] = {"layers": self.names, "cost": self.cost, "rounds": self.rounds}
         settings["seams"] = [
             {**seam.settings, "pair": pair, "method": seam.method, "cost": seam.cost}
@@ -67,9 +71,10 @@ class Stitched:
         ]
         return write_svg([line for line, _ in lines], width, height, settings, [name for _, name in lines])
 
-    def pair_name(self, pair: Pair) -> str:
-        """What the paths between two layers are called in SVG."""
-        return f"{self.names[pair[0]]} : {self.names[pair[1]]}"
+
+def pair_name(first: str, second: str) -> str:
+    """What the paths between two layers are called in SVG."""
+    return " ".join(f"{first} : {second}".split())
 
 
 def stitch(
@@ -252,7 +257,10 @@ def _paths(given: SvgSeam | Mapping[Pair, SvgSeam] | None, count: int) -> dict[P
 def _divided(layers: Sequence[Layer], canvas: Canvas, pair: Pair, drawing: SvgSeam, match: MatchCost, core: float) -> Mask:
     """(H, W) bool on the canvas, True where a given seam shows the second layer of its pair."""
     steps = _Steps([layers[index] for index in pair], canvas, channel_count(layers), {}, {"cost": match, "core": core})
-    return steps.join(1, {}, drawing).labels
+    try:
+        return steps.join(1, {}, drawing).labels
+    except PathError as error:
+        raise PathError(f"between {layers[pair[0]].name} and {layers[pair[1]].name}: {error}") from error
 
 
 def _share(progress: Callable[[float], None], start: float, end: float) -> Callable[[float], None]:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.errors import OptionError
+from toposeam.errors import check_range
 from toposeam.optimize.multiplier import find_multiplier
 
 Floats = npt.NDArray[np.float64]
@@ -31,10 +31,8 @@ class OCOptions:
     damping: float = 0.5
 
     def __post_init__(self) -> None:
-        if not self.move > 0:
-            raise OptionError(f"move is {self.move}; it must be positive")
-        if not 0 < self.damping <= 1:
-            raise OptionError(f"damping is {self.damping}; it must be above 0 and at most 1")
+        check_range(0, above=True, move=self.move)
+        check_range(0, 1, above=True, damping=self.damping)
 
 
 def oc_step(

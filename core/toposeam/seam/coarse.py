@@ -32,8 +32,10 @@ COARSEST_NODES = 12_000
 GATHERED = 0.1
 STEPS = 10
 
-#: At most so many nodes of a coarse network are taken apart on the next finer level ...
-OPENED_NODES = 6_000
+#: At most so many nodes of a coarse network per interface of the seam are taken apart on the next finer level, and fewer when that is the
+#: pixels, which can only decide details ...
+OPENED_NODES = 10
+OPENED_NODES_LAST = 4
 #: ... those beside the strongest flux, but none with less than this.
 OPEN_FLUX = 0.005
 
@@ -83,18 +85,23 @@ def restrict(grid: CutGrid) -> tuple[Network, Floats, Floats, _Ints32]:
         levels.append(coarser)
         parents.append(parent)
         level = coarser
-    network, weight, node_of = Network(level.n, level.tail, level.head), level.weight, np.arange(level.n + 2, dtype=np.int32)
+    network, weight, node_of = _network(level.n, level.tail, level.head), level.weight, np.arange(level.n + 2, dtype=np.int32)
     while True:
-        active, region = _decided(levels.pop(), network, weight, node_of)
+        most = OPENED_NODES if len(levels) > 1 else OPENED_NODES_LAST
+        active, region = _decided(levels.pop(), network, weight, node_of, most)
         node_of, n = _freed(active, region, parents.pop())
         if not levels:
             break
         level = levels[-1]
         tail, head, (weight,) = _parallel(n, node_of[level.tail], node_of[level.head], level.weight)
-        network = Network(n, tail, head)
+        network = _network(n, tail, head)
     tail, head, cost = _pixel_elements(grid, node_of, n)
     tail, head, (weight, multiplicity) = _parallel(n, tail, head, cost, np.ones_like(cost))
-    return Network(n, tail, head), weight, multiplicity, node_of
+    return _network(n, tail, head), weight, multiplicity, node_of
+
+
+def _network(n: int, tail: _Ints32, head: _Ints32) -> Network:
+    return Network(n, tail.astype(np.intp), head.astype(np.intp))  # numpy uses 64-bit indices without converting them every time
 
 
 def _merge_pixels(grid: CutGrid) -> tuple[_Ints32, int]:
@@ -155,29 +162,32 @@ def _components(target: _Ints32) -> tuple[int, _Ints32]:
 
 def _pixel_elements(grid: CutGrid, group: _Ints32, n: int) -> tuple[_Ints32, _Ints32, _Floats32]:
     """The interfaces between n groups of pixels and the two terminals: two nodes each, and the cost."""
-    tails, heads, costs = [], [], []
-    for cost, s, t in ((grid.right, np.s_[:, :-1], np.s_[:, 1:]), (grid.down, np.s_[:-1], np.s_[1:])):
-        divided = (group[s] != group[t]) & (cost > 0)
-        tails.append(group[s][divided])
-        heads.append(group[t][divided])
-        costs.append(cost[divided])
-    for terminal, ends in ((n, grid.cold), (n + 1, grid.hot)):
-        touching = ends > 0
-        tails.append(group[touching])
-        heads.append(np.full(len(tails[-1]), terminal, np.int32))
-        costs.append(ends[touching])
-    return np.concatenate(tails), np.concatenate(heads), np.concatenate(costs)
+    pairs = ((grid.right, group[:, :-1], group[:, 1:]), (grid.down, group[:-1], group[1:]))
+    divided = [(one != other) & (cost > 0) for cost, one, other in pairs]
+    crossings = [int(np.count_nonzero(mask)) for mask in divided]
+    terminals = ((n, grid.cold, np.flatnonzero(grid.cold)), (n + 1, grid.hot, np.flatnonzero(grid.hot)))
+    count = sum(crossings) + sum(len(touching) for _, _, touching in terminals)
+    tail, head, weight = np.empty(count, np.int32), np.empty(count, np.int32), np.empty(count, np.float32)
+    start = 0
+    for mask, crossed, (cost, one, other) in zip(divided, crossings, pairs, strict=True):
+        part = slice(start, start := start + crossed)
+        tail[part], head[part], weight[part] = one[mask], other[mask], cost[mask]
+    for terminal, ends, touching in terminals:
+        part = slice(start, start := start + len(touching))
+        tail[part], head[part], weight[part] = group.ravel()[touching], terminal, ends.ravel()[touching]
+    return tail, head, weight
 
 
-def _parallel(n: int, one: Ints, other: Ints, *values: npt.NDArray[np.floating]) -> tuple[_Ints32, _Ints32, list[Floats]]:
+def _parallel(n: int, one: _Ints32, other: _Ints32, *values: npt.NDArray[np.floating]) -> tuple[_Ints32, _Ints32, list[Floats]]:
     """Elements between n nodes and two terminals, parallel ones added up; those within a node or between the terminals are left out."""
     low, high = np.minimum(one, other), np.maximum(one, other)
-    alive = np.flatnonzero((low != high) & (low < n))
+    alive = (low != high) & (low < n)
     pair = low[alive], high[alive]
+    del low, high
     sums = []
     for value in values:
-        table = coo_array((value[alive].astype(np.float64), pair), shape=(n + 2, n + 2)).tocsc().tocsr()
-        sums.append(table.data)
+        table = coo_array((value[alive], pair), shape=(n + 2, n + 2)).tocsc().tocsr()
+        sums.append(table.data.astype(np.float64))
     tail = np.repeat(np.arange(n + 2, dtype=np.int32), np.diff(table.indptr))
     return tail, table.indices, sums
 
@@ -188,8 +198,8 @@ def _quotient(n: int, one: Ints, other: Ints, weight: npt.NDArray[np.floating], 
     return _Level(n, tail, head, weight, np.bincount(group, size, n + 2).astype(np.float64, copy=False))
 
 
-def _decided(level: _Level, network: Network, weight: Floats, node_of: _Ints32) -> tuple[Mask, _Ints32]:
-    """Let heat gather on the restricted network of a level.
+def _decided(level: _Level, network: Network, weight: Floats, node_of: _Ints32, opened: float) -> tuple[Mask, _Ints32]:
+    """Let heat gather on the restricted network of a level; at most `opened` nodes per interface of the seam are active.
 
     Returns
     -------
@@ -215,8 +225,9 @@ def _decided(level: _Level, network: Network, weight: Floats, node_of: _Ints32) 
     strongest[level.n :] = 0.0
     threshold = OPEN_FLUX
     found = np.flatnonzero(strongest > threshold)
-    if len(found) > OPENED_NODES:
-        threshold = float(-np.partition(-strongest[found], OPENED_NODES)[OPENED_NODES])
+    most = round(opened * float(jump.sum()))  # the sum is the number of interfaces in a cut at a random threshold
+    if len(found) > most:
+        threshold = float(-np.partition(-strongest[found], most)[most])
     flux = network.difference(potential)
     while True:
         try:

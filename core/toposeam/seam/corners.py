@@ -25,8 +25,8 @@ from scipy.sparse.csgraph import connected_components
 from toposeam.errors import SolverError
 from toposeam.heat.network import Floats, Ints, Network
 from toposeam.images import Mask
-from toposeam.seam.overlap import FREE, NONE, A, B, neighbours
-from toposeam.seam.problem import M_MAX, SeamProblem
+from toposeam.seam.overlap import FREE, NONE, TOUCHING, A, B, neighbours
+from toposeam.seam.problem import M_MAX, SeamProblem, geometry
 
 #: M_max, the match cost of the outermost elements.
 OUTERMOST = M_MAX
@@ -116,8 +116,7 @@ class GroundStructure:
 def ground_structure(problem: SeamProblem) -> GroundStructure:
     """The ground structure of an overlap: every interface with at least one pixel of a component that has something to decide."""
     side, shared = problem.overlap.side, problem.overlap.shared
-    w = side.shape[1]
-    component, count = ndimage.label(shared)
+    component, count = ndimage.label(shared, TOUCHING)
     undecided = np.zeros(count + 1, bool)
     undecided[component[side == FREE]] = True
     undecided[0] = False
@@ -126,19 +125,14 @@ def ground_structure(problem: SeamProblem) -> GroundStructure:
         border |= (side == own) & neighbours((side == own) & ~shared)
     opened = np.where(border & undecided[component], np.uint8(FREE), side)
     free, ground = opened == FREE, ~shared & (side != NONE)
-    parts = []
-    for cost, stride in ((problem.right, 1), (problem.down, w)):
-        s, t = ((slice(None), slice(None, -1)), (slice(None), slice(1, None))) if stride == 1 else ((slice(None, -1),), (slice(1, None),))
+    chosen, match = [], []
+    for cost, s, t in ((problem.right, np.s_[:, :-1], np.s_[:, 1:]), (problem.down, np.s_[:-1], np.s_[1:])):
         gap = (side[s] == NONE) | (side[t] == NONE)
         outermost = (cost == 0) & (ground[s] | ground[t] | gap)
-        row, column = np.nonzero((free[s] | free[t]) & ((cost > 0) | outermost))
-        first = row * w + column
-        start = row * (w + 1) + column + 1 if stride == 1 else (row + 1) * (w + 1) + column
-        end = start + (w + 1 if stride == 1 else 1)
-        match = np.where(outermost, OUTERMOST, cost)[row, column].astype(np.float64)
-        parts.append((first, first + stride, start, end, match))
-    first, second, start, end, match = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-    return GroundStructure(opened, first, second, start, end, match)
+        here = (free[s] | free[t]) & ((cost > 0) | outermost)
+        chosen.append(here)
+        match.append(np.where(outermost, OUTERMOST, cost)[here])
+    return GroundStructure(opened, *geometry(chosen[0], chosen[1]), np.concatenate(match).astype(np.float64))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

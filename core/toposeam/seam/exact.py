@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, dijk
 from toposeam.heat.network import Ints, Network
 from toposeam.images import Mask
 from toposeam.seam.overlap import FREE, NONE, A, B
-from toposeam.seam.problem import Interfaces, SeamProblem
+from toposeam.seam.problem import Interfaces, SeamProblem, geometry
 
 #: Capacities of the maximum flow are rounded so that their sum stays below this.
 _CAPACITY = 2**31 - 2
@@ -50,17 +50,10 @@ _Pairs = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]
 
 def _corners_beside_gaps(side: npt.NDArray[np.uint8], component: npt.NDArray[np.int32]) -> dict[int, _Pairs]:
     """Per component, the pairs of corners that a gap joins at no cost: the edges between a free pixel and one that nobody covers."""
-    w = side.shape[1]
-    starts, ends, owners = [], [], []
-    for stride in (1, w):
-        s, t = ((slice(None), slice(None, -1)), (slice(None), slice(1, None))) if stride == 1 else ((slice(None, -1),), (slice(1, None),))
-        for inner, outer in ((s, t), (t, s)):
-            row, column = np.nonzero((side[inner] == FREE) & (side[outer] == NONE))
-            start = row * (w + 1) + column + 1 if stride == 1 else (row + 1) * (w + 1) + column
-            starts.append(start)
-            ends.append(start + (w + 1 if stride == 1 else 1))
-            owners.append(component[inner][row, column])
-    start, end, owner = np.concatenate(starts), np.concatenate(ends), np.concatenate(owners)
+    free, nothing = side == FREE, side == NONE
+    right, down = ((free[s] & nothing[t]) | (nothing[s] & free[t]) for s, t in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])))
+    first, second, start, end = geometry(right, down)
+    owner = np.maximum(component.ravel()[first], component.ravel()[second])
     return {int(index): (start[owner == index], end[owner == index]) for index in np.unique(owner)}
 
 

@@ -12,13 +12,13 @@ import numpy.typing as npt
 
 from toposeam.errors import ImageError, OptionError, PathError
 from toposeam.heat.threads import one_thread
-from toposeam.images import Mask, as_float, as_mask, widen
+from toposeam.images import Image, Mask, as_float, as_mask, widen
 from toposeam.optimize.history import Termination
 from toposeam.seam.dynamic_programming import dp_labels
 from toposeam.seam.exact import exact_labels
 from toposeam.seam.graph_cut import graph_cut_labels
 from toposeam.seam.heat import HeatOptions, heat_path
-from toposeam.seam.match_cost import MatchCost, match_cost
+from toposeam.seam.match_cost import Floats32, MatchCost, match_cost
 from toposeam.seam.overlap import Overlap, Side, between_masks, side_by_side
 from toposeam.seam.problem import M_MAX, SeamProblem
 from toposeam.seam.seam import Seam
@@ -26,6 +26,9 @@ from toposeam.seam.solution import Solution
 from toposeam.seam.thesis import ThesisOptions, thesis_path
 from toposeam.vector.apply import labels_from_paths
 from toposeam.vector.svg import SvgSeam
+
+#: The match cost is computed from blocks of about so many pixels.
+_BLOCK_PIXELS = 1 << 18
 
 Method = Literal["heat", "thesis", "shortest-path", "dp", "graph-cut"]
 METHODS: tuple[Method, ...] = get_args(Method)
@@ -211,11 +214,10 @@ def seam_problem(
         overlap = between_masks(full_a, full_b, core)
         on_a, on_b = overlap.window(full_a).astype(bool), overlap.window(full_b).astype(bool)
         only_b = full_b & ~full_a
-    patch_a, patch_b = widen(_patch(a, overlap, on_a, "a"), _patch(b, overlap, on_b, "b"))
     factor = None
     if weight is not None:
         factor = overlap.window(as_weights(weight, canvas)).astype(np.float32)
-    right, down = match_cost(patch_a, patch_b, overlap, on_a, on_b, cost, factor)
+    right, down = _match_cost(np.asarray(a), np.asarray(b), overlap, on_a, on_b, cost, factor)
     forbidden = float("inf")
     if avoid is not None:
         forbidden = forbid(right, down, overlap.window(as_mask(avoid, canvas, "avoid")))
@@ -228,6 +230,26 @@ def forbid(right: npt.NDArray[np.float32], down: npt.NDArray[np.float32], avoid:
     right[(right > 0) & (avoid[:, 1:] | avoid[:, :-1])] = forbidden
     down[(down > 0) & (avoid[1:] | avoid[:-1])] = forbidden
     return float(forbidden)
+
+
+def _match_cost(
+    a: Image, b: Image, overlap: Overlap, on_a: Mask, on_b: Mask, cost: MatchCost, factor: Floats32 | None
+) -> tuple[Floats32, Floats32]:
+    """The match cost, from blocks of rows: only the rows of one block are held as float32 at a time."""
+    h, w = overlap.side.shape
+    right, down = np.empty((h, w - 1), np.float32), np.empty((h - 1, w), np.float32)
+    step = max(1, _BLOCK_PIXELS // w)
+    for start in range(0, h, step):
+        stop = min(start + step, h)
+        # The lower neighbour of the last row, and a row beyond either end for the gradients.
+        low, high = max(start - 1, 0), min(stop + 2, h)
+        rows = slice(low, high)
+        part = Overlap(overlap.side[rows], overlap.shared[rows], (overlap.origin[0] + low, overlap.origin[1]), overlap.canvas)
+        patch_a, patch_b = widen(_patch(a, part, on_a[rows], "a"), _patch(b, part, on_b[rows], "b"))
+        beside, below = match_cost(patch_a, patch_b, part, on_a[rows], on_b[rows], cost, None if factor is None else factor[rows])
+        right[start:stop] = beside[start - low : stop - low]
+        down[start:stop] = below[start - low : stop - low]
+    return right, down
 
 
 def _patch(image: npt.ArrayLike, overlap: Overlap, present: Mask, name: str) -> npt.NDArray[np.float32]:

@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.errors import OptionError, SolverError
+from toposeam.errors import SolverError, check_range
 from toposeam.heat.network import Floats, Ints, Network
 from toposeam.heat.primal_dual import PrimalDual
 from toposeam.images import Mask
@@ -50,10 +50,8 @@ class HeatOptions:
     max_iterations: int = 100
 
     def __post_init__(self) -> None:
-        if not 1e-9 <= self.tolerance <= 1.0:
-            raise OptionError(f"tolerance is {self.tolerance}; it must be between 1e-9 and 1")
-        if not self.max_iterations >= 1:
-            raise OptionError(f"max_iterations is {self.max_iterations}; it must be at least 1")
+        check_range(1e-9, 1, tolerance=self.tolerance)
+        check_range(1, max_iterations=self.max_iterations)
 
 
 def heat_path(

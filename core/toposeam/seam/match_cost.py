@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.errors import OptionError
+from toposeam.errors import check_range
 from toposeam.images import Mask
 from toposeam.seam.overlap import FREE, NONE, Overlap
 
@@ -44,12 +44,8 @@ class MatchCost:
     length: float = 1e-3
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.epsilon) and self.epsilon > 0):
-            raise OptionError(f"epsilon is {self.epsilon}; it must be positive")
-        if not (np.isfinite(self.flat) and self.flat >= 0):
-            raise OptionError(f"flat is {self.flat}; it must be zero or positive")
-        if not (np.isfinite(self.length) and self.length > 0):
-            raise OptionError(f"length is {self.length}; it must be positive (1e-9 is as good as none)")
+        check_range(0, above=True, epsilon=self.epsilon, length=self.length)
+        check_range(0, flat=self.flat)
 
 
 def match_cost(

@@ -28,7 +28,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.errors import OptionError, OverlapError
+from toposeam.errors import OptionError, OverlapError, check_range
 from toposeam.images import Mask
 
 A, B, FREE, NONE = 0, 1, 2, 3
@@ -140,8 +140,7 @@ def between_masks(mask_a: Mask, mask_b: Mask, core: float = 0.5) -> Overlap:
     OptionError
         When `core` is out of range.
     """
-    if not 0.0 < core <= 1.0:
-        raise OptionError(f"core is {core}; it must be above 0 and at most 1")
+    check_range(0, 1, above=True, core=core)
     if mask_a.size > KEPT_PIXELS:
         return _between_masks(mask_a, mask_b, core)
     return _kept_between_masks((mask_a.shape[0], mask_a.shape[1]), mask_a.tobytes(), mask_b.tobytes(), core)
@@ -167,7 +166,7 @@ def _between_masks(mask_a: Mask, mask_b: Mask, core: float) -> Overlap:
     if not ((side[shared] == A).any() and (side[shared] == B).any()) and not (side == FREE).any():
         raise OverlapError(
             "nothing divides the patches: wherever they overlap both cover the same ground, or one is too thin to hold a seam; "
-            "leave the masks out and give the side on which b continues"
+            "let one of them reach beyond the other, or lie well inside it"
         )
     return overlap
 

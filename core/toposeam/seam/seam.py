@@ -52,7 +52,10 @@ class Seam:
 
     @cached_property
     def soft(self) -> npt.NDArray[np.float32]:
-        """(H, W) float32 in [0, 1], the label potential: 0 where ``a`` shows, 1 where ``b`` shows, between them a soft mask."""
+        """(H, W) float32 in [0, 1]: 0 where ``a`` shows, 1 where ``b`` shows, between them the label potential before the seam was decided.
+
+        On an overlap so large that it starts out contracted, what coarser networks had decided has one value per region.
+        """
         return self.problem.on_canvas(self.potential, self.only_b).astype(np.float32, copy=False)
 
     @cached_property

@@ -27,7 +27,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.errors import OptionError, SolverError
+from toposeam.errors import OptionError, SolverError, check_range
 from toposeam.heat.network import Floats
 from toposeam.images import Mask
 from toposeam.optimize.history import Frame, Iteration, Termination
@@ -103,28 +103,23 @@ class ThesisOptions:
             raise OptionError(f"formulation is {self.formulation}; it must be 1 or 2")
         if self.asymptotes not in ("curvature", "moving"):
             raise OptionError(f"asymptotes is {self.asymptotes!r}; it must be 'curvature' or 'moving'")
-        for name, low, high in (
-            ("penalty", 1.0, 10.0), ("first_penalty", 1.0, 10.0), ("exponent", 0.1, 5.0),
-            ("overshoot", 1.0, 1e6), ("length_term", 0.0, 10.0),
-        ):  # fmt: skip
-            value = getattr(self, name)
-            if not low <= value <= high:
-                raise OptionError(f"{name} is {value}; it must be between {low:g} and {high:g}")
-        for name in ("start", "least_density", "tolerance", "q_threshold", "least_flux", "move"):
-            value = getattr(self, name)
-            if not 0 < value <= 1:
-                raise OptionError(f"{name} is {value}; it must be above 0 and at most 1")
+        check_range(1, 10, penalty=self.penalty, first_penalty=self.first_penalty)
+        check_range(0.1, 5, exponent=self.exponent)
+        check_range(1, 1e6, overshoot=self.overshoot)
+        check_range(0, 10, length_term=self.length_term)
+        check_range(0, 1, above=True, start=self.start, tolerance=self.tolerance, least_flux=self.least_flux, move=self.move)
+        check_range(0, 0.499, above=True, q_threshold=self.q_threshold)
+        check_range(0, 1, above=True, least_density=self.least_density)
         if self.least_density ** max(self.penalty, self.first_penalty) < 1e-15:
             raise OptionError(f"least_density is {self.least_density}; to the power of penalty {self.penalty:g} it must be at least 1e-15")
         if not self.least_density < self.start:
             raise OptionError(f"start is {self.start} and least_density {self.least_density}; the start must be denser")
-        if self.q_threshold >= 0.5:
-            raise OptionError(f"q_threshold is {self.q_threshold}; it must be below 0.5")
-        for name in ("stages", "max_iterations", "first_iterations", "stage_iterations"):
-            if getattr(self, name) < 1:
-                raise OptionError(f"{name} is {getattr(self, name)}; it must be at least 1")
-        if self.mass is not None and not (np.isfinite(self.mass) and self.mass > 0):
-            raise OptionError(f"mass is {self.mass}; it must be positive, or None")
+        check_range(
+            1, stages=self.stages, max_iterations=self.max_iterations, first_iterations=self.first_iterations,
+            stage_iterations=self.stage_iterations,
+        )  # fmt: skip
+        if self.mass is not None:
+            check_range(0, above=True, mass=self.mass)
 
 
 def thesis_path(

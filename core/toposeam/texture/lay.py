@@ -38,7 +38,7 @@ class LayOptions:
     #: How strongly places that show often already are avoided.
     variety: float = 0.5
     #: How many further patches are tried over the worst seams, as a share of the patches laid.
-    mend: float = 0.5
+    mend: float = 0.2
     #: Whether ordered textures that repeat are laid twice, so that their order closes (:mod:`toposeam.texture.closing`).
     close: bool = True
     #: How the seam is found.

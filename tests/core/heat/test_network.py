@@ -63,7 +63,6 @@ def test_a_balanced_bridge_carries_nothing():
 def test_dense_banded_and_sparse_factorisations_agree(monkeypatch, dense, band, kind):
     monkeypatch.setattr(module, "DENSE_NODES", dense)
     monkeypatch.setattr(module, "WIDEST_BAND", band)
-    monkeypatch.setattr(module, "WIDEST_FULL_BAND", band)
     net, k = grid(9, 7, np.random.default_rng(0))
     assert type(net._system) is kind
     for scale in (1.0, 3.0):  # the second time the sparse one has an order

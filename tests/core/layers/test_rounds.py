@@ -121,7 +121,9 @@ def test_svg_names_the_pairs():
     layers = pile(5, alike=True)
     stitched = ts.stitch(layers)
     drawing = ts.read_svg(stitched.to_svg())
-    assert set(drawing.names) == {stitched.pair_name(pair) for pair, seam in zip(stitched.pairs, stitched.seams, strict=True) if seam.paths}
+    assert set(drawing.names) == {
+        ts.pair_name(str(i), str(j)) for (i, j), seam in zip(stitched.pairs, stitched.seams, strict=True) if seam.paths
+    }
 
 
 def test_a_layer_that_reaches_none_before_it_waits_for_a_bridge():

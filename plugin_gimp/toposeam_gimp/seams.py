@@ -1,4 +1,4 @@
-"""What each menu entry does: read layers, ask the engine, and only when it has answered change the image, in one undo step."""
+"""Stitch Layers, Re-stitch from Paths, Stitch Selection as Patch: ask the engine, and only when it has answered change the image."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from gi.repository import Gimp
 
 from toposeam_gimp import curves, engine, pixels
 from toposeam_gimp.below import picture_below
+from toposeam_gimp.call import Call, renamed
 from toposeam_gimp.folder import RequestFolder
 from toposeam_gimp.layers import (
     RefusedError,
@@ -22,19 +23,19 @@ from toposeam_gimp.layers import (
     stitched_group,
     strokes_of,
 )
-from toposeam_gimp.procedures import Procedure
 from toposeam_gimp.texts import _
 
 Options = dict[str, Any]
 
 
-def stitch_layers(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], options: Options, entry: Procedure) -> Gimp.Layer:
+def stitch_layers(call: Call) -> Gimp.Layer:
     """Two or more layers into a group with masks and paths."""
-    layers = lowest_first(image, chosen_layers(image, drawables))
+    image, options = call.image, call.options
+    layers = lowest_first(image, chosen_layers(image, call.drawables))
     if len(layers) < 2:
         raise RefusedError(_("Stitching needs two or more layers; select them in the Layers dialog (Ctrl-click) and try again."))
     with _request(image, layers) as (folder, rasters):
-        request = {"layers": rasters, "selection": pixels.send_selection(folder, image), "options": _for_engine(entry, options)}
+        request = {"layers": rasters, "selection": pixels.send_selection(folder, image), "options": call.for_engine}
         answer = engine.ask(folder, {"operation": "stitch", **request}, Gimp.progress_update)
         with one_undo_step(image) as undone:
             parent, position = layers[-1].get_parent(), image.get_item_position(layers[-1])
@@ -64,9 +65,10 @@ def stitch_layers(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], options
     return result
 
 
-def restitch(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], _options: Options, _entry: Procedure) -> Gimp.Layer:
+def restitch(call: Call) -> Gimp.Layer:
     """The masks of a stitched group made anew from its paths."""
-    group, memory = stitched_group(chosen_layers(image, drawables))
+    image = call.image
+    group, memory = stitched_group(chosen_layers(image, call.drawables))
     layers = [image.get_layer_by_tattoo(tattoo) for tattoo in memory["layers"]]
     if any(layer is None for layer in layers):
         raise RefusedError(_("A layer of this group was deleted or merged; stitch the layers again."))
@@ -82,7 +84,7 @@ def restitch(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], _options: Op
         seams.append({**seam, "lines": lines, "touched": touched})
     with _request(image, layers, with_masks=False) as (folder, rasters):
         shown = [pixels.send_mask(folder, layer, f"shown-{index}") for index, layer in enumerate(layers)]
-        request = {"layers": rasters, "shown": shown, "seams": seams, "options": _renamed(memory["options"])}
+        request = {"layers": rasters, "shown": shown, "seams": seams, "options": renamed(memory["options"])}
         answer = engine.ask(folder, {"operation": "restitch", **request}, Gimp.progress_update)
         with one_undo_step(image):
             for layer, mask in zip(layers, answer["masks"], strict=True):
@@ -95,9 +97,10 @@ def restitch(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], _options: Op
     return group
 
 
-def patch_selection(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], options: Options, entry: Procedure) -> Gimp.Layer:
+def patch_selection(call: Call) -> Gimp.Layer:
     """The selected part of a layer, or a floating selection, laid on what is below it within a closed seam."""
-    (layer,) = chosen_layers(image, drawables)
+    image, options = call.image, call.options
+    (layer,) = chosen_layers(image, call.drawables)
     floating = layer.is_floating_sel()
     with RequestFolder(needed=3 * pixels.size_of(image, layer)) as folder:
         selection = None if floating else pixels.send_selection(folder, image)
@@ -105,7 +108,7 @@ def patch_selection(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], optio
         if patch is None:
             raise RefusedError(_("The selection lies outside the layer “{name}”; select a part of it.").format(name=layer.get_name()))
         below = picture_below(folder, image, layer, pixels.box_of(patch))
-        request = {"layers": [below, patch], "selection": selection, "options": _for_engine(entry, options)}
+        request = {"layers": [below, patch], "selection": selection, "options": call.for_engine}
         answer = engine.ask(folder, {"operation": "patch", **request}, Gimp.progress_update)
         with one_undo_step(image) as undone:
             if floating:
@@ -139,14 +142,6 @@ def _request(
     with RequestFolder(needed=2 * sum(pixels.size_of(image, layer) for layer in layers)) as folder:
         rasters = [pixels.send_layer(folder, image, layer, f"layer-{index}", with_mask=with_masks) for index, layer in enumerate(layers)]
         yield folder, rasters
-
-
-def _for_engine(entry: Procedure, options: Options) -> Options:
-    return _renamed({option.name: options[option.name] for option in entry.options if option.engine})
-
-
-def _renamed(options: Options) -> Options:
-    return {name.replace("-", "_"): value for name, value in options.items()}
 
 
 def _put_mask(folder: RequestFolder, layer: Gimp.Layer, raster: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""What the engine can be asked for: one function per operation, from a :class:`~toposeam_cli.engine.Job` to what goes into the result.
+"""What the engine can be asked for about seams: functions from a :class:`~toposeam_cli.engine.Job` to what goes into the result.
 
 Places are in px of the asker's image. Every raster has its ``offset`` there.
 """
@@ -6,7 +6,7 @@ Places are in px of the asker's image. Every raster has its ``offset`` there.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -94,7 +94,13 @@ def _joined(job: Job, layers: Sequence[ts.Layer], stitched: ts.Stitched) -> dict
     canvas = ts.common_canvas(layers, ts.MAX_PIXELS)
     alpha = stitched.alpha if stitched.alpha is not None else np.broadcast_to(opaque(stitched.image.dtype), canvas.shape)
     seams = [
-        {"pair": pair, "name": stitched.pair_name(pair), "lines": _lines(seam, stitched.origin), "cost": seam.cost, "method": seam.method}
+        {
+            "pair": pair,
+            "name": ts.pair_name(*(stitched.names[index] for index in pair)),
+            "lines": _lines(seam, stitched.origin),
+            "cost": seam.cost,
+            "method": seam.method,
+        }
         for pair, seam in zip(stitched.pairs, stitched.seams, strict=True)
     ]
     return {
@@ -238,6 +244,3 @@ def simplified(points: Floats, closed: bool, tolerance: float) -> Floats:
             keep[middle] = True
             waiting += [(start, middle), (middle, end)]
     return points[keep]
-
-
-OPERATIONS: dict[str, Callable[[Job], dict[str, Any]]] = {"stitch": stitch, "restitch": restitch, "patch": patch}

@@ -1,0 +1,269 @@
+"""Texture synthesis against its peers, in one run: ``python benchmarks/texture.py [--seeds 5] [--sheet sheet.jpg] [--large]``.
+
+192 × 192 px samples are grown to 512 × 512 px by TopoSeam (tileable, patches of 40 and 64 px), by G'MIC's ``syntexturize_matchpatch`` and
+by gimp-texturize (Kwatra's method, tileable) in GIMP 2.10, where these are installed (Debian: ``gmic``, ``gimp-texturize``). All results are
+measured alike, on gray values from 0 to 255:
+
+time       CPU seconds, all threads; programs with their start, GIMP without it
+swd8       sliced Wasserstein distance between the 8 × 8 patches of sample and result; far below the floor means copying
+wrap       mean step across the tile border over the 98th percentile of that of inner rows (columns), the worse axis
+coherence  share of pixels whose right neighbour's best match in the sample is the match's right neighbour; 1 is a verbatim copy
+use        how often the most used source pixel shows, over the average (TopoSeam knows where each pixel came from)
+jump       99th percentile of the steps across seams, over that of the steps inside the sample (likewise)
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import skimage.data
+from numpy.lib.stride_tricks import sliding_window_view
+from PIL import Image
+from scipy.spatial import cKDTree
+
+import toposeam as ts
+
+SAMPLES = Path(__file__).resolve().parent.parent / "samples"
+SIZE, SOURCE = 512, 192
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Made:
+    """A result and what it took."""
+
+    image: np.ndarray
+    seconds: float
+    synthesis: ts.Synthesis | None = None
+
+
+def main() -> None:
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--seeds", type=int, default=5)
+    options.add_argument("--sheet", type=Path, help="write all results side by side, the tile border in the middle")
+    options.add_argument("--large", action="store_true", help="also 1024² and 4096² px, and toposeam tile on 2048² px")
+    chosen = options.parse_args()
+    sheet = []
+    print(f"{'':10}{'':22}{'time s':>8}{'swd8':>7}{'wrap':>7}{'coher.':>8}{'use':>6}{'jump':>6}")
+    for name, sample, floor in exemplars():
+        shown = [sample]
+        if floor is not None:
+            line(name, "another part (floor)", [measure(sample, Made(image=floor, seconds=0.0))])
+        for method, run in methods().items():
+            rows = []
+            for seed in range(chosen.seeds if "toposeam" in method else min(chosen.seeds, 2)):
+                made = run(sample, seed)
+                if made is None:
+                    break
+                rows.append(measure(sample, made))
+                if seed == 0:
+                    shown.append(made.image)
+            line(name, method, rows)
+        sheet.append(shown)
+    if chosen.sheet:
+        contact_sheet(sheet).save(chosen.sheet, quality=88)
+    if chosen.large:
+        large()
+
+
+def exemplars() -> list[tuple[str, np.ndarray, np.ndarray | None]]:
+    """Name, sample, and another part of the same photograph."""
+    found = []
+    for name in ("brick", "grass", "gravel"):
+        image = getattr(skimage.data, name)()
+        found.append((name, image[:SOURCE, :SOURCE], image[-SOURCE:, -SOURCE:]))
+    for name in ("stars", "cobbles"):
+        with Image.open(SAMPLES / f"{name}.png") as image:
+            found.append((name, np.asarray(image), None))
+    return found
+
+
+def methods() -> dict[str, Callable[[np.ndarray, int], Made | None]]:
+    return {
+        "toposeam, patch 40": lambda sample, seed: toposeam(sample, seed, 40),
+        "toposeam, patch 64": lambda sample, seed: toposeam(sample, seed, 64),
+        "gmic matchpatch": gmic,
+        "gimp-texturize": texturize,
+    }
+
+
+def toposeam(sample: np.ndarray, seed: int, patch: int, size: int = SIZE) -> Made:
+    started = time.process_time()
+    made = ts.synthesize(sample, size, patch, seed=seed, tileable=True)
+    return Made(image=made.image, seconds=time.process_time() - started, synthesis=made)
+
+
+def gmic(sample: np.ndarray, seed: int) -> Made | None:
+    if shutil.which("gmic") is None:
+        return None
+    return _program(
+        sample, lambda given, made: ["gmic", given, "-srand", str(seed), "-syntexturize_matchpatch", f"{SIZE},{SIZE}", "-o", made]
+    )
+
+
+def texturize(sample: np.ndarray, seed: int) -> Made | None:
+    """GIMP cannot be seeded: runs differ. Its start is measured apart and taken off."""
+    if shutil.which("gimp") is None or not list(Path("/usr/lib/gimp/2.0/plug-ins").glob("texturize*")):
+        return None
+
+    def script(given: str, made: str) -> list[str]:
+        load = f'(image (car (gimp-file-load RUN-NONINTERACTIVE "{given}" "{given}")))'
+        layer = "(car (gimp-image-get-active-drawable image))"
+        grow = f"(grown (car (gimp-plugin-texturize RUN-NONINTERACTIVE image {layer} {SIZE} {SIZE} 10 1)))"
+        save = f'(gimp-file-save RUN-NONINTERACTIVE grown (car (gimp-image-get-active-drawable grown)) "{made}" "{made}")'
+        return ["gimp", "-i", "-d", "-f", "-b", f"(let* ({load} {grow}) {save})", "-b", "(gimp-quit 0)"]
+
+    idle = _program(sample, lambda given, made: ["gimp", "-i", "-d", "-f", "-b", "(gimp-quit 0)"])
+    made = _program(sample, script)
+    return None if made is None else Made(image=made.image, seconds=made.seconds - (idle.seconds if idle else 0.0))
+
+
+def _program(sample: np.ndarray, command: Callable[[str, str], list[str]]) -> Made | None:
+    with tempfile.TemporaryDirectory() as folder:
+        given, made = str(Path(folder, "given.png")), str(Path(folder, "made.png"))
+        Image.fromarray(sample).save(given)
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        done = subprocess.run(command(given, made), capture_output=True, check=False, timeout=60, env={**os.environ, "HOME": folder})
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        if not Path(made).exists():
+            return Made(image=sample, seconds=seconds) if done.returncode == 0 else None
+        with Image.open(made) as image:
+            picture = image.convert("L" if sample.ndim == 2 else "RGB")
+            return Made(image=np.asarray(picture), seconds=seconds)
+
+
+def measure(sample: np.ndarray, made: Made) -> tuple[float, ...]:
+    exemplar, image = gray(sample), gray(made.image)
+    found = [made.seconds, swd8(exemplar, image), wrap(image), coherence(exemplar, image)]
+    if made.synthesis is None:
+        return (*found, np.nan, np.nan)
+    return (*found, most_used(made.synthesis, exemplar.shape), jump(exemplar, image, made.synthesis.labels))
+
+
+def line(exemplar: str, method: str, rows: list[tuple[float, ...]]) -> None:
+    if not rows:
+        print(f"{exemplar:10}{method:22}{'not installed':>15}", flush=True)
+        return
+    formats = ("8.2f", "7.2f", "7.2f", "8.2f", "6.2f", "6.2f")
+    values = np.median(np.array(rows), axis=0)
+    print(
+        f"{exemplar:10}{method:22}"
+        + "".join(f"{'–':>{width[0]}}" if np.isnan(v) else f"{v:{width}}" for v, width in zip(values, formats, strict=True)),
+        flush=True,
+    )
+
+
+def gray(image: np.ndarray) -> np.ndarray:
+    return image.astype(float) if image.ndim == 2 else image @ np.array([0.299, 0.587, 0.114])
+
+
+def swd8(exemplar: np.ndarray, image: np.ndarray, side: int = 8, count: int = 6000) -> float:
+    directions = np.random.default_rng(2).normal(size=(side**2, 128))
+    directions /= np.linalg.norm(directions, axis=0)
+
+    def projected(picture: np.ndarray) -> np.ndarray:
+        rng = np.random.default_rng(1)
+        row, column = (rng.integers(0, length - side, count) for length in picture.shape)
+        return np.sort(sliding_window_view(picture, (side, side))[row, column].reshape(count, -1) @ directions, axis=0)
+
+    return float(np.abs(projected(exemplar) - projected(image)).mean())
+
+
+def wrap(image: np.ndarray) -> float:
+    ratios = []
+    for axis in (0, 1):
+        inner = np.abs(np.diff(image, axis=axis)).mean(axis=1 - axis)
+        border = np.abs(np.take(image, 0, axis) - np.take(image, -1, axis)).mean()
+        ratios.append(border / np.percentile(inner, 98))
+    return max(ratios)
+
+
+def coherence(exemplar: np.ndarray, image: np.ndarray, side: int = 7) -> float:
+    """On the lower right part of the sample's size; windows compared by their first twelve principal components."""
+    windows = sliding_window_view(exemplar, (side, side))
+    flat = windows.reshape(-1, side**2)
+    mean = flat.mean(axis=0)
+    basis = np.linalg.svd((flat - mean)[::side], full_matrices=False)[2][:12].T
+    wanted = sliding_window_view(image[-SOURCE:, -SOURCE:], (side, side))
+    _, match = cKDTree((flat - mean) @ basis).query((wanted.reshape(-1, side**2) - mean) @ basis)
+    row, column = np.divmod(match.reshape(wanted.shape[:2]), windows.shape[1])
+    return float(((np.diff(column, axis=1) == 1) & (np.diff(row, axis=1) == 0)).mean())
+
+
+def most_used(made: ts.Synthesis, shape: tuple[int, ...]) -> float:
+    use = np.bincount((made.source[..., 0] * shape[1] + made.source[..., 1]).ravel(), minlength=shape[0] * shape[1])
+    return float(use.max() / use.mean())
+
+
+def jump(exemplar: np.ndarray, image: np.ndarray, labels: np.ndarray) -> float:
+    inner, across = [], []
+    for axis in (0, 1):
+        inner.append(np.abs(np.diff(exemplar, axis=axis)).ravel())
+        across.append(np.abs(np.diff(image, axis=axis))[np.diff(labels, axis=axis) != 0])
+    return float(np.percentile(np.concatenate(across), 99) / np.percentile(np.concatenate(inner), 99))
+
+
+def contact_sheet(rows: list[list[np.ndarray]], side: int = 300, gap: int = 6) -> Image.Image:
+    """Sample and results in rows; results are shifted by half, so that the tile border runs through their middle."""
+    sheet = Image.new("RGB", (gap + max(map(len, rows)) * (side + gap), gap + len(rows) * (side + gap)), "white")
+    for row, images in enumerate(rows):
+        for column, image in enumerate(images):
+            shifted = image if column == 0 else np.roll(image, (image.shape[0] // 2, image.shape[1] // 2), (0, 1))
+            picture = Image.fromarray(np.ascontiguousarray(shifted)).convert("RGB")
+            scale = side / SIZE
+            small = picture.resize((round(picture.width * scale), round(picture.height * scale)), Image.Resampling.LANCZOS)
+            sheet.paste(small, (gap + column * (side + gap), gap + row * (side + gap)))
+    return sheet
+
+
+def large() -> None:
+    sample = skimage.data.gravel()[:SOURCE, :SOURCE]
+    times = {size: float(np.median([toposeam(sample, seed, 40, size).seconds for seed in range(3)])) for size in (512, 1024)}
+    print(f"1024² takes {times[1024] / times[512]:.2f} times as long as 512² ({times[1024]:.2f} and {times[512]:.2f} s)")
+    code = (
+        "import resource, numpy as np, skimage.data, toposeam as ts\n"
+        "sample = skimage.data.gravel()[:192, :192]\n"
+        "ts.synthesize(sample, 64)\n"
+        "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+        "made = ts.synthesize(sample, 4096, 64, tileable=True)\n"
+        "peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before\n"
+        "kept = sum(a.nbytes for a in (made.image, made.labels, made.source, made.exemplar)) / 1024\n"
+        "print(f'4096²: {peak / 1024:.0f} MiB at most, of which the result keeps {kept / 1024:.0f} MiB')\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+    tiling()
+
+
+def tiling() -> None:
+    """``toposeam tile`` on 2048 × 2048 px RGB against reading and writing that PNG, CPU seconds."""
+    from toposeam_cli.picture import Picture, read_picture, write_picture
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "large.png")
+        photograph = np.tile(skimage.data.astronaut(), (4, 4, 1))
+        write_picture(path, Picture(pixels=np.ascontiguousarray(np.roll(photograph, 100, axis=0))))
+        files, whole = [], []
+        for _ in range(3):
+            started = time.process_time()
+            picture = read_picture(path)
+            write_picture(Path(folder, "again.png"), picture, force=True)
+            files.append(time.process_time() - started)
+            started = time.process_time()
+            ts.make_tileable(picture.pixels)
+            whole.append(time.process_time() - started + files[-1])
+        print(f"tile on 2048² RGB: {np.median(whole):.1f} s, {np.median(whole) / np.median(files):.1f} × reading and writing the PNG")
+
+
+if __name__ == "__main__":
+    main()

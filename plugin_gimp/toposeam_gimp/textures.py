@@ -1,0 +1,85 @@
+"""Synthesize Texture, Make Seamless Tile, Fill Selection: pixels of one layer to the engine, a new layer back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gi.repository import Gimp
+
+from toposeam_gimp import engine, pixels
+from toposeam_gimp.call import Call
+from toposeam_gimp.folder import RequestFolder
+from toposeam_gimp.layers import RefusedError, chosen_layers, one_undo_step
+from toposeam_gimp.texts import _
+
+
+def synthesize(call: Call) -> Gimp.Layer:
+    """A texture grown from a layer, in a new image or a new layer."""
+    (layer,) = chosen_layers(call.image, call.drawables)
+    made = call.options["width"] * call.options["height"] * 16
+    with RequestFolder(needed=pixels.size_of(call.image, layer) + made) as folder:
+        request = _sample(call, folder, layer)
+        picture = engine.ask(folder, {"operation": "synthesize", **request}, Gimp.progress_update)["picture"]
+        name = _("Texture of {name}").format(name=layer.get_name())
+        if call.options["destination"] == "layer":
+            return _add(call, folder, layer, {**picture, "offset": [0, 0]}, name)
+        image = Gimp.Image.new_with_precision(
+            picture["width"], picture["height"], call.image.get_base_type(), call.image.get_precision()
+        )  # fmt: skip
+        profile = call.image.get_color_profile()
+        if profile is not None:
+            image.set_color_profile(profile)
+        image.undo_disable()
+        result = pixels.new_layer(image, name, picture)
+        image.insert_layer(result, None, 0)
+        pixels.receive_colors(folder, image, result, picture)
+        image.undo_enable()
+    if call.interactive:
+        Gimp.Display.new(image)
+    return result
+
+
+def make_tileable(call: Call) -> Gimp.Layer:
+    """A copy of a layer, or of the selected rectangle of it, that repeats."""
+    (layer,) = chosen_layers(call.image, call.drawables)
+    with RequestFolder(needed=2 * pixels.size_of(call.image, layer)) as folder:
+        request = _sample(call, folder, layer, rectangle=True)
+        picture = engine.ask(folder, {"operation": "make_tileable", **request}, Gimp.progress_update)["picture"]
+        name = _("Seamless {name}").format(name=layer.get_name())
+        return _add(call, folder, layer, {**picture, "offset": request["layer"]["offset"]}, name)
+
+
+def fill(call: Call) -> Gimp.Layer:
+    """A layer that covers what is selected with what the rest of the layer is like."""
+    (layer,) = chosen_layers(call.image, call.drawables)
+    with RequestFolder(needed=2 * pixels.size_of(call.image, layer)) as folder:
+        request = _sample(call, folder, layer)
+        if request["selection"] is None:
+            raise RefusedError(_("Nothing is selected; select what is to be replaced and try again."))
+        picture = engine.ask(folder, {"operation": "fill", **request}, Gimp.progress_update)["picture"]
+        return _add(call, folder, layer, picture, _("Fill of {name}").format(name=layer.get_name()))
+
+
+def _sample(call: Call, folder: RequestFolder, layer: Gimp.Layer, *, rectangle: bool = False) -> dict[str, Any]:
+    """The layer and, on its place, what is selected of it; with `rectangle` only the part of the layer within the selection's bounds."""
+    something, left, top, right, bottom = Gimp.Selection.bounds(call.image)[1:]
+    box = (left, top, right - left, bottom - top) if something and rectangle else None
+    raster = pixels.send_layer(folder, call.image, layer, "layer", box=box)
+    selection = None
+    if something and not rectangle:
+        selection = pixels.send_selection_on(folder, call.image, pixels.box_of(raster))
+    if raster is None or (something and not rectangle and selection is None):
+        raise RefusedError(_("The selection lies outside the layer “{name}”; select a part of it.").format(name=layer.get_name()))
+    return {"layer": raster, "selection": selection, "options": call.for_engine}
+
+
+def _add(call: Call, folder: RequestFolder, layer: Gimp.Layer, picture: dict[str, Any], name: str) -> Gimp.Layer:
+    """A new layer above another one, in one undo step."""
+    with one_undo_step(call.image) as undone:
+        result = pixels.new_layer(call.image, name, picture)
+        call.image.insert_layer(result, layer.get_parent(), call.image.get_item_position(layer))
+        undone.append(lambda: call.image.remove_layer(result))
+        result.set_offsets(*picture["offset"])
+        pixels.receive_colors(folder, call.image, result, picture)
+        call.image.set_selected_layers([result])
+    return result

@@ -1,0 +1,118 @@
+"""Synthesize Texture, Make Seamless Tile and Fill Selection in a real GIMP."""
+
+import numpy as np
+import pytest
+from inside import refused, succeeded
+from pictures import photograph, write_png
+from running import needs_gimp
+
+import toposeam as ts
+
+needs_gimp()
+
+SYNTHESIZE, TILE, FILL = (f"plug-in-toposeam-{name}" for name in ("synthesize", "tile", "fill"))
+
+
+@pytest.fixture
+def sample(tmp_path):
+    pixels = photograph(96, 120, seed=5)
+    write_png(tmp_path / "sample.png", pixels)
+    return pixels, tmp_path / "sample.png"
+
+
+def test_a_texture_is_what_core_makes(gimp, image, sample):
+    pixels, file = sample
+    loaded = image([file])
+    before = gimp.tree(image=loaded["image"])
+    options = {"width": 150, "height": 110, "patch": 32, "tileable": "x", "seed": 4}
+    result = succeeded(gimp.run(procedure=SYNTHESIZE, image=loaded["image"], layers=loaded["layers"], options=options))
+    made, _ = gimp.pixels(result["layer"], "R'G'B'A u8")
+    expected = ts.synthesize(pixels, (110, 150), 32, seed=4, tileable="x").image
+    np.testing.assert_array_equal(made[..., :3], expected)
+    assert gimp.tree(image=loaded["image"]) == before
+    number = gimp.python(code="answer = item(number).get_image().get_id()", number=result["layer"])
+    assert gimp.tree(image=number)["size"] == [150, 110]
+    gimp.delete(image=number)
+
+
+@pytest.mark.parametrize("options", [{"precision": "FLOAT_LINEAR"}, {"precision": "U16_NON_LINEAR"}, {"gray": True}])
+def test_into_a_new_layer_of_the_same_kind(gimp, image, sample, options):
+    loaded = image([sample[1]], **options)
+    wanted = {"width": 140, "height": 100, "patch": 24, "destination": "layer"}
+    result = succeeded(gimp.run(procedure=SYNTHESIZE, image=loaded["image"], layers=loaded["layers"], options=wanted))
+    after = gimp.tree(image=loaded["image"])
+    assert [layer["id"] for layer in after["layers"]] == [result["layer"], *loaded["layers"]]
+    made, _ = gimp.pixels(result["layer"], "R'G'B'A u8")
+    assert made.shape[:2] == (100, 140)
+    assert made[..., :3].std() > 10
+
+
+def test_only_what_is_selected_is_copied(gimp, image, tmp_path):
+    pixels = photograph(96, 120, seed=6) // 2
+    pixels[:, 70:] = 250
+    write_png(tmp_path / "sample.png", pixels)
+    loaded = image([tmp_path / "sample.png"])
+    gimp.python(code="image_of(number).select_ellipse(Gimp.ChannelOps.REPLACE, 2, 2, 66, 92)", number=loaded["image"])
+    options = {"width": 100, "height": 100, "patch": 20}
+    result = succeeded(gimp.run(procedure=SYNTHESIZE, image=loaded["image"], layers=loaded["layers"], options=options))
+    made, _ = gimp.pixels(result["layer"], "R'G'B'A u8")
+    assert made[..., :3].max() <= pixels[:, :68].max()
+
+
+def test_a_tile_is_what_core_makes_and_the_layer_stays(gimp, image, sample):
+    pixels, file = sample
+    loaded = image([file])
+    before = gimp.tree(image=loaded["image"])["layers"]
+    result = succeeded(gimp.run(procedure=TILE, image=loaded["image"], layers=loaded["layers"], options={"band": 12, "seed": 2}))
+    made, _ = gimp.pixels(result["layer"], "R'G'B'A u8")
+    np.testing.assert_array_equal(made[..., :3], ts.make_tileable(pixels, 12, 2).image)
+    assert gimp.tree(image=loaded["image"])["layers"][1:] == before
+
+
+def test_a_selected_rectangle_becomes_a_tile_in_its_place(gimp, image, sample):
+    loaded = image([sample[1]])
+    gimp.python(code="image_of(number).select_rectangle(Gimp.ChannelOps.REPLACE, 20, 10, 80, 64)", number=loaded["image"])
+    result = succeeded(gimp.run(procedure=TILE, image=loaded["image"], layers=loaded["layers"]))
+    made, offset = gimp.pixels(result["layer"], "R'G'B'A u8")
+    assert (made.shape[:2], offset) == ((64, 80), (20, 10))
+
+
+def test_a_hole_is_filled_as_core_does_and_nothing_else_is_covered(gimp, image, sample):
+    pixels, file = sample
+    loaded = image([file])
+    code = """
+image = image_of(number)
+image.resize(140, 120, 7, 5)
+image.select_ellipse(Gimp.ChannelOps.REPLACE, 50, 40, 30, 24)
+box = Gegl.Rectangle.new(7, 5, 120, 96)
+open(file, "wb").write(image.get_selection().get_buffer().get(box, 1.0, "Y u8", Gegl.AbyssPolicy.NONE))
+"""
+    file = gimp.folder / "selection.raw"
+    gimp.python(code=code, number=loaded["image"], file=str(file))
+    hole = np.fromfile(file, np.uint8).reshape(96, 120) >= 128
+    result = succeeded(gimp.run(procedure=FILL, image=loaded["image"], layers=loaded["layers"], options={"patch": 20, "seed": 3}))
+    expected = ts.fill(pixels, hole, 20, seed=3).image
+    shown = gimp.projection(loaded["image"], "R'G'B'A u8")
+    np.testing.assert_array_equal(shown[5:101, 7:127, :3], expected)
+    made, _ = gimp.pixels(result["layer"], "R'G'B'A u8")
+    assert made.shape[0] < 60
+    assert made.shape[1] < 80
+
+
+def test_filling_without_a_selection(gimp, image, sample):
+    refused(gimp, image([sample[1]]), "select what is to be replaced", FILL)
+
+
+def test_a_selection_that_leaves_nothing_to_copy(gimp, image, sample):
+    loaded = image([sample[1]])
+    gimp.python(code="Gimp.Selection.all(image_of(number))", number=loaded["image"])
+    refused(gimp, loaded, "; ", FILL)
+
+
+def test_a_sample_smaller_than_a_patch(gimp, image, sample):
+    refused(gimp, image([sample[1]]), "patch", SYNTHESIZE, {"patch": 400, "width": 800, "height": 800})
+
+
+def test_a_layer_too_small_to_repeat(gimp, image, tmp_path):
+    write_png(tmp_path / "small.png", photograph(20, 20))
+    refused(gimp, image([tmp_path / "small.png"]), "at least", TILE)

@@ -69,7 +69,7 @@ def measure(image: npt.ArrayLike, base: npt.ArrayLike | None = None) -> Characte
 
     Strokes are what is darker than Otsu's threshold (1979, doi:10.1109/TSMC.1979.4310076). Within a strip of width w the distance to its
     border is w / 4 on average, so four times that average is the width; wide strokes count by their area. The likeness is Pearson's
-    correlation of the two brightnesses, blurred over a stroke's width (but not over more than `_WIDEST_BLUR`, since few wide strokes are like
+    correlation of the two brightnesses, blurred over a stroke's width (at most by `_WIDEST_BLUR`, since few wide strokes are like
     anything), as the eye does that sees a half-tone.
 
     Parameters

@@ -155,7 +155,6 @@ def test_irregular_networks_lose_their_simple_nodes_first(monkeypatch):
     net = network(n, *edges)
     conductance = 10 ** rng.uniform(-3, 0, len(edges))
     assert isinstance(net._system, module._Condensed)
-    assert isinstance(net._system.rest, module._Condensed)
     chosen = module._independent(n, *edges[(edges < n).all(axis=1)].T)
     assert chosen.mean() > 0.15
     assert not (chosen[net.tail[net._inner]] & chosen[net.head[net._inner]]).any()

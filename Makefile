@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test gimp test-gimp gimp-figures bench-gimp translations plugin-zip check lint format bench figures clean
+.PHONY: help demo test gimp test-gimp gimp-figures bench-gimp translations plugin-zip check lint format bench bench-all figures clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -58,8 +58,16 @@ bench: $(READY)  ## seams against their peers, in one run (about 5 minutes)
 	$(BIN)/python benchmarks/small_seams.py --seams 100
 	$(BIN)/python benchmarks/seams.py
 
+bench-all: bench  ## and textures, plates, stitching, batches and pattern books against theirs
+	$(BIN)/python benchmarks/texture.py
+	$(BIN)/python benchmarks/plate.py
+	$(BIN)/python benchmarks/stitching.py
+	$(BIN)/python benchmarks/batch.py
+	$(BIN)/python benchmarks/book.py
+
 figures: $(READY)  ## the thesis's figures, into docs/figures
 	$(BIN)/python docs/make_figures.py
+	$(BIN)/python docs/motif_figures.py
 	$(BIN)/python docs/make_pattern_figures.py
 
 clean:  ## remove what the other targets made

@@ -1,8 +1,8 @@
 """Texture synthesis against its peers, in one run: ``python benchmarks/texture.py [--seeds 5] [--sheet sheet.jpg] [--large]``.
 
-192 × 192 px samples are grown to 512 × 512 px by TopoSeam (tileable, patches of 40 and 64 px), by G'MIC's ``syntexturize_matchpatch`` and
-by gimp-texturize (Kwatra's method, tileable) in GIMP 2.10, where these are installed (Debian: ``gmic``, ``gimp-texturize``). All results are
-measured alike, on gray values from 0 to 255:
+192 × 192 px samples are grown to 512 × 512 px by TopoSeam (tileable, patches of 40 and 64 px), by G'MIC's ``syntexturize_matchpatch``
+and by gimp-texturize (Kwatra's method, tileable) in GIMP 2.10, where they are installed (Debian: gmic; gimp-texturize, xvfb). All results
+are measured alike, on gray values from 0 to 255:
 
 time       CPU seconds, all threads; programs with their start, GIMP without it
 swd8       sliced Wasserstein distance between the 8 × 8 patches of sample and result; far below the floor means copying
@@ -71,7 +71,7 @@ def main() -> None:
             line(name, method, rows)
         sheet.append(shown)
     if chosen.sheet:
-        contact_sheet(sheet).save(chosen.sheet, quality=88)
+        contact_sheet(sheet).save(chosen.sheet, quality=80, optimize=True)
     if chosen.large:
         large()
 
@@ -113,17 +113,19 @@ def gmic(sample: np.ndarray, seed: int) -> Made | None:
 
 def texturize(sample: np.ndarray, seed: int) -> Made | None:
     """GIMP cannot be seeded: runs differ. Its start is measured apart and taken off."""
-    if shutil.which("gimp") is None or not list(Path("/usr/lib/gimp/2.0/plug-ins").glob("texturize*")):
+    if None in (shutil.which("gimp"), shutil.which("xvfb-run")) or not list(Path("/usr/lib/gimp/2.0/plug-ins").glob("texturize*")):
         return None
 
     def script(given: str, made: str) -> list[str]:
         load = f'(image (car (gimp-file-load RUN-NONINTERACTIVE "{given}" "{given}")))'
         layer = "(car (gimp-image-get-active-drawable image))"
-        grow = f"(grown (car (gimp-plugin-texturize RUN-NONINTERACTIVE image {layer} {SIZE} {SIZE} 10 1)))"
+        grow = f"(done (gimp-plugin-texturize RUN-NONINTERACTIVE image {layer} {SIZE} {SIZE} 100 1))"
+        grow += "(grown (vector-ref (cadr (gimp-image-list)) 0))"
         save = f'(gimp-file-save RUN-NONINTERACTIVE grown (car (gimp-image-get-active-drawable grown)) "{made}" "{made}")'
-        return ["gimp", "-i", "-d", "-f", "-b", f"(let* ({load} {grow}) {save})", "-b", "(gimp-quit 0)"]
+        return [*start, "-b", f"(let* ({load} {grow}) {save})", "-b", "(gimp-quit 0)"]
 
-    idle = _program(sample, lambda given, made: ["gimp", "-i", "-d", "-f", "-b", "(gimp-quit 0)"])
+    start = ["xvfb-run", "-a", "gimp", "-i", "-d", "-f"]  # the plug-in wants a display, be it a virtual one
+    idle = _program(sample, lambda given, made: [*start, "-b", "(gimp-quit 0)"])
     made = _program(sample, script)
     return None if made is None else Made(image=made.image, seconds=made.seconds - (idle.seconds if idle else 0.0))
 
@@ -133,7 +135,7 @@ def _program(sample: np.ndarray, command: Callable[[str, str], list[str]]) -> Ma
         given, made = str(Path(folder, "given.png")), str(Path(folder, "made.png"))
         Image.fromarray(sample).save(given)
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        done = subprocess.run(command(given, made), capture_output=True, check=False, timeout=60, env={**os.environ, "HOME": folder})
+        done = subprocess.run(command(given, made), capture_output=True, check=False, timeout=120, env={**os.environ, "HOME": folder})
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         if not Path(made).exists():
@@ -214,16 +216,17 @@ def jump(exemplar: np.ndarray, image: np.ndarray, labels: np.ndarray) -> float:
     return float(np.percentile(np.concatenate(across), 99) / np.percentile(np.concatenate(inner), 99))
 
 
-def contact_sheet(rows: list[list[np.ndarray]], side: int = 300, gap: int = 6) -> Image.Image:
+def contact_sheet(rows: list[list[np.ndarray]], side: int = 260, gap: int = 6) -> Image.Image:
     """Sample and results in rows; results are shifted by half, so that the tile border runs through their middle."""
-    sheet = Image.new("RGB", (gap + max(map(len, rows)) * (side + gap), gap + len(rows) * (side + gap)), "white")
+    scale = side / SIZE
+    first = round(SOURCE * scale) + 2 * gap
+    sheet = Image.new("RGB", (first + (max(map(len, rows)) - 1) * (side + gap), gap + len(rows) * (side + gap)), "white")
     for row, images in enumerate(rows):
         for column, image in enumerate(images):
             shifted = image if column == 0 else np.roll(image, (image.shape[0] // 2, image.shape[1] // 2), (0, 1))
             picture = Image.fromarray(np.ascontiguousarray(shifted)).convert("RGB")
-            scale = side / SIZE
             small = picture.resize((round(picture.width * scale), round(picture.height * scale)), Image.Resampling.LANCZOS)
-            sheet.paste(small, (gap + column * (side + gap), gap + row * (side + gap)))
+            sheet.paste(small, (gap if column == 0 else first + (column - 1) * (side + gap), gap + row * (side + gap)))
     return sheet
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+import texture_figures
 import thesis_cases
 from figure_sheet import GRAY, SEAM, Sheet, save_png
 from photographs import beside, corner, pairs, photograph
@@ -62,6 +63,7 @@ def main() -> None:
     FIGURES.mkdir(exist_ok=True)
     rows = [*toy_problem(), *zigzag(), *ell_and_random_colours(), *photographs(), *two_sizes()]
     hero()
+    texture_figures.main()
     write_numbers(rows)
     total = sum(path.stat().st_size for path in FIGURES.glob("*.png"))
     print(f"{len(list(FIGURES.glob('*.png')))} figures, {total / 1e6:.1f} MB, in {time.perf_counter() - started:.0f} s: {FIGURES}")

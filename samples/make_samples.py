@@ -23,6 +23,11 @@ def main() -> None:
     write("motorcycle_left.png", left[:, :440])
     write("motorcycle_right.png", right[:, 240:])
 
+    coffee = read("coffee.png")
+    for name, (x, y), gain in (("a", (0, 0), 1.07), ("b", (190, 30), 0.92), ("c", (90, 170), 1.0)):
+        crop = coffee[40 + y : 260 + y, 130 + x : 410 + x] * gain
+        write(f"coffee_{name}.jpg", np.clip(np.rint(crop), 0, 255).astype(np.uint8), quality=92, subsampling=0)
+
     grass = read("grass.png")
     write("grass_a.png", grass[165:325, 181:341])
     write("grass_b.png", grass[3:163, 298:458])
@@ -34,6 +39,29 @@ def main() -> None:
     write("sky_a.png", np.concatenate([np.where(opacity > 0, large, 0), opacity], axis=2))
     write("sky_b.png", small)
     write("leaf.png", ginkgo())
+    write("brick.png", read("brick.png")[:192, :192])
+    write("gravel.png", read("gravel.png")[:192, :192])
+    write("stars.png", sky[80:272, 80:272])
+    colour, normals = cobbles(192)
+    write("cobbles.png", colour)
+    write("cobbles_normal.png", normals)
+    write("cloth.png", cloth(160))
+
+    write("brick.png", read("brick.png")[:192, :192])
+    write("gravel.png", read("gravel.png")[:192, :192])
+    write("stars.png", sky[80:272, 80:272])
+    colour, normals = cobbles(192)
+    write("cobbles.png", colour)
+    write("cobbles_normal.png", normals)
+    write("cloth.png", cloth(160))
+
+    write("brick.png", read("brick.png")[:192, :192])
+    write("gravel.png", read("gravel.png")[:192, :192])
+    write("stars.png", sky[80:272, 80:272])
+    colour, normals = cobbles(192)
+    write("cobbles.png", colour)
+    write("cobbles_normal.png", normals)
+    write("cloth.png", cloth(160))
 
 
 def ginkgo(size: int = 200) -> np.ndarray:
@@ -47,14 +75,6 @@ def ginkgo(size: int = 200) -> np.ndarray:
     stem = (np.abs(x + 0.09 * np.maximum(y - 0.3, 0) ** 2) < 0.03) & (y > 0.3) & (y < 0.9)
     leaf = np.where((fan & ~veins) | stem, 20.0, 255.0)
     return leaf.reshape(size, 3, size, 3).mean(axis=(1, 3)).round().astype(np.uint8)
-
-    write("brick.png", read("brick.png")[:192, :192])
-    write("gravel.png", read("gravel.png")[:192, :192])
-    write("stars.png", sky[80:272, 80:272])
-    colour, normals = cobbles(192)
-    write("cobbles.png", colour)
-    write("cobbles_normal.png", normals)
-    write("cloth.png", cloth(160))
 
 
 def cobbles(size: int) -> tuple[np.ndarray, np.ndarray]:
@@ -110,8 +130,8 @@ def read(name: str) -> np.ndarray:
         return np.asarray(image)
 
 
-def write(name: str, pixels: np.ndarray) -> None:
-    Image.fromarray(np.ascontiguousarray(pixels)).save(HERE / name, optimize=True)
+def write(name: str, pixels: np.ndarray, **options: int) -> None:
+    Image.fromarray(np.ascontiguousarray(pixels)).save(HERE / name, optimize=True, **options)
 
 
 if __name__ == "__main__":

@@ -130,7 +130,8 @@ def _job(entry: Entry, settings: Mapping[str, Any], name: str | None, found: str
     manner = [max(flag.opts, key=len) for key, flag in flags.items() if wanted[str(key)]]
     words = to_words(entry, {key: value for key, value in settings.items() if key not in _MANNER})
     try:
-        parameters = command.make_context(command.name, list(words)).params
+        # Its names for help come from the parent, and click keeps them with the command.
+        parameters = command.make_context(command.name, list(words), parent=click.get_current_context(silent=True)).params
     except click.UsageError as error:
         text = error.format_message().rstrip(".")
         raise entry.refuse(f"{found}: {text}" if found else text) from error

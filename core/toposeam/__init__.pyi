@@ -28,7 +28,7 @@ from .seam.seam import Seam
 from .seam.thesis import ThesisOptions
 from .texture.fill import fill, make_tileable
 from .texture.lay import LayOptions
-from .texture.synthesis import Synthesis
+from .texture.synthesis import Synthesis, apply_coordinates
 from .texture.synthesize import Tileable, synthesize
 from .vector.polyline import Polyline
 from .vector.svg import SvgSeam, read_svg
@@ -77,6 +77,7 @@ __all__ = [
     "Tileable",
     "TopoSeamError",
     "align",
+    "apply_coordinates",
     "arrange",
     "border_mismatch",
     "common_canvas",

@@ -35,6 +35,10 @@ def test_a_texture_is_grown_with_all_that_belongs_to_it(toposeam):
     for made, given in ((big.pixels, source), (normal.pixels, other)):
         assert (made == given[row, column]).all(axis=2).mean() > 0.7
     assert len(np.unique(labels.pixels)) == 12
+    # Without mixing at the seams the coordinates alone tell everything; with it the border's wrapping has to be told as well.
+    again = toposeam("synth", "moss.png", "--use-coordinates", "from.png", "--tileable", "both", "-o", "alike.png")
+    assert again.code == 0, again
+    np.testing.assert_array_equal(read_picture("alike.png").pixels, big.pixels)
     assert (toposeam("synth", "moss.png", *ASKED, "--also", "normal.png", "--tileable", "both", "-o", "again.png")).code == 0
     np.testing.assert_array_equal(read_picture("again.png").pixels, big.pixels)
 
@@ -74,6 +78,9 @@ def test_a_mask_and_a_guide_are_read_from_pictures(toposeam):
     (("moss.png", "--size", "90", "--mask", "small.png", "-o", "o.png"), "the mask small.png is 8 × 8 px", 1),
     (("moss.png", "--size", "90", "--mask", "black.png", "-o", "o.png"), "mask is empty", 1),
     (("moss.png", "--size", "90", "--guide", "black.png", "-o", "o.png"), "belong together", 1),
+    (("moss.png", "-o", "o.png"), "--size", 1),
+    (("moss.png", "--use-coordinates", "moss.png", "-o", "o.png"), "holds no coordinates", 1),
+    (("moss.png", "--use-coordinates", "normal.png", "-o", "o.png"), "point beyond", 1),
     (("black.png", "--size", "90", "-o", "o.png"), "one value everywhere", 1),
     (("moss.png", "--size", "90", "-o", "moss.png"), "--force", 1),
     (("moss.png", "--size", "90", "-o", "o.xyz"), "not supported", 1),

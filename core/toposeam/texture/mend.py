@@ -16,6 +16,7 @@ from scipy import ndimage
 from toposeam.images import Mask
 from toposeam.texture.atlas import Floats32, Ints32, values_at
 from toposeam.texture.lay import Layer
+from toposeam.texture.search import Ints
 
 #: Side of the blocks of px by which bad places are found.
 _BLOCK = 8
@@ -48,8 +49,10 @@ def mend(layer: Layer, shape: tuple[int, int], count: int, progress: Callable[[f
     """
     canvas = layer.canvas
     height, width = canvas.shape
-    cost = _seam_costs(layer, canvas.read(0, 0, height + 1, width + 1))[:height, :width]
-    worth = _blocks(cost)
+    blocks = -(-height // _BLOCK), -(-width // _BLOCK)
+    cost = np.zeros((blocks[0] * _BLOCK, blocks[1] * _BLOCK), np.float32)
+    cost[:height, :width] = _seam_costs(layer, canvas.read(0, 0, height + 1, width + 1))
+    worth = cost.reshape(blocks[0], _BLOCK, blocks[1], _BLOCK).sum(axis=(1, 3))
     tried = np.zeros(worth.shape, np.float32)
     mode = ["wrap" if wraps else "constant" for wraps in canvas.wrap]
     reach = [max(1, length // (2 * _BLOCK)) for length in shape]
@@ -73,7 +76,8 @@ def mend(layer: Layer, shape: tuple[int, int], count: int, progress: Callable[[f
             rows, columns, inside = canvas.window(top - 1, left - 1, shape[0] + 1, shape[1] + 1)
             new = _seam_costs(layer, canvas.read(top - 1, left - 1, shape[0] + 2, shape[1] + 2))
             cost[np.broadcast_to(rows, inside.shape)[inside], np.broadcast_to(columns, inside.shape)[inside]] = new[inside]
-            worth = _blocks(cost)
+            at = np.ix_(np.unique(rows // _BLOCK), np.unique(columns // _BLOCK))
+            worth[at] = _block_sums(cost, at[0].ravel(), at[1].ravel())
         tried[row, column] = 1
         if progress is not None:
             progress((step + 1) / count)
@@ -132,9 +136,9 @@ def _norm(values: Floats32, usable: Mask) -> Floats32:
     return result
 
 
-def _blocks(cost: Floats32) -> Floats32:
-    height, width = (-(-length // _BLOCK) for length in cost.shape)
-    padded = np.zeros((height * _BLOCK, width * _BLOCK), np.float32)
-    padded[: cost.shape[0], : cost.shape[1]] = cost
-    result: Floats32 = padded.reshape(height, _BLOCK, width, _BLOCK).sum(axis=(1, 3))
+def _block_sums(cost: Floats32, rows: Ints, columns: Ints) -> Floats32:
+    """Sums of some blocks: (len(rows), len(columns))."""
+    steps = np.arange(_BLOCK)
+    part = cost[np.ix_((rows[:, np.newaxis] * _BLOCK + steps).ravel(), (columns[:, np.newaxis] * _BLOCK + steps).ravel())]
+    result: Floats32 = part.reshape(len(rows), _BLOCK, len(columns), _BLOCK).sum(axis=(1, 3))
     return result

@@ -100,12 +100,10 @@ class Synthesis:
         ImageError
             For other sizes, or images that differ in dtype or channels.
         """
-        found = [np.asarray(image) for image in as_list(images, len(self.atlas.shapes), "images")]
+        found = _of_one_kind(images, len(self.atlas.shapes))
         for image, (height, width) in zip(found, self.atlas.shapes.tolist(), strict=True):
-            if image.ndim not in (2, 3) or image.shape[:2] != (height, width):
+            if image.shape[:2] != (height, width):
                 raise ImageError(f"an image has shape {image.shape}, but its exemplar is {width} × {height} px; scale it to that size")
-        if len({(image.dtype, image.shape[2:]) for image in found}) > 1:
-            raise ImageError("the images differ in dtype or channels; convert them to one")
         deep = [image[..., np.newaxis] if image.ndim == 2 else image for image in found]
         made = self._render(deep)
         return made[..., 0] if found[0].ndim == 2 else made
@@ -116,3 +114,58 @@ class Synthesis:
         if self.changed is not None:
             np.copyto(made, images[0], where=~self.changed[..., np.newaxis])
         return made
+
+
+def apply_coordinates(
+    images: Images, source: npt.ArrayLike, exemplar: npt.ArrayLike | None = None, *, wraps: tuple[bool, bool] = (False, False),
+    smooth: int = 1,
+) -> Image:  # fmt: skip
+    """Cut pictures as another synthesis was cut, from its source coordinates alone.
+
+    Parameters
+    ----------
+    images : (H, W[, C]) array_like, or a list with one per exemplar
+    source : (H', W', 2) integer array_like
+        Row and column of the pixel to show, as in :attr:`Synthesis.source`.
+    exemplar : (H', W') integer array_like, optional
+        Number of the image it is taken from; 0 everywhere without it.
+    wraps : (bool, bool)
+        Whether rows and whether columns continue at the opposite border; matters for the mixing at seams there.
+    smooth : int
+        px to either side of a seam in which neighbouring patches are mixed.
+
+    Returns
+    -------
+    (H', W') or (H', W', C) array of the images' dtype
+
+    Raises
+    ------
+    ImageError
+        For images that differ in kind, or coordinates beyond them.
+    """
+    place = np.asarray(source)
+    if place.ndim != 3 or place.shape[2] != 2 or not np.issubdtype(place.dtype, np.integer):
+        raise ImageError(f"source has shape {place.shape} and dtype {place.dtype}; pass (H, W, 2) whole numbers, row and column")
+    number = np.zeros(place.shape[:2], np.int16) if exemplar is None else np.asarray(exemplar).astype(np.int16)
+    if number.shape != place.shape[:2]:
+        raise ImageError(f"exemplar has shape {number.shape}, the coordinates {place.shape[:2]}; pass one value per pixel")
+    several = list(images) if isinstance(images, list | tuple) else [images]
+    found = _of_one_kind(images, len(several))
+    shapes = np.array([image.shape[:2] for image in found])
+    if number.min() < 0 or number.max() >= len(found) or (place < 0).any() or (place >= shapes[number]).any():
+        sizes = ", ".join(f"{width} × {height}" for height, width in shapes.tolist())
+        raise ImageError(f"the coordinates point beyond the pictures ({sizes} px); give pictures of the size of those they were made with")
+    atlas = Atlas.of([np.ones(image.shape[:2], bool) for image in found], 2)
+    deep = [image[..., np.newaxis] if image.ndim == 2 else image for image in found]
+    made = render(atlas.index_of(number, place.astype(np.int32)), atlas.spread(deep), atlas.usable, wraps, smooth)
+    return made[..., 0] if found[0].ndim == 2 else made
+
+
+def _of_one_kind(images: Images, count: int) -> list[npt.NDArray[Any]]:
+    """One array per exemplar, alike in dtype and channels."""
+    found = [np.asarray(image) for image in as_list(images, count, "images")]
+    if any(image.ndim not in (2, 3) or 0 in image.shape for image in found):
+        raise ImageError("an image is empty or has neither two nor three axes; pass non-empty (H, W) or (H, W, C) arrays")
+    if len({(image.dtype, image.shape[2:]) for image in found}) > 1:
+        raise ImageError("the images differ in dtype or channels; convert them to one")
+    return found

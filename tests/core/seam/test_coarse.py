@@ -18,6 +18,7 @@ def small_limits(monkeypatch):
     monkeypatch.setattr(heat, "WHOLE_NODES", 400)
     monkeypatch.setattr(coarse, "COARSEST_NODES", 200)
     monkeypatch.setattr(coarse, "OPENED_NODES", 2)
+    monkeypatch.setattr(coarse, "OPENED_NODES_LAST", 2)
 
 
 @pytest.mark.usefixtures("small_limits")

@@ -7,8 +7,9 @@
 Sizes are length × width of the overlap in px. Pairs are random crops of photographs in scikit-image's wheel, and generated noise with a
 1/f spectrum; where a photograph is too small, a canvas is tiled with different crops of it, some of them mirrored. Times are medians in ms
 of processor time on one thread, of everything a method does once the match cost is given: for heat the coarse networks, for Dijkstra and
-PyMaxflow the graph (OpenCV's own calls compute their own cost). "Dijkstra alone" is SciPy's call on the finished graph. Ratios are cost ÷
-exact optimum of the match cost (2.4), or (3.22) for OpenCV's colour-only finders, which minimise something like it.
+PyMaxflow the graph (OpenCV's own calls compute their own cost). Quotients are medians over the pairs that both were asked for. "Dijkstra
+alone" is SciPy's call on the finished graph. Ratios are cost ÷ exact optimum of the match cost (2.4), or (3.22) for OpenCV's colour-only
+finders, which minimise something like it.
 
 A method that takes longer than --patience seconds (PyMaxflow: five times that) is not asked for further pairs of that size, nor for larger
 sizes.
@@ -267,7 +268,7 @@ def measure(
     print(f"{'':<34}{'ms':>10}{'÷ PyMaxflow':>13}{'÷ Dijkstra':>12}{'cost ÷ optimum':>17}{'worst':>9}{'MiB':>7}{'× RGB':>7}")
     for name in asked:
         took = median[name]
-        quotients = "".join(f"{took / median[peer] if peer in median else float('nan'):>{space}.3f}" for peer, space in PEERS)
+        quotients = "".join(f"{quotient(seconds[name], seconds[peer]):>{space}.3f}" for peer, space in PEERS)
         peak = f"{memory[name] / 2**20:>7.0f}{memory[name] / (12 * length * width):>7.1f}" if name in memory else ""
         few = "" if len(seconds[name]) == len(spent) else f"  (pairs: {len(seconds[name])})"
         print(f"{name:<34}{1e3 * took:>10.2f}{quotients}{statistics.median(ratios[name]):>17.4f}{max(ratios[name]):>9.3f}{peak}{few}")
@@ -275,6 +276,11 @@ def measure(
     curves["heat and match cost"].append((length * width, median[HEAT] + statistics.median(spent)))
     print(flush=True)
     return patient
+
+
+def quotient(mine: list[float], peers: list[float]) -> float:
+    """Median quotient of times over the pairs that both methods were asked for."""
+    return statistics.median([m / p for m, p in zip(mine, peers, strict=False)] or [float("nan")])
 
 
 def draw(curves: dict[str, list[tuple[int, float]]], fits: dict[str, float], file: Path) -> None:

@@ -243,11 +243,11 @@ PROCEDURES = {
                 _SEED,
                 Option(
                     name="use-layer", label=_("Shape the strokes after this la_yer"), default=False, engine=False,
-                    help=_("Strokes keep to the dark parts of the selected layer, a logo or a photograph"),
+                    help=_("Strokes keep to the bright parts of the selected layer, a logo or a photograph"),
                 ),
                 Option(
                     name="base-strength", label=_("Stren_gth of its shape"), default=0.7, low=-1.0, high=1.0,
-                    help=_("How strongly the layer shows; below 0 the strokes keep to its bright parts"),
+                    help=_("How strongly the layer shows; below 0 the strokes keep to its dark parts"),
                 ),
             ),
             returns=("layer", "The group of inks"),

@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test gimp test-gimp plugin-zip check lint format bench figures clean
+.PHONY: help demo test gimp test-gimp gimp-figures bench-gimp translations plugin-zip check lint format bench bench-all figures clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -29,6 +29,15 @@ gimp:  ## provide GIMP 3 for the tests: the system's, or Debian's in a folder of
 test-gimp: $(READY) gimp  ## the plug-in's tests in a real GIMP 3 (GIMP_SUITE=sid: in the newest)
 	PYTHON=$(BIN)/python TOPOSEAM_GIMP_REQUIRED=1 tests/gimp/gimp3.sh run python -m pytest tests/gimp -q
 
+translations:  ## compile the plug-in's translations (needs msgfmt)
+	for po in plugin_gimp/toposeam_gimp/locale/*/LC_MESSAGES/*.po; do msgfmt --check-format -o "$${po%.po}.mo" "$$po"; done
+
+bench-gimp: $(READY) gimp  ## Stitch Layers in GIMP against the command line, 12 megapixels
+	PYTHON=$(BIN)/python tests/gimp/gimp3.sh run python benchmarks/gimp.py
+
+gimp-figures: $(READY) gimp  ## the pictures of docs/gimp.md, made in a real GIMP
+	PYTHON=$(BIN)/python tests/gimp/gimp3.sh run python docs/gimp_figures.py
+
 plugin-zip: $(READY)  ## the GIMP plug-in as an archive for people without a terminal, into dist/
 	$(BIN)/python plugin_gimp/make_zip.py dist/toposeam-gimp.zip
 
@@ -45,14 +54,22 @@ format: $(READY)  ## let ruff rewrite what it can
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-bench: $(READY)  ## seams and textures against their peers, in one run (about 10 minutes)
+bench: $(READY)  ## seams against their peers, in one run (about 5 minutes)
 	$(BIN)/python benchmarks/small_seams.py --seams 100
 	$(BIN)/python benchmarks/seams.py
+
+bench-all: bench  ## and textures, plates, stitching, batches and pattern books against theirs
 	$(BIN)/python benchmarks/texture.py
+	$(BIN)/python benchmarks/plate.py
+	$(BIN)/python benchmarks/stitching.py
+	$(BIN)/python benchmarks/batch.py
+	$(BIN)/python benchmarks/book.py
 
 figures: $(READY)  ## the thesis's figures, into docs/figures
 	$(BIN)/python docs/make_figures.py
+	$(BIN)/python docs/motif_figures.py
 	$(BIN)/python docs/make_pattern_figures.py
+	$(BIN)/python docs/texture_figures.py
 
 clean:  ## remove what the other targets made
 	rm -rf $(VENV) demo build dist .pytest_cache .mypy_cache .ruff_cache

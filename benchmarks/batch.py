@@ -27,7 +27,8 @@ def main(count: int) -> None:
     photograph = data.coffee()
     height, width = SIZE
     rng = np.random.default_rng(0)
-    with tempfile.TemporaryDirectory() as name:
+    memory = Path("/dev/shm")  # noqa: S108 - where there is such a place, the disk, which others use too, stays out of it
+    with tempfile.TemporaryDirectory(dir=memory if memory.is_dir() else None) as name:
         folder = Path(name)
         for index in range(count):
             top = rng.integers(photograph.shape[0] - height)

@@ -15,7 +15,6 @@ import time
 from pathlib import Path
 
 import numpy as np
-from scipy import ndimage
 
 from toposeam_cli.picture import Picture, write_picture
 
@@ -53,15 +52,23 @@ def texture(height: int, width: int) -> np.ndarray:
     rng = np.random.default_rng(0)
     scene = np.empty((height, width, 3), np.uint8)
     for channel in range(3):
-        plane = np.zeros((height, width), np.float32)
-        for step in (4, 64, 1024):
-            coarse = rng.standard_normal((height // step + 3, width // step + 3), dtype=np.float32)
-            rows, columns = np.arange(height, dtype=np.float32) / step, np.arange(width, dtype=np.float32) / step
-            for top in range(0, height, 512):
-                grid = np.meshgrid(rows[top : top + 512], columns, indexing="ij")
-                plane[top : top + 512] += ndimage.map_coordinates(coarse, grid, order=1)
-        scene[..., channel] = (128 + 30 * plane).clip(0, 255)
+        scales = [wide(rng, height, width, step) for step in (4, 64, 1024)]
+        for top in range(0, height, 512):
+            rows = np.arange(top, min(top + 512, height))
+            plane = np.zeros((len(rows), width), np.float32)
+            for step, coarse in scales:
+                share = (rows % step / np.float32(step))[:, np.newaxis]
+                plane += coarse[rows // step] * (1 - share) + coarse[rows // step + 1] * share
+            scene[rows, :, channel] = (128 + 30 * plane).clip(0, 255)
     return scene
+
+
+def wide(rng: np.random.Generator, height: int, width: int, step: int) -> tuple[int, np.ndarray]:
+    """Coarse noise, enlarged to the whole width."""
+    coarse = rng.standard_normal((height // step + 2, width // step + 2), dtype=np.float32)
+    columns = np.arange(width)
+    share = columns % step / np.float32(step)
+    return step, coarse[:, columns // step] * (1 - share) + coarse[:, columns // step + 1] * share
 
 
 if __name__ == "__main__":

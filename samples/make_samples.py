@@ -23,6 +23,11 @@ def main() -> None:
     write("motorcycle_left.png", left[:, :440])
     write("motorcycle_right.png", right[:, 240:])
 
+    coffee = read("coffee.png")
+    for name, (x, y), gain in (("a", (0, 0), 1.07), ("b", (190, 30), 0.92), ("c", (90, 170), 1.0)):
+        crop = coffee[40 + y : 260 + y, 130 + x : 410 + x] * gain
+        write(f"coffee_{name}.jpg", np.clip(np.rint(crop), 0, 255).astype(np.uint8), quality=92, subsampling=0)
+
     grass = read("grass.png")
     write("grass_a.png", grass[165:325, 181:341])
     write("grass_b.png", grass[3:163, 298:458])
@@ -109,8 +114,8 @@ def read(name: str) -> np.ndarray:
         return np.asarray(image)
 
 
-def write(name: str, pixels: np.ndarray) -> None:
-    Image.fromarray(np.ascontiguousarray(pixels)).save(HERE / name, optimize=True)
+def write(name: str, pixels: np.ndarray, **options: int) -> None:
+    Image.fromarray(np.ascontiguousarray(pixels)).save(HERE / name, optimize=True, **options)
 
 
 if __name__ == "__main__":

@@ -41,7 +41,7 @@ def book_recipe(theme: np.ndarray, seed: int, number: int, size: int) -> Recipe:
     layers = int(rng.integers(2, 4 if shown else 5))  # on one place more inks than three turn black
     inks = season.inks[rng.permutation(6)[:layers]]
     repeat = str(rng.choice(_REPEATS[:6] if shown else _REPEATS))
-    strength = float(rng.uniform(0.8, 1.0) if shown else rng.uniform(0.15, 0.6))
+    strength = float(rng.uniform(0.7, 1.0) if shown else rng.uniform(0.05, 0.35))
     # Ink goes where the theme has less: a dark sign on light ground is drawn in ink, a light one on dark ground too.
     if unpack_base(pack_base(theme)).mean() > 0.5:
         strength = -strength
@@ -101,14 +101,16 @@ def draw_pattern(theme: str, seed: int, number: int, size: int, motif: str, swat
     }
 
 
-def draw_on_product(motif: str, product: str, output: str) -> None:
+def draw_on_product(motif: str, product: str, output: str, motif_mm: float | None = None, force: bool = True) -> None:
     """Make one mock-up from a motif's recipe."""
     recipe = read_recipe(Path(motif))
     made = ts.generate_motif(recipe)
     height, width = (2 * side for side in made.densities.shape[1:])
     pattern = to_depth(ts.repeat(made, (_SWATCH, _SWATCH), (height, width)), np.dtype(np.uint8))
     dark = made.inks[int(np.argmin(made.inks.sum(axis=1)))]
-    write_picture(output, Picture(pixels=draw_product(PRODUCTS[product], pattern, width, made.paper, dark)), force=True)
+    # `width` px are one motif, of which `pattern` has two by two.
+    drawn = draw_product(PRODUCTS[product], pattern, width, made.paper, dark, motif_mm)
+    write_picture(output, Picture(pixels=drawn), force=force)
 
 
 @functools.lru_cache(maxsize=2)

@@ -106,8 +106,11 @@ def parse_patterns(command: click.Command, words: Sequence[str], folder: Path) -
     click.UsageError
         If they are not words of that command.
     """
-    context = click.Context(command, info_name=command.name)
-    settings, rest, _ = command.make_parser(context).parse_args(list(words))
+    context = click.Context(command, parent=click.get_current_context(silent=True), info_name=command.name)
+    try:
+        settings, rest, _ = command.make_parser(context).parse_args(list(words))
+    except click.UsageError as error:
+        raise click.UsageError(error.format_message()) from error  # of `batch`: its usage is to be shown
     if rest:
         raise click.UsageError(f"too many words: {' '.join(rest)}; put patterns in quotes, so that the shell leaves them alone")
     settings = {name: value for name, value in settings.items() if isinstance(value, str | bool | tuple | list)}

@@ -20,14 +20,8 @@ class Terminated(SystemExit):
 
 
 @contextmanager
-def terminations_raised(*, ignore_ctrl_c: bool = False) -> Iterator[None]:
-    """Raise :class:`Terminated` in the main thread on ``kill`` and when the terminal closes, unless somebody handles that already.
-
-    Parameters
-    ----------
-    ignore_ctrl_c : bool
-        For worker processes: a terminal sends Ctrl-C to them too, but it is their parent that answers.
-    """
+def terminations_raised() -> Iterator[None]:
+    """Raise :class:`Terminated` in the main thread on ``kill`` and when the terminal closes, unless somebody handles that already."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -36,14 +30,28 @@ def terminations_raised(*, ignore_ctrl_c: bool = False) -> Iterator[None]:
         for name in ("SIGTERM", "SIGHUP")
         if hasattr(signal, name) and signal.getsignal(getattr(signal, name)) == signal.SIG_DFL
     }
-    if ignore_ctrl_c:
-        handlers[signal.SIGINT] = signal.SIG_IGN
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     try:
         yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+@contextmanager
+def ctrl_c_later() -> Iterator[None]:
+    """Keep Ctrl-C from processes that are started in the block, from their first moment on; here it takes effect after the block."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield  # Windows
+        return
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()  # which would unblock the signal
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _terminate(number: int, frame: FrameType | None) -> None:
@@ -60,28 +68,29 @@ def interruptible(call: Callable[[], Value], stop: Callable[[], object]) -> Valu
         return call()  # signals go to the main thread, and whoever waits there decides
     results: list[Value] = []
     errors: list[BaseException] = []
+    begins = threading.Lock()  # whoever takes it decides: the thread that the call begins, or an interruption that it never does
     done = threading.Event()
 
     def work() -> None:
         try:
-            results.append(call())
+            if begins.acquire(blocking=False):
+                results.append(call())
         except BaseException as error:
             errors.append(error)
         finally:
             done.set()
 
     thread = threading.Thread(target=work, name="libvips")
-    thread.start()
     try:
+        thread.start()
         while not done.wait(_LOOK_EVERY_S):
             pass
     except BaseException:
-        while not done.is_set():
-            stop()  # again and again: what is stopped between two steps forgets it
-            done.wait(_LOOK_EVERY_S)
+        if not begins.acquire(blocking=False):
+            while not done.is_set():
+                stop()  # again and again: what is stopped between two steps forgets it
+                done.wait(_LOOK_EVERY_S)
         raise
-    finally:
-        thread.join()
     if errors:
         raise errors[0]
     return results[0]

@@ -13,7 +13,7 @@ from toposeam_cli.interruption import terminations_raised
 from toposeam_cli.sentence import sentence
 
 #: Commands that are imported when they are wanted: loading the numerics takes most of a second, and Ctrl-C may come in it.
-_COMMANDS = ("stitch", "compare", "synth", "tile", "fill", "motif", "repeat", "book", "batch", "gimp")
+_COMMANDS = ("stitch", "compare", "synth", "tile", "fill", "motif", "repeat", "join", "mockup", "book", "batch", "gimp")
 
 
 class Commands(click.Group):

@@ -19,7 +19,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from toposeam.errors import MissingPackageError, OptionError
-from toposeam_cli.interruption import Terminated, terminations_raised
+from toposeam_cli.interruption import Terminated, ctrl_c_later, terminations_raised
 
 #: How long a worker that must end may take to leave a call into compiled code, s.
 _PATIENCE_S = 5.0
@@ -57,12 +57,16 @@ class Workers(ABC):
         """Give a free worker a job."""
         executor = self._take()
         try:
-            future = executor.submit(answer, function, arguments)
+            future = self._submit(executor, function, arguments)
         except BrokenExecutor:  # its worker died while it had nothing to do
             self._give_back(executor, died=True)
             executor = self._take()
-            future = executor.submit(answer, function, arguments)
+            future = self._submit(executor, function, arguments)
         self._running[future] = name, executor
+
+    def _submit(self, executor: Executor, function: str, arguments: Mapping[str, Any]) -> Future[Answer]:
+        with ctrl_c_later():  # a terminal sends it to workers too, but it is their parent that answers
+            return executor.submit(answer, function, arguments)
 
     def ended(self, timeout_s: float) -> list[tuple[str, Answer | None]]:
         """Wait for jobs to end: their names, and what became of them, None where the worker died."""
@@ -140,7 +144,7 @@ def _prepare(ending: Connection) -> None:
     """Make ready a worker process."""
     for name in _ONE_THREAD:
         os.environ[name] = "1"  # before the numerics are loaded
-    terminations_raised(ignore_ctrl_c=True).__enter__()  # until the process ends
+    terminations_raised().__enter__()  # until the process ends
     threading.Thread(target=_end_with, args=(ending,), daemon=True).start()
 
 
@@ -203,7 +207,8 @@ def dask_workers(address: str, count: int) -> Iterator[Workers]:
     # A worker's death is ours to answer: only we know which files it may have left.
     with dask.config.set({"distributed.scheduler.allowed-failures": 0}):
         quiet = {"dashboard_address": None, "silence_logs": logging.CRITICAL}
-        cluster = LocalCluster(n_workers=count, threads_per_worker=1, **quiet) if address == "local" else None
+        with ctrl_c_later():
+            cluster = LocalCluster(n_workers=count, threads_per_worker=1, **quiet) if address == "local" else None
         try:
             try:
                 client = Client(cluster or address, timeout=10)

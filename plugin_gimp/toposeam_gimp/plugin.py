@@ -80,7 +80,7 @@ def _run(
         if run_mode == Gimp.RunMode.INTERACTIVE and entry.options and not _ask_user(procedure, config, entry):
             return procedure.new_return_values(Gimp.PDBStatusType.CANCEL, None)
         options = {option.name: config.get_property(option.name) for option in entry.options}
-        Gimp.progress_init(entry.label.replace("_", "").rstrip("."))
+        Gimp.progress_init(entry.title)
         module, function = entry.work.split(".")
         call = Call(image=image, drawables=drawables, options=options, entry=entry, interactive=run_mode == Gimp.RunMode.INTERACTIVE)
         layer = getattr(import_module(f"toposeam_gimp.{module}"), function)(call)
@@ -107,7 +107,7 @@ def _ask_user(procedure: Gimp.Procedure, config: Gimp.ProcedureConfig, entry: Pr
     from gi.repository import GimpUi
 
     GimpUi.init("toposeam_gimp")
-    dialog = GimpUi.ProcedureDialog.new(procedure, config, entry.label.replace("_", "").rstrip("."))
+    dialog = GimpUi.ProcedureDialog.new(procedure, config, entry.title)
     dialog.fill(None)
     try:
         return bool(dialog.run())

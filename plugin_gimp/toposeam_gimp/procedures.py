@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 from toposeam_gimp.texts import _
@@ -41,6 +42,11 @@ class Procedure:
     #: Name and blurb of the layer it returns.
     returns: tuple[str, str] = ("layer", "The new layer")
 
+    @property
+    def title(self) -> str:
+        """The label without mnemonic and dots; Korean ones write it as “(_S)”."""
+        return re.sub(r"\(_\w\)|_", "", self.label).rstrip(".")
+
 
 _METHOD = Option(
     name="method", label=_("_Method"), default="heat",
@@ -75,11 +81,11 @@ _KEEP = Option(
     help=_("Leave the layers you selected where they are, invisible; otherwise the stitched copies replace them"),
 )  # fmt: skip
 _MERGE = Option(
-    name="merge", label=_("Merge into _one layer"), default=False, engine=False,
+    name="merge", label=_("Merge into one la_yer"), default=False, engine=False,
     help=_("Make one layer of the result instead of a group of layers with masks"),
 )  # fmt: skip
 _CORE = Option(
-    name="core", label=_("_Core that must show"), default=0.5, low=0.05, high=1.0,
+    name="core", label=_("Core that m_ust show"), default=0.5, low=0.05, high=1.0,
     help=_("The share of the patch's depth, from its innermost point outwards, that the seam must leave to the patch"),
 )  # fmt: skip
 _SEED = Option(
@@ -91,12 +97,12 @@ _PATCH = Option(
     help=_("Side of the patches that are laid; larger than the elements of the texture"),
 )  # fmt: skip
 _OVERLAP = Option(
-    name="overlap", label=_("_Overlap (px, 0: a quarter of the patch)"), default=0, low=0, high=512,
+    name="overlap", label=_("O_verlap (px, 0: a quarter of the patch)"), default=0, low=0, high=512,
     help=_("How far neighbouring patches overlap; the seams run there"),
 )  # fmt: skip
 _BORDERS = (("both", _("On both axes")), ("x", _("Left and right")), ("y", _("Top and bottom")))
 _SHOW = Option(
-    name="show-seam", label=_("_Show the seam"), default=False, engine=False,
+    name="show-seam", label=_("Show the s_eam"), default=False, engine=False,
     help=_("Make the paths of the seams visible; they are in the Paths dialog in any case"),
 )  # fmt: skip
 
@@ -150,7 +156,7 @@ PROCEDURES = {
             ),
             options=(
                 Option(name="width", label=_("_Width (px)"), help=_("Width of the texture"), default=512, low=16, high=65536),
-                Option(name="height", label=_("_Height (px)"), help=_("Height of the texture"), default=512, low=16, high=65536),
+                Option(name="height", label=_("He_ight (px)"), help=_("Height of the texture"), default=512, low=16, high=65536),
                 _PATCH, _OVERLAP,
                 Option(
                     name="tileable", label=_("_Tileable"), help=_("Whether the texture continues at its opposite border"), default="none",
@@ -158,7 +164,7 @@ PROCEDURES = {
                 ),
                 _SEED,
                 Option(
-                    name="destination", label=_("_Into"), help=_("Where the texture goes"), default="image", engine=False,
+                    name="destination", label=_("I_nto"), help=_("Where the texture goes"), default="image", engine=False,
                     choices=(("image", _("A new image")), ("layer", _("A new layer"))),
                 ),
             ),
@@ -176,7 +182,7 @@ PROCEDURES = {
                     name="band", label=_("_Band (px, 0: an eighth of the shorter side)"), help=_("How much along each border may change"),
                     default=0, low=0, high=4096,
                 ),
-                Option(name="tileable", label=_("_Repeat"), help=_("Which borders are to match"), default="both", choices=_BORDERS),
+                Option(name="tileable", label=_("Re_peat"), help=_("Which borders are to match"), default="both", choices=_BORDERS),
                 _SEED,
             ),
         ),
@@ -209,9 +215,9 @@ PROCEDURES = {
                 "another colour and the motif follows. Repeat Motif makes a pattern of it."
             ),
             options=(
-                Option(name="size", label=_("_Size (px)"), help=_("Width and height of the motif"), default=256, low=32, high=4096),
+                Option(name="size", label=_("Si_ze (px)"), help=_("Width and height of the motif"), default=256, low=32, high=4096),
                 Option(
-                    name="repeat", label=_("_Repeats by"), help=_("The rule by which copies of the motif join"), default="translate",
+                    name="repeat", label=_("Repeats _by"), help=_("The rule by which copies of the motif join"), default="translate",
                     choices=(
                         ("none", _("Nothing")), ("reflect", _("Reflection")), ("translate", _("Translation")), ("rotate", _("Half turns")),
                         *((group, group) for group in _GROUPS),
@@ -236,12 +242,12 @@ PROCEDURES = {
                 ),
                 _SEED,
                 Option(
-                    name="use-layer", label=_("Shape the strokes after this _layer"), default=False, engine=False,
-                    help=_("Strokes keep to the dark parts of the selected layer, a logo or a photograph"),
+                    name="use-layer", label=_("Shape the strokes after this la_yer"), default=False, engine=False,
+                    help=_("Strokes keep to the bright parts of the selected layer, a logo or a photograph"),
                 ),
                 Option(
-                    name="base-strength", label=_("Strength of its s_hape"), default=0.7, low=-1.0, high=1.0,
-                    help=_("How strongly the layer shows; below 0 the strokes keep to its bright parts"),
+                    name="base-strength", label=_("Stren_gth of its shape"), default=0.7, low=-1.0, high=1.0,
+                    help=_("How strongly the layer shows; below 0 the strokes keep to its dark parts"),
                 ),
             ),
             returns=("layer", "The group of inks"),
@@ -254,8 +260,8 @@ PROCEDURES = {
                 "is a new image."
             ),
             options=(
-                Option(name="rows", label=_("_Rows"), help=_("Number of motifs from top to bottom"), default=4, low=1, high=200),
-                Option(name="columns", label=_("_Columns"), help=_("Number of motifs from left to right"), default=4, low=1, high=200),
+                Option(name="rows", label=_("Ro_ws"), help=_("Number of motifs from top to bottom"), default=4, low=1, high=200),
+                Option(name="columns", label=_("Colu_mns"), help=_("Number of motifs from left to right"), default=4, low=1, high=200),
             ),
             returns=("layer", "The group of inks"),
         ),

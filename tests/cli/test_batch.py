@@ -6,6 +6,7 @@ import pty
 import resource
 import shlex
 import signal
+import subprocess
 import textwrap
 import time
 from pathlib import Path
@@ -88,6 +89,17 @@ def test_the_same_again_tries_only_what_failed(toposeam, pairs):
     assert toposeam("batch", *PATTERNS, "--force", "--fresh").out.startswith("4 done in ")
 
 
+def test_a_changed_picture_is_joined_again_also_where_a_layout_names_it(toposeam, pairs):
+    Path("layout.toml").write_text('[[layer]]\nfile = "left_0.png"\nat = [0, 0]\n[[layer]]\nfile = "right_0.png"\nat = [36, 0]\n')
+    jobs = write_jobs('[[stitch]]\npictures = ["layout.toml"]\noutput = "joined.png"\nforce = true\n')
+    assert toposeam("batch", jobs).out.startswith("1 done in")
+    before = Path("joined.png").read_bytes()
+    assert toposeam("batch", jobs).out.startswith("0 done, 1 done before")
+    Path("right_0.png").write_bytes(Path("right_3.png").read_bytes())
+    assert toposeam("batch", jobs).out.startswith("1 done in")
+    assert Path("joined.png").read_bytes() != before
+
+
 def test_files_that_exist_are_kept_without_force(toposeam, pairs):
     (pairs / "out").mkdir()
     (pairs / "out" / "1.png").write_text("precious")
@@ -161,6 +173,11 @@ def test_a_dry_run_prints_commands_that_do_the_same(toposeam, pairs):
     assert sorted(contents(pairs / "out")) == ["0.png", "3.png"]
 
 
+def test_commands_are_the_same_after_a_batch(toposeam, pairs):
+    assert toposeam("batch", *PATTERNS, "--dry-run").code == 0
+    assert toposeam("stitch", "-h").code == 0
+
+
 def test_brackets_in_names_are_no_patterns(toposeam, pairs):
     for name in ("left", "right"):
         (pairs / f"{name}_1.png").rename(pairs / f"{name}_[x] 1.png")
@@ -168,6 +185,7 @@ def test_brackets_in_names_are_no_patterns(toposeam, pairs):
     assert sorted(contents(pairs / "out")) == [" 1.png"]
 
 
+@pytest.mark.slow
 def test_two_stars_walk_through_folders(toposeam, pairs):
     for index in range(2):
         (pairs / f"set{index}").mkdir()
@@ -255,6 +273,7 @@ def test_a_command_line_that_makes_no_sense_is_one_sentence(toposeam, pairs, lin
     assert contents(pairs).items() >= before.items()
 
 
+@pytest.mark.slow
 def test_a_disk_that_fills_costs_only_what_does_not_fit(started, pairs):
     for name in ("left_2", "right_2"):  # noise, which does not compress
         write_picture(f"{name}.png", Picture(pixels=np.random.default_rng(0).integers(0, 256, (90, 90, 3), np.uint8)), force=True)
@@ -292,6 +311,18 @@ def test_a_terminal_shows_how_far_it_is_and_ctrl_c_says_how_to_go_on(process, pa
     assert " 1 failed" in text
     assert "of 4 jobs have ended; run the same again to go on." in text
     assert not list(pairs.glob("**/*.part"))
+
+
+def test_ctrl_c_on_a_terminal_while_workers_start_is_quiet(process, pairs):
+    with process("batch", *PATTERNS, "-j", 2, stderr=subprocess.PIPE, start_new_session=True) as child:
+        while not (pairs / "batch.results.jsonl").exists() or not (pairs / "batch.results.jsonl").stat().st_size:
+            time.sleep(0.005)
+        time.sleep(0.1)
+        os.killpg(child.pid, signal.SIGINT)
+        said = child.stderr.read().decode()
+        assert child.wait(30) == 130
+    assert said.splitlines()[-2:] == ["0 of 4 jobs have ended; run the same again to go on.", "Interrupted; no file was left unfinished."]
+    assert "Traceback" not in said
 
 
 @pytest.mark.slow

@@ -41,7 +41,10 @@ class Gimp:
         self.folder = folder
         self.profile = folder / "profile"
         self.profile.mkdir()
-        (self.profile / "gimprc").write_text(f'(plug-in-path "{plug_ins}:${{gimp_plug_in_dir}}/plug-ins")\n')
+        # As after the first start: no welcome, no tips in the way.
+        version = subprocess.run([find_gimp(), "--version"], capture_output=True, text=True, check=True).stdout.split()[-1]
+        settings = f'(config-version "{version}")\n(show-welcome-dialog no)\n(check-updates no)\n'
+        (self.profile / "gimprc").write_text(f'{settings}(plug-in-path "{plug_ins}:${{gimp_plug_in_dir}}/plug-ins")\n')
         self.log = folder / "gimp.log"
         address = str(folder / "socket")
         own = str(Path(sys.executable).parent)  # GIMP must not take our Python for its plug-ins
@@ -125,3 +128,45 @@ class Gimp:
 def _array(file, height, width, format_name):
     dtype = {"u8": np.uint8, "u16": np.uint16, "float": np.float32}[format_name.split()[1]]
     return np.fromfile(file, dtype).reshape(height, width, -1)
+
+
+class Screen:
+    """An X display that nobody sees, with a window manager."""
+
+    def __init__(self, width=1280, height=900):
+        read, write = os.pipe()
+        command = ["Xvfb", "-displayfd", str(write), "-screen", "0", f"{width}x{height}x24", "-nolisten", "tcp"]
+        self._server = subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL)
+        os.close(write)
+        with os.fdopen(read) as number:
+            self.display = ":" + number.readline().strip()
+        self.environment = {**os.environ, "DISPLAY": self.display}
+        self._manager = subprocess.Popen(["openbox"], env=self.environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+    def do(self, *arguments):
+        """Run xdotool; what it prints."""
+        return subprocess.run(["xdotool", *map(str, arguments)], env=self.environment, capture_output=True, text=True, check=False).stdout
+
+    def window(self, name, seconds=60):
+        """Wait for a visible window whose title has a text; its id."""
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline:
+            found = self.do("search", "--onlyvisible", "--name", name).split()
+            if found:
+                return found[-1]
+            time.sleep(0.1)
+        raise AssertionError(f"no window {name!r} within {seconds} s")
+
+    def press(self, window, *keys):
+        """Type keys into a window."""
+        self.do("windowactivate", "--sync", window)
+        self.do("key", "--delay", "80", *keys)
+
+    def shoot(self, file, window="root"):
+        """Photograph a window, or all of the screen."""
+        subprocess.run(["import", "-window", str(window), str(file)], env=self.environment, check=True)
+
+    def close(self):
+        for process in (self._manager, self._server):
+            process.terminate()
+            process.wait()

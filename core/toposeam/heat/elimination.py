@@ -31,6 +31,8 @@ WIDEST_BAND = 100
 _FULL_BAND = 2.5
 #: A band is full when rows reach this share of its width in the mean.
 _FULL = 0.5
+#: A factorisation of this many products costs less than reordering the unknowns.
+_CHEAP = 1e6
 #: From this many unknowns on, eliminating those that are apart pays, if they are at least this share of all.
 CONDENSED_NODES = 1500
 _APART_SHARE = 0.15
@@ -66,6 +68,9 @@ def system(n: int, i: Ints, j: Ints, apart: npt.NDArray[np.bool_] | None = None)
             apart = _independent(n, i, j)
         if np.count_nonzero(apart) > _APART_SHARE * n:
             return _Condensed(n, i, j, apart)
+    width = int(np.abs(i - j).max(initial=0))
+    if width <= WIDEST_BAND and width * width <= min(n, _CHEAP / n):  # as good as any order could be, or cheaper than finding a better one
+        return _Banded(n, np.arange(n), i, j, width)
     graph = csr_array((np.ones(2 * len(i), np.int8), (np.concatenate([i, j]), np.concatenate([j, i]))), shape=(n, n))
     rank = np.empty(n, np.intp)
     rank[reverse_cuthill_mckee(graph, symmetric_mode=True)] = np.arange(n)

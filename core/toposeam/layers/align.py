@@ -29,6 +29,7 @@ LEAST_CORRELATION = 0.5
 _COARSE_PIXELS = 400_000  # compared at once
 _LEAST_SHARE = 0.3  # of the smaller part, that two parts have to share
 _LEAST_PIXELS = 64
+_NEAR = 2  # px that phase correlation may be off
 _BLUR = 8.0  # px; slower changes are exposure, not content
 
 Floats = npt.NDArray[np.float64]
@@ -134,16 +135,31 @@ def _match(a: Layer, b: Layer, radius: int) -> tuple[Floats, float, float] | Non
         if not all(overlap.shape):
             return None
         shift = shift + _shift(_content(a, at_a, overlap), _content(b, _moved(at_b, shift), overlap), 2 * scale)
-    if np.abs(shift).max() > radius:
+    shift, correlation, count = _refined(a, b, at_a, at_b, shift)
+    if np.abs(shift).max() > radius or count < _LEAST_PIXELS:
         return None
-    overlap = _middle(at_a.shared(_moved(at_b, shift)), 4)
-    first, second = _content(a, at_a, overlap), _content(b, _moved(at_b, shift), overlap)
-    both = first[1] & second[1]
-    if np.count_nonzero(both) < _LEAST_PIXELS:
-        return None
-    product, energy = float(first[0][both] @ second[0][both]), float(np.square(first[0][both]).sum() * np.square(second[0][both]).sum())
-    correlation = product / np.sqrt(energy) if energy > 0 else 0.0
-    return shift[::-1].astype(float), correlation, float(np.sqrt(np.count_nonzero(both)) * max(correlation, 0.0))
+    return shift[::-1].astype(float), correlation, float(np.sqrt(count) * max(correlation, 0.0))
+
+
+def _refined(a: Layer, b: Layer, at_a: Box, at_b: Box, shift: npt.NDArray[np.intp]) -> tuple[npt.NDArray[np.intp], float, int]:
+    """The shift of highest correlation within two pixels of one, that correlation, and the number of pixels it is of."""
+    box = _middle(at_a.shared(_moved(at_b, shift)).grown(-_NEAR))
+    best = shift, -1.0, 0
+    if not all(box.shape):
+        return best
+    around = box.grown(_NEAR)
+    first, second = _content(a, at_a, around), _content(b, _moved(at_b, shift), around)
+    inner = box.within(around)
+    for y in range(-_NEAR, _NEAR + 1):
+        for x in range(-_NEAR, _NEAR + 1):
+            there = _moved(box, np.array([-y, -x])).within(around)
+            both = first[1][inner] & second[1][there]
+            one, other = first[0][inner][both], second[0][there][both]
+            energy = float((one @ one) * (other @ other))
+            correlation = float(one @ other) / np.sqrt(energy) if energy > 0 else 0.0
+            if correlation > best[1]:
+                best = shift + np.array([y, x]), correlation, int(np.count_nonzero(both))
+    return best
 
 
 def _shift(a: tuple[Floats, Mask], b: tuple[Floats, Mask], reach: float) -> npt.NDArray[np.intp]:
@@ -172,9 +188,9 @@ def _around(a: Box, b: Box) -> Box:
     return Box(min(a.top, b.top), min(a.left, b.left), max(a.bottom, b.bottom), max(a.right, b.right))
 
 
-def _middle(box: Box, share: int = 1) -> Box:
-    """As much of the middle of a box as is compared at once, `share` times."""
-    side = int(np.sqrt(_COARSE_PIXELS * share))
+def _middle(box: Box) -> Box:
+    """As much of the middle of a box as is compared at once."""
+    side = int(np.sqrt(_COARSE_PIXELS))
     (height, width), rows, columns = box.shape, box.shape[0], box.shape[1]
     height, width = min(height, max(side, side * side // max(columns, 1))), min(width, max(side, side * side // max(rows, 1)))
     top, left = box.top + (rows - height) // 2, box.left + (columns - width) // 2

@@ -61,9 +61,8 @@ class LayerProblem:
 
     @staticmethod
     def loads(layer: LayerRecipe, orbits: Symmetry, nominal: Floats, sources: Floats, sinks: Floats) -> tuple[Floats, Floats]:
-        """Heat, one in all, and convection, both equal along the orbits. A base image keeps the even heat where it lets heat through."""
-        even = np.square(nominal)
-        heat = (1.0 - layer.ambient) * sources + layer.ambient * even / even.sum()
+        """Heat, one in all, and convection, both equal along the orbits. Ambient heat goes where heat is conducted."""
+        heat = (1.0 - layer.ambient) * sources + layer.ambient * nominal / nominal.sum()
         return orbits.mean(heat), orbits.mean(_CONVECTION * sinks)
 
     def conductivity(self, density: Floats, penalty: Floats | float) -> Floats:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.errors import OptionError
+from toposeam.heat.threads import one_thread
 from toposeam.motif.conduction import nominal_conductivity
 from toposeam.motif.hexagonal import tile_size, to_tile
 from toposeam.motif.layer import Step, optimise_layer, plan
@@ -73,7 +74,8 @@ def generate_motif(source: int | tuple[int, int] | Recipe, *, progress: Callable
             if progress is not None:
                 progress(before + done, total)
 
-        density, steps = optimise_layer(layer, recipe, report)
+        with one_thread():
+            density, steps = optimise_layer(layer, recipe, report)
         densities.append(density)
         history.append(steps)
     return make_motif(recipe, densities, history)

@@ -8,7 +8,7 @@ with a mass bound each, f being the thermal compliance. The compound motif AB ha
 so that every border of one meets one of the other. Of more than two motifs, every pair is a compound.
 
 *Stages.* The motifs of the stage before are fixed, and new ones are generated between each and the next: their sources and sinks are
-those of both, in proportion, and they form compounds with their two fixed neighbours.
+those of both, in proportion, they start as a blend of both, and form compounds with both.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ import numpy.typing as npt
 from toposeam.errors import OptionError
 from toposeam.heat.plate import Plate, Temperature
 from toposeam.heat.plate_joints import Floats, Joint
+from toposeam.heat.threads import one_thread
 from toposeam.motif.conduction import LayerProblem
 from toposeam.motif.generate import make_motif
 from toposeam.motif.layer import THINNEST, TOLERANCE, Step, carry, finer_temperature, plan, problem_at, update
@@ -195,7 +196,8 @@ def _generate(row: list[_Member], options: _Options) -> None:
     pairs = list(combinations(new, 2))
     if len(new) < len(row):
         pairs = [(a, a + 1) for a in range(len(row) - 1) if a in new or a + 1 in new]
-    layers = [_optimise(row, pairs, layer, options) for layer in range(len(row[0].recipe.layers))]
+    with one_thread():
+        layers = [_optimise(row, pairs, layer, options) for layer in range(len(row[0].recipe.layers))]
     for index in new:
         row[index].densities = [designs[index].astype(np.float32) for designs, _ in layers]
         row[index].history = [tuple(steps[index]) for _, steps in layers]
@@ -219,6 +221,8 @@ def _optimise(row: list[_Member], pairs: list[tuple[int, int]], layer: int, opti
             plate.temperature = None if nodes is None else finer_temperature(nodes, plate.problem.plate.shape)
         carried: list[Floats] | list[None] = designs or [None] * len(row)
         designs = [_start(member, layer, problem, coarse) for member, problem, coarse in zip(row, problems, carried, strict=True)]
+        if not temperatures and len(new) < len(row):
+            _interpolate(designs, new, [part.mass for part in layers])
         ring = _Ring(shape, options.shared, designs, new)
         for _ in range(count):
             slopes = [np.zeros(shape) for _ in row]
@@ -243,6 +247,17 @@ def _optimise(row: list[_Member], pairs: list[tuple[int, int]], layer: int, opti
             options.report()
         temperatures = [plate.temperature for plate in plates]
     return designs, steps
+
+
+def _interpolate(designs: list[Floats], new: list[int], masses: list[float]) -> None:
+    """Start new members as blends of their fixed neighbours, so that strokes which both have on the border stay."""
+    fixed = [index for index in range(len(designs)) if index not in new]
+    for index in new:
+        left = max(i for i in fixed if i < index)
+        right = min(i for i in fixed if i > index)
+        share = (index - left) / (right - left)
+        blend = (1 - share) * designs[left] + share * designs[right]
+        designs[index] = np.clip(blend * (masses[index] / blend.mean()), THINNEST, 1.0)
 
 
 class _Ring:

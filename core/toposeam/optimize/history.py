@@ -30,7 +30,7 @@ class Iteration:
     stage: int
     #: The value being minimised: match-cost-weighted mass, forbidden and outermost interfaces (M_max) left out.
     objective: float
-    #: Thermal compliance θᵀKθ for unit heat.
+    #: Thermal compliance θᵀKθ for unit heat; of method heat the size of its flow, which no seam costs less than.
     compliance: float
     #: Upper bound C* on the compliance; NaN where the method has none.
     bound: float

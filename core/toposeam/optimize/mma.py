@@ -89,40 +89,50 @@ def solve_subproblem(
     above, below = high - x, x - low
     p0, q0 = np.square(above) * np.maximum(df, 0.0), np.square(below) * np.maximum(-df, 0.0)
     p1, q1 = np.square(above) * np.maximum(dg, 0.0), np.square(below) * np.maximum(-dg, 0.0)
-    has_p, has_q = bool(p1.any()), bool(q1.any())
-    q0_none = not q0.any()
+    has_p, has_q, simple = bool(p1.any()), bool(q1.any()), not (p1.any() or q0.any())
     terms = float(above @ np.maximum(dg, 0.0) + below @ np.maximum(-dg, 0.0))  # Σ p/(U - x) + q/(x - L) at the point of approximation
     rest = constraint - terms
-    still = (df == 0) & (dg == 0)
+    still = np.flatnonzero((df == 0) & (dg == 0))
+    root_p0, root_q1 = np.sqrt(p0), np.sqrt(q1)
+    from_low, from_high = root_p0 * low, root_q1 * high
 
     def design(y: float) -> Floats:
         # Zero of p / (U - x)² - q / (x - L)², with p = p₀ + y p₁ and q = q₀ + y q₁.
-        root_p = np.sqrt(p0 + y * p1) if has_p else root_p0
-        root_q = math.sqrt(y) * root_q1 if q0_none else np.sqrt(q0 + y * q1)
-        with np.errstate(invalid="ignore"):
-            value: Floats = (root_p * low + root_q * high) / (root_p + root_q)
-        if any_still:
+        if simple:
+            value: Floats = from_low + math.sqrt(y) * from_high
+            share = root_p0 + math.sqrt(y) * root_q1
+        else:
+            root_p, root_q = np.sqrt(p0 + y * p1), np.sqrt(q0 + y * q1)
+            value, share = root_p * low + root_q * high, root_p + root_q
+        value /= share
+        if len(still):
             value[still] = x[still]
-        return np.clip(value, alpha, beta, out=value)
+        np.maximum(value, alpha, out=value)
+        return np.minimum(value, beta, out=value)
+
+    def total(y: float) -> float:
+        point = design(y)
+        value = 0.0
+        if has_p:
+            value += float(np.sum(p1 / (high - point)))
+        if has_q:
+            value += float(np.sum(q1 / (point - low)))
+        return value
 
     def residual(y: float) -> float:
-        point = design(y)
-        value = rest
-        if has_p:
-            value += np.sum(p1 / (high - point))
-        if has_q:
-            value += np.sum(q1 / (point - low))
-        return float(value)
+        # A power of y where no variable is at its bounds, so that regula falsi is quick on its logarithm.
+        value = total(y)
+        return math.log(value / -rest) if rest < 0 < value else value + rest
 
-    root_p0, root_q1, any_still = np.sqrt(p0), np.sqrt(q1), bool(still.any())
-    if residual(0.0) <= 0:
-        return design(0.0), 0.0
-    size = float(np.abs(dg).sum())
-    if guess is None or not guess > 0:
-        guess = float(np.abs(df).sum()) / size if size > 0 and np.any(df) else 1.0
-    tolerance = 1e-7 * (abs(constraint) + terms)
-    multiplier = find_multiplier(residual, guess, tolerance)
-    return design(multiplier), multiplier
+    with np.errstate(invalid="ignore"):
+        if total(0.0) + rest <= 0:
+            return design(0.0), 0.0
+        size = float(np.abs(dg).sum())
+        if guess is None or not guess > 0:
+            guess = float(np.abs(df).sum()) / size if size > 0 and np.any(df) else 1.0
+        tolerance = 1e-7 * (abs(constraint) + terms)
+        multiplier = find_multiplier(residual, guess, tolerance / -rest if rest < 0 else tolerance)
+        return design(multiplier), multiplier
 
 
 class MMA:

@@ -37,7 +37,7 @@ def find_multiplier(residual: Callable[[float], float], guess: float, tolerance:
     value = residual(math.exp(start))
     feasible, infeasible = (start, math.nan) if value <= 0 else (math.nan, start)
     value_feasible = value_infeasible = value
-    stride = 1.0
+    stride = 0.1
     while math.isnan(feasible) or math.isnan(infeasible):
         if math.isnan(feasible) and infeasible >= highest:
             return math.exp(highest)
@@ -49,13 +49,14 @@ def find_multiplier(residual: Callable[[float], float], guess: float, tolerance:
             feasible, value_feasible = at, value
         else:
             infeasible, value_infeasible = at, value
-        stride *= 2.0
+        stride *= 4.0
     last = 0
     for _ in range(100):
         if value_feasible >= -tolerance or feasible - infeasible < 1e-12 * max(1.0, abs(feasible)):
             break
-        share = value_infeasible / (value_infeasible - value_feasible)
-        at = infeasible + min(max(share, 0.02), 0.98) * (feasible - infeasible)
+        # Aimed at the middle of what is wanted, not at its end.
+        share = (value_infeasible + tolerance / 2) / (value_infeasible - value_feasible)
+        at = infeasible + min(max(share, 1e-4), 0.9999) * (feasible - infeasible)
         value = residual(math.exp(at))
         if value <= 0:
             feasible, value_feasible = at, value

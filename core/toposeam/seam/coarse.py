@@ -32,8 +32,10 @@ COARSEST_NODES = 12_000
 GATHERED = 0.1
 STEPS = 10
 
-#: At most so many nodes of a coarse network per interface of the seam are taken apart on the next finer level ...
-OPENED_NODES = 8
+#: At most so many nodes of a coarse network per interface of the seam are taken apart on the next finer level, and fewer when that is the
+#: pixels, which can only decide details ...
+OPENED_NODES = 10
+OPENED_NODES_LAST = 4
 #: ... those beside the strongest flux, but none with less than this.
 OPEN_FLUX = 0.005
 
@@ -85,7 +87,8 @@ def restrict(grid: CutGrid) -> tuple[Network, Floats, Floats, _Ints32]:
         level = coarser
     network, weight, node_of = _network(level.n, level.tail, level.head), level.weight, np.arange(level.n + 2, dtype=np.int32)
     while True:
-        active, region = _decided(levels.pop(), network, weight, node_of)
+        most = OPENED_NODES if len(levels) > 1 else OPENED_NODES_LAST
+        active, region = _decided(levels.pop(), network, weight, node_of, most)
         node_of, n = _freed(active, region, parents.pop())
         if not levels:
             break
@@ -195,8 +198,8 @@ def _quotient(n: int, one: Ints, other: Ints, weight: npt.NDArray[np.floating], 
     return _Level(n, tail, head, weight, np.bincount(group, size, n + 2).astype(np.float64, copy=False))
 
 
-def _decided(level: _Level, network: Network, weight: Floats, node_of: _Ints32) -> tuple[Mask, _Ints32]:
-    """Let heat gather on the restricted network of a level.
+def _decided(level: _Level, network: Network, weight: Floats, node_of: _Ints32, opened: float) -> tuple[Mask, _Ints32]:
+    """Let heat gather on the restricted network of a level; at most `opened` nodes per interface of the seam are active.
 
     Returns
     -------
@@ -222,7 +225,7 @@ def _decided(level: _Level, network: Network, weight: Floats, node_of: _Ints32) 
     strongest[level.n :] = 0.0
     threshold = OPEN_FLUX
     found = np.flatnonzero(strongest > threshold)
-    most = round(OPENED_NODES * float(jump.sum()))  # the sum is the number of interfaces in a cut at a random threshold
+    most = round(opened * float(jump.sum()))  # the sum is the number of interfaces in a cut at a random threshold
     if len(found) > most:
         threshold = float(-np.partition(-strongest[found], most)[most])
     flux = network.difference(potential)

@@ -87,7 +87,7 @@ def test_patches_apart_are_refused():
 
 
 def test_identical_masks_are_refused_with_the_remedy():
-    with pytest.raises(ts.OverlapError, match="give the side"):
+    with pytest.raises(ts.OverlapError, match="let one of them reach beyond the other"):
         between_masks(np.ones((5, 5), bool), np.ones((5, 5), bool))
 
 

@@ -1,0 +1,130 @@
+"""Stitch Layers in a real GIMP against the command line on the same pictures: time, memory, start-up of the engine. ``make bench-gimp``."""
+
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pyvips
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "gimp"))
+from pictures import photograph
+from running import Gimp
+
+import toposeam as ts
+
+WIDTH, HEIGHT, OVERLAP = 4000, 3000, 1000
+
+
+def main():
+    rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 3
+    start_up(5)
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        files = pictures(folder)
+        (folder / "gimp").mkdir()
+        gimp = Gimp(folder / "gimp")
+        try:
+            print(f"two layers of {WIDTH} × {HEIGHT} px, {OVERLAP} px of overlap, 8 bits RGB; GIMP {gimp.version()}")
+            times = {"command line": [], "GIMP": []}
+            for _ in range(rounds):
+                times["command line"].append(command_line(folder, files))
+                loaded = gimp.load(files=[str(file) for file in files], offsets=[[0, 0], [WIDTH - OVERLAP, 0]], alpha=False)
+                with Peak(str(gimp.folder)) as peak:
+                    started = time.perf_counter()
+                    result = gimp.stitch(loaded)
+                    times["GIMP"].append(time.perf_counter() - started)
+                if result["status"] != "success":
+                    raise SystemExit(result["message"])
+                gimp.delete(image=loaded["image"])
+            for name, values in times.items():
+                print(f"  {name:13} {statistics.median(values):6.2f} s   ({', '.join(f'{value:.2f}' for value in values)})")
+            ratio = statistics.median(gimp_ / line for gimp_, line in zip(times["GIMP"], times["command line"], strict=True))
+            print(f"  GIMP ÷ command line: {ratio:.2f}   (aim: at most 3)")
+            print(f"  peak memory of plug-in and engine together: {peak.most / 2**30:.2f} GiB   (aim: at most 2)")
+        finally:
+            gimp.close()
+
+
+def pictures(folder):
+    """Two crops of one large picture, with noise of their own."""
+    rng = np.random.default_rng(1)
+    base = np.kron(photograph(HEIGHT // 4, (2 * WIDTH - OVERLAP) // 4), np.ones((4, 4, 1), np.uint8)).astype(np.int16)
+    files = []
+    for index, left in enumerate((0, WIDTH - OVERLAP)):
+        noisy = base[:, left : left + WIDTH] + rng.integers(-12, 13, (HEIGHT, WIDTH, 3), np.int16)
+        files.append(folder / f"{index}.png")
+        pyvips.Image.new_from_array(np.clip(noisy, 0, 255).astype(np.uint8)).write_to_file(str(files[-1]), compression=1)
+    return files
+
+
+def command_line(folder, files):
+    started = time.perf_counter()
+    command = [sys.executable, "-m", "toposeam_cli.main", "stitch", *map(str, files), "--offset", f"{WIDTH - OVERLAP},0", "--force", "-q"]
+    subprocess.run([*command, "-o", str(folder / "joined.png")], check=True)
+    return time.perf_counter() - started
+
+
+def start_up(rounds):
+    """From starting the engine to its answer for two tiny layers, against loading the libraries."""
+    times = {"numpy, scipy.linalg": [], "engine": []}
+    for _ in range(rounds):
+        started = time.perf_counter()
+        subprocess.run([sys.executable, "-c", "import numpy, scipy.linalg"], check=True)
+        times["numpy, scipy.linalg"].append(time.perf_counter() - started)
+        with tempfile.TemporaryDirectory() as scratch:
+            raster = {"width": 8, "height": 8, "channels": 2, "dtype": "uint8", "file": "a.raw", "name": "a"}
+            (Path(scratch) / "a.raw").write_bytes(bytes([90, 255] * 64))
+            layers = [{**raster, "offset": [x, 0]} for x in (0, 4)]
+            request = {"protocol": 1, "version": ts.__version__, "operation": "stitch", "layers": layers}
+            (Path(scratch) / "request.json").write_text(json.dumps(request))
+            started = time.perf_counter()
+            command = [sys.executable, "-P", "-m", "toposeam_cli.engine", scratch]
+            subprocess.run(command, check=True, stdin=open_pipe(), stdout=subprocess.DEVNULL)
+            times["engine"].append(time.perf_counter() - started)
+    ratio = statistics.median(times["engine"]) / statistics.median(times["numpy, scipy.linalg"])
+    print(f"start-up of the engine, a tiny seam included, ÷ import numpy, scipy.linalg: {ratio:.2f}   (aim: at most 3)")
+
+
+def open_pipe():
+    """A stdin that stays open, as the plug-in's does."""
+    return os.pipe()[0]
+
+
+class Peak:
+    """The most memory that plug-in and engine held together, private and shared pages of files included, sampled every 50 ms."""
+
+    def __init__(self, marker):
+        self.most, self._marker, self._stop = 0, marker, threading.Event()
+
+    def __enter__(self):
+        self._thread = threading.Thread(target=self._watch)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_):
+        self._stop.set()
+        self._thread.join()
+
+    def _watch(self):
+        page = os.sysconf("SC_PAGESIZE")
+        while not self._stop.wait(0.05):
+            total = 0
+            for entry in Path("/proc").glob("[0-9]*"):
+                try:
+                    line = (entry / "cmdline").read_bytes()
+                    ours = b"toposeam_gimp.py" in line or (b"toposeam_cli.engine" in line and self._marker.encode() in line)
+                    total += int((entry / "statm").read_text().split()[1]) * page if ours else 0
+                except OSError:
+                    continue
+            self.most = max(self.most, total)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,104 @@
+"""``toposeam join``: different motifs that join each other, laid in free arrangement."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+import toposeam as ts
+from toposeam_cli.motif import printable
+from toposeam_cli.output import check_output
+from toposeam_cli.parameters import FILE, OUTPUT, FiniteRange, PairType
+from toposeam_cli.picture import write_picture
+from toposeam_cli.progress import share_bar
+from toposeam_cli.recipe_file import read_recipe
+
+_SUFFIXES = (".png", ".tif", ".tiff")
+
+
+@click.command()
+@click.argument("files", metavar="MOTIF MOTIF...", type=FILE, nargs=-1, required=True)
+@click.option("-o", "--output", type=OUTPUT, required=True, help="The pattern: .png or .tif.")
+@click.option("--sheet", type=PairType(first="rows"), default="6x6", show_default=True, help="Rows and columns, motifs chosen at random.")
+@click.option("--grid", help="Instead of --sheet: which motif goes where, like '1 2 1 / 2 1 2'; stages count on between.")
+@click.option(
+    "--weight", type=FiniteRange(0, 1), default=0.5, show_default=True, help="How much the motifs care for each other, w in (4.10)."
+)
+@click.option("--stages", type=click.IntRange(1, 5), default=2, show_default=True, help="From 2 on new motifs are put between neighbours.")
+@click.option("--between", type=click.IntRange(1, 5), default=1, show_default=True, help="How many of them between two.")
+@click.option("--reach", type=click.IntRange(1), help="Random neighbours are at most so far apart in the row of motifs.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the random arrangement.")
+@click.option("--motif-pixels", type=PairType(), help="Size of one motif in px, WIDTHxHEIGHT.")
+@click.option("--force", is_flag=True, help="Replace existing files.")
+@click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
+def join(
+    files: tuple[Path, ...], output: Path, sheet: tuple[int, int], grid: str | None, weight: float, stages: int, between: int,
+    reach: int | None, seed: int, motif_pixels: tuple[int, int] | None, force: bool, quiet: bool,
+) -> None:  # fmt: skip
+    """Make motifs again so that they join each other, and lay them out.
+
+    \b
+    toposeam join a.png b.png -o mixed.png --sheet 6x6
+    toposeam join a.png b.png c.png -o mixed.png --stages 1 --grid '1 2 3 / 3 1 2'
+
+    Their sources, sinks, masses and strokes come from each file; size, colours and all else from the first.
+    """  # noqa: D301 - click wants the character
+    check_output(output, force, _SUFFIXES)
+    if len(files) < 2:
+        raise ts.OptionError("one motif alone joins itself already; name two at least")
+    recipes = _alike([read_recipe(path) for path in files], files)
+    places = None if grid is None else _parse(grid)
+    with share_bar(f"joining {len(files)} motifs", quiet) as bar:
+        joined = ts.join_motifs(
+            recipes, weight=weight, stages=stages, between=between, progress=None if bar is None else lambda done, total: bar(done / total)
+        )
+    size = None if motif_pixels is None else motif_pixels[::-1]
+    image = ts.arrange(joined.motifs, sheet if places is None else places - 1, seed=seed, reach=reach, size=size)
+    settings = {
+        "weight": weight, "stages": stages, "between": between, "reach": reach, "seed": seed, "sheet": list(sheet), "grid": grid,
+        "recipes": [recipe.to_dict() for recipe in recipes],
+    }  # fmt: skip
+    write_picture(output, printable(image, None, {"join": settings}), force)
+    if not quiet:
+        click.echo(
+            f"{output}: {image.shape[1]} × {image.shape[0]} px, {len(joined.motifs)} motifs, border mismatch {joined.mismatch():.2f}"
+            " of the steps within them"
+        )
+
+
+def _alike(recipes: list[ts.Recipe], files: tuple[Path, ...]) -> list[ts.Recipe]:
+    """Recipes with everything but what flows where taken from the first."""
+    first = recipes[0]
+    found = []
+    for recipe, path in zip(recipes, files, strict=True):
+        if len(recipe.layers) != len(first.layers):
+            raise ts.OptionError(
+                f"'{path}' has {len(recipe.layers)} layers, '{files[0]}' has {len(first.layers)}; join motifs of equally many (--layers)"
+            )
+        layers = tuple(
+            dataclasses.replace(layer, ink=other.ink) for layer, other in zip(recipe.layers, first.layers, strict=True)
+        )  # fmt: skip
+        found.append(
+            dataclasses.replace(
+                recipe, size=first.size, repeat="translate", paper=first.paper, layers=layers, iterations=first.iterations, move=first.move,
+                filter_radius=first.filter_radius, coarse=first.coarse,
+            )
+        )  # fmt: skip
+    return found
+
+
+def _parse(grid: str) -> np.ndarray[Any, np.dtype[np.intp]]:
+    """Rows of numbers from 1 on."""
+    try:
+        rows = [[int(word) for word in row.split()] for row in grid.replace(";", "/").split("/")]
+    except ValueError:
+        rows = []
+    if not rows or not rows[0] or len({len(row) for row in rows}) > 1:
+        raise ts.OptionError(f"--grid is {grid!r}; write rows of as many numbers each, like '1 2 1 / 2 1 2'")
+    if min(min(row) for row in rows) < 1:
+        raise ts.OptionError(f"--grid is {grid!r}; motifs are counted from 1")
+    return np.array(rows, np.intp)

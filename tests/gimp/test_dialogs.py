@@ -1,0 +1,145 @@
+"""The real windows, on a display that nobody sees: dialogs, menu, last values, undo, cancel."""
+
+import shutil
+import threading
+import time
+
+import pytest
+from inside import STITCH, succeeded
+from running import Gimp, Screen, find_gimp, needs_gimp
+
+from toposeam_gimp.procedures import PROCEDURES
+
+needs_gimp()
+
+DIALOGS = [name for name, entry in PROCEDURES.items() if entry.options]
+
+
+@pytest.fixture(scope="module")
+def screen():
+    missing = [program for program in ("Xvfb", "xdotool", "openbox", "import") if shutil.which(program) is None]
+    if missing:
+        pytest.fail(f"{', '.join(missing)} is missing; install it, or run `make test-gimp` where the system has no GIMP")
+    shown = Screen()
+    yield shown
+    shown.close()
+
+
+@pytest.fixture(scope="module")
+def windowed(screen, tmp_path_factory):
+    running = Gimp(
+        tmp_path_factory.mktemp("windowed"), {"DISPLAY": screen.display}, [find_gimp("gimp"), "--no-splash", "--new-instance"]
+    )  # fmt: skip
+    yield running
+    running.close()
+
+
+@pytest.fixture
+def opened(windowed, samples):
+    """Two layers, selected, in a window."""
+    files = [str(samples / f"grass_{name}.png") for name in "ab"]
+    loaded = windowed.load(files=files, offsets=[[0, 0], [120, 0]])
+    code = """
+image = image_of(number)
+answer = Gimp.Display.new(image).get_id()
+image.set_selected_layers([item(layer) for layer in layers])
+image.clean_all()
+"""
+    display = windowed.python(code=code, number=loaded["image"], layers=loaded["layers"])
+    yield loaded
+    windowed.python(code="Gimp.Display.get_by_id(number).delete()", number=display)
+
+
+class Asked(threading.Thread):
+    """A procedure called interactively, which waits for its dialog."""
+
+    def __init__(self, gimp, procedure, loaded, layers):
+        super().__init__(daemon=True)
+        self.call = {"procedure": procedure, "image": loaded["image"], "layers": layers, "mode": "INTERACTIVE"}
+        self.gimp, self.result = gimp, None
+        self.start()
+
+    def run(self):
+        self.result = self.gimp.run(**self.call)
+
+    def answer(self):
+        self.join(60)
+        assert self.result is not None, "the dialog does not end"
+        return self.result
+
+
+def title(name):
+    return PROCEDURES[name].title
+
+
+def select(gimp, loaded):
+    gimp.python(code="image_of(number).select_rectangle(Gimp.ChannelOps.REPLACE, 140, 60, 40, 40)", number=loaded["image"])
+
+
+@pytest.mark.parametrize("name", DIALOGS)
+def test_every_dialog_opens_and_works_with_its_defaults(screen, windowed, opened, name):
+    layers = opened["layers"] if PROCEDURES[name].needs == "layers" else opened["layers"][1:]
+    if name.endswith(("patch", "fill")):
+        select(windowed, opened)
+    if name.endswith("repeat"):
+        motif = windowed.run(procedure="plug-in-toposeam-motif", image=None, layers=[], options={"size": 32, "iterations": 2})
+        opened = {"image": windowed.python(code="answer = item(number).get_image().get_id()", number=motif["layer"])}
+        layers = [motif["layer"]]
+    asked = Asked(windowed, name, opened, layers)
+    window = screen.window(title(name))
+    time.sleep(1)
+    screen.press(window, "Return")
+    succeeded(asked.answer())
+
+
+def test_cancelling_a_dialog_changes_nothing(screen, windowed, opened):
+    before = windowed.tree(image=opened["image"])
+    asked = Asked(windowed, STITCH, opened, opened["layers"])
+    screen.press(screen.window(title(STITCH)), "Escape")
+    assert asked.answer()["status"] == "cancel"
+    assert windowed.tree(image=opened["image"]) == before
+
+
+def test_the_menu_entry_opens_the_dialog_and_one_undo_takes_everything_back(screen, windowed, opened):
+    before = windowed.tree(image=opened["image"])
+    picture = screen.window("Background|grass|GIMP")
+    # GIMP's search runs what is in the menus.
+    screen.press(picture, "slash")
+    time.sleep(1.5)
+    screen.do("type", "--delay", "40", "Stitch Layers")
+    time.sleep(1.5)
+    screen.do("key", "Return")
+    dialog = screen.window(title(STITCH))
+    time.sleep(1)
+    screen.press(dialog, "Return")
+    after = wait_for_change(windowed, opened, before)
+    assert [len(layer.get("children", [])) for layer in after["layers"]] == [2, 0, 0]
+    assert len(after["paths"]) == 1
+    screen.press(screen.window("Background|grass|GIMP"), "ctrl+z")
+    undone = wait_for_change(windowed, opened, after)
+    assert undone == before
+    assert windowed.python(code="answer = image_of(number).is_dirty()", number=opened["image"]) is False
+
+
+def wait_for_change(gimp, loaded, before, seconds=40):
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        now = gimp.tree(image=loaded["image"])
+        if now != before:
+            time.sleep(1)
+            return gimp.tree(image=loaded["image"])
+        time.sleep(0.2)
+    raise AssertionError("nothing has changed")
+
+
+def test_the_last_values_are_remembered(screen, windowed, opened):
+    asked = Asked(windowed, STITCH, opened, opened["layers"])
+    window = screen.window(title(STITCH))
+    time.sleep(1)
+    screen.press(window, "alt+e", "Return")  # “Show the seam” on, then OK
+    succeeded(asked.answer())
+    assert windowed.tree(image=opened["image"])["paths"][0]["visible"]
+    for layer in opened["layers"]:
+        windowed.python(code="item(number).set_visible(True)", number=layer)
+    succeeded(windowed.stitch(opened, mode="WITH_LAST_VALS"))
+    assert [path["visible"] for path in windowed.tree(image=opened["image"])["paths"]] == [True, True]

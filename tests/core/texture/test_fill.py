@@ -91,6 +91,17 @@ def test_copies_come_only_from_where_they_may(sample):
     assert (made.source[made.labels > 0][:, 1] >= 70).all()
 
 
+def test_room_between_the_places_of_the_reduced_search_is_found(sample):
+    image = sample(8, (400, 400))
+    hole, allow = np.zeros((2, 400, 400), bool)
+    hole[200:210, 300:310] = True
+    allow[101:129, 51:79] = True
+    made = ts.fill(image, hole, patch=24, band=4, allow=allow)
+    copied = made.labels > 0
+    assert copied[hole].all()
+    assert allow[made.source[copied][:, 0], made.source[copied][:, 1]].all()
+
+
 def test_transparent_ground_is_neither_copied_nor_filled(sample):
     image, alpha = sample(7, (100, 100)), np.full((100, 100), 255, np.uint8)
     alpha[:30] = 0

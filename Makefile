@@ -69,6 +69,7 @@ figures: $(READY)  ## the thesis's figures, into docs/figures
 	$(BIN)/python docs/make_figures.py
 	$(BIN)/python docs/motif_figures.py
 	$(BIN)/python docs/make_pattern_figures.py
+	$(BIN)/python docs/texture_figures.py
 
 clean:  ## remove what the other targets made
 	rm -rf $(VENV) demo build dist .pytest_cache .mypy_cache .ruff_cache

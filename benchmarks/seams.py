@@ -1,32 +1,48 @@
 """Seams against their peers, every method on the same problems in one run.
 
-    python benchmarks/seams.py                  the short version, about five minutes
+    python benchmarks/seams.py                  the short version, less than five minutes
+    python benchmarks/seams.py --all            up to 4000 × 1000 px, a quarter of an hour
     python benchmarks/seams.py --sizes 80x20 160x40 --pairs 20
 
-Sizes are length × width of the overlap in px. Pairs are random crops of photographs in scikit-image's wheel; where a photograph is too
-small it is continued by reflection. Times are medians in ms of the seam search alone, with the match cost given, on one BLAS thread (for
-OpenCV: its own call, which computes its own cost). Ratios are cost ÷ exact optimum of the match cost (2.4), or (3.22) for OpenCV's
-colour-only finders, which minimise something like it.
+Sizes are length × width of the overlap in px. Pairs are random crops of photographs in scikit-image's wheel, and generated noise with a
+1/f spectrum; where a photograph is too small, a canvas is tiled with different crops of it, some of them mirrored. Times are medians in ms
+of processor time on one thread, of everything a method does once the match cost is given: for heat the coarse networks, for Dijkstra and
+PyMaxflow the graph (OpenCV's own calls compute their own cost). Quotients are medians over the pairs that both were asked for. "Dijkstra
+alone" is SciPy's call on the finished graph. Ratios are cost ÷ exact optimum of the match cost (2.4), or (3.22) for OpenCV's colour-only
+finders, which minimise something like it.
+
+A method that takes longer than --patience seconds (PyMaxflow: five times that) is not asked for further pairs of that size, nor for larger
+sizes.
+
+Peak memory is that of a process of its own that reads a pair, computes the match cost and finds the seam, interpreter and libraries
+included, in MiB and as a multiple of one RGB overlap in float32.
 """
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import importlib.metadata
+import multiprocessing
 import platform
 import statistics
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from datetime import date
+from pathlib import Path
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+from scipy import ndimage
 from skimage import data
 from skimage.graph import route_through_array
 
 import toposeam as ts
 from toposeam.heat.threads import one_thread
+from toposeam.seam import exact
 from toposeam.seam.dynamic_programming import dp_labels
 from toposeam.seam.exact import exact_labels
 from toposeam.seam.find import seam_problem
@@ -36,33 +52,58 @@ from toposeam.seam.problem import SeamProblem
 from toposeam.seam.thesis import ThesisOptions, thesis_path
 
 PHOTOGRAPHS = ("brick", "grass", "gravel", "coffee", "chelsea", "astronaut", "rocket")
+SIZES = ("80x20", "160x40", "320x80", "640x160", "1000x250", "2000x500", "4000x1000")
+#: Overlaps from this many px on have their memory measured; in smaller ones it is the interpreter's.
+LARGE = 1_000_000
 Labels = npt.NDArray[np.bool_]
+Picture = npt.NDArray[np.uint8]
 
 
-def crops(name: str, length: int, width: int, rng: np.random.Generator) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
+def crops(name: str, length: int, width: int, rng: np.random.Generator) -> tuple[Picture, Picture]:
     """Two crops of a photograph, (length, width[, 3])."""
     image = getattr(data, name)()
-    room = [max(0, size + 40 - image.shape[axis]) for axis, size in enumerate((length, width))]
-    image = np.pad(image, [(0, room[0]), (0, room[1])] + [(0, 0)] * (image.ndim - 2), mode="symmetric")
+    if length > image.shape[0] - 40 or width > image.shape[1] - 40:
+        first, second = (tiled(image, length, width, rng) for _ in range(2))
+        return first, second
 
-    def crop() -> npt.NDArray[np.uint8]:
+    def crop() -> Picture:
         y, x = (rng.integers(image.shape[axis] - size + 1) for axis, size in enumerate((length, width)))
         return np.ascontiguousarray(image[y : y + length, x : x + width])
 
     return crop(), crop()
 
 
-def opencv(finder: Callable[[], object]) -> Callable[[SeamProblem, npt.NDArray[np.uint8], npt.NDArray[np.uint8]], tuple[Labels, float]]:
+def tiled(image: Picture, length: int, width: int, rng: np.random.Generator) -> Picture:
+    """A canvas of crops of an image, each mirrored or not."""
+    high, wide = (size * 7 // 8 for size in image.shape[:2])
+
+    def tile() -> Picture:
+        y, x = rng.integers(image.shape[0] - high + 1), rng.integers(image.shape[1] - wide + 1)
+        return image[y : y + high, x : x + wide][:: rng.choice((-1, 1)), :: rng.choice((-1, 1))]
+
+    rows = [np.concatenate([tile() for _ in range(-(-width // wide))], axis=1) for _ in range(-(-length // high))]
+    return np.ascontiguousarray(np.concatenate(rows)[:length, :width])
+
+
+def noise(length: int, width: int, rng: np.random.Generator) -> Picture:
+    """Gray noise whose amplitudes fall as 1/f."""
+    frequency = np.hypot(np.fft.fftfreq(length)[:, None], np.fft.rfftfreq(width)[None])
+    frequency[0, 0] = 1.0
+    field = np.fft.irfft2(np.fft.rfft2(rng.standard_normal((length, width))) / frequency, s=(length, width))
+    return (128 + 50 * (field - field.mean()) / field.std()).clip(0, 255).astype(np.uint8)
+
+
+def opencv(finder: Callable[[], object]) -> Callable[[SeamProblem, Picture, Picture], tuple[Labels, float]]:
     """A seam finder of OpenCV's stitching module, with the border columns fixed by masks as in our strips."""
 
-    def run(problem: SeamProblem, a: npt.NDArray[np.uint8], b: npt.NDArray[np.uint8]) -> tuple[Labels, float]:
+    def run(problem: SeamProblem, a: Picture, b: Picture) -> tuple[Labels, float]:
         images = [cv2.cvtColor(x, cv2.COLOR_GRAY2BGR) if x.ndim == 2 else x for x in (a, b)]
         masks = [np.full(a.shape[:2], 255, np.uint8) for _ in images]
         masks[0][:, -1] = 0
         masks[1][:, 0] = 0
-        started = time.perf_counter()
+        started = time.process_time()
         found = finder().find([x.astype(np.float32) for x in images], [(0, 0), (0, 0)], [cv2.UMat(m) for m in masks])  # type: ignore[attr-defined]
-        seconds = time.perf_counter() - started
+        seconds = time.process_time() - started
         shows_b = np.asarray(found[1].get() if isinstance(found[1], cv2.UMat) else found[1]) > 0
         labels = problem.overlap.window(shows_b).astype(bool)
         return labels, seconds
@@ -80,8 +121,6 @@ def route(problem: SeamProblem) -> Labels:
     path, _ = route_through_array(room, (0, 0), (room.shape[0] - 1, 0), fully_connected=False)
     on_path = np.zeros(room.shape, bool)
     on_path[tuple(np.array(path).T)] = True
-    from scipy import ndimage
-
     rest, _ = ndimage.label(np.pad(~on_path[1:-1], ((0, 0), (1, 1)), constant_values=True))
     labels = np.zeros(cost.shape, bool)
     labels[1:-1, 1:-1] = rest == rest[0, -1]
@@ -89,73 +128,180 @@ def route(problem: SeamProblem) -> Labels:
 
 
 def timed(solve: Callable[[SeamProblem], Labels]) -> Callable[..., tuple[Labels, float]]:
-    """A method that takes a problem, with its seconds."""
+    """A method that takes a problem, with its seconds; nothing it derives from the match cost is there before."""
 
-    def run(problem: SeamProblem, a: npt.NDArray[np.uint8], b: npt.NDArray[np.uint8]) -> tuple[Labels, float]:
+    def run(problem: SeamProblem, *_: Picture) -> tuple[Labels, float]:
+        fresh = dataclasses.replace(problem)
         with one_thread():
-            started = time.perf_counter()
-            labels = solve(problem)
-            return labels, time.perf_counter() - started
+            started = time.process_time()
+            labels = solve(fresh)
+            return labels, time.process_time() - started
 
     return run
 
 
-#: name: (run, largest overlap in px it is asked to do in the short version, whether it minimises the cost without gradients)
-METHODS: dict[str, tuple[Callable[..., tuple[Labels, float]], int, bool]] = {
-    "heat": (timed(lambda p: heat_path(p, HeatOptions()).labels), 10**8, False),
-    "thesis": (timed(lambda p: thesis_path(p, ThesisOptions()).labels), 60_000, False),
-    "shortest-path (dual Dijkstra)": (timed(exact_labels), 10**8, False),
-    "dp": (timed(dp_labels), 10**8, False),
-    "graph-cut (PyMaxflow)": (timed(graph_cut_labels), 300_000, False),
-    "scikit-image route_through_array": (timed(route), 10**8, False),
-    "OpenCV GraphCut COLOR": (opencv(lambda: cv2.detail_GraphCutSeamFinder("COST_COLOR")), 120_000, True),
-    "OpenCV GraphCut COLOR_GRAD": (opencv(lambda: cv2.detail_GraphCutSeamFinder("COST_COLOR_GRAD")), 120_000, False),
-    "OpenCV DP COLOR": (opencv(lambda: cv2.detail_DpSeamFinder("COLOR")), 10**8, True),
+def shortest_path(problem: SeamProblem) -> tuple[Labels, float, float]:
+    """The exact seam, the seconds of the whole method, and those of SciPy's Dijkstra alone."""
+    alone, inner = [], exact.dijkstra
+
+    def watched(*arguments: object, **options: object) -> object:
+        started = time.process_time()
+        result = inner(*arguments, **options)
+        alone.append(time.process_time() - started)
+        return result
+
+    exact.dijkstra = watched
+    try:
+        labels, whole = timed(exact_labels)(problem)
+    finally:
+        exact.dijkstra = inner
+    return labels, whole, sum(alone)
+
+
+HEAT, DIJKSTRA, MAXFLOW = "heat", "shortest-path (dual Dijkstra)", "graph-cut (PyMaxflow)"
+ALONE = "    Dijkstra alone"
+
+#: Whose times the others are compared with, and the width of the column.
+PEERS = ((MAXFLOW, 13), (DIJKSTRA, 12))
+
+#: name: (run, whether it minimises the cost without gradients)
+METHODS: dict[str, tuple[Callable[..., tuple[Labels, float]], bool]] = {
+    HEAT: (timed(lambda p: heat_path(p, HeatOptions()).labels), False),
+    "thesis": (timed(lambda p: thesis_path(p, ThesisOptions()).labels), False),
+    DIJKSTRA: (timed(exact_labels), False),
+    ALONE: (timed(exact_labels), False),
+    "dp": (timed(dp_labels), False),
+    MAXFLOW: (timed(graph_cut_labels), False),
+    "scikit-image route_through_array": (timed(route), False),
+    "OpenCV GraphCut COLOR": (opencv(lambda: cv2.detail_GraphCutSeamFinder("COST_COLOR")), True),
+    "OpenCV GraphCut COLOR_GRAD": (opencv(lambda: cv2.detail_GraphCutSeamFinder("COST_COLOR_GRAD")), False),
+    "OpenCV DP COLOR": (opencv(lambda: cv2.detail_DpSeamFinder("COLOR")), True),
 }
 
 
-def problems(
-    length: int, width: int, pairs: int, seed: int
-) -> Iterator[tuple[SeamProblem, SeamProblem, npt.NDArray[np.uint8], npt.NDArray[np.uint8]]]:
-    """Pairs of crops with their problems: match cost with and without gradients."""
-    for index in range(pairs):
-        rng = np.random.default_rng([seed, length, width, index])
-        a, b = crops(PHOTOGRAPHS[index % len(PHOTOGRAPHS)], length, width, rng)
-        with_gradient, plain = (seam_problem(a, b, None, None, "right", ts.MatchCost(gradient=gradient))[0] for gradient in (True, False))
-        yield with_gradient, plain, a, b
+def pair(length: int, width: int, index: int, seed: int) -> tuple[Picture, Picture]:
+    """The pair of crops with that index."""
+    rng = np.random.default_rng([seed, length, width, index])
+    sources = (*PHOTOGRAPHS, "noise")
+    name = sources[index % len(sources)]
+    if name == "noise":
+        return noise(length, width, rng), noise(length, width, rng)
+    return crops(name, length, width, rng)
+
+
+def problem_of(a: Picture, b: Picture, gradient: bool) -> SeamProblem:
+    return seam_problem(a, b, None, None, "right", ts.MatchCost(gradient=gradient))[0]
+
+
+def peak_memory(name: str, length: int, width: int, seed: int) -> int:
+    """Bytes that this process, which has just started, has had at most once the method is done."""
+    run, colour_only = METHODS[name]
+    a, b = pair(length, width, 0, seed)
+    run(problem_of(a, b, not colour_only), a, b)
+    status = Path("/proc/self/status").read_text(encoding="ascii")  # unlike ru_maxrss, not passed on by the process that started this one
+    return 1024 * next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmHWM"))
+
+
+def exponent(points: list[tuple[int, float]]) -> float:
+    """P of the power law seconds ~ pixels^p through (pixels, seconds), by least squares of the logarithms."""
+    pixels, seconds = np.log(np.array(points, float)).T
+    return float(np.polyfit(pixels, seconds, 1)[0])
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--sizes", nargs="+", default=["80x20", "160x40", "320x80", "640x160"], help="length x width of the overlaps, px")
-    parser.add_argument("--pairs", type=int, default=14, help="pairs of crops per size (fewer for the largest)")
+    parser.add_argument("--sizes", nargs="+", help=f"length x width of the overlaps, px; {' '.join(SIZES[:4])} 1000x250 by default")
+    parser.add_argument("--pairs", type=int, default=8, help="pairs of crops per size, half as many from 2000x500 on")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--all", action="store_true", help="ask every method for every size")
+    parser.add_argument("--patience", type=float, default=2.0, help="seconds for a method, five times that for PyMaxflow")
+    parser.add_argument("--all", action="store_true", help="every size")
+    parser.add_argument("--figure", type=Path, help="draw times over sizes, as the thesis's Figure 3.27, into this file")
     options = parser.parse_args()
-    versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in ("numpy", "scipy", "PyMaxflow", "opencv-python-headless"))
-    print(f"toposeam {ts.__version__}, Python {platform.python_version()}, {versions}; {platform.processor() or platform.machine()}\n")
-    for size in options.sizes:
+    cv2.setNumThreads(1)
+    sizes = options.sizes or (SIZES if options.all else SIZES[:5])
+    packages = ("numpy", "scipy", "scikit-image", "PyMaxflow", "opencv-python-headless")
+    versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in packages)
+    print(f"{date.today()}: toposeam {ts.__version__}, Python {platform.python_version()}, {versions}; {platform.machine()}\n")
+    curves: dict[str, list[tuple[int, float]]] = defaultdict(list)
+    asked = list(METHODS)
+    for size in sizes:
         length, width = (int(part) for part in size.split("x"))
-        pairs = max(3, min(options.pairs, round(options.pairs * 60_000 / (length * width))))
-        seconds, ratios = defaultdict(list), defaultdict(list)
-        for with_gradient, plain, a, b in problems(length, width, pairs, options.seed):
-            optimum = {id(p): p.cost(exact_labels(p)) for p in (with_gradient, plain)}
-            for name, (run, largest, colour_only) in METHODS.items():
-                if length * width > largest and not options.all:
-                    continue
-                problem = plain if colour_only else with_gradient
-                _ = problem.grid, problem.interfaces  # given to every method alike
-                labels, took = run(problem, a, b)
-                seconds[name].append(took)
-                ratios[name].append(problem.cost(labels) / optimum[id(problem)])
-        reference = statistics.median(seconds["graph-cut (PyMaxflow)"]) if seconds["graph-cut (PyMaxflow)"] else float("nan")
-        print(f"{length} × {width} px, {pairs} pairs")
-        print(f"{'':<34}{'ms':>10}{'÷ PyMaxflow':>13}{'cost ÷ optimum':>17}{'worst':>9}")
-        for name in METHODS:
-            if seconds[name]:
-                median, ratio = statistics.median(seconds[name]), statistics.median(ratios[name])
-                print(f"{name:<34}{1e3 * median:>10.2f}{median / reference:>13.2f}{ratio:>17.4f}{max(ratios[name]):>9.3f}")
-        print(flush=True)
+        asked = measure(length, width, options.pairs, options.seed, asked, options.patience, curves)
+    fits = {name: exponent(part) for name, points in curves.items() if len(part := [p for p in points if p[0] >= 6400]) > 2}
+    if fits:
+        print("time ~ pixels^p from 160 × 40 px on: " + ", ".join(f"{name.strip()} {p:.2f}" for name, p in fits.items()))
+    if options.figure:
+        draw(curves, fits, options.figure)
+
+
+def measure(
+    length: int, width: int, pairs: int, seed: int, asked: list[str], patience: float, curves: dict[str, list[tuple[int, float]]]
+) -> list[str]:
+    """Print the table of one size and add to the curves; returns the methods to ask for the next size."""
+    limit = {name: float("inf") if name in (HEAT, DIJKSTRA, ALONE) else 5 * patience if name == MAXFLOW else patience for name in asked}
+    large = length * width >= LARGE
+    seconds, ratios, spent = defaultdict(list), defaultdict(list), []
+    for index in range(max(1, pairs // 2) if large else pairs):
+        a, b = pair(length, width, index, seed)
+        started = time.process_time()
+        problem = problem_of(a, b, True)
+        spent.append(time.process_time() - started)
+        best, whole, alone = shortest_path(problem)
+        plain = problem_of(a, b, False)
+        optimum = {False: problem.cost(best), True: plain.cost(shortest_path(plain)[0])}
+        for name in asked:
+            if max(seconds[name], default=0.0) > limit[name]:
+                continue
+            run, colour_only = METHODS[name]
+            chosen = plain if colour_only else problem
+            labels, took = (best, whole) if name == DIJKSTRA else (best, alone) if name == ALONE else run(chosen, a, b)
+            seconds[name].append(took)
+            ratios[name].append(chosen.cost(labels) / optimum[colour_only])
+    median = {name: statistics.median(seconds[name]) for name in asked}
+    patient = [name for name in asked if median[name] <= limit[name]]
+    memory = {}
+    for name in patient if large else []:
+        if name != ALONE:
+            with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as own:
+                memory[name] = own.submit(peak_memory, name, length, width, seed).result()
+    print(f"{length} × {width} px, {len(spent)} pairs; match cost {1e3 * statistics.median(spent):.1f} ms")
+    print(f"{'':<34}{'ms':>10}{'÷ PyMaxflow':>13}{'÷ Dijkstra':>12}{'cost ÷ optimum':>17}{'worst':>9}{'MiB':>7}{'× RGB':>7}")
+    for name in asked:
+        took = median[name]
+        quotients = "".join(f"{quotient(seconds[name], seconds[peer]):>{space}.3f}" for peer, space in PEERS)
+        peak = f"{memory[name] / 2**20:>7.0f}{memory[name] / (12 * length * width):>7.1f}" if name in memory else ""
+        few = "" if len(seconds[name]) == len(spent) else f"  (pairs: {len(seconds[name])})"
+        print(f"{name:<34}{1e3 * took:>10.2f}{quotients}{statistics.median(ratios[name]):>17.4f}{max(ratios[name]):>9.3f}{peak}{few}")
+        curves[name].append((length * width, took))
+    curves["heat and match cost"].append((length * width, median[HEAT] + statistics.median(spent)))
+    print(flush=True)
+    return patient
+
+
+def quotient(mine: list[float], peers: list[float]) -> float:
+    """Median quotient of times over the pairs that both methods were asked for."""
+    return statistics.median([m / p for m, p in zip(mine, peers, strict=False)] or [float("nan")])
+
+
+def draw(curves: dict[str, list[tuple[int, float]]], fits: dict[str, float], file: Path) -> None:
+    """Times over sizes with their fitted exponents, both axes logarithmic."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 4.4), dpi=110, layout="constrained")
+    axes = figure.add_subplot()
+    shown = {HEAT: ("C3", "o"), "thesis": ("C1", "s"), DIJKSTRA: ("C0", "^"), ALONE: ("C9", "v"), MAXFLOW: ("0.2", "D"),
+             "OpenCV GraphCut COLOR_GRAD": ("0.6", "x")}  # fmt: skip
+    for name, (colour, marker) in shown.items():
+        if name in curves:
+            pixels, seconds = zip(*curves[name], strict=True)
+            label = name.strip() + (f", p = {fits[name]:.2f}" if name in fits else "")
+            axes.loglog(pixels, seconds, color=colour, marker=marker, markersize=4, linewidth=1.2, label=label)
+    axes.set(xlabel="overlap, px", ylabel="processor time, s")
+    axes.grid(which="major", color="0.9")
+    axes.legend(fontsize=8, frameon=False, title="time ~ pixels$^p$ from 160 × 40 px on", title_fontsize=8, alignment="left")
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    figure.savefig(file)
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from the photograph's. Seconds are of processor time and include everything afte
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from pathlib import Path
 
@@ -28,13 +29,12 @@ import toposeam as ts
 
 PHOTOGRAPHS = ("coffee", "chelsea", "astronaut", "rocket", "retina", "hubble_deep_field")
 EXPOSURE, NOISE = 0.10, 1.5
-HEIGHT, WIDTH = 320, 400
+HEIGHT, WIDTH = 280, 340
 
 OURS = {
     "toposeam, hard cut": {},
     "toposeam, --match-tones": {"match_tones": True},
     "toposeam, --match-tones --blend multiband": {"match_tones": True, "blend": "multiband"},
-    "toposeam, --blend multiband": {"blend": "multiband"},
 }
 THEIRS = {"OpenCV, graph cut + multiband": False, "OpenCV, gains + graph cut + multiband": True}
 
@@ -153,6 +153,8 @@ def main() -> None:
             found[name].append((*errors(image, owner, truth, covered), seconds))
             row.append(image)
         rows.append((truth[: canvas.shape[0], : canvas.shape[1]], covered, row))
+        if sys.stderr.isatty():
+            print(f"\r{index + 1}", end="", file=sys.stderr, flush=True)
     print(f"{options.sets} sets, medians\n\n{'':<44}{'error':>8}{'step at seams':>16}{'s':>8}")
     for name, values in found.items():
         error, jump, seconds = np.median(values, axis=0)

@@ -35,7 +35,7 @@ _PAPER = (255, 255, 255)
 
 def main() -> None:
     """Draw every picture."""
-    for draw in (sheet, studies, kinds, products, drawing, textures, obstacles, terrain):
+    for draw in (sheet, studies, kinds, products, drawing, obstacles, terrain):
         started = time.perf_counter()
         draw()
         print(f"{draw.__name__}: {time.perf_counter() - started:.0f} s", flush=True)
@@ -171,19 +171,6 @@ def drawing() -> None:
         canvas.paste(picture.crop((560, 60, 560 + crop, 60 + crop)), (index * (crop + 16), 0))
         pen.text((index * (crop + 16), crop + 6), words, font=font(14), fill=_GRAY)
     save(canvas, "patterns-drawing.jpg")
-
-
-def textures() -> None:
-    """Textures grown from motifs, as Figure 3.26: patches of 40 px."""
-    large, small, gap = 430, 118, 14
-    canvas = Image.new("RGB", (3 * large + 2 * gap, large + gap + small), _PAPER)
-    for index, (rule, name, seed) in enumerate((("translate", "sumi", 11), ("p2", "terracotta", 3), ("rotate", "spring", 5))):
-        motif = ts.generate_motif(128, seed=seed, repeat=rule, palette=name)
-        grown = ts.synthesize(bytes_of(ts.repeat(motif, (2, 2))), (large, large), patch=40, seed=1)
-        x = index * (large + gap)
-        canvas.paste(Image.fromarray(bytes_of(motif.image((small, small)))), (x, 0))
-        canvas.paste(Image.fromarray(np.asarray(grown.image)), (x, small + gap))
-    save(canvas, "fig-3.26-textures-from-motifs.jpg")
 
 
 # Paths

@@ -47,22 +47,6 @@ def main() -> None:
     write("cobbles_normal.png", normals)
     write("cloth.png", cloth(160))
 
-    write("brick.png", read("brick.png")[:192, :192])
-    write("gravel.png", read("gravel.png")[:192, :192])
-    write("stars.png", sky[80:272, 80:272])
-    colour, normals = cobbles(192)
-    write("cobbles.png", colour)
-    write("cobbles_normal.png", normals)
-    write("cloth.png", cloth(160))
-
-    write("brick.png", read("brick.png")[:192, :192])
-    write("gravel.png", read("gravel.png")[:192, :192])
-    write("stars.png", sky[80:272, 80:272])
-    colour, normals = cobbles(192)
-    write("cobbles.png", colour)
-    write("cobbles_normal.png", normals)
-    write("cloth.png", cloth(160))
-
 
 def ginkgo(size: int = 200) -> np.ndarray:
     """A sign drawn here, a ginkgo leaf in black on white, as a theme for patterns."""

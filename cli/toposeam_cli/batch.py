@@ -7,13 +7,13 @@ import shlex
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from contextlib import redirect_stdout
+from contextlib import redirect_stdout, suppress
 from pathlib import Path
 from typing import Any
 
 import click
 
-from toposeam.errors import OptionError
+from toposeam.errors import OptionError, TopoSeamError
 from toposeam_cli.entries import NAME, Entry, expand, parse_patterns, read_entries, to_words
 from toposeam_cli.interruption import Terminated
 from toposeam_cli.journal import Journal
@@ -140,12 +140,23 @@ def _job(entry: Entry, settings: Mapping[str, Any], name: str | None, found: str
         value = parameters.get(str(parameter.name))
         if (is_input(parameter) or is_output(parameter)) and value is not None:
             paths[is_output(parameter)] += [Path(path) for path in (value if isinstance(value, list | tuple) else [value])]
+    inputs = [file for path in paths[False] for file in (path, *_named_in(path))]
     return Job(
         name or _relative(paths[True][0], entry.folder), f"{__name__}:run_command",
-        {"command": command.name, "words": words}, outputs=tuple(paths[True]), inputs=tuple(paths[False]),
-        weight=max(1.0, sum(path.stat().st_size for path in paths[False] if path.is_file())),
+        {"command": command.name, "words": words}, outputs=tuple(paths[True]), inputs=tuple(inputs),
+        weight=max(1.0, sum(path.stat().st_size for path in inputs if path.is_file())),
         manner={"manner": manner},
     )  # fmt: skip
+
+
+def _named_in(path: Path) -> tuple[Path, ...]:
+    """The files that a layout names."""
+    if path.suffix.lower() in (".toml", ".json"):
+        from toposeam_cli.layout import read_layout
+
+        with suppress(TopoSeamError):  # it is another kind of file, or its job will tell what is wrong with it
+            return tuple(file for layer in read_layout(path) for file in (layer.file, layer.mask, layer.keep) if file is not None)
+    return ()
 
 
 def _relative(path: Path, folder: Path) -> str:

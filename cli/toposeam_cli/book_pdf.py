@@ -91,7 +91,7 @@ class _Page:
         axes.axis("off")
 
 
-def _swatch(folder: Path, row: Row, shape: tuple[float, float] = (1.5, 1.5)) -> np.ndarray:
+def _swatch(folder: Path, row: Row, shape: tuple[float, float]) -> np.ndarray:
     """As many motifs down and across of a pattern, two at most."""
     pixels = read_picture(folder / "swatches" / f"{row['number']:04d}.png").pixels
     side = min(pixels.shape[:2])
@@ -163,7 +163,7 @@ def _sheet(folder: Path, heading: str, rows: Sequence[Row]) -> _Page:
     for index, row in enumerate(rows):
         x, y = _MARGIN_MM + (index % _COLUMNS) * step_x, 26 + (index // _COLUMNS) * step_y
         side = step_x - 4
-        page.picture(_swatch(folder, row), x, y, side, side * 0.84)
+        page.picture(_swatch(folder, row, (1.26, 1.5)), x, y, side, side * 0.84)
         page.words(f"{row['number']}  {row['season']}", x, y + side * 0.84 + 1, 6.5)
         page.words(_wrapped(caption(row), 44), x, y + side * 0.84 + 4, 5.0, _SOFT, linespacing=1.25)
     return page

@@ -12,8 +12,11 @@ import click
 import numpy as np
 
 import toposeam as ts
+from toposeam.motif.hexagonal import tile_size
+from toposeam.motif.motif import MAX_PATTERN
 from toposeam.motif.palettes import Palette, parse_colour
-from toposeam.motif.svg import SvgOptions, draw_svg
+from toposeam.motif.svg import SvgOptions, check_counts, draw_svg
+from toposeam.motif.symmetry import HEXAGONAL
 from toposeam.motif.vary import vary
 from toposeam_cli.colour import to_depth
 from toposeam_cli.libvips import load_vips
@@ -87,6 +90,7 @@ def motif(
     if output is None:
         return
     drawn = output.suffix.lower() == ".svg"
+    paper.check(recipe, drawn)
     if pixels is not None and (motif_width is not None or drawn):
         raise ts.OptionError("--pixels sets the size of a .png or .tif; leave it out with --motif-width and for .svg")
     with share_bar(f"inventing {output.name}", quiet) as bar:
@@ -97,7 +101,7 @@ def motif(
         atomic_write(output, document, force)
         extent = f"{len(document) / 1e6:.1f} MB"
     else:
-        image = ts.repeat(made, paper.counts, paper.motif_px(made))
+        image = ts.repeat(made, paper.counts, paper.motif_px(recipe))
         if paper.pixels is not None:
             image = image[: paper.pixels[1], : paper.pixels[0]]
         write_picture(output, printable(image, paper.resolution, {**paper.note(), "recipe": recipe.to_dict()}), force)
@@ -125,15 +129,28 @@ class Print:
         """Pixels per inch, None if nothing asks for any."""
         return _DPI if self.dpi is None and self.width_mm is not None and self.pixels is None else self.dpi
 
-    def motif_px(self, made: ts.Motif) -> tuple[int, int] | None:
-        """Rows and columns of px of one motif, None for as many as elements."""
+    def motif_px(self, recipe: ts.Recipe) -> tuple[int, int]:
+        """Rows and columns of px of one motif, without any size as many as it has elements."""
+        rows, columns = tile_size(recipe.size[0]) if recipe.repeat in HEXAGONAL else recipe.size
         if self.pixels is not None:
             return math.ceil(self.pixels[1] / self.counts[0]), math.ceil(self.pixels[0] / self.counts[1])
         if self.width_mm is None or self.resolution is None:
-            return None
+            return rows, columns
         across = max(1, round(self.width_mm / 25.4 * self.resolution))
-        rows, columns = made.densities.shape[1:]
         return max(1, round(across * rows / columns)), across
+
+    def check(self, recipe: ts.Recipe, drawn: bool) -> None:
+        """Refuse sheets that are too large, before any work."""
+        rows, columns = self.counts
+        if drawn:
+            check_counts(self.counts)
+            return
+        height, width = self.motif_px(recipe)
+        if rows * columns * height * width > MAX_PATTERN:
+            raise ts.OptionError(
+                f"the picture would have {columns * width:,} × {rows * height:,} px, and at most {MAX_PATTERN:,} in all can be made;"
+                " ask for fewer or smaller motifs, or a .svg"
+            )
 
     def note(self) -> dict[str, Any]:
         """What is written into the file."""

@@ -21,8 +21,8 @@ with suppress(ImportError):  # there is none on Windows
 PICTURE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp")
 
 _TEMPORARY, _UNFINISHED = ".toposeam-", ".part"
-#: Files that appeared within :func:`all_or_nothing`.
-_new_files: ContextVar[list[Path] | None] = ContextVar("new_files", default=None)
+#: Files that appeared within :func:`all_or_nothing`, each with its inode and time: what another process puts there later is not ours.
+_new_files: ContextVar[list[tuple[Path, int, int]] | None] = ContextVar("new_files", default=None)
 
 
 class OutputError(TopoSeamError, OSError):
@@ -116,7 +116,7 @@ def replacing(path: Path, force: bool = False) -> Iterator[Path]:
             _rename(temporary, target, force)
         new_files = _new_files.get()
         if is_new and new_files is not None:
-            new_files.append(target)
+            new_files.append((target, *_identity(target)))
     except TopoSeamError:
         raise
     except FileExistsError as error:
@@ -131,17 +131,27 @@ def replacing(path: Path, force: bool = False) -> Iterator[Path]:
 @contextmanager
 def all_or_nothing() -> Iterator[None]:
     """Remove the files that appeared in the block if it fails; what it replaced stays replaced."""
-    files: list[Path] = []
+    outer = _new_files.get()
+    files: list[tuple[Path, int, int]] = []
     token = _new_files.set(files)
     try:
         yield
     except BaseException:
-        for path in files:
+        for path, *identity in files:
             with suppress(OSError):
-                path.unlink()
+                if _identity(path) == tuple(identity):
+                    path.unlink()
         raise
+    else:
+        if outer is not None:
+            outer += files
     finally:
         _new_files.reset(token)
+
+
+def _identity(path: Path) -> tuple[int, int]:
+    state = path.stat()
+    return state.st_ino, state.st_mtime_ns
 
 
 def remove_stale(folder: Path) -> None:

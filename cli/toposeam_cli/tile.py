@@ -15,7 +15,7 @@ from toposeam_cli.texture_files import BORDERS, Destinations, map_outputs, read_
 @click.command()
 @click.argument("image", type=FILE)
 @click.option("-o", "--output", type=OUTPUT, required=True, help="The picture that repeats: .png, .tif, .jpg or .webp.")
-@click.option("--band", type=int, help="How many px along each border may change; an eighth of the shorter side by default, 64 at most.")
+@click.option("--band", type=int, help="How many px along each border may change; an eighth of the shorter side by default, 48 at most.")
 @click.option("--tileable", type=click.Choice(list(BORDERS)), default="both", show_default=True, help="The axes to repeat on.")
 @click.option("--preview", type=OUTPUT, help="Also write the picture repeated 3 × 3.")
 @search_options

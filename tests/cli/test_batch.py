@@ -89,6 +89,17 @@ def test_the_same_again_tries_only_what_failed(toposeam, pairs):
     assert toposeam("batch", *PATTERNS, "--force", "--fresh").out.startswith("4 done in ")
 
 
+def test_a_changed_picture_is_joined_again_also_where_a_layout_names_it(toposeam, pairs):
+    Path("layout.toml").write_text('[[layer]]\nfile = "left_0.png"\nat = [0, 0]\n[[layer]]\nfile = "right_0.png"\nat = [36, 0]\n')
+    jobs = write_jobs('[[stitch]]\npictures = ["layout.toml"]\noutput = "joined.png"\nforce = true\n')
+    assert toposeam("batch", jobs).out.startswith("1 done in")
+    before = Path("joined.png").read_bytes()
+    assert toposeam("batch", jobs).out.startswith("0 done, 1 done before")
+    Path("right_0.png").write_bytes(Path("right_3.png").read_bytes())
+    assert toposeam("batch", jobs).out.startswith("1 done in")
+    assert Path("joined.png").read_bytes() != before
+
+
 def test_files_that_exist_are_kept_without_force(toposeam, pairs):
     (pairs / "out").mkdir()
     (pairs / "out" / "1.png").write_text("precious")

@@ -7,7 +7,7 @@ import pytest
 
 from toposeam.errors import OptionError, TopoSeamError
 from toposeam_cli import output
-from toposeam_cli.output import PICTURE_SUFFIXES, OutputError, atomic_write, check_output, replacing
+from toposeam_cli.output import PICTURE_SUFFIXES, OutputError, all_or_nothing, atomic_write, check_output, replacing
 
 
 def assert_one_sentence(error):
@@ -211,3 +211,20 @@ def test_a_relative_path_is_relative_to_the_working_folder(tmp_path, monkeypatch
     monkeypatch.chdir(tmp_path)
     atomic_write("out.json", "{}")
     assert Path("out.json").read_text() == "{}"
+
+
+def test_a_failed_block_takes_its_new_files_back_and_nothing_else(tmp_path):
+    (tmp_path / "old.txt").write_text("old")
+
+    def fail():
+        with all_or_nothing():
+            atomic_write(tmp_path / "new.txt", "new")
+            atomic_write(tmp_path / "old.txt", "replaced", force=True)
+            atomic_write(tmp_path / "theirs.txt", "ours")
+            atomic_write(tmp_path / "other.txt", "theirs")
+            (tmp_path / "other.txt").replace(tmp_path / "theirs.txt")  # as another process would
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        fail()
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"old.txt": "replaced", "theirs.txt": "theirs"}

@@ -14,7 +14,7 @@ import pytest
 
 from toposeam.errors import OptionError
 from toposeam_cli.output import OutputError
-from toposeam_cli.runner import Job, Progress, run
+from toposeam_cli.runner import Job, Outcome, Progress, _Tally, run
 
 JOBS = """
     import os, signal, time
@@ -217,13 +217,33 @@ def test_a_disk_that_is_full_for_the_table_is_one_sentence(tmp_path, functions):
     assert "skipped" in again.values()
 
 
-def test_progress_counts_work_and_foretells_its_end(tmp_path, functions):
-    jobs = [writing(tmp_path / f"{index}.txt", seconds=0.1 * (1 + 3 * (index < 2))) for index in range(6)]
-    jobs = [Job(job.name, job.function, job.arguments, job.outputs, weight=4.0 if index < 2 else 1.0) for index, job in enumerate(jobs)]
-    reports: list[tuple[float, Progress]] = []
-    list(run(jobs, progress=lambda report: reports.append((time.monotonic(), report))))
-    assert reports[0][1] == Progress(0, 6, 0, 0.0, None)
-    assert reports[-1][1] == Progress(6, 6, 0, 1.0, 0.0)
-    after, halfway = next((at, report) for at, report in reports if report.finished == 2)
-    assert halfway.share == pytest.approx(8 / 12)
-    assert halfway.remaining_s == pytest.approx(reports[-1][0] - after, rel=0.5)
+def test_progress_is_reported_from_beginning_to_end(tmp_path, functions):
+    jobs = [writing(tmp_path / f"{index}.txt") for index in range(3)]
+    reports = []
+    list(run([*jobs, Job("d", "job_functions:unspeakable", {})], progress=reports.append))
+    assert reports[0] == Progress(0, 4, 0, 0.0, None)
+    assert reports[-1] == Progress(4, 4, 1, 1.0, 0.0)
+    assert [report.share for report in reports] == sorted(report.share for report in reports)
+
+
+def test_the_time_left_comes_from_the_work_that_is_done(monkeypatch):
+    now = 0.0
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    jobs = [Job(f"{index}", "m:f", {}, weight=weight) for index, weight in enumerate((4, 4, 1, 1, 1, 1))]
+    reports = []
+    tally = _Tally(jobs, reports.append)
+    tally.begin(jobs[0])
+    tally.begin(jobs[1])
+    now = 4.0
+    tally.end(Outcome(jobs[0], "done", 4.0))
+    tally.begin(jobs[2])
+    now = 4.5
+    tally.report()  # two at a time: half of job 2 is left, jobs 3 to 5 wait, and job 1 is about to end
+    assert (reports[-1].share, reports[-1].remaining_s) == pytest.approx((4 / 12, (0.5 + 3) / 2))
+    tally.end(Outcome(jobs[1], "failed", 0.1, "what fails at once says nothing of the others"))
+    tally.end(Outcome(jobs[2], "done", 1.0))
+    for job in jobs[3:5]:
+        tally.end(Outcome(job, "skipped", 9.0))
+    tally.begin(jobs[5])
+    tally.report()
+    assert (reports[-1].share, reports[-1].remaining_s) == pytest.approx((11 / 12, 1.0))

@@ -57,6 +57,12 @@ class Network:
         cold, hot = (np.flatnonzero((high == terminal) & (low < self.n)) for terminal in (self.n, self.n + 1))
         return (cold, low[cold]), (hot, low[hot])
 
+    @property
+    def terminal_elements(self) -> tuple[Ints, Ints]:
+        """The elements that join a free node to the cold terminal, and to the hot one."""
+        (cold, _), (hot, _) = self._ends
+        return cold, hot
+
     @cached_property
     def _system(self) -> System:
         return system(self.n, self.tail[self._inner], self.head[self._inner], self.apart)

@@ -23,6 +23,10 @@ _REACH = 0.99
 _FILLED = 0.95
 #: μ of the first state, in shares of the mean of M |d|.
 _SPREAD = 0.25
+#: The first network conducts at most this many times as well as its median element.
+_DEAREST = 1e3
+#: An element counts as costing at least this share of a known seam: conductances span the square of what costs do.
+_LEAST = 1e-7
 #: Thresholds at which the potential is cut.
 _THRESHOLDS = 64
 
@@ -39,6 +43,8 @@ class PrimalDual:
 
     Attributes
     ----------
+    cost : (E,) float64 array
+        M, kept between what a first seam costs and a ten-millionth of that.
     potential : (n + 2,) float64 array
         ψ; between steps it may lie a little outside [0, 1].
     jump, flow : (E,) float64 arrays
@@ -46,14 +52,28 @@ class PrimalDual:
     """
 
     def __init__(self, network: Network, cost: Floats) -> None:
-        self.network, self.cost = network, cost
-        self.potential = network.solve(cost)
+        self.network = network
+        hot = network.terminal_elements[1]
+        self._hot, self._into = hot, np.where(network.head[hot] == network.n + 1, 1.0, -1.0)
+        self.cost = cost
+        # Where no seam will run the network need not conduct beyond what double precision can tell from the rest. An element that costs
+        # more than a known seam is in no better one, and next to nothing is as good as nothing.
+        limit = _DEAREST * float(np.median(cost))
+        while True:
+            conductance = np.minimum(cost, limit)
+            self.potential = network.solve(conductance)
+            known = self.best_cut()[0]
+            if not 0 < known < 0.1 * float(conductance.max()):
+                break
+            limit = known
+        if known > 0:
+            self.cost = np.clip(cost, _LEAST * known, known)
         self.jump = self._jumps(self.potential)
-        # Heat flow through conductances M is M d; scaled it fits the capacities.
-        size = np.abs(self.jump)
-        steepest = float(size.max())
-        self.flow = cost * self.jump * (_FILLED / steepest if steepest > 0 else 0.0)
-        self._split(_SPREAD * float(cost @ size) / len(cost) / cost + np.finfo(float).tiny)
+        # Heat flow through these conductances is k d; scaled it fits the capacities.
+        flow = conductance * self.jump
+        fullest = float((np.abs(flow) / self.cost).max())
+        self.flow = flow * (_FILLED / fullest if fullest > 0 else 0.0)
+        self._split(_SPREAD * float(self.cost @ np.abs(self.jump)) / len(cost) / self.cost + np.finfo(float).tiny)
 
     def _split(self, least: Floats) -> None:
         """Set u and v: their difference is the jump, the smaller one is given."""
@@ -66,8 +86,7 @@ class PrimalDual:
     @property
     def bound(self) -> float:
         """The size of the flow: no seam costs less."""
-        (_, _), (hot, _) = self.network._ends
-        return float(np.abs(self.flow[hot]).sum())
+        return float(self.flow.take(self._hot) @ self._into)
 
     def best_cut(self) -> tuple[float, float]:
         """The cheapest cut of the potential: its cost, and the threshold above which nodes are hot; of equals, the middle one."""
@@ -77,7 +96,7 @@ class PrimalDual:
         opened = np.bincount(np.minimum(tail, head), self.cost, _THRESHOLDS + 1)
         closed = np.bincount(np.maximum(tail, head), self.cost, _THRESHOLDS + 1)
         costs = np.cumsum(opened - closed)[:-1]
-        ties = np.flatnonzero(costs <= costs.min() + 1e-9 * costs.max())
+        ties = np.flatnonzero(costs <= (1 + 1e-9) * costs.min() + 1e-14 * costs.max())
         best = int(ties[np.argmin(np.abs(ties - (_THRESHOLDS - 1) / 2))])
         return float(costs[best]), (best + 0.5) / _THRESHOLDS
 

@@ -4,14 +4,13 @@ For each pair of overlapping layers and each channel the median of log a - log b
 burnt out, is one equation log g_b - log g_a = median; the gains g solve all of them in the least-squares sense, weighted by pixels. The
 medians do not see what differs between the pictures themselves, as long as that is less than half of the overlap. Gains are applied to the
 values as they are encoded: for the tone curves in use (a power of light, near enough) a change of exposure is a gain there too. Integers
-near full scale are let off: a channel that is burnt out tells nothing of how bright it was, and scaled down it would tint the whites.
+near full scale in all channels are let off: scaled down, burnt-out whites would turn gray.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,12 +20,13 @@ from toposeam.layers.layer import Box, Layer
 
 #: Shares of full scale between which a pixel tells the exposure.
 TELLING = (0.04, 0.97)
-#: From this share of full scale on, gains below 1 let go, so that white stays white.
-WHITE = 0.92
+#: From this share of full scale in all channels on, gains below 1 let go, so that white stays white.
+WHITE = 0.9
 #: A gain is at most this, and at least its inverse.
 LARGEST_GAIN = 4.0
 #: Pixels of an overlap that are looked at, and those that are needed.
 _SAMPLE, _ENOUGH = 250_000, 16
+_ROWS = 256  # worked on at a time
 
 
 def tone_gains(layers: Sequence[Layer], places: Sequence[Box]) -> npt.NDArray[np.float64]:
@@ -112,25 +112,19 @@ def _headroom(layer: Layer, gain: npt.NDArray[np.float64]) -> float:
 
 
 def _applied(image: Image, gain: npt.NDArray[np.float64]) -> Image:
+    """The image times its gains; integers are rounded, and what is burnt out in all channels stays white."""
+    factor = np.asarray(gain.mean() if image.ndim == 2 or image.shape[2] == 1 else gain)
     result = np.empty_like(image)
-    for channel in range(1 if image.ndim == 2 else image.shape[2]):
-        plane, out = (image, result) if image.ndim == 2 else (image[..., channel], result[..., channel])
-        factor = float(gain.mean() if image.ndim == 2 or image.shape[2] == 1 else gain[channel])
+    for start in range(0, len(image), _ROWS):
+        rows = slice(start, start + _ROWS)
         if not np.issubdtype(image.dtype, np.integer):
-            np.multiply(plane, image.dtype.type(factor), out=out)
+            result[rows] = image[rows] * factor
             continue
         limits = np.iinfo(image.dtype)
-        if limits.bits <= 16 and limits.min == 0:
-            np.take(_curve(np.arange(limits.max + 1), factor, limits.max).astype(image.dtype), plane, out=out)
-        else:
-            out[...] = _curve(plane, factor, limits.max).astype(image.dtype)
+        share = image[rows].astype(np.float64) / limits.max
+        darkest = share if image.ndim == 2 else share.min(axis=2, keepdims=True)
+        burnt = np.clip((darkest - WHITE) / (1 - WHITE), 0, 1)
+        burnt *= burnt * (3 - 2 * burnt)
+        share = share * factor + np.maximum(0.0, 1 - factor) * burnt
+        result[rows] = np.clip(np.rint(share * limits.max), limits.min, limits.max)
     return result
-
-
-def _curve(values: npt.NDArray[Any], factor: float, full: int) -> npt.NDArray[np.float64]:
-    """Integers times a gain; what is burnt out stays white, where a smaller gain would make it gray, or coloured."""
-    share = values / full
-    burnt = np.clip((share - WHITE) / (1 - WHITE), 0, 1)
-    share = share * factor + max(0.0, 1 - factor) * burnt**2 * (3 - 2 * burnt)
-    curve: npt.NDArray[np.float64] = np.clip(np.rint(share * full), min(0, int(values.min())), full)
-    return curve

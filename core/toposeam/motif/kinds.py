@@ -17,8 +17,10 @@ Floats = npt.NDArray[np.float64]
 #: Strokes wider than this share of the motif's shorter side are thick: where, looking at some hundred motifs, lines turn into areas.
 THICK = 0.09
 #: From this correlation on, with either sign, the base image is recognised by somebody who has not seen it.
-CLEAR = 0.6
+CLEAR = 0.55
 
+#: Standard deviation of the widest blur before brightnesses are compared, as a share of the motif's shorter side.
+_WIDEST_BLUR = 0.03
 _LUMA = np.array([0.2126, 0.7152, 0.0722])
 
 
@@ -67,7 +69,8 @@ def measure(image: npt.ArrayLike, base: npt.ArrayLike | None = None) -> Characte
 
     Strokes are what is darker than Otsu's threshold (1979, doi:10.1109/TSMC.1979.4310076). Within a strip of width w the distance to its
     border is w / 4 on average, so four times that average is the width; wide strokes count by their area. The likeness is Pearson's
-    correlation of the two brightnesses, blurred over one stroke width, as the eye does that sees a half-tone.
+    correlation of the two brightnesses, blurred over a stroke's width (at most by `_WIDEST_BLUR`, since few wide strokes are like
+    anything), as the eye does that sees a half-tone.
 
     Parameters
     ----------
@@ -94,7 +97,8 @@ def measure(image: npt.ArrayLike, base: npt.ArrayLike | None = None) -> Characte
         other = _brightness(as_float(base, "base"))
         if other.shape != brightness.shape:
             raise ImageError(f"base has shape {other.shape}, the motif {brightness.shape}; resize it to the motif's size")
-        likeness = _correlation(*(ndimage.gaussian_filter(values, stroke_px / 2, mode="wrap") for values in (brightness, other)))
+        blur = min(stroke_px / 2, _WIDEST_BLUR * min(height, width))
+        likeness = _correlation(*(ndimage.gaussian_filter(values, blur, mode="wrap") for values in (brightness, other)))
     return Character(stroke=stroke_px / min(height, width), likeness=likeness)
 
 

@@ -73,8 +73,7 @@ def draw_svg(
     """
     chosen = options if options is not None else SvgOptions()
     rows, columns = counts
-    if not (0 < rows <= 10_000 and 0 < columns <= 10_000):
-        raise OptionError(f"the sheet has {rows:g} × {columns:g} motifs; use numbers above 0 and up to 10000")
+    check_counts(counts)
     height, width = motif.densities.shape[1:]
     # What a pattern repeats by translation: with mirrored or turned neighbours two by two motifs.
     single = (rows, columns) == (1, 1)
@@ -118,6 +117,18 @@ def draw_svg(
             f"the drawing would take {len(document) / 1e6:.0f} MB, more than editors open; use fewer levels or a smaller size"
         )
     return document
+
+
+def check_counts(counts: tuple[float, float]) -> None:
+    """Refuse a sheet of no or too many motifs.
+
+    Raises
+    ------
+    OptionError
+    """
+    rows, columns = counts
+    if not (0 < rows <= 10_000 and 0 < columns <= 10_000):
+        raise OptionError(f"the sheet has {rows:g} × {columns:g} motifs; use numbers above 0 and up to 10000")
 
 
 def _layer(density: npt.NDArray[np.float32], rule: str, ink: Floats, number: int, levels: int, fine: int) -> list[str]:

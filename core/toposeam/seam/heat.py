@@ -94,7 +94,7 @@ def heat_path(
             cheapest, hot = cut, state.potential > threshold
         bound = max(bound, state.bound)
         new = np.abs(state.jump)
-        objective = float(cost @ new)
+        objective = float(state.cost @ new)
         history.append(
             Iteration(
                 stage=1, objective=objective, compliance=state.bound, bound=float("nan"),
@@ -148,7 +148,26 @@ def _network(problem: SeamProblem) -> tuple[Network, Floats, Floats, Ints]:
         network, cost, pixels = problem.network, problem.element_cost, problem.pattern.pixels
     node = np.full(side.shape, network.n, np.int32)
     node.ravel()[pixels] = np.arange(network.n)
-    return network, cost, np.ones(len(cost)), node
+    return _without_forbidden(network, cost, node, problem.forbidden)
+
+
+def _without_forbidden(network: Network, cost: Floats, node: Ints, forbidden: float) -> tuple[Network, Floats, Floats, Ints]:
+    """The network in which nodes that must not be divided are one, unless that joins the two sides and no seam is possible."""
+    multiplicity = np.ones(len(cost))
+    closed = cost >= forbidden
+    if not closed.any():
+        return network, cost, multiplicity, node
+    try:
+        group = network.components(closed)
+    except SolverError:
+        return network, cost, multiplicity, node
+    smaller, element_map = network.quotient(group)
+    kept = np.flatnonzero(element_map >= 0)
+
+    def total(values: Floats) -> Floats:
+        return np.bincount(element_map[kept], values[kept], len(smaller.tail)).astype(np.float64, copy=False)
+
+    return smaller, total(cost), total(multiplicity), group[node]
 
 
 def _without_islands(labels: Mask, side: npt.NDArray[np.uint8]) -> Mask:

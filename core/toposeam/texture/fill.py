@@ -118,7 +118,7 @@ def make_tileable(
     image : (H, W) or (H, W, C) array_like
         Gray or RGB.
     band : int, optional
-        Width of the band along each border, px; by default an eighth of the shorter side, from 16 to 64. Everything inside stays as it is,
+        Width of the band along each border, px; by default an eighth of the shorter side, 48 at most. Everything inside stays as it is,
         bit for bit.
     seed : int
         The same seed gives the same bytes.
@@ -144,7 +144,7 @@ def make_tileable(
     if min(height, width) < 2 * SMALLEST_TILE:
         raise ImageError(f"the image is {width} × {height} px; to repeat it needs at least {2 * SMALLEST_TILE} px a side")
     reach = min(length for length, wrapping in zip((height, width), wraps, strict=True) if wrapping)
-    band = int(np.clip(min(height, width) // 8, 4, 64)) if band is None else band
+    band = int(np.clip(min(height, width) // 8, 4, 48)) if band is None else band
     if int(band) != band or not 4 <= band <= reach // 4:
         raise OptionError(f"band is {band}; for {width} × {height} px give a whole number from 4 to {reach // 4} px")
     hole = np.zeros((height, width), bool)
@@ -210,8 +210,9 @@ def _over(sources: Sources, hole: Mask, ground: Mask, wraps: tuple[bool, bool], 
     canvas = Canvas((hole.shape[0], hole.shape[1]), wraps, atlas.usable.size, None if ground.all() else ground)
     place = atlas.places[0]
     itself = np.arange(atlas.usable.size, dtype=np.int32).reshape(atlas.usable.shape)[place]
-    canvas.paint(0, 0, itself, ground & ~hole)
-    canvas.usage[:] = 0
+    np.copyto(canvas.index, itself, where=ground & ~hole)
+    np.copyto(canvas.labels, 0, where=ground & ~hole)
+    canvas.patches = 1
     return Layer(atlas, atlas.spread(sources.features), canvas, options, np.random.default_rng(seed), int(hole.sum()))
 
 

@@ -17,6 +17,8 @@ from toposeam.texture.search import Ints, PatchSearch, box_sum
 
 #: How much dearer a place is whose pixels have all shown as often as they should, where there is no other.
 _WORN = 30
+#: Share of what there is to copy up to which use is not counted.
+_LITTLE = 0.05
 #: Added to every error, so that a perfect fit does not outweigh everything else; the square of 1 % of the image's range.
 _FLOOR = 1e-4
 
@@ -99,6 +101,8 @@ class Layer:
         self.atlas, self.features, self.canvas, self.options, self.rng, self.guide = atlas, features, canvas, options, rng, guide
         self.search = PatchSearch(atlas, features)
         self._guides = None if guide is None else PatchSearch(atlas, guide.source)
+        # Where little is laid, compared with what there is to copy, nothing is worn out.
+        self._wears = area > _LITTLE * int(atlas.usable.sum())
         self._average = max(area / max(int(atlas.usable.sum()), 1), 1.0)
         self._limit = max(1, int(options.most * self._average))
         self.margin = atlas.margin
@@ -199,29 +203,39 @@ class Layer:
         error = np.asarray(error, np.float32)
         rows, columns, errors = self._best(error + np.float32(_FLOOR), shape, known)
         if f > 1:
-            for k, (row, column) in enumerate(zip(rows.tolist(), columns.tolist(), strict=True)):
-                exact = np.zeros(1, np.float32)
-                before = error[(row - m) // f, (column - m) // f] + _FLOOR
-                for term in terms:
-                    near_rows, near_columns, near = term.search.around(row, column, term.values, term.weight, (m, m), shape)
-                    exact = exact + term.strength * near
-                least = int(np.argmin(exact))
-                rows[k], columns[k] = near_rows[least], near_columns[least]
-                errors[k] *= (exact[least] + _FLOOR) / before
+            for k in np.flatnonzero(np.isfinite(errors)).tolist():
+                found = self._exactly(terms, int(rows[k]), int(columns[k]), shape)
+                errors[k] *= (found[2] + _FLOOR) / (error[(rows[k] - m) // f, (columns[k] - m) // f] + _FLOOR)
+                rows[k], columns[k] = found[:2]
         good = np.flatnonzero(errors <= (1 + self.options.tolerance) * errors.min())
         pick = int(self.rng.choice(good))
         return int(rows[pick]), int(columns[pick])
+
+    def _exactly(self, terms: list[_Term], row: int, column: int, shape: tuple[int, int]) -> tuple[int, int, float]:
+        """The best place at full size near one of the reduced search, in ever smaller steps, and its error."""
+        step, error = self.search.factor // 2, math.inf
+        while step:
+            rows, columns, exact = np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(9, np.float32)
+            for term in terms:
+                rows, columns, part = term.search.around(row, column, step, term.values, term.weight, (self.margin, self.margin), shape)
+                exact = exact + term.strength * part
+            least = int(exact.argmin())
+            row, column, error = int(rows[least]), int(columns[least]), float(exact[least])
+            step //= 2
+        return row, column, error
 
     def _best(self, error: Floats32, shape: tuple[int, int], known: Ints32) -> tuple[Ints, Ints, Floats32]:
         """The best places of the search's grid that lie apart, and their errors: raised where the source shows often, and without those
         that would only continue a neighbour's copy.
         """
         m, f, (n, columns_n) = self.margin, self.search.factor, error.shape
-        usage = self.canvas.usage.reshape(self.atlas.usable.shape)
-        on_grid = slice(m, None, f), slice(m, None, f)
-        mean = box_sum(usage, shape)[on_grid][:n, :columns_n] / (shape[0] * shape[1] * self._average)
-        worn = box_sum(usage >= self._limit, shape)[on_grid][:n, :columns_n] / (shape[0] * shape[1])
-        raised = (error * (1 + self.options.variety * np.square(mean))).astype(np.float32)
+        raised, worn = error.copy(), np.zeros(error.shape)
+        if self._wears:
+            usage = self.canvas.usage.reshape(self.atlas.usable.shape)
+            on_grid = slice(m, None, f), slice(m, None, f)
+            mean = box_sum(usage, shape)[on_grid][:n, :columns_n] / (shape[0] * shape[1] * self._average)
+            worn = box_sum(usage >= self._limit, shape)[on_grid][:n, :columns_n] / (shape[0] * shape[1])
+            raised *= 1 + self.options.variety * np.square(mean)
         free = raised.copy()
         free[worn > 0] = np.inf
         apart = max(3, min(shape) // 8)

@@ -23,6 +23,8 @@ from toposeam.texture.atlas import Atlas, Floats32
 
 #: The share of a window's weight that has to meet usable pixels.
 _LEAST_SHARE = 0.25
+#: Pixels, about, by which places near those that the reduced search found are compared.
+_COMPARED = 1000
 
 Spectrum = npt.NDArray[np.complex64]
 Ints = npt.NDArray[np.intp]
@@ -98,22 +100,24 @@ class PatchSearch:
         return full
 
     def around(
-        self, row: int, column: int, values: Floats32, weight: Floats32, margin: tuple[int, int], patch: tuple[int, int]
+        self, row: int, column: int, step: int, values: Floats32, weight: Floats32, margin: tuple[int, int], patch: tuple[int, int]
     ) -> tuple[Ints, Ints, Floats32]:
-        """Places at full size round one that the reduced search found, and the mean squared difference there.
+        """The nine places at and round one, at full size, and the mean squared difference there; of large windows a part of the pixels.
 
         Parameters
         ----------
         row, column : int
             Atlas place of the patch's first pixel.
+        step : int
+            How far apart the places are, px.
         values, weight, margin, patch
             As for :meth:`fit`.
         """
-        y, x = np.nonzero(weight)
+        y, x = (index[:: max(1, np.count_nonzero(weight) // _COMPARED)] for index in np.nonzero(weight))
         room = self.room(patch)
-        reach = np.arange(1 - self.factor, self.factor)
-        rows = np.clip(row + reach, margin[0], room.shape[0] - 1 - margin[0]).repeat(len(reach))
-        columns = np.tile(np.clip(column + reach, margin[1], room.shape[1] - 1 - margin[1]), len(reach))
+        reach = np.array([-step, 0, step])
+        rows = np.clip(row + reach, margin[0], room.shape[0] - 1 - margin[0]).repeat(3)
+        columns = np.tile(np.clip(column + reach, margin[1], room.shape[1] - 1 - margin[1]), 3)
         places = rows * self.atlas.width + columns
         pixels = places[:, np.newaxis] + ((y - margin[0]) * self.atlas.width + x - margin[1])
         share = self.atlas.usable.ravel()[pixels] * weight[y, x]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial import Delaunay
 
 from toposeam.errors import SolverError
 from toposeam.heat import elimination as module
@@ -142,3 +143,20 @@ def test_a_node_without_connection_is_an_error_not_a_number(monkeypatch, dense, 
 def test_a_network_without_free_nodes_has_only_its_terminals():
     net = Network(0, np.zeros(0, np.int32), np.zeros(0, np.int32))
     assert net.solve(np.zeros(0)).tolist() == [0.0, 1.0]
+
+
+def test_irregular_networks_lose_their_simple_nodes_first(monkeypatch):
+    monkeypatch.setattr(module, "CONDENSED_NODES", 200)
+    rng = np.random.default_rng(8)
+    points = rng.random((1000, 2))
+    triangles = Delaunay(points).simplices
+    edges = np.unique(np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+    n = len(points) - 2
+    net = network(n, *edges)
+    conductance = 10 ** rng.uniform(-3, 0, len(edges))
+    assert isinstance(net._system, module._Condensed)
+    chosen = module._independent(n, *edges[(edges < n).all(axis=1)].T)
+    assert chosen.mean() > 0.15
+    assert not (chosen[net.tail[net._inner]] & chosen[net.head[net._inner]]).any()
+    for _ in range(2):  # the order of elimination is found by the first solution
+        np.testing.assert_allclose(net.solve(conductance), dense_solution(net, conductance), rtol=1e-8)

@@ -7,7 +7,7 @@ import pytest
 from shapes import SHAPES
 
 import toposeam as ts
-from toposeam.seam import coarse, heat
+from toposeam.seam import coarse, find, heat
 from toposeam.seam.find import seam_problem
 from toposeam.seam.match_cost import MatchCost
 
@@ -54,11 +54,30 @@ def test_seams_stay_single_lines_near_the_optimum(shape, crops):
 
 
 @pytest.mark.slow
-def test_a_large_overlap_is_within_one_and_a_half_percent_of_the_optimum(crops):
+@pytest.mark.parametrize("shape", [None, *SHAPES])
+def test_large_overlaps_of_every_topology(shape):
+    """Each shape seven times as large, with the limits as they are."""
     from skimage import data
 
-    grass = np.pad(data.grass(), ((0, 300), (0, 0)), mode="symmetric")
-    a, b = grass[:700, :170], grass[90:790, 300:470]
-    seam = ts.find_seam(a, b)
+    small = SHAPES[shape]() if shape else (np.ones((100, 25), bool),) * 2
+    height, width = small[0].shape
+    masks = tuple(np.kron(mask, np.ones((7, 7), bool)) for mask in small) if shape else (None, None)
+    grass = np.pad(data.grass(), ((0, 400), (0, 400)), mode="symmetric")
+    a, b = grass[: 7 * height, : 7 * width], grass[90 : 90 + 7 * height, 200 : 200 + 7 * width]
+    seam = ts.find_seam(a, b, *masks)
+    assert seam.problem.grid.free.sum() > coarse.WHOLE_NODES
+    assert seam.history[0].unknowns < seam.problem.grid.free.sum()
+    best = ts.find_seam(a, b, *masks, method="graph-cut")
     assert seam.termination == ts.Termination.SINGLE_LINE
-    assert seam.optimum_ratio() <= 1.015
+    assert len(seam.paths) == len(best.paths)
+    assert best.cost * (1 - 1e-6) <= seam.cost <= 1.03 * best.cost
+
+
+def test_the_match_cost_is_the_same_from_blocks_of_rows(crops, monkeypatch):
+    mask_a, mask_b = SHAPES["ring"]()
+    pair = crops(np.random.default_rng(5), *mask_a.shape)
+    whole = seam_problem(*pair, mask_a, mask_b, "right", MatchCost())[0]
+    monkeypatch.setattr(find, "_BLOCK_PIXELS", 1)
+    problem = seam_problem(*pair, mask_a, mask_b, "right", MatchCost())[0]
+    np.testing.assert_array_equal(problem.right, whole.right)
+    np.testing.assert_array_equal(problem.down, whole.down)

@@ -52,7 +52,7 @@ def test_a_large_exemplar_is_searched_reduced_and_then_exactly():
     weight = np.ones(values.shape[:2], np.float32)
     error = search.fit(values, weight, (m, m), (24, 24))
     i, j = np.unravel_index(error.argmin(), error.shape)
-    rows, columns, exact = search.around(m + 2 * i, m + 2 * j, values, weight, (m, m), (24, 24))
+    rows, columns, exact = search.around(m + 2 * i, m + 2 * j, 1, values, weight, (m, m), (24, 24))
     best = exact.argmin()
     assert (rows[best], columns[best]) == (row, column)
     assert exact[best] == 0
@@ -64,7 +64,7 @@ def test_a_window_at_the_very_corner_of_the_atlas_can_be_refined():
     search, m = PatchSearch(atlas, atlas.spread([image])), atlas.margin
     values = np.zeros((32 + 2 * m, 32 + 2 * m, 1), np.float32)
     last = 400 - 32 + m
-    rows, columns, exact = search.around(last, last, values, np.ones(values.shape[:2], np.float32), (m, m), (32, 32))
+    rows, columns, exact = search.around(last, last, 1, values, np.ones(values.shape[:2], np.float32), (m, m), (32, 32))
     assert max(rows) == max(columns) == last
     assert np.isfinite(exact).all()
 

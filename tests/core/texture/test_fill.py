@@ -126,6 +126,7 @@ IMAGE = np.random.default_rng(0).integers(0, 256, (64, 64), np.uint8)
     (lambda: ts.fill(IMAGE, (np.indices((64, 64)) % 9 == 0).any(axis=0), patch=24), ts.ImageError, "no place"),
     (lambda: ts.fill(IMAGE, np.eye(64), band=-1), ts.OptionError, "band"),
     (lambda: ts.make_tileable(IMAGE, 40), ts.OptionError, "band"),
+    (lambda: ts.make_tileable(IMAGE, alpha=np.pad(np.ones((60, 60), np.uint8), 2)), ts.ImageError, "repeats as it is"),
     (lambda: ts.make_tileable(IMAGE[:20, :20]), ts.ImageError, "needs at least"),
     (lambda: ts.make_tileable(IMAGE, tileable=False), ts.OptionError, "tileable"),
     (lambda: ts.make_tileable(np.ones((64, 64))), ts.ImageError, "one value everywhere"),

@@ -43,7 +43,7 @@ def owner_of(stitched):
     return owner
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 10))])
 def test_total_cost_is_that_of_alpha_expansion(seed):
     pytest.importorskip("maxflow")
     layers = pile(seed, alike=seed % 2)
@@ -55,7 +55,8 @@ def test_total_cost_is_that_of_alpha_expansion(seed):
     assert stitched.cost <= joined.cost
 
 
-@pytest.mark.parametrize("seed", [1])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 4])
 def test_the_order_hardly_matters(seed):
     layers = pile(seed, alike=seed % 2)
     costs = [ts.stitch([layers[k] for k in np.random.default_rng(order).permutation(len(layers))]).cost for order in range(3)]

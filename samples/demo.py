@@ -1,4 +1,4 @@
-"""Join the sample pictures on the command line and say where to look: ``python samples/demo.py FOLDER`` (``make demo`` runs it)."""
+"""The main jobs on the sample pictures, and where to look: ``python samples/demo.py FOLDER`` (``make demo`` runs it)."""
 
 from __future__ import annotations
 
@@ -9,50 +9,51 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 
+#: What is shown, and the command: {s} is the folder of the samples, {o} that of the results.
+STEPS = (
+    (
+        "Two photographs of one motorcycle, from two cameras:",
+        "stitch {s}/motorcycle_left.png {s}/motorcycle_right.png --offset 270,0 -o {o}/joined.png --overlay {o}/joined_seam.png"
+        " --history {o}/how_heat_found_it.png --seam {o}/seam.svg --force",
+    ),
+    (
+        "Three exposures of one table, placed roughly:",
+        "stitch {s}/coffee.toml --align --match-tones --blend multiband -o {o}/coffee.png --overlay {o}/coffee_seams.png --force",
+    ),
+    (
+        "A piece of sky with a corner missing, and another that fills it:",
+        "stitch {s}/sky_a.png {s}/sky_b.png --offset 120,120 -o {o}/sky.png --overlay {o}/sky_seam.png --force",
+    ),
+    (
+        "A wall that repeats, grown from a sample, with its normal map:",
+        "synth {s}/cobbles.png --also {s}/cobbles_normal.png --size 640x640 --tileable both --seed 3 -o {o}/wall.png --force",
+    ),
+    ("A pattern invented by heat:", "motif --repeat p4m --palette fall --seed 7 --size 256 --sheet 3x3 -o {o}/pattern.png --force"),
+    ("Every method on the motorcycle:", "compare {s}/motorcycle_left.png {s}/motorcycle_right.png --offset 270,0"),
+)
+
+LOOK = """\
+  joined.png             the two photographs as one; try to find the seam, then open
+  joined_seam.png        where it runs
+  how_heat_found_it.png  the heat gathering on it, iteration by iteration
+  seam.svg               the seam as a path: bend it in GIMP or Inkscape and give it back with --use-seam
+  coffee.png             three pictures aligned, matched in tone and blended; coffee_seams.png shows where they meet
+  sky.png, sky_seam.png  a seam round a corner
+  wall.png               a texture without border, and wall_cobbles_normal.png, cut alike
+  pattern.png            a pattern, three by three; every seed is another one"""
+
 
 def main(folder: Path) -> int:
     """Run the commands, each shown before it runs; the exit code of the first that fails."""
     folder.mkdir(parents=True, exist_ok=True)
-    left, right, sky, patch = (
-        str(HERE / name) for name in ("motorcycle_left.png", "motorcycle_right.png", "sky_a.png", "sky_b.png")
-    )  # fmt: skip
-    joined, seen, history, seam = (str(folder / name) for name in ("joined.png", "joined_seam.png", "how_heat_found_it.png", "seam.svg"))
-    steps = (
-        (
-            "Two photographs of one motorcycle, from two cameras:",
-            ["stitch", left, right, "--offset", "270,0", "-o", joined, "--overlay", seen, "--history", history, "--seam", seam, "--force"],
-        ),
-        (
-            "A piece of sky with a corner missing, and another that fills it:",
-            [
-                "stitch",
-                sky,
-                patch,
-                "--offset",
-                "120,120",
-                "-o",
-                str(folder / "sky.png"),
-                "--overlay",
-                str(folder / "sky_seam.png"),
-                "--force",
-            ],
-        ),
-        ("Every method on the motorcycle:", ["compare", left, right, "--offset", "270,0"]),
-    )
-    for title, arguments in steps:
+    for title, line in STEPS:
+        arguments = [word.format(s=HERE, o=folder) for word in line.split()]
         print(f"{title}\n  $ toposeam {shlex.join(map(_short, arguments))}", flush=True)
         done = subprocess.run([sys.executable, "-m", "toposeam_cli.main", *arguments], check=False)  # noqa: S603 - our own command
         if done.returncode:
             return done.returncode
         print(flush=True)
-    print(
-        f"Look into {folder.resolve()}\n"
-        "  joined.png             the two photographs as one; try to find the seam, then open\n"
-        "  joined_seam.png        where it runs\n"
-        "  how_heat_found_it.png  the heat gathering on it, iteration by iteration\n"
-        "  seam.svg               the seam as a path: bend it in GIMP or Inkscape and give it back with --use-seam\n"
-        "  sky.png, sky_seam.png  the same round a corner"
-    )
+    print(f"Look into {folder.resolve()}\n{LOOK}")
     return 0
 
 

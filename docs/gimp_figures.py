@@ -191,7 +191,7 @@ image_of(number).set_selected_layers([item(layer) for layer in layers])
     for key in ("Up", "Right"):
         screen.do("key", key)
         time.sleep(1)
-    shoot(screen, target / "gimp-menu.png", lambda file: screen.shoot(file), 0.6)
+    shoot(screen, target / "gimp-menu.png", lambda file: screen.shoot(file), 0.6, crop=(1180, 784))
     screen.do("key", "Escape", "Escape", "Escape")
     for name in ("stitch", "patch", "synthesize", "motif"):
         entry = PROCEDURES[f"plug-in-toposeam-{name}"]
@@ -212,9 +212,10 @@ image_of(number).set_selected_layers([item(layer) for layer in layers])
             shoot(screen, target / "gimp-window.png", lambda file: screen.shoot(file, window), 0.7)
 
 
-def shoot(screen: Screen, file: Path, take: Callable[[Path], None], scale: float) -> None:
+def shoot(screen: Screen, file: Path, take: Callable[[Path], None], scale: float, crop: tuple[int, int] | None = None) -> None:
     take(file)
-    image = pyvips.Image.new_from_file(str(file))[:3].resize(scale).copy_memory()
+    image = pyvips.Image.new_from_file(str(file))[:3]
+    image = (image if crop is None else image.crop(0, 0, *crop)).resize(scale).copy_memory()
     image.write_to_file(str(file), palette=True, Q=80, compression=9)
     print(file, file.stat().st_size // 1024, "KiB")
 

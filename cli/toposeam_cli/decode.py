@@ -71,6 +71,10 @@ def decode(path: Path, max_pixels: int) -> Decoded:
         pixels = evaluate(image, image.numpy)
         return Decoded(_known_depth(pixels), icc, resolution, exif, _xmp(xmp))
     except vips.Error as error:
+        if "samples out of range" in reason(error):
+            raise ImageError(
+                f"cannot read '{path}': its samples are of a kind libvips does not read, like 64-bit floats; export it again with 32 bits"
+            ) from error
         raise ImageError(
             f"cannot read '{path}' ({reason(error)}): it is no picture, damaged or of a kind libvips does not know; export it again as"
             " PNG or TIFF"

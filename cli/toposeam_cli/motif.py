@@ -59,7 +59,7 @@ _OF_LAYERS = ("mass", "penalty", "ambient")
 @click.option("--like", type=FILE, help="Make the motif in this file again; with --seed or --vary, a relative of it.")
 @click.option("--vary", "amount", type=FiniteRange(0, 1), help="With --like or --config: how far a relative may be, 0 to 1.")
 @click.option("--sheet", type=PairType(first="rows"), help="Write ROWSxCOLUMNS motifs instead of one.")
-@click.option("--pixels", type=PairType(), help="Size of the whole picture in px, WIDTHxHEIGHT.")
+@click.option("--pixels", type=PairType(), help="Size of the whole picture in px, WIDTHxHEIGHT; the columns of --sheet fill its width.")
 @click.option("--motif-width", type=PaperLengthType(), help="Width of one motif on paper: 80mm, 8cm or 3in.")
 @click.option("--dpi", type=FiniteRange(1, 10_000), help="Resolution, pixels per inch.  [default: 300 with --motif-width]")
 @click.option("--levels", type=click.IntRange(1, 64), help="Steps from paper to full ink in an SVG.  [default: 12]")
@@ -101,7 +101,7 @@ def motif(
         atomic_write(output, document, force)
         extent = f"{len(document) / 1e6:.1f} MB"
     else:
-        image = ts.repeat(made, paper.counts, paper.motif_px(recipe))
+        image = ts.repeat(made, *paper.laid(recipe))
         if paper.pixels is not None:
             image = image[: paper.pixels[1], : paper.pixels[0]]
         write_picture(output, printable(image, paper.resolution, {**paper.note(), "recipe": recipe.to_dict()}), force)
@@ -129,23 +129,28 @@ class Print:
         """Pixels per inch, None if nothing asks for any."""
         return _DPI if self.dpi is None and self.width_mm is not None and self.pixels is None else self.dpi
 
-    def motif_px(self, recipe: ts.Recipe) -> tuple[int, int]:
-        """Rows and columns of px of one motif, without any size as many as it has elements."""
-        rows, columns = tile_size(recipe.size[0]) if recipe.repeat in HEXAGONAL else recipe.size
+    def laid(self, recipe: ts.Recipe) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Rows and columns of motifs that are laid, and rows and columns of px of one, which keeps its shape.
+
+        Where the size of the whole picture is given, as many columns as `counts` says fill its width, and what is too much below is cut.
+        """
+        height, width = tile_size(recipe.size[0]) if recipe.repeat in HEXAGONAL else recipe.size
         if self.pixels is not None:
-            return math.ceil(self.pixels[1] / self.counts[0]), math.ceil(self.pixels[0] / self.counts[1])
-        if self.width_mm is None or self.resolution is None:
-            return rows, columns
-        across = max(1, round(self.width_mm / 25.4 * self.resolution))
-        return max(1, round(across * rows / columns)), across
+            across = math.ceil(self.pixels[0] / self.counts[1])
+        elif self.width_mm is not None and self.resolution is not None:
+            across = max(1, round(self.width_mm / 25.4 * self.resolution))
+        else:
+            across = width
+        size = max(1, round(across * height / width)), across
+        rows = self.counts[0] if self.pixels is None else math.ceil(self.pixels[1] / size[0])
+        return (rows, self.counts[1]), size
 
     def check(self, recipe: ts.Recipe, drawn: bool) -> None:
         """Refuse sheets that are too large, before any work."""
-        rows, columns = self.counts
         if drawn:
             check_counts(self.counts)
             return
-        height, width = self.motif_px(recipe)
+        (rows, columns), (height, width) = self.laid(recipe)
         if rows * columns * height * width > MAX_PATTERN:
             raise ts.OptionError(
                 f"the picture would have {columns * width:,} × {rows * height:,} px, and at most {MAX_PATTERN:,} in all can be made;"

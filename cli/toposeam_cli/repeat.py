@@ -64,9 +64,10 @@ def repeat(
     settings = None
     if rule is None:
         settings = read_settings(picture)
-        if Print.read(settings).get("counts", (1, 1)) != (1, 1):
-            raise ts.OptionError(f"'{picture}' is a sheet already; give one motif, or say how to arrange it with --rule translate")
-        rule = read_recipe(picture).repeat
+        recipe = read_recipe(picture)
+        if Print(**Print.read(settings)).laid(recipe) != ((1, 1), motif.pixels.shape[:2]):
+            raise ts.OptionError(f"'{picture}' is not one whole motif; give one, or say how to arrange this with --rule translate")
+        rule = recipe.repeat
     height, width = motif.pixels.shape[:2]
     if counts[0] * counts[1] * height * width > MAX_PATTERN:
         raise ts.OptionError(

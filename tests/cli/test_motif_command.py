@@ -61,6 +61,14 @@ def test_paper_size_and_resolution(made, toposeam):
     assert 'width="25.4mm" height="50.8mm" viewBox="0 0 32 64"' in (made / "a.svg").read_text()
 
 
+def test_a_picture_of_another_shape_is_filled_and_cut_not_stretched(made, toposeam):
+    toposeam("motif", "-o", "wide.png", "--like", "motif.png", "--pixels", "130x80", "--sheet", "1x2")
+    toposeam("motif", "-o", "whole.png", "--like", "motif.png", "--pixels", "130x130", "--sheet", "2x2")
+    wide, whole = (read_picture(made / f"{name}.png").pixels for name in ("wide", "whole"))
+    np.testing.assert_array_equal(wide, whole[:80])
+    toposeam("repeat", "wide.png", "2x2", "-o", "m.png").fails("is not one whole motif")
+
+
 def test_relatives_keep_what_they_share(made, toposeam):
     toposeam("motif", "-o", "near.png", "--like", "motif.png", "--vary", "0.1", "--seed", "9", "--palette", "#fff0e0 #102030 #405060")
     toposeam("motif", "-o", "far.png", "--like", "motif.png", "--seed", "9")
@@ -173,7 +181,7 @@ def test_a_sheet_that_does_not_begin_on_whole_pixels_shows_no_lines(folder, topo
         ("motif -o m.svg --pixels 90x90", "leave it out"),
         ("repeat motif.png 9000x9000 -o m.png", "ask for fewer motifs"),
         ("repeat a.png 2x2 -o m.png", "holds no recipe"),
-        ("repeat sheet.png 2x2 -o m.png", "is a sheet already"),
+        ("repeat sheet.png 2x2 -o m.png", "is not one whole motif"),
         ("repeat motif.png 2x2 -o m.svg --rule pgg", "leave --rule out"),
         ("repeat motif.png 2x2 -o m.png --motif-width 3cm", "belongs to .svg"),
         ("repeat drawing.svg 2x2 -o m.png", "write it to a .svg"),

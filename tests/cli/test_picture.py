@@ -377,7 +377,9 @@ def test_the_pixel_limit_is_inclusive(tmp_path):
 def test_depths_libvips_cannot_decode_end_in_one_sentence(tmp_path):
     for dtype in (np.float64, np.complex64, np.uint64):
         tifffile.imwrite(tmp_path / "in.tif", np.ones((4, 5), dtype), photometric="minisblack")
-        assert "export it again" in fails(read_picture, tmp_path / "in.tif")
+        text = fails(read_picture, tmp_path / "in.tif")
+        assert "export it again" in text
+        assert dtype != np.float64 or "32 bits" in text
 
 
 def test_many_channels_end_in_one_sentence(tmp_path):

@@ -58,7 +58,7 @@ class PrimalDual:
         self.cost = cost
         # Where no seam will run the network need not conduct beyond what double precision can tell from the rest. An element that costs
         # more than a known seam is in no better one, and next to nothing is as good as nothing.
-        limit = _DEAREST * float(np.median(cost))
+        limit = _DEAREST * float(np.median(cost)) if cost.max() > _DEAREST * cost.mean() else np.inf
         while True:
             conductance = np.minimum(cost, limit)
             self.potential = network.solve(conductance)

@@ -144,10 +144,9 @@ def _layer(density: npt.NDArray[np.float32], rule: str, ink: Floats, number: int
     typical = np.where(count > 0, total / np.maximum(count, 1), np.arange(levels + 1) / levels)
     lines = [f'<g id="ink-{number}" inkscape:groupmode="layer" inkscape:label="ink {number}" style="mix-blend-mode:multiply">']
     if count[0] and typical[0] > 0:  # the thin haze where no contour is
-        lines.append(
-            f'<rect x="{-MARGIN_PX}" y="{-MARGIN_PX}" width="{smooth.shape[1]}" height="{smooth.shape[0]}"'
-            f' fill="{_colour(1.0 - typical[0] * (1.0 - ink))}"/>'
-        )
+        across, down = (size // fine + MARGIN_PX for size in (smooth.shape[1], smooth.shape[0]))
+        colour = _colour(1.0 - typical[0] * (1.0 - ink))
+        lines.append(f'<rect x="{-MARGIN_PX}" y="{-MARGIN_PX}" width="{across}" height="{down}" fill="{colour}"/>')
     for level, threshold in enumerate(thresholds, 1):
         data = contour_beyond(smooth, float(threshold)).data(1 / fine)
         if data:

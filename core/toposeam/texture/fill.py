@@ -156,6 +156,8 @@ def make_tileable(
                 hole[(*border, side)] = True
             for side in (slice(0, band), slice(-band, None)):
                 near[(*border, side)] = True
+    if alpha is not None and np.shape(alpha) == hole.shape and not (hole & (np.asarray(alpha) > 0)).any():
+        raise ImageError("the image is transparent all along its borders, so it repeats as it is; crop it to what it shows first")
     sources, hole, ground = _read(image, hole, alpha, None, maps, weights)
     layer = _over(sources, hole, ground, wraps, lay_options(options), seed)
     near &= ground

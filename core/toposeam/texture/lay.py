@@ -202,6 +202,8 @@ class Layer:
         error = sum(term.strength * term.search.fit(term.values, term.weight, (m, m), shape) for term in terms)
         error = np.asarray(error, np.float32)
         rows, columns, errors = self._best(error + np.float32(_FLOOR), shape, known)
+        if not np.isfinite(errors).any():  # what room there is lies between the places of the reduced search
+            return self._anywhere(shape)
         if f > 1:
             for k in np.flatnonzero(np.isfinite(errors)).tolist():
                 found = self._exactly(terms, int(rows[k]), int(columns[k]), shape)

@@ -91,6 +91,17 @@ def test_copies_come_only_from_where_they_may(sample):
     assert (made.source[made.labels > 0][:, 1] >= 70).all()
 
 
+def test_room_between_the_places_of_the_reduced_search_is_found(sample):
+    image = sample(8, (400, 400))
+    hole, allow = np.zeros((2, 400, 400), bool)
+    hole[200:210, 300:310] = True
+    allow[101:129, 51:79] = True
+    made = ts.fill(image, hole, patch=24, band=4, allow=allow)
+    copied = made.labels > 0
+    assert copied[hole].all()
+    assert allow[made.source[copied][:, 0], made.source[copied][:, 1]].all()
+
+
 def test_transparent_ground_is_neither_copied_nor_filled(sample):
     image, alpha = sample(7, (100, 100)), np.full((100, 100), 255, np.uint8)
     alpha[:30] = 0
@@ -115,6 +126,7 @@ IMAGE = np.random.default_rng(0).integers(0, 256, (64, 64), np.uint8)
     (lambda: ts.fill(IMAGE, (np.indices((64, 64)) % 9 == 0).any(axis=0), patch=24), ts.ImageError, "no place"),
     (lambda: ts.fill(IMAGE, np.eye(64), band=-1), ts.OptionError, "band"),
     (lambda: ts.make_tileable(IMAGE, 40), ts.OptionError, "band"),
+    (lambda: ts.make_tileable(IMAGE, alpha=np.pad(np.ones((60, 60), np.uint8), 2)), ts.ImageError, "repeats as it is"),
     (lambda: ts.make_tileable(IMAGE[:20, :20]), ts.ImageError, "needs at least"),
     (lambda: ts.make_tileable(IMAGE, tileable=False), ts.OptionError, "tileable"),
     (lambda: ts.make_tileable(np.ones((64, 64))), ts.ImageError, "one value everywhere"),

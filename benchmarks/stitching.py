@@ -1,6 +1,6 @@
 """Composites of several crops of one photograph, against the photograph: ours, and OpenCV's pipeline at the same positions.
 
-    python benchmarks/stitching.py                       50 sets, about three minutes
+    python benchmarks/stitching.py                       50 sets, about seven minutes
     python benchmarks/stitching.py --sets 8 --sheet sets.png
 
 Each set is 3 to 6 overlapping crops of a photograph, each exposed a little differently (up to ±10 %, in light, then encoded as sRGB again)
@@ -34,6 +34,7 @@ HEIGHT, WIDTH = 280, 340
 OURS = {
     "toposeam, hard cut": {},
     "toposeam, --match-tones": {"match_tones": True},
+    "toposeam, --match-tones --blend feather": {"match_tones": True, "blend": "feather"},
     "toposeam, --match-tones --blend multiband": {"match_tones": True, "blend": "multiband"},
 }
 THEIRS = {"OpenCV, graph cut + multiband": False, "OpenCV, gains + graph cut + multiband": True}

@@ -34,8 +34,8 @@ STEPS = 10
 
 #: At most so many nodes of a coarse network per interface of the seam are taken apart on the next finer level, and fewer when that is the
 #: pixels, which can only decide details ...
-OPENED_NODES = 10
-OPENED_NODES_LAST = 4
+OPENED_NODES = 16
+OPENED_NODES_LAST = 5
 #: ... those beside the strongest flux, but none with less than this.
 OPEN_FLUX = 0.005
 

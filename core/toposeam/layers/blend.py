@@ -192,12 +192,12 @@ class _Feather:
 
     def weights(self, box: Box, shows: Owner, index: list[int]) -> dict[int, Floats32]:
         ground = shows >= 0
-        reach = np.maximum(self._smooth(ground), np.float32(0.5 / self._size**2))  # beyond the layers there is nothing to mix in
+        reach: Floats32 = np.maximum(self._smooth(ground), np.float32(0.5 / self._size**2))  # beyond the layers there is nothing to mix in
         result = {}
         for k in index:
             if not (shows == k).any():
                 continue
-            smooth = self._smooth(shows == k) / reach
+            smooth: Floats32 = self._smooth(shows == k) / reach
             present = cut(self._placed.covered[k], self._placed.places[k], box) | ~ground
             inside = np.clip(2 * self._smooth(present) - 1, 0, 1)
             result[k] = smooth * inside

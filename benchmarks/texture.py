@@ -135,7 +135,9 @@ def _program(sample: np.ndarray, command: Callable[[str, str], list[str]]) -> Ma
         given, made = str(Path(folder, "given.png")), str(Path(folder, "made.png"))
         Image.fromarray(sample).save(given)
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        done = subprocess.run(command(given, made), capture_output=True, check=False, timeout=120, env={**os.environ, "HOME": folder})
+        done = subprocess.run(
+            command(given, made), capture_output=True, check=False, timeout=120, env={**os.environ, "HOME": folder, "OMP_NUM_THREADS": "1"}
+        )
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         if not Path(made).exists():

@@ -132,6 +132,9 @@ def _job(entry: Entry, settings: Mapping[str, Any], name: str | None, found: str
     try:
         # Its names for help come from the parent, and click keeps them with the command.
         parameters = command.make_context(command.name, list(words), parent=click.get_current_context(silent=True)).params
+    except click.MissingParameter as error:
+        text = f"{error.format_message().rstrip('.')}; every job needs it, so add it"
+        raise entry.refuse(text) from error
     except click.UsageError as error:
         text = error.format_message().rstrip(".")
         raise entry.refuse(f"{found}: {text}" if found else text) from error

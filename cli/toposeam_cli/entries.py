@@ -227,8 +227,9 @@ def _by_parameter(entry: Entry, settings: Mapping[str, Any]) -> dict[str, Any]:
         renamed = _spread(entry, settings.pop(_PICTURES))
     for key, value in settings.items():
         if _plain(key) not in names:
-            known = ", ".join(sorted({_shown(parameter) for parameter in names.values()} - {"help"}))
-            raise entry.refuse(f"{entry.command.name} has no option {key!r}; it has {known}")
+            arguments = {str(parameter.name) for parameter in names.values() if isinstance(parameter, click.Argument)}
+            known = {_shown(parameter) for parameter in names.values()} - {"help"} - arguments | ({_PICTURES} if arguments else set())
+            raise entry.refuse(f"{entry.command.name} has no option {key!r}; correct it to one of {', '.join(sorted(known))}")
         parameter = str(names[_plain(key)].name)
         if parameter in renamed:
             raise entry.refuse(f"{key!r} is given twice; give it once")

@@ -120,7 +120,9 @@ def _sources(files: Sequence[Path], where: Where, limit: int) -> list[_Source]:
                 for layer in read_layout(files[0])
             ]
         if len(sources) < 2:
-            raise ts.OptionError(f"'{files[0]}' has {len(sources)} visible layer; joining needs at least two")
+            raise ts.OptionError(
+                f"'{files[0]}' has {'one' if sources else 'no'} visible layer; joining needs at least two, so add or show some"
+            )
         return sources
     if len(files) == 1:
         raise ts.OptionError(f"'{files[0]}' is only one picture; give at least two, an OpenRaster file (.ora) or a layout (.toml, .json)")

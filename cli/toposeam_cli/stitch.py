@@ -103,6 +103,11 @@ def stitch(
             stitched = ts.stitch(
                 job.layers, method=method or "heat", use_path=paths, record_frames=history is not None, progress=progress, **options
             )
+    except ts.OverlapError as error:
+        if files[0].suffix.lower() != ".ora":
+            raise
+        hint = "if TopoSeam wrote this file, hide the layers it cut and show its group originals"
+        raise ts.OverlapError(f"{error}; {hint}") from error
     except ts.PathError as error:
         raise error if len(use_seam) != 1 else ts.PathError(f"'{use_seam[0].path}': {error}") from error
     # Every result exists before the first file is written.

@@ -260,6 +260,21 @@ def test_an_openraster_file_of_another_program(three, toposeam):
     assert (three / "out.png").read_bytes() == (three / "same.png").read_bytes()
 
 
+def test_a_file_of_our_own_is_stitched_again_from_its_originals(three, toposeam):
+    assert toposeam("stitch", *FILES, *AT, "-o", "own.ora").code == 0
+    assert toposeam("stitch", *FILES, *AT, "-o", "same.png").code == 0
+    toposeam("stitch", "own.ora", "-o", "out.png").fails("show its group originals")
+    with zipfile.ZipFile("own.ora") as own, zipfile.ZipFile("shown.ora", "w") as shown_again:
+        for name in own.namelist():
+            content = own.read(name)
+            if name == "stack.xml":
+                cut, group, originals = content.partition(b'<stack name="originals"')
+                content = cut.replace(b'"visible"', b'"hidden"') + group + originals.replace(b'"hidden"', b'"visible"', 1)
+            shown_again.writestr(name, content)
+    assert toposeam("stitch", "shown.ora", "-o", "out.png").code == 0
+    np.testing.assert_array_equal(read_picture("out.png").pixels, read_picture("same.png").pixels)
+
+
 def test_opacity_of_layers_and_groups(three, toposeam):
     make_ora(
         "in.ora",

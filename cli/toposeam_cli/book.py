@@ -66,10 +66,10 @@ def book(
     _make_folder(folder)
     journal = folder / "book.results.jsonl"
     start = time.monotonic()
-    rows, failed = _run(_pattern_jobs(theme, number, folder, size, seed), processes, journal, fresh, quiet)
+    rows, failed = _run(_pattern_jobs(theme, number, folder, size, seed), processes, journal, fresh, quiet, "patterns")
     if rows:
         chosen = _choose(rows)
-        _, lost = _run(_product_jobs(chosen, folder), processes, journal, fresh, quiet)
+        _, lost = _run(_product_jobs(chosen, folder), processes, journal, fresh, quiet, "mock-ups")
         failed += lost
         name = title if title is not None else theme.stem
         atomic_write(folder / "patterns.csv", _table(rows), force=True)
@@ -87,7 +87,7 @@ def book(
             atomic_write(folder / "book.pdf", to_pdf(name, folder, rows, products), force=True)
     if not quiet:
         kinds = Counter(row["kind"] for row in rows)
-        shares = ", ".join(f"{kinds[kind]} {kind.words}" for kind in Kind)
+        shares = "; ".join(f"{kinds[kind]} {kind.words}" for kind in Kind)
         click.echo(f"{folder}: {len(rows)} patterns ({shares}) in {time.monotonic() - start:.0f} s; open {folder / 'book.html'}")
     if failed:
         click.get_current_context().exit(1)
@@ -127,7 +127,7 @@ def _product_path(row: Row, product: str) -> str:
     return f"products/{product}-{row['season']}.png"
 
 
-def _run(jobs: Sequence[Job], processes: int, journal: Path, fresh: bool, quiet: bool) -> tuple[list[Row], int]:
+def _run(jobs: Sequence[Job], processes: int, journal: Path, fresh: bool, quiet: bool, kind: str) -> tuple[list[Row], int]:
     """What the jobs returned, in their order, and how many failed."""
     results: dict[str, Row] = {}
     failed = done = 0
@@ -141,7 +141,7 @@ def _run(jobs: Sequence[Job], processes: int, journal: Path, fresh: bool, quiet:
                 else:
                     results[outcome.job.name] = outcome.result
     except (KeyboardInterrupt, Terminated):
-        click.echo(f"{done} of {len(jobs)} pictures are made; run the same again to go on.", err=True)
+        click.echo(f"{done} of {len(jobs)} {kind} are made; run the same again to go on.", err=True)
         raise
     return [results[job.name] for job in jobs if job.name in results], failed
 

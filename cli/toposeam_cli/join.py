@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import click
 import numpy as np
 
 import toposeam as ts
+from toposeam.motif.motif import MAX_PATTERN
 from toposeam_cli.motif import printable
 from toposeam_cli.output import check_output
 from toposeam_cli.parameters import FILE, OUTPUT, FiniteRange, PairType
@@ -52,11 +54,15 @@ def join(
         raise ts.OptionError("one motif alone joins itself already; name two at least")
     recipes = _alike([read_recipe(path) for path in files], files)
     places = None if grid is None else _parse(grid)
+    if places is None and sheet[0] * sheet[1] * math.prod(recipes[0].size) > MAX_PATTERN:
+        raise ts.OptionError(f"a sheet of {sheet[0]} × {sheet[1]} motifs has more than {MAX_PATTERN:,} px; ask for fewer")
     with share_bar(f"joining {len(files)} motifs", quiet) as bar:
         joined = ts.join_motifs(
             recipes, weight=weight, stages=stages, between=between, progress=None if bar is None else lambda done, total: bar(done / total)
         )
     size = None if motif_pixels is None else motif_pixels[::-1]
+    if places is not None and places.max() > len(joined.motifs):
+        raise ts.OptionError(f"--grid names motif {places.max()}, but with those between there are {len(joined.motifs)}; use 1 to that")
     image = ts.arrange(joined.motifs, sheet if places is None else places - 1, seed=seed, reach=reach, size=size)
     settings = {
         "weight": weight, "stages": stages, "between": between, "reach": reach, "seed": seed, "sheet": list(sheet), "grid": grid,

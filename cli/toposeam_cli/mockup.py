@@ -15,6 +15,7 @@ from toposeam_cli.mockups import PRODUCTS, draw_product
 from toposeam_cli.output import check_output
 from toposeam_cli.parameters import FILE, OUTPUT, PaperLengthType
 from toposeam_cli.picture import Picture, read_picture, write_picture
+from toposeam_cli.recipe_file import read_settings
 
 
 @click.command()
@@ -36,10 +37,14 @@ def mockup(motif: Path, product: str, output: Path, motif_width: float | None, r
     if motif_width is not None and not 2 <= motif_width <= 5000:
         raise ts.OptionError(f"--motif-width is {motif_width:g} mm; on a {product} use 2 mm to 5 m")
     if rule is None:
+        read_settings(motif, ", or say with --rule how this repeats")
         draw_on_product(str(motif), product, str(output), motif_width, force)
     else:
         picture = read_picture(motif)
         pixels = to_depth(widen(picture.pixels), np.dtype(np.uint8))
+        if picture.alpha is not None:  # printed on white
+            opacity = to_depth(picture.alpha, np.dtype(np.float32))[..., np.newaxis]
+            pixels = np.rint(opacity * pixels + (1 - opacity) * 255).astype(np.uint8)
         pattern = np.moveaxis(tile(np.moveaxis(pixels, 2, 0), rule, (2, 2)), 0, 2)
         drawn = draw_product(PRODUCTS[product], pattern, pixels.shape[1], np.ones(3), pixels.reshape(-1, 3).min(axis=0) / 255, motif_width)
         write_picture(output, Picture(pixels=drawn), force)

@@ -12,10 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from toposeam.errors import OptionError
 from toposeam_cli.libvips import load_vips, to_vips
 
 #: Pixels per mm of the drawing.
 _SCALE = 1.5
+#: Nothing finer repeats on a product, mm.
+_LEAST_MM = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -206,6 +209,11 @@ def draw_product(
     # As much as covers the picture, resampled once to the picture's own resolution, so that no seam lies between tiles.
     reach = product.reach * max(product.width, product.height)
     tile = to_vips(pattern)
+    if min(tile.width, tile.height) * mm_per_px < _LEAST_MM:
+        raise OptionError(
+            f"the pattern would be {tile.width * mm_per_px:.3g} × {tile.height * mm_per_px:.3g} mm on the {product.name}, and needs"
+            f" {_LEAST_MM:g} mm a side; give a wider --motif-width, or a picture that is less narrow"
+        )
     across, down = (math.ceil(reach / (size * mm_per_px)) for size in (tile.width, tile.height))
     covering = tile.replicate(across, down).resize(mm_per_px * _SCALE * 1.2)
     width, height = across * tile.width * mm_per_px, down * tile.height * mm_per_px

@@ -35,8 +35,8 @@ def to_xmp(settings: Mapping[str, Any]) -> bytes:
     ).encode()
 
 
-def read_settings(path: Path) -> dict[str, Any]:
-    """The settings that TopoSeam wrote into a picture or a drawing.
+def read_settings(path: Path, otherwise: str = "") -> dict[str, Any]:
+    """The settings that TopoSeam wrote into a picture or a drawing; `otherwise` ends the sentence that says there are none.
 
     Raises
     ------
@@ -47,22 +47,23 @@ def read_settings(path: Path) -> dict[str, Any]:
     """
     settings = read_metadata(path) if path.suffix.lower() == ".svg" else _from_picture(path)
     if settings is None or "recipe" not in settings:
-        raise OptionError(f"'{path}' holds no recipe; give a motif that toposeam wrote and no editor stripped")
+        raise OptionError(f"'{path}' holds no recipe; give a motif that toposeam wrote and no editor stripped{otherwise}")
     return settings
 
 
 def read_recipe(path: Path) -> ts.Recipe:
     """The recipe in a picture or a drawing; raises as :func:`read_settings`."""
+    settings = read_settings(path)
     try:
-        return ts.Recipe.from_dict(read_settings(path)["recipe"])
+        return ts.Recipe.from_dict(settings["recipe"])
     except (OptionError, ValueError, TypeError) as error:
-        if "holds no recipe" in str(error):
-            raise
         raise OptionError(f"the recipe in '{path}' is damaged: {error}") from error
 
 
 def _from_picture(path: Path) -> dict[str, Any] | None:
     vips = load_vips()
+    if path.is_dir():
+        raise ImageError(f"'{path}' is a folder; name a motif inside it")
     if not path.is_file():
         raise ImageError(f"there is no file '{path}'; check its name and folder")
     try:

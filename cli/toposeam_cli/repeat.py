@@ -63,7 +63,7 @@ def repeat(
     motif = read_picture(picture)
     settings = None
     if rule is None:
-        settings = read_settings(picture)
+        settings = read_settings(picture, ", or say how to arrange this with --rule")
         recipe = read_recipe(picture)
         if Print(**Print.read(settings)).laid(recipe) != ((1, 1), motif.pixels.shape[:2]):
             raise ts.OptionError(f"'{picture}' is not one whole motif; give one, or say how to arrange this with --rule translate")

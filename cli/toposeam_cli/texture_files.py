@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 import toposeam as ts
-from toposeam_cli.output import atomic_write, check_output
+from toposeam_cli.output import all_or_nothing, atomic_write, check_output
 from toposeam_cli.parameters import FILE, OUTPUT, FiniteRange
 from toposeam_cli.picture import Picture, match_pictures, read_picture, write_picture
 
@@ -116,20 +116,22 @@ class Destinations:
     force: bool = False
 
     def __post_init__(self) -> None:
-        pictures = [path for path in (self.output, *self.maps, self.labels, self.preview) if path is not None]
+        pictures = [path for path in (self.output, *self.maps, self.preview) if path is not None]
         for path in pictures:
             check_output(path, self.force)
-        if self.coordinates is not None:
-            check_output(self.coordinates, self.force, (".png", ".tif", ".tiff"))
-            pictures.append(self.coordinates)
+        for numbers in (self.labels, self.coordinates):
+            if numbers is not None:
+                check_output(numbers, self.force, (".png", ".tif", ".tiff"))  # 16 bits without loss
+                pictures.append(numbers)
         if self.seams is not None:
             check_output(self.seams, self.force, (".svg",))
             pictures.append(self.seams)
         if len({path.resolve() for path in pictures}) < len(pictures):
             raise ts.OptionError("two outputs have the same name; give each a name of its own")
 
+    @all_or_nothing()
     def write(self, made: ts.Synthesis, picture: Picture, maps: Sequence[Picture]) -> None:
-        """Write everything that was asked for.
+        """Write everything that was asked for, or nothing.
 
         Parameters
         ----------

@@ -61,3 +61,12 @@ def test_masks_that_leave_nothing_to_do_or_nothing_to_copy_are_refused(toposeam,
     write_picture("mask.png", Picture(pixels=mask))
     toposeam("fill", "gravel.png", "--mask", "mask.png", "-o", "o.png").fails(phrase)
     assert not (folder / "o.png").exists()
+
+
+def test_where_nothing_is_allowed_the_mask_is_not_blamed(toposeam, folder):
+    mask = np.zeros((120, 140), np.uint8)
+    write_picture("allow.png", Picture(pixels=mask))
+    mask[40:60, 40:60] = 255
+    write_picture("mask.png", Picture(pixels=mask))
+    toposeam("fill", "gravel.png", "--mask", "mask.png", "--allow", "allow.png", "-o", "o.png").fails("outside the mask nothing is allowed")
+    assert not (folder / "o.png").exists()

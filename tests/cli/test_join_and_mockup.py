@@ -15,7 +15,7 @@ SMALL = ("--size", "24", "--layers", "2", "--iterations", "5")
 
 @pytest.fixture(scope="module")
 def motifs(tmp_path_factory):
-    """A folder with two motifs of other colours, and one of three layers."""
+    """A folder with two motifs of other colours, one of three layers, and a narrow picture."""
     from click.testing import CliRunner
 
     from toposeam_cli.main import main
@@ -23,6 +23,7 @@ def motifs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("motifs")
     for name, options in (("one", ("--palette", "sea", "--seed", "1")), ("two", ("--palette", "plum", "--seed", "2", "--size", "32"))):
         assert CliRunner().invoke(main, ["motif", "-o", str(folder / f"{name}.png"), *SMALL, *options]).exit_code == 0
+    write_picture(folder / "strip.png", Picture(pixels=np.zeros((3, 5000), np.uint8)))
     line = ["motif", "-o", str(folder / "three.png"), *SMALL, "--layers", "3"]
     assert CliRunner().invoke(main, line).exit_code == 0
     return folder
@@ -68,15 +69,25 @@ def test_any_picture_on_a_product(tmp_path, toposeam):
     assert abs(float(np.median(drawn[600:800, 600:700])) - 90) < 12
 
 
+def test_what_is_transparent_is_printed_white(tmp_path, toposeam):
+    clear = Picture(pixels=np.full((9, 9), 90, np.uint16), alpha=np.zeros((9, 9), np.uint16))
+    write_picture(tmp_path / "clear.png", clear)
+    assert toposeam("mockup", tmp_path / "clear.png", "--on", "canvas", "--rule", "p1", "-o", tmp_path / "c.png", "-q").code == 0
+    assert np.median(read_picture(tmp_path / "c.png").pixels[800:1080, 900:1260]) > 240
+
+
 @pytest.mark.parametrize(
     ("line", "phrase", "code"),
     [
         ("join {in}/one.png -o m.png", "two at least", 1),
+        ("join {in}/one.png {in}/two.png -o m.png --sheet 99999x99999", "ask for fewer", 1),
+        ("mockup {in}/strip.png --on tie -o m.png", "with --rule", 1),
+        ("mockup {in}/strip.png --on tie --rule p1 -o m.png", "less narrow", 1),
         ("join {in}/one.png {in}/three.png -o m.png", "equally many", 1),
         ("join {in}/one.png {in}/two.png -o m.svg", "not supported", 1),
         ("join {in}/one.png {in}/two.png -o m.png --grid '1 2 / 1'", "as many numbers", 1),
         ("join {in}/one.png {in}/two.png -o m.png --grid '0 1'", "counted from 1", 1),
-        ("join {in}/one.png {in}/two.png -o m.png --grid '1 9' --stages 1", "numbers from", 1),
+        ("join {in}/one.png {in}/two.png -o m.png --grid '1 9' --stages 1", "names motif 9", 1),
         ("join {in}/one.png nowhere.png -o m.png", "there is no file", 1),
         ("mockup nowhere.png --on tie -o m.png", "there is no file", 1),
         ("mockup {in}/one.png --on tie -o m.gif", "not supported", 1),

@@ -167,6 +167,9 @@ def test_a_sheet_that_does_not_begin_on_whole_pixels_shows_no_lines(folder, topo
         ("motif -o m.png --vary 0.5", "--vary needs a motif"),
         ("motif -o m.png --like a.png", "holds no recipe"),
         ("motif -o m.png --like nowhere.png", "there is no file"),
+        ("motif -o m.png --like .", "is a folder"),
+        ("motif -o m.png --like text.png", "'text.png' is not a picture"),
+        ("motif -o m.png --sources 99999", "200 at most"),
         ("motif -o m.png --like damaged.png", "is damaged"),
         ("motif -o m.png --like wrong.png", "is damaged"),
         ("motif -o m.png --like broken.svg", "is not XML"),
@@ -180,7 +183,7 @@ def test_a_sheet_that_does_not_begin_on_whole_pixels_shows_no_lines(folder, topo
         ("motif -o m.svg --sheet 90000x9000", "up to 10000"),
         ("motif -o m.svg --pixels 90x90", "leave it out"),
         ("repeat motif.png 9000x9000 -o m.png", "ask for fewer motifs"),
-        ("repeat a.png 2x2 -o m.png", "holds no recipe"),
+        ("repeat a.png 2x2 -o m.png", "with --rule"),
         ("repeat sheet.png 2x2 -o m.png", "is not one whole motif"),
         ("repeat motif.png 2x2 -o m.svg --rule pgg", "leave --rule out"),
         ("repeat motif.png 2x2 -o m.png --motif-width 3cm", "belongs to .svg"),
@@ -190,6 +193,7 @@ def test_a_sheet_that_does_not_begin_on_whole_pixels_shows_no_lines(folder, topo
 def test_bad_input(made, toposeam, line, phrase):
     (made / "broken.png").write_bytes((made / "motif.png").read_bytes()[:700])
     (made / "broken.svg").write_text("<svg><metadata>")
+    (made / "text.png").write_text("no picture")
     write_picture("damaged.png", Picture(pixels=np.zeros((4, 4), np.uint8), xmp=b"<x:xmpmeta"))
     packet = '<a xmlns:t="urn:x-toposeam:1.0:"><t:recipe>{"recipe": {"size": [32, 32], "layers": [{"ink": 3}]}}</t:recipe></a>'
     write_picture("wrong.png", Picture(pixels=np.zeros((4, 4), np.uint8), xmp=packet.encode()))

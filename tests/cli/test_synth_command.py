@@ -67,6 +67,8 @@ def test_a_mask_and_a_guide_are_read_from_pictures(toposeam):
 @pytest.mark.parametrize(("arguments", "phrase", "code"), [
     (("moss.png", "--size", "90x70", "--patch", "65", "-o", "o.png"), "smaller than a patch", 1),
     (("moss.png", "--size", "90x70", "--overlap", "40", "-o", "o.png"), "overlap is 40", 1),
+    (("thin.png", "--size", "90x70", "--patch", "auto", "-o", "o.png"), "at least 4 px a side", 1),
+    (("moss.png", "--size", "90x70", "-o", "o.png", "--labels", "l.jpg"), "'.jpg' is not supported", 1),
     (("moss.png", "--size", "0x70", "-o", "o.png"), "is not a size", 2), (("moss.png", "--size", "big", "-o", "o.png"), "is not a size", 2),
     (("moss.png", "--size", "100000000x90", "-o", "o.png"), "more than", 1),
     (("moss.png", "--size", "90", "--patch", "small", "-o", "o.png"), "not a patch size", 2),
@@ -88,6 +90,7 @@ def test_a_mask_and_a_guide_are_read_from_pictures(toposeam):
 ])  # fmt: skip
 def test_bad_input_ends_in_one_sentence_and_leaves_nothing(toposeam, folder, arguments, phrase, code):
     write_picture("small.png", Picture(pixels=np.zeros((8, 8), np.uint8)))
+    write_picture("thin.png", Picture(pixels=np.arange(300, dtype=np.uint16).reshape(3, 100)))
     write_picture("black.png", Picture(pixels=np.zeros((64, 70), np.uint8)))
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     toposeam("synth", *arguments).fails(phrase, code)

@@ -36,3 +36,12 @@ def test_on_one_axis_the_other_borders_stay(toposeam):
 def test_bad_input_ends_in_one_sentence_and_leaves_nothing(toposeam, folder, arguments, phrase):
     toposeam("tile", "gravel.png", *arguments).fails(phrase)
     assert [path.name for path in folder.iterdir()] == ["gravel.png"]
+
+
+def test_when_one_of_several_outputs_fails_none_is_left(toposeam, folder):
+    gravel = read_picture("gravel.png").pixels
+    alpha = np.full_like(gravel, 65535)
+    alpha[50:60, 60:70] = 0
+    write_picture("gravel.png", Picture(pixels=gravel, alpha=alpha), force=True)
+    toposeam("tile", "gravel.png", "-o", "o.png", "--preview", "o.jpg").fails("partly transparent")
+    assert [path.name for path in folder.iterdir()] == ["gravel.png"]

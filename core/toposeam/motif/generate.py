@@ -25,6 +25,9 @@ _APART = 0.7
 #: Random spots keep this far from the border, as a share of the cell: their strokes are the thickest.
 _MARGIN = 0.06
 
+#: Random spots of one layer are at most so many: placing them takes the square of their number.
+_MAX_POINTS = 200
+
 #: Share of random layers that are ink wash.
 _WASH = 0.15
 
@@ -231,6 +234,8 @@ def _points(
     if isinstance(count, int | np.integer):
         if count < 1:
             raise OptionError(f"{name} is {count}; a layer needs at least one, give a number from 1")
+        if count > _MAX_POINTS:
+            raise OptionError(f"{name} is {count}; so many leave no strokes between them, give {_MAX_POINTS} at most")
         places = _spread(int(count), rng, aspect, shown)
         powers = rng.uniform(*strengths, int(count))
         for index in range((int(count) + 1) // 2):

@@ -384,6 +384,8 @@ def arrange(
             raise OptionError("the motifs differ in size or inks; give motifs that were joined")
     grid = np.asarray(arrangement)
     if grid.ndim == 1 and grid.shape == (2,):
+        if float(grid[0]) * float(grid[1]) > MAX_PATTERN:
+            raise OptionError(f"the arrangement would have {grid[0]} × {grid[1]} places; ask for fewer motifs")
         grid = random_arrangement((int(grid[0]), int(grid[1])), len(motifs), seed, reach)
     if grid.ndim != 2 or grid.size == 0 or not np.issubdtype(grid.dtype, np.integer):
         raise OptionError("the arrangement must be (rows, columns) or a grid of whole numbers, one for each place")

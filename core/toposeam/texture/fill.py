@@ -190,7 +190,9 @@ def _read(
         gone = gone & ground
     copied = ~gone if allow is None else ~gone & as_mask(allow, shape, "allow")
     if not gone.any():
-        raise ImageError("the mask is empty, so there is nothing to replace; paint what has to go white")
+        raise ImageError("the mask is empty, or the picture transparent there, so there is nothing to replace; paint what has to go white")
+    if allow is not None and not copied.any() and not gone.all():
+        raise ImageError("nothing is left to copy from: outside the mask nothing is allowed; paint more of what may be copied white")
     if not copied.any():
         raise ImageError("nothing is left to copy from: the mask covers the whole picture; paint only what has to go white")
     array = np.asarray(image)

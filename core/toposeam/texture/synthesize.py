@@ -209,6 +209,9 @@ def check_patch(sources: Sources, patch: int, overlap: int | None) -> tuple[int,
     OptionError
         When the two do not fit each other.
     """
+    height, width = max(sources.shapes, key=min)
+    if min(height, width) < SMALLEST_PATCH:
+        raise ImageError(f"the source is {width} × {height} px; to copy patches from it needs at least {SMALLEST_PATCH} px a side")
     if int(patch) != patch or patch < SMALLEST_PATCH:
         raise OptionError(f"patch is {patch}; give a whole number of px, at least {SMALLEST_PATCH}")
     overlap = max(2, patch // 4) if overlap is None else overlap
@@ -216,7 +219,6 @@ def check_patch(sources: Sources, patch: int, overlap: int | None) -> tuple[int,
         raise OptionError(
             f"overlap is {overlap} with patches of {patch} px; give a whole number from 2 to {patch - 1} px, usually a quarter"
         )
-    height, width = max(sources.shapes, key=min)
     if patch > min(height, width):
         raise ImageError(
             f"the source is {width} × {height} px, smaller than a patch of {patch} px; use a patch of {min(height, width)} px or less"

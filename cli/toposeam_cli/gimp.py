@@ -28,6 +28,8 @@ def gimp() -> None:
 def install(gimp_version: str | None, folder: Path | None, python: Path | None) -> None:
     """Copy the plug-in into every GIMP 3 profile of this user."""
     engine = _python(python)
+    if folder is not None and (folder.expanduser() / "plug-ins").is_dir():
+        raise OptionError(f"--dir is {folder}, a GIMP profile, where GIMP looks for no plug-ins; give {folder / 'plug-ins'}")
     for profile in _chosen(gimp_version, folder):
         click.echo(f"installed {install_into(profile, engine)}")
     click.echo("Start GIMP (again): the entries are in Filters > TopoSeam. If they are not: toposeam gimp doctor")

@@ -190,3 +190,9 @@ def test_the_zip_has_one_folder_whose_main_file_is_executable(tmp_path):
     assert rights["toposeam_gimp/toposeam_gimp.py"] == 0o755
     assert rights["toposeam_gimp/seams.py"] == 0o644
     assert not any(name.endswith((".pyc", "engine.json")) for name in rights)
+
+
+def test_a_profile_is_not_taken_for_a_plug_ins_folder(toposeam, tmp_path):
+    (tmp_path / "3.0" / "plug-ins").mkdir(parents=True)
+    toposeam("gimp", "install", "--dir", str(tmp_path / "3.0")).fails("a GIMP profile, where GIMP looks for no plug-ins")
+    assert not (tmp_path / "3.0" / "toposeam_gimp").exists()

@@ -204,7 +204,12 @@ def read_colours(text: str, folder: Path = Path()) -> str | Palette | np.ndarray
             raise ts.OptionError(f"the palette {text!r} has no ink; write the paper's colour and one per layer")
         return Palette(paper=colours[0], inks=colours[1:])
     if Path(text).suffix:
-        return read_picture(folder / text, _MAX_PIXELS).pixels
+        picture = read_picture(folder / text, _MAX_PIXELS)
+        if picture.alpha is None:
+            return picture.pixels
+        if not picture.covered().any():
+            raise ts.ImageError(f"the palette's picture '{text}' is transparent everywhere; give one with colours")
+        return np.expand_dims(picture.pixels[picture.covered()], 0)  # a row of what can be seen
     return text
 
 

@@ -158,6 +158,8 @@ def test_a_sheet_that_does_not_begin_on_whole_pixels_shows_no_lines(folder, topo
         ("motif -o m.png --layers 9 --palette fall", "use fewer layers"),
         ("motif -o m.png --palette '#ffffff'", "has no ink"),
         ("motif -o m.png --palette nowhere.png", "there is no file"),
+        ("motif -o m.png --palette clear.png", "is transparent everywhere"),
+        ("motif -o m.png --palette patch.png", "has 1 colours"),
         ("motif -o m.png --base broken.png", "export it again"),
         ("motif -o m.png --base nowhere.png", "there is no file"),
         ("motif -o m.png --size 4", "size is"),
@@ -194,6 +196,9 @@ def test_bad_input(made, toposeam, line, phrase):
     (made / "broken.png").write_bytes((made / "motif.png").read_bytes()[:700])
     (made / "broken.svg").write_text("<svg><metadata>")
     (made / "text.png").write_text("no picture")
+    hidden = np.arange(192, dtype=np.uint8).reshape(8, 8, 3)
+    for name, seen in (("clear.png", 0), ("patch.png", 1)):
+        write_picture(name, Picture(pixels=hidden, alpha=np.where(np.arange(64) < seen, 255, 0).astype(np.uint8).reshape(8, 8)))
     write_picture("damaged.png", Picture(pixels=np.zeros((4, 4), np.uint8), xmp=b"<x:xmpmeta"))
     packet = '<a xmlns:t="urn:x-toposeam:1.0:"><t:recipe>{"recipe": {"size": [32, 32], "layers": [{"ink": 3}]}}</t:recipe></a>'
     write_picture("wrong.png", Picture(pixels=np.zeros((4, 4), np.uint8), xmp=packet.encode()))

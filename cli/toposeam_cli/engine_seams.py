@@ -13,10 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 import toposeam as ts
-from toposeam.images import Image
+from toposeam.images import Image, full_scale
 from toposeam.layers.blend import Placed, blend_seams
 from toposeam.layers.layer import Canvas
-from toposeam.layers.painting import channel_count, opaque, paint
+from toposeam.layers.painting import channel_count, paint
 from toposeam.layers.tones import match_tones
 from toposeam.vector.svg import SvgSeam
 from toposeam_cli.engine import Job
@@ -92,7 +92,7 @@ def restitch(job: Job) -> dict[str, Any]:
 
 def _joined(job: Job, layers: Sequence[ts.Layer], stitched: ts.Stitched) -> dict[str, Any]:
     canvas = ts.common_canvas(layers, ts.MAX_PIXELS)
-    alpha = stitched.alpha if stitched.alpha is not None else np.broadcast_to(opaque(stitched.image.dtype), canvas.shape)
+    alpha = stitched.alpha if stitched.alpha is not None else np.broadcast_to(full_scale(stitched.image.dtype), canvas.shape)
     seams = [
         {
             "pair": pair,
@@ -133,7 +133,7 @@ def _changes(
 
 
 def _with_alpha(image: Image, alpha: Image | None) -> Image:
-    shown = np.broadcast_to(opaque(image.dtype), image.shape[:2]) if alpha is None else alpha
+    shown = np.broadcast_to(full_scale(image.dtype), image.shape[:2]) if alpha is None else alpha
     return np.dstack([image, shown])
 
 

@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 import toposeam as ts
-from toposeam.images import Image
-from toposeam.layers.painting import opaque
+from toposeam.images import Image, full_scale
 from toposeam.texture.synthesize import Tileable
 from toposeam_cli.engine import Job
 
@@ -55,7 +54,7 @@ def fill(job: Job) -> dict[str, Any]:
         changed &= made.alpha > 0
     rows, columns = (np.flatnonzero(changed.any(axis=axis)) for axis in (1, 0))
     box = np.s_[int(rows[0]) : int(rows[-1]) + 1, int(columns[0]) : int(columns[-1]) + 1]
-    shown = np.broadcast_to(opaque(made.image.dtype), changed.shape) if made.alpha is None else made.alpha
+    shown = np.broadcast_to(full_scale(made.image.dtype), changed.shape) if made.alpha is None else made.alpha
     raster = job.write(_with_alpha(made.image[box], np.where(changed[box], shown[box], made.image.dtype.type(0))))
     x, y = job.request["layer"]["offset"]
     return {"picture": {**raster, "offset": [x + int(columns[0]), y + int(rows[0])]}}
@@ -70,7 +69,7 @@ def _sample(job: Job) -> _Sample:
         alpha = (np.rint(alpha * share) if np.issubdtype(alpha.dtype, np.integer) else alpha * share).astype(alpha.dtype)
     image = pixels[..., 0] if pixels.shape[2] == 2 else pixels[..., :-1]
     selected = None if job.request.get("selection") is None else job.read(job.request["selection"]) >= 128
-    return _Sample(image, None if bool((alpha == opaque(alpha.dtype)).all()) else alpha, selected)
+    return _Sample(image, None if bool((alpha == full_scale(alpha.dtype)).all()) else alpha, selected)
 
 
 def _usual(options: Mapping[str, Any], *names: str) -> dict[str, Any]:
@@ -79,5 +78,5 @@ def _usual(options: Mapping[str, Any], *names: str) -> dict[str, Any]:
 
 
 def _with_alpha(image: Image, alpha: Image | None) -> Image:
-    shown = np.broadcast_to(opaque(image.dtype), image.shape[:2]) if alpha is None else alpha
+    shown = np.broadcast_to(full_scale(image.dtype), image.shape[:2]) if alpha is None else alpha
     return np.dstack([image, shown])

@@ -8,6 +8,7 @@ import click
 
 import toposeam as ts
 from toposeam_cli.parameters import FILE, OUTPUT
+from toposeam_cli.picture import read_white
 from toposeam_cli.progress import share_bar
 from toposeam_cli.texture_files import (
     Destinations,
@@ -15,7 +16,6 @@ from toposeam_cli.texture_files import (
     map_outputs,
     read_maps,
     read_sources,
-    read_white,
     result_options,
     search_options,
 )  # fmt: skip
@@ -47,8 +47,8 @@ def fill(
     picture = read_sources([image], max_megapixels)[0]
     maps = read_maps(also, 1, max_megapixels)
     shape = picture.pixels.shape[:2]
-    hole = read_white(mask, shape, image.name, max_megapixels)
-    allowed = None if allow is None else read_white(allow, shape, image.name, max_megapixels)
+    hole = read_white(mask, shape, image.name, round(max_megapixels * 1e6))
+    allowed = None if allow is None else read_white(allow, shape, image.name, round(max_megapixels * 1e6))
     with share_bar(f"filling {image.name}", quiet) as progress:
         made = ts.fill(
             picture.pixels, hole, patch, overlap, seed, band=band, alpha=picture.alpha, allow=allowed,

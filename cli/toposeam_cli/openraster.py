@@ -19,6 +19,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 import toposeam as ts
+from toposeam.images import full_scale
 from toposeam_cli.colour import to_depth
 from toposeam_cli.libvips import channels
 from toposeam_cli.output import replacing
@@ -167,7 +168,7 @@ def _layer(path: Path, archive: zipfile.ZipFile, entry: _Entry, folder: Path, ma
     except ts.ImageError as error:
         raise ts.ImageError(str(error).replace(f"'{unpacked}'", f"'{path}': {entry.name}")) from error
     if entry.opacity < 1:
-        full = _full(picture.pixels.dtype)
+        full = full_scale(picture.pixels.dtype)
         alpha = np.full(picture.pixels.shape[:2], full, picture.pixels.dtype) if picture.alpha is None else picture.alpha
         faded = np.where(alpha > 0, np.maximum(alpha * entry.opacity, 0 if alpha.dtype == np.float32 else 1), 0)
         picture = replace(picture, alpha=faded.astype(alpha.dtype))
@@ -233,7 +234,7 @@ def _shown(picture: Picture, stitched: ts.Stitched, mask: np.ndarray, place: tup
     """A picture that is opaque only where it shows, with the composite's pixels there."""
     shows = mask[place]
     pixels = np.where(shows if channels(picture.pixels) == 1 else shows[..., None], stitched.image[place], picture.pixels)
-    opacity = np.full(shows.shape, _full(pixels.dtype), pixels.dtype) if stitched.alpha is None else stitched.alpha[place]
+    opacity = np.full(shows.shape, full_scale(pixels.dtype), pixels.dtype) if stitched.alpha is None else stitched.alpha[place]
     return replace(picture, pixels=pixels, alpha=np.where(shows, opacity, pixels.dtype.type(0)))
 
 
@@ -252,7 +253,3 @@ def _thumbnail(picture: Picture) -> Picture:
     weight = np.add.reduceat(np.add.reduceat(share, rows, 0), columns, 1)
     colours = np.rint(sums[..., :3] / np.maximum(weight, 1e-6)).clip(0, 255).astype(np.uint8)
     return Picture(pixels=colours, alpha=np.rint(sums[..., 3:] / count)[..., 0].clip(0, 255).astype(np.uint8))
-
-
-def _full(dtype: np.dtype) -> Any:
-    return 1.0 if dtype == np.float32 else np.iinfo(dtype).max

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 import toposeam as ts
+from toposeam.images import full_scale
 
 _LINE = np.array([230, 30, 40], np.uint8)
 _HALO = np.array([255, 255, 255], np.uint8)
@@ -40,7 +41,7 @@ def draw_seams(image: npt.NDArray[Any], seams: Iterable[ts.Seam]) -> npt.NDArray
 
 def to_rgb8(image: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
     """A copy of any picture as (H, W, 3) uint8."""
-    top = np.iinfo(image.dtype).max if np.issubdtype(image.dtype, np.integer) else 1.0
+    top = full_scale(image.dtype)
     scaled = image if image.dtype == np.uint8 else np.clip(np.rint(image / top * 255), 0, 255).astype(np.uint8)
     if scaled.ndim == 2:
         scaled = scaled[..., np.newaxis]

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from toposeam.errors import ImageError
+from toposeam.images import full_scale
 from toposeam_cli.colour import DEPTHS, convert_profile, fits_profile, to_depth
 from toposeam_cli.decode import UNSTATED_RESOLUTION, decode
 from toposeam_cli.libvips import VipsImage, channels, evaluate, load_vips, reason, to_vips, with_profile
@@ -93,6 +94,33 @@ class Picture:
     def covered(self) -> np.ndarray:
         """(H, W) bool, True where the picture has pixels: alpha above 0."""
         return np.ones(self.pixels.shape[:2], bool) if self.alpha is None else self.alpha > 0
+
+
+def read_white(path: Path, shape: tuple[int, int], of: str, max_pixels: int) -> np.ndarray:
+    """(H, W) bool, True where a mask picture is at least half white (and not transparent).
+
+    Parameters
+    ----------
+    path : Path
+    shape : (int, int)
+        Height and width it must have.
+    of : str
+        What it is the mask of; used in error texts.
+    max_pixels : int
+        As for :func:`read_picture`.
+
+    Raises
+    ------
+    ImageError
+        When it is not of that shape, or as :func:`read_picture` raises it.
+    """
+    mask = read_picture(path, max_pixels=max_pixels)
+    height, width = mask.pixels.shape[:2]
+    if (height, width) != shape:
+        raise ImageError(f"the mask {path.name} is {width} × {height} px, but {of} is {shape[1]} × {shape[0]} px; make it that size")
+    gray = mask.pixels if mask.pixels.ndim == 2 else mask.pixels.mean(axis=2)
+    white: np.ndarray = (gray >= full_scale(mask.pixels.dtype) / 2) & mask.covered()
+    return white
 
 
 def read_picture(path: str | Path, max_pixels: int = MAX_PIXELS) -> Picture:
@@ -237,7 +265,7 @@ def _fit(path: Path, picture: Picture, kind: _Format) -> Picture:
     dtype = picture.pixels.dtype
     alpha = picture.alpha
     if alpha is not None and not kind.has_alpha:
-        if (alpha < (1 if dtype == np.float32 else np.iinfo(dtype).max)).any():
+        if (alpha < full_scale(dtype)).any():
             raise ImageError(
                 f"'{path}' cannot be written: the picture is partly transparent, which {path.suffix} cannot hold; use .png or .tif"
             )

@@ -13,7 +13,7 @@ import toposeam as ts
 from toposeam_cli.layout import read_layout
 from toposeam_cli.openraster import read_ora
 from toposeam_cli.parameters import Keyed, Length
-from toposeam_cli.picture import Picture, match_pictures, read_picture
+from toposeam_cli.picture import Picture, match_pictures, read_picture, read_white
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,7 +103,7 @@ def arrange(
 
 def read_avoid(path: Path, shape: tuple[int, int], max_megapixels: float) -> npt.NDArray[np.bool_]:
     """Where the seams must not run: the white of a picture of the canvas's size."""
-    return _read_mask(path, shape, round(max_megapixels * 1e6), "the canvas")
+    return read_white(path, shape, "the canvas", round(max_megapixels * 1e6))
 
 
 def _sources(files: Sequence[Path], where: Where, limit: int) -> list[_Source]:
@@ -176,19 +176,7 @@ def _shifted(a: Picture, b: Picture, overlap: Length | None, side: ts.Side) -> t
 
 
 def _white(path: Path, layer: ts.Layer, limit: int) -> npt.NDArray[np.bool_]:
-    return _read_mask(path, (layer.image.shape[0], layer.image.shape[1]), limit, layer.name)
-
-
-def _read_mask(path: Path, shape: tuple[int, int], limit: int, of: str) -> npt.NDArray[np.bool_]:
-    """True where a mask picture is at least half white (and not transparent)."""
-    mask = read_picture(path, max_pixels=limit)
-    if mask.pixels.shape[:2] != shape:
-        height, width = mask.pixels.shape[:2]
-        raise ts.ImageError(f"the mask {path.name} is {width} × {height} px, but {of} is {shape[1]} × {shape[0]} px; make it that size")
-    pixels = mask.pixels if mask.pixels.ndim == 2 else mask.pixels.mean(axis=2)
-    top = np.iinfo(mask.pixels.dtype).max if np.issubdtype(mask.pixels.dtype, np.integer) else 1.0
-    white: npt.NDArray[np.bool_] = pixels >= top / 2
-    return white if mask.alpha is None else white & (mask.alpha > 0)
+    return read_white(path, (layer.image.shape[0], layer.image.shape[1]), layer.name, limit)
 
 
 def given_seams(files: Sequence[Keyed], arrangement: Arrangement) -> dict[tuple[int, int], ts.SvgSeam]:

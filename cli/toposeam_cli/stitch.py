@@ -12,6 +12,7 @@ import click
 import numpy as np
 
 import toposeam as ts
+from toposeam.images import full_scale
 from toposeam_cli.openraster import write_ora
 from toposeam_cli.output import PICTURE_SUFFIXES, all_or_nothing, atomic_write, check_output
 from toposeam_cli.overlay import draw_seams
@@ -171,8 +172,7 @@ def _check_opaque(paths: Sequence[Path], layers: Sequence[ts.Layer]) -> None:
     canvas = ts.common_canvas(layers, ts.MAX_PIXELS)
     opaque = np.zeros(canvas.shape, bool)
     for layer in layers:
-        dtype = layer.image.dtype
-        full = np.iinfo(dtype).max if np.issubdtype(dtype, np.integer) else 1
+        full = full_scale(layer.image.dtype)
         opaque[canvas.place(layer).slices] |= layer.covered if layer.alpha is None else layer.covered & (layer.alpha >= full)
     if not opaque.all():
         raise ts.ImageError(

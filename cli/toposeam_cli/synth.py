@@ -10,9 +10,9 @@ import click
 import numpy as np
 
 import toposeam as ts
-from toposeam.texture.sources import full_scale
+from toposeam.images import full_scale
 from toposeam_cli.parameters import FILE, OUTPUT, FiniteRange
-from toposeam_cli.picture import read_picture, write_picture
+from toposeam_cli.picture import read_picture, read_white, write_picture
 from toposeam_cli.progress import share_bar
 from toposeam_cli.texture_files import (
     BORDERS,
@@ -23,7 +23,6 @@ from toposeam_cli.texture_files import (
     map_outputs,
     read_maps,
     read_sources,
-    read_white,
     result_options,
     search_options,
 )  # fmt: skip
@@ -71,7 +70,10 @@ def synth(
     maps = read_maps(also, count, max_megapixels)
     limit = round(max_megapixels * 1e6)
     shapes = [picture.pixels.shape[:2] for picture in pictures]
-    allowed = [read_white(path, shape, source.name, max_megapixels) for path, shape, source in zip(mask, shapes, sources, strict=False)]
+    allowed = [
+        read_white(path, shape, source.name, round(max_megapixels * 1e6))
+        for path, shape, source in zip(mask, shapes, sources, strict=False)
+    ]
     wanted = None if guide is None else read_picture(guide, max_pixels=limit).pixels
     stands = [read_picture(path, max_pixels=limit).pixels for path in guide_source]
     with share_bar(f"growing {output.name}", quiet) as progress:

@@ -188,21 +188,3 @@ def read_maps(also: Sequence[Path], count: int, max_megapixels: float) -> list[l
 def alphas(pictures: Sequence[Picture]) -> list[Any] | None:
     """Opacity per picture, or None where all are opaque."""
     return None if all(picture.alpha is None for picture in pictures) else [picture.alpha for picture in pictures]
-
-
-def read_white(path: Path, shape: tuple[int, int], of: str, max_megapixels: float) -> npt.NDArray[np.bool_]:
-    """True where a mask picture is at least half white (and not transparent).
-
-    Raises
-    ------
-    ImageError
-        When it is not of the shape wanted.
-    """
-    mask = read_picture(path, max_pixels=round(max_megapixels * 1e6))
-    if mask.pixels.shape[:2] != shape:
-        height, width = mask.pixels.shape[:2]
-        raise ts.ImageError(f"the mask {path.name} is {width} × {height} px, but {of} {shape[1]} × {shape[0]} px; make it that size")
-    pixels = mask.pixels if mask.pixels.ndim == 2 else mask.pixels.mean(axis=2)
-    top = np.iinfo(mask.pixels.dtype).max if np.issubdtype(mask.pixels.dtype, np.integer) else 1.0
-    white: npt.NDArray[np.bool_] = (pixels >= top / 2) & mask.covered()
-    return white

@@ -56,6 +56,11 @@ def as_float(image: npt.ArrayLike, name: str = "image") -> npt.NDArray[np.float3
     return result
 
 
+def full_scale(dtype: np.dtype[Any]) -> Any:
+    """What counts as 1, and as opaque, in that dtype: the largest integer, or 1.0."""
+    return dtype.type(np.iinfo(dtype).max if np.issubdtype(dtype, np.integer) else 1)
+
+
 def as_mask(mask: npt.ArrayLike, shape: tuple[int, int], name: str) -> Mask:
     """The mask as an (H, W) bool array of the given shape, True where it is not zero.
 

@@ -23,11 +23,11 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from toposeam.errors import OptionError
-from toposeam.images import Image, Mask, as_float
+from toposeam.images import Image, Mask, as_float, full_scale
 from toposeam.layers.gradient import correction
 from toposeam.layers.layer import Box, Layer, cut
 from toposeam.layers.multiband import expand, gaussian, multiband
-from toposeam.layers.painting import Owner, opaque
+from toposeam.layers.painting import Owner
 from toposeam.seam.seam import Seam
 
 Blend = Literal["none", "feather", "soft", "multiband", "gradient"]
@@ -176,7 +176,7 @@ class _Fade:
             total += weight
             if layer.alpha is not None:
                 alpha = np.where(present, cut(layer.alpha, placed.places[k], box), layer.alpha.dtype.type(0))
-                weight = weight * (alpha / opaque(alpha.dtype)).astype(np.float32)
+                weight = weight * (alpha / full_scale(alpha.dtype)).astype(np.float32)
             opacity += weight
             colour += weight[..., np.newaxis] * values
         colour /= np.maximum(opacity, np.float32(1e-9))[..., np.newaxis]

@@ -11,11 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.errors import ImageError, OptionError, OverlapError, PathError
-from toposeam.images import Image, Mask, as_mask
+from toposeam.images import Image, Mask, as_mask, full_scale
 from toposeam.layers.blend import Blend, Placed, blend_seams, check_blend
 from toposeam.layers.labelling import Labelling, Pair, exclusive_covers
 from toposeam.layers.layer import Box, Canvas, Layer, common_canvas, cut
-from toposeam.layers.painting import Owner, channel_count, opaque, paint
+from toposeam.layers.painting import Owner, channel_count, paint
 from toposeam.layers.rounds import best_labelling
 from toposeam.layers.tones import match_tones as matched
 from toposeam.seam.find import Method, apply_paths, as_weights, find_seam
@@ -175,7 +175,7 @@ def stitch(
     if progress is not None:
         progress(1.0)
     return Stitched(
-        image=image, alpha=None if bool((alpha == opaque(image.dtype)).all()) else alpha,
+        image=image, alpha=None if bool((alpha == full_scale(image.dtype)).all()) else alpha,
         masks=tuple(owner == index for index in range(len(layers))), seams=tuple(seams.values()), pairs=tuple(seams),
         names=tuple(layer.name for layer in layers), rounds=rounds, origin=canvas.origin,
     )  # fmt: skip

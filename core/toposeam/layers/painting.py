@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from toposeam.errors import ImageError
-from toposeam.images import Image
+from toposeam.images import Image, full_scale
 from toposeam.layers.layer import Box, Layer
 
 #: The layer that shows at each pixel of the canvas, -1 for none.
@@ -41,13 +40,8 @@ def paint(layers: Sequence[Layer], places: Sequence[Box], owner: Owner, at: Box,
             np.copyto(image[here], part, where=shows)
         else:
             np.copyto(image[here], part if part.ndim == 3 else part[..., np.newaxis], where=shows[..., np.newaxis])
-        np.copyto(alpha[here], opaque(dtype) if layer.alpha is None else layer.alpha[there], where=shows)
+        np.copyto(alpha[here], full_scale(dtype) if layer.alpha is None else layer.alpha[there], where=shows)
     return image, alpha
-
-
-def opaque(dtype: np.dtype[Any]) -> Any:
-    """Full opacity: the largest integer, or 1.0."""
-    return dtype.type(np.iinfo(dtype).max if np.issubdtype(dtype, np.integer) else 1)
 
 
 def channel_count(layers: Sequence[Layer]) -> int | None:

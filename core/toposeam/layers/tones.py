@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.images import Image
+from toposeam.images import Image, full_scale
 from toposeam.layers.layer import Box, Layer
 
 #: Shares of full scale between which a pixel tells the exposure.
@@ -68,10 +68,6 @@ def match_tones(layers: Sequence[Layer], places: Sequence[Box]) -> list[Layer]:
     ]
 
 
-def _full(image: Image) -> float:
-    return float(np.iinfo(image.dtype).max) if np.issubdtype(image.dtype, np.integer) else 1.0
-
-
 def _plane(image: Image, channel: int) -> Image:
     if image.ndim == 2:
         return image
@@ -87,7 +83,7 @@ def _log_ratio(a: Layer, at_a: Box, b: Layer, at_b: Box, channel: int) -> tuple[
     both = a.covered[common.within(at_a)][::step, ::step] & b.covered[common.within(at_b)][::step, ::step]
     values = []
     for layer, place in ((a, at_a), (b, at_b)):
-        part = _plane(layer.image, channel)[common.within(place)][::step, ::step] / _full(layer.image)
+        part = _plane(layer.image, channel)[common.within(place)][::step, ::step] / float(full_scale(layer.image.dtype))
         both &= (part > TELLING[0]) & (part < (TELLING[1] if np.issubdtype(layer.image.dtype, np.integer) else np.inf))
         values.append(part)
     number = int(np.count_nonzero(both))
@@ -104,7 +100,7 @@ def _headroom(layer: Layer, gain: npt.NDArray[np.float64]) -> float:
     step = max(1, int(np.sqrt(layer.covered.size / _SAMPLE)))
     covered = layer.covered[::step, ::step]
     for channel, factor in enumerate(gain):
-        values = _plane(layer.image, channel)[::step, ::step][covered] / _full(layer.image)
+        values = _plane(layer.image, channel)[::step, ::step][covered] / float(full_scale(layer.image.dtype))
         values = values[(values > TELLING[0]) & (values < TELLING[1])]
         if len(values):
             room = min(room, 1.0 / (float(np.quantile(values, 0.999)) * factor))

@@ -84,7 +84,7 @@ def fill(
     if int(band) != band or band < 0:
         raise OptionError(f"band is {band}; give a whole number of px from 0 up")
     near = _dilated(hole, int(band)) & ground
-    layer = _over(sources, hole, ground, (False, False), lay_options(options), seed)
+    layer = _over(sources, hole, ground, (False, False), chosen, seed)
     total = int(hole.sum())
     for top, left, shape in _windows(layer, hole, side, int(band)):
         rows, columns, _ = layer.canvas.window(top, left, *shape)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.errors import ImageError, OptionError
-from toposeam.images import Image, Mask, as_float, as_mask
+from toposeam.images import Image, Mask, as_float, as_mask, full_scale
 from toposeam.texture.atlas import Floats32
 
 Images = npt.ArrayLike | Sequence[npt.ArrayLike]
@@ -140,11 +140,6 @@ def read_sources(
     return Sources(
         planes=tuple(planes), gray=tuple(gray), features=tuple(features), present=tuple(present), usable=tuple(usable), has_alpha=has_alpha,
     )  # fmt: skip
-
-
-def full_scale(dtype: np.dtype[Any]) -> Any:
-    """What counts as 1 in that dtype."""
-    return dtype.type(np.iinfo(dtype).max if np.issubdtype(dtype, np.integer) else 1)
 
 
 def check_varied(sources: Sources, name: str = "source") -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.errors import ImageError, OptionError
-from toposeam.images import as_float
+from toposeam.images import as_float, full_scale
 from toposeam.layers.composite import MAX_PIXELS
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.canvas import Canvas
@@ -19,7 +19,7 @@ from toposeam.texture.mend import mend
 from toposeam.texture.raster import lay_all, patches_along
 from toposeam.texture.rendering import render
 from toposeam.texture.scale import natural_patch
-from toposeam.texture.sources import Images, Sources, as_list, check_varied, full_scale, read_sources
+from toposeam.texture.sources import Images, Sources, as_list, check_varied, read_sources
 from toposeam.texture.synthesis import Synthesis
 
 Tileable = bool | Literal["x", "y"]

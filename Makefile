@@ -6,27 +6,44 @@ READY := $(VENV)/.ready
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test gimp test-gimp gimp-figures bench-gimp translations plugin-zip check lint format bench bench-all figures clean
+.PHONY: test-gimp-all help demo test test-lowest docs release gimp test-gimp gimp-figures bench-gimp translations plugin-zip check check-deep lint format bench bench-all figures clean
 
 help:  ## list the targets
-	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
 
-$(READY): pyproject.toml
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet --editable '.[test,bench,lint]'
+INSTALLED := $(VENV)/.installed
+PIP := $(BIN)/python -m pip --disable-pip-version-check
+
+$(INSTALLED): pyproject.toml
+	"$(PYTHON)" -m venv $(VENV)
+	$(PIP) install --quiet --editable .
 	@touch $@
 
-demo: $(READY)  ## join two photographs along a heat seam, into ./demo
+$(READY): pyproject.toml
+	"$(PYTHON)" -m venv $(VENV)
+	$(PIP) install --quiet --upgrade pip
+	$(PIP) install --quiet --editable '.[test,bench,lint,docs]'
+	@touch $(INSTALLED) $@
+
+demo: $(INSTALLED)  ## join two photographs along a heat seam, into ./demo
 	$(BIN)/python samples/demo.py demo
 
 test: $(READY)  ## every test
 	$(ONE_THREAD) $(BIN)/python -m pytest -n auto --dist worksteal
 
+test-lowest:  ## the quick core tests with the lowest version of everything that pyproject.toml allows
+	"$(PYTHON)" -m venv $(VENV)-lowest
+	$(VENV)-lowest/bin/python -m pip --disable-pip-version-check install --quiet uv
+	$(VENV)-lowest/bin/uv pip install --quiet --python $(VENV)-lowest/bin/python --resolution lowest-direct --editable '.[test]'
+	$(ONE_THREAD) $(VENV)-lowest/bin/python -m pytest tests/core -n auto --dist worksteal -m 'not slow' -q
+
 gimp:  ## provide GIMP 3 for the tests: the system's, or Debian's in a folder of its own
 	PYTHON=$(BIN)/python tests/gimp/gimp3.sh provide
 
-test-gimp: $(READY) gimp  ## the plug-in's tests in a real GIMP 3 (GIMP_SUITE=sid: in the newest)
+test-gimp: $(READY) gimp  ## the plug-in's quick tests in a real GIMP 3 (GIMP_SUITE=sid: in the newest)
+	PYTHON=$(BIN)/python TOPOSEAM_GIMP_REQUIRED=1 tests/gimp/gimp3.sh run python -m pytest tests/gimp -q -m 'not slow'
+
+test-gimp-all: $(READY) gimp  ## all of the plug-in's tests there
 	PYTHON=$(BIN)/python TOPOSEAM_GIMP_REQUIRED=1 tests/gimp/gimp3.sh run python -m pytest tests/gimp -q
 
 translations:  ## compile the plug-in's translations (needs msgfmt)
@@ -41,18 +58,30 @@ gimp-figures: $(READY) gimp  ## the pictures of docs/gimp.md, made in a real GIM
 plugin-zip: $(READY)  ## the GIMP plug-in as an archive for people without a terminal, into dist/
 	$(BIN)/python plugin_gimp/make_zip.py dist/toposeam-gimp.zip
 
+docs: $(READY)  ## the documentation site, into build/site; a dead link or a missing picture is an error
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet -c docs . build/site
+	@echo "open build/site/index.html"
+
+release: $(READY)  ## build, check with twine and date CHANGELOG.md; nothing is uploaded
+	$(PIP) install --quiet --editable '.[release]'
+	$(BIN)/python tools/release.py
+
 check: $(READY)  ## the quick loop: lint, types and all tests that are not slow
 	$(MAKE) --no-print-directory lint
 	$(ONE_THREAD) $(BIN)/python -m pytest -n auto --dist worksteal -m 'not slow' -q
 
+check-deep: $(READY)  ## 120 seeded mutations of the code: do the tests notice? (half an hour)
+	$(BIN)/python -m pip install --quiet --editable '.[deep]'
+	$(ONE_THREAD) $(BIN)/python tests/mutants.py --count 120 -j 2
+
 lint: $(READY)  ## ruff and mypy
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
-	$(BIN)/mypy
+	$(BIN)/python -m ruff check .
+	$(BIN)/python -m ruff format --check .
+	$(BIN)/python -m mypy
 
 format: $(READY)  ## let ruff rewrite what it can
-	$(BIN)/ruff check --fix .
-	$(BIN)/ruff format .
+	$(BIN)/python -m ruff check --fix .
+	$(BIN)/python -m ruff format .
 
 bench: $(READY)  ## seams against their peers, in one run (about 5 minutes)
 	$(BIN)/python benchmarks/small_seams.py --seams 100
@@ -65,11 +94,15 @@ bench-all: bench  ## and textures, plates, stitching, batches and pattern books 
 	$(BIN)/python benchmarks/batch.py
 	$(BIN)/python benchmarks/book.py
 
-figures: $(READY)  ## the thesis's figures, into docs/figures
+figures: $(READY)  ## the documents' pictures, but those of GIMP, into docs/figures
 	$(BIN)/python docs/make_figures.py
 	$(BIN)/python docs/motif_figures.py
 	$(BIN)/python docs/make_pattern_figures.py
 	$(BIN)/python docs/texture_figures.py
+	$(BIN)/python docs/stitching_figures.py
+	$(BIN)/python docs/volume_figures.py
+	$(BIN)/python docs/picture_page.py
+	$(BIN)/python docs/made.py make_figures.py motif_figures.py make_pattern_figures.py texture_figures.py stitching_figures.py volume_figures.py picture_page.py
 
 clean:  ## remove what the other targets made
-	rm -rf $(VENV) demo build dist .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) $(VENV)-lowest demo build dist .pytest_cache .mypy_cache .ruff_cache

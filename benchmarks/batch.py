@@ -1,6 +1,8 @@
-"""How much faster many small jobs are done with two processes than with one: python benchmarks/batch.py [jobs].
+"""How much faster many small jobs are done with two processes than with one: python benchmarks/batch.py
+[jobs].
 
-Both sides do the same stitch jobs, start-up of the workers included, turn by turn; the median ratio is what counts.
+Both sides do the same stitch jobs, start-up of the workers included, turn by turn; the median ratio is what
+counts.
 """
 
 from __future__ import annotations
@@ -15,8 +17,8 @@ from pathlib import Path
 import numpy as np
 from skimage import data
 
-from toposeam_cli.picture import Picture, write_picture
-from toposeam_cli.runner import Job, run
+from toposeam_cli.jobs.runner import Job, run
+from toposeam_cli.pictures.picture import Picture, write_picture
 
 SIZE, OVERLAP = (160, 160), 40
 ROUNDS = 3
@@ -46,13 +48,17 @@ def main(count: int) -> None:
                 if any(outcome.status != "done" for outcome in outcomes):
                     raise SystemExit("a job failed")
             ratios.append(seconds[1] / seconds[2])
-            sides = "   ".join(f"-j {side} {seconds[side]:6.2f} s ({cpu[side]:.2f} s of CPU)" for side in (1, 2))
+            sides = "   ".join(
+                f"-j {side} {seconds[side]:6.2f} s ({cpu[side]:.2f} s of CPU)" for side in (1, 2)
+            )
             print(f"{count} jobs: {sides}   {ratios[-1]:.2f} × as fast", flush=True)
         print(f"median {statistics.median(ratios):.2f} × as fast")
 
 
 def cpu_seconds() -> float:
-    """CPU time of this process and the workers that have ended: what other programs take from the machine does not count."""
+    """CPU time of this process and the workers that have ended: what other programs take from the machine
+    does not count.
+    """
     usages = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
     return sum(usage.ru_utime + usage.ru_stime for usage in usages)
 
@@ -63,7 +69,14 @@ def jobs(folder: Path, count: int) -> list[Job]:
     for index in range(count):
         first, second, output = (str(folder / f"{name}{index}.png") for name in ("a", "b", "out"))
         words = [f"--overlap={OVERLAP}", "--force", f"--output={output}", first, second]
-        made.append(Job(output, "toposeam_cli.batch:run_command", {"command": "stitch", "words": words}, outputs=(Path(output),)))
+        made.append(
+            Job(
+                output,
+                "toposeam_cli.batch.running:run_command",
+                {"command": "stitch", "words": words},
+                outputs=(Path(output),),
+            )
+        )
     return made
 
 

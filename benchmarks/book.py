@@ -3,7 +3,8 @@
     python benchmarks/book.py              40 patterns at 128 × 128, three rounds, about three minutes
     python benchmarks/book.py -n 400 --rounds 1
 
-Both run the command as a user would, worker processes started and all, without PDF; rounds take turns. The theme is drawn here.
+Both run the command as a user would, worker processes started and all, without PDF; rounds take turns. The
+theme is drawn here.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from toposeam_cli.picture import Picture, write_picture
+from toposeam_cli.pictures.picture import Picture, write_picture
 
 
 def theme(path: Path) -> None:
@@ -32,7 +33,15 @@ def theme(path: Path) -> None:
 
 def run(folder: Path, number: int, size: int, processes: int) -> tuple[float, float, float]:
     """Wall time of a whole book, CPU time of the process that leads it, and CPU time of its workers."""
-    line = [sys.executable, "-m", "toposeam_cli.main", "book", str(folder / "theme.png"), "-o", str(folder / "book")]
+    line = [
+        sys.executable,
+        "-m",
+        "toposeam_cli",
+        "book",
+        str(folder / "theme.png"),
+        "-o",
+        str(folder / "book"),
+    ]
     line += ["--fresh", "--no-pdf", "-q", "-n", str(number), "--size", str(size), "-j", str(processes)]
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     started = time.perf_counter()
@@ -60,7 +69,9 @@ def own_cpu(pid: int) -> float:
 
 def main() -> None:
     """Print the medians and their ratio."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("-n", type=int, default=40)
     parser.add_argument("--size", type=int, default=128)
     parser.add_argument("--rounds", type=int, default=3)
@@ -74,11 +85,22 @@ def main() -> None:
                 found.append(run(folder, chosen.n, chosen.size, processes))
                 wall, leading, working = found[-1]
                 load = os.getloadavg()[0]
-                print(f"-j {processes}: {wall:.1f} s; CPU {leading:.1f} s leading, {working:.1f} s working; load {load:.1f}", flush=True)
+                print(
+                    f"-j {processes}: {wall:.1f} s; CPU {leading:.1f} s leading, {working:.1f} s working; "
+                    f"load {load:.1f}",
+                    flush=True,
+                )
     wall = {processes: statistics.median(times[0] for times in found) for processes, found in runs.items()}
-    # What the CPU times allow where nothing else runs: the leading process alone, then the workers side by side.
-    idle = {processes: statistics.median(a + b / processes for _, a, b in found) for processes, found in runs.items()}
-    print(f"{chosen.n} patterns of {chosen.size}² and 16 products: -j 2 is {wall[1] / wall[2]:.2f} × as fast as -j 1")
+    # What the CPU times allow where nothing else runs: the leading process alone, then the workers side by
+    # side.
+    idle = {
+        processes: statistics.median(a + b / processes for _, a, b in found)
+        for processes, found in runs.items()
+    }
+    print(
+        f"{chosen.n} patterns of {chosen.size}² and 16 products: -j 2 is {wall[1] / wall[2]:.2f} × as fast "
+        "as -j 1"
+    )
     print(f"by CPU time, as on two cores with nothing else to do: {idle[1] / idle[2]:.2f} ×")
 
 

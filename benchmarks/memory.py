@@ -1,7 +1,8 @@
-"""Memory of joining two large pictures: python benchmarks/memory.py [side] [overlap] [options of toposeam stitch].
+"""Memory of joining two large pictures: python benchmarks/memory.py [side] [overlap] [options of toposeam
+stitch].
 
-Two RGB layers of side × side px, 8 bits, that overlap by some columns are joined by the command in a process of its own; its largest
-resident memory is printed, also in bytes per pixel of the canvas.
+Two RGB layers of side × side px, 8 bits, that overlap by some columns are joined by the command in a process
+of its own; its largest resident memory is printed, also in bytes per pixel of the canvas.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from toposeam_cli.picture import Picture, write_picture
+from toposeam_cli.pictures.picture import Picture, write_picture
 
 
 def main(side: int, overlap: int, options: list[str]) -> None:
@@ -26,16 +27,27 @@ def main(side: int, overlap: int, options: list[str]) -> None:
         painter = multiprocessing.get_context("spawn").Process(target=paint, args=(folder, side, overlap))
         painter.start()
         painter.join()
-        words = ["stitch", folder / "a.tif", folder / "b.tif", f"--overlap={overlap}", "-o", folder / "out.tif", *options]
+        words = [
+            "stitch",
+            folder / "a.tif",
+            folder / "b.tif",
+            f"--overlap={overlap}",
+            "-o",
+            folder / "out.tif",
+            *options,
+        ]
         begin = time.perf_counter()
-        child = subprocess.Popen([sys.executable, "-m", "toposeam_cli.main", *map(str, words)])
+        child = subprocess.Popen([sys.executable, "-m", "toposeam_cli", *map(str, words)])
         _, status, usage = os.wait4(child.pid, 0)
         seconds = time.perf_counter() - begin
     if status:
         raise SystemExit(f"toposeam ended with {status}")
     peak = usage.ru_maxrss * 1024
     per_pixel = peak / (side * (2 * side - overlap))
-    print(f"{side} × {side} px twice, overlap {overlap} px: {peak / 2**30:.2f} GiB, {per_pixel:.1f} bytes per pixel of the canvas")
+    print(
+        f"{side} × {side} px twice, overlap {overlap} px: {peak / 2**30:.2f} GiB, {per_pixel:.1f} bytes per "
+        "pixel of the canvas"
+    )
     print(f"{seconds:.0f} s, {usage.ru_utime + usage.ru_stime:.0f} s of CPU")
 
 
@@ -72,4 +84,8 @@ def wide(rng: np.random.Generator, height: int, width: int, step: int) -> tuple[
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 10_000, int(sys.argv[2]) if len(sys.argv) > 2 else 1_000, sys.argv[3:])
+    main(
+        int(sys.argv[1]) if len(sys.argv) > 1 else 10_000,
+        int(sys.argv[2]) if len(sys.argv) > 2 else 1_000,
+        sys.argv[3:],
+    )

@@ -1,7 +1,9 @@
-"""Paths by heat against the shortest ways along the grid, on random grounds, in one run: ``python benchmarks/paths.py``, half a minute.
+"""Paths by heat against the shortest ways along the grid, on random grounds, in one run: ``python
+benchmarks/paths.py``, half a minute.
 
-Grounds of 40 to 110 px have two to eight discs and boxes as obstacles; every other one costs between 1 and 9 a step. The peer is
-scikit-image's MCP_Geometric, which steps to the eight neighbours. Ways in any direction can be up to 8 % shorter than its. Seconds are CPU.
+Grounds of 40 to 110 px have two to eight discs and boxes as obstacles; every other one costs between 1 and 9
+a step. The peer is scikit-image's MCP_Geometric, which steps to the eight neighbours. Ways in any direction
+can be up to 8 % shorter than its. Seconds are CPU.
 """
 
 from __future__ import annotations
@@ -59,11 +61,13 @@ def main() -> None:
         least = float(reached[end[::-1]])
         ratios.append(way.cost / least)
         print(
-            f"{cost.shape[1]:4d} × {cost.shape[0]:3d}: heat {way.cost:7.1f}, grid {least:7.1f}, ratio {ratios[-1]:.4f}, {seconds[-1]:.2f} s"
+            f"{cost.shape[1]:4d} × {cost.shape[0]:3d}: heat {way.cost:7.1f}, grid {least:7.1f}, ratio "
+            f"{ratios[-1]:.4f}, {seconds[-1]:.2f} s"
         )
     print(
-        f"{len(ratios)} grounds: cost ÷ grid's {min(ratios):.3f} to {max(ratios):.3f}, median {statistics.median(ratios):.3f};"
-        f" heat {statistics.median(seconds):.2f} s, grid {1000 * statistics.median(peer_seconds):.1f} ms"
+        f"{len(ratios)} grounds: cost ÷ grid's {min(ratios):.3f} to {max(ratios):.3f}, median "
+        f"{statistics.median(ratios):.3f}; heat {statistics.median(seconds):.2f} s, grid "
+        f"{1000 * statistics.median(peer_seconds):.1f} ms"
     )
 
 

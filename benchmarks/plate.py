@@ -1,12 +1,14 @@
-"""One iteration of a heat plate's optimisation against its peers, and what coarse plates save; all in one run.
+"""One iteration of a heat plate's optimisation against its peers, and what coarse plates save; all in one
+run.
 
     python benchmarks/plate.py                    about four minutes
     python benchmarks/plate.py --peer-size 300    quicker peers
 
-The peers solve the same problem on the same elements (uniform heat, a sink in the middle of the left side, mass 0.4, p = 3, ε = 1e-3, a
-filter of 1.5 elements): a plain transcription of the well-known 88-line structure (coordinates assembled to a sparse matrix, SuperLU,
-bisection) and, where installed, pyMOTO with the direct solvers it finds (cvxopt for CHOLMOD, pypardiso). Times are those of the
-processor, medians per iteration, and per unknown temperature; trust the ratios.
+The peers solve the same problem on the same elements (uniform heat, a sink in the middle of the left side,
+mass 0.4, p = 3, ε = 1e-3, a filter of 1.5 elements): a plain transcription of the well-known 88-line
+structure (coordinates assembled to a sparse matrix, SuperLU, bisection) and, where installed, pyMOTO with the
+direct solvers it finds (cvxopt for CHOLMOD, pypardiso). Times are those of the processor, medians per
+iteration, and per unknown temperature; trust the ratios.
 """
 
 from __future__ import annotations
@@ -92,7 +94,9 @@ def plain_sparse(n: int) -> Step:
         k = VOID + (1 - VOID) * x**3
         data = np.concatenate([(k[:, None] * CONDUCTION.ravel()).ravel(), convection])
         index = np.arange(count)
-        matrix = coo_array((data, (np.concatenate([rows, index]), np.concatenate([columns, index]))), shape=(count, count)).tocsc()
+        matrix = coo_array(
+            (data, (np.concatenate([rows, index]), np.concatenate([columns, index]))), shape=(count, count)
+        ).tocsc()
         theta = spsolve(matrix, load)
         local = theta[corners]
         slope = -(1 - VOID) * PENALTY * x**2 * np.einsum("ea,ab,eb->e", local, CONDUCTION, local)
@@ -100,7 +104,9 @@ def plain_sparse(n: int) -> Step:
         low, high = 0.0, 1e9
         while (high - low) / (high + low) > 1e-3:
             middle = (low + high) / 2
-            new = np.clip(x * np.sqrt(-slope / middle), np.maximum(THINNEST, x - MOVE), np.minimum(1.0, x + MOVE))
+            new = np.clip(
+                x * np.sqrt(-slope / middle), np.maximum(THINNEST, x - MOVE), np.minimum(1.0, x + MOVE)
+            )
             low, high = (middle, high) if new.mean() > MASS else (low, middle)
         state["x"] = new
         return float(load @ theta)
@@ -112,7 +118,11 @@ def pymoto(n: int, solver: str) -> Step:
     import pymoto as pym
     from pymoto import solvers
 
-    kinds = {"CHOLMOD": solvers.SolverSparseCholeskyCVXOPT, "Pardiso": solvers.SolverSparsePardiso, "SuperLU": solvers.SolverSparseLU}
+    kinds = {
+        "CHOLMOD": solvers.SolverSparseCholeskyCVXOPT,
+        "Pardiso": solvers.SolverSparsePardiso,
+        "SuperLU": solvers.SolverSparseLU,
+    }
     domain = pym.VoxelDomain(n, n)
     cold = domain.get_nodenumber(0, np.arange(n // 2 - n // 20, n // 2 + n // 20 + 1))
     load = np.full(domain.nnodes, 1.0 / domain.nnodes)
@@ -163,7 +173,9 @@ def peers(n: int, iterations: int) -> None:
     times = time_iterations(sides, iterations)
     print(f"An iteration at {n} × {n}, {iterations} of each in turns\n")
     for name, seconds in times.items():
-        print(f"  {name:<20}{1e6 * seconds / unknowns:8.3f} µs per unknown{seconds / times['toposeam']:9.1f} ×")
+        print(
+            f"  {name:<20}{1e6 * seconds / unknowns:8.3f} µs per unknown{seconds / times['toposeam']:9.1f} ×"
+        )
 
 
 def growth(iterations: int) -> None:
@@ -189,13 +201,15 @@ def coarse_to_fine(seeds: int) -> None:
             values = []
             for layer, density in zip(one.layers, densities, strict=True):
                 at_size = problem_at(layer, one, one.size)
-                values.append(at_size.plate.solve(at_size.conductivity(density.astype(float), layer.penalty)).compliance)
+                values.append(
+                    at_size.plate.solve(at_size.conductivity(density.astype(float), layer.penalty)).compliance
+                )
             compliance[name] = np.array(values)
         ratios = compliance["coarse"] / compliance["full"]
         share = seconds["coarse"] / seconds["full"]
         print(
-            f"  seed {seed}: {seconds['coarse']:5.2f} s and {seconds['full']:6.2f} s, {share:.3f} of the time, "
-            f"compliance {ratios.min():.4f} to {ratios.max():.4f} of full"
+            f"  seed {seed}: {seconds['coarse']:5.2f} s and {seconds['full']:6.2f} s, {share:.3f} of the "
+            f"time, compliance {ratios.min():.4f} to {ratios.max():.4f} of full"
         )
 
 
@@ -206,16 +220,26 @@ def large() -> None:
         started = time.process_time()
         ts.generate_motif(n, seed=1, repeat="translate")
         seconds[n] = time.process_time() - started
-        print(f"  {n}²: {seconds[n]:6.1f} s, peak memory so far {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20:.2f} GiB")
+        print(
+            f"  {n}²: {seconds[n]:6.1f} s, peak memory so far "
+            f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20:.2f} GiB"
+        )
     print(f"  ratio {seconds[2048] / seconds[512]:.1f} ×")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--peer-size", type=int, default=600)
     parser.add_argument("--iterations", type=int, default=5)
     parser.add_argument("--seeds", type=int, default=2)
-    parser.add_argument("--part", action="append", choices=("large", "growth", "coarse", "peers"), help="only this; may be repeated")
+    parser.add_argument(
+        "--part",
+        action="append",
+        choices=("large", "growth", "coarse", "peers"),
+        help="only this; may be repeated",
+    )
     options = parser.parse_args()
     parts = options.part or ["large", "growth", "coarse", "peers"]  # memory first, before the peers need any
     with warnings.catch_warnings():

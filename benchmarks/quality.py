@@ -2,15 +2,18 @@
 
     python benchmarks/quality.py                       strips for every variant, about five minutes
     python benchmarks/quality.py --strips 20 --variant "thesis, Formulation 2"
+    python benchmarks/quality.py --cases               the thesis's own validation cases instead
 
-Strips are 60 × 15 to 320 × 80 px, half of them horizontal, as in the tests. A plain transcription of the thesis and Formulation 2 are among
-the variants to show what the changes that thesis.py lists are for.
+Strips are 60 × 15 to 320 × 80 px, half of them horizontal, as in the tests. A plain transcription of the
+thesis and Formulation 2 are among the variants to show what the changes that thesis.py lists are for.
 """
 
 from __future__ import annotations
 
 import argparse
+import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,19 +30,29 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "thesis": {"method": "thesis"},
     "thesis, p = 3 from the start": {"method": "thesis", "first_penalty": 3.0},
     "thesis, moving asymptotes": {"method": "thesis", "asymptotes": "moving"},
-    "thesis, plain transcription": {"method": "thesis", "asymptotes": "moving", "first_penalty": 3.0, "length_term": 0.0},
+    "thesis, plain, move ≤ 0.2": {"method": "thesis", "options": ts.ThesisOptions.plain(move=0.2)},
+    "thesis, plain, move ≤ 1": {"method": "thesis", "options": ts.ThesisOptions.plain(move=1.0)},
     "thesis, Formulation 2": {"method": "thesis", "formulation": 2},
 }
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--strips", type=int, default=60)
     parser.add_argument("--seed", type=int, default=5)
     parser.add_argument("--variant", action="append", choices=VARIANTS, help="only this one; may be repeated")
+    parser.add_argument("--cases", action="store_true", help="the constructed cases of chapter 3 instead")
     options = parser.parse_args()
+    if options.cases:
+        cases(options.variant or list(VARIANTS))
+        return
     print(f"{options.strips} strips\n")
-    print(f"{'':<32}{'single line':>12}{'≤ 4 stages':>12}{'iterations':>12}{'cost ÷ optimum':>16}{'worst':>8}{'broke':>7}{'CPU s':>8}")
+    print(
+        f"{'':<32}{'single line':>12}{'≤ 4 stages':>12}{'iterations':>12}"
+        f"{'cost ÷ optimum':>16}{'worst':>8}{'broke':>7}{'CPU s':>8}"
+    )
     for name in options.variant or VARIANTS:
         ratios, single, staged, iterations, broke = [], 0, 0, [], 0
         started = time.process_time()
@@ -61,10 +74,36 @@ def main() -> None:
             ratios.append(seam.optimum_ratio())
         n = options.strips
         print(
-            f"{name:<32}{single / n:>12.0%}{staged / n:>12.0%}{int(np.median(iterations)):>8}/{max(iterations):<3}"
-            f"{np.median(ratios):>16.4f}{max(ratios):>8.3f}{broke:>7}{time.process_time() - started:>8.0f}",
+            f"{name:<32}{single / n:>12.0%}{staged / n:>12.0%}"
+            f"{int(np.median(iterations)):>8}/{max(iterations):<3}{np.median(ratios):>16.4f}"
+            f"{max(ratios):>8.3f}{broke:>7}{time.process_time() - started:>8.0f}",
             flush=True,
         )
+
+
+def cases(variants: list[str]) -> None:
+    """Figures 3.5, 3.11, 3.13 and 3.14: cost ÷ optimum of each variant, * where no single line is left."""
+    sys.path.insert(0, str(Path(__file__).parents[1] / "docs"))
+    import thesis_cases
+
+    made = {
+        "3.5 toy": (thesis_cases.toy(), {}),
+        "3.11 zigzag": (thesis_cases.zigzag(), {}),
+        "3.11 no grad.": (thesis_cases.zigzag(), {"cost": ts.MatchCost(gradient=False)}),
+        "3.13 L": (thesis_cases.ell(), {}),
+        "3.14 colours": (thesis_cases.random_colours(), {}),
+    }
+    print(f"{'':<32}" + "".join(f"{name:>14}" for name in made))
+    for name in variants:
+        line = f"{name:<32}"
+        for case, more in made.values():
+            try:
+                seam = case.find(**VARIANTS[name], **more)
+                several = "*" if seam.termination == ts.Termination.ITERATIONS else ""
+                line += f"{seam.optimum_ratio():>13.4f}{several or ' '}"
+            except SolverError:
+                line += f"{'broke':>13} "
+        print(line, flush=True)
 
 
 if __name__ == "__main__":

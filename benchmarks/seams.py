@@ -3,19 +3,25 @@
     python benchmarks/seams.py                  the short version, less than five minutes
     python benchmarks/seams.py --all            up to 4000 × 1000 px, a quarter of an hour
     python benchmarks/seams.py --sizes 80x20 160x40 --pairs 20
+    python benchmarks/seams.py --methods heat shortest-path graph-cut --sizes 160x40 640x160 2000x500
+    python benchmarks/seams.py --irregular      large rings, Ls and islands, PyMaxflow as oracle
 
-Sizes are length × width of the overlap in px. Pairs are random crops of photographs in scikit-image's wheel, and generated noise with a
-1/f spectrum; where a photograph is too small, a canvas is tiled with different crops of it, some of them mirrored. Times are medians in ms
-of processor time on one thread, of everything a method does once the match cost is given: for heat the coarse networks, for Dijkstra and
-PyMaxflow the graph (OpenCV's own calls compute their own cost). Quotients are medians over the pairs that both were asked for. "Dijkstra
-alone" is SciPy's call on the finished graph. Ratios are cost ÷ exact optimum of the match cost (2.4), or (3.22) for OpenCV's colour-only
-finders, which minimise something like it.
+Each size is measured with gradients in the match cost (2.4) and without (3.22), over pairs of two seeds.
 
-A method that takes longer than --patience seconds (PyMaxflow: five times that) is not asked for further pairs of that size, nor for larger
-sizes.
+Sizes are length × width of the overlap in px. Pairs are random crops of photographs in scikit-image's wheel,
+and generated noise with a 1/f spectrum; where a photograph is too small, a canvas is tiled with different
+crops of it, some of them mirrored. Times are medians in ms of processor time on one thread, of everything a
+method does once the match cost is given: for heat the coarse networks, for Dijkstra and PyMaxflow the graph
+(OpenCV's own calls compute their own cost). Quotients are medians over the pairs that both were asked for.
+"÷ exact" is to the whole of shortest-path, "÷ SciPy" to "Dijkstra alone", SciPy's call on the finished graph.
+Ratios are cost ÷ exact optimum of the match cost (2.4), or (3.22) for OpenCV's colour-only finders, which
+minimise something like it.
 
-Peak memory is that of a process of its own that reads a pair, computes the match cost and finds the seam, interpreter and libraries
-included, in MiB and as a multiple of one RGB overlap in float32.
+A method that takes longer than --patience seconds (PyMaxflow: five times that) is not asked for further pairs
+of that size, nor for larger sizes.
+
+Peak memory is that of a process of its own that reads a pair, computes the match cost and finds the seam,
+interpreter and libraries included, in MiB and as a multiple of one RGB overlap in float32.
 """
 
 from __future__ import annotations
@@ -45,9 +51,10 @@ from toposeam.heat.threads import one_thread
 from toposeam.seam import exact
 from toposeam.seam.dynamic_programming import dp_labels
 from toposeam.seam.exact import exact_labels
-from toposeam.seam.find import seam_problem
 from toposeam.seam.graph_cut import graph_cut_labels
 from toposeam.seam.heat import HeatOptions, heat_path
+from toposeam.seam.overlap import FREE
+from toposeam.seam.posing import seam_problem
 from toposeam.seam.problem import SeamProblem
 from toposeam.seam.thesis import ThesisOptions, thesis_path
 
@@ -81,7 +88,9 @@ def tiled(image: Picture, length: int, width: int, rng: np.random.Generator) -> 
         y, x = rng.integers(image.shape[0] - high + 1), rng.integers(image.shape[1] - wide + 1)
         return image[y : y + high, x : x + wide][:: rng.choice((-1, 1)), :: rng.choice((-1, 1))]
 
-    rows = [np.concatenate([tile() for _ in range(-(-width // wide))], axis=1) for _ in range(-(-length // high))]
+    rows = [
+        np.concatenate([tile() for _ in range(-(-width // wide))], axis=1) for _ in range(-(-length // high))
+    ]
     return np.ascontiguousarray(np.concatenate(rows)[:length, :width])
 
 
@@ -102,7 +111,9 @@ def opencv(finder: Callable[[], object]) -> Callable[[SeamProblem, Picture, Pict
         masks[0][:, -1] = 0
         masks[1][:, 0] = 0
         started = time.process_time()
-        found = finder().find([x.astype(np.float32) for x in images], [(0, 0), (0, 0)], [cv2.UMat(m) for m in masks])  # type: ignore[attr-defined]
+        found = finder().find(
+            [x.astype(np.float32) for x in images], [(0, 0), (0, 0)], [cv2.UMat(m) for m in masks]
+        )  # type: ignore[attr-defined]
         seconds = time.process_time() - started
         shows_b = np.asarray(found[1].get() if isinstance(found[1], cv2.UMat) else found[1]) > 0
         labels = problem.overlap.window(shows_b).astype(bool)
@@ -112,10 +123,14 @@ def opencv(finder: Callable[[], object]) -> Callable[[SeamProblem, Picture, Pict
 
 
 def route(problem: SeamProblem) -> Labels:
-    """scikit-image's minimum cost path over pixels, from the top row to the bottom row; b to its right, the path itself a's."""
+    """scikit-image's minimum cost path over pixels, from the top row to the bottom row; b to its right, the
+    path itself a's.
+    """
     across = (((0, 0), (0, 1)), ((0, 0), (1, 0)))
     along = (((0, 1), (0, 0)), ((1, 0), (0, 0)))
-    cost = 0.25 * sum(np.pad(array, pad) for array, pads in ((problem.right, across), (problem.down, along)) for pad in pads)
+    cost = 0.25 * sum(
+        np.pad(array, pad) for array, pads in ((problem.right, across), (problem.down, along)) for pad in pads
+    )
     inner = cost[1:-1, 2:-2]
     room = np.pad(inner, ((1, 1), (0, 0)), constant_values=1e-9)
     path, _ = route_through_array(room, (0, 0), (room.shape[0] - 1, 0), fully_connected=False)
@@ -128,7 +143,9 @@ def route(problem: SeamProblem) -> Labels:
 
 
 def timed(solve: Callable[[SeamProblem], Labels]) -> Callable[..., tuple[Labels, float]]:
-    """A method that takes a problem, with its seconds; nothing it derives from the match cost is there before."""
+    """A method that takes a problem, with its seconds; nothing it derives from the match cost is there
+    before.
+    """
 
     def run(problem: SeamProblem, *_: Picture) -> tuple[Labels, float]:
         fresh = dataclasses.replace(problem)
@@ -162,7 +179,7 @@ HEAT, DIJKSTRA, MAXFLOW = "heat", "shortest-path (dual Dijkstra)", "graph-cut (P
 ALONE = "    Dijkstra alone"
 
 #: Whose times the others are compared with, and the width of the column.
-PEERS = ((MAXFLOW, 13), (DIJKSTRA, 12))
+PEERS = ((MAXFLOW, 13), (DIJKSTRA, 9), (ALONE, 9))
 
 #: name: (run, whether it minimises the cost without gradients)
 METHODS: dict[str, tuple[Callable[..., tuple[Labels, float]], bool]] = {
@@ -193,12 +210,74 @@ def problem_of(a: Picture, b: Picture, gradient: bool) -> SeamProblem:
     return seam_problem(a, b, None, None, "right", ts.MatchCost(gradient=gradient))[0]
 
 
+def ring(size: int = 1500, width: int = 200) -> tuple[Labels, Labels]:
+    """A hole in ``a``, and ``b`` on it and on `width` px all round."""
+    a, b = np.ones((size, size), bool), np.zeros((size, size), bool)
+    inner = slice(size // 3, -(size // 3))
+    outer = slice(size // 3 - width, width - size // 3)
+    a[inner, inner], b[outer, outer] = False, True
+    return a, b
+
+
+def ell(size: int = 3000, width: int = 300) -> tuple[Labels, Labels]:
+    """What is filled above and to the left, and a patch over all of it."""
+    a = np.zeros((size, size), bool)
+    a[:width] = a[:, :width] = True
+    b = np.ones((size, size), bool)
+    b[: width // 10], b[:, : width // 10] = False, False
+    return a, b
+
+
+def islands(size: int = 1000) -> tuple[Labels, Labels]:
+    """Two pieces of ``b`` inside ``a``, each on a hole of ``a``."""
+    a, b = np.ones((size, 2 * size), bool), np.zeros((size, 2 * size), bool)
+    for left in (0, size):
+        b[size // 10 : -size // 10, left + size // 10 : left + size - size // 10] = True
+        a[2 * size // 5 : 3 * size // 5, left + 2 * size // 5 : left + 3 * size // 5] = False
+    return a, b
+
+
+IRREGULAR = {"ring, 1500 px": ring, "L, 3000 px": ell, "two islands, 2000 × 1000 px": islands}
+
+
+def irregular(seeds: list[int]) -> None:
+    """Large overlaps of other shapes than strips; PyMaxflow says what is best."""
+    print(
+        f"{'':<38}{'free px':>9}{'heat s':>8}{'÷ PyMaxflow':>13}{'÷ exact':>9}"
+        f"{'cost ÷ optimum':>16}{'worst':>9}"
+    )
+    for name, shape in IRREGULAR.items():
+        masks = shape()
+        for gradient in (True, False):
+            took, peers, exacts, ratios = [], [], [], []
+            for seed in seeds:
+                a, b = pair(*masks[0].shape, 1 + seed, seed)
+                problem = seam_problem(a, b, *masks, "right", ts.MatchCost(gradient=gradient))[0]
+                found, seconds = METHODS[HEAT][0](problem)
+                best, peer = METHODS[MAXFLOW][0](problem)
+                if name.startswith("L"):
+                    exacts.append(METHODS[DIJKSTRA][0](problem)[1])
+                took.append(seconds)
+                peers.append(peer)
+                ratios.append(problem.cost(found) / problem.cost(best))
+            free = np.count_nonzero(problem.overlap.side == FREE)
+            exact_share = f"{quotient(took, exacts):>9.2f}" if exacts else f"{'–':>9}"
+            print(
+                f"{name + (', gradients' if gradient else ''):<38}{free:>9}{statistics.median(took):>8.2f}"
+                f"{quotient(took, peers):>13.3f}{exact_share}{statistics.median(ratios):>16.4f}"
+                f"{max(ratios):>9.4f}",
+                flush=True,
+            )
+
+
 def peak_memory(name: str, length: int, width: int, seed: int) -> int:
     """Bytes that this process, which has just started, has had at most once the method is done."""
     run, colour_only = METHODS[name]
     a, b = pair(length, width, 0, seed)
     run(problem_of(a, b, not colour_only), a, b)
-    status = Path("/proc/self/status").read_text(encoding="ascii")  # unlike ru_maxrss, not passed on by the process that started this one
+    status = Path("/proc/self/status").read_text(
+        encoding="ascii"
+    )  # unlike ru_maxrss, not passed on by the process that started this one
     return 1024 * next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmHWM"))
 
 
@@ -209,42 +288,97 @@ def exponent(points: list[tuple[int, float]]) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--sizes", nargs="+", help=f"length x width of the overlaps, px; {' '.join(SIZES[:4])} 1000x250 by default")
-    parser.add_argument("--pairs", type=int, default=8, help="pairs of crops per size, half as many from 2000x500 on")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--patience", type=float, default=2.0, help="seconds for a method, five times that for PyMaxflow")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--sizes",
+        nargs="+",
+        help=f"length x width of the overlaps, px; {' '.join(SIZES[:4])} 1000x250 by default",
+    )
+    parser.add_argument(
+        "--pairs", type=int, default=8, help="pairs of crops per size and seed, half as many from 2000x500 on"
+    )
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1])
+    parser.add_argument(
+        "--methods",
+        nargs="+",
+        metavar="NAME",
+        help="only methods whose names begin so; the exact one is always asked",
+    )
+    parser.add_argument(
+        "--irregular", action="store_true", help="large overlaps of other shapes, instead of strips"
+    )
+    parser.add_argument(
+        "--patience", type=float, default=2.0, help="seconds for a method, five times that for PyMaxflow"
+    )
     parser.add_argument("--all", action="store_true", help="every size")
-    parser.add_argument("--figure", type=Path, help="draw times over sizes, as the thesis's Figure 3.27, into this file")
+    parser.add_argument(
+        "--figure", type=Path, help="draw times over sizes, as the thesis's Figure 3.27, into this file"
+    )
     options = parser.parse_args()
     cv2.setNumThreads(1)
     sizes = options.sizes or (SIZES if options.all else SIZES[:5])
     packages = ("numpy", "scipy", "scikit-image", "PyMaxflow", "opencv-python-headless")
     versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in packages)
-    print(f"{date.today()}: toposeam {ts.__version__}, Python {platform.python_version()}, {versions}; {platform.machine()}\n")
+    print(
+        f"{date.today()}: toposeam {ts.__version__}, Python {platform.python_version()}, {versions}; "
+        f"{platform.machine()}\n"
+    )
+    if options.irregular:
+        irregular(options.seeds)
+        return
     curves: dict[str, list[tuple[int, float]]] = defaultdict(list)
-    asked = list(METHODS)
+    begin = tuple(options.methods or ("",))
+    wanted = [name for name in METHODS if name in (DIJKSTRA, ALONE) or name.startswith(begin)]
+    asked = {True: wanted, False: [name for name in wanted if not METHODS[name][1]]}
     for size in sizes:
         length, width = (int(part) for part in size.split("x"))
-        asked = measure(length, width, options.pairs, options.seed, asked, options.patience, curves)
-    fits = {name: exponent(part) for name, points in curves.items() if len(part := [p for p in points if p[0] >= 6400]) > 2}
+        for gradient in (True, False):
+            pairs = [(index, seed) for seed in options.seeds for index in range(options.pairs)]
+            asked[gradient] = measure(
+                length, width, pairs, gradient, asked[gradient], options.patience, curves if gradient else {}
+            )
+    fits = {
+        name: exponent(part)
+        for name, points in curves.items()
+        if len(part := [p for p in points if p[0] >= 6400]) > 2
+    }
     if fits:
-        print("time ~ pixels^p from 160 × 40 px on: " + ", ".join(f"{name.strip()} {p:.2f}" for name, p in fits.items()))
+        print(
+            "time ~ pixels^p from 160 × 40 px on: "
+            + ", ".join(f"{name.strip()} {p:.2f}" for name, p in fits.items())
+        )
     if options.figure:
         draw(curves, fits, options.figure)
 
 
 def measure(
-    length: int, width: int, pairs: int, seed: int, asked: list[str], patience: float, curves: dict[str, list[tuple[int, float]]]
+    length: int,
+    width: int,
+    pairs: list[tuple[int, int]],
+    gradient: bool,
+    asked: list[str],
+    patience: float,
+    curves: dict[str, list[tuple[int, float]]],
 ) -> list[str]:
     """Print the table of one size and add to the curves; returns the methods to ask for the next size."""
-    limit = {name: float("inf") if name in (HEAT, DIJKSTRA, ALONE) else 5 * patience if name == MAXFLOW else patience for name in asked}
+    limit = {
+        name: float("inf")
+        if name in (HEAT, DIJKSTRA, ALONE)
+        else 5 * patience
+        if name == MAXFLOW
+        else patience
+        for name in asked
+    }
     large = length * width >= LARGE
     seconds, ratios, spent = defaultdict(list), defaultdict(list), []
-    for index in range(max(1, pairs // 2) if large else pairs):
+    for index, seed in pairs:
+        if large and index >= max(1, len(pairs) // 4):
+            continue
         a, b = pair(length, width, index, seed)
         started = time.process_time()
-        problem = problem_of(a, b, True)
+        problem = problem_of(a, b, gradient)
         spent.append(time.process_time() - started)
         best, whole, alone = shortest_path(problem)
         plain = problem_of(a, b, False)
@@ -254,26 +388,42 @@ def measure(
                 continue
             run, colour_only = METHODS[name]
             chosen = plain if colour_only else problem
-            labels, took = (best, whole) if name == DIJKSTRA else (best, alone) if name == ALONE else run(chosen, a, b)
+            labels, took = (
+                (best, whole) if name == DIJKSTRA else (best, alone) if name == ALONE else run(chosen, a, b)
+            )
             seconds[name].append(took)
             ratios[name].append(chosen.cost(labels) / optimum[colour_only])
     median = {name: statistics.median(seconds[name]) for name in asked}
     patient = [name for name in asked if median[name] <= limit[name]]
     memory = {}
-    for name in patient if large else []:
+    for name in patient if large and gradient else []:
         if name != ALONE:
             with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as own:
-                memory[name] = own.submit(peak_memory, name, length, width, seed).result()
-    print(f"{length} × {width} px, {len(spent)} pairs; match cost {1e3 * statistics.median(spent):.1f} ms")
-    print(f"{'':<34}{'ms':>10}{'÷ PyMaxflow':>13}{'÷ Dijkstra':>12}{'cost ÷ optimum':>17}{'worst':>9}{'MiB':>7}{'× RGB':>7}")
+                memory[name] = own.submit(peak_memory, name, length, width, pairs[0][1]).result()
+    kind = "with gradients (2.4)" if gradient else "without gradients (3.22)"
+    spent_ms = 1e3 * statistics.median(spent)
+    print(f"{length} × {width} px, {kind}, {len(spent)} pairs; match cost {spent_ms:.1f} ms")
+    print(
+        f"{'':<34}{'ms':>10}{'÷ PyMaxflow':>13}{'÷ exact':>9}{'÷ SciPy':>9}{'cost ÷ optimum':>17}"
+        f"{'worst':>9}{'MiB':>7}{'× RGB':>7}"
+    )
     for name in asked:
         took = median[name]
         quotients = "".join(f"{quotient(seconds[name], seconds[peer]):>{space}.3f}" for peer, space in PEERS)
-        peak = f"{memory[name] / 2**20:>7.0f}{memory[name] / (12 * length * width):>7.1f}" if name in memory else ""
+        peak = (
+            f"{memory[name] / 2**20:>7.0f}{memory[name] / (12 * length * width):>7.1f}"
+            if name in memory
+            else ""
+        )
         few = "" if len(seconds[name]) == len(spent) else f"  (pairs: {len(seconds[name])})"
-        print(f"{name:<34}{1e3 * took:>10.2f}{quotients}{statistics.median(ratios[name]):>17.4f}{max(ratios[name]):>9.3f}{peak}{few}")
-        curves[name].append((length * width, took))
-    curves["heat and match cost"].append((length * width, median[HEAT] + statistics.median(spent)))
+        print(
+            f"{name:<34}{1e3 * took:>10.2f}{quotients}"
+            f"{statistics.median(ratios[name]):>17.4f}{max(ratios[name]):>9.4f}{peak}{few}"
+        )
+        curves.setdefault(name, []).append((length * width, took))
+    if HEAT in median:
+        both = median[HEAT] + statistics.median(spent)
+        curves.setdefault("heat and match cost", []).append((length * width, both))
     print(flush=True)
     return patient
 
@@ -289,16 +439,30 @@ def draw(curves: dict[str, list[tuple[int, float]]], fits: dict[str, float], fil
 
     figure = Figure(figsize=(6.4, 4.4), dpi=110, layout="constrained")
     axes = figure.add_subplot()
-    shown = {HEAT: ("C3", "o"), "thesis": ("C1", "s"), DIJKSTRA: ("C0", "^"), ALONE: ("C9", "v"), MAXFLOW: ("0.2", "D"),
-             "OpenCV GraphCut COLOR_GRAD": ("0.6", "x")}  # fmt: skip
+    shown = {
+        HEAT: ("C3", "o"),
+        "thesis": ("C1", "s"),
+        DIJKSTRA: ("C0", "^"),
+        ALONE: ("C9", "v"),
+        MAXFLOW: ("0.2", "D"),
+        "OpenCV GraphCut COLOR_GRAD": ("0.6", "x"),
+    }
     for name, (colour, marker) in shown.items():
         if name in curves:
             pixels, seconds = zip(*curves[name], strict=True)
             label = name.strip() + (f", p = {fits[name]:.2f}" if name in fits else "")
-            axes.loglog(pixels, seconds, color=colour, marker=marker, markersize=4, linewidth=1.2, label=label)
+            axes.loglog(
+                pixels, seconds, color=colour, marker=marker, markersize=4, linewidth=1.2, label=label
+            )
     axes.set(xlabel="overlap, px", ylabel="processor time, s")
     axes.grid(which="major", color="0.9")
-    axes.legend(fontsize=8, frameon=False, title="time ~ pixels$^p$ from 160 × 40 px on", title_fontsize=8, alignment="left")
+    axes.legend(
+        fontsize=8,
+        frameon=False,
+        title="time ~ pixels$^p$ from 160 × 40 px on",
+        title_fontsize=8,
+        alignment="left",
+    )
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     figure.savefig(file)

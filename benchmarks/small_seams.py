@@ -1,11 +1,12 @@
-"""Many small seams, as texture synthesis asks for them: seams a second through `ts.find_seam`, and cost ÷ exact optimum.
+"""Many small seams, as texture synthesis asks for them: seams a second through `ts.find_seam`, and cost ÷
+exact optimum.
 
     python benchmarks/small_seams.py
     python benchmarks/small_seams.py --seams 500
 
-One process, one BLAS thread. The whole call is counted: overlap, match cost, search and `Seam`. Its median is compared with PyMaxflow's
-on the same problems (given their match cost), and with the same call when no shape is known. The L is a patch of 40 × 40 px laid over what
-is filled above and to the left of it, 10 px wide.
+One process, one BLAS thread. The whole call is counted: overlap, match cost, search and `Seam`. Its median is
+compared with PyMaxflow's on the same problems (given their match cost), and with the same call when no shape
+is known. The L is a patch of 40 × 40 px laid over what is filled above and to the left of it, 10 px wide.
 """
 
 from __future__ import annotations
@@ -53,16 +54,26 @@ def timed(call: Callable[..., object], *arguments: object) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--seams", type=int, default=500)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     print(f"{options.seams} seams each\n")
-    print(f"{'':<22}{'seams/s':>9}{'÷ PyMaxflow':>13}{'÷ new shape':>13}{'steps':>7}{'cost ÷ optimum':>16}{'worst':>9}")
+    print(
+        f"{'':<22}{'seams/s':>9}{'÷ PyMaxflow':>13}{'÷ new shape':>13}{'steps':>7}"
+        f"{'cost ÷ optimum':>16}{'worst':>9}"
+    )
     for name, (height, width, masks) in CASES.items():
         known, new, cut, steps, ratios = [], [], [], [], []
         for index in range(options.seams):
-            a, b = crops(PHOTOGRAPHS[index % len(PHOTOGRAPHS)], height, width, np.random.default_rng([options.seed, index]))
+            a, b = crops(
+                PHOTOGRAPHS[index % len(PHOTOGRAPHS)],
+                height,
+                width,
+                np.random.default_rng([options.seed, index]),
+            )
             forget()
             new.append(timed(ts.find_seam, a, b, *masks))
             known.append(timed(ts.find_seam, a, b, *masks))
@@ -74,8 +85,9 @@ def main() -> None:
             ratios.append(seam.optimum_ratio())
         middle = float(np.median(known))
         print(
-            f"{name:<22}{len(known) / sum(known):>9.0f}{middle / np.median(cut):>13.2f}{middle / np.median(new):>13.2f}"
-            f"{np.mean(steps):>7.1f}{np.median(ratios):>16.4f}{max(ratios):>9.4f}",
+            f"{name:<22}{len(known) / sum(known):>9.0f}{middle / np.median(cut):>13.2f}"
+            f"{middle / np.median(new):>13.2f}{np.mean(steps):>7.1f}"
+            f"{np.median(ratios):>16.4f}{max(ratios):>9.4f}",
             flush=True,
         )
 

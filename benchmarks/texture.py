@@ -1,15 +1,17 @@
-"""Texture synthesis against its peers, in one run: ``python benchmarks/texture.py [--seeds 5] [--sheet sheet.jpg] [--large]``.
+"""Texture synthesis against its peers, in one run: ``python benchmarks/texture.py [--seeds 5] [--sheet
+sheet.jpg] [--large]``.
 
-192 × 192 px samples are grown to 512 × 512 px by TopoSeam (tileable, patches of 40 and 64 px), by G'MIC's ``syntexturize_matchpatch``
-and by gimp-texturize (Kwatra's method, tileable) in GIMP 2.10, where they are installed (Debian: gmic; gimp-texturize, xvfb). All results
-are measured alike, on gray values from 0 to 255:
+192 × 192 px samples are grown to 512 × 512 px by TopoSeam (tileable, patches of 40 and 64 px), by G'MIC's
+``syntexturize_matchpatch`` and by gimp-texturize (Kwatra's method, tileable) in GIMP 2.10, where they are
+installed (Debian: gmic; gimp-texturize, xvfb). All results are measured alike, on gray values from 0 to 255:
 
-time       CPU seconds, all threads; programs with their start, GIMP without it
-swd8       sliced Wasserstein distance between the 8 × 8 patches of sample and result; far below the floor means copying
-wrap       mean step across the tile border over the 98th percentile of that of inner rows (columns), the worse axis
-coherence  share of pixels whose right neighbour's best match in the sample is the match's right neighbour; 1 is a verbatim copy
-use        how often the most used source pixel shows, over the average (TopoSeam knows where each pixel came from)
-jump       99th percentile of the steps across seams, over that of the steps inside the sample (likewise)
+time       CPU seconds, all threads; programs with their start, GIMP without it swd8       sliced Wasserstein
+distance between the 8 × 8 patches of sample and result; far below the floor means copying wrap       mean
+step across the tile border over the 98th percentile of that of inner rows (columns), the worse axis coherence
+share of pixels whose right neighbour's best match in the sample is the match's right neighbour; 1 is a
+verbatim copy use        how often the most used source pixel shows, over the average (TopoSeam knows where
+each pixel came from) jump       99th percentile of the steps across seams, over that of the steps inside the
+sample (likewise)
 """
 
 from __future__ import annotations
@@ -48,10 +50,16 @@ class Made:
 
 
 def main() -> None:
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     options.add_argument("--seeds", type=int, default=5)
-    options.add_argument("--sheet", type=Path, help="write all results side by side, the tile border in the middle")
-    options.add_argument("--large", action="store_true", help="also 1024² and 4096² px, and toposeam tile on 2048² px")
+    options.add_argument(
+        "--sheet", type=Path, help="write all results side by side, the tile border in the middle"
+    )
+    options.add_argument(
+        "--large", action="store_true", help="also 1024² and 4096² px, and toposeam tile on 2048² px"
+    )
     chosen = options.parse_args()
     sheet = []
     print(f"{'':10}{'':22}{'time s':>8}{'swd8':>7}{'wrap':>7}{'coher.':>8}{'use':>6}{'jump':>6}")
@@ -99,7 +107,7 @@ def methods() -> dict[str, Callable[[np.ndarray, int], Made | None]]:
 
 def toposeam(sample: np.ndarray, seed: int, patch: int, size: int = SIZE) -> Made:
     started = time.process_time()
-    made = ts.synthesize(sample, size, patch, seed=seed, tileable=True)
+    made = ts.synthesize(sample, size, patch=patch, seed=seed, tileable=True)
     return Made(image=made.image, seconds=time.process_time() - started, synthesis=made)
 
 
@@ -107,13 +115,25 @@ def gmic(sample: np.ndarray, seed: int) -> Made | None:
     if shutil.which("gmic") is None:
         return None
     return _program(
-        sample, lambda given, made: ["gmic", given, "-srand", str(seed), "-syntexturize_matchpatch", f"{SIZE},{SIZE}", "-o", made]
+        sample,
+        lambda given, made: [
+            "gmic",
+            given,
+            "-srand",
+            str(seed),
+            "-syntexturize_matchpatch",
+            f"{SIZE},{SIZE}",
+            "-o",
+            made,
+        ],
     )
 
 
 def texturize(sample: np.ndarray, seed: int) -> Made | None:
     """GIMP cannot be seeded: runs differ. Its start is measured apart and taken off."""
-    if None in (shutil.which("gimp"), shutil.which("xvfb-run")) or not list(Path("/usr/lib/gimp/2.0/plug-ins").glob("texturize*")):
+    if None in (shutil.which("gimp"), shutil.which("xvfb-run")) or not list(
+        Path("/usr/lib/gimp/2.0/plug-ins").glob("texturize*")
+    ):
         return None
 
     def script(given: str, made: str) -> list[str]:
@@ -121,13 +141,20 @@ def texturize(sample: np.ndarray, seed: int) -> Made | None:
         layer = "(car (gimp-image-get-active-drawable image))"
         grow = f"(done (gimp-plugin-texturize RUN-NONINTERACTIVE image {layer} {SIZE} {SIZE} 100 1))"
         grow += "(grown (vector-ref (cadr (gimp-image-list)) 0))"
-        save = f'(gimp-file-save RUN-NONINTERACTIVE grown (car (gimp-image-get-active-drawable grown)) "{made}" "{made}")'
+        save = (
+            "(gimp-file-save RUN-NONINTERACTIVE grown (car (gimp-image-get-active-drawable grown)) "
+            f'"{made}" "{made}")'
+        )
         return [*start, "-b", f"(let* ({load} {grow}) {save})", "-b", "(gimp-quit 0)"]
 
     start = ["xvfb-run", "-a", "gimp", "-i", "-d", "-f"]  # the plug-in wants a display, be it a virtual one
     idle = _program(sample, lambda given, made: [*start, "-b", "(gimp-quit 0)"])
     made = _program(sample, script)
-    return None if made is None else Made(image=made.image, seconds=made.seconds - (idle.seconds if idle else 0.0))
+    return (
+        None
+        if made is None
+        else Made(image=made.image, seconds=made.seconds - (idle.seconds if idle else 0.0))
+    )
 
 
 def _program(sample: np.ndarray, command: Callable[[str, str], list[str]]) -> Made | None:
@@ -136,7 +163,11 @@ def _program(sample: np.ndarray, command: Callable[[str, str], list[str]]) -> Ma
         Image.fromarray(sample).save(given)
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         done = subprocess.run(
-            command(given, made), capture_output=True, check=False, timeout=120, env={**os.environ, "HOME": folder, "OMP_NUM_THREADS": "1"}
+            command(given, made),
+            capture_output=True,
+            check=False,
+            timeout=120,
+            env={**os.environ, "HOME": folder, "OMP_NUM_THREADS": "1"},
         )
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
@@ -163,7 +194,10 @@ def line(exemplar: str, method: str, rows: list[tuple[float, ...]]) -> None:
     values = np.median(np.array(rows), axis=0)
     print(
         f"{exemplar:10}{method:22}"
-        + "".join(f"{'–':>{width[0]}}" if np.isnan(v) else f"{v:{width}}" for v, width in zip(values, formats, strict=True)),
+        + "".join(
+            f"{'–':>{width[0]}}" if np.isnan(v) else f"{v:{width}}"
+            for v, width in zip(values, formats, strict=True)
+        ),
         flush=True,
     )
 
@@ -179,7 +213,9 @@ def swd8(exemplar: np.ndarray, image: np.ndarray, side: int = 8, count: int = 60
     def projected(picture: np.ndarray) -> np.ndarray:
         rng = np.random.default_rng(1)
         row, column = (rng.integers(0, length - side, count) for length in picture.shape)
-        return np.sort(sliding_window_view(picture, (side, side))[row, column].reshape(count, -1) @ directions, axis=0)
+        return np.sort(
+            sliding_window_view(picture, (side, side))[row, column].reshape(count, -1) @ directions, axis=0
+        )
 
     return float(np.abs(projected(exemplar) - projected(image)).mean())
 
@@ -194,7 +230,9 @@ def wrap(image: np.ndarray) -> float:
 
 
 def coherence(exemplar: np.ndarray, image: np.ndarray, side: int = 7) -> float:
-    """On the lower right part of the sample's size; windows compared by their first twelve principal components."""
+    """On the lower right part of the sample's size; windows compared by their first twelve principal
+    components.
+    """
     windows = sliding_window_view(exemplar, (side, side))
     flat = windows.reshape(-1, side**2)
     mean = flat.mean(axis=0)
@@ -206,7 +244,9 @@ def coherence(exemplar: np.ndarray, image: np.ndarray, side: int = 7) -> float:
 
 
 def most_used(made: ts.Synthesis, shape: tuple[int, ...]) -> float:
-    use = np.bincount((made.source[..., 0] * shape[1] + made.source[..., 1]).ravel(), minlength=shape[0] * shape[1])
+    use = np.bincount(
+        (made.source[..., 0] * shape[1] + made.source[..., 1]).ravel(), minlength=shape[0] * shape[1]
+    )
     return float(use.max() / use.mean())
 
 
@@ -219,29 +259,45 @@ def jump(exemplar: np.ndarray, image: np.ndarray, labels: np.ndarray) -> float:
 
 
 def contact_sheet(rows: list[list[np.ndarray]], side: int = 260, gap: int = 6) -> Image.Image:
-    """Sample and results in rows; results are shifted by half, so that the tile border runs through their middle."""
+    """Sample and results in rows; results are shifted by half, so that the tile border runs through their
+    middle.
+    """
     scale = side / SIZE
     first = round(SOURCE * scale) + 2 * gap
-    sheet = Image.new("RGB", (first + (max(map(len, rows)) - 1) * (side + gap), gap + len(rows) * (side + gap)), "white")
+    sheet = Image.new(
+        "RGB", (first + (max(map(len, rows)) - 1) * (side + gap), gap + len(rows) * (side + gap)), "white"
+    )
     for row, images in enumerate(rows):
         for column, image in enumerate(images):
-            shifted = image if column == 0 else np.roll(image, (image.shape[0] // 2, image.shape[1] // 2), (0, 1))
+            shifted = (
+                image if column == 0 else np.roll(image, (image.shape[0] // 2, image.shape[1] // 2), (0, 1))
+            )
             picture = Image.fromarray(np.ascontiguousarray(shifted)).convert("RGB")
-            small = picture.resize((round(picture.width * scale), round(picture.height * scale)), Image.Resampling.LANCZOS)
-            sheet.paste(small, (gap if column == 0 else first + (column - 1) * (side + gap), gap + row * (side + gap)))
+            small = picture.resize(
+                (round(picture.width * scale), round(picture.height * scale)), Image.Resampling.LANCZOS
+            )
+            sheet.paste(
+                small, (gap if column == 0 else first + (column - 1) * (side + gap), gap + row * (side + gap))
+            )
     return sheet
 
 
 def large() -> None:
     sample = skimage.data.gravel()[:SOURCE, :SOURCE]
-    times = {size: float(np.median([toposeam(sample, seed, 40, size).seconds for seed in range(3)])) for size in (512, 1024)}
-    print(f"1024² takes {times[1024] / times[512]:.2f} times as long as 512² ({times[1024]:.2f} and {times[512]:.2f} s)")
+    times = {
+        size: float(np.median([toposeam(sample, seed, 40, size).seconds for seed in range(3)]))
+        for size in (512, 1024)
+    }
+    print(
+        f"1024² takes {times[1024] / times[512]:.2f} times as long as 512² ({times[1024]:.2f} and "
+        f"{times[512]:.2f} s)"
+    )
     code = (
         "import resource, numpy as np, skimage.data, toposeam as ts\n"
         "sample = skimage.data.gravel()[:192, :192]\n"
-        "ts.synthesize(sample, 64)\n"
+        "ts.synthesize(sample, 64, patch=40)\n"
         "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
-        "made = ts.synthesize(sample, 4096, 64, tileable=True)\n"
+        "made = ts.synthesize(sample, 4096, patch=64, tileable=True)\n"
         "peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before\n"
         "kept = sum(a.nbytes for a in (made.image, made.labels, made.source, made.exemplar)) / 1024\n"
         "print(f'4096²: {peak / 1024:.0f} MiB at most, of which the result keeps {kept / 1024:.0f} MiB')\n"
@@ -252,7 +308,7 @@ def large() -> None:
 
 def tiling() -> None:
     """``toposeam tile`` on 2048 × 2048 px RGB against reading and writing that PNG, CPU seconds."""
-    from toposeam_cli.picture import Picture, read_picture, write_picture
+    from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "large.png")
@@ -267,7 +323,10 @@ def tiling() -> None:
             started = time.process_time()
             ts.make_tileable(picture.pixels)
             whole.append(time.process_time() - started + files[-1])
-        print(f"tile on 2048² RGB: {np.median(whole):.1f} s, {np.median(whole) / np.median(files):.1f} × reading and writing the PNG")
+        print(
+            f"tile on 2048² RGB: {np.median(whole):.1f} s, {np.median(whole) / np.median(files):.1f} × "
+            "reading and writing the PNG"
+        )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,6 @@
-"""A sheet of paper measured in pixels: pictures at whole scales, seams drawn over them, and words beside them."""
+"""A sheet of paper measured in pixels: pictures at whole scales, seams drawn over them, and words beside
+them.
+"""
 
 from __future__ import annotations
 
@@ -18,13 +20,21 @@ from PIL import Image
 
 import toposeam as ts
 from toposeam.vector.polyline import trace_boundary
-from toposeam_cli.history_figure import INK
+from toposeam_cli.figures.frames import INK
 
 SEAM = tuple(value / 255 for value in INK)
 DARK, GRAY, FAINT = "0.13", "0.42", "0.75"
 
 mpl.rcdefaults()
-mpl.rcParams.update({"font.size": 8.0, "axes.linewidth": 0.6, "text.color": DARK, "axes.labelcolor": DARK, "mathtext.default": "regular"})
+mpl.rcParams.update(
+    {
+        "font.size": 8.0,
+        "axes.linewidth": 0.6,
+        "text.color": DARK,
+        "axes.labelcolor": DARK,
+        "mathtext.default": "regular",
+    }
+)
 
 
 class Sheet:
@@ -41,7 +51,9 @@ class Sheet:
     def __init__(self, width: int, height: int, small: int = 22) -> None:
         self.width, self.height, self.small = width, height, small
         self._dpi = 200
-        self.figure = Figure(figsize=(width / self._dpi, height / self._dpi), dpi=self._dpi, facecolor="white")
+        self.figure = Figure(
+            figsize=(width / self._dpi, height / self._dpi), dpi=self._dpi, facecolor="white"
+        )
 
     def points(self, px: float) -> float:
         """A length in px as typographic points."""
@@ -52,8 +64,17 @@ class Sheet:
         box = (x / self.width, 1 - (y + height) / self.height, width / self.width, height / self.height)
         return self.figure.add_axes(box)
 
-    def picture(self, pixels: npt.NDArray[Any], x: int, y: int, scale: int = 1, covered: npt.NDArray[np.bool_] | None = None) -> Axes:
-        """A picture, each of its pixels `scale` px large, white where it is not covered; the axes' units are its pixels."""
+    def picture(
+        self,
+        pixels: npt.NDArray[Any],
+        x: int,
+        y: int,
+        scale: int = 1,
+        covered: npt.NDArray[np.bool_] | None = None,
+    ) -> Axes:
+        """A picture, each of its pixels `scale` px large, white where it is not covered; the axes' units are
+        its pixels.
+        """
         height, width = pixels.shape[:2]
         shown = np.asarray(pixels, float) / (255 if pixels.dtype == np.uint8 else 1)
         if shown.ndim == 2:
@@ -61,33 +82,72 @@ class Sheet:
         if covered is not None:
             shown = np.where(covered[..., np.newaxis], shown, 1.0)
         axis = self.axes(x, y, width * scale, height * scale)
-        axis.imshow(np.clip(shown, 0, 1), extent=(0, width, height, 0), interpolation="nearest", aspect="auto")
+        axis.imshow(
+            np.clip(shown, 0, 1), extent=(0, width, height, 0), interpolation="nearest", aspect="auto"
+        )
         axis.axis("off")
         return axis
 
-    def seam(self, axis: Axes, lines: Iterable[ts.Polyline], width: float = 4.0, *, halo: bool = True) -> None:
+    def seam(
+        self, axis: Axes, lines: Iterable[ts.Polyline], width: float = 4.0, *, halo: bool = True
+    ) -> None:
         """Lines in the seam's red, `width` px wide, on a white halo."""
         effects = [Stroke(linewidth=self.points(2 * width), foreground="white"), Normal()] if halo else []
         for line in lines:
             x, y = line.outline.T
             axis.plot(
-                x, y, color=SEAM, linewidth=self.points(width), solid_joinstyle="miter", solid_capstyle="butt",
+                x,
+                y,
+                color=SEAM,
+                linewidth=self.points(width),
+                solid_joinstyle="miter",
+                solid_capstyle="butt",
                 path_effects=effects,
-            )  # fmt: skip
+            )
 
     def dashes(self, axis: Axes, inside: npt.NDArray[np.bool_], within: npt.NDArray[np.bool_]) -> None:
         """The outline of an area, dashed dark on light so that it shows on any picture."""
         for line in trace_boundary(inside, within):
             x, y = line.outline.T
             for color, style in (("white", "-"), ("0.2", (0, (3, 3)))):
-                axis.plot(x, y, color=color, linestyle=style, linewidth=self.points(2.0), solid_capstyle="butt", dash_capstyle="butt")
+                axis.plot(
+                    x,
+                    y,
+                    color=color,
+                    linestyle=style,
+                    linewidth=self.points(2.0),
+                    solid_capstyle="butt",
+                    dash_capstyle="butt",
+                )
 
-    def words(self, text: str, x: float, y: float, *, large: bool = False, color: str | tuple[float, ...] = DARK, **options: Any) -> None:
+    def words(
+        self,
+        text: str,
+        x: float,
+        y: float,
+        *,
+        large: bool = False,
+        color: str | tuple[float, ...] = DARK,
+        **options: Any,
+    ) -> None:
         """Words whose upper left corner lies at a point, unless ``ha`` and ``va`` say otherwise."""
         size = self.points(self.small * (4 / 3 if large else 1))
-        self.figure.text(x / self.width, 1 - y / self.height, text, fontsize=size, color=color, **({"ha": "left", "va": "top"} | options))
+        self.figure.text(
+            x / self.width,
+            1 - y / self.height,
+            text,
+            fontsize=size,
+            color=color,
+            **({"ha": "left", "va": "top"} | options),
+        )
 
-    def rule(self, x: Sequence[float], y: Sequence[float], color: str | tuple[float, ...] = FAINT, width: float = 2.0) -> None:
+    def rule(
+        self,
+        x: Sequence[float],
+        y: Sequence[float],
+        color: str | tuple[float, ...] = FAINT,
+        width: float = 2.0,
+    ) -> None:
         """A line through points."""
         self.figure.add_artist(
             Line2D(

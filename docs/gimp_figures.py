@@ -1,10 +1,12 @@
 """The pictures of docs/gimp.md, made in a real GIMP: ``make gimp-figures``."""
 
+import subprocess
 import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -23,15 +25,33 @@ from toposeam_gimp.procedures import PROCEDURES  # noqa: E402
 RGB = "R'G'B'A u8"
 
 
+#: How long a preview may take, on a machine with other things to do.
+PREVIEW_S = 90
+
+
 def main() -> None:
     target = Path(sys.argv[1]) if len(sys.argv) > 1 else HERE / "figures"
-    screen = Screen(1500, 800)
+    with windowed() as (gimp, screen):
+        for figure in (stitch, patch, synthesize, tile, fill, motif):
+            figure(gimp, target)
+        windows(gimp, screen, target)
+        dialogs(gimp, screen, target)
+
+
+@contextmanager
+def windowed(language: str = "en", scale: int = 1) -> Iterator[tuple[Gimp, Screen]]:
+    """A GIMP with a window, in a language and at a scale of the screen."""
+    screen = Screen(1500 * scale, 800 * scale)
+    environment = {"DISPLAY": screen.display, "GDK_SCALE": str(scale), "LANGUAGE": language}
+    if language != "en":
+        # Debian makes locales when somebody asks for them.
+        made = ["localedef", "-i", "ko_KR", "-f", "UTF-8", "ko_KR.UTF-8"]
+        subprocess.run(made, check=False)  # noqa: S603
+        environment["LC_ALL"] = environment["LANG"] = "ko_KR.UTF-8"
     with tempfile.TemporaryDirectory() as scratch:
-        gimp = Gimp(Path(scratch), {"DISPLAY": screen.display}, [find_gimp("gimp"), "--no-splash", "--new-instance"])
+        gimp = Gimp(Path(scratch), environment, [find_gimp("gimp"), "--no-splash", "--new-instance"])
         try:
-            for figure in (stitch, patch, synthesize, tile, fill, motif):
-                figure(gimp, target)
-            windows(gimp, screen, target)
+            yield gimp, screen
         finally:
             gimp.close()
             screen.close()
@@ -39,7 +59,9 @@ def main() -> None:
 
 def run(gimp: Gimp, name: str, loaded: dict[str, Any], layers: list[int], **options: Any) -> int:
     named = {key.replace("_", "-"): value for key, value in options.items()}
-    result = gimp.run(procedure=f"plug-in-toposeam-{name}", image=loaded.get("image"), layers=layers, options=named)
+    result = gimp.run(
+        procedure=f"plug-in-toposeam-{name}", image=loaded.get("image"), layers=layers, options=named
+    )
     if result["status"] != "success":
         raise RuntimeError(result["message"])
     return int(result["layer"])
@@ -58,10 +80,10 @@ def on_checks(pixels: np.ndarray) -> np.ndarray:
 
 
 def draw_paths(gimp: Gimp, image: int, picture: np.ndarray) -> np.ndarray:
-    """The picture with the image's paths over it."""
+    """The picture with the path to bend, the uppermost, over it."""
     code = """
 answer = []
-for path in image_of(number).get_paths():
+for path in image_of(number).get_paths()[:1]:
     for stroke in path.get_strokes():
         points, closed = path.stroke_interpolate(stroke, 0.2)
         answer.append(list(points) + (list(points[:2]) if closed else []))
@@ -69,10 +91,15 @@ for path in image_of(number).get_paths():
     drawn = picture.copy()
     for line in gimp.python(code=code, number=image):
         points = np.array(line).reshape(-1, 2)
-        steps = np.concatenate([np.linspace(a, b, 4 * int(np.hypot(*(b - a))) + 2) for a, b in pairwise(points)])
+        steps = np.concatenate(
+            [np.linspace(a, b, 4 * int(np.hypot(*(b - a))) + 2) for a, b in pairwise(points)]
+        )
         for dx in (-1, 0):
             for dy in (-1, 0):
-                y, x = (np.clip(np.round(steps[:, axis]).astype(int) + d, 0, drawn.shape[1 - axis] - 1) for axis, d in ((1, dy), (0, dx)))
+                y, x = (
+                    np.clip(np.round(steps[:, axis]).astype(int) + d, 0, drawn.shape[1 - axis] - 1)
+                    for axis, d in ((1, dy), (0, dx))
+                )
                 drawn[y, x] = (255, 40, 160)
     return drawn
 
@@ -80,8 +107,15 @@ for path in image_of(number).get_paths():
 def beside(file: Path, *pictures: np.ndarray, height: int = 230) -> None:
     """Pictures of one height side by side, with few colours so that the file stays small."""
     images = [pyvips.Image.new_from_array(picture) for picture in pictures]
-    images = [image.resize(height / image.height, kernel="nearest" if height > image.height else "lanczos3") for image in images]
-    joined = pyvips.Image.arrayjoin(images, across=len(images), shim=8, background=[255, 255, 255]) if _even(images) else _row(images)
+    images = [
+        image.resize(height / image.height, kernel="nearest" if height > image.height else "lanczos3")
+        for image in images
+    ]
+    joined = (
+        pyvips.Image.arrayjoin(images, across=len(images), shim=8, background=[255, 255, 255])
+        if _even(images)
+        else _row(images)
+    )
     joined.write_to_file(str(file), palette=True, Q=90, compression=9)
     print(file, file.stat().st_size // 1024, "KiB")
 
@@ -103,7 +137,7 @@ def load(gimp: Gimp, *names: str, offsets: list[list[int]] | None = None) -> dic
 
 
 def stitch(gimp: Gimp, target: Path) -> None:
-    loaded = load(gimp, "motorcycle_left.png", "motorcycle_right.png", offsets=[[0, 0], [310, 0]])
+    loaded = load(gimp, "still_life_left.png", "still_life_right.png", offsets=[[0, 0], [270, 0]])
     before = seen(gimp, loaded["image"])
     group = run(gimp, "stitch", loaded, loaded["layers"])
     after = seen(gimp, loaded["image"])
@@ -118,7 +152,11 @@ path.stroke_new_from_points(Gimp.PathStrokeType.BEZIER, [float(value) for value 
     gimp.python(code=code, number=loaded["image"])
     run(gimp, "restitch", loaded, [group])
     bent = seen(gimp, loaded["image"])
-    beside(target / "gimp-restitch.png", draw_paths(gimp, loaded["image"], after), draw_paths(gimp, loaded["image"], bent))
+    beside(
+        target / "gimp-restitch.png",
+        draw_paths(gimp, loaded["image"], after),
+        draw_paths(gimp, loaded["image"], bent),
+    )
 
 
 def patch(gimp: Gimp, target: Path) -> None:
@@ -155,10 +193,17 @@ def tile(gimp: Gimp, target: Path) -> None:
 def fill(gimp: Gimp, target: Path) -> None:
     loaded = load(gimp, "sky_b.png")
     before = seen(gimp, loaded["image"])
-    gimp.python(code="image_of(number).select_ellipse(Gimp.ChannelOps.REPLACE, 26, 76, 62, 52)", number=loaded["image"])
+    gimp.python(
+        code="image_of(number).select_ellipse(Gimp.ChannelOps.REPLACE, 26, 76, 62, 52)",
+        number=loaded["image"],
+    )
     angle = np.linspace(0, 2 * np.pi, 800)
     marked = before.copy()
-    marked[np.round(102 + 26 * np.sin(angle)).astype(int), np.round(57 + 31 * np.cos(angle)).astype(int)] = (255, 40, 160)
+    marked[np.round(102 + 26 * np.sin(angle)).astype(int), np.round(57 + 31 * np.cos(angle)).astype(int)] = (
+        255,
+        40,
+        160,
+    )
     run(gimp, "fill", loaded, loaded["layers"])
     beside(target / "gimp-fill.png", marked, seen(gimp, loaded["image"]))
 
@@ -170,13 +215,15 @@ def motif(gimp: Gimp, target: Path) -> None:
         number = gimp.python(code="answer = item(number).get_image().get_id()", number=group)
         pictures.append(seen(gimp, number))
         pattern = run(gimp, "repeat", {"image": number}, [group], rows=3, columns=3)
-        pictures.append(seen(gimp, gimp.python(code="answer = item(number).get_image().get_id()", number=pattern)))
+        pictures.append(
+            seen(gimp, gimp.python(code="answer = item(number).get_image().get_id()", number=pattern))
+        )
     beside(target / "gimp-motif.png", *pictures)
 
 
 def windows(gimp: Gimp, screen: Screen, target: Path) -> None:
     """The dialog, the menu, and the window with the result."""
-    loaded = load(gimp, "motorcycle_left.png", "motorcycle_right.png", offsets=[[0, 0], [310, 0]])
+    loaded = load(gimp, "still_life_left.png", "still_life_right.png", offsets=[[0, 0], [270, 0]])
     code = """
 Gimp.Display.new(image_of(number))
 image_of(number).set_selected_layers([item(layer) for layer in layers])
@@ -193,26 +240,69 @@ image_of(number).set_selected_layers([item(layer) for layer in layers])
         time.sleep(1)
     shoot(screen, target / "gimp-menu.png", lambda file: screen.shoot(file), 0.6, crop=(1180, 784))
     screen.do("key", "Escape", "Escape", "Escape")
-    for name in ("stitch", "patch", "synthesize", "motif"):
+    run(gimp, "stitch", loaded, loaded["layers"], show_seam=True)
+    gimp.python(code="Gimp.displays_flush()")
+    time.sleep(3)
+    shoot(screen, target / "gimp-window.png", lambda file: screen.shoot(file, window), 0.7)
+
+
+def dialogs(gimp: Gimp, screen: Screen, target: Path, language: str = "en", scale: int = 1) -> None:
+    """Every dialog with its preview: in English one file each, else some of them on one."""
+    shown = []
+    for name in ("stitch", "patch", "motif", "repeat"):
         entry = PROCEDURES[f"plug-in-toposeam-{name}"]
-        layers = loaded["layers"] if name == "stitch" else loaded["layers"][1:]
+        plain = language == "en" and scale == 1
+        if not plain and name not in ("stitch", "motif"):
+            continue
+        loaded = load(gimp, "still_life_left.png", "still_life_right.png", offsets=[[0, 0], [270, 0]])
+        if name == "patch":
+            code = "image_of(number).select_ellipse(Gimp.ChannelOps.REPLACE, 330, 140, 100, 200)"
+            gimp.python(code=code, number=loaded["image"])
+        if name == "repeat":
+            group = run(gimp, "motif", {}, [], size=64, iterations=5)
+            number = gimp.python(code="answer = item(number).get_image().get_id()", number=group)
+            loaded = {"image": number, "layers": [group]}
+        layers = loaded["layers"] if name == "stitch" else loaded["layers"][-1:]
         call = {"procedure": entry.name, "image": loaded["image"], "layers": layers, "mode": "INTERACTIVE"}
         asked = threading.Thread(target=lambda call=call: gimp.run(**call), daemon=True)
         asked.start()
         dialog = screen.window(entry.title)
-        screen.do("mousemove", 1450, 780)
-        time.sleep(2)
-        shoot(screen, target / f"gimp-dialog-{name}.png", lambda file, dialog=dialog: screen.shoot(file, dialog), 0.75)
-        screen.press(dialog, "Return" if name == "stitch" else "Escape")
+        screen.do("mousemove", 1450 * scale, 780 * scale)
+        wait_for_preview(screen, dialog, entry.preview is not None)
+        file = target / f"gimp-dialog-{name}.png"
+        if plain:
+            shoot(screen, file, lambda file, dialog=dialog: screen.shoot(file, dialog), 0.75)
+        else:
+            screen.shoot(file.with_suffix(".part.png"), dialog)
+            shown.append(np.asarray(pyvips.Image.new_from_file(str(file.with_suffix(".part.png")))[:3]))
+            file.with_suffix(".part.png").unlink()
+        screen.press(dialog, "Escape")
         asked.join(60)
-        if name == "stitch":
-            show = "image_of(number).get_paths()[0].set_visible(True); Gimp.displays_flush()"
-            gimp.python(code=show, number=loaded["image"])
-            time.sleep(2)
-            shoot(screen, target / "gimp-window.png", lambda file: screen.shoot(file, window), 0.7)
+    if shown:
+        beside(target / f"gimp-dialogs-{language}-{scale}x.png", *shown, height=330 * scale)
 
 
-def shoot(screen: Screen, file: Path, take: Callable[[Path], None], scale: float, crop: tuple[int, int] | None = None) -> None:
+def wait_for_preview(screen: Screen, dialog: str, comes: bool) -> None:
+    """Until the left part of a dialog shows a picture."""
+    deadline = time.monotonic() + PREVIEW_S
+    with tempfile.TemporaryDirectory() as scratch:
+        file = str(Path(scratch) / "dialog.png")
+        while comes and time.monotonic() < deadline:
+            screen.shoot(file, dialog)
+            picture = pyvips.Image.new_from_file(file)
+            if picture.crop(20, 20, picture.width // 3, picture.height // 2).deviate() > 8:
+                break
+            time.sleep(1)
+    time.sleep(1)
+
+
+def shoot(
+    screen: Screen,
+    file: Path,
+    take: Callable[[Path], None],
+    scale: float,
+    crop: tuple[int, int] | None = None,
+) -> None:
     take(file)
     image = pyvips.Image.new_from_file(str(file))[:3]
     image = (image if crop is None else image.crop(0, 0, *crop)).resize(scale).copy_memory()

@@ -1,6 +1,8 @@
-"""Draw the gallery: ``python docs/make_figures.py`` writes docs/figures/*.png and the table of numbers in docs/gallery.md.
+"""Draw the gallery: ``python docs/make_figures.py`` writes docs/figures/*.png and the table of numbers in
+docs/gallery.md.
 
-The seams are found by ``method="thesis"``; what method heat makes of the same pair stands beside them in numbers.
+The seams are found by ``method="thesis"``; what method heat makes of the same pair stands beside them in
+numbers.
 """
 
 from __future__ import annotations
@@ -12,15 +14,14 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-import texture_figures
 import thesis_cases
 from figure_sheet import GRAY, SEAM, Sheet, save_png
-from photographs import beside, corner, pairs, photograph
+from photographs import beside, corner, pairs, still_life
 from PIL import Image
 from thesis_cases import Case
 
 import toposeam as ts
-from toposeam_cli.history_figure import history_figure, plain_numbers, scientific
+from toposeam_cli.figures.history import history_figure, plain_numbers, scientific
 
 DOCS = Path(__file__).resolve().parent
 FIGURES = DOCS / "figures"
@@ -45,14 +46,19 @@ class Joined:
     @classmethod
     def find(cls, case: Case, cost: ts.MatchCost | None = None) -> Joined:
         """Both seams, the thesis's with its history."""
-        return cls(case=case, thesis=case.find("thesis", cost=cost, record_frames=True), heat=case.find("heat", cost=cost))
+        return cls(
+            case=case,
+            thesis=case.find("thesis", cost=cost, record_frames=True),
+            heat=case.find("heat", cost=cost),
+        )
 
     @property
     def numbers(self) -> tuple[str, str]:
         """What the two methods cost, a line each."""
         thesis, heat = self.thesis, self.heat
         return (
-            f"thesis: {thesis.optimum_ratio():.4f} × optimum, {thesis.history[-1].stage} stages, {len(thesis.history)} iterations",
+            f"thesis: {thesis.optimum_ratio():.4f} × optimum, {thesis.history[-1].stage} stages, "
+            f"{len(thesis.history)} iterations",
             f"heat: {heat.optimum_ratio():.4f} × optimum, {len(heat.history)} iterations",
         )
 
@@ -63,10 +69,12 @@ def main() -> None:
     FIGURES.mkdir(exist_ok=True)
     rows = [*toy_problem(), *zigzag(), *ell_and_random_colours(), *photographs(), *two_sizes()]
     hero()
-    texture_figures.main()
     write_numbers(rows)
     total = sum(path.stat().st_size for path in FIGURES.glob("*.png"))
-    print(f"{len(list(FIGURES.glob('*.png')))} figures, {total / 1e6:.1f} MB, in {time.perf_counter() - started:.0f} s: {FIGURES}")
+    print(
+        f"{len(list(FIGURES.glob('*.png')))} figures, {total / 1e6:.1f} MB, in "
+        f"{time.perf_counter() - started:.0f} s: {FIGURES}"
+    )
 
 
 # Figures 3.5 to 3.7
@@ -88,7 +96,12 @@ def toy_problem() -> list[tuple[str, Joined]]:
     axis = sheet.picture(case.joined(seam), left, top, grid)
     _pixel_lines(axis)
     sheet.seam(axis, seam.paths, 9)
-    sheet.words("through nodes " + ", ".join(str(4 * y + x + 1) for x, y in _TOY_PATH), left, top + height + 14, color=GRAY)
+    sheet.words(
+        "through nodes " + ", ".join(str(4 * y + x + 1) for x, y in _TOY_PATH),
+        left,
+        top + height + 14,
+        color=GRAY,
+    )
     sheet.words(";   ".join(joined.numbers), _MARGIN, 596, color=GRAY)
     sheet.save(FIGURES / "fig-3.05-toy-problem.png")
     _toy_history(seam)
@@ -104,7 +117,9 @@ def _pixel_lines(axis: object) -> None:
 def _elements(
     seam: ts.Seam, right: npt.NDArray[np.float32], down: npt.NDArray[np.float32]
 ) -> list[tuple[tuple[int, int], tuple[int, int], float]]:
-    """(start, end, value) of each of the 24 elements of the toy problem, from values per interface of its window."""
+    """(start, end, value) of each of the 24 elements of the toy problem, from values per interface of its
+    window.
+    """
     found = [((x, y), (x, y + 1), float(right[y + 1, x])) for y in range(3) for x in range(4)]
     return found + [((x, y), (x + 1, y), float(down[y, x + 1])) for y in range(4) for x in range(3)]
 
@@ -123,18 +138,36 @@ def _cost_grid(axis: object, seam: ts.Seam, sheet: Sheet) -> None:
         outer = x0 == x1 in (0, 3) or y0 == y1 in (0, 3)
         on_path = frozenset((start, end)) in path
         axis.plot(
-            [x0, x1], [y0, y1], color="0.85" if outer else SEAM if on_path else "0.45", linewidth=sheet.points(10 if outer else 5), zorder=1
+            [x0, x1],
+            [y0, y1],
+            color="0.85" if outer else SEAM if on_path else "0.45",
+            linewidth=sheet.points(10 if outer else 5),
+            zorder=1,
         )
         if not outer:
             axis.text(
-                (x0 + x1) / 2, (y0 + y1) / 2, f"{cost:.2f}", ha="center", va="center", fontsize=sheet.points(20), zorder=2,
-                color=SEAM if on_path else "0.3", bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.2},
-            )  # fmt: skip
+                (x0 + x1) / 2,
+                (y0 + y1) / 2,
+                f"{cost:.2f}",
+                ha="center",
+                va="center",
+                fontsize=sheet.points(20),
+                zorder=2,
+                color=SEAM if on_path else "0.3",
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.2},
+            )
     for y in range(4):
         for x in range(4):
             axis.plot(x, y, "o", markersize=sheet.points(38), color="0.13", zorder=3)
             axis.text(
-                x, y + 0.01, str(4 * y + x + 1), color="white", ha="center", va="center_baseline", fontsize=sheet.points(19), zorder=4
+                x,
+                y + 0.01,
+                str(4 * y + x + 1),
+                color="white",
+                ha="center",
+                va="center_baseline",
+                fontsize=sheet.points(19),
+                zorder=4,
             )
 
 
@@ -159,9 +192,16 @@ def _toy_history(seam: ts.Seam) -> None:
         for stage in np.unique(stages):
             name = f"stage {stage}" if np.count_nonzero(stages == stage) > 0.15 * len(stages) else f"{stage}"
             axis.annotate(
-                name, (iterations[stages == stage].mean(), 1), xycoords=("data", "axes fraction"), xytext=(0, 3),
-                textcoords="offset points", ha="center", va="bottom", fontsize=sheet.points(20), color=GRAY,
-            )  # fmt: skip
+                name,
+                (iterations[stages == stage].mean(), 1),
+                xycoords=("data", "axes fraction"),
+                xytext=(0, 3),
+                textcoords="offset points",
+                ha="center",
+                va="bottom",
+                fontsize=sheet.points(20),
+                color=GRAY,
+            )
         sheet.words(title, x, 22, color=color)
     sheet.figure.axes[0].set_yscale("log")
     inner = objective[objective < 1e3 * objective[-1]]
@@ -180,8 +220,21 @@ def _toy_history(seam: ts.Seam) -> None:
         for start, end, value in _elements(seam, frame.right, frame.down):
             axis.plot([start[0], end[0]], [start[1], end[1]], color="0.86", linewidth=0.8, zorder=1)
             if value > 0.02:
-                axis.plot([start[0], end[0]], [start[1], end[1]], color=SEAM, linewidth=4 * value, solid_capstyle="round", zorder=2)
-        sheet.words(f"iteration {frame.iteration}", _MARGIN + column * step + (step - 20) / 2, 480 + step - 6, ha="center", color=GRAY)
+                axis.plot(
+                    [start[0], end[0]],
+                    [start[1], end[1]],
+                    color=SEAM,
+                    linewidth=4 * value,
+                    solid_capstyle="round",
+                    zorder=2,
+                )
+        sheet.words(
+            f"iteration {frame.iteration}",
+            _MARGIN + column * step + (step - 20) / 2,
+            480 + step - 6,
+            ha="center",
+            color=GRAY,
+        )
     sheet.save(FIGURES / "fig-3.07-toy-history.png")
 
 
@@ -198,7 +251,10 @@ def zigzag() -> list[tuple[str, Joined]]:
     sheet = Sheet(columns[-1] + step - gap + _MARGIN, head + case.a.shape[0] * scale + 140)
     _apart(sheet, case, _MARGIN, head, scale)
     over_a = _over(case)
-    for x, title, joined in ((columns[0], "with gradient, (2.4)", with_gradient), (columns[1], "without, (3.22)", without)):
+    for x, title, joined in (
+        (columns[0], "with gradient, (2.4)", with_gradient),
+        (columns[1], "without, (3.22)", without),
+    ):
         sheet.words(title, x, head - 14, va="bottom", large=True)
         sheet.seam(sheet.picture(over_a, x, head, scale), joined.thesis.paths, halo=False)
         thesis, heat = joined.numbers
@@ -252,10 +308,18 @@ def _densities(seam: ts.Seam, path: Path) -> None:
     usable = [seam.problem.right > 0, seam.problem.down > 0]
     for column, stage in enumerate(dict.fromkeys(chosen)):
         frame = last[stage]
-        values = np.concatenate([values[mask] for values, mask in zip((frame.right, frame.down), usable, strict=True)])
+        values = np.concatenate(
+            [values[mask] for values, mask in zip((frame.right, frame.down), usable, strict=True)]
+        )
         axis = sheet.axes(110 + column * 510, 80, 420, 250)
         counts, _ = np.histogram(np.clip(values, 0, 1), bins)
-        axis.bar(bins[:-1], counts, width=0.045, align="edge", color=[SEAM if edge > 0.94 else "0.6" for edge in bins[:-1]])
+        axis.bar(
+            bins[:-1],
+            counts,
+            width=0.045,
+            align="edge",
+            color=[SEAM if edge > 0.94 else "0.6" for edge in bins[:-1]],
+        )
         axis.set_yscale("log")
         axis.set_ylim(0.7, 3e4)
         axis.set_xlim(-0.02, 1.02)
@@ -265,14 +329,15 @@ def _densities(seam: ts.Seam, path: Path) -> None:
         if not column:
             axis.set_ylabel("elements", fontsize=sheet.points(22))
         sheet.words(f"end of stage {stage}, iteration {frame.iteration}", 110 + column * 510, 20)
-        sheet.words(f"{np.count_nonzero(values > 0.95)} at 1", 110 + column * 510 + 420, 50, ha="right", color=SEAM)
+        sheet.words(
+            f"{np.count_nonzero(values > 0.95)} at 1", 110 + column * 510 + 420, 50, ha="right", color=SEAM
+        )
     sheet.save(path)
 
 
 def hero() -> None:
-    """Two photographs, the seam between them, the joined picture."""
-    left, right = photograph("motorcycle_left.png"), photograph("motorcycle_right.png")
-    case = beside(left[:, :440], right[:, 240:], 170)
+    """Two pictures with parallax, the seam between them, the joined picture."""
+    case = beside(*still_life(), 170)
     seam = case.find()
     joined = case.joined(seam)
     height, width, gap, top = 310, 478, 28, 0
@@ -306,21 +371,34 @@ def hero() -> None:
 
 
 def _three_columns(found: list[Joined], scales: list[int], path: Path, *, over_a: bool = False) -> None:
-    """A row for each pair: the patches apart, joined with the seam, joined; with `over_a` the seam is drawn over patch A instead."""
+    """A row for each pair: the patches apart, joined with the seam, joined; with `over_a` the seam is drawn
+    over patch A instead.
+    """
     gap, head = 48, 60
-    sizes = [(joined.case.a.shape[0] * scale, joined.case.a.shape[1] * scale) for joined, scale in zip(found, scales, strict=True)]
+    sizes = [
+        (joined.case.a.shape[0] * scale, joined.case.a.shape[1] * scale)
+        for joined, scale in zip(found, scales, strict=True)
+    ]
     apart = [_apart_size(joined.case, scale) for joined, scale in zip(found, scales, strict=True)]
     columns = [_MARGIN, _MARGIN + max(size[1] for size in apart) + gap]
     columns.append(columns[1] + max(size[1] for size in sizes) + gap)
     heights = [max(size[0] + 96, other[0] + 66) for size, other in zip(sizes, apart, strict=True)]
     sheet = Sheet(columns[2] + max(size[1] for size in sizes) + _MARGIN, head + sum(heights))
-    for x, title in zip(columns, ("the two patches", "the seam, over patch A" if over_a else "the seam", "joined"), strict=True):
+    for x, title in zip(
+        columns,
+        ("the two patches", "the seam, over patch A" if over_a else "the seam", "joined"),
+        strict=True,
+    ):
         sheet.words(title, x, head - 14, va="bottom", large=True)
     y = head
     for joined, scale, height in zip(found, scales, heights, strict=True):
         case, image = joined.case, joined.case.joined(joined.thesis)
         _apart(sheet, case, columns[0], y, scale)
-        sheet.seam(sheet.picture(_over(case) if over_a else image, columns[1], y, scale), joined.thesis.paths, halo=not over_a)
+        sheet.seam(
+            sheet.picture(_over(case) if over_a else image, columns[1], y, scale),
+            joined.thesis.paths,
+            halo=not over_a,
+        )
         sheet.picture(image, columns[2], y, scale)
         for line, text in enumerate(joined.numbers):
             sheet.words(text, columns[1], y + image.shape[0] * scale + 10 + 29 * line, color=GRAY)
@@ -337,7 +415,10 @@ def _shift(case: Case, scale: int) -> tuple[int, int]:
     """How far down and right B is moved, in px of the sheet, so that the overlap shows in both patches."""
     shared = case.mask_a & case.mask_b
     last_row, last_column = (int(np.flatnonzero(case.mask_b.any(axis=axis))[-1]) for axis in (1, 0))
-    down, right = (int(count) * scale + APART if count else 0 for count in (shared[:, last_column].sum(), shared[last_row].sum()))
+    down, right = (
+        int(count) * scale + APART if count else 0
+        for count in (shared[:, last_column].sum(), shared[last_row].sum())
+    )
     return down, right
 
 
@@ -349,13 +430,18 @@ def _apart_size(case: Case, scale: int) -> tuple[int, int]:
 def _apart(sheet: Sheet, case: Case, x: int, y: int, scale: int) -> None:
     """The two patches, moved apart so that the overlap shows in both, with its outline."""
     shared = case.mask_a & case.mask_b
-    for name, image, mask, (down, right) in (("A", case.a, case.mask_a, (0, 0)), ("B", case.b, case.mask_b, _shift(case, scale))):
+    for name, image, mask, (down, right) in (
+        ("A", case.a, case.mask_a, (0, 0)),
+        ("B", case.b, case.mask_b, _shift(case, scale)),
+    ):
         rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
         window = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
         left, top = x + int(columns[0]) * scale + right, y + int(rows[0]) * scale + down
         axis = sheet.picture(image[window], left, top, scale, covered=mask[window])
         sheet.dashes(axis, shared[window], mask[window])
-        sheet.words(f"{name}, {len(columns)} × {len(rows)} px", left, top + len(rows) * scale + 10, color=GRAY)
+        sheet.words(
+            f"{name}, {len(columns)} × {len(rows)} px", left, top + len(rows) * scale + 10, color=GRAY
+        )
 
 
 def _resized(image: npt.NDArray[np.float64], shape: tuple[int, int]) -> npt.NDArray[np.uint8]:
@@ -366,15 +452,16 @@ def _resized(image: npt.NDArray[np.float64], shape: tuple[int, int]) -> npt.NDAr
 def write_numbers(rows: list[tuple[str, Joined]]) -> None:
     """Put the table of numbers between its two marks in the gallery page."""
     lines = [
-        "| figure | overlap, px | thesis: cost ÷ optimum | stages, iterations | heat: cost ÷ optimum | iterations |",
+        "| figure | overlap, px | thesis: cost ÷ optimum | stages, iterations | heat: cost ÷ optimum | "
+        "iterations |",
         "|---|---:|---:|---:|---:|---:|",
     ]
     for name, joined in rows:
         thesis, heat = joined.thesis, joined.heat
         area = int(thesis.problem.overlap.shared.sum())
         lines.append(
-            f"| {name} | {area} | {thesis.optimum_ratio():.4f} | {thesis.history[-1].stage}, {len(thesis.history)} "
-            f"| {heat.optimum_ratio():.4f} | {len(heat.history)} |"
+            f"| {name} | {area} | {thesis.optimum_ratio():.4f} | {thesis.history[-1].stage}, "
+            f"{len(thesis.history)} | {heat.optimum_ratio():.4f} | {len(heat.history)} |"
         )
     text = GALLERY.read_text(encoding="utf-8")
     before, _, rest = text.partition(_BEGIN)

@@ -1,4 +1,5 @@
-"""Draw the pictures of docs/patterns.md and docs/paths.md: ``python docs/make_pattern_figures.py``, about two minutes.
+"""Draw the pictures of docs/patterns.md and docs/paths.md: ``python docs/make_pattern_figures.py``, about two
+minutes.
 
 Pictures of patterns are JPEG: ink wash does not compress otherwise.
 """
@@ -17,13 +18,14 @@ from PIL import Image, ImageDraw, ImageFont
 from scipy import ndimage
 
 import toposeam as ts
+from toposeam.motif.book import SEASONS, book_recipe
 from toposeam.motif.kinds import Kind, measure
 from toposeam.motif.recipe import unpack_base
 from toposeam.motif.sampling import resample
 from toposeam.motif.svg import draw_svg
-from toposeam_cli.book_jobs import SEASONS, book_recipe
-from toposeam_cli.libvips import load_vips
-from toposeam_cli.mockups import PRODUCTS, draw_product
+from toposeam.motif.tiling import period
+from toposeam_cli.figures.products import draw_product, pattern_px
+from toposeam_cli.pictures.libvips import load_vips
 
 DOCS = Path(__file__).resolve().parent
 FIGURES = DOCS / "figures"
@@ -59,10 +61,19 @@ def font(size: int) -> ImageFont.FreeTypeFont:
 def sheet() -> None:
     """Twelve patterns, one rule each."""
     shown = (
-        ("translate", "fall", 11), ("p4m", "summer", 7), ("rotate", "sea", 5), ("p6m", "botanic", 3),
-        ("pgg", "plum", 4), ("p4g", "saffron", 9), ("p3", "winter", 6), ("reflect", "terracotta", 2),
-        ("cmm", "indigo", 8), ("p4", "spring", 15), ("p31m", "night", 12), ("p2", "sumi", 10),
-    )  # fmt: skip
+        ("translate", "fall", 11),
+        ("p4m", "summer", 7),
+        ("rotate", "sea", 5),
+        ("p6m", "botanic", 3),
+        ("pgg", "plum", 4),
+        ("p4g", "saffron", 9),
+        ("p3", "winter", 6),
+        ("reflect", "terracotta", 2),
+        ("cmm", "indigo", 8),
+        ("p4", "spring", 15),
+        ("p31m", "night", 12),
+        ("p2", "sumi", 10),
+    )
     side, gap, foot = 300, 16, 30
     canvas = Image.new("RGB", (4 * side + 3 * gap, 3 * (side + foot)), _PAPER)
     pen = ImageDraw.Draw(canvas)
@@ -70,8 +81,12 @@ def sheet() -> None:
         motif = ts.generate_motif(128, seed=seed, repeat=rule, palette=name)
         height, width = motif.densities.shape[1:]
         size = (round(150 * height / width), 150)
-        pattern = bytes_of(ts.repeat(motif, (2, 2), size))
-        pattern = pattern[:side, :side] if len(pattern) >= side else bytes_of(ts.repeat(motif, (3, 3), size))[:side, :side]
+        pattern = bytes_of(ts.repeat(motif, (2, 2), size=size))
+        pattern = (
+            pattern[:side, :side]
+            if len(pattern) >= side
+            else bytes_of(ts.repeat(motif, (3, 3), size=size))[:side, :side]
+        )
         x, y = (index % 4) * (side + gap), (index // 4) * (side + foot)
         canvas.paste(Image.fromarray(pattern), (x, y))
         pen.text((x, y + side + 5), f"{rule}, {name}", font=font(14), fill=_GRAY)
@@ -80,25 +95,34 @@ def sheet() -> None:
 
 def studies() -> None:
     """One motif with one parameter changed at a time."""
-    fixed = {"layers": 2, "seed": 21, "repeat": "translate", "palette": "winter", "sources": 3, "sinks": 3, "ambient": 0.5, "mass": 0.25}
-    rows: tuple[tuple[str, str, tuple[float | int, ...]], ...] = (
-        ("mass", "--mass", (0.1, 0.2, 0.3, 0.4, 0.5)),
-        ("penalty", "--p", (1.0, 1.5, 2.0, 3.0, 5.0)),
-        ("sources", "--sources", (1, 2, 4, 8, 16)),
-        ("sinks", "--sinks", (1, 2, 4, 8, 16)),
-        ("distance", "--distance", (0.1, 0.2, 0.3, 0.4, 0.5)),
-        ("ambient", "--ambient", (0.0, 0.1, 0.3, 0.6, 1.0)),
-        ("iterations", "--iterations", (5, 10, 20, 40, 80)),
+    fixed = {
+        "layers": 2,
+        "seed": 21,
+        "repeat": "translate",
+        "palette": "winter",
+        "sources": 3,
+        "sinks": 3,
+        "ambient": 0.5,
+        "mass": 0.25,
+    }
+    rows: tuple[tuple[str, tuple[dict[str, float], ...]], ...] = (
+        ("--mass {mass}", tuple({"mass": m} for m in (0.1, 0.2, 0.3, 0.4, 0.5))),
+        ("--penalty {penalty}", tuple({"penalty": p} for p in (1.0, 1.5, 2.0, 3.0, 5.0))),
+        ("{sources} sources, 1 sink", tuple({"sources": n, "sinks": 1} for n in (1, 2, 4, 8, 16))),
+        ("1 source, {sinks} sinks", tuple({"sources": 1, "sinks": n} for n in (1, 2, 4, 8, 16))),
+        ("{sources} sources, {sinks} sinks", tuple({"sources": n, "sinks": n} for n in (1, 2, 4, 8, 16))),
+        ("--ambient {ambient}", tuple({"ambient": a} for a in (0.0, 0.1, 0.3, 0.6, 1.0))),
+        ("--iterations {iterations}", tuple({"iterations": n} for n in (5, 10, 20, 40, 80))),
     )
     side, gap, foot, left = 176, 12, 26, 0
     canvas = Image.new("RGB", (left + 5 * side + 4 * gap, len(rows) * (side + foot)), _PAPER)
     pen = ImageDraw.Draw(canvas)
-    for line, (name, option, values) in enumerate(rows):
+    for line, (words, values) in enumerate(rows):
         for column, value in enumerate(values):
-            motif = ts.generate_motif(96, **({**fixed, "coarse": name != "iterations"} | {name: value}))
+            motif = ts.generate_motif(96, **(fixed | {"coarse": "iterations" not in value} | value))
             x, y = left + column * (side + gap), line * (side + foot)
             canvas.paste(Image.fromarray(bytes_of(motif.image((side, side)))), (x, y))
-            pen.text((x, y + side + 4), f"{option} {value:g}", font=font(13), fill=_GRAY)
+            pen.text((x, y + side + 4), words.format(**value), font=font(13), fill=_GRAY)
     save(canvas, "patterns-parameters.jpg")
 
 
@@ -118,7 +142,7 @@ def kinds() -> None:
         if motif.densities.shape[1:] != recipe.size:
             continue
         character = measure(motif.image(), resample(unpack_base(recipe.base), "none", recipe.size))
-        pattern = Image.fromarray(bytes_of(ts.repeat(motif, (2, 2), (side // 2, side // 2))))
+        pattern = Image.fromarray(bytes_of(ts.repeat(motif, (2, 2), size=(side // 2, side // 2))))
         found[character.kind, season].append((abs(character.likeness), pattern))
     left, top, gap, foot = 0, 30, 12, 34
     canvas = Image.new("RGB", (left + 4 * side + 3 * gap, top + 4 * (side + foot)), _PAPER)
@@ -130,31 +154,51 @@ def kinds() -> None:
         for column, season in enumerate(SEASONS):
             if found[kind, season]:  # the most and the least alike
                 choose = max if kind in (Kind.THICK_CLEAR, Kind.THIN_CLEAR) else min
-                canvas.paste(choose(found[kind, season], key=lambda pair: pair[0])[1], (left + column * (side + gap), y))
+                canvas.paste(
+                    choose(found[kind, season], key=lambda pair: pair[0])[1],
+                    (left + column * (side + gap), y),
+                )
         pen.text((left, y + side + 6), f"{kind}: {kind.words}", font=font(14), fill=_GRAY)
     save(canvas, "patterns-kinds.jpg")
 
 
 def products() -> None:
-    """The four products."""
+    """Every product, with two patterns where there is a place for a second one."""
     shown = (
         ("tie", "pgg", 4, "indigo"),
         ("scarf", "p4m", 7, "summer"),
         ("shirt", "translate", 11, "botanic"),
+        ("cushion", "drop", 3, "terracotta"),
         ("canvas", "rotate", 5, "fall"),
+        ("wallpaper", "translate", 9, "sea"),
+        ("wrapping", "p31m", 2, "winter"),
+        ("phone", "brick", 6, "plum"),
     )
-    height, gap = 430, 12
+    height, gap = 380, 12
     pictures = []
     for name, rule, seed, colours in shown:
-        motif = ts.generate_motif(128, seed=seed, repeat=rule, palette=colours)
-        pattern = bytes_of(ts.repeat(motif, (2, 2), (256, 256)))
-        drawn = Image.fromarray(draw_product(PRODUCTS[name], pattern, 256, motif.paper, motif.inks[0]))
-        pictures.append(drawn.resize((round(drawn.width * height / drawn.height), height), Image.Resampling.LANCZOS))
-    canvas = Image.new("RGB", (sum(p.width for p in pictures) + gap * 3, height), _PAPER)
-    x = 0
-    for picture in pictures:
-        canvas.paste(picture, (x, 0))
-        x += picture.width + gap
+        across = pattern_px(name)
+        motif, other = (ts.generate_motif(128, seed=seed, repeat=of, palette=colours) for of in (rule, "p4g"))
+        swatches = []
+        for made in (motif, other):
+            rows, columns = made.densities.shape[1:]
+            size = (round(across * rows / columns), across)
+            swatches.append(bytes_of(ts.repeat(made, period(made.repeat), size=size)))
+        dark = motif.inks[int(np.argmin(motif.inks.sum(axis=1)))]
+        drawn = Image.fromarray(
+            draw_product(name, swatches[0], across, motif.paper, dark, second=(swatches[1], across))
+        )
+        pictures.append(
+            drawn.resize((round(drawn.width * height / drawn.height), height), Image.Resampling.LANCZOS)
+        )
+    lines = [pictures[:4], pictures[4:]]
+    wide = max(sum(picture.width + gap for picture in line) for line in lines) - gap
+    canvas = Image.new("RGB", (wide, 2 * height + gap), _PAPER)
+    for y, line in enumerate(lines):
+        x = 0
+        for picture in line:
+            canvas.paste(picture, (x, y * (height + gap)))
+            x += picture.width + gap
     save(canvas, "patterns-products.jpg")
 
 
@@ -163,11 +207,15 @@ def drawing() -> None:
     motif = ts.generate_motif(128, seed=5, repeat="rotate", palette="sea")
     side, crop = 1280, 420
     document = draw_svg(motif).replace('width="128" height="128"', f'width="{side}" height="{side}"', 1)
-    drawn = Image.fromarray(load_vips().Image.svgload_buffer(document.encode(), unlimited=True).numpy()[..., :3])
+    drawn = Image.fromarray(
+        load_vips().Image.svgload_buffer(document.encode(), unlimited=True).numpy()[..., :3]
+    )
     pixels = Image.fromarray(bytes_of(motif.image())).resize((side, side), Image.Resampling.NEAREST)
     canvas = Image.new("RGB", (2 * crop + 16, crop + 30), _PAPER)
     pen = ImageDraw.Draw(canvas)
-    for index, (picture, words) in enumerate(((pixels, "128 × 128 elements"), (drawn, "the SVG of the same motif"))):
+    for index, (picture, words) in enumerate(
+        ((pixels, "128 × 128 elements"), (drawn, "the SVG of the same motif"))
+    ):
         canvas.paste(picture.crop((560, 60, 560 + crop, 60 + crop)), (index * (crop + 16), 0))
         pen.text((index * (crop + 16), crop + 6), words, font=font(14), fill=_GRAY)
     save(canvas, "patterns-drawing.jpg")
@@ -178,20 +226,44 @@ def drawing() -> None:
 
 def _show(axis: object, found: ts.PlannedPath, name: str, points: list[tuple[float, float]]) -> None:
     for line in found.paths:
-        axis.plot(*line.points.T, color="white", linewidth=4.2, solid_capstyle="round", solid_joinstyle="round")
-        axis.plot(*line.points.T, color="#d7263d", linewidth=2.2, solid_capstyle="round", solid_joinstyle="round")
+        axis.plot(
+            *line.points.T, color="white", linewidth=4.2, solid_capstyle="round", solid_joinstyle="round"
+        )
+        axis.plot(
+            *line.points.T, color="#d7263d", linewidth=2.2, solid_capstyle="round", solid_joinstyle="round"
+        )
     for x, y in points:
-        axis.plot(x + 0.5, y + 0.5, "o", markersize=6.5, color="#d7263d", markeredgecolor="white", markeredgewidth=1.4)
+        axis.plot(
+            x + 0.5,
+            y + 0.5,
+            "o",
+            markersize=6.5,
+            color="#d7263d",
+            markeredgecolor="white",
+            markeredgewidth=1.4,
+        )
     axis.set_title(name, fontsize=9, color="0.3", loc="left")
     axis.axis("off")
 
 
 def _heat(axis: object, found: ts.PlannedPath, obstacles: npt.NDArray[np.bool_] | None = None) -> None:
     height, width = found.density.shape
-    axis.imshow(np.sqrt(found.density), cmap="inferno", vmin=0, vmax=1, extent=(0, width, height, 0), interpolation="nearest")
+    axis.imshow(
+        np.sqrt(found.density),
+        cmap="inferno",
+        vmin=0,
+        vmax=1,
+        extent=(0, width, height, 0),
+        interpolation="nearest",
+    )
     if obstacles is not None:
         axis.imshow(
-            np.ma.masked_where(~obstacles, obstacles), cmap="gray", vmin=-1.2, vmax=2, extent=(0, width, height, 0), interpolation="nearest"
+            np.ma.masked_where(~obstacles, obstacles),
+            cmap="gray",
+            vmin=-1.2,
+            vmax=2,
+            extent=(0, width, height, 0),
+            interpolation="nearest",
         )
 
 
@@ -215,7 +287,9 @@ def obstacles() -> None:
     for column, (name, sources, sink, stops) in enumerate(ways):
         found = ts.plan_path((height, width), sources, sink, obstacles=blocked, stopovers=stops)
         axis = axes[0, column]
-        axis.imshow(blocked, cmap="gray_r", vmin=0, vmax=1.6, extent=(0, width, height, 0), interpolation="nearest")
+        axis.imshow(
+            blocked, cmap="gray_r", vmin=0, vmax=1.6, extent=(0, width, height, 0), interpolation="nearest"
+        )
         marks = [*(sources if isinstance(sources, list) else [sources]), sink, *stops]
         _show(axis, found, f"{name}: {found.length:.0f} px", marks)
     for column, (gather, sharpen) in enumerate(((4, 0), (12, 0), (40, 30))):
@@ -223,23 +297,33 @@ def obstacles() -> None:
         found = ts.plan_path((height, width), start, end, obstacles=blocked, options=options)
         _heat(axes[1, column], found, blocked)
         axes[1, column].set_title(
-            f"heat after {gather + sharpen} iterations, p = {found.history[-1].p:g}", fontsize=9, color="0.3", loc="left"
+            f"heat after {gather + sharpen} iterations, p = {found.history[-1].penalty:g}",
+            fontsize=9,
+            color="0.3",
+            loc="left",
         )
         axes[1, column].axis("off")
     figure.subplots_adjust(0.01, 0.01, 0.99, 0.95, 0.04, 0.12)
     figure.savefig(FIGURES / "paths-obstacles.png")
-    Image.open(FIGURES / "paths-obstacles.png").convert("RGB").quantize(128).save(FIGURES / "paths-obstacles.png", optimize=True)
+    Image.open(FIGURES / "paths-obstacles.png").convert("RGB").quantize(128).save(
+        FIGURES / "paths-obstacles.png", optimize=True
+    )
 
 
 def ground(height: int, width: int, seed: int = 4) -> npt.NDArray[np.floating]:
     """Generated hills: noise at three scales, in px of height."""
     rng = np.random.default_rng(seed)
-    relief = sum(scale * 9 * ndimage.gaussian_filter(rng.standard_normal((height, width)), scale, mode="reflect") for scale in (6, 12, 24))
+    relief = sum(
+        scale * 9 * ndimage.gaussian_filter(rng.standard_normal((height, width)), scale, mode="reflect")
+        for scale in (6, 12, 24)
+    )
     return np.asarray(relief - relief.min())
 
 
 def terrain() -> None:
-    """Over generated hills, where a step costs more the steeper the ground; beside it the shortest way on the grid."""
+    """Over generated hills, where a step costs more the steeper the ground; beside it the shortest way on the
+    grid.
+    """
     from skimage.graph import MCP_Geometric
 
     height, width = 140, 200
@@ -254,10 +338,22 @@ def terrain() -> None:
     figure = Figure(figsize=(10, 3.9), dpi=120)
     axes = figure.subplots(1, 2)
     light = mpl.colors.LightSource(315, 45)
-    shaded = light.shade(relief, cmap=mpl.colormaps["gist_earth"], vert_exag=1.0, blend_mode="soft", vmin=-15, vmax=relief.max() * 1.25)
+    shaded = light.shade(
+        relief,
+        cmap=mpl.colormaps["gist_earth"],
+        vert_exag=1.0,
+        blend_mode="soft",
+        vmin=-15,
+        vmax=relief.max() * 1.25,
+    )
     axes[0].imshow(shaded, extent=(0, width, height, 0), interpolation="bilinear")
-    axes[0].contour(relief, 12, colors="white", linewidths=0.35, alpha=0.5, extent=(0.5, width - 0.5, 0.5, height - 0.5))
-    title = f"red: heat, cost {found.cost:.0f}; dashed: Dijkstra on the grid, {reached[end[::-1]]:.0f}; straight on: {straight:.0f}"
+    axes[0].contour(
+        relief, 12, colors="white", linewidths=0.35, alpha=0.5, extent=(0.5, width - 0.5, 0.5, height - 0.5)
+    )
+    title = (
+        f"red: heat, cost {found.cost:.0f}; dashed: Dijkstra on the grid, {reached[end[::-1]]:.0f}; "
+        f"straight on: {straight:.0f}"
+    )
     _show(axes[0], found, title, [start, end])
     axes[0].plot(grid[:, 1] + 0.5, grid[:, 0] + 0.5, color="#16324f", linewidth=1.0, linestyle=(0, (3, 2)))
     _heat(axes[1], found)
@@ -265,7 +361,9 @@ def terrain() -> None:
     axes[1].axis("off")
     figure.subplots_adjust(0.01, 0.01, 0.99, 0.93, 0.03, 0.1)
     figure.savefig(FIGURES / "paths-terrain.png")
-    Image.open(FIGURES / "paths-terrain.png").convert("RGB").save(FIGURES / "paths-terrain.jpg", quality=86, optimize=True)
+    Image.open(FIGURES / "paths-terrain.png").convert("RGB").save(
+        FIGURES / "paths-terrain.jpg", quality=86, optimize=True
+    )
     (FIGURES / "paths-terrain.png").unlink()
 
 

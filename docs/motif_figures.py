@@ -1,4 +1,6 @@
-"""Draw the pictures of docs/motifs.md, Figures 4.1 to 4.9 in kind: ``python docs/motif_figures.py``, about a minute."""
+"""Draw the pictures of docs/motifs.md, Figures 4.1 to 4.9 in kind: ``python docs/motif_figures.py``, about a
+minute.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +49,9 @@ class Canvas:
             for px, py, strength in points:
                 radius = 8 * np.sqrt(strength)
                 at = x + px * side, y + py * side
-                self._pen.ellipse((at[0] - radius, at[1] - radius, at[0] + radius, at[1] + radius), fill=colour)
+                self._pen.ellipse(
+                    (at[0] - radius, at[1] - radius, at[0] + radius, at[1] + radius), fill=colour
+                )
         self.words(words, x, y + side + 5)
 
     def save(self, name: str, quality: int = 78) -> None:
@@ -65,14 +69,25 @@ def main() -> None:
 
 def repeats() -> None:
     """Figures 4.1 to 4.4: one start, three rules; motifs above, 8 × 8 of them below."""
-    start = ts.random_recipe(128, seed=6, repeat="reflect", palette="terracotta", sources=4, sinks=3, ambient=0.5, filter_radius=1.2)
+    start = ts.random_recipe(
+        128,
+        seed=6,
+        repeat="reflect",
+        palette="terracotta",
+        sources=4,
+        sinks=3,
+        ambient=0.5,
+        filter_radius=1.2,
+    )
     side = 384
     canvas = Canvas(3 * side + 2 * _GAP, 2 * (side + _FOOT) + _GAP)
     for column, rule in enumerate(("reflect", "translate", "rotate")):
         motif = ts.generate_motif(replace(start, repeat=rule))
         x = column * (side + _GAP)
         canvas.picture(motif.image((side, side)), x, 0, f"{rule}: the motif")
-        canvas.picture(ts.repeat(motif, (8, 8), (side // 8, side // 8)), x, side + _FOOT + _GAP, f"{rule}: 8 × 8")
+        canvas.picture(
+            ts.repeat(motif, (8, 8), size=(side // 8, side // 8)), x, side + _FOOT + _GAP, f"{rule}: 8 × 8"
+        )
     canvas.save("motifs-repeats.jpg")
 
 
@@ -101,7 +116,12 @@ def joined() -> None:
             ([[0, 1], [1, 0]], f"A and B, {ts.border_mismatch(a, b):.1f}"),
         )
         for column, (grid, words) in enumerate(shown):
-            canvas.picture(ts.arrange(result.motifs, grid, size=half), (column + 1) * (side + _GAP), y, words)
+            canvas.picture(
+                ts.arrange(result.motifs, grid).image((2 * half[0], 2 * half[1])),
+                (column + 1) * (side + _GAP),
+                y,
+                words,
+            )
     canvas.save("motifs-joined.jpg")
 
 
@@ -125,7 +145,12 @@ def stages() -> None:
         (shared.motifs, None, f"shared border (mismatch {shared.mismatch():.2f}), at random"),
     )
     for column, (motifs, reach, words) in enumerate(patterns):
-        canvas.picture(ts.arrange(motifs, (7, 7), seed=3, reach=reach, size=cell), column * (large + _GAP), y, words)
+        canvas.picture(
+            ts.arrange(motifs, (7, 7), seed=3, reach=reach).image((7 * cell[0], 7 * cell[1])),
+            column * (large + _GAP),
+            y,
+            words,
+        )
     canvas.save("motifs-stages.jpg")
 
 
@@ -137,7 +162,7 @@ def seeds() -> None:
     for index in range(24):
         motif = ts.generate_motif(160, repeat=rules[index % 12], seed=index)
         tall = motif.densities.shape[1] > motif.densities.shape[2]
-        pattern = ts.repeat(motif, (2, 2), (159, 92) if tall else (92, 92))[:side, :side]
+        pattern = ts.repeat(motif, (2, 2), size=(159, 92) if tall else (92, 92))[:side, :side]
         canvas.picture(pattern, index % 6 * (side + gap), index // 6 * (side + gap))
     canvas.save("motifs-seeds.jpg")
 

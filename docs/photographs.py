@@ -1,4 +1,4 @@
-"""Pairs of photographs for the gallery, cut from the images that come with scikit-image."""
+"""Pairs of pictures for the gallery, cut from the images that come with scikit-image and from the samples."""
 
 from __future__ import annotations
 
@@ -12,11 +12,22 @@ from thesis_cases import Case
 
 Pixels = npt.NDArray[np.uint8]
 _FOLDER = Path(skimage.data.__file__).parent
+_SAMPLES = Path(__file__).resolve().parents[1] / "samples"
 
 
 def photograph(name: str) -> npt.NDArray[np.float64]:
     """One of scikit-image's images, (H, W) or (H, W, 3) in [0, 1]."""
     return np.asarray(imread(_FOLDER / name), float) / 255
+
+
+def still_life() -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """The two cameras' pictures, (500, 440, 3) and (500, 501, 3); the right one begins
+    270 px further right.
+    """
+    left, right = (
+        np.asarray(imread(_SAMPLES / f"still_life_{side}.png"), float) / 255 for side in ("left", "right")
+    )
+    return left, right
 
 
 def beside(left: npt.NDArray[np.float64], right: npt.NDArray[np.float64], overlap: int) -> Case:
@@ -31,9 +42,9 @@ def beside(left: npt.NDArray[np.float64], right: npt.NDArray[np.float64], overla
 
 def pairs() -> list[tuple[str, Case]]:
     """The four pairs of Figure 3.15, patches of 160, 60, 60 and 80 px, each with the name of its source."""
-    left, right = photograph("motorcycle_left.png"), photograph("motorcycle_right.png")
-    # The second camera sees the engine 50 px further left.
-    found = [("motorcycle, two cameras", beside(left[240:400, 280:440], right[240:400, 350:510], 40))]
+    left, right = still_life()
+    # Two crops with the vase's right half in the overlap.
+    found = [("still life, two cameras", beside(left[90:250, 270:430], right[90:250, 120:280], 40))]
     for title, name, size, a, b in (
         ("chelsea", "chelsea.png", 60, (92, 158), (112, 208)),
         ("ihc", "ihc.png", 60, (143, 286), (170, 348)),

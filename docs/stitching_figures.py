@@ -8,7 +8,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 import toposeam as ts
-from toposeam_cli.overlay import draw_seams
+from toposeam.seam.drawing import draw_seams
 
 HERE = Path(__file__).resolve().parent
 PAPER = (243, 242, 238)
@@ -19,15 +19,22 @@ def main() -> None:
     layers = coffee()
     stitched = ts.stitch(layers, match_tones=True, blend="multiband")
     piled = ts.stitch(layers, max_rounds=0)
-    scene = np.concatenate([on_paper(draw_seams(piled.image, stitched.seams), piled), on_paper(stitched.image, stitched)], axis=1)
+    scene = np.concatenate(
+        [on_paper(draw_seams(piled.image, stitched.seams), piled), on_paper(stitched.image, stitched)], axis=1
+    )
     Image.fromarray(scene).save(HERE / "figures" / "stitching-coffee.jpg", quality=88)
     kinds = {
-        "none": {}, "feather": {"blend": "feather"}, "multiband": {"blend": "multiband"},
-        "gradient": {"blend": "gradient"}, "match-tones": {"match_tones": True},
+        "none": {},
+        "feather": {"blend": "feather"},
+        "multiband": {"blend": "multiband"},
+        "gradient": {"blend": "gradient"},
+        "match-tones": {"match_tones": True},
         "match-tones, multiband": {"match_tones": True, "blend": "multiband"},
-    }  # fmt: skip
+    }
     # A seam drawn by hand right through saucer and table, where it cannot hide.
-    path = ts.read_svg('<svg xmlns="http://www.w3.org/2000/svg" width="470" height="250"><path d="M255 0 V250"/></svg>')
+    path = ts.read_svg(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="470" height="250"><path d="M255 0 V250"/></svg>'
+    )
     tiles = []
     for name, options in kinds.items():
         image = ts.stitch(layers[:2], use_path=path, **options).image[60:200, 185:355]
@@ -45,7 +52,9 @@ def coffee() -> list[ts.Layer]:
     places = {"a": (0, 0), "b": (190, 30), "c": (90, 170)}
     samples = HERE.parent / "samples"
     return [
-        ts.Layer(image=np.asarray(Image.open(samples / f"coffee_{name}.jpg")), offset=at, name=f"coffee_{name}.jpg")
+        ts.Layer(
+            image=np.asarray(Image.open(samples / f"coffee_{name}.jpg")), at=at, name=f"coffee_{name}.jpg"
+        )
         for name, at in places.items()
     ]
 
@@ -53,7 +62,9 @@ def coffee() -> list[ts.Layer]:
 def on_paper(image: np.ndarray, stitched: ts.Stitched) -> np.ndarray:
     """The picture with paper where no layer is, and a margin."""
     shown = np.any(stitched.masks, axis=0)
-    return np.pad(np.where(shown[..., None], image, np.uint8(PAPER)), ((8, 8), (8, 8), (0, 0)), constant_values=243)
+    return np.pad(
+        np.where(shown[..., None], image, np.uint8(PAPER)), ((8, 8), (8, 8), (0, 0)), constant_values=243
+    )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,6 @@
-"""Figures 3.24 to 3.26 of the thesis in kind, and the pictures of docs/texture.md; ``make figures`` runs it."""
+"""Figures 3.24 to 3.26 of the thesis in kind, and the pictures of docs/texture.md; ``make figures``
+runs it.
+"""
 
 from __future__ import annotations
 
@@ -30,18 +32,28 @@ def main() -> None:
 
 def figure_24() -> None:
     """Patches of 40 to 80 px, 5 × 5 to 10 × 10 of them."""
-    cases = ((grayscale("gravel"), 40, 10), (sample("cobbles"), 60, 7), (grayscale("grass"), 80, 5), (grayscale("brick"), 60, 7))
+    cases = (
+        (grayscale("gravel"), 40, 10),
+        (sample("cobbles"), 60, 7),
+        (grayscale("grass"), 80, 5),
+        (grayscale("brick"), 60, 7),
+    )
     save("fig-3.24-textures.jpg", [grown(source, patch, count) for source, patch, count in cases])
 
 
 def figure_25() -> None:
     """10 × 10 patches of 40 px."""
     cells = skimage.data.immunohistochemistry()[40:168, 20:148]
-    save("fig-3.25-textures.jpg", [grown(source, 40, 10) for source in (sample("stars"), sample("cloth"), cells)])
+    save(
+        "fig-3.25-textures.jpg",
+        [grown(source, 40, 10) for source in (sample("stars"), sample("cloth"), cells)],
+    )
 
 
 def figure_26() -> None:
-    """14 × 14 patches of 40 px, from motifs of the variational art algorithm that form a regular pattern when they are connected."""
+    """14 × 14 patches of 40 px, from motifs of the variational art algorithm that form a regular pattern when
+    they are connected.
+    """
     motifs = [ts.generate_motif(112, repeat="translate", seed=seed).image() for seed in (3, 5, 8)]
     sources = [np.rint(255 * np.tile(motif, (2, 2, 1))[:168, :168]).astype(np.uint8) for motif in motifs]
     save("fig-3.26-textures.jpg", [grown(source, 40, 14) for source in sources], 340)
@@ -57,25 +69,39 @@ def uses() -> None:
     shown = np.where(hole, 255, gravel).astype(np.uint8)
     save("texture-fill.jpg", [(None, shown), (None, filled.image), (None, seams_over(filled))], 380)
 
-    closed = ts.make_tileable(wall, 32)
+    closed = ts.make_tileable(wall, band=32)
     save("texture-tile.jpg", [(None, np.tile(image, (2, 2, 1))) for image in (wall, closed.image)], 384)
 
-    made = ts.synthesize(wall, 400, maps=[sample("cobbles_normal")], tileable=True)
-    save("texture-maps.jpg", [(wall, made.image), (sample("cobbles_normal"), made.maps[0]), (None, seams_over(made))], 380)
+    made = ts.synthesize(wall, 400, patch=40, maps=[sample("cobbles_normal")], tileable=True)
+    save(
+        "texture-maps.jpg",
+        [(wall, made.image), (sample("cobbles_normal"), made.maps[0]), (None, seams_over(made))],
+        380,
+    )
 
-    face = np.asarray(Image.fromarray(skimage.data.astronaut()[0:220, 110:330]).convert("L").resize((440, 440), Image.Resampling.LANCZOS))
+    face = np.asarray(
+        Image.fromarray(skimage.data.astronaut()[0:220, 110:330])
+        .convert("L")
+        .resize((440, 440), Image.Resampling.LANCZOS)
+    )
     cloth = Image.fromarray(skimage.data.gravel()[:256, :256])
     source = np.asarray(cloth)
-    soft = np.asarray(cloth.resize((128, 128), Image.Resampling.BOX).resize((256, 256), Image.Resampling.BICUBIC))
-    ranked = np.interp(face, np.percentile(face, range(101)), np.percentile(soft, range(101))).astype(np.uint8)
-    drawn = ts.synthesize(source, face.shape, 16, guide=ranked, guide_source=soft, guide_weight=0.85, most=20)
+    soft = np.asarray(
+        cloth.resize((128, 128), Image.Resampling.BOX).resize((256, 256), Image.Resampling.BICUBIC)
+    )
+    ranked = np.interp(face, np.percentile(face, range(101)), np.percentile(soft, range(101))).astype(
+        np.uint8
+    )
+    drawn = ts.synthesize(
+        source, face.shape, patch=16, guide=ranked, guide_source=soft, guide_weight=0.85, most=20
+    )
     save("texture-guide.jpg", [(source, face), (None, drawn.image)], 440)
 
 
 def grown(source: Pixels, patch: int, count: int) -> tuple[Pixels, Pixels]:
     """A sample and a texture of count × count patches, each overlapping the next by a quarter."""
     side = patch + (count - 1) * (patch - patch // 4)
-    return source, ts.synthesize(source, side, patch, seed=1).image
+    return source, ts.synthesize(source, side, patch=patch, seed=1).image
 
 
 def seams_over(made: ts.Synthesis) -> Pixels:
@@ -114,7 +140,12 @@ def save(name: str, pairs: list[tuple[Pixels | None, Pixels]], side: int = 310) 
         panel.paste(large, (width - large.width, 0))
         panels.append(panel)
     sheet = Image.new(
-        "RGB", (sum(panel.width for panel in panels) + _GAP * (len(panels) - 1), max(panel.height for panel in panels)), "white"
+        "RGB",
+        (
+            sum(panel.width for panel in panels) + _GAP * (len(panels) - 1),
+            max(panel.height for panel in panels),
+        ),
+        "white",
     )
     left = 0
     for panel in panels:
@@ -125,7 +156,9 @@ def save(name: str, pairs: list[tuple[Pixels | None, Pixels]], side: int = 310) 
 
 def _scaled(image: Pixels, scale: float) -> Image.Image:
     picture = Image.fromarray(np.ascontiguousarray(image)).convert("RGB")
-    return picture.resize((round(picture.width * scale), round(picture.height * scale)), Image.Resampling.LANCZOS)
+    return picture.resize(
+        (round(picture.width * scale), round(picture.height * scale)), Image.Resampling.LANCZOS
+    )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,6 @@
-"""Pack the plug-in for people without a terminal: one folder, to be unpacked into GIMP's plug-ins folder. ``make plugin-zip``."""
+"""Pack the plug-in for people without a terminal: one folder, to be unpacked into GIMP's plug-ins folder.
+``make plugin-zip``.
+"""
 
 import sys
 import zipfile

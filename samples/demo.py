@@ -1,4 +1,6 @@
-"""The main jobs on the sample pictures, and where to look: ``python samples/demo.py FOLDER`` (``make demo`` runs it)."""
+"""The main jobs on the sample pictures, and where to look: ``python samples/demo.py FOLDER`` (``make demo``
+runs it).
+"""
 
 from __future__ import annotations
 
@@ -12,32 +14,41 @@ HERE = Path(__file__).resolve().parent
 #: What is shown, and the command: {s} is the folder of the samples, {o} that of the results.
 STEPS = (
     (
-        "Two photographs of one motorcycle, from two cameras:",
-        "stitch {s}/motorcycle_left.png {s}/motorcycle_right.png --offset 270,0 -o {o}/joined.png --overlay {o}/joined_seam.png"
-        " --history {o}/how_heat_found_it.png --seam {o}/seam.svg --force",
+        "One still life from two cameras that stood side by side:",
+        "stitch {s}/still_life_left.png {s}/still_life_right.png --offset 270,0 -o {o}/joined.png --overlay "
+        "{o}/joined_seam.png --history {o}/how_heat_found_it.gif --seam {o}/seam.svg --force",
     ),
     (
         "Three exposures of one table, placed roughly:",
-        "stitch {s}/coffee.toml --align --match-tones --blend multiband -o {o}/coffee.png --overlay {o}/coffee_seams.png --force",
+        "stitch {s}/coffee.toml --align --match-tones --blend multiband -o {o}/coffee.png --overlay "
+        "{o}/coffee_seams.png --force",
     ),
     (
         "A piece of sky with a corner missing, and another that fills it:",
-        "stitch {s}/sky_a.png {s}/sky_b.png --offset 120,120 -o {o}/sky.png --overlay {o}/sky_seam.png --force",
+        "stitch {s}/sky_a.png {s}/sky_b.png --offset 120,120 -o {o}/sky.png --overlay {o}/sky_seam.png "
+        "--force",
     ),
     (
         "A wall that repeats, grown from a sample, with its normal map:",
-        "synth {s}/cobbles.png --also {s}/cobbles_normal.png --size 640x640 --tileable both --seed 3 -o {o}/wall.png --force",
+        "synth {s}/cobbles.png --also {s}/cobbles_normal.png --size 640x640 --tileable both --seed 3 -o "
+        "{o}/wall.png --force",
     ),
-    ("A pattern invented by heat:", "motif --repeat p4m --palette fall --seed 7 --size 256 --sheet 3x3 -o {o}/pattern.png --force"),
-    ("Every method on the motorcycle:", "compare {s}/motorcycle_left.png {s}/motorcycle_right.png --offset 270,0"),
+    (
+        "A pattern invented by heat:",
+        "motif --repeat p4m --palette fall --seed 7 --size 256 --sheet 3x3 -o {o}/pattern.png --force",
+    ),
+    (
+        "Every method on the still life:",
+        "compare {s}/still_life_left.png {s}/still_life_right.png --offset 270,0",
+    ),
 )
 
 LOOK = """\
-  joined.png             the two photographs as one; try to find the seam, then open
+  joined.png             the two pictures as one; try to find the seam, then open
   joined_seam.png        where it runs
-  how_heat_found_it.png  the heat gathering on it, iteration by iteration
+  how_heat_found_it.gif  watch the heat gather on it, iteration by iteration
   seam.svg               the seam as a path: bend it in GIMP or Inkscape and give it back with --use-seam
-  coffee.png             three pictures aligned, matched in tone and blended; coffee_seams.png shows where they meet
+  coffee.png             three pictures aligned, matched in tone, blended; coffee_seams.png: where they meet
   sky.png, sky_seam.png  a seam round a corner
   wall.png               a texture without border, and wall_cobbles_normal.png, cut alike
   pattern.png            a pattern, three by three; every seed is another one"""
@@ -49,7 +60,7 @@ def main(folder: Path) -> int:
     for title, line in STEPS:
         arguments = [word.format(s=HERE, o=folder) for word in line.split()]
         print(f"{title}\n  $ toposeam {shlex.join(map(_short, arguments))}", flush=True)
-        done = subprocess.run([sys.executable, "-m", "toposeam_cli.main", *arguments], check=False)  # noqa: S603 - our own command
+        done = subprocess.run([sys.executable, "-m", "toposeam_cli", *arguments], check=False)  # noqa: S603 - our own command
         if done.returncode:
             return done.returncode
         print(flush=True)
@@ -60,7 +71,11 @@ def main(folder: Path) -> int:
 def _short(argument: str) -> str:
     """A path as it would be typed from the current folder."""
     path = Path(argument)
-    return str(path.relative_to(Path.cwd())) if path.is_absolute() and path.is_relative_to(Path.cwd()) else argument
+    return (
+        str(path.relative_to(Path.cwd()))
+        if path.is_absolute() and path.is_relative_to(Path.cwd())
+        else argument
+    )
 
 
 if __name__ == "__main__":

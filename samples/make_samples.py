@@ -1,4 +1,5 @@
-"""Cut the sample pictures out of the images that come with scikit-image, or draw them: ``python samples/make_samples.py`` (no network).
+"""Cut the sample pictures out of the images that come with scikit-image, or draw them: ``python
+samples/make_samples.py`` (no network).
 
 What each is and under which licence: README.md beside this file.
 """
@@ -19,14 +20,12 @@ SOURCE = Path(skimage.data.__file__).parent
 
 def main() -> None:
     """Write every sample picture."""
-    left, right = read("motorcycle_left.png"), read("motorcycle_right.png")
-    write("motorcycle_left.png", left[:, :440])
-    write("motorcycle_right.png", right[:, 240:])
-
     coffee = read("coffee.png")
     for name, (x, y), gain in (("a", (0, 0), 1.07), ("b", (190, 30), 0.92), ("c", (90, 170), 1.0)):
         crop = coffee[40 + y : 260 + y, 130 + x : 410 + x] * gain
-        write(f"coffee_{name}.jpg", np.clip(np.rint(crop), 0, 255).astype(np.uint8), quality=92, subsampling=0)
+        write(
+            f"coffee_{name}.jpg", np.clip(np.rint(crop), 0, 255).astype(np.uint8), quality=92, subsampling=0
+        )
 
     grass = read("grass.png")
     write("grass_a.png", grass[165:325, 181:341])
@@ -62,36 +61,58 @@ def ginkgo(size: int = 200) -> np.ndarray:
 
 
 def cobbles(size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Stones of unlike size and colour in dark joints, lit from the upper left, and their normal map; (size, size, 3) uint8 each."""
+    """Stones of unlike size and colour in dark joints, lit from the upper left, and their normal map; (size,
+    size, 3) uint8 each.
+    """
     rng = np.random.default_rng(7)
     step = 26
-    places = np.array([
-        (y + rng.uniform(-0.36, 0.36) * step, x + (0.5 * step if row % 2 else 0) + rng.uniform(-0.36, 0.36) * step)
-        for row, y in enumerate(np.arange(-step, size + 2 * step, 0.9 * step)) for x in np.arange(-step, size + 2 * step, step)
-    ])  # fmt: skip
-    y, x = np.mgrid[:size, :size] + np.stack([ndimage.gaussian_filter(rng.normal(size=(size, size)), 5) * 22 for _ in range(2)])
+    places = np.array(
+        [
+            (
+                y + rng.uniform(-0.36, 0.36) * step,
+                x + (0.5 * step if row % 2 else 0) + rng.uniform(-0.36, 0.36) * step,
+            )
+            for row, y in enumerate(np.arange(-step, size + 2 * step, 0.9 * step))
+            for x in np.arange(-step, size + 2 * step, step)
+        ]
+    )
+    y, x = np.mgrid[:size, :size] + np.stack(
+        [ndimage.gaussian_filter(rng.normal(size=(size, size)), 5) * 22 for _ in range(2)]
+    )
     distance, stone = cKDTree(places).query(np.stack([y, x], axis=-1), k=2)
     edge = distance[..., 1] - distance[..., 0]
     fine = ndimage.gaussian_filter(rng.normal(size=(size, size)), 0.8)
     coarse = ndimage.gaussian_filter(rng.normal(size=(size, size)), 3.0)
-    height = 9 * np.sqrt(np.clip(1 - np.square(np.clip(1 - (edge - 2) / 11, 0, 1)), 0, 1)) + 1.2 * coarse / coarse.std() * 0.3 + 0.25 * fine
+    height = (
+        9 * np.sqrt(np.clip(1 - np.square(np.clip(1 - (edge - 2) / 11, 0, 1)), 0, 1))
+        + 1.2 * coarse / coarse.std() * 0.3
+        + 0.25 * fine
+    )
     down, right = np.gradient(ndimage.gaussian_filter(height, 0.6))
     normal = np.stack([-right, -down, np.ones_like(height)], axis=-1)
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-    tones = np.array([[142, 132, 120], [168, 150, 128], [120, 118, 120], [176, 158, 140], [134, 112, 96], [152, 146, 142]])
+    tones = np.array(
+        [[142, 132, 120], [168, 150, 128], [120, 118, 120], [176, 158, 140], [134, 112, 96], [152, 146, 142]]
+    )
     own = tones[rng.integers(0, len(tones), len(places))] * rng.uniform(0.82, 1.12, (len(places), 1))
     joint = np.array([58, 52, 46])
     inside = np.clip((edge - 1.5) / 2.5, 0, 1)[..., np.newaxis]
     body = own[stone[..., 0]] * (1 + 0.05 * fine / fine.std() + 0.06 * coarse / coarse.std())[..., np.newaxis]
-    light = np.clip(normal @ (np.array([-0.5, -0.6, 0.75]) / np.linalg.norm([0.5, 0.6, 0.75])), 0, 1)[..., np.newaxis]
-    colour = (inside * body + (1 - inside) * joint * (1 + 0.12 * fine / fine.std())[..., np.newaxis]) * (0.35 + 0.85 * light)
+    light = np.clip(normal @ (np.array([-0.5, -0.6, 0.75]) / np.linalg.norm([0.5, 0.6, 0.75])), 0, 1)[
+        ..., np.newaxis
+    ]
+    colour = (inside * body + (1 - inside) * joint * (1 + 0.12 * fine / fine.std())[..., np.newaxis]) * (
+        0.35 + 0.85 * light
+    )
     return to_bytes(colour), to_bytes(127.5 * (normal * [1, -1, 1] + 1))
 
 
 def cloth(size: int) -> np.ndarray:
     """A plain weave of unevenly dyed blue and ochre threads; (size, size, 3) uint8."""
     rng = np.random.default_rng(11)
-    y, x = np.mgrid[:size, :size] + np.stack([ndimage.gaussian_filter(rng.normal(size=(size, size)), 9) * 14 for _ in range(2)])
+    y, x = np.mgrid[:size, :size] + np.stack(
+        [ndimage.gaussian_filter(rng.normal(size=(size, size)), 9) * 14 for _ in range(2)]
+    )
     pitch = 8.0
     warp, weft = np.floor(x / pitch).astype(int), np.floor(y / pitch).astype(int)
     above = (warp + weft) % 2 == 0

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import sys
-from importlib import import_module
+from collections.abc import Mapping
+from importlib.metadata import version
 from typing import Any
 
 import click
-from click.shell_completion import get_completion_class
+from click.shell_completion import CompletionItem, get_completion_class
 
-from toposeam_cli.interruption import terminations_raised
-from toposeam_cli.sentence import sentence
-
-#: Commands that are imported when they are wanted: loading the numerics takes most of a second, and Ctrl-C may come in it.
-_COMMANDS = ("stitch", "compare", "synth", "tile", "fill", "motif", "repeat", "join", "mockup", "book", "batch", "gimp")
+from toposeam.sentence import sentence
+from toposeam_cli import shells
+from toposeam_cli.files.interruption import terminations_raised
+from toposeam_cli.registry import COMMANDS, load
 
 
 class Commands(click.Group):
@@ -21,14 +21,30 @@ class Commands(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """The names of all commands."""
-        return sorted({*_COMMANDS, *super().list_commands(ctx)})
+        return sorted({*COMMANDS, *super().list_commands(ctx)})
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """The command of that name, from the module of that name."""
-        if cmd_name not in _COMMANDS:
-            return super().get_command(ctx, cmd_name)
-        command: click.Command = getattr(import_module(f"toposeam_cli.{cmd_name}"), cmd_name)
-        return command
+        """The command of that name, imported only when it is wanted: Ctrl-C may come while the
+        numerics load.
+        """
+        return load(cmd_name) if cmd_name in COMMANDS else super().get_command(ctx, cmd_name)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands with their first lines, without importing any."""
+        width = formatter.width - 6 - max(map(len, self.list_commands(ctx)))
+        with formatter.section("Commands"):
+            formatter.write_dl(
+                [(name, _first_line(name, self.commands, width)) for name in self.list_commands(ctx)]
+            )
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """The commands that begin so, without importing any, and the options."""
+        found = [
+            CompletionItem(name, help=_first_line(name, self.commands, 60))
+            for name in self.list_commands(ctx)
+            if name.startswith(incomplete)
+        ]
+        return found + click.Command.shell_complete(self, ctx, incomplete)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the chosen command."""
@@ -39,10 +55,19 @@ class Commands(click.Group):
         except KeyboardInterrupt:
             click.echo("Interrupted; no file was left unfinished.", err=True)
             ctx.exit(130)
+        except click.MissingParameter as error:  # which lists choices in lines of their own
+            text = " ".join(error.format_message().split())
+            raise click.UsageError(text, ctx=error.ctx) from error
         except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
             raise
         except Exception as error:
             raise click.ClickException(sentence(error)) from error
+
+
+def _first_line(name: str, loaded: Mapping[str, click.Command], width: int) -> str:
+    """What a command does, in a width."""
+    command = loaded[name] if name in loaded else click.Command(name, help=COMMANDS[name])
+    return command.get_short_help_str(width)
 
 
 def _never_fail_to_print() -> None:
@@ -60,12 +85,13 @@ def main() -> None:
 
 
 @main.command()
-@click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
+@click.argument("shell", type=click.Choice(["bash", "zsh", "fish", "powershell"]))
 def completion(shell: str) -> None:
     """Print the completion script for a shell.
 
     \b
     toposeam completion bash > ~/.local/share/bash-completion/completions/toposeam
+    toposeam completion powershell >> $PROFILE
     """  # noqa: D301 - click wants the character
     kind = get_completion_class(shell)
     if kind is None:
@@ -77,5 +103,11 @@ def completion(shell: str) -> None:
     click.echo(script)
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+@main.command()
+def manual() -> None:
+    """Print the manual page.
+
+    \b
+    toposeam manual > ~/.local/share/man/man1/toposeam.1
+    """  # noqa: D301 - click wants the character
+    click.echo(shells.manual(main, "toposeam", version("toposeam")), nl=False)

@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from toposeam_cli.runner import Progress
+from toposeam_cli.jobs.runner import Progress
 
 
 class ProgressBar:
@@ -24,7 +24,11 @@ class ProgressBar:
         if self._bar is None:
             return
         failed = f", {progress.failed} failed" if progress.failed else ""
-        left = "" if progress.remaining_s is None else f", {self._bar.format_interval(round(progress.remaining_s))} left"
+        left = (
+            ""
+            if progress.remaining_s is None
+            else f", {self._bar.format_interval(round(progress.remaining_s))} left"
+        )
         self._bar.n = progress.share
         self._bar.set_description_str(f"{progress.finished} of {progress.total}{failed}{left}")
 
@@ -38,7 +42,7 @@ class ProgressBar:
 
 @contextmanager
 def progress_bar(quiet: bool = False) -> Iterator[ProgressBar]:
-    """A bar for :func:`toposeam_cli.runner.run`: pass its ``report`` as `progress`."""
+    """A bar for :func:`toposeam_cli.jobs.runner.run`: pass its ``report`` as `progress`."""
     if quiet or not (sys.stderr and sys.stderr.isatty()):  # there is none when it was closed
         yield ProgressBar(None)
         return

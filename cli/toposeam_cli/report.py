@@ -4,42 +4,42 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 import toposeam as ts
 
 
-def summary(seam: ts.Seam) -> dict[str, Any]:
-    """A seam in numbers. The optimum can take longer to compute than the seam took."""
-    ratio = seam.optimum_ratio()
-    return {
-        "method": seam.method,
-        "cost": seam.cost,
-        "optimum": seam.cost / ratio,
-        "ratio": ratio,
-        "stages": seam.history[-1].stage if seam.history else 0,
-        "iterations": len(seam.history),
-        "termination": str(seam.termination),
-        "paths": len(seam.paths),
-        "length_px": round(_length(seam)),
-        "seconds": round(seam.seconds, 6),
-    }
-
-
-def summary_of_all(stitched: ts.Stitched, layers: tuple[ts.Layer, ...], aligned: ts.Aligned | None) -> dict[str, Any]:
+def summary_of_all(
+    stitched: ts.Stitched,
+    layers: tuple[ts.Layer, ...],
+    aligned: ts.Aligned | None,
+    placement: ts.Placement | None = None,
+) -> dict[str, Any]:
     """What ``--json`` prints: the seam of two pictures, or layers and seams of more."""
     places = {"layers": [_place(index, stitched, layers[index], aligned) for index in range(len(layers))]}
+    if placement is not None:
+        for index, place in enumerate(places["layers"]):
+            place["correlation"] = _best(placement.correlations, index)
+            place["turn"], place["scale"] = float(placement.turns[index]), float(placement.scales[index])
     if len(layers) == 2:
-        return summary(stitched.seams[0]) | (places if aligned is not None else {})
+        told = aligned is not None or placement is not None
+        return stitched.seams[0].summary() | (places if told else {})
     seams = [
-        {"between": [layers[i].name, layers[j].name], **summary(seam)} for (i, j), seam in zip(stitched.pairs, stitched.seams, strict=True)
+        {"between": [layers[i].name, layers[j].name], **seam.summary()}
+        for (i, j), seam in zip(stitched.pairs, stitched.seams, strict=True)
     ]
     return {"cost": stitched.cost, "rounds": stitched.rounds, **places, "seams": seams}
 
 
 def _place(index: int, stitched: ts.Stitched, layer: ts.Layer, aligned: ts.Aligned | None) -> dict[str, Any]:
-    place: dict[str, Any] = {"name": layer.name, "at": list(layer.offset), "shown_px": int(stitched.masks[index].sum())}
+    place: dict[str, Any] = {
+        "name": layer.name,
+        "at": list(layer.at),
+        "shown_px": int(np.count_nonzero(stitched.label_map == index)),
+    }
     if aligned is not None:
         place["moved"] = aligned.shifts[index].tolist()
-        place["correlation"] = max(value for pair, value in aligned.correlations.items() if index in pair)
+        place["correlation"] = _best(aligned.correlations, index)
     return place
 
 
@@ -49,30 +49,57 @@ def describe(stitched: ts.Stitched) -> str:
         return _describe_one(stitched.seams[0])
     if not stitched.seams:
         return f"{len(stitched.names)} layers without a seam"
-    length, seconds = sum(map(_length, stitched.seams)), sum(seam.seconds for seam in stitched.seams)
+    length, seconds = (
+        sum(seam.length for seam in stitched.seams),
+        sum(seam.seconds for seam in stitched.seams),
+    )
     return (
-        f"{len(stitched.names)} layers, {len(stitched.seams)} seams of {round(length)} px in all by {stitched.seams[0].method}, "
-        f"{stitched.rounds} round{'s' if stitched.rounds != 1 else ''}, cost {stitched.cost:.4g}, {seconds:.2f} s"
+        f"{len(stitched.names)} layers, {len(stitched.seams)} seams of {round(length)} px in all by "
+        f"{stitched.seams[0].method}, {stitched.rounds} round{'s' if stitched.rounds != 1 else ''}, cost "
+        f"{stitched.cost:.4g}, {seconds:.2f} s"
     )
 
 
-def describe_alignment(layers: tuple[ts.Layer, ...], aligned: ts.Aligned) -> list[str]:
+def _best(correlations: dict[tuple[int, int], float], index: int) -> float:
+    return max(value for pair, value in correlations.items() if index in pair)
+
+
+def describe_placement(layers: tuple[ts.Layer, ...], placement: ts.Placement | None) -> list[str]:
+    """One line per layer whose place was found, where it was."""
+    if placement is None:
+        return []
+    lines = []
+    for index, layer in enumerate(layers):
+        x, y = placement.places[index]
+        line = (
+            f"{layer.name}: found at {x:.1f},{y:.1f} (correlation {_best(placement.correlations, index):.2f}"
+        )
+        if placement.turns.any():
+            line += f", turned by {placement.turns[index]:.2f}°, scaled by {placement.scales[index]:.4f}"
+        lines.append(f"{line})")
+    return lines
+
+
+def describe_alignment(layers: tuple[ts.Layer, ...], aligned: ts.Aligned | None) -> list[str]:
     """One line per layer that was moved."""
+    if aligned is None:
+        return []
     lines = []
     for index, layer in enumerate(layers):
         x, y = aligned.shifts[index]
-        correlation = max(value for pair, value in aligned.correlations.items() if index in pair)
-        lines.append(f"{layer.name}: at {layer.offset[0]},{layer.offset[1]}, moved by {x},{y} (correlation {correlation:.2f})")
+        correlation = _best(aligned.correlations, index)
+        lines.append(
+            f"{layer.name}: at {layer.at[0]},{layer.at[1]}, moved by {x},{y} (correlation {correlation:.2f})"
+        )
     return lines
 
 
 def _describe_one(seam: ts.Seam) -> str:
     effort = f" in {len(seam.history)} iterations" if seam.history else ""
-    text = f"seam of {round(_length(seam))} px by {seam.method}{effort}, cost {seam.cost:.4g}, {seam.seconds:.2f} s"
+    text = (
+        f"seam of {round(seam.length)} px by {seam.method}{effort}, cost {seam.cost:.4g}, "
+        f"{seam.seconds:.2f} s"
+    )
     if seam.termination == ts.Termination.ITERATIONS:
         text += "; the heat did not settle on a single line, so this is the best cut of what it left"
     return text
-
-
-def _length(seam: ts.Seam) -> float:
-    return sum(line.length for line in seam.paths)

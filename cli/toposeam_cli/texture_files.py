@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,9 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 import toposeam as ts
-from toposeam_cli.output import all_or_nothing, atomic_write, check_output
-from toposeam_cli.parameters import FILE, OUTPUT, FiniteRange
-from toposeam_cli.picture import Picture, match_pictures, read_picture, write_picture
+from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_output
+from toposeam_cli.options import FILE, MEGAPIXELS, OUTPUT, FiniteRange, Length
+from toposeam_cli.pictures.picture import Picture, match_pictures, read_picture, write_picture
 
 
 class SizeType(click.ParamType):  # type: ignore[type-arg]  # generic only since click 8.4
@@ -24,7 +25,9 @@ class SizeType(click.ParamType):  # type: ignore[type-arg]  # generic only since
 
     name = "WxH"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int, int]:
         """Parse the text."""
         if isinstance(value, tuple):
             return value
@@ -53,7 +56,9 @@ class WeightsType(click.ParamType):  # type: ignore[type-arg]
 
     name = "W,W,…"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, ...]:
         """Parse the text."""
         if isinstance(value, tuple):
             return value
@@ -63,43 +68,186 @@ class WeightsType(click.ParamType):  # type: ignore[type-arg]
             self.fail(f"{value!r} is not a list of weights; write numbers, like 1,0.5", param, ctx)
 
 
-#: Which borders of a texture match, by the name used on the command line.
-BORDERS: dict[str, ts.Tileable] = {"both": True, "x": "x", "y": "y"}
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Search:
+    """How patches are chosen, cut and mixed."""
+
+    also: tuple[Path, ...]
+    weights: tuple[float, ...] | None
+    seed: int
+    smooth: int
+    tolerance: float
+    candidates: int
+    context: int
+    most: float
+    variety: float
+    method: ts.Method
+
+    def keywords(self) -> dict[str, Any]:
+        """What ``synthesize``, ``make_tileable`` and ``fill`` are told alike."""
+        lay = ("tolerance", "candidates", "context", "most", "variety", "method")
+        return {
+            "weights": self.weights,
+            "seed": self.seed,
+            "smooth": self.smooth,
+            "options": ts.LayOptions(**{name: getattr(self, name) for name in lay}),
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Results:
+    """What else is written, and how."""
+
+    seams: Path | None
+    labels: Path | None
+    coordinates: Path | None
+    max_megapixels: float
+    force: bool
+    quiet: bool
+
+    def destinations(
+        self, output: Path, maps: tuple[Path, ...] = (), preview: Path | None = None
+    ) -> Destinations:
+        """Where everything goes, checked."""
+        return Destinations(
+            output=output,
+            maps=maps,
+            seams=self.seams,
+            labels=self.labels,
+            coordinates=self.coordinates,
+            preview=preview,
+            force=self.force,
+        )
+
+    @property
+    def max_pixels(self) -> int:
+        """Of any picture that is read."""
+        return round(self.max_megapixels * 1e6)
+
 
 _SEARCH: tuple[Callable[[Any], Any], ...] = (
-    click.option("--also", type=FILE, multiple=True,
-                 help="A further map of the same size (normals, roughness …), cut alike into OUTPUT_NAME; may be repeated."),
-    click.option("--weights", type=WeightsType(), help="How much the picture and each map count in the search; 1 each by default."),
-    click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="The same seed makes the same picture."),
-    click.option("--tolerance", type=FiniteRange(0, 10), default=0.1, show_default=True,
-                 help="How much worse than the best a patch may fit to be drawn as well."),
-    click.option("--smooth", type=click.IntRange(0, 8), default=1, show_default=True, help="Mix patches over this many px beside seams."),
-)  # fmt: skip
+    click.option(
+        "--also",
+        type=FILE,
+        multiple=True,
+        help="A further map of the same size (normals, roughness …), cut alike into OUTPUT_NAME; may be "
+        "repeated.",
+    ),
+    click.option(
+        "--weights",
+        type=WeightsType(),
+        help="How much the picture and each map count in the search; 1 each by default.",
+    ),
+    click.option(
+        "--seed",
+        type=click.IntRange(min=0),
+        default=0,
+        show_default=True,
+        help="The same seed makes the same picture.",
+    ),
+    click.option(
+        "--smooth",
+        type=click.IntRange(0, 8),
+        default=1,
+        show_default=True,
+        help="Mix patches over this many px beside seams.",
+    ),
+    click.option(
+        "--tolerance",
+        type=FiniteRange(0, 10),
+        default=0.1,
+        show_default=True,
+        help="How much worse than the best a patch may fit to be drawn as well.",
+    ),
+    click.option(
+        "--candidates",
+        type=click.IntRange(1, 1000),
+        default=8,
+        show_default=True,
+        help="How many places are compared for each patch.",
+    ),
+    click.option(
+        "--context",
+        type=click.IntRange(0, 64),
+        default=8,
+        show_default=True,
+        help="px round a patch in which it has to fit too.",
+    ),
+    click.option(
+        "--most",
+        type=FiniteRange(min=1),
+        default=2.5,
+        show_default=True,
+        help="No pixel shows more often than this many times the average.",
+    ),
+    click.option(
+        "--variety",
+        type=FiniteRange(0, 100),
+        default=0.5,
+        show_default=True,
+        help="How strongly places that show often already are avoided.",
+    ),
+    click.option(
+        "--method",
+        type=click.Choice(ts.METHODS),
+        default="heat",
+        show_default=True,
+        help="How seams are found.",
+    ),
+)
 
 _RESULTS: tuple[Callable[[Any], Any], ...] = (
     click.option("--seams", type=OUTPUT, help="Also write the seams as SVG."),
     click.option("--labels", type=OUTPUT, help="Also write the patches' numbers, a 16-bit gray picture."),
-    click.option("--coordinates", type=OUTPUT,
-                 help="Also write where each pixel came from, a 16-bit picture: red column, green row, blue exemplar."),
-    click.option("--max-megapixels", type=FiniteRange(min=0, min_open=True), default=500.0, show_default=True,
-                 help="Refuse larger pictures."),
+    click.option(
+        "--coordinates",
+        type=OUTPUT,
+        help="Also write where each pixel came from, a 16-bit picture: red column, green row, blue exemplar.",
+    ),
+    click.option(
+        "--max-megapixels",
+        type=MEGAPIXELS,
+        default=64.0,
+        show_default=True,
+        help="Refuse larger pictures; the search for patches takes about 30 bytes a pixel.",
+    ),
     click.option("--force", is_flag=True, help="Replace existing files."),
     click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors."),
-)  # fmt: skip
+)
 
 
-def search_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options that say how patches are chosen."""
-    for option in reversed(_SEARCH):
-        command = option(command)
-    return command
+def grouped(
+    name: str, kind: type[Any], options: Sequence[Callable[[Any], Any]]
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Options that reach a command as one frozen value.
+
+    Parameters
+    ----------
+    name : str
+        The command's parameter.
+    kind : type
+        A dataclass whose fields are called as the options.
+    options : sequence of click options
+    """
+    fields = [field.name for field in dataclasses.fields(kind)]
+
+    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        @functools.wraps(command)
+        def call(**given: Any) -> Any:
+            value = kind(**{field: given.pop(field) for field in fields})
+            return command(**given, **{name: value})
+
+        with_options: Callable[..., Any] = call
+        for option in reversed(options):
+            with_options = option(with_options)
+        return with_options
+
+    return decorate
 
 
-def result_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options that say what else is written."""
-    for option in reversed(_RESULTS):
-        command = option(command)
-    return command
+#: Add the options that say how patches are chosen (``search``), and what else is written (``results``).
+search_options = grouped("search", Search, _SEARCH)
+result_options = grouped("results", Results, _RESULTS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,7 +290,9 @@ class Destinations:
             Likewise, per further map.
         """
         document = None if self.seams is None else made.to_svg()
-        write_picture(self.output, dataclasses.replace(picture, pixels=made.image, alpha=made.alpha), self.force)
+        write_picture(
+            self.output, dataclasses.replace(picture, pixels=made.image, alpha=made.alpha), self.force
+        )
         for path, values, owner in zip(self.maps, made.maps, maps, strict=True):
             write_picture(path, dataclasses.replace(owner, pixels=values, alpha=None), self.force)
         if self.seams is not None and document is not None:
@@ -181,10 +331,37 @@ def read_maps(also: Sequence[Path], count: int, max_megapixels: float) -> list[l
         When there are not as many of them as exemplars, or a multiple.
     """
     if len(also) % count:
-        raise ts.OptionError(f"--also was given {len(also)} times for {count} sources; give each map once for every source, in their order")
+        raise ts.OptionError(
+            f"--also was given {len(also)} times for {count} sources; give each map once for every source, "
+            "in their order"
+        )
     return [read_sources(also[first : first + count], max_megapixels) for first in range(0, len(also), count)]
 
 
 def alphas(pictures: Sequence[Picture]) -> list[Any] | None:
     """Opacity per picture, or None where all are opaque."""
-    return None if all(picture.alpha is None for picture in pictures) else [picture.alpha for picture in pictures]
+    return (
+        None
+        if all(picture.alpha is None for picture in pictures)
+        else [picture.alpha for picture in pictures]
+    )
+
+
+def overlap_of(overlap: Length | None) -> float | None:
+    """An overlap as the core wants it: px, or a share of the patch below 1.
+
+    Raises
+    ------
+    OptionError
+        For 100 %.
+    """
+    if overlap is None or not overlap.percent:
+        return None if overlap is None else int(overlap.value)
+    if overlap.value >= 100:
+        raise ts.OptionError("overlap is 100%; of a patch give less, usually 25%")
+    return overlap.value / 100
+
+
+def white_of(*pictures: Picture) -> list[float | None]:
+    """What counts as white in each map: 1 in files of floats, whose lights may go beyond it."""
+    return [1.0 if np.issubdtype(one.pixels.dtype, np.floating) else None for one in pictures]

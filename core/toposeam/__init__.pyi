@@ -1,3 +1,4 @@
+from .display import to_pil
 from .errors import (
     ImageError,
     MissingPackageError,
@@ -7,52 +8,89 @@ from .errors import (
     SolverError,
     TopoSeamError,
 )
-from .layers.align import Aligned, align
+from .images import MAX_PIXELS
+from .layers.align import Aligned, align, correlations
 from .layers.blend import BLENDS, Blend
-from .layers.composite import MAX_PIXELS, Stitched, pair_name, stitch
+from .layers.composite import Stitched, pair_name, stitch
 from .layers.layer import Layer, common_canvas
+from .layers.overlapping import overlapping
+from .layers.placing import Placement, find_places
+from .layers.restitch import restitch
+from .layers.tones import match_tones
+from .layers.turning import placed
+from .motif.arrange import Arrangement, arrange, random_arrangement
+from .motif.borders import border_visibility
+from .motif.edges import EDGES
 from .motif.generate import generate_motif, random_recipe
-from .motif.join import JoinedMotifs, arrange, border_mismatch, join_motifs, random_arrangement
+from .motif.join import JoinedMotifs, border_mismatch, join_motifs
+from .motif.kaleidoscope import kaleidoscope
 from .motif.layer import Step
 from .motif.motif import Motif, repeat, repeat_densities
 from .motif.palettes import PALETTES, Palette, palette
 from .motif.recipe import LayerRecipe, Recipe
+from .motif.svg import SvgOptions, draw_svg
 from .motif.symmetry import REPEATS
+from .motif.vary import vary
 from .optimize.history import Frame, Iteration, Termination
-from .path.plan import PathIteration, PathOptions, PlannedPath, path_cost, plan_path
+from .path.gather import PathIteration, PathOptions
+from .path.plan import PlannedPath, path_cost, plan_path
+from .seam.drawing import draw_seams
 from .seam.find import METHODS, Method, find_seam
 from .seam.heat import HeatOptions
+from .seam.likeness import seam_likeness
 from .seam.match_cost import MatchCost
 from .seam.overlap import SIDES, Side
-from .seam.seam import Seam
+from .seam.seam import Seam, apply_paths
 from .seam.thesis import ThesisOptions
-from .texture.fill import fill, make_tileable
+from .texture.fill import BYS, By, fill
 from .texture.lay import LayOptions
+from .texture.light import flatten_light
+from .texture.scale import natural_patch
 from .texture.synthesis import Synthesis, apply_coordinates
-from .texture.synthesize import Tileable, synthesize
+from .texture.synthesize import synthesize
+from .texture.tile import make_tileable
+from .texture.tileable import TILEABLE, Tileable
 from .vector.polyline import Polyline
+from .vector.smooth import SmoothPath, smooth_path
 from .vector.svg import SvgSeam, read_svg
+from .volume.find import SURFACE_METHODS, SurfaceMethod, find_surface
+from .volume.heat import SurfaceOptions
+from .volume.join import JoinedVolume, join_volumes
+from .volume.loop import Loop, loop
+from .volume.mesh import Mesh
+from .volume.period import Jump
+from .volume.surface import Surface
 
 __version__: str
 
 __all__ = [
     "BLENDS",
+    "BYS",
+    "EDGES",
     "MAX_PIXELS",
     "METHODS",
     "PALETTES",
     "REPEATS",
     "SIDES",
+    "SURFACE_METHODS",
+    "TILEABLE",
     "Aligned",
+    "Arrangement",
     "Blend",
+    "By",
     "Frame",
     "HeatOptions",
     "ImageError",
     "Iteration",
     "JoinedMotifs",
+    "JoinedVolume",
+    "Jump",
     "LayOptions",
     "Layer",
     "LayerRecipe",
+    "Loop",
     "MatchCost",
+    "Mesh",
     "Method",
     "MissingPackageError",
     "Motif",
@@ -62,14 +100,20 @@ __all__ = [
     "PathError",
     "PathIteration",
     "PathOptions",
+    "Placement",
     "PlannedPath",
     "Polyline",
     "Recipe",
     "Seam",
     "Side",
+    "SmoothPath",
     "SolverError",
     "Step",
     "Stitched",
+    "Surface",
+    "SurfaceMethod",
+    "SurfaceOptions",
+    "SvgOptions",
     "SvgSeam",
     "Synthesis",
     "Termination",
@@ -78,23 +122,43 @@ __all__ = [
     "TopoSeamError",
     "align",
     "apply_coordinates",
+    "apply_paths",
     "arrange",
     "border_mismatch",
+    "border_visibility",
     "common_canvas",
+    "correlations",
+    "draw_seams",
+    "draw_svg",
     "fill",
+    "find_places",
     "find_seam",
+    "find_surface",
+    "flatten_light",
     "generate_motif",
     "join_motifs",
+    "join_volumes",
+    "kaleidoscope",
+    "loop",
     "make_tileable",
+    "match_tones",
+    "natural_patch",
+    "overlapping",
     "pair_name",
     "palette",
     "path_cost",
+    "placed",
     "plan_path",
     "random_arrangement",
     "random_recipe",
     "read_svg",
     "repeat",
     "repeat_densities",
+    "restitch",
+    "seam_likeness",
+    "smooth_path",
     "stitch",
     "synthesize",
+    "to_pil",
+    "vary",
 ]

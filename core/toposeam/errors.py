@@ -1,6 +1,6 @@
-"""The errors a caller can meet. Each derives from :class:`TopoSeamError` and from the builtin it specialises."""
-
-import math
+"""The errors a caller can meet. Each derives from :class:`TopoSeamError` and from the builtin it
+specialises.
+"""
 
 
 class TopoSeamError(Exception):
@@ -29,21 +29,3 @@ class MissingPackageError(TopoSeamError, ImportError):
 
 class SolverError(TopoSeamError, RuntimeError):
     """The numerical solution broke down."""
-
-
-def check_range(low: float, high: float = math.inf, *, above: bool = False, **options: float) -> None:
-    """Refuse options outside [low, high], or outside (low, high] where they must be `above`; infinite ones and NaN always.
-
-    Raises
-    ------
-    OptionError
-        Names the first option that is out of range.
-    """
-    for name, value in options.items():
-        if (low < value if above else low <= value) and value <= high and value < math.inf:
-            continue
-        if high == math.inf:
-            wanted = "positive" if above and low == 0 else f"{'above' if above else 'at least'} {low:g}"
-        else:
-            wanted = f"above {low:g} and at most {high:g}" if above else f"between {low:g} and {high:g}"
-        raise OptionError(f"{name} is {value}; it must be {wanted}")

@@ -7,24 +7,83 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.checks import check_number
 from toposeam.errors import ImageError
 
 Image = npt.NDArray[Any]
 Mask = npt.NDArray[np.bool_]
 
+#: Largest canvas that is made without being asked to: a gigapixel.
+MAX_PIXELS = 10**9
 #: Float images with larger values are refused: their squares would overflow.
 LARGEST = 1e12
+#: Floats within ± this are taken for shares of white; lights and filters go a little beyond 1.
+_NOMINAL = 2.0
+#: An array with at most four rows and more channels than this has its axes in another order.
+_MOST_CHANNELS = 16
 
 
-def as_float(image: npt.ArrayLike, name: str = "image") -> npt.NDArray[np.float32]:
-    """The image as float32 with a channel axis, integers scaled to [0, 1].
+def as_array(image: Any, name: str = "image") -> Image:
+    """Pixels of an array, or of a PIL picture, as they are.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, C) array_like, or PIL.Image.Image
+        Of PIL pictures those with a palette become RGB, or RGBA where colours are transparent.
+    name : str
+        What the caller calls this image; used in error texts.
+
+    Returns
+    -------
+    (H, W) or (H, W, C) array of bool, integers or floats
+
+    Raises
+    ------
+    ImageError
+        For other shapes, (C, H, W) among them, empty or masked arrays, complex or object dtypes.
+    """
+    if isinstance(image, np.ma.MaskedArray):
+        raise ImageError(
+            f"{name} is a masked array; pass {name}.filled(0), and where it has pixels as a mask"
+        )
+    if type(image).__module__.partition(".")[0] == "PIL" and image.mode in ("P", "PA", "CMYK", "YCbCr"):
+        image = image.convert("RGBA" if image.mode == "PA" or "transparency" in image.info else "RGB")
+    try:
+        array = np.asarray(image)
+    except ValueError as error:
+        raise ImageError(f"{name} is no array ({error}); pass an (H, W) or (H, W, C) one") from error
+    if (
+        array.dtype != bool
+        and not np.issubdtype(array.dtype, np.integer)
+        and not np.issubdtype(array.dtype, np.floating)
+    ):
+        raise ImageError(
+            f"{name} is of type {type(image).__name__} and dtype {array.dtype}; pass integers or floats"
+        )
+    if array.ndim not in (2, 3) or 0 in array.shape:
+        raise ImageError(f"{name} has shape {array.shape}; pass a non-empty (H, W) or (H, W, C) array")
+    if array.ndim == 3 and array.shape[0] <= 4 and array.shape[2] > _MOST_CHANNELS:
+        raise ImageError(
+            f"{name} has shape {array.shape}, which looks like (C, H, W); pass (H, W, C), as "
+            f"{name}.transpose(1, 2, 0) has it"
+        )
+    return array
+
+
+def as_float(
+    image: npt.ArrayLike, name: str = "image", data_range: float | None = None
+) -> npt.NDArray[np.float32]:
+    """The image as float32 with a channel axis, its values divided by what counts as 1.
 
     Parameters
     ----------
     image : (H, W) or (H, W, C) array_like
-        Bool, integer or float. Floats are taken as they are (nominally in [0, 1]).
+        Bool, integer or float.
     name : str
         What the caller calls this image; used in error texts.
+    data_range : float, optional
+        The value that counts as 1. By default 255 for uint8, 65535 for uint16, and 1 for floats, which must
+        then look as if that were so.
 
     Returns
     -------
@@ -33,26 +92,47 @@ def as_float(image: npt.ArrayLike, name: str = "image") -> npt.NDArray[np.float3
     Raises
     ------
     ImageError
-        For other shapes, empty arrays, complex or object dtypes, NaN, infinite or huge values.
+        As for :func:`as_array`; for NaN, infinite or huge values; and where `data_range` is needed: for
+        integers of other types, and for floats beyond ±2 like those in 0..255.
+    OptionError
+        When `data_range` is not positive.
+
+    Examples
+    --------
+    >>> as_float(np.array([[0, 255]], np.uint8)).ravel()
+    array([0., 1.], dtype=float32)
+    >>> as_float(np.array([[0, 4095]]), data_range=4095).ravel()
+    array([0., 1.], dtype=float32)
     """
-    array = np.asarray(image)
-    if array.ndim not in (2, 3) or 0 in array.shape:
-        raise ImageError(f"{name} has shape {array.shape}; pass a non-empty (H, W) or (H, W, C) array")
+    array = as_array(image, name)
     if array.ndim == 2:
         array = array[..., np.newaxis]
     if array.dtype == bool:
         return array.astype(np.float32)
+    if data_range is not None:
+        check_number("data_range", data_range, 0, above=True)
     if np.issubdtype(array.dtype, np.integer):
-        scaled = array.astype(np.float32)
-        scaled *= np.float32(1.0 / np.iinfo(array.dtype).max)
-        return scaled
-    if not np.issubdtype(array.dtype, np.floating):
-        raise ImageError(f"{name} has dtype {array.dtype}; pass integers or floats")
+        if data_range is None and array.dtype not in (np.uint8, np.uint16):
+            raise ImageError(
+                f"{name} has dtype {array.dtype} and values up to {array.max()}; pass uint8 or uint16, or "
+                "say with data_range= which value is white"
+            )
+        return array.astype(np.float32) * np.float32(1.0 / (data_range or np.iinfo(array.dtype).max))
     result = array.astype(np.float32)
     if not np.isfinite(result).all():
-        raise ImageError(f"{name} has NaN or infinite values; replace them, or exclude those pixels with a mask")
-    if max(-float(result.min()), float(result.max())) > LARGEST:
+        raise ImageError(
+            f"{name} has NaN or infinite values; replace them, or exclude those pixels with a mask"
+        )
+    if data_range is not None and data_range != 1:
+        result /= np.float32(data_range)
+    largest = max(-float(result.min()), float(result.max()))
+    if largest > LARGEST:
         raise ImageError(f"{name} has values beyond ±{LARGEST:g}; scale its range to [0, 1]")
+    if data_range is None and largest > _NOMINAL:
+        raise ImageError(
+            f"{name} is of floats up to {largest:g}, where 1 counts as white; say with data_range= which "
+            "value does (255? 1, for a wide range?)"
+        )
     return result
 
 
@@ -69,13 +149,18 @@ def as_mask(mask: npt.ArrayLike, shape: tuple[int, int], name: str) -> Mask:
     ImageError
         When the shape differs.
     """
-    array = np.asarray(mask)
+    try:
+        array = np.asarray(mask)
+    except ValueError as error:
+        raise ImageError(f"{name} is no array ({error}); pass one value per pixel") from error
     if array.shape != shape:
         raise ImageError(f"{name} has shape {array.shape}, the images have {shape}; pass one value per pixel")
     return array if array.dtype == bool else array != 0
 
 
-def widen(a: npt.NDArray[np.float32], b: npt.NDArray[np.float32]) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+def widen(
+    a: npt.NDArray[np.float32], b: npt.NDArray[np.float32]
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
     """Give two (H, W, C) images the same number of channels: one-channel images are repeated.
 
     Raises
@@ -90,4 +175,6 @@ def widen(a: npt.NDArray[np.float32], b: npt.NDArray[np.float32]) -> tuple[npt.N
         return np.broadcast_to(a, (*a.shape[:2], cb)), b
     if cb == 1:
         return a, np.broadcast_to(b, (*b.shape[:2], ca))
-    raise ImageError(f"a has {ca} channels and b has {cb}; convert them to the same number, or one of them to gray")
+    raise ImageError(
+        f"a has {ca} channels and b has {cb}; convert them to the same number, or one of them to gray"
+    )

@@ -15,14 +15,23 @@ from toposeam_gimp.texts import _
 _MARGIN_PX = 2
 
 
-def picture_below(folder: RequestFolder, image: Gimp.Image, layer: Gimp.Layer, box: tuple[int, int, int, int]) -> dict[str, Any]:
-    """Write what would be seen round a box of the canvas if a layer and all above it were away; what describes it in a request."""
+def picture_below(
+    folder: RequestFolder, image: Gimp.Image, layer: Gimp.Layer, box: tuple[int, int, int, int]
+) -> dict[str, Any]:
+    """Write what would be seen round a box of the canvas if a layer and all above it were away; what
+    describes it in a request.
+    """
     x, y, width, height = box
     left, top = max(x - _MARGIN_PX, 0), max(y - _MARGIN_PX, 0)
-    right, bottom = min(x + width + _MARGIN_PX, image.get_width()), min(y + height + _MARGIN_PX, image.get_height())
+    right, bottom = (
+        min(x + width + _MARGIN_PX, image.get_width()),
+        min(y + height + _MARGIN_PX, image.get_height()),
+    )
     if right <= left or bottom <= top:
         raise RefusedError(
-            _("“{name}” lies outside the canvas; move it onto the picture it shall be joined to.").format(name=layer.get_name())
+            _("“{name}” lies outside the canvas; move it onto the picture it shall be joined to.").format(
+                name=layer.get_name()
+            )
         )
     way = _way_to(image, layer)
     scratch = image.duplicate()
@@ -40,10 +49,10 @@ def picture_below(folder: RequestFolder, image: Gimp.Image, layer: Gimp.Layer, b
             last.set_visible(False)
         scratch.crop(right - left, bottom - top, left, top)
         seen = Gimp.Layer.new_from_visible(scratch, scratch, _("what is below"))
-        raster = pixels.send_layer(folder, image, seen, "below")
+        raster = pixels.send_whole(folder, image, seen, "below")
     finally:
         scratch.delete()
-    return {**raster, "offset": [left, top]}
+    return {**raster, "at": [left, top]}
 
 
 def _way_to(image: Gimp.Image, layer: Gimp.Layer) -> list[int]:

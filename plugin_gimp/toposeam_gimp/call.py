@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
-from toposeam_gimp.procedures import Procedure
+from toposeam_gimp.entries import Procedure
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,11 +21,19 @@ class Call:
     entry: Procedure
     #: Whether somebody looks: new images are shown then.
     interactive: bool
+    #: What people should know about the result; shown to whoever looks.
+    remarks: list[str] = field(default_factory=list)
+
+    def tell(self, remark: str) -> None:
+        """Add a remark."""
+        self.remarks.append(remark)
 
     @property
     def for_engine(self) -> dict[str, Any]:
         """The options that go to the engine, by the names of its keywords."""
-        return renamed({option.name: self.options[option.name] for option in self.entry.options if option.engine})
+        return renamed(
+            {option.name: self.options[option.name] for option in self.entry.options if option.engine}
+        )
 
 
 def renamed(options: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,9 +1,12 @@
-"""GI-free: the private temporary folder of one request, and what to do about those that a crash has left behind."""
+"""GI-free: the private temporary folder of one request, and what to do about those that a crash has left
+behind.
+"""
 
 from __future__ import annotations
 
 import errno
 import os
+import secrets
 import shutil
 import tempfile
 import time
@@ -12,6 +15,8 @@ from pathlib import Path
 
 _PREFIX = "toposeam-request-"
 _SIGN_OF_LIFE = "alive"
+#: Holds the nonce by which the engine knows a request folder that the plug-in made; no other is touched.
+MARKER = "toposeam-request"
 #: A folder that showed no sign of life for this long belongs to nobody.
 STALE_S = 15 * 60.0
 
@@ -36,6 +41,9 @@ class RequestFolder:
         if free < needed:
             raise FolderError(too_small(self._parent, needed))
         self.path = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=self._parent))
+        #: What the engine is told on its stdin, and finds in the folder.
+        self.nonce = secrets.token_hex(16)
+        (self.path / MARKER).write_text(self.nonce, encoding="ascii")
         self.touch()
 
     def touch(self) -> None:
@@ -53,7 +61,10 @@ class RequestFolder:
 def too_small(folder: Path, needed: int | None = None) -> str:
     """What to tell the user when the temporary folder is full."""
     size = "" if needed is None else f"; {max(needed >> 20, 1)} MiB are needed"
-    return f"there is no space left in the temporary folder {folder}{size}. Free some, or start GIMP with TMPDIR set to a larger folder."
+    return (
+        f"there is no space left in the temporary folder {folder}{size}. Free some, or start GIMP with "
+        "TMPDIR set to a larger folder."
+    )
 
 
 def is_full(error: OSError) -> bool:
@@ -66,6 +77,8 @@ def sweep(parent: Path, now: float | None = None) -> None:
     now = time.time() if now is None else now
     for folder in parent.glob(_PREFIX + "*"):
         with suppress(OSError):
+            if folder.is_symlink() or not (folder / MARKER).is_file():
+                continue  # not ours, whatever it is called
             sign = folder / _SIGN_OF_LIFE
             seen = (sign if sign.exists() else folder).stat()
             if now - seen.st_mtime > STALE_S and (not hasattr(os, "getuid") or seen.st_uid == os.getuid()):

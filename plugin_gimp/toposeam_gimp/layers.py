@@ -9,13 +9,14 @@ from typing import Any
 
 from gi.repository import Gimp
 
-from toposeam_gimp import curves
+from toposeam_gimp import choosing, curves
 from toposeam_gimp.texts import _
 
 #: Name of the parasite on a stitched group: its layers, and its seams exactly.
 PARASITE = "toposeam-seam"
-_PARASITE_VERSION = 1
-_FLATNESS_PX = 0.1
+#: On the paths that a stitched group has made: their own tattoo, so that a copy is known to be one.
+PATH_PARASITE = "toposeam-path"
+_PARASITE_VERSION = 2
 
 
 class RefusedError(Exception):
@@ -26,10 +27,15 @@ def chosen_layers(image: Gimp.Image, drawables: Sequence[Gimp.Drawable]) -> list
     """The selected drawables, which must be layers of an image that is not indexed."""
     if image.get_base_type() == Gimp.ImageBaseType.INDEXED:
         raise RefusedError(
-            _("This image has a palette (Indexed mode), in which new colours cannot be mixed. Choose Image → Mode → RGB first.")
+            _(
+                "This image has a palette (Indexed mode), in which new colours cannot be mixed. Choose Image "
+                "→ Mode → RGB first."
+            )
         )
     if not all(isinstance(drawable, Gimp.Layer) for drawable in drawables):
-        raise RefusedError(_("A mask or channel is selected; click on the layers themselves in the Layers dialog."))
+        raise RefusedError(
+            _("A mask or channel is selected; click on the layers themselves in the Layers dialog.")
+        )
     return list(drawables)
 
 
@@ -43,7 +49,9 @@ def lowest_first(image: Gimp.Image, layers: Sequence[Gimp.Layer]) -> list[Gimp.L
             picked = layer.get_id() in chosen
             if picked and inside:
                 raise RefusedError(
-                    _("“{name}” is inside a group that is selected too; select either of them.").format(name=layer.get_name())
+                    _("“{name}” is inside a group that is selected too; select either of them.").format(
+                        name=layer.get_name()
+                    )
                 )
             if picked:
                 ordered.append(layer)
@@ -56,7 +64,9 @@ def lowest_first(image: Gimp.Image, layers: Sequence[Gimp.Layer]) -> list[Gimp.L
 
 @contextmanager
 def one_undo_step(image: Gimp.Image) -> Iterator[list[Callable[[], Any]]]:
-    """Everything within is one step of the undo history; if it fails, what was put on the list is called, last first."""
+    """Everything within is one step of the undo history; if it fails, what was put on the list is called,
+    last first.
+    """
     undone: list[Callable[[], Any]] = []
     image.undo_group_start()
     try:
@@ -69,58 +79,130 @@ def one_undo_step(image: Gimp.Image) -> Iterator[list[Callable[[], Any]]]:
         image.undo_group_end()
 
 
-def insert_copy(image: Gimp.Image, layer: Gimp.Layer, parent: Gimp.Layer | None, position: int) -> Gimp.Layer:
-    """A visible copy of a layer with transparency, its own mask applied, nothing locked."""
-    copy = layer.copy()
-    for unlock in (copy.set_lock_content, copy.set_lock_position, copy.set_lock_visibility, copy.set_lock_alpha):
-        unlock(False)
-    image.insert_layer(copy, parent, position)
-    if copy.get_mask() is not None:
-        copy.remove_mask(Gimp.MaskApplyMode.APPLY if copy.get_apply_mask() else Gimp.MaskApplyMode.DISCARD)
-    if not copy.has_alpha() and not copy.is_group():
-        copy.add_alpha()
-    copy.set_visible(True)
-    return copy
-
-
-def draw_seam(image: Gimp.Image, seam: dict[str, Any], *, visible: bool) -> tuple[Gimp.Path, dict[str, Any]]:
-    """A GIMP path for a seam, and what has to be remembered of it."""
-    path = Gimp.Path.new(image, _("Seam {name}").format(name=seam["name"]))
-    image.insert_path(path, None, 0)
+def draw_seam(
+    image: Gimp.Image, seam: dict[str, Any], *, visible: bool
+) -> tuple[list[Gimp.Path], dict[str, Any]]:
+    """GIMP paths for a seam, a smooth one to bend above the exact one, and what has to be remembered of
+    them.
+    """
+    exact = _new_path(image, _("Seam {name}, exact").format(name=seam["name"]))
+    smooth = _new_path(image, _("Seam {name}, to bend").format(name=seam["name"]))
+    lines = []
     for line in seam["lines"]:
-        path.stroke_new_from_points(Gimp.PathStrokeType.BEZIER, curves.to_stroke(line["editable"]), line["closed"])
-    path.set_visible(visible)
-    lines = [
-        {"stroke": stroke, "closed": closed, "points": line["points"]}
-        for (stroke, closed, _flat), line in zip(strokes_of(path), seam["lines"], strict=True)
-    ]
-    return path, {"name": path.get_name(), "path": path.get_tattoo(), "pair": seam["pair"], "lines": lines}
+        closed = line["closed"]
+        stroke = curves.stroke_of(line["curves"], closed)
+        smooth.stroke_new_from_points(Gimp.PathStrokeType.BEZIER, stroke, closed)
+        exact.stroke_new_from_points(
+            Gimp.PathStrokeType.BEZIER, curves.straight_stroke(line["points"]), closed
+        )
+        lines.append({"stroke": stroke, "closed": closed, "pieces": line["pieces"], "points": line["points"]})
+    smooth.set_visible(visible)
+    memory = {"name": seam["name"], "pair": seam["pair"], "lines": lines}
+    return [smooth, exact], {**memory, "smooth": smooth.get_tattoo(), "exact": exact.get_tattoo()}
 
 
-def strokes_of(path: Gimp.Path) -> Iterator[tuple[list[float], bool, list[float]]]:
-    """Control points, whether it is closed, and the flattened line of each stroke of a path."""
+def _new_path(image: Gimp.Image, name: str) -> Gimp.Path:
+    path = Gimp.Path.new(image, name)
+    image.insert_path(path, None, 0)
+    path.attach_parasite(
+        Gimp.Parasite.new(PATH_PARASITE, Gimp.PARASITE_PERSISTENT, list(str(path.get_tattoo()).encode()))
+    )
+    return path
+
+
+def lines_to_apply(
+    image: Gimp.Image, seam: dict[str, Any], others: Sequence[Gimp.Path]
+) -> tuple[list[dict[str, Any]], bool]:
+    """The lines that the paths of an image say for a seam, and whether they differ from what was found.
+
+    Parameters
+    ----------
+    seam : dict
+        As :func:`draw_seam` remembers it.
+    others : sequence of Path
+        Paths that are not the group's own and could be meant too.
+    """
+    selected = {path.get_id() for path in image.get_selected_paths()}
+    known = {
+        "smooth": seam["lines"],
+        "exact": [_straight(line["points"], line["closed"]) for line in seam["lines"]],
+    }
+    candidates = []
+    for kind, lines in known.items():
+        path = image.get_path_by_tattoo(seam[kind])
+        if path is not None:
+            found, touched = curves.lines_of(strokes_of(path), lines)
+            candidates.append(_candidate(path, selected, own=True, touched=touched, lines=found))
+    for path in others:
+        found, _touched = curves.lines_of(strokes_of(path), ())
+        candidates.append(_candidate(path, selected, own=False, touched=True, lines=found))
+    if not candidates:
+        raise RefusedError(
+            _("The path of the seam {name} is gone; undo its deletion, or stitch the layers again.").format(
+                name=seam["name"]
+            )
+        )
+    meant = choosing.chosen(candidates, seam["name"])
+    applied = [line for candidate in meant for line in candidate.lines]
+    if not applied:
+        text = _("The path “{name}” is empty; draw the seam from border to border of the overlap.")
+        raise RefusedError(text.format(name=meant[0].name))
+    return applied, any(candidate.touched for candidate in meant)
+
+
+def other_paths(image: Gimp.Image, seams: Sequence[dict[str, Any]]) -> list[Gimp.Path]:
+    """The paths of an image that belong to no stitched group."""
+    own = {seam[kind] for seam in seams for kind in ("smooth", "exact")}
+    found = []
+    for path in image.get_paths():
+        mark = path.get_parasite(PATH_PARASITE)
+        of_a_group = mark is not None and bytes(mark.get_data()).decode() == str(path.get_tattoo())
+        if path.get_tattoo() not in own and not of_a_group:
+            found.append(path)
+    return found
+
+
+def _candidate(path: Gimp.Path, selected: set[int], **about: Any) -> choosing.Candidate:
+    return choosing.Candidate(name=path.get_name(), selected=path.get_id() in selected, **about)
+
+
+def _straight(points: Sequence[float], closed: bool) -> dict[str, Any]:
+    stroke = curves.straight_stroke(points)
+    pieces = [[*curve[:2], *curve[6:]] for curve in curves.curves_of(stroke, closed)]
+    return {"stroke": stroke, "closed": closed, "pieces": pieces}
+
+
+def strokes_of(path: Gimp.Path) -> Iterator[tuple[list[float], bool]]:
+    """Control points of each stroke of a path, and whether it is closed."""
     for stroke in path.get_strokes():
         _kind, points, closed = path.stroke_get_points(stroke)
-        flattened, _closed = path.stroke_interpolate(stroke, _FLATNESS_PX)
-        yield list(points), closed, list(flattened)
+        yield list(points), closed
 
 
 def remember(
-    group: Gimp.GroupLayer,
+    kind: str,
+    group: Gimp.Layer,
     layers: Sequence[Gimp.Layer],
     seams: Sequence[dict[str, Any]],
     blended: Gimp.Layer | None,
     options: dict[str, Any],
 ) -> None:
-    """Attach to a stitched group what Re-stitch from Paths needs; it is saved with the file."""
-    tattoos = {"layers": [layer.get_tattoo() for layer in layers], "blended": None if blended is None else blended.get_tattoo()}
-    memory = {"version": _PARASITE_VERSION, **tattoos, "seams": seams, "options": options}
+    """Attach to a stitched group, or to a patch, what Re-stitch from Paths needs; it is saved with the
+    file.
+    """
+    tattoos = {
+        "layers": [layer.get_tattoo() for layer in layers],
+        "blended": None if blended is None else blended.get_tattoo(),
+    }
+    memory = {"version": _PARASITE_VERSION, "kind": kind, **tattoos, "seams": seams, "options": options}
     flags = Gimp.PARASITE_PERSISTENT | Gimp.PARASITE_UNDOABLE
-    group.attach_parasite(Gimp.Parasite.new(PARASITE, flags, list(json.dumps(memory, separators=(",", ":")).encode())))
+    group.attach_parasite(
+        Gimp.Parasite.new(PARASITE, flags, list(json.dumps(memory, separators=(",", ":")).encode()))
+    )
 
 
-def stitched_group(layers: Sequence[Gimp.Layer]) -> tuple[Gimp.GroupLayer, dict[str, Any]]:
-    """The stitched group that is meant by the selected layers, and what it remembers."""
+def stitched_group(layers: Sequence[Gimp.Layer]) -> tuple[Gimp.Layer, dict[str, Any]]:
+    """The stitched group or patch that is meant by the selected layers, and what it remembers."""
     for layer in layers:
         item = layer
         while item is not None:
@@ -128,7 +210,12 @@ def stitched_group(layers: Sequence[Gimp.Layer]) -> tuple[Gimp.GroupLayer, dict[
             if parasite is not None:
                 return item, _memory(parasite)
             item = item.get_parent()
-    raise RefusedError(_("Select a group that Stitch Layers has made (or a layer in it), then choose Re-stitch from Paths again."))
+    raise RefusedError(
+        _(
+            "Select a group that Stitch Layers has made, a layer in it, or a patch, then choose Re-stitch "
+            "from Paths again."
+        )
+    )
 
 
 def _memory(parasite: Gimp.Parasite) -> dict[str, Any]:

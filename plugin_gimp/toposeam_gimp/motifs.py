@@ -1,4 +1,6 @@
-"""Generate Motif, Repeat Motif: every ink a layer in Multiply mode under a mask, so that colours and strokes stay editable."""
+"""Generate Motif, Repeat Motif: every ink a layer in Multiply mode under a mask, so that colours and strokes
+stay editable.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,12 @@ def generate(call: Call) -> Gimp.Layer:
         base = None
         if call.options["use-layer"]:
             if call.image is None or not call.drawables:
-                raise RefusedError(_("There is no layer to shape the strokes after; open the picture first, or switch that option off."))
+                raise RefusedError(
+                    _(
+                        "There is no layer to shape the strokes after; open the picture first, or switch "
+                        "that option off."
+                    )
+                )
             (layer,) = chosen_layers(call.image, call.drawables)
             base = pixels.send_layer(folder, call.image, layer, "base")
         request = {"operation": "motif", "layer": base, "options": call.for_engine}
@@ -41,15 +48,24 @@ def repeat(call: Call) -> Gimp.Layer:
     inks = [layer for layer in reversed(group.get_children()) if layer.get_mask() is not None]
     size = {(ink.get_width(), ink.get_height()) for ink in inks}
     if not inks or len(size) > 1:
-        raise RefusedError(_("The layers of ink have no masks, or masks of different sizes; generate the motif again."))
+        raise RefusedError(
+            _("The layers of ink have no masks, or masks of different sizes; generate the motif again.")
+        )
     ((width, height),) = size
     needed = width * height * 4 * len(inks) * (1 + call.options["rows"] * call.options["columns"])
     with RequestFolder(needed=needed) as folder:
         densities = [pixels.send_density(folder, ink, f"ink-{index}") for index, ink in enumerate(inks)]
-        request = {"operation": "repeat", "densities": densities, "repeat": memory["repeat"], "options": call.for_engine}
+        request = {
+            "operation": "repeat",
+            "densities": densities,
+            "repeat": memory["repeat"],
+            "options": call.for_engine,
+        }
         answer = engine.ask(folder, request, Gimp.progress_update)
         paper = group.get_children()[-1]
-        return _image_of(call, folder, answer["densities"], [_colour(ink) for ink in inks], _colour(paper), memory)
+        return _image_of(
+            call, folder, answer["densities"], [_colour(ink) for ink in inks], _colour(paper), memory
+        )
 
 
 def _motif(call: Call) -> tuple[Gimp.GroupLayer, dict[str, Any]]:
@@ -74,7 +90,9 @@ def _image_of(
 ) -> Gimp.Layer:
     """A new image: a group of paper and inks."""
     width, height = densities[0]["width"], densities[0]["height"]
-    image = Gimp.Image.new_with_precision(width, height, Gimp.ImageBaseType.RGB, Gimp.Precision.U16_NON_LINEAR)
+    image = Gimp.Image.new_with_precision(
+        width, height, Gimp.ImageBaseType.RGB, Gimp.Precision.U16_NON_LINEAR
+    )
     image.undo_disable()
     group = Gimp.GroupLayer.new(image, _("Motif"))
     image.insert_layer(group, None, 0)
@@ -84,7 +102,9 @@ def _image_of(
         layer.add_mask(pixels.new_mask(folder, density, layer))
         layer.set_edit_mask(False)
     flags = Gimp.PARASITE_PERSISTENT | Gimp.PARASITE_UNDOABLE
-    group.attach_parasite(Gimp.Parasite.new(PARASITE, flags, list(json.dumps(memory, separators=(",", ":")).encode())))
+    group.attach_parasite(
+        Gimp.Parasite.new(PARASITE, flags, list(json.dumps(memory, separators=(",", ":")).encode()))
+    )
     image.undo_enable()
     image.set_selected_layers([group])
     if call.interactive:
@@ -92,9 +112,15 @@ def _image_of(
     return group
 
 
-def _solid(image: Gimp.Image, group: Gimp.GroupLayer, name: str, colour: Gegl.Color, mode: Gimp.LayerMode) -> Gimp.Layer:
-    """A layer of one colour on top of the group. Inks mix as their encoded values multiply, as printed samples do."""
-    layer = Gimp.Layer.new(image, name, image.get_width(), image.get_height(), Gimp.ImageType.RGBA_IMAGE, 100.0, mode)
+def _solid(
+    image: Gimp.Image, group: Gimp.GroupLayer, name: str, colour: Gegl.Color, mode: Gimp.LayerMode
+) -> Gimp.Layer:
+    """A layer of one colour on top of the group. Inks mix as their encoded values multiply, as printed
+    samples do.
+    """
+    layer = Gimp.Layer.new(
+        image, name, image.get_width(), image.get_height(), Gimp.ImageType.RGBA_IMAGE, 100.0, mode
+    )
     image.insert_layer(layer, group, 0)
     if mode != Gimp.LayerMode.NORMAL:
         layer.set_blend_space(Gimp.LayerColorSpace.RGB_NON_LINEAR)

@@ -1,4 +1,6 @@
-"""The plug-in as GIMP sees it: procedures made from the table, dialogs, and the one place where errors become messages."""
+"""The plug-in as GIMP sees it: procedures made from the table, dialogs, and the one place where errors become
+messages.
+"""
 
 from __future__ import annotations
 
@@ -6,26 +8,28 @@ import traceback
 from importlib import import_module
 from typing import Any
 
-import gi
 from gi.repository import Gimp, GLib, GObject
 
 from toposeam_gimp.call import Call
+from toposeam_gimp.choosing import UnclearError
 from toposeam_gimp.engine import EngineError
+from toposeam_gimp.entries import Option, Procedure
 from toposeam_gimp.folder import FolderError, is_full
 from toposeam_gimp.layers import RefusedError
-from toposeam_gimp.procedures import PROCEDURES, Option, Procedure
+from toposeam_gimp.procedures import PROCEDURES
 from toposeam_gimp.texts import _
 
 _MENU = "<Image>/Filters/TopoSeam"
 _SENSITIVE = {
     "layer": Gimp.ProcedureSensitivityMask.DRAWABLE,
     "layers": Gimp.ProcedureSensitivityMask.DRAWABLE | Gimp.ProcedureSensitivityMask.DRAWABLES,
+    "several": Gimp.ProcedureSensitivityMask.DRAWABLES,
     "nothing": Gimp.ProcedureSensitivityMask.ALWAYS,
 }
 _READ_WRITE = GObject.ParamFlags.READWRITE
 
 
-class TopoSeam(Gimp.PlugIn):
+class TopoSeam(Gimp.PlugIn):  # type: ignore[misc]
     """Filters → TopoSeam."""
 
     def do_set_i18n(self, _name: str) -> bool:
@@ -40,15 +44,18 @@ class TopoSeam(Gimp.PlugIn):
         """One procedure, from the table."""
         entry = PROCEDURES[name]
         procedure = Gimp.ImageProcedure.new(self, name, Gimp.PDBProcType.PLUGIN, _run, None)
-        procedure.set_image_types("*")  # indexed images are refused with a sentence, which says more than a gray menu entry
+        procedure.set_image_types("*" if entry.needs == "nothing" else "RGB*, GRAY*")
         procedure.set_sensitivity_mask(_SENSITIVE[entry.needs])
         procedure.set_menu_label(entry.label)
-        procedure.add_menu_path(_MENU)
+        # GIMP sorts by name; sections, which nobody sees, keep the order of the table.
+        procedure.add_menu_path(f"{_MENU}/[{list(PROCEDURES).index(name)}]")
         procedure.set_documentation(entry.blurb, entry.help, name)
         procedure.set_attribution("The TopoSeam developers", "The TopoSeam developers", "2026")
         for option in entry.options:
             _add(procedure, option)
-        procedure.add_layer_return_value(entry.returns[0], entry.returns[0].capitalize(), entry.returns[1], True, _READ_WRITE)
+        procedure.add_layer_return_value(
+            entry.returns[0], entry.returns[0].capitalize(), entry.returns[1], True, _READ_WRITE
+        )
         return procedure
 
 
@@ -77,24 +84,39 @@ def _run(
 ) -> Gimp.ValueArray:
     entry = PROCEDURES[procedure.get_name()]
     try:
-        if run_mode == Gimp.RunMode.INTERACTIVE and entry.options and not _ask_user(procedure, config, entry):
+        asks = run_mode == Gimp.RunMode.INTERACTIVE and entry.options
+        if asks and not _ask_user(procedure, config, entry, image, drawables):
             return procedure.new_return_values(Gimp.PDBStatusType.CANCEL, None)
         options = {option.name: config.get_property(option.name) for option in entry.options}
         Gimp.progress_init(entry.title)
         module, function = entry.work.split(".")
-        call = Call(image=image, drawables=drawables, options=options, entry=entry, interactive=run_mode == Gimp.RunMode.INTERACTIVE)
+        call = Call(
+            image=image,
+            drawables=drawables,
+            options=options,
+            entry=entry,
+            interactive=run_mode == Gimp.RunMode.INTERACTIVE,
+        )
         layer = getattr(import_module(f"toposeam_gimp.{module}"), function)(call)
         Gimp.displays_flush()
-    except (RefusedError, EngineError, FolderError) as error:
+        if call.interactive and call.remarks:
+            Gimp.message("\n".join(call.remarks))
+    except (RefusedError, UnclearError, EngineError, FolderError) as error:
         return _failure(procedure, str(error))
     except MemoryError:
-        return _failure(procedure, _("There is not enough memory for these pictures; close others, or use smaller ones."))
+        return _failure(
+            procedure, _("There is not enough memory for these pictures; close others, or use smaller ones.")
+        )
     except OSError as error:
         hint = _("free some space") if is_full(error) else _("check the rights of the temporary folder")
         return _failure(procedure, f"{error.strerror or error}: {error.filename or ''}; {hint}.")
     except Exception as error:
         traceback.print_exc()
-        return _failure(procedure, _("Something went wrong inside TopoSeam; please report it:") + f" {type(error).__name__}: {error}")
+        return _failure(
+            procedure,
+            _("Something went wrong inside TopoSeam; please report it:")
+            + f" {type(error).__name__}: {error}",
+        )
     result = procedure.new_return_values(Gimp.PDBStatusType.SUCCESS, None)
     result.remove(1)
     value = GObject.Value(Gimp.Layer, layer)
@@ -102,17 +124,16 @@ def _run(
     return result
 
 
-def _ask_user(procedure: Gimp.Procedure, config: Gimp.ProcedureConfig, entry: Procedure) -> bool:
-    gi.require_version("GimpUi", "3.0")
-    from gi.repository import GimpUi
+def _ask_user(
+    procedure: Gimp.Procedure,
+    config: Gimp.ProcedureConfig,
+    entry: Procedure,
+    image: Gimp.Image | None,
+    drawables: list[Gimp.Drawable],
+) -> bool:
+    from toposeam_gimp.dialog import Dialog
 
-    GimpUi.init("toposeam_gimp")
-    dialog = GimpUi.ProcedureDialog.new(procedure, config, entry.title)
-    dialog.fill(None)
-    try:
-        return bool(dialog.run())
-    finally:
-        dialog.destroy()
+    return Dialog(procedure, config, entry, image, drawables).run()
 
 
 def _failure(procedure: Gimp.Procedure, message: str) -> Gimp.ValueArray:

@@ -1,14 +1,17 @@
-"""Stitch Layers, Re-stitch from Paths, Stitch Selection as Patch: ask the engine, and only when it has answered change the image."""
+"""Stitch Layers, Re-stitch from Paths, Stitch Selection as Patch: ask the engine, and only when it has
+answered change the image.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 from gi.repository import Gimp
 
-from toposeam_gimp import curves, engine, pixels
+from toposeam_gimp import choosing, engine, pixels
 from toposeam_gimp.below import picture_below
 from toposeam_gimp.call import Call, renamed
 from toposeam_gimp.folder import RequestFolder
@@ -16,13 +19,14 @@ from toposeam_gimp.layers import (
     RefusedError,
     chosen_layers,
     draw_seam,
-    insert_copy,
+    lines_to_apply,
     lowest_first,
     one_undo_step,
+    other_paths,
     remember,
     stitched_group,
-    strokes_of,
 )
+from toposeam_gimp.seen import is_plain, plain_copy
 from toposeam_gimp.texts import _
 
 Options = dict[str, Any]
@@ -33,31 +37,47 @@ def stitch_layers(call: Call) -> Gimp.Layer:
     image, options = call.image, call.options
     layers = lowest_first(image, chosen_layers(image, call.drawables))
     if len(layers) < 2:
-        raise RefusedError(_("Stitching needs two or more layers; select them in the Layers dialog (Ctrl-click) and try again."))
+        raise RefusedError(
+            _(
+                "Stitching needs two or more layers; select them in the Layers dialog (Ctrl-click) and try "
+                "again."
+            )
+        )
     with _request(image, layers) as (folder, rasters):
-        request = {"layers": rasters, "selection": pixels.send_selection(folder, image), "options": call.for_engine}
+        request = {
+            "layers": rasters,
+            "selection": pixels.send_selection(folder, image),
+            "options": call.for_engine,
+        }
         answer = engine.ask(folder, {"operation": "stitch", **request}, Gimp.progress_update)
         with one_undo_step(image) as undone:
             parent, position = layers[-1].get_parent(), image.get_item_position(layers[-1])
             group = Gimp.GroupLayer.new(image, _("Stitched"))
             image.insert_layer(group, parent, position)
             undone.append(lambda: image.remove_layer(group))
-            copies = [insert_copy(image, layer, group, 0) for layer in layers]
+            copies = [plain_copy(image, layer, group, 0) for layer in layers]
             for index, (layer, copy) in enumerate(zip(layers, copies, strict=True)):
                 if answer.get("pixels"):
                     copy = copies[index] = pixels.replaced(folder, image, copy, answer["pixels"][index])
+                if answer.get("places"):
+                    copy.set_offsets(*answer["places"][index])
                 _put_mask(folder, copy, answer["masks"][index])
                 copy.set_name(layer.get_name())
             blended = _put_blended(folder, image, group, answer)
-            seams = []
-            for seam in answer["seams"]:
-                path, memory = draw_seam(image, seam, visible=options["show-seam"])
-                undone.append(lambda path=path: image.remove_path(path))
-                seams.append(memory)
-            remember(group, copies, seams, blended, {name: options[name] for name in ("blend", "blend-width")})
+            seams = _draw_seams(call, answer, undone)
+            remember(
+                "group",
+                group,
+                copies,
+                seams,
+                blended,
+                {name: options[name] for name in ("blend", "blend-width")},
+            )
             for layer in layers if options["keep-layers"] else ():
+                undone.append(partial(layer.set_visible, layer.get_visible()))
                 layer.set_visible(False)
-                undone.append(lambda layer=layer: layer.set_visible(True))
+            if not all(map(is_plain, layers)):
+                call.tell(_("The stitched copies are opaque and in Normal mode, unlike some of the layers."))
             result = group.merge() if options["merge"] else group
             for layer in () if options["keep-layers"] else layers:
                 image.remove_layer(layer)
@@ -66,47 +86,51 @@ def stitch_layers(call: Call) -> Gimp.Layer:
 
 
 def restitch(call: Call) -> Gimp.Layer:
-    """The masks of a stitched group made anew from its paths."""
+    """The masks of a stitched group, or of a patch, made anew from its paths."""
     image = call.image
     group, memory = stitched_group(chosen_layers(image, call.drawables))
     layers = [image.get_layer_by_tattoo(tattoo) for tattoo in memory["layers"]]
     if any(layer is None for layer in layers):
         raise RefusedError(_("A layer of this group was deleted or merged; stitch the layers again."))
-    seams = []
-    for seam in memory["seams"]:
-        path = image.get_path_by_tattoo(seam["path"]) or image.get_path_by_name(seam["name"])
-        if path is None:
-            raise RefusedError(_("The path “{name}” is gone; undo its deletion, or stitch the layers again.").format(name=seam["name"]))
-        lines, touched = curves.lines_of(strokes_of(path), seam["lines"])
-        if not lines:
-            text = _("The path “{name}” is empty; draw the seam from border to border of the overlap.")
-            raise RefusedError(text.format(name=path.get_name()))
-        seams.append({**seam, "lines": lines, "touched": touched})
+    seams = _seams_to_apply(image, memory["seams"])
     with _request(image, layers, with_masks=False) as (folder, rasters):
-        shown = [pixels.send_mask(folder, layer, f"shown-{index}") for index, layer in enumerate(layers)]
+        if memory["kind"] == "patch":
+            rasters.insert(0, picture_below(folder, image, layers[0], pixels.box_of(rasters[0])))
+            shown = []
+        else:
+            shown = [pixels.send_mask(folder, layer, f"shown-{index}") for index, layer in enumerate(layers)]
         request = {"layers": rasters, "shown": shown, "seams": seams, "options": renamed(memory["options"])}
         answer = engine.ask(folder, {"operation": "restitch", **request}, Gimp.progress_update)
+        masks = answer["masks"][-len(layers) :]
         with one_undo_step(image):
-            for layer, mask in zip(layers, answer["masks"], strict=True):
+            for layer, mask in zip(layers, masks, strict=True):
                 _put_mask(folder, layer, mask)
             old = memory["blended"] and image.get_layer_by_tattoo(memory["blended"])
             if old:
                 image.remove_layer(old)
             blended = _put_blended(folder, image, group, answer)
-            remember(group, layers, memory["seams"], blended, memory["options"])
+            remember(memory["kind"], group, layers, memory["seams"], blended, memory["options"])
+            image.set_selected_layers([group])
     return group
 
 
 def patch_selection(call: Call) -> Gimp.Layer:
-    """The selected part of a layer, or a floating selection, laid on what is below it within a closed seam."""
+    """The selected part of a layer, or a floating selection, laid on what is below it within a closed
+    seam.
+    """
     image, options = call.image, call.options
     (layer,) = chosen_layers(image, call.drawables)
     floating = layer.is_floating_sel()
     with RequestFolder(needed=3 * pixels.size_of(image, layer)) as folder:
         selection = None if floating else pixels.send_selection(folder, image)
-        patch = pixels.send_layer(folder, image, layer, "patch", box=None if selection is None else pixels.box_of(selection))
+        box = None if selection is None else pixels.box_of(selection)
+        patch = pixels.send_layer(folder, image, layer, "patch", box=box)
         if patch is None:
-            raise RefusedError(_("The selection lies outside the layer “{name}”; select a part of it.").format(name=layer.get_name()))
+            raise RefusedError(
+                _("The selection lies outside the layer “{name}”; select a part of it.").format(
+                    name=layer.get_name()
+                )
+            )
         below = picture_below(folder, image, layer, pixels.box_of(patch))
         request = {"layers": [below, patch], "selection": selection, "options": call.for_engine}
         answer = engine.ask(folder, {"operation": "patch", **request}, Gimp.progress_update)
@@ -115,7 +139,7 @@ def patch_selection(call: Call) -> Gimp.Layer:
                 Gimp.floating_sel_to_layer(layer)
                 result = layer
             else:
-                result = insert_copy(image, layer, layer.get_parent(), image.get_item_position(layer))
+                result = plain_copy(image, layer, layer.get_parent(), image.get_item_position(layer))
                 undone.append(lambda: image.remove_layer(result))
                 x, y, width, height = pixels.box_of(patch)
                 _nothing, left, top = result.get_offsets()
@@ -127,11 +151,48 @@ def patch_selection(call: Call) -> Gimp.Layer:
             blended = _put_blended(folder, image, result, answer)
             if blended is not None:
                 undone.append(lambda: image.remove_layer(blended))
-            for seam in answer["seams"]:
-                path, _memory = draw_seam(image, seam, visible=options["show-seam"])
-                undone.append(lambda path=path: image.remove_path(path))
+            seams = _draw_seams(call, answer, undone)
+            kept = {name: options[name] for name in ("blend", "blend-width")}
+            remember("patch", result, [result], seams, blended, kept)
             image.set_selected_layers([result])
     return result
+
+
+def _draw_seams(call: Call, answer: Options, undone: list[Callable[[], Any]]) -> list[dict[str, Any]]:
+    """The paths of all seams, those to bend selected; what has to be remembered of them."""
+    seams, to_bend = [], []
+    for seam in answer["seams"]:
+        paths, memory = draw_seam(call.image, seam, visible=call.options["show-seam"])
+        undone += [partial(call.image.remove_path, path) for path in paths]
+        seams.append(memory)
+        to_bend.append(paths[0])
+    call.image.set_selected_paths(to_bend)
+    return seams
+
+
+def _seams_to_apply(image: Gimp.Image, seams: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Each seam with the lines that the image's paths say for it."""
+    others = other_paths(image, seams)
+    selected = {path.get_id() for path in image.get_selected_paths()}
+    applied, used = [], set()
+    for seam in seams:
+        fitting = [
+            path
+            for path in others
+            if choosing.fits(path.get_name(), seam["name"]) or (len(seams) == 1 and path.get_id() in selected)
+        ]
+        used |= {path.get_id() for path in fitting}
+        lines, touched = lines_to_apply(image, seam, fitting)
+        applied.append({"pair": seam["pair"], "name": seam["name"], "lines": lines, "touched": touched})
+    for path in others:
+        if path.get_id() in selected and path.get_id() not in used:
+            raise RefusedError(
+                _(
+                    "It is not clear which seam the selected path “{path}” is for; give it the name of one: "
+                    "{seams}."
+                ).format(path=path.get_name(), seams=", ".join(f"“{seam['name']}”" for seam in seams))
+            )
+    return applied
 
 
 @contextmanager
@@ -140,8 +201,13 @@ def _request(
 ) -> Iterator[tuple[RequestFolder, list[dict[str, Any]]]]:
     """A folder that holds the layers' pixels, and what describes them."""
     with RequestFolder(needed=2 * sum(pixels.size_of(image, layer) for layer in layers)) as folder:
-        rasters = [pixels.send_layer(folder, image, layer, f"layer-{index}", with_mask=with_masks) for index, layer in enumerate(layers)]
-        yield folder, rasters
+        yield (
+            folder,
+            [
+                pixels.send_whole(folder, image, layer, f"layer-{index}", with_mask=with_masks)
+                for index, layer in enumerate(layers)
+            ],
+        )
 
 
 def _put_mask(folder: RequestFolder, layer: Gimp.Layer, raster: dict[str, Any]) -> None:
@@ -153,13 +219,17 @@ def _put_mask(folder: RequestFolder, layer: Gimp.Layer, raster: dict[str, Any]) 
     layer.set_edit_mask(False)
 
 
-def _put_blended(folder: RequestFolder, image: Gimp.Image, under: Gimp.Layer, answer: Options) -> Gimp.Layer | None:
+def _put_blended(
+    folder: RequestFolder, image: Gimp.Image, under: Gimp.Layer, answer: Options
+) -> Gimp.Layer | None:
     """A layer of what blending has changed, on top of a group or right above a layer."""
     if answer.get("blended") is None:
         return None
     layer = pixels.new_layer(image, _("Blended seams"), answer["blended"])
-    parent, position = (under, 0) if under.is_group() else (under.get_parent(), image.get_item_position(under))
+    parent, position = (
+        (under, 0) if under.is_group() else (under.get_parent(), image.get_item_position(under))
+    )
     image.insert_layer(layer, parent, position)
-    layer.set_offsets(*answer["blended"]["offset"])
+    layer.set_offsets(*answer["blended"]["at"])
     pixels.receive_colors(folder, image, layer, answer["blended"])
     return layer

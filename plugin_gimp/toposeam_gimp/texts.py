@@ -5,4 +5,7 @@ from __future__ import annotations
 import gettext
 from pathlib import Path
 
-_ = gettext.translation("toposeam_gimp", Path(__file__).with_name("locale"), fallback=True).gettext
+_translation = gettext.translation("toposeam_gimp", Path(__file__).with_name("locale"), fallback=True)
+_ = _translation.gettext
+#: "en", or the language of the texts.
+LANGUAGE = _translation.info().get("language", "en")

@@ -1,4 +1,6 @@
-"""Synthesize Texture, Make Seamless Tile, Fill Selection: pixels of one layer to the engine, a new layer back."""
+"""Synthesize Texture, Make Seamless Tile, Fill Selection: pixels of one layer to the engine, a new layer
+back.
+"""
 
 from __future__ import annotations
 
@@ -22,10 +24,10 @@ def synthesize(call: Call) -> Gimp.Layer:
         picture = engine.ask(folder, {"operation": "synthesize", **request}, Gimp.progress_update)["picture"]
         name = _("Texture of {name}").format(name=layer.get_name())
         if call.options["destination"] == "layer":
-            return _add(call, folder, layer, {**picture, "offset": [0, 0]}, name)
+            return _add(call, folder, layer, {**picture, "at": [0, 0]}, name)
         image = Gimp.Image.new_with_precision(
             picture["width"], picture["height"], call.image.get_base_type(), call.image.get_precision()
-        )  # fmt: skip
+        )
         profile = call.image.get_color_profile()
         if profile is not None:
             image.set_color_profile(profile)
@@ -44,9 +46,11 @@ def make_tileable(call: Call) -> Gimp.Layer:
     (layer,) = chosen_layers(call.image, call.drawables)
     with RequestFolder(needed=2 * pixels.size_of(call.image, layer)) as folder:
         request = _sample(call, folder, layer, rectangle=True)
-        picture = engine.ask(folder, {"operation": "make_tileable", **request}, Gimp.progress_update)["picture"]
+        picture = engine.ask(folder, {"operation": "make_tileable", **request}, Gimp.progress_update)[
+            "picture"
+        ]
         name = _("Seamless {name}").format(name=layer.get_name())
-        return _add(call, folder, layer, {**picture, "offset": request["layer"]["offset"]}, name)
+        return _add(call, folder, layer, {**picture, "at": request["layer"]["at"]}, name)
 
 
 def fill(call: Call) -> Gimp.Layer:
@@ -60,26 +64,43 @@ def fill(call: Call) -> Gimp.Layer:
         return _add(call, folder, layer, picture, _("Fill of {name}").format(name=layer.get_name()))
 
 
-def _sample(call: Call, folder: RequestFolder, layer: Gimp.Layer, *, rectangle: bool = False) -> dict[str, Any]:
-    """The layer and, on its place, what is selected of it; with `rectangle` only the part of the layer within the selection's bounds."""
+def _sample(
+    call: Call, folder: RequestFolder, layer: Gimp.Layer, *, rectangle: bool = False
+) -> dict[str, Any]:
+    """The layer and, on its place, what is selected of it; with `rectangle` only the part of the layer within
+    the selection's bounds.
+    """
     something, left, top, right, bottom = Gimp.Selection.bounds(call.image)[1:]
     box = (left, top, right - left, bottom - top) if something and rectangle else None
+    if box is not None and not pixels.is_rectangle(call.image, box):
+        raise RefusedError(
+            _(
+                "The selection is not a rectangle, and only rectangles can be laid side by side. Select a "
+                "rectangle with the Rectangle Select tool, or nothing for the whole layer."
+            )
+        )
     raster = pixels.send_layer(folder, call.image, layer, "layer", box=box)
     selection = None
-    if something and not rectangle:
+    if something and not rectangle and raster is not None:
         selection = pixels.send_selection_on(folder, call.image, pixels.box_of(raster))
     if raster is None or (something and not rectangle and selection is None):
-        raise RefusedError(_("The selection lies outside the layer “{name}”; select a part of it.").format(name=layer.get_name()))
+        raise RefusedError(
+            _("The selection lies outside the layer “{name}”; select a part of it.").format(
+                name=layer.get_name()
+            )
+        )
     return {"layer": raster, "selection": selection, "options": call.for_engine}
 
 
-def _add(call: Call, folder: RequestFolder, layer: Gimp.Layer, picture: dict[str, Any], name: str) -> Gimp.Layer:
+def _add(
+    call: Call, folder: RequestFolder, layer: Gimp.Layer, picture: dict[str, Any], name: str
+) -> Gimp.Layer:
     """A new layer above another one, in one undo step."""
     with one_undo_step(call.image) as undone:
         result = pixels.new_layer(call.image, name, picture)
         call.image.insert_layer(result, layer.get_parent(), call.image.get_item_position(layer))
         undone.append(lambda: call.image.remove_layer(result))
-        result.set_offsets(*picture["offset"])
+        result.set_offsets(*picture["at"])
         pixels.receive_colors(folder, call.image, result, picture)
         call.image.set_selected_layers([result])
     return result

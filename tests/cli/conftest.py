@@ -8,11 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from bad_files import here, inputs  # noqa: F401 - fixtures of more than one file
 from click.testing import CliRunner
 from skimage import data
+from three_pictures import three  # noqa: F401 - a fixture of more than one file
 
 from toposeam_cli.main import main
-from toposeam_cli.picture import Picture, write_picture
+from toposeam_cli.pictures.picture import Picture, write_picture
 
 #: Size of both photographs, and where B lies in A.
 SIZE, OFFSET = (40, 56), (36, 0)
@@ -33,7 +35,9 @@ class Ran:
         self.is_one_sentence()
 
     def is_one_sentence(self):
-        """Nothing but one line of error, after click's two lines of usage where the command line itself is wrong."""
+        """Nothing but one line of error, after click's two lines of usage where the command line itself is
+        wrong.
+        """
         usage = r"Usage: [^\n]+\n(Try [^\n]+\n)?\n" if self.code == 2 else ""
         assert re.fullmatch(usage + r"Error: [^\n]{10,}\n", self.err), self
         assert self.err.rstrip()[-1] not in ",;:", self
@@ -55,23 +59,35 @@ def toposeam():
 
 @pytest.fixture
 def process(monkeypatch):
-    """Start ``toposeam`` in a process of its own, numerics on one thread; takes what :class:`subprocess.Popen` takes."""
+    """Start ``toposeam`` in a process of its own, numerics on one thread; takes what
+    :class:`subprocess.Popen` takes.
+    """
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")
 
     def start(*arguments, before=(), **options):
-        return subprocess.Popen([*before, sys.executable, "-m", "toposeam_cli.main", *map(str, arguments)], **options)
+        return subprocess.Popen(
+            [*before, sys.executable, "-m", "toposeam_cli", *map(str, arguments)], **options
+        )
 
     return start
 
 
 @pytest.fixture
 def started(process):
-    """Run ``toposeam`` in a process of its own and wait for it: ``started("stitch", "a.png", …, env={…})``."""
+    """Run ``toposeam`` in a process of its own and wait for it: ``started("stitch", "a.png", …,
+    env={…})``.
+    """
 
     def run(*arguments, env=None, **options):
-        settings = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "env": os.environ | (env or {})} | options
+        settings = {
+            "stdout": subprocess.PIPE,
+            "stderr": subprocess.PIPE,
+            "env": os.environ | (env or {}),
+        } | options
         with process(*arguments, **settings) as child:
-            out, err = (text.decode(errors="replace") if text else "" for text in child.communicate(timeout=120))
+            out, err = (
+                text.decode(errors="replace") if text else "" for text in child.communicate(timeout=120)
+            )
         return Ran(child.returncode, out, err)
 
     return run

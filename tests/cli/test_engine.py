@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam_cli.engine_seams import simplified
+from toposeam_engine.serving import MARKER, PROTOCOL
 
 
 class Request:
@@ -20,26 +20,35 @@ class Request:
     def __init__(self, folder):
         self.folder = folder
         folder.mkdir()
+        (folder / MARKER).write_text("7e57")
 
     def raster(self, name, pixels, offset=(0, 0), **more):
         pixels = np.asarray(pixels)
         pixels.tofile(self.folder / f"{name}.raw")
         channels = 1 if pixels.ndim == 2 else pixels.shape[2]
-        size = {"width": pixels.shape[1], "height": pixels.shape[0], "channels": channels, "dtype": str(pixels.dtype)}
-        return {"file": f"{name}.raw", "name": name, "offset": list(offset), **size, **more}
+        size = {
+            "width": pixels.shape[1],
+            "height": pixels.shape[0],
+            "channels": channels,
+            "dtype": str(pixels.dtype),
+        }
+        return {"file": f"{name}.raw", "name": name, "at": list(offset), **size, **more}
 
     def ask(self, **request):
-        (self.folder / "request.json").write_text(json.dumps({"protocol": 1, "version": ts.__version__, **request}))
+        (self.folder / "request.json").write_text(
+            json.dumps({"protocol": PROTOCOL, "version": ts.__version__, **request})
+        )
         process = self.start()
         output, noise = process.communicate(timeout=120)
         assert b"Traceback" not in noise
         events = [json.loads(line) for line in output.splitlines()]
-        assert events[0] == {"event": "hello", "protocol": 1, "version": ts.__version__}
+        assert events[0] == {"event": "hello", "protocol": PROTOCOL, "version": ts.__version__}
         return process.returncode, events
 
     def start(self):
-        command = [sys.executable, "-m", "toposeam_cli.engine", str(self.folder)]
+        command = [sys.executable, "-m", "toposeam_engine", str(self.folder)]
         read, self.held = os.pipe()
+        os.write(self.held, b"7e57\n")
         process = subprocess.Popen(command, stdin=read, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         os.close(read)
         return process
@@ -63,7 +72,10 @@ def request_folder(tmp_path):
 def pair():
     """Two RGBA patches, the second 20 px to the right and 5 px below."""
     rng = np.random.default_rng(3)
-    return [np.dstack([rng.integers(0, 256, (30, 40, 3)), np.full((30, 40), 255)]).astype(np.uint8) for _ in range(2)]
+    return [
+        np.dstack([rng.integers(0, 256, (30, 40, 3)), np.full((30, 40), 255)]).astype(np.uint8)
+        for _ in range(2)
+    ]
 
 
 def result_of(answer):
@@ -82,14 +94,38 @@ def message_of(answer):
 
 def test_stitch_is_what_core_finds(request_folder, pair):
     layers = [request_folder.raster("a", pair[0]), request_folder.raster("b", pair[1], (20, 5))]
-    result = result_of(request_folder.ask(operation="stitch", layers=layers, options={"method": "shortest-path"}))
+    result = result_of(
+        request_folder.ask(operation="stitch", layers=layers, options={"method": "shortest-path"})
+    )
     expected = ts.stitch(
-        [ts.Layer(image=pair[0][..., :3]), ts.Layer(image=pair[1][..., :3], offset=(20, 5))], method="shortest-path"
-    )  # fmt: skip
-    for raster, mask, place in zip(result["masks"], expected.masks, [np.s_[:30, :40], np.s_[5:, 20:]], strict=True):
+        [ts.Layer(image=pair[0][..., :3]), ts.Layer(image=pair[1][..., :3], at=(20, 5))],
+        method="shortest-path",
+    )
+    for raster, mask, place in zip(
+        result["masks"], expected.masks, [np.s_[:30, :40], np.s_[5:, 20:]], strict=True
+    ):
         np.testing.assert_array_equal(request_folder.pixels(raster), mask[place] * np.uint8(255))
-    exact = np.array(result["seams"][0]["lines"][0]["points"]).reshape(-1, 2)
-    np.testing.assert_array_equal(exact, expected.seams[0].paths[0].points)
+    (line,) = result["seams"][0]["lines"]
+    np.testing.assert_array_equal(np.array(line["points"]).reshape(-1, 2), expected.seams[0].paths[0].points)
+    assert len(line["pieces"]) == len(line["curves"])
+
+
+@pytest.mark.parametrize("place", [(-15, -9), (12, -6), (18, -27)])
+def test_a_selection_that_reaches_over_the_layers_keeps_the_seam_within(request_folder, pair, place):
+    layers = [request_folder.raster("a", pair[0]), request_folder.raster("b", pair[1], (20, 5))]
+    selected = np.full((60, 60), 255, np.uint8)
+    selected[:, -3:] = 0
+    selection = request_folder.raster("selection", selected, place)
+    canvas = np.zeros((35, 60), bool)
+    rows, columns = slice(max(place[1], 0), place[1] + 60), slice(max(place[0], 0), place[0] + 57)
+    canvas[rows, columns] = True
+    layers_of_core = [ts.Layer(pair[0][..., :3]), ts.Layer(pair[1][..., :3], at=(20, 5))]
+    expected = ts.stitch(layers_of_core, avoid=~canvas)
+    result = result_of(request_folder.ask(operation="stitch", layers=layers, selection=selection))
+    for raster, mask, part in zip(
+        result["masks"], expected.masks, [np.s_[:30, :40], np.s_[5:, 20:]], strict=True
+    ):
+        np.testing.assert_array_equal(request_folder.pixels(raster) > 0, mask[part])
 
 
 def test_the_found_lines_applied_again_give_the_same_masks(request_folder, pair):
@@ -113,15 +149,19 @@ def test_masks_and_what_blending_changes_make_the_composite_of_core(request_fold
     options = {"blend": blend, "blend_width": 6, "match_tones": True}
     result = result_of(request_folder.ask(operation="stitch", layers=layers, options=options))
     width = {"blend_width": 6.0} if blend in ("feather", "multiband", "gradient") else {}
-    placed = [ts.Layer(image=pair[0][..., :3]), ts.Layer(image=pair[1][..., :3], offset=(20, 5))]
+    placed = [ts.Layer(image=pair[0][..., :3]), ts.Layer(image=pair[1][..., :3], at=(20, 5))]
     expected = ts.stitch(placed, blend=blend, match_tones=True, **width)
     canvas = np.zeros((*expected.masks[0].shape, 4), np.uint8)
-    for pixels, mask, place in zip(result["pixels"], result["masks"], [np.s_[:30, :40], np.s_[5:, 20:]], strict=True):
-        np.copyto(canvas[place], request_folder.pixels(pixels), where=request_folder.pixels(mask)[..., None] > 0)
+    for pixels, mask, place in zip(
+        result["pixels"], result["masks"], [np.s_[:30, :40], np.s_[5:, 20:]], strict=True
+    ):
+        np.copyto(
+            canvas[place], request_folder.pixels(pixels), where=request_folder.pixels(mask)[..., None] > 0
+        )
     assert (result["blended"] is None) == (blend == "none")
     if result["blended"]:
         over = request_folder.pixels(result["blended"])
-        x, y = result["blended"]["offset"]
+        x, y = result["blended"]["at"]
         part = canvas[y : y + over.shape[0], x : x + over.shape[1]]
         np.copyto(part, over, where=over[..., 3:] > 0)
     np.testing.assert_array_equal(canvas[..., :3], expected.image)
@@ -129,7 +169,10 @@ def test_masks_and_what_blending_changes_make_the_composite_of_core(request_fold
 
 def test_progress_rises_to_the_end(request_folder):
     rng = np.random.default_rng(0)
-    layers = [request_folder.raster(name, rng.random((200, 300, 4), np.float32), (x, 0)) for name, x in (("a", 0), ("b", 100))]
+    layers = [
+        request_folder.raster(name, rng.random((200, 300, 4), np.float32), (x, 0))
+        for name, x in (("a", 0), ("b", 100))
+    ]
     _, events = request_folder.ask(operation="stitch", layers=layers)
     shares = [event["share"] for event in events if event["event"] == "progress"]
     assert len(shares) >= 3
@@ -163,8 +206,20 @@ def test_pixels_that_are_not_all_there_are_refused(request_folder, pair):
         ({"operation": "stitch", "protocol": 99}, "run “toposeam gimp install”"),
         ({"operation": "fly"}, "the engine has no operation 'fly'"),
         ({"operation": "stitch", "layers": []}, "at least two"),
-        ({"operation": "stitch", "layers": [{"file": "../a", "width": 1, "height": 1, "channels": 1, "dtype": "uint8"}]}, "folder"),
-        ({"operation": "stitch", "layers": [{"file": "a", "width": 1, "height": 1, "channels": 1, "dtype": "object"}]}, "type object"),
+        (
+            {
+                "operation": "stitch",
+                "layers": [{"file": "../a", "width": 1, "height": 1, "channels": 1, "dtype": "uint8"}],
+            },
+            "folder",
+        ),
+        (
+            {
+                "operation": "stitch",
+                "layers": [{"file": "a", "width": 1, "height": 1, "channels": 1, "dtype": "object"}],
+            },
+            "type object",
+        ),
     ],
 )
 def test_bad_requests_are_one_sentence(request_folder, request_, phrase):
@@ -183,8 +238,17 @@ def test_a_full_disk_is_one_sentence(request_folder, pair):
 
 def long_request(request_folder):
     rng = np.random.default_rng(0)
-    layers = [request_folder.raster(name, rng.random((900, 900, 4), np.float32), (x, 0)) for name, x in (("a", 0), ("b", 300))]
-    body = {"protocol": 1, "version": ts.__version__, "operation": "stitch", "layers": layers, "options": {"method": "thesis"}}
+    layers = [
+        request_folder.raster(name, rng.random((900, 900, 4), np.float32), (x, 0))
+        for name, x in (("a", 0), ("b", 300))
+    ]
+    body = {
+        "protocol": PROTOCOL,
+        "version": ts.__version__,
+        "operation": "stitch",
+        "layers": layers,
+        "options": {"method": "thesis"},
+    }
     (request_folder.folder / "request.json").write_text(json.dumps(body))
     process = request_folder.start()
     assert b"hello" in process.stdout.readline()
@@ -201,6 +265,41 @@ def test_it_ends_and_cleans_up_when_the_asker_is_gone(request_folder):
     process.stderr.close()
 
 
+def engine(folder, stdin):
+    return subprocess.run(
+        [sys.executable, "-m", "toposeam_engine", str(folder)], input=stdin, capture_output=True, timeout=60
+    )
+
+
+@pytest.mark.parametrize(
+    "stdin", [b"", b"\n", b"7e57\n", b"wrong\n" * 1000], ids=["none", "empty", "7e57", "long"]
+)
+def test_a_folder_that_is_no_request_is_refused_and_left_untouched(tmp_path, stdin):
+    (tmp_path / "photo.jpg").write_bytes(b"precious")
+    (tmp_path / "request.json").write_text("{}")
+    answer = engine(tmp_path, stdin)
+    assert answer.returncode == 1
+    assert b"left untouched" in answer.stdout
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["photo.jpg", "request.json"]
+
+
+@pytest.mark.parametrize("marker", [b"", b"another", b"7e57\n"])
+@pytest.mark.parametrize("stdin", [b"", b"7e57\n"])
+def test_a_request_folder_of_somebody_else_is_left_untouched(tmp_path, marker, stdin):
+    (tmp_path / MARKER).write_bytes(marker)
+    answer = engine(tmp_path, stdin)
+    assert answer.returncode == 1
+    assert [path.name for path in tmp_path.iterdir()] == [MARKER]
+
+
+def test_a_marker_that_is_a_link_is_none(tmp_path):
+    (tmp_path / "elsewhere").write_text("7e57")
+    (tmp_path / "request").mkdir()
+    (tmp_path / "request" / MARKER).symlink_to(tmp_path / "elsewhere")
+    assert b"left untouched" in engine(tmp_path / "request", b"7e57\n").stdout
+    assert (tmp_path / "request").is_dir()
+
+
 def test_it_shows_signs_of_life(request_folder):
     process = long_request(request_folder)
     deadline = time.monotonic() + 30
@@ -213,23 +312,97 @@ def test_it_shows_signs_of_life(request_folder):
     process.communicate()
 
 
-def test_simplified_lines_stay_close_and_keep_their_ends():
-    rng = np.random.default_rng(1)
-    steps = rng.integers(-1, 2, 400)
-    x = np.cumsum(steps)
-    stairs = np.column_stack([np.repeat(x, 2)[1:], np.repeat(np.arange(400), 2)[:-1]]).astype(float)
-    few = simplified(stairs, False, 0.75)
-    assert len(few) < len(stairs) / 2
-    assert (few[[0, -1]] == stairs[[0, -1]]).all()
-    for point in stairs:
-        start, end = few[:-1], few[1:]
-        along = np.clip(((point - start) * (end - start)).sum(1) / ((end - start) ** 2).sum(1), 0, 1)
-        assert np.hypot(*(start + along[:, None] * (end - start) - point).T).min() <= 0.75 + 1e-9
+def test_aligned_layers_come_with_their_places(request_folder):
+    rng = np.random.default_rng(4)
+    whole = np.kron(rng.integers(0, 256, (30, 45, 3)), np.ones((4, 4, 1))).astype(np.uint8)
+    parts = [
+        np.dstack([part, np.full(part.shape[:2], 255, np.uint8)]) for part in (whole[:, :100], whole[:, 60:])
+    ]
+    layers = [request_folder.raster("a", parts[0]), request_folder.raster("b", parts[1], (63, -5))]
+    result = result_of(request_folder.ask(operation="stitch", layers=layers, options={"align": True}))
+    assert result["places"] == [[0, 0], [60, 0]]
+    shown = [request_folder.pixels(raster) > 0 for raster in result["masks"]]
+    assert (shown[0].sum() + shown[1].sum()) == 120 * 180
 
 
-def test_a_closed_line_keeps_at_least_three_points():
-    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
-    assert len(simplified(square, True, 5.0)) >= 3
-    ring = np.array([[np.cos(t) * 40, np.sin(t) * 40] for t in np.linspace(0, 2 * np.pi, 300, endpoint=False)])
-    few = simplified(ring, True, 0.5)
-    assert 10 < len(few) < 60
+def test_a_patch_is_divided_anew_by_its_path(request_folder, pair):
+    below = np.dstack([np.zeros((60, 60, 3), np.uint8), np.full((60, 60), 255, np.uint8)])
+    layers = [request_folder.raster("below", below), request_folder.raster("patch", pair[0], (10, 15))]
+    square = {"points": [12, 17, 30, 17, 30, 40, 12, 40], "closed": True}
+    seams = [{"pair": [0, 1], "name": "below : patch", "lines": [square], "touched": True}]
+    result = result_of(request_folder.ask(operation="restitch", layers=layers, seams=seams, shown=[]))
+    expected = np.zeros((30, 40), bool)
+    expected[2:25, 2:20] = True
+    np.testing.assert_array_equal(request_folder.pixels(result["masks"][1]) > 0, expected)
+
+
+def test_a_warm_engine_is_told_its_folder(request_folder, pair):
+    layers = [request_folder.raster("a", pair[0]), request_folder.raster("b", pair[1], (20, 5))]
+    request = {"operation": "preview", "of": "stitch", "scale": 0.5, "layers": layers}
+    options = {"blend": "feather", "blend_width": 8.0}
+    body = {"protocol": PROTOCOL, "version": ts.__version__, **request, "options": options}
+    (request_folder.folder / "request.json").write_text(json.dumps(body))
+    nonce = (request_folder.folder / "toposeam-request").read_text()
+    request_folder.held = os.open(os.devnull, os.O_RDONLY)
+    command = [sys.executable, "-m", "toposeam_engine", "-"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        process.stdin.write(f"{request_folder.folder}\n{nonce}\n".encode())
+        process.stdin.flush()
+        result = [json.loads(line) for line in process.stdout][-1]["result"]
+    shown = request_folder.pixels(result["picture"])
+    placed = [ts.Layer(pair[0][..., :3]), ts.Layer(pair[1][..., :3], at=(20, 5))]
+    expected = ts.stitch(placed, blend="feather", blend_width=4.0)
+    np.testing.assert_array_equal(shown[..., :3], ts.draw_seams(expected.image, expected.seams))
+
+
+def test_a_warm_engine_that_is_not_needed_goes():
+    process = subprocess.Popen(
+        [sys.executable, "-m", "toposeam_engine", "-"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    )
+    output, _ = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert b"result" not in output
+
+
+@pytest.mark.parametrize(
+    ("of", "options", "shape"),
+    [
+        (
+            "synthesize",
+            {"width": 120, "height": 100, "patch": 40, "overlap": 0, "tileable": "none", "seed": 1},
+            (50, 60),
+        ),
+        ("make_tileable", {"band": 16, "tileable": "both", "seed": 1}, (120, 160)),
+        ("fill", {"from": "around", "patch": 24, "overlap": 0, "band": 0, "seed": 1}, (60, 80)),
+    ],
+)
+def test_previews_of_textures(request_folder, of, options, shape):
+    pixels = np.dstack([np.random.default_rng(0).integers(0, 256, (60, 80, 3)), np.full((60, 80), 255)])
+    layer = request_folder.raster("layer", pixels.astype(np.uint8))
+    selected = np.zeros((60, 80), np.uint8)
+    selected[20:32, 30:44] = 255
+    selection = request_folder.raster("selection", selected) if of == "fill" else None
+    result = result_of(
+        request_folder.ask(
+            operation="preview", of=of, scale=0.5, layer=layer, selection=selection, options=options
+        )
+    )
+    assert request_folder.pixels(result["picture"]).shape == (*shape, 4)
+
+
+def test_a_preview_of_a_motif_is_small_and_repeats(request_folder):
+    options = {
+        "size": 1024,
+        "repeat": "p4m",
+        "layers": 2,
+        "palette": "random",
+        "mass": 0.0,
+        "penalty": 3.0,
+        "iterations": 500,
+        "seed": 1,
+        "base_strength": 0.7,
+    }
+    request = {"operation": "preview", "of": "motif", "scale": 1.0, "layer": None, "options": options}
+    shown = request_folder.pixels(result_of(request_folder.ask(**request))["picture"])
+    assert shown.shape == (192, 192, 4)
+    np.testing.assert_array_equal(shown[:96], shown[96:])

@@ -25,7 +25,9 @@ def photograph(name: str) -> npt.NDArray[np.uint8]:
 def crops() -> Crops:
     """Two crops of one photograph, chosen by the generator: ``crops(rng, height, width)``."""
 
-    def choose(rng: np.random.Generator, height: int, width: int) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
+    def choose(
+        rng: np.random.Generator, height: int, width: int
+    ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
         image = photograph(PHOTOGRAPHS[rng.integers(len(PHOTOGRAPHS))])
 
         def crop() -> npt.NDArray[np.uint8]:

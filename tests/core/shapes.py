@@ -14,7 +14,9 @@ def ring(height: int = 60, width: int = 70) -> tuple[np.ndarray, np.ndarray]:
 
 
 def four_gaps(size: int = 50) -> tuple[np.ndarray, np.ndarray]:
-    """A cross: ``a`` runs from left to right, ``b`` from top to bottom; where they cross, four gaps meet two seams."""
+    """A cross: ``a`` runs from left to right, ``b`` from top to bottom; where they cross, four gaps meet two
+    seams.
+    """
     a, b = np.zeros((size, size), bool), np.zeros((size, size), bool)
     a[size // 4 : -size // 4] = True
     b[:, size // 5 : -size // 5] = True
@@ -58,5 +60,10 @@ def ragged(height: int = 60, width: int = 60, seed: int = 0) -> tuple[np.ndarray
 
 
 SHAPES = {
-    "ring": ring, "four gaps": four_gaps, "two islands": two_islands, "ell": ell, "separate overlaps": separate_overlaps, "ragged": ragged,
-}  # fmt: skip
+    "ring": ring,
+    "four gaps": four_gaps,
+    "two islands": two_islands,
+    "ell": ell,
+    "separate overlaps": separate_overlaps,
+    "ragged": ragged,
+}

@@ -1,8 +1,17 @@
 """What tests in a real GIMP ask again and again."""
 
+import subprocess
+import sys
+
 import numpy as np
 
 STITCH = "plug-in-toposeam-stitch"
+
+
+def cli(*arguments):
+    """Run the command line."""
+    command = [sys.executable, "-m", "toposeam_cli", *map(str, arguments)]
+    subprocess.run(command, check=True, capture_output=True)
 
 
 def succeeded(result):
@@ -11,7 +20,9 @@ def succeeded(result):
 
 
 def refused(gimp, loaded, phrase, procedure=STITCH, options=None):
-    """The procedure fails with a sentence that says what to do; the image and the temporary folder are as before."""
+    """The procedure fails with a sentence that says what to do; the image and the temporary folder are as
+    before.
+    """
     before = gimp.tree(image=loaded["image"])
     result = gimp.run(procedure=procedure, image=loaded["image"], layers=loaded["layers"], options=options)
     assert result["status"] == "execution-error"
@@ -28,7 +39,9 @@ def mask_of(gimp, layer):
 
 
 def covers_once(low, high, x, y):
-    """Whether exactly one of two masks shows at every pixel; the upper one lies x px to the right and y px above."""
+    """Whether exactly one of two masks shows at every pixel; the upper one lies x px to the right and y px
+    above.
+    """
     canvas = np.zeros((max(low.shape[0] + y, high.shape[0]), high.shape[1] + x), int)
     canvas[y : y + low.shape[0], : low.shape[1]] += low
     canvas[: high.shape[0], x:] += high

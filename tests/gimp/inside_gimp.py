@@ -1,4 +1,6 @@
-"""Runs in GIMP's own Python: a server that lets the tests call the functions below. Images, layers and paths travel as their ids."""
+"""Runs in GIMP's own Python: a server that lets the tests call the functions below. Images, layers and paths
+travel as their ids.
+"""
 
 import hashlib
 import json
@@ -41,9 +43,12 @@ def procedures():
     for name in names:
         procedure = Gimp.get_pdb().lookup_procedure(name)
         found[name] = {
-            "label": procedure.get_menu_label(), "paths": list(procedure.get_menu_paths()), "blurb": procedure.get_blurb(),
-            "help": procedure.get_help(), "arguments": [argument.get_name() for argument in procedure.get_arguments()],
-        }  # fmt: skip
+            "label": procedure.get_menu_label(),
+            "paths": list(procedure.get_menu_paths()),
+            "blurb": procedure.get_blurb(),
+            "help": procedure.get_help(),
+            "arguments": [argument.get_name() for argument in procedure.get_arguments()],
+        }
     return found
 
 
@@ -72,7 +77,15 @@ def load(files, offsets=None, precision=None, gray=False, profile=None, alpha=Tr
 @function
 def python(code, **values):
     """For what only one test needs; the answer is what the code calls `answer`."""
-    scope = {"Gimp": Gimp, "Gegl": Gegl, "Gio": Gio, "image_of": image_of, "item": item, "answer": None, **values}
+    scope = {
+        "Gimp": Gimp,
+        "Gegl": Gegl,
+        "Gio": Gio,
+        "image_of": image_of,
+        "item": item,
+        "answer": None,
+        **values,
+    }
     exec(code, scope)  # noqa: S102 - the tests' own code
     return scope["answer"]
 
@@ -107,17 +120,24 @@ def tree(image):
 
     def describe(layer):
         about = {
-            "name": layer.get_name(), "offsets": list(layer.get_offsets())[1:], "visible": layer.get_visible(),
+            "name": layer.get_name(),
+            "offsets": list(layer.get_offsets())[1:],
+            "visible": layer.get_visible(),
             "opacity": layer.get_opacity(),
-            "pixels": digest(layer), "mask": layer.get_mask() and digest(layer.get_mask()), "id": layer.get_id(),
-        }  # fmt: skip
+            "pixels": digest(layer),
+            "mask": layer.get_mask() and digest(layer.get_mask()),
+            "id": layer.get_id(),
+        }
         if layer.is_group():
             about["children"] = [describe(child) for child in layer.get_children()]
         return about
 
     return {
         "layers": [describe(layer) for layer in image.get_layers()],
-        "paths": [{"name": path.get_name(), "visible": path.get_visible(), "id": path.get_id()} for path in image.get_paths()],
+        "paths": [
+            {"name": path.get_name(), "visible": path.get_visible(), "id": path.get_id()}
+            for path in image.get_paths()
+        ],
         "selection": digest(image.get_selection()),
         "size": [image.get_width(), image.get_height()],
     }
@@ -167,7 +187,9 @@ def export_layer(layer, file):
     """One layer, alone, as a file of the image's depth and profile."""
     layer = item(layer)
     image = layer.get_image()
-    alone = Gimp.Image.new_with_precision(layer.get_width(), layer.get_height(), image.get_base_type(), image.get_precision())
+    alone = Gimp.Image.new_with_precision(
+        layer.get_width(), layer.get_height(), image.get_base_type(), image.get_precision()
+    )
     profile = image.get_color_profile()
     if profile is not None:
         alone.set_color_profile(profile)

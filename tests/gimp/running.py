@@ -19,14 +19,23 @@ CHECKOUT = HERE.parent.parent
 
 def find_gimp(kind="gimp-console"):
     """The newest GIMP 3 on PATH, None without one."""
-    folders = [Path(folder) for folder in os.environ.get("PATH", "").split(os.pathsep) if Path(folder).is_dir()]
-    names = {entry.name for folder in folders for entry in folder.glob(f"{kind}-3*") if re.fullmatch(rf"{kind}-3(\.\d+)?", entry.name)}
+    folders = [
+        Path(folder) for folder in os.environ.get("PATH", "").split(os.pathsep) if Path(folder).is_dir()
+    ]
+    names = {
+        entry.name
+        for folder in folders
+        for entry in folder.glob(f"{kind}-3*")
+        if re.fullmatch(rf"{kind}-3(\.\d+)?", entry.name)
+    }
     found = sorted(names, key=lambda name: [int(number) for number in re.findall(r"\d+", name)])
     return shutil.which(found[-1]) if found else None
 
 
 def needs_gimp():
-    """Skip the module that calls this where there is no GIMP 3; fail it where TOPOSEAM_GIMP_REQUIRED says that there must be one."""
+    """Skip the module that calls this where there is no GIMP 3; fail it where TOPOSEAM_GIMP_REQUIRED says
+    that there must be one.
+    """
     if find_gimp() is None:
         text = "no GIMP 3 on this machine; `make test-gimp` provides one and runs these tests in it"
         if os.environ.get("TOPOSEAM_GIMP_REQUIRED"):
@@ -42,28 +51,42 @@ class Gimp:
         self.profile = folder / "profile"
         self.profile.mkdir()
         # As after the first start: no welcome, no tips in the way.
-        version = subprocess.run([find_gimp(), "--version"], capture_output=True, text=True, check=True).stdout.split()[-1]
+        version = subprocess.run(
+            [find_gimp(), "--version"], capture_output=True, text=True, check=True
+        ).stdout.split()[-1]
         settings = f'(config-version "{version}")\n(show-welcome-dialog no)\n(check-updates no)\n'
-        (self.profile / "gimprc").write_text(f'{settings}(plug-in-path "{plug_ins}:${{gimp_plug_in_dir}}/plug-ins")\n')
+        (self.profile / "gimprc").write_text(
+            f'{settings}(plug-in-path "{plug_ins}:${{gimp_plug_in_dir}}/plug-ins")\n'
+        )
         self.log = folder / "gimp.log"
         address = str(folder / "socket")
         own = str(Path(sys.executable).parent)  # GIMP must not take our Python for its plug-ins
         path = os.pathsep.join(folder for folder in os.environ["PATH"].split(os.pathsep) if folder != own)
         self.environment = {
-            **os.environ, "PATH": path, "GIMP3_DIRECTORY": str(self.profile), "TOPOSEAM_TEST_SOCKET": address,
+            **os.environ,
+            "PATH": path,
+            "GIMP3_DIRECTORY": str(self.profile),
+            "TOPOSEAM_TEST_SOCKET": address,
             "TOPOSEAM_PYTHON": str(folder / "engine"),
-            "TMPDIR": str(folder / "tmp"), **(environment or {}),
-        }  # fmt: skip
+            "TMPDIR": str(folder / "tmp"),
+            **(environment or {}),
+        }
         (folder / "tmp").mkdir()
         self.engine = folder / "engine"
         self.set_engine(f'exec "{sys.executable}" "$@"')
-        code = f"exec(compile(open({str(HERE / 'inside_gimp.py')!r}).read(), 'inside_gimp.py', 'exec'), globals())"
+        code = (
+            f"exec(compile(open({str(HERE / 'inside_gimp.py')!r}).read(), 'inside_gimp.py', 'exec'), "
+            "globals())"
+        )
         command = command or [find_gimp(), "-nidfs"]
         with self.log.open("wb") as log:
             self.process = subprocess.Popen(
                 [*command, "--batch-interpreter=python-fu-eval", "-b", code, "--quit"],
-                env=self.environment, stdout=log, stderr=log, stdin=subprocess.DEVNULL
-            )  # fmt: skip
+                env=self.environment,
+                stdout=log,
+                stderr=log,
+                stdin=subprocess.DEVNULL,
+            )
         self.socket = socket.socket(socket.AF_UNIX)
         deadline = time.monotonic() + 120
         while True:
@@ -72,7 +95,9 @@ class Gimp:
                 break
             except OSError:
                 if self.process.poll() is not None or time.monotonic() > deadline:
-                    raise RuntimeError(f"GIMP did not start: {self.log.read_text(errors='replace')[-3000:]}") from None
+                    raise RuntimeError(
+                        f"GIMP did not start: {self.log.read_text(errors='replace')[-3000:]}"
+                    ) from None
                 time.sleep(0.1)
         self.lines = self.socket.makefile("rw", encoding="utf-8")
 
@@ -95,8 +120,27 @@ class Gimp:
 
         return call
 
+    def child(self, *words):
+        """The id of a process that this GIMP has started, itself or through others, and whose command line
+        has all these words; None if there is none.
+        """
+        for process in descendants(self.process.pid):
+            try:
+                line = Path(f"/proc/{process}/cmdline").read_bytes().decode(errors="replace")
+            except OSError:
+                continue
+            if all(word in line for word in words):
+                return process
+        return None
+
     def stitch(self, loaded, options=None, **more):
-        return self.run(procedure="plug-in-toposeam-stitch", image=loaded["image"], layers=loaded["layers"], options=options, **more)
+        return self.run(
+            procedure="plug-in-toposeam-stitch",
+            image=loaded["image"],
+            layers=loaded["layers"],
+            options=options,
+            **more,
+        )
 
     def pixels(self, drawable, format_name):
         """(H, W, C) array of a drawable, and its offset."""
@@ -125,6 +169,19 @@ class Gimp:
         self.socket.close()
 
 
+def descendants(process):
+    """The ids of a process's children, of their children, and so on."""
+    found = []
+    for children in Path(f"/proc/{process}/task").glob("*/children"):
+        try:
+            started = [int(number) for number in children.read_text().split()]
+        except OSError:
+            continue
+        for child in started:
+            found += [child, *descendants(child)]
+    return found
+
+
 def _array(file, height, width, format_name):
     dtype = {"u8": np.uint8, "u16": np.uint16, "float": np.float32}[format_name.split()[1]]
     return np.fromfile(file, dtype).reshape(height, width, -1)
@@ -135,17 +192,34 @@ class Screen:
 
     def __init__(self, width=1280, height=900):
         read, write = os.pipe()
-        command = ["Xvfb", "-displayfd", str(write), "-screen", "0", f"{width}x{height}x24", "-nolisten", "tcp"]
+        command = [
+            "Xvfb",
+            "-displayfd",
+            str(write),
+            "-screen",
+            "0",
+            f"{width}x{height}x24",
+            "-nolisten",
+            "tcp",
+        ]
         self._server = subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL)
         os.close(write)
         with os.fdopen(read) as number:
             self.display = ":" + number.readline().strip()
         self.environment = {**os.environ, "DISPLAY": self.display}
-        self._manager = subprocess.Popen(["openbox"], env=self.environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self._manager = subprocess.Popen(
+            ["openbox"], env=self.environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
 
     def do(self, *arguments):
         """Run xdotool; what it prints."""
-        return subprocess.run(["xdotool", *map(str, arguments)], env=self.environment, capture_output=True, text=True, check=False).stdout
+        return subprocess.run(
+            ["xdotool", *map(str, arguments)],
+            env=self.environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        ).stdout
 
     def window(self, name, seconds=60):
         """Wait for a visible window whose title has a text; its id."""

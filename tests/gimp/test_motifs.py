@@ -20,7 +20,12 @@ def generate(gimp):
 
     def call(options, loaded=None):
         result = succeeded(
-            gimp.run(procedure=MOTIF, image=loaded and loaded["image"], layers=loaded["layers"] if loaded else [], options=options)
+            gimp.run(
+                procedure=MOTIF,
+                image=loaded and loaded["image"],
+                layers=loaded["layers"] if loaded else [],
+                options=options,
+            )
         )
         number = gimp.python(code="answer = item(number).get_image().get_id()", number=result["layer"])
         made.append(number)
@@ -36,7 +41,9 @@ def test_a_motif_looks_as_core_makes_it_without_any_image_open(gimp, generate):
     children = gimp.tree(image=number)["layers"][0]["children"]
     assert [child["name"] for child in children] == ["Ink 2", "Ink 1", "Paper"]
     shown = gimp.projection(number, "R'G'B'A u8")[..., :3]
-    expected = ts.generate_motif(48, iterations=6, repeat="rotate", palette="sea", seed=11, layers=2, penalty=3.0).image()
+    expected = ts.generate_motif(
+        48, iterations=6, repeat="rotate", palette="sea", seed=11, layers=2, penalty=3.0
+    ).image()
     assert np.abs(shown / 255 - expected).max() <= 1.5 / 255
 
 
@@ -44,11 +51,17 @@ def test_a_layer_shapes_the_strokes(gimp, image, generate, tmp_path):
     base = np.zeros((64, 64, 3), np.uint8)
     base[16:48, 16:48] = 255
     write_png(tmp_path / "logo.png", base)
-    number, _ = generate({**SMALL, "iterations": 20, "layers": 1, "use-layer": True, "base-strength": 0.9}, image([tmp_path / "logo.png"]))
+    number, _ = generate(
+        {**SMALL, "iterations": 20, "layers": 1, "use-layer": True, "base-strength": 0.9},
+        image([tmp_path / "logo.png"]),
+    )
     plain, _ = generate({**SMALL, "iterations": 20, "layers": 1})
     inked = []
     for one in (number, plain):
-        mask = gimp.python(code="answer = item(number).get_mask().get_id()", number=gimp.tree(image=one)["layers"][0]["children"][0]["id"])
+        mask = gimp.python(
+            code="answer = item(number).get_mask().get_id()",
+            number=gimp.tree(image=one)["layers"][0]["children"][0]["id"],
+        )
         density = gimp.pixels(mask, "Y float")[0][..., 0]
         inked.append(density[12:36, 12:36].mean() / density.mean())
     assert inked[0] > 1.2 * inked[1]  # ink keeps to the bright parts
@@ -63,7 +76,9 @@ layer.fill(Gimp.FillType.FOREGROUND)
 """
     gimp.python(code=code, number=gimp.tree(image=number)["layers"][0]["children"][0]["id"])
     cell = gimp.projection(number, "R'G'B'A u8")
-    result = succeeded(gimp.run(procedure=REPEAT, image=number, layers=[group], options={"rows": 2, "columns": 3}))
+    result = succeeded(
+        gimp.run(procedure=REPEAT, image=number, layers=[group], options={"rows": 2, "columns": 3})
+    )
     pattern = gimp.python(code="answer = item(number).get_image().get_id()", number=result["layer"])
     shown = gimp.projection(pattern, "R'G'B'A u8")
     row = np.concatenate([cell, cell[:, ::-1], cell], axis=1)

@@ -25,8 +25,10 @@ def pictures(tmp_path):
 
 def ellipse(gimp, loaded, x, y, width, height):
     gimp.python(
-        code="image_of(number).select_ellipse(Gimp.ChannelOps.REPLACE, *box)", number=loaded["image"], box=[x, y, width, height]
-    )  # fmt: skip
+        code="image_of(number).select_ellipse(Gimp.ChannelOps.REPLACE, *box)",
+        number=loaded["image"],
+        box=[x, y, width, height],
+    )
 
 
 def patch(gimp, loaded, layer, options=None):
@@ -91,7 +93,9 @@ Gimp.edit_copy([item(layer)])
 floating = Gimp.edit_paste(item(base), False)[0]
 answer = [floating.get_id(), floating.is_floating_sel()]
 """
-    floating, floats = gimp.python(code=code, number=loaded["image"], layer=loaded["layers"][1], base=loaded["layers"][0])
+    floating, floats = gimp.python(
+        code=code, number=loaded["image"], layer=loaded["layers"][1], base=loaded["layers"][0]
+    )
     assert floats
     gimp.python(code="item(number).set_visible(False)", number=loaded["layers"][1])
     result = succeeded(patch(gimp, loaded, floating))
@@ -101,7 +105,9 @@ answer = [floating.get_id(), floating.is_floating_sel()]
     np.testing.assert_array_equal(gimp.projection(loaded["image"], "R'G'B'A u8")[..., :3], expected)
 
 
-@pytest.mark.parametrize("options", [{"precision": "FLOAT_LINEAR"}, {"precision": "U16_NON_LINEAR"}, {"gray": True}])
+@pytest.mark.parametrize(
+    "options", [{"precision": "FLOAT_LINEAR"}, {"precision": "U16_NON_LINEAR"}, {"gray": True}]
+)
 def test_other_precisions(gimp, image, pictures, options):
     _, _, files = pictures
     loaded = image(files, **options)
@@ -124,3 +130,43 @@ def test_a_selection_beside_the_layer(gimp, image, pictures):
     loaded = image(files, offsets=[(0, 0), (200, 0)])
     ellipse(gimp, loaded, 10, 10, 100, 100)
     refused(gimp, {**loaded, "layers": loaded["layers"][1:]}, "The selection lies outside the layer", PATCH)
+
+
+def test_a_patch_follows_its_path(gimp, image, pictures):
+    _, _, files = pictures
+    loaded = image(files)
+    ellipse(gimp, loaded, 50, 30, 140, 140)
+    result = succeeded(patch(gimp, loaded, loaded["layers"][1]))
+    found = mask_of(gimp, result["layer"])
+    again = {"procedure": "plug-in-toposeam-restitch", "image": loaded["image"], "layers": [result["layer"]]}
+    succeeded(gimp.run(**again))
+    np.testing.assert_array_equal(mask_of(gimp, result["layer"]), found)
+    code = """
+path = image_of(number).get_paths()[0]
+for stroke in path.get_strokes():
+    path.remove_stroke(stroke)
+controls = [float(value) for point in ((80, 60), (160, 60), (160, 140), (80, 140)) for value in point * 3]
+path.stroke_new_from_points(Gimp.PathStrokeType.BEZIER, controls, True)
+"""
+    gimp.python(code=code, number=loaded["image"])
+    succeeded(gimp.run(**again))
+    mask = mask_of(gimp, result["layer"])
+    expected = np.zeros_like(mask)
+    expected[30:110, 30:110] = 255
+    np.testing.assert_array_equal(mask, expected)
+
+
+def test_a_filtered_patch_is_laid_as_it_is_seen(gimp, image, pictures):
+    base, above, files = pictures
+    write_png(files[1].with_name("inverted.png"), 255 - above)
+    loaded = image([files[0], files[1].with_name("inverted.png")])
+    code = (
+        "layer = item(number); layer.append_filter(Gimp.DrawableFilter.new(layer, 'gegl:invert-gamma', 'i'))"
+    )
+    gimp.python(code=code, number=loaded["layers"][1])
+    gimp.python(code="item(number).set_opacity(30.0)", number=loaded["layers"][1])
+    ellipse(gimp, loaded, 50, 30, 140, 140)
+    succeeded(patch(gimp, loaded, loaded["layers"][1]))
+    y, x = np.mgrid[:200, :240]
+    expected = np.where((np.hypot(y - 100, x - 120) < 50)[..., None], above, base)
+    np.testing.assert_array_equal(gimp.projection(loaded["image"], "R'G'B'A u8")[..., :3], expected)

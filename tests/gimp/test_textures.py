@@ -25,9 +25,11 @@ def test_a_texture_is_what_core_makes(gimp, image, sample):
     loaded = image([file])
     before = gimp.tree(image=loaded["image"])
     options = {"width": 150, "height": 110, "patch": 32, "tileable": "x", "seed": 4}
-    result = succeeded(gimp.run(procedure=SYNTHESIZE, image=loaded["image"], layers=loaded["layers"], options=options))
+    result = succeeded(
+        gimp.run(procedure=SYNTHESIZE, image=loaded["image"], layers=loaded["layers"], options=options)
+    )
     made, _ = gimp.pixels(result["layer"], "R'G'B'A u8")
-    expected = ts.synthesize(pixels, (110, 150), 32, seed=4, tileable="x").image
+    expected = ts.synthesize(pixels, (110, 150), patch=32, seed=4, tileable="x").image
     np.testing.assert_array_equal(made[..., :3], expected)
     assert gimp.tree(image=loaded["image"]) == before
     number = gimp.python(code="answer = item(number).get_image().get_id()", number=result["layer"])
@@ -35,11 +37,15 @@ def test_a_texture_is_what_core_makes(gimp, image, sample):
     gimp.delete(image=number)
 
 
-@pytest.mark.parametrize("options", [{"precision": "FLOAT_LINEAR"}, {"precision": "U16_NON_LINEAR"}, {"gray": True}])
+@pytest.mark.parametrize(
+    "options", [{"precision": "FLOAT_LINEAR"}, {"precision": "U16_NON_LINEAR"}, {"gray": True}]
+)
 def test_into_a_new_layer_of_the_same_kind(gimp, image, sample, options):
     loaded = image([sample[1]], **options)
     wanted = {"width": 140, "height": 100, "patch": 24, "destination": "layer"}
-    result = succeeded(gimp.run(procedure=SYNTHESIZE, image=loaded["image"], layers=loaded["layers"], options=wanted))
+    result = succeeded(
+        gimp.run(procedure=SYNTHESIZE, image=loaded["image"], layers=loaded["layers"], options=wanted)
+    )
     after = gimp.tree(image=loaded["image"])
     assert [layer["id"] for layer in after["layers"]] == [result["layer"], *loaded["layers"]]
     made, _ = gimp.pixels(result["layer"], "R'G'B'A u8")
@@ -52,9 +58,13 @@ def test_only_what_is_selected_is_copied(gimp, image, tmp_path):
     pixels[:, 70:] = 250
     write_png(tmp_path / "sample.png", pixels)
     loaded = image([tmp_path / "sample.png"])
-    gimp.python(code="image_of(number).select_ellipse(Gimp.ChannelOps.REPLACE, 2, 2, 66, 92)", number=loaded["image"])
+    gimp.python(
+        code="image_of(number).select_ellipse(Gimp.ChannelOps.REPLACE, 2, 2, 66, 92)", number=loaded["image"]
+    )
     options = {"width": 100, "height": 100, "patch": 20}
-    result = succeeded(gimp.run(procedure=SYNTHESIZE, image=loaded["image"], layers=loaded["layers"], options=options))
+    result = succeeded(
+        gimp.run(procedure=SYNTHESIZE, image=loaded["image"], layers=loaded["layers"], options=options)
+    )
     made, _ = gimp.pixels(result["layer"], "R'G'B'A u8")
     assert made[..., :3].max() <= pixels[:, :68].max()
 
@@ -63,18 +73,49 @@ def test_a_tile_is_what_core_makes_and_the_layer_stays(gimp, image, sample):
     pixels, file = sample
     loaded = image([file])
     before = gimp.tree(image=loaded["image"])["layers"]
-    result = succeeded(gimp.run(procedure=TILE, image=loaded["image"], layers=loaded["layers"], options={"band": 12, "seed": 2}))
+    result = succeeded(
+        gimp.run(
+            procedure=TILE, image=loaded["image"], layers=loaded["layers"], options={"band": 12, "seed": 2}
+        )
+    )
     made, _ = gimp.pixels(result["layer"], "R'G'B'A u8")
-    np.testing.assert_array_equal(made[..., :3], ts.make_tileable(pixels, 12, 2).image)
+    np.testing.assert_array_equal(made[..., :3], ts.make_tileable(pixels, band=12, seed=2).image)
     assert gimp.tree(image=loaded["image"])["layers"][1:] == before
 
 
 def test_a_selected_rectangle_becomes_a_tile_in_its_place(gimp, image, sample):
     loaded = image([sample[1]])
-    gimp.python(code="image_of(number).select_rectangle(Gimp.ChannelOps.REPLACE, 20, 10, 80, 64)", number=loaded["image"])
+    gimp.python(
+        code="image_of(number).select_rectangle(Gimp.ChannelOps.REPLACE, 20, 10, 80, 64)",
+        number=loaded["image"],
+    )
     result = succeeded(gimp.run(procedure=TILE, image=loaded["image"], layers=loaded["layers"]))
     made, offset = gimp.pixels(result["layer"], "R'G'B'A u8")
     assert (made.shape[:2], offset) == ((64, 80), (20, 10))
+
+
+def test_a_selection_that_is_no_rectangle_makes_no_tile(gimp, image, sample):
+    loaded = image([sample[1]])
+    gimp.python(
+        code="image_of(number).select_ellipse(Gimp.ChannelOps.REPLACE, 20, 10, 80, 64)",
+        number=loaded["image"],
+    )
+    refused(gimp, loaded, "not a rectangle", TILE)
+
+
+def test_a_filtered_layer_is_made_a_tile_as_it_is_seen(gimp, image, sample):
+    pixels, file = sample
+    loaded = image([file])
+    code = (
+        "layer = item(number); layer.append_filter(Gimp.DrawableFilter.new(layer, 'gegl:invert-gamma', 'i'))"
+    )
+    gimp.python(code=code, number=loaded["layers"][0])
+    options = {"band": 12, "seed": 2}
+    result = succeeded(
+        gimp.run(procedure=TILE, image=loaded["image"], layers=loaded["layers"], options=options)
+    )
+    made, _ = gimp.pixels(result["layer"], "R'G'B'A u8")
+    np.testing.assert_array_equal(made[..., :3], ts.make_tileable(255 - pixels, band=12, seed=2).image)
 
 
 def test_a_hole_is_filled_as_core_does_and_nothing_else_is_covered(gimp, image, sample):
@@ -90,8 +131,12 @@ open(file, "wb").write(image.get_selection().get_buffer().get(box, 1.0, "Y u8", 
     file = gimp.folder / "selection.raw"
     gimp.python(code=code, number=loaded["image"], file=str(file))
     hole = np.fromfile(file, np.uint8).reshape(96, 120) >= 128
-    result = succeeded(gimp.run(procedure=FILL, image=loaded["image"], layers=loaded["layers"], options={"patch": 20, "seed": 3}))
-    expected = ts.fill(pixels, hole, 20, seed=3).image
+    result = succeeded(
+        gimp.run(
+            procedure=FILL, image=loaded["image"], layers=loaded["layers"], options={"patch": 20, "seed": 3}
+        )
+    )
+    expected = ts.fill(pixels, hole, patch=20, seed=3).image
     shown = gimp.projection(loaded["image"], "R'G'B'A u8")
     np.testing.assert_array_equal(shown[5:101, 7:127, :3], expected)
     made, _ = gimp.pixels(result["layer"], "R'G'B'A u8")

@@ -1,4 +1,6 @@
-"""When the engine, the disk or the user gives up: a sentence, the picture as it was, and nothing left behind."""
+"""When the engine, the disk or the user gives up: a sentence, the picture as it was, and nothing left
+behind.
+"""
 
 import os
 import signal
@@ -16,33 +18,41 @@ needs_gimp()
 
 
 @pytest.fixture
-def motorcycle(image, samples):
-    return image([samples / "motorcycle_left.png", samples / "motorcycle_right.png"], offsets=[(0, 0), (310, -6)])
+def still_life(image, samples):
+    return image(
+        [samples / "still_life_left.png", samples / "still_life_right.png"], offsets=[(0, 0), (310, -6)]
+    )
 
 
-def test_no_engine(gimp, engine, motorcycle):
+def test_no_engine(gimp, engine, still_life):
     engine()
-    refused(gimp, motorcycle, "TOPOSEAM_PYTHON")
+    refused(gimp, still_life, "TOPOSEAM_PYTHON")
 
 
-def test_an_engine_that_cannot_start(gimp, engine, motorcycle):
-    engine('echo "No module named toposeam_cli" >&2; exit 1')
-    refused(gimp, motorcycle, "No module named toposeam_cli Run “toposeam gimp install”")
+def test_an_engine_that_cannot_start(gimp, engine, still_life):
+    engine('echo "No module named toposeam_engine" >&2; exit 1')
+    refused(gimp, still_life, "No module named toposeam_engine Run “toposeam gimp install”")
 
 
-def test_an_engine_of_another_release(gimp, engine, motorcycle):
+def test_an_engine_of_another_release(gimp, engine, still_life):
     engine("""echo '{"event": "hello", "protocol": 1, "version": "9.9"}'; sleep 60""")
-    refused(gimp, motorcycle, "the installed TopoSeam is 9.9; run “toposeam gimp install” and start GIMP again")
+    refused(
+        gimp, still_life, "the installed TopoSeam is 9.9; run “toposeam gimp install” and start GIMP again"
+    )
 
 
-def test_an_engine_that_talks_nonsense_and_ends(gimp, engine, motorcycle):
-    engine("""echo '{"event": "hello", "protocol": 1, "version": "0.1.0"}'; echo nonsense; echo '[]'; exit 3""")
-    refused(gimp, motorcycle, "ended unexpectedly (code 3)")
+def test_an_engine_that_talks_nonsense_and_ends(gimp, engine, still_life):
+    engine(
+        """echo '{"event": "hello", "protocol": 2, "version": "0.2.0"}'; echo nonsense; echo '[]'; exit 3"""
+    )
+    refused(gimp, still_life, "ended unexpectedly (code 3)")
 
 
 @pytest.fixture
 def long_work(gimp, image, tmp_path):
-    """A call that takes the engine many seconds, under way in a thread; `pid` of its engine, and `answer` when it ended."""
+    """A call that takes the engine many seconds, under way in a thread; `pid` of its engine, and `answer`
+    when it ended.
+    """
     write_png(tmp_path / "large.png", photograph(700, 900))
     loaded = image([tmp_path / "large.png"] * 2, offsets=[(0, 0), (300, 0)])
 
@@ -57,24 +67,12 @@ def long_work(gimp, image, tmp_path):
     work = Work()
     thread = threading.Thread(target=work.call)
     thread.start()
-    work.engine = wait_for(lambda: find_process("toposeam_cli.engine", str(gimp.folder)))
+    work.engine = wait_for(lambda: gimp.child("toposeam_engine"))
     wait_for(lambda: gimp.leftovers())
     time.sleep(1)
     work.thread = thread
     yield work
     thread.join(60)
-
-
-def find_process(*words):
-    """The id of the process whose command line has all these words."""
-    for entry in Path("/proc").glob("[0-9]*/cmdline"):
-        try:
-            line = entry.read_bytes().decode(errors="replace")
-        except OSError:
-            continue
-        if all(word in line for word in words):
-            return int(entry.parent.name)
-    return None
 
 
 def wait_for(found, seconds=60):
@@ -106,7 +104,7 @@ def test_an_engine_killed_in_the_middle(gimp, long_work):
 
 def test_cancelling_ends_the_engine_and_changes_nothing(gimp, long_work):
     # GIMP's Cancel button kills the plug-in, which cannot clean up then.
-    plug_in = find_process("toposeam_gimp.py", "-run")
+    plug_in = gimp.child("toposeam_gimp.py", "-run")
     os.kill(plug_in, signal.SIGKILL)
     long_work.thread.join(60)
     assert long_work.answer["status"] != "success"
@@ -121,8 +119,15 @@ def test_a_full_disk(real_gimp, tmp_path, samples):
     gimp = Gimp(small)
     try:
         subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "none", str(small / "tmp")], check=True)
-        loaded = gimp.load(files=[str(samples / f"motorcycle_{side}.png") for side in ("left", "right")], offsets=[[0, 0], [310, -6]])
-        refused(gimp, loaded, f"no space left in the temporary folder {small / 'tmp'}; 3 MiB are needed. Free some")
+        loaded = gimp.load(
+            files=[str(samples / f"still_life_{side}.png") for side in ("left", "right")],
+            offsets=[[0, 0], [310, -6]],
+        )
+        refused(
+            gimp,
+            loaded,
+            f"no space left in the temporary folder {small / 'tmp'}; 3 MiB are needed. Free some",
+        )
         subprocess.run(["mount", "-o", "remount,size=100m", str(small / "tmp")], check=True)
         succeeded(gimp.stitch(loaded))
     finally:
@@ -130,10 +135,11 @@ def test_a_full_disk(real_gimp, tmp_path, samples):
         subprocess.run(["umount", str(small / "tmp")], check=False)
 
 
-def test_crashed_requests_are_swept_away(gimp, motorcycle):
+def test_crashed_requests_are_swept_away(gimp, still_life):
     old = gimp.folder / "tmp" / "toposeam-request-crashed"
     old.mkdir()
     (old / "alive").touch()
+    (old / "toposeam-request").write_text("nonce")
     os.utime(old / "alive", (0, 0))
-    succeeded(gimp.run(procedure=STITCH, image=motorcycle["image"], layers=motorcycle["layers"]))
+    succeeded(gimp.run(procedure=STITCH, image=still_life["image"], layers=still_life["layers"]))
     assert not gimp.leftovers()

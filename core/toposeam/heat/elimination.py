@@ -1,7 +1,8 @@
 """Exact solution of symmetric positive systems whose pattern stays and whose values change.
 
-The pattern, the pairs of unknowns that are coupled, is analysed once; then each new set of values costs one pass over them and one
-factorisation: dense, banded (reverse Cuthill-McKee) or sparse (SuperLU), whichever the size and the bandwidth favour.
+The pattern, the pairs of unknowns that are coupled, is analysed once; then each new set of values costs one
+pass over them and one factorisation: dense, banded (reverse Cuthill-McKee) or sparse (SuperLU), whichever the
+size and the bandwidth favour.
 """
 
 from __future__ import annotations
@@ -12,11 +13,15 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg.lapack import dpbtrf, dpbtrs, dpotrf, dpotrs
-from scipy.sparse import csc_array, csr_array
+from scipy.sparse import csc_array, csr_array, triu
 from scipy.sparse.csgraph import reverse_cuthill_mckee
-from scipy.sparse.linalg import splu
 
 from toposeam.errors import SolverError
+
+try:
+    import qdldl
+except ImportError:  # there are no wheels for every platform (musl)
+    qdldl = None
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.signedinteger[Any]]
@@ -35,7 +40,9 @@ _FULL = 0.5
 _CHEAP = 1e6
 #: From this many unknowns on, eliminating those that are apart pays, if they are at least this share of all.
 CONDENSED_NODES = 1500
-_APART_SHARE = 0.15
+_APART_SHARE = 0.3
+#: From this many unknowns on nobody looks whether those of an irregular network could be numbered in a band.
+SPARSE_NODES = 4000
 #: An unknown coupled to more others than this is not eliminated early.
 _MOST_NEIGHBOURS = 6
 
@@ -43,11 +50,14 @@ _MOST_NEIGHBOURS = 6
 class System(Protocol):
     """A pattern of n unknowns with coupled pairs (i, j)."""
 
-    #: Whether the same values always give the same bits; an order of elimination found on the way rounds differently.
+    #: Whether the same values always give the same bits; an order of elimination found on the way rounds
+    #: differently.
     repeatable: bool
 
     def factor(self, coupling: Floats, diagonal: Floats) -> Factor:
-        """What solves A x = load, where A has `diagonal` (n,) and, at (i, j) and (j, i), minus `coupling` (E,)."""
+        """What solves A x = load, where A has `diagonal` (n,) and, at (i, j) and (j, i), minus `coupling`
+        (E,).
+        """
 
 
 def system(n: int, i: Ints, j: Ints, apart: npt.NDArray[np.bool_] | None = None) -> System:
@@ -63,15 +73,18 @@ def system(n: int, i: Ints, j: Ints, apart: npt.NDArray[np.bool_] | None = None)
     """
     if n <= DENSE_NODES:
         return _Dense(n, i, j)
-    if n >= CONDENSED_NODES:
-        if apart is None or np.count_nonzero(apart) <= 0.3 * n:
-            apart = _independent(n, i, j)
-        if np.count_nonzero(apart) > _APART_SHARE * n:
-            return _Condensed(n, i, j, apart)
+    if n >= CONDENSED_NODES and apart is not None and np.count_nonzero(apart) > _APART_SHARE * n:
+        return _Condensed(n, i, j, apart)
+    if n >= SPARSE_NODES and apart is None:
+        return _Sparse(n, i, j)
     width = int(np.abs(i - j).max(initial=0))
-    if width <= WIDEST_BAND and width * width <= min(n, _CHEAP / n):  # as good as any order could be, or cheaper than finding a better one
+    if width <= WIDEST_BAND and width * width <= min(
+        n, _CHEAP / n
+    ):  # as good as any order could be, or cheaper than finding a better one
         return _Banded(n, np.arange(n), i, j, width)
-    graph = csr_array((np.ones(2 * len(i), np.int8), (np.concatenate([i, j]), np.concatenate([j, i]))), shape=(n, n))
+    graph = csr_array(
+        (np.ones(2 * len(i), np.int8), (np.concatenate([i, j]), np.concatenate([j, i]))), shape=(n, n)
+    )
     rank = np.empty(n, np.intp)
     rank[reverse_cuthill_mckee(graph, symmetric_mode=True)] = np.arange(n)
     width = int(np.abs(rank[i] - rank[j]).max(initial=0))
@@ -82,24 +95,6 @@ def system(n: int, i: Ints, j: Ints, apart: npt.NDArray[np.bool_] | None = None)
     else:
         banded = width <= WIDEST_BAND
     return _Banded(n, rank, rank[i], rank[j], width) if banded else _Sparse(n, i, j)
-
-
-def _independent(n: int, i: Ints, j: Ints) -> npt.NDArray[np.bool_]:
-    """Unknowns with few neighbours, no two of which are coupled, (n,) bool: those with fewer than their neighbours, over and over."""
-    degree = np.bincount(i, minlength=n) + np.bincount(j, minlength=n)
-    # A golden-ratio sequence decides between equals.
-    priority = np.where(degree <= _MOST_NEIGHBOURS, degree + (np.arange(n) * 0.6180339887498949) % 1.0, np.inf)
-    chosen = np.zeros(n, bool)
-    for _ in range(3):
-        least = np.full(n, np.inf)
-        np.minimum.at(least, i, priority.take(j))
-        np.minimum.at(least, j, priority.take(i))
-        first = priority < least
-        chosen |= first
-        priority[first] = np.inf
-        priority[i[first[j]]] = np.inf
-        priority[j[first[i]]] = np.inf
-    return chosen
 
 
 class _Dense:
@@ -146,51 +141,56 @@ class _Banded:
 
 
 class _Sparse:
+    """L D Lᵀ by QDLDL in an order of approximate minimum degree (Stellato et al. 2020,
+    doi:10.1007/s12532-020-00179-2).
+    """
+
     repeatable = False
 
     def __init__(self, n: int, i: Ints, j: Ints) -> None:
-        self.n, self.i, self.j = n, i, j
-        self.ordered = False
-        self._place(np.arange(n, dtype=np.int32))
-
-    def _place(self, rank: Ints) -> None:
-        """Positions in compressed columns, diagonal included, once the unknowns are numbered by rank."""
-        i, j = rank[self.i], rank[self.j]
-        rows, columns = np.concatenate([i, j, rank]), np.concatenate([j, i, rank])
-        # Compressed by rows and then by columns, the entries come in order.
-        table = csr_array((np.arange(len(rows)), (rows, columns)), shape=(self.n, self.n)).tocsc()
-        self.indices, self.indptr = table.indices, table.indptr
-        self.position = np.empty(len(rows), np.intp)
-        self.position[table.data] = np.arange(len(rows))
-        self.rank = rank
+        # The upper triangle by columns, the diagonal last in each; pairs come sorted or are sorted here.
+        low, high = np.minimum(i, j), np.maximum(i, j)
+        order = np.argsort(high.astype(np.int64) * n + low, kind="stable")
+        count = np.bincount(high, minlength=n)
+        self.indptr = np.concatenate([[0], np.cumsum(count + 1)]).astype(np.int32)
+        self.diagonal = self.indptr[1:] - 1
+        self.position = np.empty(len(order), np.intp)
+        self.position[order] = np.arange(len(order)) + high[order]
+        self.indices = np.empty(len(order) + n, np.int32)
+        self.indices[self.position], self.indices[self.diagonal] = low, np.arange(n)
+        self.n = n
+        self.solver: Any = None
 
     def factor(self, coupling: Floats, diagonal: Floats) -> Factor:
         data = np.empty(len(self.indices))
-        data[self.position] = np.concatenate([-coupling, -coupling, diagonal])
+        data[self.position] = -coupling
+        data[self.diagonal] = diagonal
         matrix = csc_array((data, self.indices, self.indptr), shape=(self.n, self.n))
-        # The first factorisation finds an elimination order, which the later ones take as it is.
-        order = "NATURAL" if self.ordered else "MMD_AT_PLUS_A"
         try:
-            # One column a panel: the supernodes of these matrices are narrow.
-            factor = splu(matrix, order, diag_pivot_thresh=0.0, relax=8, panel_size=1, options={"SymmetricMode": True})
-        except RuntimeError as error:
+            if qdldl is None:
+                return _unsymmetric(matrix)
+            if self.solver is None:
+                self.solver = qdldl.Solver(matrix, upper=True)
+            else:
+                self.solver.update(matrix, upper=True)
+        except (RuntimeError, ValueError) as error:
             raise SolverError(f"the heat network cannot be solved: {error}") from error
-        rank = self.rank
-        if not self.ordered:
-            self._place(factor.perm_c[rank].astype(np.int32))
-            self.ordered = True
+        return self.solver.solve  # type: ignore[no-any-return]
 
-        def solve(load: Floats) -> Floats:
-            right = np.empty(self.n)
-            right[rank] = load
-            x: Floats = factor.solve(right)[rank]
-            return x
 
-        return solve
+def _unsymmetric(upper: Any) -> Factor:
+    """SuperLU instead, which takes five to ten times as long."""
+    from scipy.sparse.linalg import splu
+
+    whole = (upper + triu(upper, 1).T).tocsc()
+    return splu(  # type: ignore[no-any-return]
+        whole, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    ).solve
 
 
 class _Condensed:
-    """Unknowns that are apart are eliminated first, all at once; half of a pixel grid is, and the rest is half the work.
+    """Unknowns that are apart are eliminated first, all at once; half of a pixel grid is, and the rest is
+    half the work.
 
     Eliminating r with diagonal d and couplings c_a, c_b … couples each two of its neighbours by c_a c_b / d.
     """
@@ -208,10 +208,15 @@ class _Condensed:
         hub, foot = number[np.where(swap, j, i)[legs]], number[np.where(swap, i, j)[legs]]
         by_hub = np.argsort(hub, kind="stable")
         self.legs, self.hub, self.foot = legs[by_hub], hub[by_hub], foot[by_hub]
-        # Pairs of legs of one hub: the k-th leg with the one `step` places on, while that is still the same hub.
+        # Pairs of legs of one hub: the k-th leg with the one `step` places on, while that is still the same
+        # hub.
         pairs = []
         for step in range(1, _MOST_NEIGHBOURS):
-            first = np.flatnonzero(self.hub[:-step] == self.hub[step:]) if len(self.hub) > step else np.zeros(0, np.intp)
+            first = (
+                np.flatnonzero(self.hub[:-step] == self.hub[step:])
+                if len(self.hub) > step
+                else np.zeros(0, np.intp)
+            )
             pairs.append((first, first + step))
         self.one, self.other = (np.concatenate(part) for part in zip(*pairs, strict=True))
         low = np.concatenate([number[i[self.direct]], self.foot[self.one]])
@@ -239,7 +244,9 @@ class _Condensed:
         def solve(load: Floats) -> Floats:
             hub_load = load.take(self.gone)
             x = np.empty(len(load))
-            x[self.stay] = found = rest(load.take(self.stay) + np.bincount(self.foot, share * hub_load.take(self.hub), size))
+            x[self.stay] = found = rest(
+                load.take(self.stay) + np.bincount(self.foot, share * hub_load.take(self.hub), size)
+            )
             x[self.gone] = (hub_load + np.bincount(self.hub, leg * found.take(self.foot), len(self.gone))) / d
             return x
 

@@ -1,12 +1,14 @@
 """Networks of heat conductors between two terminals, and their exact solution.
 
-A network has ``n`` free nodes, numbered ``0 … n-1``, and two terminals: node ``n`` is *cold* (temperature 0), node ``n + 1`` *hot* (1).
-Element ``e`` joins nodes ``tail[e]`` and ``head[e]`` with conductance ``k[e]``. The steady state obeys K θ = F (thesis 3.6) with K
-assembled from the two-node element matrix k [[1, -1], [-1, 1]] (3.11).
+A network has ``n`` free nodes, numbered ``0 … n-1``, and two terminals: node ``n`` is *cold* (temperature 0),
+node ``n + 1`` *hot* (1). Element ``e`` joins nodes ``tail[e]`` and ``head[e]`` with conductance ``k[e]``. The
+steady state obeys K θ = F (thesis 3.6) with K assembled from the two-node element matrix k [[1, -1], [-1, 1]]
+(3.11).
 
-The assembly is a fixed template: where each element lands in the matrix is worked out once per network, so that a new set of conductances
-costs two passes over the elements and one factorisation (:mod:`toposeam.heat.elimination`). Direct solution only: late in the
-optimisation conductances differ by nine orders of magnitude, where iterative solvers stall.
+The assembly is a fixed template: where each element lands in the matrix is worked out once per network, so
+that a new set of conductances costs two passes over the elements and one factorisation
+(:mod:`toposeam.heat.elimination`). Direct solution only: late in the optimisation conductances differ by nine
+orders of magnitude, where iterative solvers stall.
 """
 
 from __future__ import annotations
@@ -34,10 +36,11 @@ class Network:
     n : int
         Number of free nodes. Node ``n`` is the cold terminal, node ``n + 1`` the hot one.
     tail, head : (E,) int arrays
-        The nodes each element joins; 64-bit integers are quicker to use, 32-bit ones half as large. Every free node must be connected,
-        through elements, to a terminal.
+        The nodes each element joins; 64-bit integers are quicker to use, 32-bit ones half as large. Every
+        free node must be connected, through elements, to a terminal.
     apart : (n,) bool array, optional
-        Nodes of which no two are joined, such as the black fields of a chessboard. They are eliminated first, all at once.
+        Nodes of which no two are joined, such as the black fields of a chessboard. They are eliminated first,
+        all at once.
     """
 
     n: int
@@ -69,7 +72,9 @@ class Network:
 
     @property
     def repeatable(self) -> bool:
-        """Whether every solution is the same to the last bit, however many there were before; otherwise only from the second one on."""
+        """Whether every solution is the same to the last bit, however many there were before; otherwise only
+        from the second one on.
+        """
         return self._system.repeatable
 
     def solve(self, conductance: Floats) -> Floats:
@@ -87,7 +92,8 @@ class Network:
         Raises
         ------
         SolverError
-            When the factorisation breaks down (a free node without connection, or a contrast beyond double precision).
+            When the factorisation breaks down (a free node without connection, or a contrast beyond double
+            precision).
         """
         n = self.n
         hot, hot_node = self._ends[1]
@@ -98,7 +104,8 @@ class Network:
         return temperature
 
     def factor(self, conductance: Floats) -> Factor:
-        """What turns the heat that enters at each free node, (n,), into temperatures (n,), with both terminals at 0.
+        """What turns the heat that enters at each free node, (n,), into temperatures (n,), with both
+        terminals at 0.
 
         Parameters
         ----------
@@ -141,7 +148,10 @@ class Network:
             When the elements join the two terminals.
         """
         total = self.n + 2
-        graph = coo_array((np.ones(np.count_nonzero(joined), np.int8), (self.tail[joined], self.head[joined])), shape=(total, total))
+        graph = coo_array(
+            (np.ones(np.count_nonzero(joined), np.int8), (self.tail[joined], self.head[joined])),
+            shape=(total, total),
+        )
         count, component = connected_components(graph, directed=False)
         cold, hot = component[self.n], component[self.n + 1]
         if cold == hot:
@@ -164,7 +174,8 @@ class Network:
         -------
         network : Network
         element_map : (E,) int array
-            The new number of every element, -1 where its nodes are in one group or in those of the two terminals.
+            The new number of every element, -1 where its nodes are in one group or in those of the two
+            terminals.
         """
         count = int(group[-1]) + 1
         first, second = group[self.tail], group[self.head]

@@ -1,14 +1,15 @@
 r"""A plate that conducts heat from its sources to its sinks, in four-node square elements of side 1.
 
-The steady state of k∇²θ - hθ + Q = 0 (thesis 4.1): heat Q is generated in some elements and leaves by convection h in others. With bilinear
-shape functions an element's conduction matrix is (2.3)
+The steady state of k∇²θ - hθ + Q = 0 (thesis 4.1): heat Q is generated in some elements and leaves by
+convection h in others. With bilinear shape functions an element's conduction matrix is (2.3)
 
 .. math::
     \mathbf K_e = \frac{k_e}{6}
     \begin{pmatrix} 4 & -1 & -1 & -2 \\ -1 & 4 & -2 & -1 \\ -1 & -2 & 4 & -1 \\ -2 & -1 & -1 & 4 \end{pmatrix}
 
-for corners numbered as in :mod:`toposeam.heat.plate_multigrid`. Convection and heat are shared equally by the four corners (row sums of
-the consistent matrices), which keeps temperatures positive. Compliance Π = θᵀKθ (4.3), K including convection, equals Fᵀθ, and
+for corners numbered as in :mod:`toposeam.heat.plate_multigrid`. Convection and heat are shared equally by the
+four corners (row sums of the consistent matrices), which keeps temperatures positive. Compliance Π = θᵀKθ
+(4.3), K including convection, equals Fᵀθ, and
 
 .. math:: \partial\Pi / \partial k_e = -\theta_e^T \mathbf K_e^0 \theta_e.
 """
@@ -20,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from toposeam.errors import OptionError
-from toposeam.heat.plate_joints import Floats, Joint
+from toposeam.heat.plate_joints import Floats, Joint, Shift
 from toposeam.heat.plate_multigrid import Hierarchy, Multigrid, Stencil, pack
 
 #: Conduction of a square element with k = 1.
@@ -52,31 +53,42 @@ class Plate:
         Heat Q generated in every element, not negative.
     convection : (h, w) float array
         Convection h of every element, not negative.
-    joint : Joint or str
+    joint : Joint, Shift or str
 
     Raises
     ------
     OptionError
-        When there is no heat or no convection (the problem has no solution, or an empty one), or the joint does not fit the shape.
+        When there is no heat or no convection (the problem has no solution, or an empty one), or the joint
+        does not fit the shape.
     """
 
     #: Element matrices for k = 1 and for h = 1, packed.
     patterns = np.stack([pack(CONDUCTION), pack(CONVECTION)], axis=1)
 
-    def __init__(self, heat: Floats, convection: Floats, joint: Joint | str = Joint.FREE) -> None:
+    def __init__(self, heat: Floats, convection: Floats, joint: Joint | Shift | str = Joint.FREE) -> None:
         if heat.shape != convection.shape or heat.ndim != 2:
-            raise OptionError(f"heat has shape {heat.shape} and convection {convection.shape}; pass two (h, w) arrays")
+            raise OptionError(
+                f"heat has shape {heat.shape} and convection {convection.shape}; pass two (h, w) arrays"
+            )
         self.shape: tuple[int, int] = (heat.shape[0], heat.shape[1])
-        self.joint = Joint(joint)
-        if not (np.isfinite(heat).all() and np.isfinite(convection).all() and min(heat.min(), convection.min()) >= 0):
+        self.joint = joint if isinstance(joint, Shift) else Joint(joint)
+        if not (
+            np.isfinite(heat).all()
+            and np.isfinite(convection).all()
+            and min(heat.min(), convection.min()) >= 0
+        ):
             raise OptionError("heat and convection must be finite and not negative")
         if not heat.any():
             raise OptionError("the plate has no heat source; give at least one source a strength above 0")
         if not convection.any():
-            raise OptionError("the plate has no heat sink, so its temperature is not determined; give at least one sink convection above 0")
+            raise OptionError(
+                "the plate has no heat sink, so its temperature is not determined; give at least one sink "
+                "convection above 0"
+            )
         if not self.joint.fits(self.shape):
             raise OptionError(
-                f"a plate of {self.shape[0]} × {self.shape[1]} elements cannot be joined by {self.joint}; use even sizes from 8"
+                f"a plate of {self.shape[0]} × {self.shape[1]} elements cannot be joined by {self.joint}; "
+                "use even sizes from 8"
             )
         self._hierarchy = Hierarchy(self.shape, self.joint)
         self._groups = self._hierarchy.groups[0]
@@ -85,8 +97,17 @@ class Plate:
         self._load = self._nodal(self.heat).ravel()
         self._groups.gather(self._load)
 
-    def solve(self, conductivity: Floats, start: Floats | None = None, *, tolerance: float = 1e-5, max_iterations: int = 60) -> Temperature:
-        """The steady state for (h, w) conductivities, all positive, from an optional guess (the nodes of another state)."""
+    def solve(
+        self,
+        conductivity: Floats,
+        start: Floats | None = None,
+        *,
+        tolerance: float = 1e-5,
+        max_iterations: int = 60,
+    ) -> Temperature:
+        """The steady state for (h, w) conductivities, all positive, from an optional guess (the nodes of
+        another state).
+        """
         system = self._stencil(conductivity)
         elements = np.concatenate([conductivity.reshape(-1, *self.shape), self.convection[np.newaxis]])
         solver = Multigrid(elements, self.patterns, system, self._hierarchy)
@@ -94,8 +115,11 @@ class Plate:
         flat, iterations = solver.solve(self._load, guess, tolerance, max_iterations)
         nodes = flat.reshape(self.shape[0] + 1, self.shape[1] + 1)
         return Temperature(
-            nodes=nodes, compliance=self._groups.dot(self._load, flat), energy=self.energy(nodes), iterations=iterations
-        )  # fmt: skip
+            nodes=nodes,
+            compliance=self._groups.dot(self._load, flat),
+            energy=self.energy(nodes),
+            iterations=iterations,
+        )
 
     def energy(self, nodes: Floats) -> Floats:
         """θ_eᵀ K⁰ θ_e of every element, (h, w), for (h + 1, w + 1) temperatures.

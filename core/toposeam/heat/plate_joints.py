@@ -1,17 +1,22 @@
 r"""How the border of a plate is joined to itself, as groups of border nodes that share one temperature.
 
-A plate of h × w elements has (h + 1) × (w + 1) nodes. Where motifs lie side by side, what leaves one enters the next, so the temperature of
-some border nodes is that of others: θ = Tθ' (thesis 4.8). The joints are those of the thesis, plus the one of a compound motif:
+A plate of h × w elements has (h + 1) × (w + 1) nodes. Where motifs lie side by side, what leaves one enters
+the next, so the temperature of some border nodes is that of others: θ = Tθ' (thesis 4.8). The joints are
+those of the thesis, plus the one of a compound motif:
 
 - ``free``: no joint; the border is insulated, as a mirror is (Figure 4.1);
 - ``translate``: right is left and bottom is top (4.6), a torus;
-- ``rotate``: every side is symmetric about its midpoint (4.7), so that the plate joins copies of itself turned by 180°;
-- ``exchange``: right is left, and bottom is top moved by half the width: two motifs side by side that alternate in both directions.
+- ``rotate``: every side is symmetric about its midpoint (4.7), so that the plate joins copies of itself
+  turned by 180°;
+- a shift along the rows: right is left, and bottom is top moved by a share of the width, as bricks lie, or
+  two motifs side by side that alternate in both directions; or along the columns, as in a half-drop.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import StrEnum
+from fractions import Fraction
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +33,6 @@ class Joint(StrEnum):
     FREE = "free"
     TRANSLATE = "translate"
     ROTATE = "rotate"
-    EXCHANGE = "exchange"
 
     def fits(self, shape: tuple[int, int]) -> bool:
         """Whether a plate of that many elements can be joined so."""
@@ -37,9 +41,19 @@ class Joint(StrEnum):
             return True
         if self is Joint.ROTATE:
             return h % 2 == 0 and w % 2 == 0 and min(h, w) >= 4
-        if self is Joint.EXCHANGE:
-            return w % 2 == 0 and h >= 3 and w >= 6
         return h >= 3 and w >= 3
+
+
+@dataclass(frozen=True)
+class Shift:
+    """A torus whose rows (axis 1) or columns (axis 0) of plates are shifted by a share of one."""
+
+    axis: int
+    share: Fraction
+
+    def fits(self, shape: tuple[int, int]) -> bool:
+        """Whether a plate of that many elements can be joined so."""
+        return shape[self.axis] % self.share.denominator == 0 and min(shape) >= 3 and shape[self.axis] >= 6
 
 
 class Groups:
@@ -49,7 +63,7 @@ class Groups:
     ----------
     shape : (int, int)
         Elements down and across.
-    joint : Joint
+    joint : Joint or Shift
 
     Attributes
     ----------
@@ -59,7 +73,7 @@ class Groups:
         One over the number of nodes in the group of each.
     """
 
-    def __init__(self, shape: tuple[int, int], joint: Joint) -> None:
+    def __init__(self, shape: tuple[int, int], joint: Joint | Shift) -> None:
         count = (shape[0] + 1) * (shape[1] + 1)
         first, second = _pairs(shape, joint)
         if len(first) == 0:
@@ -79,7 +93,9 @@ class Groups:
             values[self.nodes] = np.bincount(self._group, values[self.nodes], self._groups)[self._group]
 
     def once(self, values: npt.NDArray[np.floating]) -> None:
-        """Divide shared values by the number of nodes that share them, in place, so that sums count each group once."""
+        """Divide shared values by the number of nodes that share them, in place, so that sums count each
+        group once.
+        """
         if self._groups:
             values[self.nodes] *= self.share.astype(values.dtype)
 
@@ -101,7 +117,9 @@ class Groups:
         return number.astype(np.int32), int(number.max()) + 1
 
 
-def _pairs(shape: tuple[int, int], joint: Joint) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def _pairs(
+    shape: tuple[int, int], joint: Joint | Shift
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Pairs of border nodes with the same temperature."""
     h, w = shape
     node = np.arange((h + 1) * (w + 1)).reshape(h + 1, w + 1)
@@ -111,11 +129,14 @@ def _pairs(shape: tuple[int, int], joint: Joint) -> tuple[npt.NDArray[np.int64],
     elif joint is Joint.ROTATE:
         pairs = [(side, side[::-1]) for side in (node[:, 0], node[:, -1], node[0], node[-1])]
         pairs = [(a[a != b], b[a != b]) for a, b in pairs]
-    elif joint is Joint.EXCHANGE:
+    elif isinstance(joint, Shift):
+        across = node if joint.axis == 1 else node.T
+        along = shape[joint.axis]
+        moved = int(joint.share * along)
         pairs = [
-            (node[:, 0], node[:, -1]),
-            (node[-1, :-1], np.roll(node[0, :-1], -(w // 2))),
-            (node[-1, -1:], node[0, w // 2 : w // 2 + 1]),
+            (across[:, 0], across[:, -1]),
+            (across[-1, :-1], np.roll(across[0, :-1], moved)),
+            (across[-1, -1:], np.roll(across[0, :-1], moved)[:1]),
         ]
     if not pairs:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)

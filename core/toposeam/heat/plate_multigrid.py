@@ -1,8 +1,9 @@
 r"""Conjugate gradients with a geometric multigrid V-cycle, for plates of four-node elements.
 
-*Coarsening.* A coarse element covers 2 × 2 fine ones. With P the bilinear interpolation from its corners, its matrix is the exact Galerkin
-product Σ Pᵀ K_e P over its children: a fixed linear map on the ten entries of a symmetric 4 × 4 matrix. An odd number of elements is
-filled up with empty ones, which is exact as well, but only where the border is free; elsewhere coarsening ends there.
+*Coarsening.* A coarse element covers 2 × 2 fine ones. With P the bilinear interpolation from its corners, its
+matrix is the exact Galerkin product Σ Pᵀ K_e P over its children: a fixed linear map on the ten entries of a
+symmetric 4 × 4 matrix. An odd number of elements is filled up with empty ones, which is exact as well, but
+only where the border is free; elsewhere coarsening ends there.
 
 *Corners* of an element, and the ten entries in their order::
 
@@ -11,9 +12,9 @@ filled up with empty ones, which is exact as well, but only where the border is 
     2 ── 3            22 23
                          33
 
-*Smoothing.* Two damped Jacobi sweeps before and two after, with the dampings of the Chebyshev polynomial of degree two. The largest
-eigenvalue of D⁻¹K is at most that of an element, 3/2 for a square, whatever the contrast. Sweeps run in single precision, the
-conjugate gradients around them in double.
+*Smoothing.* Two damped Jacobi sweeps before and two after, with the dampings of the Chebyshev polynomial of
+degree two. The largest eigenvalue of D⁻¹K is at most that of an element, 3/2 for a square, whatever the
+contrast. Sweeps run in single precision, the conjugate gradients around them in double.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from scipy.sparse import coo_array, dia_array
 from scipy.sparse.linalg import splu
 
 from toposeam.errors import SolverError
-from toposeam.heat.plate_joints import Floats, Groups, Joint
+from toposeam.heat.plate_joints import Floats, Groups, Joint, Shift
 
 Singles = npt.NDArray[np.float32]
 
@@ -50,7 +51,9 @@ def pack(matrix: Floats) -> Floats:
 
 @lru_cache(maxsize=1)
 def _galerkin() -> Floats:
-    """For each of the 2 × 2 children, the map of its ten entries on those of the coarse element: (4, 10, 10)."""
+    """For each of the 2 × 2 children, the map of its ten entries on those of the coarse element: (4,
+    10, 10).
+    """
     maps = np.zeros((4, len(ENTRIES), len(ENTRIES)))
     for child in range(4):
         cy, cx = divmod(child, 2)
@@ -98,7 +101,8 @@ class Stencil:
     Parameters
     ----------
     couplings : five (h + 1, w + 1) float arrays
-        The diagonal, and each node's coupling to its right, lower, lower right neighbour, and of its right neighbour to its lower one.
+        The diagonal, and each node's coupling to its right, lower, lower right neighbour, and of its right
+        neighbour to its lower one.
     groups : Groups
     """
 
@@ -154,16 +158,22 @@ class DirectSolver:
         matrix = system.matrix(np.float64).tocoo()
         self._number, count = system.groups.numbering(matrix.shape[0])
         rows, columns = matrix.coords
-        joined = coo_array((matrix.data, (self._number[rows], self._number[columns])), shape=(count, count)).tocsc()
+        joined = coo_array(
+            (matrix.data, (self._number[rows], self._number[columns])), shape=(count, count)
+        ).tocsc()
         self._first = np.unique(self._number, return_index=True)[1]
         self._dense = count <= _DENSE_NODES
         try:
             if self._dense:
                 self._factor = cho_factor(joined.toarray())
             else:
-                self._factor = splu(joined, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+                self._factor = splu(
+                    joined, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+                )
         except (RuntimeError, np.linalg.LinAlgError) as error:
-            raise SolverError("the plate's matrix is singular; give every part of the plate a way to a sink") from error
+            raise SolverError(
+                "the plate's matrix is singular; give every part of the plate a way to a sink"
+            ) from error
 
     def solve(self, load: npt.NDArray[np.floating]) -> Floats:
         """Temperatures of all nodes for a load that is equal within groups."""
@@ -179,7 +189,9 @@ class Level:
         self.shape, self.groups = shape, system.groups
         self.matrix = system.matrix(np.float32)
         diagonal = system.diagonal()
-        self._jacobi: Singles = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0).astype(np.float32)
+        self._jacobi: Singles = np.divide(
+            1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0
+        ).astype(np.float32)
 
     def residual(self, load: Singles, theta: Singles) -> Singles:
         """Load - K'θ."""
@@ -244,7 +256,7 @@ class Level:
 class Hierarchy:
     """All shapes and joints of a plate's levels, worked out once."""
 
-    def __init__(self, shape: tuple[int, int], joint: Joint) -> None:
+    def __init__(self, shape: tuple[int, int], joint: Joint | Shift) -> None:
         self.shapes, self.groups = [shape], [Groups(shape, joint)]
         while (shape[0] + 1) * (shape[1] + 1) > _COARSEST_NODES and min(shape) >= 8:
             h, w = shape
@@ -297,7 +309,9 @@ class Multigrid:
         level.last_sweeps(load, theta)
         return theta
 
-    def solve(self, load: Floats, start: Floats | None, tolerance: float, max_iterations: int) -> tuple[Floats, int]:
+    def solve(
+        self, load: Floats, start: Floats | None, tolerance: float, max_iterations: int
+    ) -> tuple[Floats, int]:
         """Temperatures for a joined load.
 
         Parameters

@@ -1,13 +1,16 @@
-r"""A plate on a lattice of equilateral triangles, joined to a torus: the cell of the hexagonal wallpaper groups.
+r"""A plate on a lattice of equilateral triangles, joined to a torus: the cell of the hexagonal wallpaper
+groups.
 
-The lattice vectors a₁ = (1, 0) and a₂ = (-1/2, √3/2) span rhombi, which the short diagonal cuts into two triangles::
+The lattice vectors a₁ = (1, 0) and a₂ = (-1/2, √3/2) span rhombi, which the short diagonal cuts into two
+triangles::
 
     0 ──── 1          first triangle 0 1 3
      \  ╲   \         second triangle 0 2 3
       2 ──── 3
 
-Rhombi are not turned into rhombi by 60°, but nodes are turned into nodes and triangles into triangles. The conduction matrix of an
-equilateral triangle with linear shape functions couples each pair of corners by -k / (2√3), whatever its size.
+Rhombi are not turned into rhombi by 60°, but nodes are turned into nodes and triangles into triangles. The
+conduction matrix of an equilateral triangle with linear shape functions couples each pair of corners by -k /
+(2√3), whatever its size.
 """
 
 from __future__ import annotations
@@ -41,7 +44,9 @@ class TrianglePlate(Plate):
         Of the nodes of the torus.
     """
 
-    patterns = np.stack([pack(_triangle((0, 1, 3))), pack(_triangle((0, 2, 3))), pack(_AT_FIRST_CORNER)], axis=1)
+    patterns = np.stack(
+        [pack(_triangle((0, 1, 3))), pack(_triangle((0, 2, 3))), pack(_AT_FIRST_CORNER)], axis=1
+    )
 
     def __init__(self, heat: Floats, convection: Floats) -> None:
         super().__init__(heat, convection, Joint.TRANSLATE)
@@ -50,7 +55,9 @@ class TrianglePlate(Plate):
         """θᵀ K⁰ θ of both triangles of every rhombus, (2, h, w)."""
         across, down = np.square(nodes[:, 1:] - nodes[:, :-1]), np.square(nodes[1:] - nodes[:-1])
         diagonal = np.square(nodes[1:, 1:] - nodes[:-1, :-1])
-        energy: Floats = np.stack([across[:-1] + down[:, 1:] + diagonal, down[:, :-1] + across[1:] + diagonal])
+        energy: Floats = np.stack(
+            [across[:-1] + down[:, 1:] + diagonal, down[:, :-1] + across[1:] + diagonal]
+        )
         energy *= _COUPLING
         return energy
 

@@ -1,14 +1,29 @@
 """The heat path of least cost: a primal-dual Newton method whose every step heats the network anew.
 
-With potential ψ between 0 on the cold and 1 on the hot terminal, jump d = ψ(head) - ψ(tail) and cost M per element, the relaxed seam is
-the least of Σ M |d|; its dual is the largest flow f between the terminals with |f| ≤ M. Writing d = u - v with u, v ≥ 0, points near both
-optima satisfy u (M - f) = v (M + f) = μ for a small μ (the *central path*). One Newton step towards it is one heat network: element e
-conducts k = 1 / (u / (M - f) + v / (M + f)), and the heat that enters at the nodes is what the step has to even out. Where the flow leaves
-room, M - |f|, the potential becomes level; it jumps where the flow fills the elements: there is the seam. Mehrotra's predictor and
-corrector (1992, doi:10.1137/0802028) take two solutions with one factorisation.
+With potential ψ between 0 on the cold and 1 on the hot terminal, jump d = ψ(head) - ψ(tail) and cost M per
+element, the relaxed seam is the least of Σ M |d|; its dual is the largest flow f between the terminals with
+|f| ≤ M. Writing d = u - v with u, v ≥ 0, points near both optima satisfy u (M - f) = v (M + f) = μ for a
+small μ (the *central path*). One Newton step towards it is one heat network: element e conducts k = 1 / (u /
+(M - f) + v / (M + f)), and the heat that enters at the nodes is what the step has to even out. Where the flow
+leaves room, M - |f|, the potential becomes level; it jumps where the flow fills the elements: there is the
+seam. Mehrotra's predictor and corrector (1992, doi:10.1137/0802028) take two solutions with one
+factorisation.
 
-*What is known at every step.* The flow is feasible, so its size is a lower bound on every seam. The potential cut at any threshold is a
-seam. When the two meet, the seam is proven to be the best one, up to the tolerance.
+*Nothing here knows of pictures*, nor of how many dimensions they have: nodes and elements are all there is.
+To divide anything else (voxels, superpixels, time) number what is free from 0 on, number what is decided n
+(cold) or n + 1 (hot), give every pair of neighbours an element and its cost, merge parallel ones
+(:meth:`Network.quotient`), and step until the best cut is near enough to the bound::
+
+    state = PrimalDual(Network(n, tail, head), cost)
+    while (cut := state.best_cut())[0] > (1 + 1e-3) * state.bound:
+        state.step()
+    hot = state.potential[:n] > cut[1]
+
+Every free node must be joined, through elements, to a terminal; BLAS should run on one thread
+(:func:`toposeam.heat.threads.one_thread`).
+
+*What is known at every step.* The flow is feasible, so its size is a lower bound on every seam. The potential
+cut at any threshold is a seam. When the two meet, the seam is proven to be the best one, up to the tolerance.
 """
 
 from __future__ import annotations
@@ -25,7 +40,8 @@ _FILLED = 0.95
 _SPREAD = 0.25
 #: The first network conducts at most this many times as well as its median element.
 _DEAREST = 1e3
-#: An element counts as costing at least this share of a known seam: conductances span the square of what costs do.
+#: An element counts as costing at least this share of a known seam: conductances span the square of what
+#: costs do.
 _LEAST = 1e-7
 #: Thresholds at which the potential is cut.
 _THRESHOLDS = 64
@@ -56,8 +72,9 @@ class PrimalDual:
         hot = network.terminal_elements[1]
         self._hot, self._into = hot, np.where(network.head[hot] == network.n + 1, 1.0, -1.0)
         self.cost = cost
-        # Where no seam will run the network need not conduct beyond what double precision can tell from the rest. An element that costs
-        # more than a known seam is in no better one, and next to nothing is as good as nothing.
+        # Where no seam will run the network need not conduct beyond what double precision can tell from the
+        # rest. An element that costs more than a known seam is in no better one, and next to nothing is as
+        # good as nothing.
         limit = _DEAREST * float(np.median(cost)) if cost.max() > _DEAREST * cost.mean() else np.inf
         while True:
             conductance = np.minimum(cost, limit)
@@ -73,7 +90,9 @@ class PrimalDual:
         flow = conductance * self.jump
         fullest = float((np.abs(flow) / self.cost).max())
         self.flow = flow * (_FILLED / fullest if fullest > 0 else 0.0)
-        self._split(_SPREAD * float(self.cost @ np.abs(self.jump)) / len(cost) / self.cost + np.finfo(float).tiny)
+        self._split(
+            _SPREAD * float(self.cost @ np.abs(self.jump)) / len(cost) / self.cost + np.finfo(float).tiny
+        )
 
     def _split(self, least: Floats) -> None:
         """Set u and v: their difference is the jump, the smaller one is given."""
@@ -89,7 +108,9 @@ class PrimalDual:
         return float(self.flow.take(self._hot) @ self._into)
 
     def best_cut(self) -> tuple[float, float]:
-        """The cheapest cut of the potential: its cost, and the threshold above which nodes are hot; of equals, the middle one."""
+        """The cheapest cut of the potential: its cost, and the threshold above which nodes are hot; of
+        equals, the middle one.
+        """
         level = np.ceil(np.clip(self.potential, 0.0, 1.0) * _THRESHOLDS - 0.5).astype(np.intp)
         tail, head = level.take(self.network.tail), level.take(self.network.head)
         # Threshold j divides the elements whose levels lie at or below j on one side, above j on the other.
@@ -103,6 +124,21 @@ class PrimalDual:
     def step(self) -> None:
         """One Newton step.
 
+        Two free nodes that are joined to each other (cost 1), to the cold terminal (1 and 5) and to the hot
+        one (5 and 1.5). Of the four cuts, 1 + 1 + 1.5 = 3.5 is the best: the first node hot, the second cold.
+        The first network's potential says so already; each step raises what is proven, and the heat gathers
+        until the potential is the cut:
+
+        >>> tail, head = np.array([2, 2, 0, 0, 1]), np.array([0, 1, 1, 3, 3])
+        >>> state = PrimalDual(Network(2, tail, head), np.array([1.0, 5.0, 1.0, 5.0, 1.5]))
+        >>> for _ in range(4):
+        ...     print(state.potential[:2].round(3), f"{state.bound:.3f} ≤ {state.best_cut()[0]:.3f}")
+        ...     state.step()
+        [0.757 0.301] 2.838 ≤ 3.500
+        [0.964 0.083] 3.456 ≤ 3.500
+        [1.    0.001] 3.499 ≤ 3.500
+        [1. 0.] 3.500 ≤ 3.500
+
         Raises
         ------
         SolverError
@@ -112,7 +148,8 @@ class PrimalDual:
         left_up, left_down = self.cost - flow, self.cost + flow
         conductance = 1.0 / (up / left_up + down / left_down)
         solve = self.network.factor(conductance)
-        # Predictor: straight at μ = 0. x and y are the changes of f relative to the room that is left either way.
+        # Predictor: straight at μ = 0. x and y are the changes of f relative to the room that is left either
+        # way.
         change = np.zeros(len(self.potential))
         change[:-2] = solve(self.network.surplus(-conductance * jump - flow))
         more = (self._jumps(change) + jump) * conductance
@@ -126,7 +163,10 @@ class PrimalDual:
         rest = (1.0 - primal) * gap + (primal - dual * (1.0 - primal)) * linear - primal * dual * square
         target = (rest / gap) ** 3 * gap / (2 * len(flow))
         # Corrector: at a smaller μ > 0, with the predictor's second-order terms.
-        toward_up, toward_down = target / left_up + up * x * (x - 1.0), target / left_down + down * y * (y + 1.0)
+        toward_up, toward_down = (
+            target / left_up + up * x * (x - 1.0),
+            target / left_down + down * y * (y + 1.0),
+        )
         wanted = toward_up - toward_down - jump
         change[:-2] = solve(self.network.surplus(conductance * wanted - flow))
         more = (self._jumps(change) - wanted) * conductance

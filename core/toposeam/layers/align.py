@@ -1,9 +1,10 @@
 """Approximate positions made exact, to the pixel, by what overlapping layers show.
 
-Each pair of layers that overlap, or would within the search radius, is compared by masked phase correlation (Padfield 2012,
-doi:10.1109/TIP.2011.2181402; scikit-image's), on a coarser scale first where the overlap is large. A shift counts when it lies within the
-radius and the overlap then correlates. All shifts together give the positions, in the least-squares sense, the first layer staying where
-it is. Layers are moved by whole pixels and not resampled, turned or warped.
+Each pair of layers that overlap, or would within the search radius, is compared by masked phase correlation
+(Padfield 2012, doi:10.1109/TIP.2011.2181402; scikit-image's), on a coarser scale first where the overlap is
+large. A shift counts when it lies within the radius and the overlap then correlates. All shifts together give
+the positions, in the least-squares sense, the first layer staying where it is. Layers are moved by whole
+pixels and not resampled, turned or warped.
 """
 
 from __future__ import annotations
@@ -17,9 +18,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.errors import OptionError, OverlapError
+from toposeam.checks import check_items, check_whole
+from toposeam.errors import OverlapError
 from toposeam.images import Image, Mask, as_float
-from toposeam.layers.layer import Box, Layer, cut
+from toposeam.layers.layer import Box, Layer, check_layers, cut
 
 #: Farthest a layer is searched from where it was said to be, px in x and in y.
 RADIUS = 32
@@ -27,6 +29,7 @@ RADIUS = 32
 LEAST_CORRELATION = 0.5
 
 _COARSE_PIXELS = 400_000  # compared at once
+_LOOKED_AT = 60_000  # to tell whether two layers show the same
 _LEAST_SHARE = 0.3  # of the smaller part, that two parts have to share
 _LEAST_PIXELS = 64
 _NEAR = 2  # px that phase correlation may be off
@@ -37,7 +40,16 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Aligned:
-    """Layers at the positions that were found."""
+    """Layers at the positions that were found.
+
+    Examples
+    --------
+    >>> import numpy as np, toposeam as ts
+    >>> scene = np.random.default_rng(0).random((40, 90))
+    >>> layers = ts.Layer(scene[:, :60]), ts.Layer(scene[:, 40:], at=(37, 0))
+    >>> ts.align(layers, radius=8).layers[1].at
+    (40, 0)
+    """
 
     layers: tuple[Layer, ...]
     #: (N, 2) px in x and y by which each was moved.
@@ -46,7 +58,7 @@ class Aligned:
     correlations: dict[tuple[int, int], float]
 
 
-def align(layers: Sequence[Layer], radius: int = RADIUS) -> Aligned:
+def align(layers: Sequence[Layer], *, radius: int = RADIUS) -> Aligned:
     """Move layers from about where they belong to where they agree.
 
     Parameters
@@ -66,11 +78,17 @@ def align(layers: Sequence[Layer], radius: int = RADIUS) -> Aligned:
         When a layer agrees with none of those it overlaps.
     OptionError
         For a radius that is no positive number of px, or fewer than two layers.
+
+    Examples
+    --------
+    >>> import numpy as np, toposeam as ts
+    >>> scene = np.random.default_rng(0).random((40, 90))
+    >>> layers = ts.Layer(scene[:, :60]), ts.Layer(scene[:, 40:], at=(43, 2))
+    >>> [layer.at for layer in ts.align(layers, radius=8).layers]
+    [(0, 0), (40, 0)]
     """
-    if radius < 1:
-        raise OptionError(f"the search radius is {radius} px; it must be at least 1")
-    if len(layers) < 2:
-        raise OptionError(f"{len(layers)} layer was given; aligning needs at least two")
+    check_whole("radius", radius, 1)
+    layers = check_layers(layers)
     found: dict[tuple[int, int], tuple[Floats, float, float]] = {}
     best: dict[int, float] = dict.fromkeys(range(len(layers)), -1.0)
     for i in range(len(layers)):
@@ -85,14 +103,58 @@ def align(layers: Sequence[Layer], radius: int = RADIUS) -> Aligned:
     _check_joined(layers, found, best, radius)
     shifts = np.rint(_positions(len(layers), found)).astype(np.intp)
     moved = [
-        dataclasses.replace(layer, offset=(int(layer.offset[0] + dx), int(layer.offset[1] + dy)))
+        dataclasses.replace(layer, at=(int(layer.at[0] + dx), int(layer.at[1] + dy)))
         for layer, (dx, dy) in zip(layers, shifts, strict=True)
     ]
-    return Aligned(layers=tuple(moved), shifts=shifts, correlations={pair: correlation for pair, (_, correlation, _) in found.items()})
+    return Aligned(
+        layers=tuple(moved),
+        shifts=shifts,
+        correlations={pair: correlation for pair, (_, correlation, _) in found.items()},
+    )
+
+
+def correlations(layers: Sequence[Layer]) -> dict[tuple[int, int], float]:
+    """How alike two layers are where they overlap, without their slow changes: 1 for the same, about 0 for
+    strangers.
+
+    Parameters
+    ----------
+    layers : sequence of Layer
+        Placed.
+
+    Returns
+    -------
+    dict of (int, int) to float
+        By pair; pairs of which too little overlaps, or shows nothing, are left out.
+
+    Examples
+    --------
+    >>> whole = np.random.default_rng(0).random((40, 60))
+    >>> found = correlations([Layer(whole[:, :40]), Layer(whole[:, 20:], at=(20, 0))])
+    >>> round(found[0, 1], 3)
+    1.0
+    """
+    layers = check_items("layers", layers, Layer, "a sequence of Layers")
+    found = {}
+    for i in range(len(layers)):
+        for j in range(i + 1, len(layers)):
+            box = _middle(_place(layers[i]).shared(_place(layers[j])), _LOOKED_AT)
+            if not all(box.shape) or box.shape[0] * box.shape[1] < _LEAST_PIXELS:
+                continue
+            parts = [_content(layers[k], _place(layers[k]), box) for k in (i, j)]
+            both = parts[0][1] & parts[1][1]
+            one, other = (part[0][both] for part in parts)
+            energy = float((one @ one) * (other @ other))
+            if np.count_nonzero(both) >= _LEAST_PIXELS and energy > 1e-8:
+                found[i, j] = float(one @ other) / float(np.sqrt(energy))
+    return found
 
 
 def _check_joined(
-    layers: Sequence[Layer], found: dict[tuple[int, int], tuple[Floats, float, float]], best: dict[int, float], radius: int
+    layers: Sequence[Layer],
+    found: dict[tuple[int, int], tuple[Floats, float, float]],
+    best: dict[int, float],
+    radius: int,
 ) -> None:
     """Refuse layers that are not joined to the first one by pairs that agree."""
     joined, waiting = {0}, [0]
@@ -105,10 +167,13 @@ def _check_joined(
     lost = [index for index in range(len(layers)) if index not in joined]
     if lost:
         index = lost[0]
-        close = f"the best correlation is {best[index]:.2f}" if best[index] > -1 else "it overlaps none of them"
+        close = (
+            f"the best correlation is {best[index]:.2f}" if best[index] > -1 else "it overlaps none of them"
+        )
         raise OverlapError(
-            f"{layers[index].name} cannot be aligned: within {radius} px of where it was put it agrees with none of the others ({close}, "
-            f"{LEAST_CORRELATION:g} is needed); correct its position, search farther, or leave out aligning"
+            f"{layers[index].name} cannot be aligned: within {radius} px of where it was put it agrees with "
+            f"none of the others ({close}, {LEAST_CORRELATION:g} is needed); correct its position, search "
+            "farther, or leave out aligning"
         )
 
 
@@ -123,7 +188,9 @@ def _positions(count: int, found: dict[tuple[int, int], tuple[Floats, float, flo
 
 
 def _match(a: Layer, b: Layer, radius: int) -> tuple[Floats, float, float] | None:
-    """By how much (x, y) `b` has to move to fit `a`, how well they then correlate, and the weight of that; None if they are apart."""
+    """By how much (x, y) `b` has to move to fit `a`, how well they then correlate, and the weight of that;
+    None if they are apart.
+    """
     at_a, at_b = _place(a), _place(b)
     box = at_a.shared(at_b.grown(radius)).grown(radius).shared(_around(at_a, at_b))
     if not all(at_a.shared(at_b.grown(radius)).shape):
@@ -134,15 +201,21 @@ def _match(a: Layer, b: Layer, radius: int) -> tuple[Floats, float, float] | Non
         overlap = _middle(at_a.shared(_moved(at_b, shift)))
         if not all(overlap.shape):
             return None
-        shift = shift + _shift(_content(a, at_a, overlap), _content(b, _moved(at_b, shift), overlap), 2 * scale)
+        shift = shift + _shift(
+            _content(a, at_a, overlap), _content(b, _moved(at_b, shift), overlap), 2 * scale
+        )
     shift, correlation, count = _refined(a, b, at_a, at_b, shift)
     if np.abs(shift).max() > radius or count < _LEAST_PIXELS:
         return None
     return shift[::-1].astype(float), correlation, float(np.sqrt(count) * max(correlation, 0.0))
 
 
-def _refined(a: Layer, b: Layer, at_a: Box, at_b: Box, shift: npt.NDArray[np.intp]) -> tuple[npt.NDArray[np.intp], float, int]:
-    """The shift of highest correlation within two pixels of one, that correlation, and the number of pixels it is of."""
+def _refined(
+    a: Layer, b: Layer, at_a: Box, at_b: Box, shift: npt.NDArray[np.intp]
+) -> tuple[npt.NDArray[np.intp], float, int]:
+    """The shift of highest correlation within two pixels of one, that correlation, and the number of pixels
+    it is of.
+    """
     box = _middle(at_a.shared(_moved(at_b, shift)).grown(-_NEAR))
     best = shift, -1.0, 0
     if not all(box.shape):
@@ -163,7 +236,9 @@ def _refined(a: Layer, b: Layer, at_a: Box, at_b: Box, shift: npt.NDArray[np.int
 
 
 def _shift(a: tuple[Floats, Mask], b: tuple[Floats, Mask], reach: float) -> npt.NDArray[np.intp]:
-    """By how many pixels (y, x) the second part has to move to fit the first; 0 where that is farther than it may be."""
+    """By how many pixels (y, x) the second part has to move to fit the first; 0 where that is farther than it
+    may be.
+    """
     from skimage.registration import phase_cross_correlation
 
     if min(np.count_nonzero(a[1]), np.count_nonzero(b[1])) < _LEAST_PIXELS or not (a[0].any() and b[0].any()):
@@ -175,7 +250,7 @@ def _shift(a: tuple[Floats, Mask], b: tuple[Floats, Mask], reach: float) -> npt.
 
 
 def _place(layer: Layer) -> Box:
-    x, y = layer.offset
+    x, y = layer.at
     return Box(y, x, y + layer.image.shape[0], x + layer.image.shape[1])
 
 
@@ -188,11 +263,14 @@ def _around(a: Box, b: Box) -> Box:
     return Box(min(a.top, b.top), min(a.left, b.left), max(a.bottom, b.bottom), max(a.right, b.right))
 
 
-def _middle(box: Box) -> Box:
+def _middle(box: Box, pixels: int = _COARSE_PIXELS) -> Box:
     """As much of the middle of a box as is compared at once."""
-    side = int(np.sqrt(_COARSE_PIXELS))
+    side = int(np.sqrt(pixels))
     (height, width), rows, columns = box.shape, box.shape[0], box.shape[1]
-    height, width = min(height, max(side, side * side // max(columns, 1))), min(width, max(side, side * side // max(rows, 1)))
+    height, width = (
+        min(height, max(side, side * side // max(columns, 1))),
+        min(width, max(side, side * side // max(rows, 1))),
+    )
     top, left = box.top + (rows - height) // 2, box.left + (columns - width) // 2
     return Box(top, left, top + height, left + width)
 
@@ -202,7 +280,7 @@ def _content(layer: Layer, place: Box, box: Box, scale: int = 1) -> tuple[Floats
     known = cut(layer.covered, place, box)
     image: Image = cut(layer.image, place, box)
     image[~known] = 0
-    gray = as_float(image, layer.name).mean(axis=2, dtype=np.float64)
+    gray = as_float(image, layer.name, layer.data_range).mean(axis=2, dtype=np.float64)
     if scale > 1:
         rows, columns = (size // scale * scale for size in gray.shape)
         blocks = (rows // scale, scale, columns // scale, scale)

@@ -1,15 +1,17 @@
 """What happens across the seams of a composite.
 
-==============  ====================================================================================================
-``none``        nothing: a hard cut
-``feather``     along the seam the two layers fade into each other, over `width` px
-``soft``        they fade as the label potential of the heat method does: wide where the layers agree, narrow elsewhere
-``multiband``   coarse shades fade over `width` px, fine detail over few (:mod:`toposeam.layers.multiband`)
-``gradient``    the step between the layers is spread (:mod:`toposeam.layers.gradient`), all over the picture or over `width` px
-==============  ====================================================================================================
+==============
+==================================================================================================== ``none``
+nothing: a hard cut ``feather``     along the seam the two layers fade into each other, over `width` px
+``soft``        they fade as the label potential of the heat method does: wide where the layers agree, narrow
+elsewhere ``multiband``   coarse shades fade over `width` px, fine detail over few
+(:mod:`toposeam.layers.multiband`) ``gradient``    the step between the layers is spread
+(:mod:`toposeam.layers.gradient`), all over the picture or over `width` px ==============
+====================================================================================================
 
-Only pixels near seams change but with ``gradient``. Where one layer has no pixels, the others make up for it. Work is done in tiles, so
-that memory does not grow with the picture but with ``gradient``. Opacity fades with ``feather`` and ``soft`` and stays as it is otherwise.
+Only pixels near seams change but with ``gradient``. Where one layer has no pixels, the others make up for it.
+Work is done in tiles, so that memory does not grow with the picture but with ``gradient``. Opacity fades with
+``feather`` and ``soft`` and stays as it is otherwise.
 """
 
 from __future__ import annotations
@@ -22,13 +24,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from toposeam.checks import check_choice
 from toposeam.errors import OptionError
 from toposeam.images import Image, Mask, as_float, full_scale
 from toposeam.layers.gradient import correction
 from toposeam.layers.layer import Box, Layer, cut
 from toposeam.layers.multiband import expand, gaussian, multiband
-from toposeam.layers.painting import Owner
-from toposeam.seam.seam import Seam
+from toposeam.layers.painting import LabelMap
+from toposeam.seam.seam import Seam, potential_on_window
 
 Blend = Literal["none", "feather", "soft", "multiband", "gradient"]
 BLENDS: tuple[Blend, ...] = get_args(Blend)
@@ -53,12 +56,12 @@ class Placed:
     #: Per layer, on its place, where it has pixels it may show.
     covered: Sequence[Mask]
     #: (H, W) int16.
-    owner: Owner
+    label_map: LabelMap
 
     @property
     def box(self) -> Box:
         """The canvas."""
-        return Box(0, 0, *self.owner.shape)
+        return Box(0, 0, *self.label_map.shape)
 
 
 def check_blend(blend: str, width: float | None) -> None:
@@ -68,18 +71,27 @@ def check_blend(blend: str, width: float | None) -> None:
     ------
     OptionError
     """
-    if blend not in BLENDS:
-        raise OptionError(f"blend is {blend!r}; choose one of {', '.join(BLENDS)}")
+    check_choice("blend", blend, BLENDS)
     if width is None:
         return
+    if not isinstance(width, int | float | np.number):
+        raise OptionError(f"blend_width is of type {type(width).__name__}; choose 1 to {WIDEST:g} px")
     if blend in ("none", "soft"):
-        raise OptionError(f"blend {blend} has no width, but {width:g} px was given; leave it out, or choose feather, multiband or gradient")
+        raise OptionError(
+            f"blend {blend} has no width, but {width:g} px was given; leave it out, or choose feather, "
+            "multiband or gradient"
+        )
     if not 1 <= width <= WIDEST:
         raise OptionError(f"blend_width is {width:g} px; choose 1 to {WIDEST:g}")
 
 
 def blend_seams(
-    placed: Placed, seams: Iterable[tuple[tuple[int, int], Seam]], image: Image, alpha: Image, blend: Blend, width: float | None
+    placed: Placed,
+    seams: Iterable[tuple[tuple[int, int], Seam]],
+    image: Image,
+    alpha: Image,
+    blend: Blend,
+    width: float | None,
 ) -> None:
     """Blend a composite in place.
 
@@ -97,7 +109,7 @@ def blend_seams(
     if blend == "gradient":
         _spread(placed, image, width)
         return
-    mix: Callable[[Box, Owner, list[int]], tuple[Floats32, Floats32 | None, Mask]]
+    mix: Callable[[Box, LabelMap, list[int]], tuple[Floats32, Floats32 | None, Mask]]
     if blend == "multiband":
         levels = max(1, round(np.log2(width or 1.0)))
         reach, step = 4 * 2**levels, 2**levels
@@ -112,7 +124,7 @@ def blend_seams(
     else:
         return
     for tile, around in _tiles(placed.box, reach, step):
-        shows = cut(placed.owner, placed.box, around, fill=-1)
+        shows = cut(placed.label_map, placed.box, around, fill=-1)
         index = [k for k in range(len(placed.layers)) if all(placed.places[k].shared(around).shape)]
         if len(index) < 2 or len(np.unique(shows[shows >= 0])) < (1 if blend == "soft" else 2):
             continue
@@ -125,7 +137,9 @@ def blend_seams(
 
 
 def _tiles(canvas: Box, reach: int, step: int) -> Iterator[tuple[Box, Box]]:
-    """Tiles of the canvas, and what has to be known for each; the latter's corners and sizes are multiples of `step`."""
+    """Tiles of the canvas, and what has to be known for each; the latter's corners and sizes are multiples of
+    `step`.
+    """
     for top in range(0, canvas.bottom, _TILE):
         for left in range(0, canvas.right, _TILE):
             tile = Box(top, left, top + _TILE, left + _TILE).shared(canvas)
@@ -148,7 +162,7 @@ def _colours(placed: Placed, index: int, box: Box, channels: int) -> tuple[Float
     present = cut(placed.covered[index], place, box)
     image = cut(placed.layers[index].image, place, box)
     image[~present] = 0
-    values = as_float(image, placed.layers[index].name)
+    values = as_float(image, placed.layers[index].name, placed.layers[index].data_range)
     return np.ascontiguousarray(np.broadcast_to(values, (*values.shape[:2], channels))), present
 
 
@@ -159,10 +173,12 @@ def _channels(placed: Placed) -> int:
 class _Fade:
     """Layers mixed by weights that add up to 1."""
 
-    def __init__(self, placed: Placed, weights: Callable[[Box, Owner, list[int]], dict[int, Floats32]]) -> None:
+    def __init__(
+        self, placed: Placed, weights: Callable[[Box, LabelMap, list[int]], dict[int, Floats32]]
+    ) -> None:
         self._placed, self._weights = placed, weights
 
-    def mix(self, box: Box, shows: Owner, index: list[int]) -> tuple[Floats32, Floats32, Mask]:
+    def mix(self, box: Box, shows: LabelMap, index: list[int]) -> tuple[Floats32, Floats32, Mask]:
         placed = self._placed
         channels = _channels(placed)
         colour = np.zeros((*box.shape, channels), np.float32)
@@ -190,9 +206,11 @@ class _Feather:
     def __init__(self, placed: Placed, size: int) -> None:
         self._placed, self._size = placed, size
 
-    def weights(self, box: Box, shows: Owner, index: list[int]) -> dict[int, Floats32]:
+    def weights(self, box: Box, shows: LabelMap, index: list[int]) -> dict[int, Floats32]:
         ground = shows >= 0
-        reach: Floats32 = np.maximum(self._smooth(ground), np.float32(0.5 / self._size**2))  # beyond the layers there is nothing to mix in
+        reach: Floats32 = np.maximum(
+            self._smooth(ground), np.float32(0.5 / self._size**2)
+        )  # beyond the layers there is nothing to mix in
         result = {}
         for k in index:
             if not (shows == k).any():
@@ -214,19 +232,20 @@ class _Soft:
     def __init__(self, seams: dict[tuple[int, int], Seam]) -> None:
         self._seams = seams
 
-    def weights(self, box: Box, shows: Owner, index: list[int]) -> dict[int, Floats32]:
+    def weights(self, box: Box, shows: LabelMap, index: list[int]) -> dict[int, Floats32]:
         result = {k: (shows == k).astype(np.float32) for k in index}
         for (i, j), seam in self._seams.items():
             problem = seam.problem
             top, left = problem.overlap.origin
-            at = Box(top, left, top + seam.potential.shape[0], left + seam.potential.shape[1])
+            potential = potential_on_window(seam)
+            at = Box(top, left, top + potential.shape[0], left + potential.shape[1])
             common = at.shared(box)
             if i not in result or j not in result or not all(common.shape):
                 continue
             here, there = common.within(box), common.within(at)
-            towards = np.clip(seam.potential[there], 0, 1 - _SETTLED)
+            towards = np.clip(potential[there], 0, 1 - _SETTLED)
             free = problem.overlap.shared[there]
-            back = np.clip(1 - seam.potential[there], 0, 1 - _SETTLED)
+            back = np.clip(1 - potential[there], 0, 1 - _SETTLED)
             result[j][here] += np.where(free & (shows[here] == i), towards / (1 - towards), np.float32(0))
             result[i][here] += np.where(free & (shows[here] == j), back / (1 - back), np.float32(0))
         return result
@@ -238,15 +257,20 @@ class _Multiband:
     def __init__(self, placed: Placed, levels: int) -> None:
         self._placed, self._levels = placed, levels
 
-    def mix(self, box: Box, shows: Owner, index: list[int]) -> tuple[Floats32, None, Mask]:
+    def mix(self, box: Box, shows: LabelMap, index: list[int]) -> tuple[Floats32, None, Mask]:
         index = [k for k in index if (shows == k).any()]
-        images, present = zip(*(_colours(self._placed, k, box, _channels(self._placed)) for k in index), strict=True)
+        images, present = zip(
+            *(_colours(self._placed, k, box, _channels(self._placed)) for k in index), strict=True
+        )
         masks = [shows == k for k in index]
         mixed = np.zeros_like(images[0])
         for image, mask in zip(images, masks, strict=True):
             np.copyto(mixed, image, where=mask[..., np.newaxis])
         known = [here & (shows >= 0) for here in present]
-        differences = [np.where(here[..., np.newaxis], image - mixed, np.float32(0)) for image, here in zip(images, known, strict=True)]
+        differences = [
+            np.where(here[..., np.newaxis], image - mixed, np.float32(0))
+            for image, here in zip(images, known, strict=True)
+        ]
         mixed += multiband(differences, known, masks, self._levels)
         own = np.zeros(box.shape, np.float32)
         total = np.zeros(box.shape, np.float32)
@@ -260,10 +284,10 @@ class _Multiband:
 
 
 def _spread(placed: Placed, image: Image, width: float | None) -> None:
-    ground = placed.owner >= 0
+    ground = placed.label_map >= 0
     planes = [image] if image.ndim == 2 else [image[..., channel] for channel in range(image.shape[2])]
     for channel, plane in enumerate(planes):
-        values = correction(placed.layers, placed.places, placed.covered, placed.owner, channel, width)
+        values = correction(placed.layers, placed.places, placed.covered, placed.label_map, channel, width)
         values += plane
         if np.issubdtype(plane.dtype, np.integer):
             limits = np.iinfo(plane.dtype)

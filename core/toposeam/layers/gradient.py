@@ -1,12 +1,14 @@
 """Gradient-domain blending: the step at the seam is taken out and spread smoothly.
 
-The composite's gradients are kept wherever one layer shows; across a seam the mean of the two layers' own gradients is wanted instead of
-the step between them (Pérez, Gangnet and Blake 2003, doi:10.1145/882262.882269). The composite plus a correction c has these gradients as
-nearly as can be when c minimises Σ (c(q) - c(p) + d(p, q))² over neighbouring pixels, d being the excess step: 0 but on seams. That is
-Poisson's equation with sources on the seams only. On the whole rectangle of the canvas, pixels without a layer included, cosine transforms
-solve it directly, in O(n log n) and to rounding error.
+The composite's gradients are kept wherever one layer shows; across a seam the mean of the two layers' own
+gradients is wanted instead of the step between them (Pérez, Gangnet and Blake 2003,
+doi:10.1145/882262.882269). The composite plus a correction c has these gradients as nearly as can be when c
+minimises Σ (c(q) - c(p) + d(p, q))² over neighbouring pixels, d being the excess step: 0 but on seams. That
+is Poisson's equation with sources on the seams only. On the whole rectangle of the canvas, pixels without a
+layer included, cosine transforms solve it directly, in O(n log n) and to rounding error.
 
-With a width, c² / width² is added per pixel: the correction fades from the seam, exp(-distance / width), and colours far away stay.
+With a width, c² / width² is added per pixel: the correction fades from the seam, exp(-distance / width), and
+colours far away stay.
 """
 
 from __future__ import annotations
@@ -19,13 +21,18 @@ from scipy import fft
 
 from toposeam.images import Image, Mask
 from toposeam.layers.layer import Box, Layer
-from toposeam.layers.painting import Owner
+from toposeam.layers.painting import LabelMap
 
 Floats = npt.NDArray[np.float64]
 
 
 def correction(
-    layers: Sequence[Layer], places: Sequence[Box], covered: Sequence[Mask], owner: Owner, channel: int, width: float | None
+    layers: Sequence[Layer],
+    places: Sequence[Box],
+    covered: Sequence[Mask],
+    label_map: LabelMap,
+    channel: int,
+    width: float | None,
 ) -> Floats:
     """What to add to one channel of the composite, (H, W), in the layers' own units.
 
@@ -35,16 +42,16 @@ def correction(
         The layers, and where they lie on the canvas.
     covered : sequence of (h, w) bool arrays
         Where each has pixels.
-    owner : (H, W) int16 array
+    label_map : (H, W) int16 array
         The layer that shows at each pixel.
     channel : int
     width : float or None
         Distance, px, over which the correction fades; None keeps all gradients and the mean.
     """
-    height, columns = owner.shape
-    source = np.zeros(owner.shape)
-    flat = owner.ravel()
-    for stride, border in ((1, _differ(owner, 1)), (columns, _differ(owner, 0))):
+    height, columns = label_map.shape
+    source = np.zeros(label_map.shape)
+    flat = label_map.ravel()
+    for stride, border in ((1, _differ(label_map, 1)), (columns, _differ(label_map, 0))):
         p = np.flatnonzero(border)
         q = p + stride
         step = np.zeros(len(p))
@@ -72,21 +79,25 @@ def correction(
     return result
 
 
-def _differ(owner: Owner, axis: int) -> Mask:
+def _differ(label_map: LabelMap, axis: int) -> Mask:
     """(H, W) bool: pixels whose right (axis 1) or lower (axis 0) neighbour shows another layer."""
-    result = np.zeros(owner.shape, bool)
+    result = np.zeros(label_map.shape, bool)
     s, t = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))[1 - axis]
-    result[s] = (owner[s] != owner[t]) & (owner[s] >= 0) & (owner[t] >= 0)
+    result[s] = (label_map[s] != label_map[t]) & (label_map[s] >= 0) & (label_map[t] >= 0)
     return result
 
 
-def _values(layer: Layer, place: Box, covered: Mask, channel: int, columns: int, pixels: npt.NDArray[np.intp]) -> tuple[Floats, Mask]:
+def _values(
+    layer: Layer, place: Box, covered: Mask, channel: int, columns: int, pixels: npt.NDArray[np.intp]
+) -> tuple[Floats, Mask]:
     """A layer's values at some pixels of the canvas (flat), 0 where it has none, and where it has some."""
     row, column = np.divmod(pixels, columns)
     row, column = row - place.top, column - place.left
     known = (row >= 0) & (column >= 0) & (row < place.shape[0]) & (column < place.shape[1])
     known[known] = covered[row[known], column[known]]
-    plane: Image = layer.image if layer.image.ndim == 2 else layer.image[..., min(channel, layer.image.shape[2] - 1)]
+    plane: Image = (
+        layer.image if layer.image.ndim == 2 else layer.image[..., min(channel, layer.image.shape[2] - 1)]
+    )
     values = np.zeros(len(pixels))
     values[known] = plane[row[known], column[known]]
     return values, known

@@ -1,32 +1,31 @@
 """Which layer shows at every pixel: what is allowed, and what it costs where two layers adjoin.
 
-A *labelling* gives each covered pixel of the canvas to one layer that may show there. It costs Σ M_ij(p, q) over neighbouring pixels p and
-q that show different layers i and j, M_ij being the match cost of these two (:mod:`toposeam.seam.match_cost`). For two layers that is the
-seam problem; the rules of :mod:`toposeam.seam.overlap` are carried over to many:
+A *label map* gives each covered pixel of the canvas the number of one layer that is allowed there, -1 where
+no layer has pixels. It costs Σ M_ij(p, q) over neighbours p and q that show different layers i and j, M_ij
+being the match cost of these two (:mod:`toposeam.seam.match_cost`). For two layers that is the seam
+problem. Which layers are allowed, and M_ij where not both layers have both pixels, is decided by
+:mod:`toposeam.layers.posing`.
 
-- A layer does not show at its own end, where it has pixels but not the neighbour that another layer has, unless all layers there end.
-- A connected piece of a layer that has no pixel to itself keeps its *core*, the pixels at least ``core`` times as deep as its deepest.
-  Where the cores of two layers meet, the later one has it.
-- Where only one of p and q is covered by both layers, its values count twice; where neither is, nothing is known and M_ij is 0.
+Two moves lower the cost (Boykov, Veksler and Zabih 2001, doi:10.1109/34.969114): a *swap* divides anew what
+shows one of two layers, an *expansion* lets one layer show more of itself. Both are seam problems with unary
+costs, :class:`toposeam.seam.problem.SeamProblem`.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.errors import OptionError
-from toposeam.images import Mask, as_float, widen
-from toposeam.layers.layer import Box, Canvas, Layer, cut
-from toposeam.layers.painting import Owner
-from toposeam.seam.find import forbid
-from toposeam.seam.match_cost import Floats32, MatchCost, match_cost
+from toposeam.images import Mask
+from toposeam.layers.layer import Box, cut
+from toposeam.layers.painting import LabelMap
+from toposeam.seam.match_cost import Floats32
 from toposeam.seam.overlap import FREE, NONE, A, B, Overlap, neighbours
 from toposeam.seam.problem import SeamProblem
 
@@ -39,298 +38,327 @@ _LEAST_LINK = 1e-6
 Pair = tuple[int, int]
 
 
+class PairCost(Protocol):
+    """The match cost of two layers wherever both have pixels."""
+
+    @property
+    def box(self) -> Box:
+        """What their places have in common, and one pixel around."""
+        ...
+
+    def on(self, box: Box, beside: Mask | None = None) -> tuple[Floats32, Floats32]:
+        """Costs of the interfaces to the right, (h, w - 1), and below, (h - 1, w), in any box; 0 where they
+        are not known, and perhaps also where neither pixel is one of those that are asked for.
+        """
+        ...
+
+    def shared(self, box: Box) -> Mask:
+        """(h, w) bool, where both layers have pixels."""
+        ...
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class PairCost:
-    """The match cost of two layers wherever both have pixels, and which of them may show there."""
+class Move:
+    """A change of a label map posed as a seam problem on a box of the canvas."""
 
+    problem: SeamProblem
     box: Box
-    side: npt.NDArray[np.uint8]
-    shared: Mask
-    right: Floats32
-    down: Floats32
-    forbidden: float
-
-    def on(self, box: Box) -> tuple[Floats32, Floats32]:
-        """The costs in another box, 0 where they are not known."""
-        top, left, bottom, right = self.box
-        right_box, down_box = Box(box.top, box.left, box.bottom, box.right - 1), Box(box.top, box.left, box.bottom - 1, box.right)
-        return cut(self.right, Box(top, left, bottom, right - 1), right_box), cut(self.down, Box(top, left, bottom - 1, right), down_box)
+    #: (h, w) int16, what shows now.
+    labels: LabelMap
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class Labelling:
-    """The labelling problem of placed layers.
+    """The problem of choosing a layer at every pixel, at full size or reduced.
 
     Parameters
     ----------
-    layers : sequence of Layer
-    canvas : Canvas
-    covered : sequence of (h, w) bool arrays
-        Per layer, on its place, where it has pixels it may show (:func:`exclusive_covers`).
-    core : float
-        As for :func:`toposeam.find_seam`.
-    match : MatchCost
-    weight, avoid : (H, W) array, optional
-        As for :func:`toposeam.find_seam`, on the canvas.
-
-    Attributes
-    ----------
-    places : list of Box
-    allowed : list of (h, w) bool arrays
+    canvas : Box
+    places : sequence of Box
+        Where each layer lies on the canvas.
+    allowed : sequence of (h, w) bool arrays
         Per layer, on its place, where it is one of those to be chosen from.
+    costs : mapping from pairs of layers to PairCost
+        Those that share a pixel.
+    forbidden : float
+        Interfaces that cost as much or more are forbidden.
     """
 
-    def __init__(
-        self, layers: Sequence[Layer], canvas: Canvas, covered: Sequence[Mask], core: float, match: MatchCost,
-        weight: npt.NDArray[Any] | None = None, avoid: Mask | None = None,
-    ) -> None:  # fmt: skip
-        self.layers, self.canvas, self.covered = layers, canvas, covered
-        self.match, self.weight, self.avoid = match, weight, avoid
-        self.places = [canvas.place(layer) for layer in layers]
-        self.allowed = self._away_from_ends()
-        self._keep_cores(core)
-        self._costs: dict[Pair, PairCost | None] = {}
+    canvas: Box
+    places: Sequence[Box]
+    allowed: Sequence[Mask]
+    costs: Mapping[Pair, PairCost]
+    forbidden: float = float("inf")
 
-    def _away_from_ends(self) -> list[Mask]:
-        ground = np.zeros(self.canvas.shape, bool)
-        for place, covered in zip(self.places, self.covered, strict=True):
-            ground[place.slices] |= covered
-        inner, somewhere = [], np.zeros(self.canvas.shape, bool)
-        for place, covered in zip(self.places, self.covered, strict=True):
-            around = place.grown(1)
-            ended = neighbours(cut(ground, self.canvas.box, around) & ~cut(covered, place, around))[1:-1, 1:-1]
-            inner.append(covered & ~ended)
-            somewhere[place.slices] |= inner[-1]
-        return [np.where(somewhere[self.places[i].slices], inner[i], self.covered[i]) for i in range(len(self.places))]
+    def allowed_in(self, index: int, box: Box) -> Mask:
+        """(h, w) bool: where a layer is allowed in a box."""
+        return cut(self.allowed[index], self.places[index], box)
 
-    def _keep_cores(self, core: float) -> None:
-        depth = np.zeros(self.canvas.shape, np.uint16)
-        for place, covered in zip(self.places, self.covered, strict=True):
-            depth[place.slices] += covered
-        claimed = np.zeros(self.canvas.shape, bool)
-        for index in reversed(range(len(self.layers))):
-            place, covered = self.places[index], self.covered[index]
-            piece, count = ndimage.label(covered)
-            alone = np.bincount(piece[depth[place.slices] == 1], minlength=count + 1) > 0
-            alone[0] = True
-            if alone.all():
-                continue
-            deep = ndimage.distance_transform_edt(np.pad(covered, 1))[1:-1, 1:-1]
-            deepest = ndimage.maximum(deep, piece, np.arange(count + 1))
-            middle = ~alone[piece] & (deep >= np.maximum(core * deepest[piece], 2.0)) & ~claimed[place.slices] & self.allowed[index]
-            claimed[place.slices] |= middle
-            self._give(index, middle)
+    def labels_in(self, label_map: LabelMap, box: Box) -> LabelMap:
+        """A copy of the label map in a box, -1 off the canvas."""
+        return cut(label_map, self.canvas, box, fill=-1)
 
-    def _give(self, index: int, pixels: Mask) -> None:
-        """Allow no layer but one at some pixels of its place."""
-        place = self.places[index]
-        for other, (there, allowed) in enumerate(zip(self.places, self.allowed, strict=True)):
-            if other != index and all(place.shared(there).shape):
-                allowed &= ~cut(pixels, place, there)
+    def choices(self) -> npt.NDArray[np.uint8]:
+        """(H, W): how many layers are allowed at each pixel."""
+        count = np.zeros(self.canvas.shape, np.uint8)
+        for place, allowed in zip(self.places, self.allowed, strict=True):
+            count[place.slices] += allowed
+        return count
 
-    def divide(self, pair: Pair, labels: Mask) -> None:
-        """Forbid each of two layers what a given seam leaves to the other; `labels` on the canvas, True for the second layer."""
-        first, second = pair
-        for index, other, shows in ((first, second, ~labels), (second, first, labels)):
-            place, there = self.places[index], self.places[other]
-            taken = cut(shows, self.canvas.box, place) & cut(self.allowed[other], there, place) & self.allowed[index]
-            self.allowed[other] &= ~cut(taken, place, there)
-
-    def legal(self, owner: Owner) -> None:
-        """Give pixels of a layer that may not show there to the first one that may, in place."""
-        wrong = np.zeros(owner.shape, bool)
+    def make_allowed(self, label_map: LabelMap) -> None:
+        """Give pixels whose layer is not allowed there to the first one that is, or to none, in place."""
+        right = np.zeros(label_map.shape, bool)
         for index, (place, allowed) in enumerate(zip(self.places, self.allowed, strict=True)):
-            wrong[place.slices] |= (owner[place.slices] == index) & ~allowed
+            right[place.slices] |= (label_map[place.slices] == index) & allowed
         for index, (place, allowed) in enumerate(zip(self.places, self.allowed, strict=True)):
-            now = wrong[place.slices] & allowed
-            owner[place.slices][now] = index
-            wrong[place.slices][now] = False
+            wrong = allowed & ~right[place.slices]
+            if wrong.any():
+                label_map[place.slices][wrong] = index
+                right[place.slices] |= wrong
+        label_map[~right] = -1
 
-    def on_top(self) -> Owner:
-        """The labelling in which each pixel shows the last layer that may show there."""
-        owner: Owner = np.full(self.canvas.shape, -1, np.int16)
+    def on_top(self) -> LabelMap:
+        """The label map in which each pixel shows the last layer that is allowed there."""
+        label_map: LabelMap = np.full(self.canvas.shape, -1, np.int16)
         for index, (place, allowed) in enumerate(zip(self.places, self.allowed, strict=True)):
-            owner[place.slices][allowed] = index
-        return owner
+            label_map[place.slices][allowed] = index
+        return label_map
 
-    def cost(self, pair: Pair) -> PairCost | None:
-        """The match cost of two layers, None where they share no pixel."""
-        if pair not in self._costs:
-            self._costs[pair] = self._match(*pair)
-        return self._costs[pair]
-
-    def box(self, pair: Pair) -> Box:
-        """What the places of two layers have in common, and one pixel around."""
-        return self.places[pair[0]].shared(self.places[pair[1]]).grown(1)
-
-    def _match(self, first: int, second: int) -> PairCost | None:
-        if not all(self.places[first].shared(self.places[second]).shape):
-            return None
-        box = self.box((first, second))
-        on_a, on_b = (cut(self.covered[index], self.places[index], box) for index in (first, second))
-        shared = on_a & on_b
-        if not shared.any():
-            return None
-        may_a, may_b = (cut(self.allowed[index], self.places[index], box) for index in (first, second))
-        side = np.full(box.shape, NONE, np.uint8)
-        side[may_a], side[may_b] = A, B
-        side[may_a & may_b] = FREE
-        overlap = Overlap(side, shared, (box.top, box.left), self.canvas.shape)
-        a, b = widen(self._colours(first, box, on_a), self._colours(second, box, on_b))
-        weight = None if self.weight is None else overlap.window(self.weight).astype(np.float32)
-        right, down = match_cost(a, b, overlap, on_a, on_b, self.match, weight)
-        forbidden = float("inf") if self.avoid is None else forbid(right, down, overlap.window(self.avoid))
-        return PairCost(box, side, shared, right, down, forbidden)
-
-    def _colours(self, index: int, box: Box, present: Mask) -> Floats32:
-        image = cut(self.layers[index].image, self.places[index], box)
-        image[~present] = 0
-        return as_float(image, self.layers[index].name)
-
-    def problem(self, owner: Owner, pair: Pair, settle: bool = False) -> SeamProblem | None:
-        """The region that two layers hold between them as a seam problem; None where they share no pixel.
+    def swap(
+        self,
+        label_map: LabelMap,
+        pair: Pair,
+        *,
+        within: Box | None = None,
+        opened: Mask | None = None,
+        whole: bool = False,
+    ) -> Move | None:
+        """What shows one of two layers, to be divided anew between them; ``b`` is the second.
 
         Parameters
         ----------
-        owner : (H, W) int16 array
+        label_map : (H, W) int16 array
         pair : (int, int)
-        settle : bool
-            Decide what is free but not tied to both sides, where no seam can be.
-        """
-        cost = self.cost(pair)
-        if cost is None:
-            return None
-        shows = cut(owner, self.canvas.box, cost.box, fill=-1)
-        first, second = shows == pair[0], shows == pair[1]
-        inside = first | second
-        side = np.full(cost.box.shape, NONE, np.uint8)
-        side[first], side[second] = A, B
-        free = inside & (cost.side == FREE)
-        side[free] = FREE
-        right = np.where(inside[:, 1:] & inside[:, :-1], cost.right, np.float32(0))
-        down = np.where(inside[1:] & inside[:-1], cost.down, np.float32(0))
-        beside = [self._beside(index, pair, shows, free, cost.box) for index in pair]
-        overlap = Overlap(side, cost.shared & inside, (cost.box.top, cost.box.left), self.canvas.shape)
-        problem = SeamProblem(overlap, right, down, cost.forbidden, showing_a=beside[0], showing_b=beside[1])
-        return _settled(problem, second) if settle else problem
+        within : Box, optional
+            Change only pixels in its inside: its outermost pixels stay.
+        opened : (H, W) bool array, optional
+            Change only these.
+        whole : bool
+            Pose the problem on the whole box, as a description of the seam there is.
 
-    def _beside(self, index: int, pair: Pair, shows: Owner, free: Mask, box: Box) -> Floats32:
-        """(h, w) cost of showing one layer of a pair at its free pixels, beside those that other layers hold."""
+        Returns
+        -------
+        Move, or None where there is nothing to decide
+        """
+        cost = self.costs.get(pair)
+        box = None if cost is None else cost.box if within is None else cost.box.shared(within)
+        if cost is None or box is None or min(box.shape) < 2:
+            return None
+        labels = self.labels_in(label_map, box)
+        first, second = labels == pair[0], labels == pair[1]
+        free = first | second
+        free &= self.allowed_in(pair[0], box) & self.allowed_in(pair[1], box)
+        if not whole:
+            box, inner = self._narrowed(free, box, opened, cost.box)
+            if box is None:
+                return None
+            free, labels, first, second = free[inner], labels[inner], first[inner], second[inner]
+        inside = first | second
+        side = np.full(box.shape, NONE, np.uint8)
+        side[first], side[second], side[free] = A, B, FREE
+        right, down = cost.on(box, None if whole else free)
+        right[~(inside[:, 1:] & inside[:, :-1])] = 0
+        down[~(inside[1:] & inside[:-1])] = 0
+        unary = [self._beside(index, pair, labels, free, box) for index in pair]
+        overlap = Overlap(side, cost.shared(box) & inside, (box.top, box.left), self.canvas.shape)
+        problem = SeamProblem(overlap, right, down, self.forbidden, showing_a=unary[0], showing_b=unary[1])
+        return Move(problem if whole else _with_fixed(problem, second), box, labels)
+
+    def _narrowed(
+        self, free: Mask, box: Box, opened: Mask | None, limits: Box
+    ) -> tuple[Box | None, tuple[slice, slice]]:
+        """Restrict, in place, what is free; the box that holds it and one pixel around, and where that lies
+        in the given one.
+        """
+        if opened is not None:
+            free &= cut(opened, self.canvas, box)
+        edges = free[:1], free[:, :1], free[-1:], free[:, -1:]
+        for edge, own, limit in zip(edges, box, limits, strict=True):
+            if own != limit:
+                edge[:] = False
+        rows, columns = np.flatnonzero(free.any(axis=1)), np.flatnonzero(free.any(axis=0))
+        if not len(rows):
+            return None, (slice(0), slice(0))
+        inner = (
+            slice(max(int(rows[0]) - 1, 0), int(rows[-1]) + 2),
+            slice(max(int(columns[0]) - 1, 0), int(columns[-1]) + 2),
+        )
+        stops = [part.indices(size)[1] for part, size in zip(inner, box.shape, strict=True)]
+        narrow = Box(
+            box.top + inner[0].start, box.left + inner[1].start, box.top + stops[0], box.left + stops[1]
+        )
+        return narrow, inner
+
+    def _beside(self, index: int, pair: Pair, labels: LabelMap, free: Mask, box: Box) -> Floats32:
+        """(h, w) unary cost of showing one layer of a pair at its free pixels: that of their interfaces with
+        other layers.
+        """
         total = np.zeros(box.shape, np.float32)
-        for other in np.unique(shows).tolist():
-            cost = self.cost((min(index, other), max(index, other))) if other >= 0 and other not in pair else None
+        for other in _labels_of(labels):
+            cost = self.costs.get((min(index, other), max(index, other))) if other not in pair else None
             if cost is None:
                 continue
-            held = shows == other
-            for values, s, t in zip(cost.on(box), *_NEIGHBOURS, strict=True):
-                total[s] += np.where(free[s] & held[t], values, np.float32(0))
-                total[t] += np.where(free[t] & held[s], values, np.float32(0))
+            theirs = labels == other
+            touching = free & neighbours(theirs)
+            if not touching.any():
+                continue
+            for values, s, t in zip(cost.on(box, touching), *_NEIGHBOURS, strict=True):
+                total[s] += np.where(free[s] & theirs[t], values, np.float32(0))
+                total[t] += np.where(free[t] & theirs[s], values, np.float32(0))
         return total
 
-    def expansion(self, owner: Owner, index: int) -> tuple[SeamProblem, Box]:
-        """Whether to let a layer show more of itself, as a seam problem (``b`` is the layer) on its place and one pixel around it.
+    def expansion(
+        self,
+        label_map: LabelMap,
+        index: int,
+        *,
+        within: Box | None = None,
+        opened: Mask | None = None,
+    ) -> Move | None:
+        r"""Whether to let a layer show more of itself; ``b`` is the layer.
 
-        At neighbours p and q that show i and j and may both turn to k, keeping both costs s = M_ij, turning p c = M_kj, turning q b = M_ik,
-        and turning both nothing. With x = 1 for a turned pixel that is ::
+        At neighbours p and q that show i and j and may both turn to k, keeping both costs s = M_ij, turning p
+        c = M_kj, turning q b = M_ik, and turning both nothing. With x = 1 for a turned pixel that is ::
 
             s + (c - b - s) / 2 x_p + (b - c - s) / 2 x_q + (b + c - s) / 2 |x_p - x_q|
 
-        the cost of an interface and of showing either layer, as a seam problem has them. Where s > b + c, which no seam problem can
-        say, b + c stands for s.
-        """
-        box = self.places[index].grown(1)
-        shows = cut(owner, self.canvas.box, box, fill=-1)
-        own = shows == index
-        free = cut(self.allowed[index], self.places[index], box) & (shows >= 0) & ~own
-        side = np.where(shows < 0, np.uint8(NONE), np.uint8(A))
-        side[own], side[free] = B, FREE
-        turned = np.zeros(box.shape, np.float32)
-        links = []
-        others = [k for k in np.unique(shows).tolist() if k >= 0 and k != index]
-        for axis, (s, t) in enumerate(zip(*_NEIGHBOURS, strict=True)):
-            keep_p, keep_q, both = (np.zeros(free[s].shape, np.float32) for _ in range(3))
-            for k in others:
-                cost = self.cost((min(k, index), max(k, index)))
-                if cost is not None:
-                    values = cost.on(box)[axis]
-                    keep_p += np.where(shows[s] == k, values, np.float32(0))
-                    keep_q += np.where(shows[t] == k, values, np.float32(0))
-            for i, j in self.adjoining(shows):
-                cost = self.cost((i, j)) if index not in (i, j) else None
-                if cost is not None:
-                    border = ((shows[s] == i) & (shows[t] == j)) | ((shows[s] == j) & (shows[t] == i))
-                    both += np.where(border, cost.on(box)[axis], np.float32(0))
-            known = (free[s] | free[t]) & (shows[s] >= 0) & (shows[t] >= 0)
-            keep_q[own[s]], keep_p[own[t]] = keep_p[own[s]] + keep_q[own[s]], keep_p[own[t]] + keep_q[own[t]]
-            keep_p[own[s]], keep_q[own[t]] = keep_q[own[s]], keep_p[own[t]]
-            both = np.minimum(both, keep_p + keep_q)
-            links.append(np.where(known, np.maximum((keep_p + keep_q - both) / 2, np.float32(_LEAST_LINK)), np.float32(0)))
-            turned[s] += np.where(known & free[s], (keep_q - keep_p - both) / 2, np.float32(0))
-            turned[t] += np.where(known & free[t], (keep_p - keep_q - both) / 2, np.float32(0))
-        overlap = Overlap(side, free | own, (box.top, box.left), self.canvas.shape)
-        right, down = links
-        problem = SeamProblem(overlap, right, down, showing_a=np.maximum(-turned, 0), showing_b=np.maximum(turned, 0))
-        return _settled(problem, own), box
+        the unary costs of p and q and the cost of their interface, as a seam problem has them. That is
+        submodular while s ≤ b + c. Where s > b + c, which no seam problem can say, b + c stands for s: the
+        move is then chosen by too low a cost of what there is, and made only if it lowers the true one.
 
-    def total(self, shows: Owner, box: Box) -> float:
-        """Σ M of a labelling in a box."""
+        *A worked example.* One row of four pixels, of which the first shows i, the second and third j, the
+        fourth k; the second and third may turn to k. With M_ij = 5, M_ik = 1, M_jk = 3 at every interface::
+
+            labels       i   j   j   k         turned        cost
+            interfaces     5   0   3           none          5 + 0 + 3 = 8
+                                               third         5 + 3 + 0 = 8
+                                               both          1 + 0 + 0 = 1
+
+        Interface 1 (i is fixed, q = j may turn): unary 5 for q staying, 1 for q turning. Interface 2 (both
+        may turn, i = j): s = 0, b = c = 3, so 3 |x_p - x_q| and no unary. Interface 3 (k is fixed): unary 3
+        for p staying. The least is 1: both turn.
+
+        Parameters
+        ----------
+        label_map, within, opened
+            As for :meth:`swap`.
+        index : int
+
+        Returns
+        -------
+        Move, or None where there is nothing to decide
+        """
+        limits = self.places[index].grown(1)
+        box: Box | None = limits if within is None else limits.shared(within)
+        if box is None or min(box.shape) < 2:
+            return None
+        labels = self.labels_in(label_map, box)
+        free = self.allowed_in(index, box) & (labels >= 0) & (labels != index)
+        box, inner = self._narrowed(free, box, opened, limits)
+        if box is None:
+            return None
+        free, labels = free[inner], labels[inner]
+        own = labels == index
+        side = np.where(labels < 0, np.uint8(NONE), np.uint8(A))
+        side[own], side[free] = B, FREE
+        unary = np.zeros(box.shape, np.float32)
+        right, down = (self._expansion_along(axis, labels, index, free, own, box, unary) for axis in (0, 1))
+        overlap = Overlap(side, free | own, (box.top, box.left), self.canvas.shape)
+        problem = SeamProblem(
+            overlap, right, down, showing_a=np.maximum(-unary, 0), showing_b=np.maximum(unary, 0)
+        )
+        return Move(_with_fixed(problem, own), box, labels)
+
+    def _expansion_along(
+        self, axis: int, labels: LabelMap, index: int, free: Mask, own: Mask, box: Box, unary: Floats32
+    ) -> Floats32:
+        """The costs of the interfaces in one direction; what turning p and q costs is added to `unary`."""
+        s, t = _NEIGHBOURS[0][axis], _NEIGHBOURS[1][axis]
+        p_stays, q_stays, both_stay = (np.zeros(free[s].shape, np.float32) for _ in range(3))
+        for k in _labels_of(labels):
+            cost = self.costs.get((min(k, index), max(k, index))) if k != index else None
+            if cost is not None:
+                values = cost.on(box, free)[axis]
+                p_stays += np.where(labels[s] == k, values, np.float32(0))
+                q_stays += np.where(labels[t] == k, values, np.float32(0))
+        for i, j in self.adjoining(labels):
+            cost = self.costs.get((i, j)) if index not in (i, j) else None
+            if cost is not None:
+                border = ((labels[s] == i) & (labels[t] == j)) | ((labels[s] == j) & (labels[t] == i))
+                both_stay += np.where(border, cost.on(box, free)[axis], np.float32(0))
+        known = (free[s] | free[t]) & (labels[s] >= 0) & (labels[t] >= 0)
+        # Beside a pixel that is the layer's already, all of it is the neighbour's unary cost.
+        q_stays[own[s]], p_stays[own[t]] = (
+            p_stays[own[s]] + q_stays[own[s]],
+            p_stays[own[t]] + q_stays[own[t]],
+        )
+        p_stays[own[s]], q_stays[own[t]] = q_stays[own[s]], p_stays[own[t]]
+        # Where only one may turn and the other shows a third layer, all of it is unary, whatever it costs.
+        p_alone, q_alone = free[s] & ~free[t] & ~own[t] & known, free[t] & ~free[s] & ~own[s] & known
+        unary[s] += np.where(p_alone, q_stays - both_stay, np.float32(0))
+        unary[t] += np.where(q_alone, p_stays - both_stay, np.float32(0))
+        known &= ~p_alone & ~q_alone
+        both_stay = np.minimum(both_stay, p_stays + q_stays)
+        unary[s] += np.where(known & free[s], (q_stays - p_stays - both_stay) / 2, np.float32(0))
+        unary[t] += np.where(known & free[t], (p_stays - q_stays - both_stay) / 2, np.float32(0))
+        link = np.maximum((p_stays + q_stays - both_stay) / 2, np.float32(_LEAST_LINK))
+        least = np.where(p_alone | q_alone, np.float32(_LEAST_LINK), np.float32(0))
+        return np.where(known, link, least)
+
+    def total(self, labels: LabelMap, box: Box) -> float:
+        """Σ M of a label map in a box."""
         total = 0.0
-        for i, j in self.adjoining(shows):
-            cost = self.cost((i, j))
+        for i, j in self.adjoining(labels):
+            cost = self.costs.get((i, j))
             for values, s, t in zip(cost.on(box), *_NEIGHBOURS, strict=True) if cost is not None else ():
-                border = ((shows[s] == i) & (shows[t] == j)) | ((shows[s] == j) & (shows[t] == i))
+                border = ((labels[s] == i) & (labels[t] == j)) | ((labels[s] == j) & (labels[t] == i))
                 total += float(values[border].sum(dtype=np.float64))
         return total
 
-    def adjoining(self, owner: Owner) -> list[Pair]:
+    def adjoining(self, labels: LabelMap) -> list[Pair]:
         """The pairs of layers that show side by side somewhere, in order."""
         found: set[Pair] = set()
-        for s, t in ((owner[:, :-1], owner[:, 1:]), (owner[:-1], owner[1:])):
-            border = (s != t) & (s >= 0) & (t >= 0)
-            codes = np.minimum(s, t)[border].astype(np.int64) * len(self.layers) + np.maximum(s, t)[border]
-            found |= {divmod(int(code), len(self.layers)) for code in np.unique(codes)}
+        most = int(labels.max(initial=0)) + 1
+        for s, t in ((labels[:, :-1], labels[:, 1:]), (labels[:-1], labels[1:])):
+            border = s != t
+            p, q = s[border], t[border]
+            known = (p >= 0) & (q >= 0)
+            codes = np.minimum(p, q)[known].astype(np.int64) * most + np.maximum(p, q)[known]
+            found |= {divmod(int(code), most) for code in np.unique(codes)}
         return sorted(found)
 
 
-def _settled(problem: SeamProblem, second: Mask) -> SeamProblem:
-    """The problem with those free pixels decided that nothing ties to one of the two sides: they cost nothing there."""
+def _labels_of(labels: LabelMap) -> list[int]:
+    """The layers that show, in order."""
+    return np.flatnonzero(np.bincount(labels.ravel() + 1)[1:]).tolist()
+
+
+def _with_fixed(problem: SeamProblem, second: Mask) -> SeamProblem:
+    """The problem with those free pixels fixed that nothing ties to one of the two sides: they cost nothing
+    there.
+    """
     component, count = ndimage.label(problem.overlap.side == FREE)
-    tied_a, tied_b = (np.bincount(component.ravel(), ties.ravel(), count + 1) > 0 for ties in (problem.grid.cold, problem.grid.hot))
+    tied_a, tied_b = (
+        np.bincount(component[ties > 0], minlength=count + 1) > 0
+        for ties in (problem.grid.cold, problem.grid.hot)
+    )
     if tied_a[1:].all() and tied_b[1:].all():
         return problem
     side = problem.overlap.side.copy()
-    loose = ~tied_a & ~tied_b
+    untied = ~tied_a & ~tied_b
     for label, chosen in (
-        (A, (tied_a & ~tied_b)[component] | (loose[component] & ~second)), (B, (tied_b & ~tied_a)[component] | (loose[component] & second))
-    ):  # fmt: skip
+        (A, (tied_a & ~tied_b)[component] | (untied[component] & ~second)),
+        (B, (tied_b & ~tied_a)[component] | (untied[component] & second)),
+    ):
         side[chosen & (component > 0)] = label
     return dataclasses.replace(problem, overlap=dataclasses.replace(problem.overlap, side=side))
-
-
-def exclusive_covers(layers: Sequence[Layer], places: Sequence[Box], canvas: Canvas) -> list[Mask]:
-    """Per layer, on its place, where it has pixels that may show and no other layer must be kept.
-
-    Raises
-    ------
-    OptionError
-        When two layers must both be kept at a pixel, or one is to be kept nowhere that it has pixels.
-    """
-    covered = [layer.covered for layer in layers]
-    if all(layer.keep is None for layer in layers):
-        return covered
-    keeper = np.full(canvas.shape, -1, np.int16)
-    for index, (layer, place) in enumerate(zip(layers, places, strict=True)):
-        if layer.keep is None:
-            continue
-        kept = covered[index] & np.asarray(layer.keep)
-        if not kept.any():
-            raise OptionError(f"{layer.name} is to be kept where it has no pixels; check its keep mask")
-        before = keeper[place.slices][kept]
-        if before.max() >= 0:
-            rival = layers[int(before.max())].name
-            count = np.count_nonzero(before >= 0)
-            raise OptionError(f"{rival} and {layer.name} are both to be kept at {count} pixels; keep only one of them there")
-        keeper[place.slices][kept] = index
-    return [
-        cover & ((keeper[place.slices] < 0) | (keeper[place.slices] == index))
-        for index, (cover, place) in enumerate(zip(covered, places, strict=True))
-    ]

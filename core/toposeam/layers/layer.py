@@ -3,46 +3,91 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.checks import check_items, check_kind, check_number, check_pair, shown
 from toposeam.errors import ImageError, OptionError
-from toposeam.images import Image, Mask, as_mask
+from toposeam.images import MAX_PIXELS, Image, Mask, as_array, as_mask, full_scale
+
+#: Largest canvas that is made without being asked to.
+MAX_MEGAPIXELS = MAX_PIXELS / 1e6
+#: Farthest a layer may lie from the origin, px.
+FARTHEST = 2**31 - 1
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Layer:
-    """An image placed on a plane."""
+    """An image placed on a plane.
 
-    #: (H, W) or (H, W, C), integer or float, colour only.
+    Examples
+    --------
+    >>> Layer(np.zeros((20, 30)), at=(5, -2), name="left")
+    Layer('left', 30 × 20 px at 5,-2, float64)
+    """
+
+    #: (H, W) or (H, W, C) array, integer or float, colour only; or a PIL picture, whose opacity becomes
+    #: `alpha`.
     image: Image
-    #: (H, W), same dtype as the image: opacity, up to that dtype's full scale (1 for floats); None means opaque. The layer has pixels
-    #: where it is above 0.
+    _: KW_ONLY
+    #: (H, W), same dtype as the image: opacity, up to that dtype's full scale (1 for floats); None means
+    #: opaque. The layer has pixels where it is above 0.
     alpha: npt.NDArray[Any] | None = None
-    #: Column and row of the layer's upper left pixel, in px; may be negative.
-    offset: tuple[int, int] = (0, 0)
+    #: (x, y): column and row of the layer's upper left pixel, in px; may be negative.
+    at: tuple[int, int] = (0, 0)
     #: Shown in error texts and file names.
     name: str = "layer"
     #: (H, W), where the layer may show; None means wherever it has pixels.
     mask: npt.ArrayLike | None = None
     #: (H, W), where no other layer may show; counts where the layer itself may.
     keep: npt.ArrayLike | None = None
+    #: The value that counts as white, where the dtype does not say it: for other integers than uint8 and
+    #: uint16, and for floats beyond [0, 1] (:func:`toposeam.images.as_float`).
+    data_range: float | None = None
 
     def __post_init__(self) -> None:
-        if self.image.ndim not in (2, 3) or 0 in self.image.shape:
-            raise ImageError(f"{self.name} has shape {self.image.shape}; a layer needs a non-empty (H, W) or (H, W, C) image")
+        check_kind("name", self.name, str, "a text")
+        image = as_array(self.image, self.name)
+        if hasattr(self.image, "getbands") and image.ndim == 3 and image.shape[2] in (2, 4):  # of PIL
+            if self.alpha is None:
+                object.__setattr__(self, "alpha", image[..., -1])
+            image = image[..., 0] if image.shape[2] == 2 else image[..., :3]
+        object.__setattr__(self, "image", image)
+        if self.alpha is not None:
+            object.__setattr__(self, "alpha", as_array(self.alpha, f"the alpha of {self.name}"))
         if self.alpha is not None and self.alpha.shape != self.image.shape[:2]:
-            raise ImageError(f"{self.name}: alpha has shape {self.alpha.shape}, the image {self.image.shape[:2]}; pass one value per pixel")
+            raise ImageError(
+                f"{self.name}: alpha has shape {self.alpha.shape}, the image {self.image.shape[:2]}; pass "
+                "one value per pixel"
+            )
         if self.alpha is not None and self.alpha.dtype != self.image.dtype:
-            raise ImageError(f"{self.name}: alpha is {self.alpha.dtype} and the image {self.image.dtype}; convert it")
-        if len(self.offset) != 2 or not all(isinstance(value, int | np.integer) for value in self.offset):
-            raise OptionError(f"{self.name}: offset is {self.offset}; give two whole numbers of px, column and row")
+            raise ImageError(
+                f"{self.name}: alpha is {self.alpha.dtype} and the image {self.image.dtype}; convert it"
+            )
+        try:
+            object.__setattr__(self, "at", check_pair("at", self.at, -FARTHEST, FARTHEST))
+        except OptionError as error:
+            raise OptionError(
+                f"{self.name}: at is {shown(self.at)}; give two whole numbers of px, x and y, not beyond ±2³¹"
+            ) from error
         for field in ("mask", "keep"):
             if getattr(self, field) is not None:
-                object.__setattr__(self, field, as_mask(getattr(self, field), self.image.shape[:2], f"{self.name}: {field}"))
+                object.__setattr__(
+                    self, field, as_mask(getattr(self, field), self.image.shape[:2], f"{self.name}: {field}")
+                )
+
+    def __repr__(self) -> str:
+        height, width = self.image.shape[:2]
+        where = f"{self.at[0]},{self.at[1]}"
+        return f"Layer({self.name!r}, {width} × {height} px at {where}, {self.image.dtype})"
+
+    @property
+    def white(self) -> float:
+        """The value that counts as 1."""
+        return float(full_scale(self.image.dtype)) if self.data_range is None else self.data_range
 
     @property
     def covered(self) -> Mask:
@@ -75,26 +120,48 @@ class Box(NamedTuple):
 
     def shared(self, other: Box) -> Box:
         """What two boxes have in common; its shape has a zero when that is nothing."""
-        return Box(max(self.top, other.top), max(self.left, other.left), min(self.bottom, other.bottom), min(self.right, other.right))
+        return Box(
+            max(self.top, other.top),
+            max(self.left, other.left),
+            min(self.bottom, other.bottom),
+            min(self.right, other.right),
+        )
+
+    def around(self, other: Box) -> Box:
+        """The smallest box that holds both."""
+        return Box(
+            min(self.top, other.top),
+            min(self.left, other.left),
+            max(self.bottom, other.bottom),
+            max(self.right, other.right),
+        )
 
     def within(self, outer: Box) -> tuple[slice, slice]:
         """Rows and columns of this box in an array that fills `outer`."""
-        return slice(self.top - outer.top, self.bottom - outer.top), slice(self.left - outer.left, self.right - outer.left)
+        return slice(self.top - outer.top, self.bottom - outer.top), slice(
+            self.left - outer.left, self.right - outer.left
+        )
 
 
 def cut(array: npt.NDArray[Any], at: Box, box: Box, fill: int = 0) -> npt.NDArray[Any]:
-    """A copy of what an array that fills `at` holds in `box`; `fill` where it does not reach. (H, W, …) to (h, w, …)."""
-    result = np.full((*box.shape, *array.shape[2:]), fill, array.dtype)
+    """A copy of what an array that fills `at` holds in `box`; `fill` where it does not reach. (H, W, …) to
+    (h, w, …).
+    """
     common = at.shared(box)
+    if common == box:
+        return array[box.within(at)].copy()
+    shape = (*box.shape, *array.shape[2:])
+    result = np.full(shape, fill, array.dtype) if fill else np.zeros(shape, array.dtype)
     if all(common.shape):
         result[common.within(box)] = array[common.within(at)]
     return result
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Canvas:
-    """The smallest rectangle that holds every layer."""
+class Extent:
+    """The smallest rectangle that holds every layer: the canvas."""
 
+    #: (x, y) of its upper left pixel in the layers' coordinates.
     origin: tuple[int, int]
     #: Height and width in px.
     shape: tuple[int, int]
@@ -106,22 +173,60 @@ class Canvas:
 
     def place(self, layer: Layer) -> Box:
         """The part of the canvas that the layer fills."""
-        x, y = layer.offset[0] - self.origin[0], layer.offset[1] - self.origin[1]
+        x, y = layer.at[0] - self.origin[0], layer.at[1] - self.origin[1]
         return Box(y, x, y + layer.image.shape[0], x + layer.image.shape[1])
 
 
-def common_canvas(layers: Sequence[Layer], max_pixels: int) -> Canvas:
+def check_layers(layers: Sequence[Layer]) -> Sequence[Layer]:
+    """At least two placed layers.
+
+    Raises
+    ------
+    OptionError
+        Also for arrays and pictures that are not placed.
+    """
+    given = [layers] if isinstance(layers, Layer) or not isinstance(layers, Sequence) else layers
+    for index, layer in enumerate(given):
+        if not isinstance(layer, Layer):
+            raise OptionError(
+                f"layer {index} is of type {type(layer).__name__}; say where it lies, as "
+                "toposeam.Layer(image, at=(x, y))"
+            )
+    if len(given) < 2:
+        raise OptionError(f"{len(given)} layer was given; pass a list of at least two")
+    return given
+
+
+def common_canvas(layers: Sequence[Layer], *, max_megapixels: float = MAX_MEGAPIXELS) -> Extent:
     """The canvas of some layers.
 
     Raises
     ------
     OptionError
-        When it would hold more than `max_pixels` pixels.
+        When it would hold more than `max_megapixels` million pixels.
+
+    Examples
+    --------
+    >>> common_canvas([Layer(np.zeros((20, 30))), Layer(np.zeros((20, 30)), at=(25, -2))])
+    Extent(origin=(0, -2), shape=(22, 55))
     """
-    left, top = (min(layer.offset[axis] for layer in layers) for axis in (0, 1))
-    right = max(layer.offset[0] + layer.image.shape[1] for layer in layers)
-    bottom = max(layer.offset[1] + layer.image.shape[0] for layer in layers)
-    height, width = bottom - top, right - left
-    if height * width > max_pixels:
-        raise OptionError(f"the layers span {width} × {height} px, more than {max_pixels} pixels; check the offsets")
-    return Canvas(origin=(left, top), shape=(height, width))
+    check_number("max_megapixels", max_megapixels, 0, above=True)
+    layers = check_items("layers", layers, Layer, "a sequence of Layers")
+    if not layers:
+        raise OptionError("there are no layers; give at least one")
+    extent = extent_of(layers)
+    height, width = extent.shape
+    if height * width > max_megapixels * 1e6:
+        raise OptionError(
+            f"the layers span {width} × {height} px, more than {max_megapixels:g} megapixels; check where "
+            "they lie"
+        )
+    return extent
+
+
+def extent_of(layers: Sequence[Layer]) -> Extent:
+    """The canvas of some layers, however large."""
+    left, top = (min(layer.at[axis] for layer in layers) for axis in (0, 1))
+    right = max(layer.at[0] + layer.image.shape[1] for layer in layers)
+    bottom = max(layer.at[1] + layer.image.shape[0] for layer in layers)
+    return Extent(origin=(left, top), shape=(bottom - top, right - left))

@@ -1,12 +1,12 @@
 """Multiband blending: coarse shades mixed over a wide band, fine detail over a narrow one.
 
-Each layer is taken apart into a Laplacian pyramid, its mask into a Gaussian one; the bands are mixed by the masks of their own level and
-put together again (Burt and Adelson 1983, doi:10.1145/245.247).
+Each layer is taken apart into a Laplacian pyramid, its mask into a Gaussian one; the bands are mixed by the
+masks of their own level and put together again (Burt and Adelson 1983, doi:10.1145/245.247).
 
-Pyramids are linear, so that the mixture is the hard cut plus the mixture of what each layer differs from it. These differences are 0
-where the layer shows, and nearly constant where only the exposure differs: where a layer has no pixels its difference, unlike the layer
-itself, can be continued without inventing anything. Known pixels are averaged down the pyramid, and what is missing is filled in from the
-next coarser level.
+Pyramids are linear, so that the mixture is the hard cut plus the mixture of what each layer differs from it.
+These differences are 0 where the layer shows, and nearly constant where only the exposure differs: where a
+layer has no pixels its difference, unlike the layer itself, can be continued without inventing anything.
+Known pixels are averaged down the pyramid, and what is missing is filled in from the next coarser level.
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ _KERNEL = np.array([1, 4, 6, 4, 1], np.float32) / 16
 _MADE_UP, _LEAST = 1e-3, 1e-9
 
 
-def multiband(differences: Sequence[Floats32], present: Sequence[Mask], shows: Sequence[Mask], levels: int) -> Floats32:
+def multiband(
+    differences: Sequence[Floats32], present: Sequence[Mask], shows: Sequence[Mask], levels: int
+) -> Floats32:
     """What the mixture of some layers differs from their hard cut.
 
     Parameters
@@ -41,7 +43,8 @@ def multiband(differences: Sequence[Floats32], present: Sequence[Mask], shows: S
     shows : sequence of (h, w) bool arrays
         Where each layer shows; nowhere two, and where none does the mixture is arbitrary.
     levels : int
-        Halvings of the resolution. The coarsest band is mixed over about 2 ** levels px on either side of the seam.
+        Halvings of the resolution. The coarsest band is mixed over about 2 ** levels px on either side of the
+        seam.
 
     Returns
     -------

@@ -11,16 +11,20 @@ from toposeam.errors import ImageError
 from toposeam.images import Image, full_scale
 from toposeam.layers.layer import Box, Layer
 
+_TILE = 256  # px; most tiles show one layer
+
 #: The layer that shows at each pixel of the canvas, -1 for none.
-Owner = npt.NDArray[np.int16]
+LabelMap = npt.NDArray[np.int16]
 
 
-def paint(layers: Sequence[Layer], places: Sequence[Box], owner: Owner, at: Box, channels: int | None) -> tuple[Image, Image]:
+def paint(
+    layers: Sequence[Layer], places: Sequence[Box], label_map: LabelMap, at: Box, channels: int | None
+) -> tuple[Image, Image]:
     """The picture of a labelling in a box, (h, w[, C]), and its opacity, (h, w); 0 where no layer shows.
 
     Parameters
     ----------
-    owner : (h, w) int16 array
+    label_map : (h, w) int16 array
         The layer that shows at each pixel of the box, -1 for none.
     at : Box
     channels : int or None
@@ -31,16 +35,22 @@ def paint(layers: Sequence[Layer], places: Sequence[Box], owner: Owner, at: Box,
     alpha = np.zeros(at.shape, dtype)
     for index, (layer, place) in enumerate(zip(layers, places, strict=True)):
         common = place.shared(at)
-        if not all(common.shape):
-            continue
-        here, there = common.within(at), common.within(place)
-        shows = owner[here] == index
-        part = layer.image[there]
-        if channels is None:
-            np.copyto(image[here], part, where=shows)
-        else:
-            np.copyto(image[here], part if part.ndim == 3 else part[..., np.newaxis], where=shows[..., np.newaxis])
-        np.copyto(alpha[here], full_scale(dtype) if layer.alpha is None else layer.alpha[there], where=shows)
+        for top in range(common.top, common.bottom, _TILE):
+            for left in range(common.left, common.right, _TILE):
+                tile = Box(top, left, top + _TILE, left + _TILE).shared(common)
+                here, there = tile.within(at), tile.within(place)
+                shows = label_map[here] == index
+                if not shows.any():
+                    continue
+                part = layer.image[there]
+                if channels is not None and part.ndim == 2:
+                    part = part[..., np.newaxis]
+                own = full_scale(dtype) if layer.alpha is None else layer.alpha[there]
+                if shows.all():
+                    image[here], alpha[here] = part, own
+                else:
+                    image[here][shows] = np.broadcast_to(part, image[here].shape)[shows]
+                    np.copyto(alpha[here], own, where=shows)
     return image, alpha
 
 
@@ -55,7 +65,10 @@ def channel_count(layers: Sequence[Layer]) -> int | None:
     counts = {1 if layer.image.ndim == 2 else layer.image.shape[2] for layer in layers}
     wide = counts - {1}
     if len(wide) > 1:
-        raise ImageError(f"the layers have {', '.join(map(str, sorted(wide)))} channels; convert them to the same number, or to gray")
+        raise ImageError(
+            f"the layers have {', '.join(map(str, sorted(wide)))} channels; convert them to the same number, "
+            "or to gray"
+        )
     if wide:
         return wide.pop()
     return None if all(layer.image.ndim == 2 for layer in layers) else 1

@@ -1,31 +1,34 @@
-"""Rounds of moves that lower the total cost of a labelling until none does any more.
+"""Rounds of moves that lower the total cost of a label map until none does any more.
 
-One layer after another, as the thesis joins patches, an early seam cannot know what comes later. Two moves (Boykov, Veksler and Zabih 2001,
-doi:10.1109/34.969114) undo that, each one seam problem solved by heat:
+Layers are joined one after another, as the thesis joins patches: each further one is expanded over what is
+there. An early seam cannot know what comes later, so *rounds* of moves follow
+(:mod:`toposeam.layers.labelling`): expansions until they gain nothing more, which are the stronger move, then
+swaps. Each is one seam problem. A move that does not lower the total is not made, so the rounds end.
 
-- *Expansion*: one layer may show more of itself, wherever it has pixels.
-- *Swap*: what two layers hold between them is divided anew.
+They end in an optimum that depends on where they started: hardly where layers show the same things, by up to
+a fifth of the cost where they have little in common. So there are two starts: the layers joined one after
+another, and the layers simply on top of each other. The cheaper end is taken.
 
-What a region costs beside the other layers enters as heat to the two terminals. A round expands until that gains nothing more, which is the
-stronger move, then swaps. A move that does not lower the total is not made, so the rounds end.
-
-They end in an optimum that depends on where they started: hardly where layers show the same things, by up to a fifth of the cost where they
-have little in common. So small canvases, where it costs little time, have two starts: the layers joined one after another, and the layers
-simply on top of each other. The cheaper end is taken.
+Large canvases are looked at reduced first (:mod:`toposeam.layers.reduction`); there all of this happens.
+Then, at every finer size, only pixels beside the seams, and beside flow that the heat had not yet decided,
+are opened again. Where two layers meet one swap finds the best seam among these; where three or more meet,
+windows round such places have rounds of their own.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from toposeam.layers.labelling import Labelling, Pair
-from toposeam.layers.layer import Box, cut
-from toposeam.layers.painting import Owner
+from toposeam.images import Mask
+from toposeam.layers.labelling import Labelling, Move, Pair
+from toposeam.layers.layer import Box
+from toposeam.layers.painting import LabelMap
+from toposeam.layers.reduction import enlarged, opened, reduced
 from toposeam.optimize.history import Termination
 from toposeam.seam.find import Method, method_options, solve
 from toposeam.seam.heat import HeatOptions
@@ -36,128 +39,261 @@ from toposeam.seam.thesis import ThesisOptions
 
 #: A move counts when it lowers the cost of its region by this share.
 _LEAST_GAIN = 1e-7
+#: Problems in which so many pixels have several layers to choose from, or more, are reduced first.
+WHOLE_PIXELS = 10_000
+#: On reduced canvases the heat stops when no seam can be cheaper by more than this share.
+ROUGH = 1e-2
+#: Problems are not reduced below so many pixels a side.
+_SHORTEST = 32
+#: Where the label potential of two neighbours differs by more than this, heat has not decided yet; the pixels
+#: themselves decide details only.
+_UNDECIDED, _UNDECIDED_LAST = 0.03, 0.5
+#: How far the windows reach round places where three layers meet, px.
+_WINDOW = 24
+#: Beyond its box the problem of a seam keeps so many px, where boxes are large.
+_MARGIN, _LARGE_BOX = 8, 1 << 20
 
-#: Canvases with up to so many pixels have a second start.
-SECOND_START_PIXELS = 100_000
-
-#: Methods that solve a region with ties to further layers; the others leave it to heat.
+#: Methods that solve a region with unary costs; the others leave it to heat.
 _ANY_NETWORK: tuple[Method, ...] = ("heat", "shortest-path", "graph-cut")
 
-
-def best_labelling(
-    labelling: Labelling, joined: Owner, method: Method, options: dict[str, Any], most: int,
-    progress: Callable[[float], None] | None = None,
-) -> tuple[Rounds, int]:  # fmt: skip
-    """The rounds from either start that ended at less cost, and how many they were; `joined` is changed."""
-    if not most:
-        return Rounds(labelling, joined, method, options), 0
-    starts = [joined, labelling.on_top()] if joined.size <= SECOND_START_PIXELS else [joined]
-    ends = []
-    for share, start in enumerate(starts):
-        moves = Rounds(labelling, start, method, options)
-        number = moves.run(most, None if progress is None else _part(progress, share, len(starts)))
-        ends.append((labelling.total(start, labelling.canvas.box), share, moves, number))
-    _, _, moves, number = min(ends, key=lambda end: end[:2])
-    return moves, number
+Progress = Callable[[float], None]
 
 
-def _part(progress: Callable[[float], None], index: int, count: int) -> Callable[[float], None]:
-    return lambda part: progress((index + part) / count)
-
-
-class Rounds:
-    """Improves a labelling in place, and knows the last solution of each pair.
+def best_rounds(
+    labelling: Labelling,
+    order: Sequence[int],
+    method: Method,
+    options: dict[str, Any],
+    most: int,
+    progress: Progress | None = None,
+) -> tuple[Rounds, int]:
+    """The cheapest label map that is found, and how many rounds were made.
 
     Parameters
     ----------
     labelling : Labelling
-    owner : (H, W) int16 array
+    order : sequence of int
+        In which the layers are joined.
+    method, options
+        How moves are solved, as for :func:`toposeam.find_seam`.
+    most : int
+        Rounds at most; with 0 the layers are only joined one after another.
+    """
+    steps = _Steps(progress)
+    levels = [labelling]
+    while (
+        np.count_nonzero(levels[-1].choices() > 1) > WHOLE_PIXELS
+        and min(levels[-1].canvas.shape) > 2 * _SHORTEST
+    ):
+        levels.append(reduced(levels[-1]))
+        steps.one()
+    coarsest = levels.pop()
+    ends: list[tuple[float, int, Rounds, int]] = []
+    for start in ("joined", "on top") if most else ("joined",):
+        rounds = Rounds(coarsest, coarsest.on_top(), method, options, steps=steps, rough=bool(levels))
+        if start == "joined":
+            rounds.join(order)
+        number = rounds.run(most) if most else 0
+        ends.append((coarsest.total(rounds.label_map, coarsest.canvas), len(ends), rounds, number))
+    _, _, rounds, number = min(ends, key=lambda end: end[:2])
+    while levels:
+        finer = levels.pop()
+        near = opened(rounds.beside_seams(_UNDECIDED if levels else _UNDECIDED_LAST), finer)
+        rounds = Rounds(finer, enlarged(rounds.label_map, finer), method, options, near, steps, bool(levels))
+        rounds.refine(most)
+    return rounds, number
+
+
+class _Steps:
+    """Reports progress of which nobody knows the end: each step does a tenth of what is left."""
+
+    def __init__(self, progress: Progress | None) -> None:
+        self._progress, self._left = progress, 1.0
+
+    def one(self) -> None:
+        self._left *= 0.9
+        if self._progress is not None:
+            self._progress(0.95 * (1 - self._left))
+
+
+class Rounds:
+    """Improves a label map in place, and knows the last solution of each pair.
+
+    Parameters
+    ----------
+    labelling : Labelling
+    label_map : (H, W) int16 array
         Changed in place.
     method, options
         How regions are solved, as for :func:`toposeam.find_seam`.
+    near : (H, W) bool array, optional
+        Only these pixels may change.
+    rough : bool
+        Whether finer solutions follow, so that proofs within `ROUGH` do.
     """
 
-    def __init__(self, labelling: Labelling, owner: Owner, method: Method, options: dict[str, Any]) -> None:
-        self._labelling, self.owner = labelling, owner
+    def __init__(
+        self,
+        labelling: Labelling,
+        label_map: LabelMap,
+        method: Method,
+        options: dict[str, Any],
+        near: Mask | None = None,
+        steps: _Steps | None = None,
+        rough: bool = False,
+    ) -> None:
+        self._steps = _Steps(None) if steps is None else steps
+        self._labelling, self.label_map, self._near = labelling, label_map, near
         self.method: Method = method if method in _ANY_NETWORK else "heat"
-        self._options: HeatOptions | ThesisOptions | None = method_options(self.method, options if self.method == method else {})
+        self._options: HeatOptions | ThesisOptions | None = method_options(
+            self.method, options if self.method == method else {}
+        )
+        if rough and isinstance(self._options, HeatOptions):
+            tolerance = max(ROUGH, self._options.tolerance)
+            self._options = dataclasses.replace(self._options, tolerance=tolerance)
         self.settings = {} if self._options is None else dataclasses.asdict(self._options)
-        self.solutions: dict[Pair, Solution] = {}
+        self.solved: dict[Pair, tuple[Box, Solution]] = {}
         self.seconds: dict[Pair, float] = {}
 
-    def run(self, most: int, progress: Callable[[float], None] | None = None) -> int:
-        """Make rounds until nothing is gained, at most so many; returns how many, the last of them without gain."""
+    def join(self, order: Sequence[int]) -> None:
+        """Lay the layers one after another, each joined to what is there along the best seam."""
+        there = self.label_map.copy()
+        self.label_map[:] = -1
+        for index in order:
+            place, allowed = self._labelling.places[index], self._labelling.allowed[index]
+            part = self.label_map[place.slices]
+            part[allowed & (part < 0)] = index
+            self._expand(index)
+        np.copyto(self.label_map, there, where=self.label_map < 0)
+
+    def run(self, most: int, within: Box | None = None) -> int:
+        """Make rounds until nothing is gained, at most so many; returns how many, the last of them without
+        gain.
+        """
         places = self._labelling.places
-        pairs = [(i, j) for i in range(len(places)) for j in range(i + 1, len(places)) if self._labelling.cost((i, j)) is not None]
-        growing, waiting = set(range(len(places))), set(pairs)
+        if within is None:
+            growing, pairs = set(range(len(places))), sorted(self._labelling.costs)
+        else:
+            inside = within.shared(self._labelling.canvas)
+            growing = {int(k) for k in np.unique(self.label_map[inside.slices]) if k >= 0}
+            pairs = [pair for pair in sorted(self._labelling.costs) if growing >= set(pair)]
+        waiting = set(pairs)
+        layers = sorted(growing)
         for number in range(most):
             while growing:
-                for index in range(len(places)):
-                    changed = self._expand(index) if index in growing else None
+                for index in layers:
+                    changed = self._expand(index, within) if index in growing else None
                     growing.discard(index)
                     if changed is not None:
                         waiting |= {pair for pair in pairs if self._touches(pair, changed)}
-                        growing |= {k for k, place in enumerate(places) if k != index and all(place.shared(changed).shape)}
-            if progress is not None:
-                progress((number + 0.5) / most)
+                        growing |= {k for k in layers if k != index and all(places[k].shared(changed).shape)}
             for pair in pairs:
-                changed = self._swap(pair) if pair in waiting else None
+                changed = self._swap(pair, within) if pair in waiting else None
                 waiting.discard(pair)
                 if changed is not None:
                     waiting |= {other for other in pairs if other != pair and self._touches(other, changed)}
-                    growing |= {k for k, place in enumerate(places) if all(place.shared(changed).shape)}
-            if progress is not None:
-                progress((number + 1) / most)
+                    growing |= {k for k in layers if all(places[k].shared(changed).shape)}
             if not growing:
                 return number + 1
         return most
 
+    def refine(self, most: int) -> None:
+        """The best seams among the pixels that are open: one swap for each pair of layers that adjoin, and
+        rounds where three layers meet.
+        """
+        for pair in self._labelling.adjoining(self.label_map):
+            self._swap(pair)
+        for window in self._meetings():
+            self.run(most, window)
+
+    def _meetings(self) -> list[Box]:
+        """Boxes round the places where three layers or more meet, none of which overlap."""
+        labels = self.label_map
+        edge = (labels[:-1, :-1] != labels[1:, :-1]) | (labels[:-1, 1:] != labels[1:, 1:])
+        edge &= (labels[:-1, :-1] != labels[:-1, 1:]) | (labels[1:, :-1] != labels[1:, 1:])
+        rows, columns = np.nonzero(edge)
+        around = np.stack([labels[rows + y, columns + x] for y in (0, 1) for x in (0, 1)], axis=1)
+        kinds = (np.diff(np.sort(around, axis=1), axis=1) != 0).sum(axis=1) + 1
+        third = kinds - (around.min(axis=1, initial=0) < 0) >= 3
+        boxes: list[Box] = []
+        for row, column in zip(rows[third].tolist(), columns[third].tolist(), strict=True):
+            box = Box(row, column, row + 2, column + 2).grown(_WINDOW)
+            for other in [other for other in boxes if all(other.shared(box).shape)]:
+                boxes.remove(other)
+                box = box.around(other)
+            boxes.append(box)
+        return boxes
+
+    def beside_seams(self, undecided: float) -> Mask:
+        """(H, W) bool: pixels beside a seam, or where the label potential of neighbours differs so much."""
+        chosen = _beside_steps(self.label_map, 0)
+        for box, solution in self.solved.values():
+            inside = box.shared(self._labelling.canvas)
+            soft = np.asarray(solution.soft)
+            chosen[inside.slices] |= _beside_steps(soft, undecided)[inside.within(box)]
+        return chosen
+
     def _touches(self, pair: Pair, changed: Box) -> bool:
-        cost = self._labelling.cost(pair)
-        return cost is not None and all(cost.box.shared(changed).shape)
+        return all(self._labelling.costs[pair].box.shared(changed).shape)
 
-    def _expand(self, index: int) -> Box | None:
-        """Let a layer show more of itself; the box in which something changed, None where nothing was gained."""
-        problem, box = self._labelling.expansion(self.owner, index)
-        if not (problem.overlap.side == FREE).any():
+    def _expand(self, index: int, within: Box | None = None) -> Box | None:
+        """Let a layer show more of itself; the box in which something changed, None where nothing was
+        gained.
+        """
+        self._steps.one()
+        move = self._labelling.expansion(self.label_map, index, within=within, opened=self._near)
+        if move is None or not (move.problem.overlap.side == FREE).any():
             return None
-        labels = problem.complete(solve(problem, self.method, self._options).labels).astype(bool)
-        shows = cut(self.owner, self._labelling.canvas.box, box, fill=-1)
-        new = np.where(labels & (shows >= 0), np.int16(index), shows)
-        if self._labelling.total(new, box) >= self._labelling.total(shows, box) * (1 - _LEAST_GAIN):
+        turned = move.problem.complete(solve(move.problem, self.method, self._options).labels).astype(bool)
+        new = np.where(turned & (move.labels >= 0), np.int16(index), move.labels)
+        before = self._labelling.total(move.labels, move.box)
+        if self._labelling.total(new, move.box) >= before * (1 - _LEAST_GAIN):
             return None
-        return self._change(shows, new, box)
+        return self._change(move, new)
 
-    def _swap(self, pair: Pair) -> Box | None:
-        """Divide the region of two layers anew; the box in which something changed, None where nothing was gained."""
-        problem = self._labelling.problem(self.owner, pair, settle=True)
-        if problem is None or not (problem.overlap.side == FREE).any():
+    def _swap(self, pair: Pair, within: Box | None = None) -> Box | None:
+        """Divide the region of two layers anew; the box in which something changed, None where nothing was
+        gained.
+        """
+        self._steps.one()
+        move = self._labelling.swap(self.label_map, pair, within=within, opened=self._near)
+        if move is None or not (move.problem.overlap.side == FREE).any():
             return None
+        problem = move.problem
         started = time.perf_counter()
-        self.solutions[pair] = solution = solve(problem, self.method, self._options)
+        solution = solve(problem, self.method, self._options)
+        if within is None:
+            self.solved[pair] = move.box, dataclasses.replace(solution, soft=problem.complete(solution.soft))
         self.seconds[pair] = self.seconds.get(pair, 0.0) + time.perf_counter() - started
-        box = self._labelling.box(pair)
-        shows = cut(self.owner, self._labelling.canvas.box, box, fill=-1)
-        old = problem.complete(shows == pair[1]).astype(bool)  # what was settled costs nothing there, and no more than before
-        labels = problem.complete(solution.labels).astype(bool)
-        if problem.total(labels) >= problem.total(old) * (1 - _LEAST_GAIN):
-            labels = old
-        new = np.where((shows == pair[0]) | (shows == pair[1]), np.where(labels, np.int16(pair[1]), np.int16(pair[0])), shows)
-        return self._change(shows, new, box)
+        # What is fixed for want of ties costs nothing there, and no more than before.
+        old = problem.complete(move.labels == pair[1]).astype(bool)
+        second = problem.complete(solution.labels).astype(bool)
+        if problem.total(second) >= problem.total(old) * (1 - _LEAST_GAIN):
+            second = old
+        either = (move.labels == pair[0]) | (move.labels == pair[1])
+        return self._change(
+            move, np.where(either, np.where(second, np.int16(pair[1]), np.int16(pair[0])), move.labels)
+        )
 
-    def _change(self, shows: Owner, new: Owner, box: Box) -> Box | None:
-        """Write a box of the labelling; the smaller box in which it changed, and a pixel around."""
-        changed = new != shows
+    def _change(self, move: Move, new: LabelMap) -> Box | None:
+        """Write a box of the label map; the smaller box in which it changed, and a pixel around."""
+        changed = new != move.labels
         if not changed.any():
             return None
-        inside = box.shared(self._labelling.canvas.box)
-        self.owner[inside.slices] = new[inside.within(box)]
+        box = move.box
+        inside = box.shared(self._labelling.canvas)
+        self.label_map[inside.slices] = new[inside.within(box)]
         rows, columns = np.flatnonzero(changed.any(axis=1)), np.flatnonzero(changed.any(axis=0))
         top, left = box.top, box.left
-        return Box(top + int(rows[0]), left + int(columns[0]), top + int(rows[-1]) + 1, left + int(columns[-1]) + 1).grown(1)
+        return Box(
+            top + int(rows[0]), left + int(columns[0]), top + int(rows[-1]) + 1, left + int(columns[-1]) + 1
+        ).grown(1)
 
-    def seams(self, given: Collection[Pair], settings: Mapping[str, Any], potentials: bool = False) -> dict[Pair, Seam]:
-        """The seams between layers as they show now, by pair; there is none where two adjoin without sharing a pixel.
+    def seams(
+        self, given: Collection[Pair], settings: Mapping[str, Any], potentials: bool = False
+    ) -> dict[Pair, Seam]:
+        """The seams between layers as they show now, by pair; there is none where two adjoin without sharing
+        a pixel.
 
         Parameters
         ----------
@@ -169,19 +305,62 @@ class Rounds:
             Solve pairs that no round has solved, for their label potential.
         """
         found = {}
-        for pair in self._labelling.adjoining(self.owner):
-            problem = self._labelling.problem(self.owner, pair)
-            if problem is None:
+        for pair in self._labelling.adjoining(self.label_map):
+            if potentials and pair not in self.solved:
+                self._swap(pair)
+            move = self._labelling.swap(self.label_map, pair, within=self._seam_box(pair), whole=True)
+            if move is None:
                 continue
-            shown = cut(self.owner, self._labelling.canvas.box, self._labelling.box(pair), fill=-1) == pair[1]
+            problem = move.problem
+            shown = move.labels == pair[1]
             problem.check(shown)
-            if potentials and pair not in self.solutions and (problem.overlap.side == FREE).any():
-                self.solutions[pair] = solve(problem, self.method, self._options)
-            solution = self.solutions.get(pair, Solution(labels=shown, soft=shown.astype(np.float32)))
-            potential = np.where(problem.overlap.side == FREE, solution.soft, shown.astype(np.float32))
+            box, solution = self.solved.get(
+                pair, (move.box, Solution(labels=shown, soft=shown.astype(np.float32)))
+            )
+            potential = shown.astype(np.float32)
+            common = box.shared(move.box)
+            here = common.within(move.box)
+            free = problem.overlap.side[here] == FREE
+            potential[here][free] = np.asarray(solution.soft, np.float32)[common.within(box)][free]
             found[pair] = Seam(
-                shown=shown, potential=potential, only_b=self.owner == pair[1], cost=problem.cost(shown), history=solution.history,
-                method="path" if pair in given else self.method, termination=Termination.GIVEN if pair in given else solution.termination,
-                seconds=self.seconds.get(pair, 0.0), settings={**settings, **self.settings}, problem=problem,
-            )  # fmt: skip
+                _shown=shown,
+                _potential=potential,
+                only_b=self.label_map == pair[1],
+                cost=problem.cost(shown),
+                history=solution.history,
+                method="path" if pair in given else self.method,
+                termination=Termination.GIVEN if pair in given else solution.termination,
+                seconds=self.seconds.get(pair, 0.0),
+                settings={**settings, **self.settings},
+                problem=problem,
+            )
         return found
+
+    def _seam_box(self, pair: Pair) -> Box | None:
+        """On large overlaps, the box of the seam and some pixels around it."""
+        cost = self._labelling.costs.get(pair)
+        if cost is None or cost.box.shape[0] * cost.box.shape[1] <= _LARGE_BOX:
+            return None
+        inside = cost.box.shared(self._labelling.canvas)
+        labels = self.label_map[inside.slices]
+        first, second = labels == pair[0], labels == pair[1]
+        beside = np.zeros(labels.shape, bool)
+        beside[:, 1:] |= (first[:, 1:] & second[:, :-1]) | (second[:, 1:] & first[:, :-1])
+        beside[1:] |= (first[1:] & second[:-1]) | (second[1:] & first[:-1])
+        rows, columns = np.flatnonzero(beside.any(axis=1)), np.flatnonzero(beside.any(axis=0))
+        if not len(rows):
+            return None
+        top, left = inside.top, inside.left
+        return Box(
+            top + int(rows[0]), left + int(columns[0]), top + int(rows[-1]) + 1, left + int(columns[-1]) + 1
+        ).grown(_MARGIN)
+
+
+def _beside_steps(values: np.ndarray, step: float) -> Mask:
+    """Pixels one of whose neighbours differs by more than a step."""
+    result = np.zeros(values.shape, bool)
+    for s, t in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+        differs = values[s] != values[t] if step == 0 else np.abs(values[s] - values[t]) > step
+        result[s] |= differs
+        result[t] |= differs
+    return result

@@ -1,10 +1,11 @@
 """Tones: one gain per layer and channel, so that overlapping layers agree.
 
-For each pair of overlapping layers and each channel the median of log a - log b over the pixels that both have, neither in the dark nor
-burnt out, is one equation log g_b - log g_a = median; the gains g solve all of them in the least-squares sense, weighted by pixels. The
-medians do not see what differs between the pictures themselves, as long as that is less than half of the overlap. Gains are applied to the
-values as they are encoded: for the tone curves in use (a power of light, near enough) a change of exposure is a gain there too. Integers
-near full scale in all channels are let off: scaled down, burnt-out whites would turn gray.
+For each pair of overlapping layers and each channel the median of log a - log b over the pixels that both
+have, neither in the dark nor burnt out, is one equation log g_b - log g_a = median; the gains g solve all of
+them in the least-squares sense, weighted by pixels. The medians do not see what differs between the pictures
+themselves, as long as that is less than half of the overlap. Gains are applied to the values as they are
+encoded: for the tone curves in use (a power of light, near enough) a change of exposure is a gain there too.
+Integers near full scale in all channels are let off: scaled down, burnt-out whites would turn gray.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.images import Image, full_scale
-from toposeam.layers.layer import Box, Layer
+from toposeam.images import Image
+from toposeam.layers.layer import Box, Layer, check_layers, extent_of
 
 #: Shares of full scale between which a pixel tells the exposure.
 TELLING = (0.04, 0.97)
@@ -30,7 +31,8 @@ _ROWS = 256  # worked on at a time
 
 
 def tone_gains(layers: Sequence[Layer], places: Sequence[Box]) -> npt.NDArray[np.float64]:
-    """The gain of each layer and channel, (N, C); their geometric mean is 1 per channel, less where highlights would burn out.
+    """The gain of each layer and channel, (N, C); their geometric mean is 1 per channel, less where
+    highlights would burn out.
 
     Parameters
     ----------
@@ -53,18 +55,41 @@ def tone_gains(layers: Sequence[Layer], places: Sequence[Box]) -> npt.NDArray[np
                     rows.append(weight * row)
                     values.append(weight * known[0])
         if rows:
-            logarithm[:, channel] = np.linalg.lstsq(np.array(rows), np.array(values), rcond=None)[0]  # of least norm: mean 0 where joined
+            logarithm[:, channel] = np.linalg.lstsq(np.array(rows), np.array(values), rcond=None)[
+                0
+            ]  # of least norm: mean 0 where joined
     gains = np.clip(np.exp(logarithm - logarithm.mean(axis=0)), 1 / LARGEST_GAIN, LARGEST_GAIN)
     room = min(_headroom(layer, gain) for layer, gain in zip(layers, gains, strict=True))
     scaled: npt.NDArray[np.float64] = gains * min(1.0, room)
     return scaled
 
 
-def match_tones(layers: Sequence[Layer], places: Sequence[Box]) -> list[Layer]:
-    """The layers with their gains applied; values are rounded and kept within their range."""
+def match_tones(layers: Sequence[Layer]) -> list[Layer]:
+    """The layers with one gain per channel each, so that they agree where they overlap.
+
+    Parameters
+    ----------
+    layers : sequence of Layer
+        At least two, placed.
+
+    Returns
+    -------
+    list of Layer
+        Values are rounded and kept within their range; masks and places stay.
+
+    Examples
+    --------
+    >>> dark, light = np.full((20, 30), 100, np.uint8), np.full((20, 30), 121, np.uint8)
+    >>> first, second = match_tones([Layer(dark), Layer(light, at=(20, 0))])
+    >>> int(first.image[0, 0]), int(second.image[0, 0])
+    (110, 110)
+    """
+    layers = check_layers(layers)
+    canvas = extent_of(layers)
+    gains = tone_gains(layers, [canvas.place(layer) for layer in layers])
     return [
-        dataclasses.replace(layer, image=_applied(layer.image, gain))
-        for layer, gain in zip(layers, tone_gains(layers, places), strict=True)
+        dataclasses.replace(layer, image=_applied(layer, gain))
+        for layer, gain in zip(layers, gains, strict=True)
     ]
 
 
@@ -83,8 +108,10 @@ def _log_ratio(a: Layer, at_a: Box, b: Layer, at_b: Box, channel: int) -> tuple[
     both = a.covered[common.within(at_a)][::step, ::step] & b.covered[common.within(at_b)][::step, ::step]
     values = []
     for layer, place in ((a, at_a), (b, at_b)):
-        part = _plane(layer.image, channel)[common.within(place)][::step, ::step] / float(full_scale(layer.image.dtype))
-        both &= (part > TELLING[0]) & (part < (TELLING[1] if np.issubdtype(layer.image.dtype, np.integer) else np.inf))
+        part = _plane(layer.image, channel)[common.within(place)][::step, ::step] / layer.white
+        both &= (part > TELLING[0]) & (
+            part < (TELLING[1] if np.issubdtype(layer.image.dtype, np.integer) else np.inf)
+        )
         values.append(part)
     number = int(np.count_nonzero(both))
     if number < _ENOUGH:
@@ -93,23 +120,27 @@ def _log_ratio(a: Layer, at_a: Box, b: Layer, at_b: Box, channel: int) -> tuple[
 
 
 def _headroom(layer: Layer, gain: npt.NDArray[np.float64]) -> float:
-    """By what a layer's gains may be multiplied before more than a thousandth of its pixels burns out that had not before."""
+    """By what a layer's gains may be multiplied before more than a thousandth of its pixels burns out that
+    had not before.
+    """
     if not np.issubdtype(layer.image.dtype, np.integer):
         return np.inf
     room = np.inf
     step = max(1, int(np.sqrt(layer.covered.size / _SAMPLE)))
     covered = layer.covered[::step, ::step]
     for channel, factor in enumerate(gain):
-        values = _plane(layer.image, channel)[::step, ::step][covered] / float(full_scale(layer.image.dtype))
+        values = _plane(layer.image, channel)[::step, ::step][covered] / layer.white
         values = values[(values > TELLING[0]) & (values < TELLING[1])]
         if len(values):
             room = min(room, 1.0 / (float(np.quantile(values, 0.999)) * factor))
     return room
 
 
-def _applied(image: Image, gain: npt.NDArray[np.float64]) -> Image:
+def _applied(layer: Layer, gain: npt.NDArray[np.float64]) -> Image:
     """The image times its gains; integers are rounded, and what is burnt out in all channels stays white."""
-    factor = np.asarray(gain.mean() if image.ndim == 2 or image.shape[2] == 1 else gain)
+    image = layer.image
+    count = 1 if image.ndim == 2 else image.shape[2]
+    factor = np.asarray(gain.mean() if count == 1 else gain[np.minimum(np.arange(count), len(gain) - 1)])
     result = np.empty_like(image)
     for start in range(0, len(image), _ROWS):
         rows = slice(start, start + _ROWS)
@@ -117,10 +148,10 @@ def _applied(image: Image, gain: npt.NDArray[np.float64]) -> Image:
             result[rows] = image[rows] * factor
             continue
         limits = np.iinfo(image.dtype)
-        share = image[rows].astype(np.float64) / limits.max
+        share = image[rows].astype(np.float64) / layer.white
         darkest = share if image.ndim == 2 else share.min(axis=2, keepdims=True)
         burnt = np.clip((darkest - WHITE) / (1 - WHITE), 0, 1)
         burnt *= burnt * (3 - 2 * burnt)
         share = share * factor + np.maximum(0.0, 1 - factor) * burnt
-        result[rows] = np.clip(np.rint(share * limits.max), limits.min, limits.max)
+        result[rows] = np.clip(np.rint(share * layer.white), limits.min, limits.max)
     return result

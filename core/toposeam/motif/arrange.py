@@ -1,47 +1,185 @@
-"""Motifs laid side by side by the rule they were made for."""
+"""Different motifs of one size, laid by a grid or at random (Figure 4.9)."""
 
 from __future__ import annotations
 
-from typing import TypeVar
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-Scalar = TypeVar("Scalar", bound=np.generic)
+from toposeam.checks import Seed, check_items, check_pair, check_whole, seed_of
+from toposeam.errors import OptionError
+from toposeam.motif.inked import MAX_PATTERN, Inked
+from toposeam.motif.motif import Motif
+from toposeam.motif.sampling import resample
 
 
-def copy_at(cell: npt.NDArray[Scalar], repeat: str, row: int, column: int) -> npt.NDArray[Scalar]:
-    """The copy of a cell, (..., h, w), that lies in the given row and column of its pattern."""
-    if repeat == "reflect":
-        return cell[..., :: -1 if row % 2 else 1, :: -1 if column % 2 else 1]
-    if repeat == "rotate" and (row + column) % 2:
-        return cell[..., ::-1, ::-1]
-    if repeat == "exchange" and row % 2:
-        return np.roll(cell, cell.shape[-1] // 2, axis=-1)
-    return cell
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Arrangement(Inked):
+    """What :func:`arrange` returns: many motifs as one cell, which repeats by translation.
+
+    Examples
+    --------
+    >>> import toposeam as ts
+    >>> given = dict(layers=1, repeat="translate", iterations=3, palette="sumi")
+    >>> recipes = [ts.random_recipe(16, seed=seed, **given) for seed in (1, 2)]
+    >>> ts.arrange(ts.join_motifs(recipes).motifs, (2, 3), seed=0).grid.shape
+    (2, 3)
+    """
+
+    #: (n_L, H, W) float32 in [0, 1].
+    densities: npt.NDArray[np.float32]
+    #: (n_L, 3) sRGB in [0, 1].
+    inks: npt.NDArray[np.float64]
+    #: (3,) sRGB in [0, 1].
+    paper: npt.NDArray[np.float64]
+    #: (rows, columns) int: which motif lies where.
+    grid: npt.NDArray[np.intp]
+    #: The motifs, by their index.
+    motifs: tuple[Motif, ...]
+    #: The whole repeats by translation.
+    repeat: str = "translate"
+
+    @property
+    def edges(self) -> tuple[str, ...]:
+        """How the strokes of each layer end in print: those of the first motif."""
+        return self.motifs[0].edges
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What each ink is called."""
+        return self.motifs[0].names
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """The grid and the recipes as plain values."""
+        recipes = [motif.recipe.to_dict() for motif in self.motifs]
+        return {"arrangement": {"grid": self.grid.tolist(), "recipes": recipes}}
+
+    def sampled(self, layer: int, size: tuple[int, int]) -> npt.NDArray[np.float32]:
+        """One layer's density, smoothly interpolated to (rows, columns)."""
+        return resample(self.densities[layer], self.repeat, size)
+
+    def __repr__(self) -> str:
+        rows, columns = self.grid.shape
+        return f"Arrangement({columns} × {rows} places of {len(self.motifs)} motifs)"
 
 
-def tile(cell: npt.NDArray[Scalar], repeat: str, counts: tuple[int, int]) -> npt.NDArray[Scalar]:
-    """A pattern of rows × columns cells, (..., rows * h, columns * w)."""
-    rows, columns = counts
-    h, w = cell.shape[-2:]
-    result = np.empty((*cell.shape[:-2], rows * h, columns * w), cell.dtype)
-    for row in range(rows):
-        for column in range(columns):
-            result[..., row * h : (row + 1) * h, column * w : (column + 1) * w] = copy_at(cell, repeat, row, column)
-    return result
+def arrange(
+    motifs: Sequence[Motif],
+    arrangement: tuple[int, int] | npt.ArrayLike,
+    *,
+    seed: Seed = 0,
+    reach: int | None = None,
+) -> Arrangement:
+    """A pattern of different motifs in free arrangement (Figure 4.9).
+
+    Parameters
+    ----------
+    motifs : sequence of Motif
+        Of the same size and inks, such as the motifs of `JoinedMotifs`.
+    arrangement : (rows, columns) or (R, C) int array_like
+        How many, chosen at random; or which motif goes where, by its index.
+    seed : int, Generator or None
+        Of the random choice.
+    reach : int, optional
+        Random neighbours are at most this far apart in the sequence; any without it.
+
+    Returns
+    -------
+    Arrangement
+
+    Raises
+    ------
+    OptionError
+
+    Examples
+    --------
+    >>> from toposeam.motif.generate import generate_motif
+    >>> motifs = [generate_motif(16, seed=seed, repeat="p1", palette="sea", iterations=2) for seed in (1, 2)]
+    >>> arrange(motifs, [[0, 1, 1], [1, 0, 0]]).image().shape
+    (32, 48, 3)
+    """
+    motifs = check_items("motifs", motifs, Motif, "a sequence of Motifs")
+    if not motifs:
+        raise OptionError("there are no motifs to arrange; give at least one")
+    first = motifs[0]
+    for other in motifs:
+        if other.densities.shape != first.densities.shape or not np.array_equal(other.inks, first.inks):
+            raise OptionError("the motifs differ in size or inks; give motifs that were joined")
+    grid = np.asarray(arrangement)
+    if grid.ndim == 1 and grid.shape == (2,):
+        if float(grid[0]) * float(grid[1]) > MAX_PATTERN:
+            raise OptionError(
+                f"the arrangement would have {grid[0]} × {grid[1]} places; ask for fewer motifs"
+            )
+        grid = random_arrangement((int(grid[0]), int(grid[1])), len(motifs), seed=seed, reach=reach)
+    if grid.ndim != 2 or grid.size == 0 or not np.issubdtype(grid.dtype, np.integer):
+        raise OptionError(
+            "the arrangement must be (rows, columns) or a grid of whole numbers, one for each place"
+        )
+    if grid.min() < 0 or grid.max() >= len(motifs):
+        raise OptionError(
+            f"the arrangement has numbers from {grid.min()} to {grid.max()}; there are motifs 0 to "
+            f"{len(motifs) - 1}"
+        )
+    if grid.size * first.densities[0].size > MAX_PATTERN:
+        raise OptionError(f"the pattern would have {grid.size} motifs; ask for fewer or smaller ones")
+    layers = np.concatenate(
+        [np.concatenate([motifs[index].densities for index in row], axis=2) for row in grid], axis=1
+    )
+    return Arrangement(
+        densities=layers,
+        inks=first.inks,
+        paper=first.paper,
+        grid=grid.astype(np.intp),
+        motifs=tuple(motifs),
+    )
 
 
-def extend(cell: npt.NDArray[Scalar], repeat: str, margin: int) -> npt.NDArray[Scalar]:
-    """A cell, (..., h, w), with a margin of its neighbours in the pattern; a motif that does not repeat has mirrored ones."""
-    h, w = cell.shape[-2:]
-    rule = "reflect" if repeat == "none" else repeat
-    up, left = -(-margin // h), -(-margin // w)
-    # Copies at negative places have the parity of those at positive ones.
-    shift = (up % 2, left % 2)
-    result = np.empty((*cell.shape[:-2], (2 * up + 1) * h, (2 * left + 1) * w), cell.dtype)
-    for row in range(2 * up + 1):
-        for column in range(2 * left + 1):
-            result[..., row * h : (row + 1) * h, column * w : (column + 1) * w] = copy_at(cell, rule, row + shift[0], column + shift[1])
-    y, x = up * h - margin, left * w - margin
-    return result[..., y : y + h + 2 * margin, x : x + w + 2 * margin]
+def random_arrangement(
+    counts: tuple[int, int], motifs: int, *, seed: Seed = 0, reach: int | None = None
+) -> npt.NDArray[np.intp]:
+    """Indices of motifs at random, neighbours at most `reach` apart.
+
+    Parameters
+    ----------
+    counts : (rows, columns)
+    motifs : int
+        How many there are to choose from.
+    seed : int, Generator or None
+    reach : int, optional
+        Any may lie beside any without it.
+
+    Returns
+    -------
+    (rows, columns) int array
+
+    Raises
+    ------
+    OptionError
+
+    Examples
+    --------
+    >>> random_arrangement((2, 3), 2, seed=1).shape
+    (2, 3)
+    """
+    counts = rows, columns = check_pair("counts", counts, 1)
+    check_whole("motifs", motifs, 1)
+    if reach is not None:
+        check_whole("reach", reach, 1)
+    rng = np.random.default_rng(seed_of(seed))
+    grid = np.zeros(counts, np.intp)
+    far = motifs if reach is None else reach
+    for y in range(rows):
+        for x in range(columns):
+            # Left and upper neighbours both lie within reach of the one between them, so there is always a
+            # choice.
+            beside = [int(grid[y, x - 1])] if x else []
+            beside += [int(grid[y - 1, x])] if y else []
+            grid[y, x] = rng.choice(
+                [i for i in range(motifs) if all(abs(i - other) <= far for other in beside)]
+            )
+    return grid

@@ -1,12 +1,13 @@
 r"""One colour layer as a problem of heat conduction: its loads, its conductivities and their derivatives.
 
-The conductivity of an element is k_e (ε + (1 - ε) ρ_e^p), with ε = 10⁻³ so that heat leaves every element by some way, and
+The conductivity of an element is k_e (ε + (1 - ε) ρ_e^p), with ε = 10⁻³ so that heat leaves every element by
+some way, and
 
 .. math:: \partial\Pi / \partial\rho_e = -p\,\rho_e^{p-1} (1-ε) k_e\,\theta_e^T \mathbf K^0 \theta_e.
 
-A filter against checkerboards replaces the sensitivities by a weighted mean of ρ ∂Π/∂ρ over the neighbourhood, divided by ρ (Sigmund
-2001, doi:10.1007/s001580050176); its weights fall linearly with the distance down and across. Neighbours beyond the border are those of
-the pattern.
+A filter against checkerboards replaces the sensitivities by a weighted mean of ρ ∂Π/∂ρ over the
+neighbourhood, divided by ρ (Sigmund 2001, doi:10.1007/s001580050176); its weights fall linearly with the
+distance down and across. Neighbours beyond the border are those of the pattern.
 """
 
 from __future__ import annotations
@@ -20,10 +21,10 @@ from scipy.ndimage import correlate1d
 
 from toposeam.heat.plate import Plate
 from toposeam.heat.plate_joints import Floats
-from toposeam.motif.arrange import extend
 from toposeam.motif.recipe import LayerRecipe, Point, Recipe, unpack_base
 from toposeam.motif.sampling import resample
 from toposeam.motif.symmetry import Symmetry, joint, symmetry
+from toposeam.motif.tiling import extend, shift_of
 
 #: Conductivity of an empty element as a share of a full one's.
 VOID = 1e-3
@@ -55,13 +56,17 @@ class LayerProblem:
         orbits = symmetry(recipe.repeat, shape)
         spots = (_spots(points, shape, recipe.repeat) for points in (layer.sources, layer.sinks))
         brightness = None if not recipe.base else resample(unpack_base(recipe.base), "none", shape)
-        nominal = orbits.mean(nominal_conductivity(brightness, recipe.base_strength, shape))
+        nominal = orbits.mean(nominal_conductivity(brightness, recipe.base_strength, shape, recipe.base_law))
         plate = Plate(*cls.loads(layer, orbits, nominal, *spots), joint(recipe.repeat))
         return cls(plate, nominal, orbits, recipe.repeat, filter_radius(recipe, shape))
 
     @staticmethod
-    def loads(layer: LayerRecipe, orbits: Symmetry, nominal: Floats, sources: Floats, sinks: Floats) -> tuple[Floats, Floats]:
-        """Heat, one in all, and convection, both equal along the orbits. Ambient heat goes where heat is conducted."""
+    def loads(
+        layer: LayerRecipe, orbits: Symmetry, nominal: Floats, sources: Floats, sinks: Floats
+    ) -> tuple[Floats, Floats]:
+        """Heat, one in all, and convection, both equal along the orbits. Ambient heat goes where heat is
+        conducted.
+        """
         heat = (1.0 - layer.ambient) * sources + layer.ambient * nominal / nominal.sum()
         return orbits.mean(heat), orbits.mean(_CONVECTION * sinks)
 
@@ -104,13 +109,24 @@ def filter_radius(recipe: Recipe, shape: tuple[int, int]) -> float:
     return max(radius, _SMOOTH) if radius > 0 and shape == recipe.size else radius
 
 
-def nominal_conductivity(brightness: npt.NDArray[np.floating] | None, strength: float, shape: tuple[int, int]) -> Floats:
-    """k_e, 1 where a base image is brightest (or darkest, for strengths below 0) and falling geometrically from there.
+def nominal_conductivity(
+    brightness: npt.NDArray[np.floating] | None,
+    strength: float,
+    shape: tuple[int, int],
+    law: str = "contrast",
+) -> Floats:
+    """k_e, 1 where a base image is brightest (or darkest, for strengths below 0).
 
-    At strength ±1 the other end conducts a fiftieth; at 0 the image does not matter.
+    By the law "contrast" it falls geometrically from there; at strength ±1 the other end of what the image
+    has conducts a fiftieth. By "brightness" it is proportional to the brightness, black conducting as little
+    as void (thesis 4.2); strengths below 1 mix that with an even 1. At 0 the image does not matter.
     """
     if brightness is None:
         return np.ones(shape)
+    if law == "brightness":
+        light = np.clip(brightness.astype(np.float64) if strength > 0 else 1.0 - brightness, VOID, 1.0)
+        mixed: Floats = (1.0 - abs(strength)) + abs(strength) * light
+        return mixed
     dark, bright = float(brightness.min()), float(brightness.max())
     shown = (brightness.astype(np.float64) - dark) / max(bright - dark, 1e-6)
     nominal: Floats = _BLOCKED ** (abs(strength) * (1.0 - shown if strength > 0 else shown))
@@ -139,13 +155,39 @@ def _spots(points: tuple[Point, ...], shape: tuple[int, int], repeat: str) -> Fl
     h, w = shape
     radius = max(SPOT * min(h, w), 0.75)
     field = np.zeros(shape)
-    wraps = repeat not in ("none", "reflect", "rotate")
+    reach = (radius + 1) / min(h, w)
     y, x = np.arange(h) + 0.5, np.arange(w) + 0.5
     for px, py, strength in points:
-        down, across = np.abs(y - py * h), np.abs(x - px * w)
-        if wraps:
-            down, across = np.minimum(down, h - down), np.minimum(across, w - across)
-        spot = np.clip(radius + 0.5 - np.hypot(down[:, None], across[None, :]), 0.0, 1.0)
+        spot = np.zeros(shape)
+        for row, column in _copies(repeat):
+            place = _copy(px, py, repeat, row, column)
+            if not all(-reach < along < 1 + reach for along in place):
+                continue
+            down, across = np.abs(y - place[1] * h), np.abs(x - place[0] * w)
+            np.maximum(
+                spot, np.clip(radius + 0.5 - np.hypot(down[:, None], across[None, :]), 0.0, 1.0), out=spot
+            )
         field += spot * (strength / spot.sum())
     total = field.sum()
     return field / total if total > 0 else field
+
+
+def _copies(repeat: str) -> list[tuple[int, int]]:
+    """The cells that a spot near the border may reach into: those of a torus."""
+    if repeat in ("none", "reflect", "rotate"):
+        return [(0, 0)]
+    reach = (-2, -1, 0, 1, 2) if shift_of(repeat) else (-1, 0, 1)
+    return [(row, column) for row in reach for column in reach]
+
+
+def _copy(x: float, y: float, repeat: str, row: int, column: int) -> tuple[float, float]:
+    """Where a place lies in another row and column of cells."""
+    shift = shift_of(repeat)
+    if shift is None:
+        return x + column, y + row
+    axis, share = shift
+    return (
+        (x + column + row * float(share), y + row)
+        if axis == 1
+        else (x + column, y + row + column * float(share))
+    )

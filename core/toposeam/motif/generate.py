@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.checks import Seed, check_items, check_pair, check_range, check_whole, seed_of
 from toposeam.errors import OptionError
 from toposeam.heat.threads import one_thread
 from toposeam.motif.conduction import nominal_conductivity
@@ -16,7 +17,7 @@ from toposeam.motif.hexagonal import tile_size, to_tile
 from toposeam.motif.layer import Step, optimise_layer, plan
 from toposeam.motif.motif import Motif
 from toposeam.motif.palettes import PALETTES, Palette, palette
-from toposeam.motif.recipe import LayerRecipe, Point, Recipe, pack_base, unpack_base
+from toposeam.motif.recipe import LARGEST, SMALLEST, LayerRecipe, Point, Recipe, pack_base, unpack_base
 from toposeam.motif.symmetry import HEXAGONAL, check_repeat, onto_axes
 
 #: How far apart random spots keep, as a share of what an even spread allows.
@@ -31,10 +32,18 @@ _MAX_POINTS = 200
 #: Share of random layers that are ink wash.
 _WASH = 0.15
 
+#: Layers whose penalty exponent is at least this are strokes, others are ink wash.
+_STROKES = 1.75
+
 Points = int | Sequence[Sequence[float]]
 
 
-def generate_motif(source: int | tuple[int, int] | Recipe, *, progress: Callable[[int, int], None] | None = None, **options: Any) -> Motif:
+def generate_motif(
+    source: int | tuple[int, int] | Recipe,
+    *,
+    progress: Callable[[float], None] | None = None,
+    **options: Any,
+) -> Motif:
     """Invent a motif.
 
     Parameters
@@ -42,7 +51,7 @@ def generate_motif(source: int | tuple[int, int] | Recipe, *, progress: Callable
     source : int, (rows, columns) or Recipe
         The cell's size, or a recipe, which decides everything.
     progress : callable, optional
-        Called with the number of iterations done and the number of all.
+        Called with the share done, in [0, 1].
     **options
         Those of :func:`random_recipe`; only with a size.
 
@@ -57,16 +66,27 @@ def generate_motif(source: int | tuple[int, int] | Recipe, *, progress: Callable
         For options out of range or in conflict.
     ImageError
         For a base image or a palette's picture that cannot be used.
+
+    Examples
+    --------
+    >>> motif = generate_motif(32, repeat="p4m", seed=7, layers=1, iterations=4)
+    >>> motif
+    Motif(1 ink on 32 × 32 elements, repeat='p4m', seed=7)
+    >>> motif.image().shape
+    (32, 32, 3)
     """
     if isinstance(source, Recipe):
         if options:
-            raise OptionError(f"a recipe decides everything; leave out {', '.join(options)} or change the recipe with dataclasses.replace")
+            raise OptionError(
+                f"a recipe decides everything; leave out {', '.join(options)} or change the recipe with "
+                "dataclasses.replace"
+            )
         recipe = source
     else:
-        known = inspect.signature(random_recipe).parameters
+        known = list(inspect.signature(random_recipe).parameters)[1:]
         unknown = [name for name in options if name not in known]
         if unknown:
-            raise OptionError(f"{unknown[0]} is not an option of a motif; known are {', '.join(list(known)[1:])}")
+            raise OptionError(f"{unknown[0]} is not an option of a motif; known are {', '.join(known)}")
         recipe = random_recipe(source, **options)
     per_layer = sum(count for _, count in plan(recipe))
     total = per_layer * len(recipe.layers)
@@ -75,7 +95,7 @@ def generate_motif(source: int | tuple[int, int] | Recipe, *, progress: Callable
 
         def report(done: int, before: int = index * per_layer) -> None:
             if progress is not None:
-                progress(before + done, total)
+                progress((before + done) / total)
 
         with one_thread():
             density, steps = optimise_layer(layer, recipe, report)
@@ -84,26 +104,48 @@ def generate_motif(source: int | tuple[int, int] | Recipe, *, progress: Callable
     return make_motif(recipe, densities, history)
 
 
-def make_motif(recipe: Recipe, densities: list[npt.NDArray[np.float32]], history: list[tuple[Step, ...]]) -> Motif:
+def make_motif(
+    recipe: Recipe, densities: list[npt.NDArray[np.float32]], history: list[tuple[Step, ...]]
+) -> Motif:
     """Put the layers of a recipe together."""
     layers, lattice = np.stack(densities), None
     if recipe.repeat in HEXAGONAL:
         lattice = layers
         layers = np.stack([to_tile(layer, recipe.repeat, tile_size(recipe.size[0])) for layer in lattice])
     return Motif(
-        densities=layers, lattice=lattice, inks=np.array([layer.ink for layer in recipe.layers]), paper=np.array(recipe.paper),
-        repeat=recipe.repeat, recipe=recipe, history=tuple(history),
-    )  # fmt: skip
+        densities=layers,
+        lattice=lattice,
+        inks=np.array([layer.ink for layer in recipe.layers]),
+        paper=np.array(recipe.paper),
+        repeat=recipe.repeat,
+        recipe=recipe,
+        history=tuple(history),
+    )
 
 
 def random_recipe(
-    size: int | tuple[int, int], *, layers: int = 3, repeat: str = "none", seed: int = 0,
-    sources: Points | Sequence[Points] | None = None, sinks: Points | Sequence[Points] | None = None, distance: float | None = None,
-    strengths: tuple[float, float] = (0.5, 1.5), ambient: float | None = None, mass: float | Sequence[float] | None = None,
-    penalty: float | Sequence[float] | None = None, iterations: int = 40, move: float = 0.2, filter_radius: float = 0.5,
-    coarse: bool = True, base: npt.ArrayLike | None = None, base_strength: float = 0.7,
+    size: int | tuple[int, int],
+    *,
+    layers: int = 3,
+    repeat: str = "none",
+    seed: Seed = 0,
+    sources: Points | Sequence[Points] | None = None,
+    sinks: Points | Sequence[Points] | None = None,
+    distance: float | None = None,
+    strengths: tuple[float, float] = (0.5, 1.5),
+    ambient: float | None = None,
+    mass: float | Sequence[float] | None = None,
+    penalty: float | Sequence[float] | None = None,
+    edge: str | Sequence[str] | None = None,
+    iterations: int = 40,
+    move: float = 0.2,
+    filter_radius: float = 0.5,
+    coarse: bool = True,
+    base: npt.ArrayLike | None = None,
+    base_strength: float = 0.7,
+    base_law: str = "contrast",
     palette: str | Palette | npt.ArrayLike | None = None,
-) -> Recipe:  # fmt: skip
+) -> Recipe:
     """A recipe in which everything not given is drawn from the seed.
 
     Parameters
@@ -113,55 +155,79 @@ def random_recipe(
         Number of inks n_L.
     repeat : str
         One of `REPEATS`.
-    seed : int
+    seed : int, Generator or None
+        The recipe keeps the whole number.
     sources, sinks : int or (n, 2 or 3) array_like, or one of these per layer
         How many, or where: x, y in [0, 1] of the cell and, if given, a strength.
     distance : float
-        Distance from each sink to a source, as a share of the cell's shorter side. Small makes wide strokes, large slender ones.
+        Distance from each sink to a source, as a share of the cell's shorter side.
     strengths : (low, high)
         Range of the random strengths.
     ambient : float
         Share of the heat that is generated everywhere; it makes strokes branch.
     mass, penalty : float or one per layer
         Mean density, and the exponent p (1 for ink wash).
+    edge : str or one per layer
+        How strokes end in print, one of `EDGES`; "soft" for ink wash and "crisp" for strokes without it.
     iterations, move, filter_radius, coarse
         See :class:`Recipe`.
     base : (H, W) or (H, W, C) array_like
         A logo, a symbol or a photograph that shapes the strokes.
     base_strength : float
         How strongly it shows, -1 to 1.
+    base_law : str
+        One of `LAWS`.
     palette : str, Palette or picture
         Colours; a random named palette without it.
 
     Raises
     ------
     OptionError, ImageError
+
+    Examples
+    --------
+    >>> import toposeam as ts
+    >>> recipe = ts.random_recipe((24, 32), layers=2, repeat="p2", seed=4)
+    >>> recipe.size, recipe.seed, len(recipe.layers)
+    ((24, 32), 4, 2)
     """
     shape = _shape(size)
     check_repeat(repeat, shape)
-    if layers < 1:
-        raise OptionError(f"{layers} layers were asked for; ask for at least 1")
-    rng = np.random.default_rng(_checked_seed(seed))
+    check_whole("layers", layers, 1)
+    seed = seed_of(seed)
+    rng = np.random.default_rng(seed)
     inks = _inks(palette, layers, rng)
     if np.shape(strengths) != (2,) or not 0 < strengths[0] <= strengths[1]:
         raise OptionError(f"strengths is {strengths}; give a low and a high one, both above 0")
     low, high = strengths
     packed = "" if base is None else pack_base(base)
-    shown = _shown(packed, base_strength) if packed and repeat not in HEXAGONAL else None
+    shown = _shown(packed, base_strength, base_law) if packed and repeat not in HEXAGONAL else None
     recipes = []
     for index in range(layers):
-        # Everything is drawn whether it is used or not, so that giving one parameter leaves the others as they were.
+        # Everything is drawn whether it is used or not, so that giving one parameter leaves the others as
+        # they were.
         draw = rng.spawn(1)[0]
         many, few = int(draw.integers(3, 10)), int(draw.integers(2, 7))
         drawn_mass, drawn_ambient = float(draw.uniform(0.14, 0.34)), 0.97 - 0.5 * float(draw.random()) ** 2
         drawn_penalty = float(draw.uniform(1.0, 1.3)) if draw.random() < _WASH else 3.0
         aspect = shape[1] / shape[0]
-        given = _points(_of_layer(sources, index, layers, "sources"), draw, many, (low, high), aspect, "sources", repeat, shown)
-        drains = _points(_of_layer(sinks, index, layers, "sinks"), draw, few, (low, high), aspect, "sinks", repeat, shown)
+        given = _points(
+            _of_layer(sources, index, layers, "sources"),
+            draw,
+            many,
+            (low, high),
+            aspect,
+            "sources",
+            repeat,
+            shown,
+        )
+        drains = _points(
+            _of_layer(sinks, index, layers, "sinks"), draw, few, (low, high), aspect, "sinks", repeat, shown
+        )
         if distance is not None:
-            if not 0 < distance <= 1:
-                raise OptionError(f"distance is {distance}; it must be above 0 and at most 1 (of the cell's shorter side)")
+            check_range(0, 1, above=True, distance=distance)  # of the cell's shorter side
             drains = _placed_around(given, drains, distance, draw, shape)
+        exponent = _number(penalty, index, layers, drawn_penalty, "penalty")
         recipes.append(
             LayerRecipe(
                 ink=tuple(inks.inks[index]),
@@ -169,26 +235,29 @@ def random_recipe(
                 sinks=drains,
                 ambient=drawn_ambient if ambient is None else ambient,
                 mass=_number(mass, index, layers, drawn_mass, "mass"),
-                penalty=_number(penalty, index, layers, drawn_penalty, "penalty"),
+                penalty=exponent,
+                edge=_edge(edge, index, layers, exponent),
             )
         )
     return Recipe(
-        size=shape, repeat=repeat, seed=int(seed), paper=tuple(inks.paper), layers=tuple(recipes), iterations=iterations, move=move,
-        filter_radius=filter_radius, coarse=coarse, base=packed, base_strength=base_strength if packed else 0.0,
-    )  # fmt: skip
+        size=shape,
+        repeat=repeat,
+        seed=seed,
+        paper=tuple(inks.paper),
+        layers=tuple(recipes),
+        iterations=iterations,
+        move=move,
+        filter_radius=filter_radius,
+        coarse=coarse,
+        base=packed,
+        base_strength=base_strength if packed else 0.0,
+        base_law=base_law,
+    )
 
 
 def _shape(size: Any) -> tuple[int, int]:
     sides = (size, size) if isinstance(size, int | np.integer) else size
-    if isinstance(sides, str) or np.shape(sides) != (2,) or not all(isinstance(side, int | np.integer) for side in sides):
-        raise OptionError(f"size is {size!r}; give a whole number, or rows and columns")
-    return int(sides[0]), int(sides[1])
-
-
-def _checked_seed(seed: int) -> int:
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise OptionError(f"seed is {seed!r}; give a whole number from 0")
-    return int(seed)
+    return check_pair("size", None if isinstance(sides, str) else sides, SMALLEST, LARGEST)
 
 
 def _inks(choice: str | Palette | npt.ArrayLike | None, layers: int, rng: np.random.Generator) -> Palette:
@@ -196,7 +265,9 @@ def _inks(choice: str | Palette | npt.ArrayLike | None, layers: int, rng: np.ran
     drawn = names[int(rng.integers(len(names)))]
     if isinstance(choice, Palette):
         if len(choice.inks) < layers:
-            raise OptionError(f"the palette has {len(choice.inks)} inks for {layers} layers; use fewer layers or more inks")
+            raise OptionError(
+                f"the palette has {len(choice.inks)} inks for {layers} layers; use fewer layers or more inks"
+            )
         return choice
     return palette(drawn if choice is None else choice, layers)
 
@@ -205,12 +276,16 @@ def _of_layer(value: Any, index: int, layers: int, name: str) -> Points | None:
     """What concerns one layer of a value that may be given once or per layer."""
     if value is None or isinstance(value, int | np.integer):
         return None if value is None else int(value)
-    items = list(value)
-    per_layer = bool(items) and all(isinstance(item, int | np.integer) or (np.ndim(item) == 2) for item in items)
+    items = list(check_items(name, value, object, "points, or points for each layer"))
+    per_layer = bool(items) and all(
+        isinstance(item, int | np.integer) or (np.ndim(item) == 2) for item in items
+    )
     if not per_layer:
         return items
     if len(items) != layers:
-        raise OptionError(f"{name} is given for {len(items)} layers, the motif has {layers}; give one for each")
+        raise OptionError(
+            f"{name} is given for {len(items)} layers, the motif has {layers}; give one for each"
+        )
     chosen: Points = items[index]
     return chosen
 
@@ -222,20 +297,43 @@ def _number(value: float | Sequence[float] | None, index: int, layers: int, draw
         return float(value)  # type: ignore[arg-type]
     values = list(value)  # type: ignore[arg-type]
     if len(values) != layers:
-        raise OptionError(f"{name} is given for {len(values)} layers, the motif has {layers}; give one number or one for each")
+        raise OptionError(
+            f"{name} is given for {len(values)} layers, the motif has {layers}; give one number or one for "
+            "each"
+        )
     return float(values[index])
 
 
+def _edge(value: str | Sequence[str] | None, index: int, layers: int, penalty: float) -> str:
+    if value is None:
+        return "crisp" if penalty >= _STROKES else "soft"
+    several = [value] * layers if isinstance(value, str) else value
+    values = check_items("edge", several, str, "a text, or one for each layer")
+    if len(values) != layers:
+        raise OptionError(
+            f"edge is given for {len(values)} layers, the motif has {layers}; give one, or one for each"
+        )
+    return str(values[index])
+
+
 def _points(
-    value: Points | None, rng: np.random.Generator, drawn: int, strengths: tuple[float, float], aspect: float, name: str,
-    repeat: str, shown: npt.NDArray[np.float64] | None,
-) -> tuple[Point, ...]:  # fmt: skip
+    value: Points | None,
+    rng: np.random.Generator,
+    drawn: int,
+    strengths: tuple[float, float],
+    aspect: float,
+    name: str,
+    repeat: str,
+    shown: npt.NDArray[np.float64] | None,
+) -> tuple[Point, ...]:
     count = drawn if value is None else value
     if isinstance(count, int | np.integer):
         if count < 1:
             raise OptionError(f"{name} is {count}; a layer needs at least one, give a number from 1")
         if count > _MAX_POINTS:
-            raise OptionError(f"{name} is {count}; so many leave no strokes between them, give {_MAX_POINTS} at most")
+            raise OptionError(
+                f"{name} is {count}; so many leave no strokes between them, give {_MAX_POINTS} at most"
+            )
         places = _spread(int(count), rng, aspect, shown)
         powers = rng.uniform(*strengths, int(count))
         for index in range((int(count) + 1) // 2):
@@ -252,14 +350,18 @@ def _points(
     return tuple((float(x), float(y), float(s)) for x, y, s in array)
 
 
-def _shown(packed: str, strength: float) -> npt.NDArray[np.float64]:
+def _shown(packed: str, strength: float, law: str) -> npt.NDArray[np.float64]:
     """Nominal conductivities on the base image's own grid."""
     brightness = unpack_base(packed)
-    return nominal_conductivity(brightness, strength, (brightness.shape[0], brightness.shape[1]))
+    return nominal_conductivity(brightness, strength, (brightness.shape[0], brightness.shape[1]), law)
 
 
-def _spread(count: int, rng: np.random.Generator, aspect: float, shown: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
-    """Random places that keep apart, also across the border, and out of the parts that a base image blocks."""
+def _spread(
+    count: int, rng: np.random.Generator, aspect: float, shown: npt.NDArray[np.float64] | None
+) -> npt.NDArray[np.float64]:
+    """Random places that keep apart, also across the border, and out of the parts that a base image
+    blocks.
+    """
     places: list[npt.NDArray[np.float64]] = []
     apart = _APART * np.sqrt(aspect / count)
     for _ in range(count):
@@ -267,7 +369,10 @@ def _spread(count: int, rng: np.random.Generator, aspect: float, shown: npt.NDAr
             place = rng.uniform(_MARGIN, 1 - _MARGIN, 2)
             gaps = [np.abs(place - other) for other in places]
             wrapped = [np.hypot(min(g[0], 1 - g[0]) * aspect, min(g[1], 1 - g[1])) for g in gaps]
-            if shown is not None and rng.random() > shown[int(place[1] * shown.shape[0]), int(place[0] * shown.shape[1])]:
+            if (
+                shown is not None
+                and rng.random() > shown[int(place[1] * shown.shape[0]), int(place[0] * shown.shape[1])]
+            ):
                 continue
             if all(gap >= apart * (1 - attempt / 30) for gap in wrapped):
                 break
@@ -276,7 +381,11 @@ def _spread(count: int, rng: np.random.Generator, aspect: float, shown: npt.NDAr
 
 
 def _placed_around(
-    sources: tuple[Point, ...], sinks: tuple[Point, ...], distance: float, rng: np.random.Generator, shape: tuple[int, int]
+    sources: tuple[Point, ...],
+    sinks: tuple[Point, ...],
+    distance: float,
+    rng: np.random.Generator,
+    shape: tuple[int, int],
 ) -> tuple[Point, ...]:
     """The sinks, moved to the given distance from the sources in turn."""
     side = min(shape)

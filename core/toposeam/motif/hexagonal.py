@@ -1,6 +1,8 @@
-"""Layers on a hexagonal lattice: densities at the nodes of a sheared cell, and the rectangular tile they are printed from.
+"""Layers on a hexagonal lattice: densities at the nodes of a sheared cell, and the rectangular tile they are
+printed from.
 
-The lattice vectors are (1, 0) and (-1/2, √3/2) cells. A rectangle of 1 × √3 cells holds two cells and repeats by translation.
+The lattice vectors are (1, 0) and (-1/2, √3/2) cells. A rectangle of 1 × √3 cells holds two cells and repeats
+by translation.
 """
 
 from __future__ import annotations
@@ -37,8 +39,10 @@ class HexagonalProblem(LayerProblem):
         """The layer of a recipe on a cell of the given shape."""
         orbits = symmetry(recipe.repeat, shape)
         brightness = None if not recipe.base else _shown_round_lattice_points(unpack_base(recipe.base), shape)
-        nominal = orbits.mean(nominal_conductivity(brightness, recipe.base_strength, shape))
-        plate = TrianglePlate(*cls.loads(layer, orbits, nominal, _spots(layer.sources, shape), _spots(layer.sinks, shape)))
+        nominal = orbits.mean(nominal_conductivity(brightness, recipe.base_strength, shape, recipe.base_law))
+        plate = TrianglePlate(
+            *cls.loads(layer, orbits, nominal, _spots(layer.sources, shape), _spots(layer.sinks, shape))
+        )
         return cls(plate, _at_triangles(nominal), orbits, recipe.repeat, filter_radius(recipe, shape))
 
     def conductivity(self, density: Floats, penalty: Floats | float) -> Floats:
@@ -98,15 +102,21 @@ def _shown_round_lattice_points(brightness: npt.NDArray[np.float32], shape: tupl
         x[nearer], y[nearer] = px[nearer], py[nearer]
     rows, columns = brightness.shape
     scale = max(rows, columns) / _BASE_WIDTH
-    shown: Floats = map_coordinates(brightness.astype(np.float64), [y * scale + rows / 2, x * scale + columns / 2], order=1, mode="nearest")
+    shown: Floats = map_coordinates(
+        brightness.astype(np.float64),
+        [y * scale + rows / 2, x * scale + columns / 2],
+        order=1,
+        mode="nearest",
+    )
     return shown
 
 
 def to_tile(lattice: npt.NDArray[np.floating], repeat: str, size: tuple[int, int]) -> npt.NDArray[np.float32]:
     """A rectangular tile, (rows, columns) float32, of densities at a lattice's nodes.
 
-    Cubic splines along the lattice vectors, averaged over the turns by 120°: with that the interpolated picture has the whole symmetry of
-    the group. On 2n × 2n pixels every node of an n × n lattice is the centre of one: node (u, v) in row v and column 2u - v.
+    Cubic splines along the lattice vectors, averaged over the turns by 120°: with that the interpolated
+    picture has the whole symmetry of the group. On 2n × 2n pixels every node of an n × n lattice is the
+    centre of one: node (u, v) in row v and column 2u - v.
     """
     side = lattice.shape[0]
     field = lattice.astype(np.float64)
@@ -126,6 +136,8 @@ def to_tile(lattice: npt.NDArray[np.floating], repeat: str, size: tuple[int, int
         a = x + b / 2
         b = np.broadcast_to(b, a.shape)
         for _ in range(3):
-            result[start : start + rows] += map_coordinates(coefficients, [b, a], order=3, mode="grid-wrap", prefilter=False)
+            result[start : start + rows] += map_coordinates(
+                coefficients, [b, a], order=3, mode="grid-wrap", prefilter=False
+            )
             a, b = -b, a - b
     return np.clip(result / 3, 0.0, 1.0).astype(np.float32)

@@ -1,4 +1,6 @@
-"""The four kinds of pattern (thesis 4.5), measured: thick or thin strokes, and whether the base image shows."""
+"""The four kinds of pattern (thesis 4.5), measured: thick or thin strokes, and whether the base image
+shows.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +16,14 @@ from toposeam.images import as_float
 
 Floats = npt.NDArray[np.float64]
 
-#: Strokes wider than this share of the motif's shorter side are thick: where, looking at some hundred motifs, lines turn into areas.
+#: Strokes wider than this share of the motif's shorter side are thick: where, looking at some hundred motifs,
+#: lines turn into areas.
 THICK = 0.09
 #: From this correlation on, with either sign, the base image is recognised by somebody who has not seen it.
 CLEAR = 0.55
 
-#: Standard deviation of the widest blur before brightnesses are compared, as a share of the motif's shorter side.
+#: Standard deviation of the widest blur before brightnesses are compared, as a share of the motif's shorter
+#: side.
 _WIDEST_BLUR = 0.03
 _LUMA = np.array([0.2126, 0.7152, 0.0722])
 
@@ -67,10 +71,11 @@ class Character:
 def measure(image: npt.ArrayLike, base: npt.ArrayLike | None = None) -> Character:
     """Measure a motif's picture.
 
-    Strokes are what is darker than Otsu's threshold (1979, doi:10.1109/TSMC.1979.4310076). Within a strip of width w the distance to its
-    border is w / 4 on average, so four times that average is the width; wide strokes count by their area. The likeness is Pearson's
-    correlation of the two brightnesses, blurred over a stroke's width (at most by `_WIDEST_BLUR`, since few wide strokes are like
-    anything), as the eye does that sees a half-tone.
+    Strokes are what is darker than Otsu's threshold (1979, doi:10.1109/TSMC.1979.4310076). Within a strip of
+    width w the distance to its border is w / 4 on average, so four times that average is the width; wide
+    strokes count by their area. The likeness is Pearson's correlation of the two brightnesses, blurred over a
+    stroke's width (at most by `_WIDEST_BLUR`, since few wide strokes are like anything), as the eye does that
+    sees a half-tone.
 
     Parameters
     ----------
@@ -86,19 +91,25 @@ def measure(image: npt.ArrayLike, base: npt.ArrayLike | None = None) -> Characte
     """
     brightness = _brightness(as_float(image))
     height, width = brightness.shape
-    strokes = brightness < _otsu(brightness)
+    strokes = _dark(brightness)
     # One copy all round closes the strokes across the border.
     around = np.pad(strokes, [(height // 2, height // 2), (width // 2, width // 2)], mode="wrap")
-    distance = ndimage.distance_transform_edt(around)[height // 2 : height // 2 + height, width // 2 : width // 2 + width]
+    distance = ndimage.distance_transform_edt(around)[
+        height // 2 : height // 2 + height, width // 2 : width // 2 + width
+    ]
     # Distances are to the centres of pixels outside: half a pixel more than to the border.
     stroke_px = 4.0 * float(np.maximum(distance[strokes] - 0.5, 0.25).mean()) if strokes.any() else 0.0
     likeness = 0.0
     if base is not None:
         other = _brightness(as_float(base, "base"))
         if other.shape != brightness.shape:
-            raise ImageError(f"base has shape {other.shape}, the motif {brightness.shape}; resize it to the motif's size")
+            raise ImageError(
+                f"base has shape {other.shape}, the motif {brightness.shape}; resize it to the motif's size"
+            )
         blur = min(stroke_px / 2, _WIDEST_BLUR * min(height, width))
-        likeness = _correlation(*(ndimage.gaussian_filter(values, blur, mode="wrap") for values in (brightness, other)))
+        likeness = _correlation(
+            *(ndimage.gaussian_filter(values, blur, mode="wrap") for values in (brightness, other))
+        )
     return Character(stroke=stroke_px / min(height, width), likeness=likeness)
 
 
@@ -108,16 +119,14 @@ def _brightness(image: npt.NDArray[np.float32]) -> Floats:
     return brightness
 
 
-def _otsu(values: Floats) -> float:
-    """The threshold between two classes of values that lie farthest apart."""
-    count, edges = np.histogram(values, 256)
-    centre = (edges[1:] + edges[:-1]) / 2
-    low = np.cumsum(count)[:-1].astype(float)
-    high = count.sum() - low
-    total = np.cumsum(count * centre)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        between = low * high * (total[:-1] / low - (total[-1] - total[:-1]) / high) ** 2
-    return float(edges[1 + int(np.nanargmax(between))]) if np.isfinite(between).any() else float(edges[0])
+def _dark(values: Floats) -> npt.NDArray[np.bool_]:
+    """What is darker than Otsu's threshold; nothing of an even picture."""
+    from skimage.filters import threshold_otsu
+
+    if np.ptp(values) < 1e-9:
+        return np.zeros(values.shape, bool)
+    dark: npt.NDArray[np.bool_] = values <= float(threshold_otsu(values))  # type: ignore[no-untyped-call]
+    return dark
 
 
 def _correlation(a: Floats, b: Floats) -> float:

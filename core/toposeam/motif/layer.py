@@ -1,7 +1,7 @@
 """One colour layer: minimal compliance under a mass bound (thesis 4.3, 4.4) by optimality criteria.
 
-*Coarse to fine.* A plate of half the size has the same conductances where its strokes are the same, so most iterations run on plates of
-a quarter and half the size, and the densities are interpolated.
+*Coarse to fine.* A plate of half the size has the same conductances where its strokes are the same, so most
+iterations run on plates of a quarter and half the size, and the densities are interpolated.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from toposeam.heat.plate_joints import Floats
 from toposeam.motif.conduction import LayerProblem, filter_radius
 from toposeam.motif.hexagonal import HexagonalProblem
 from toposeam.motif.recipe import LayerRecipe, Recipe
-from toposeam.motif.symmetry import HEXAGONAL, Symmetry
+from toposeam.motif.symmetry import HEXAGONAL, Symmetry, joint
 from toposeam.optimize.oc import OCOptions, oc_step
 
 #: Lowest density.
@@ -25,7 +25,8 @@ THINNEST = 1e-3
 TOLERANCE = 1e-3
 #: Coarser plates have at least this many elements across.
 _COARSEST = 48
-#: Coarser plates serve where the filter's radius is at least this many elements at full size: finer strokes they cannot hold.
+#: Coarser plates serve where the filter's radius is at least this many elements at full size: finer strokes
+#: they cannot hold.
 _WIDE = 2.5
 #: Iterations at full size and on the plates between, after those on the coarsest.
 _LAST, _BETWEEN = 5, 8
@@ -33,7 +34,15 @@ _LAST, _BETWEEN = 5, 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """One iteration of one layer."""
+    """One iteration of one layer.
+
+    Examples
+    --------
+    >>> import toposeam as ts
+    >>> motif = ts.generate_motif(16, layers=1, seed=1, iterations=3, coarse=False)
+    >>> [step.rows for step in motif.history[0]]
+    [16, 16, 16]
+    """
 
     #: Rows of elements of the plate it ran on.
     rows: int
@@ -50,7 +59,12 @@ def plan(recipe: Recipe) -> list[tuple[tuple[int, int], int]]:
     shapes = [recipe.size]
     grain = 4 if recipe.repeat not in ("none", "reflect") else 2
     coarse = recipe.coarse and filter_radius(recipe, recipe.size) >= _WIDE
-    while coarse and len(shapes) < 4 and all(side % grain == 0 and side // 2 >= _COARSEST for side in shapes[0]):
+    while (
+        coarse
+        and len(shapes) < 4
+        and all(side % grain == 0 and side // 2 >= _COARSEST for side in shapes[0])
+        and joint(recipe.repeat).fits((shapes[0][0] // 2, shapes[0][1] // 2))
+    ):
         shapes.insert(0, (shapes[0][0] // 2, shapes[0][1] // 2))
     counts = [0] * len(shapes)
     left = recipe.iterations
@@ -93,11 +107,18 @@ def optimise_layer(
         if temperature is not None:
             temperature = finer_temperature(temperature, shape)
         for _ in range(count):
-            state = problem.plate.solve(problem.conductivity(density, layer.penalty), temperature, tolerance=TOLERANCE)
+            state = problem.plate.solve(
+                problem.conductivity(density, layer.penalty), temperature, tolerance=TOLERANCE
+            )
             temperature = state.nodes
             steps.append(
-                Step(rows=shape[0], compliance=state.compliance, mass=float(density.mean()), solver=state.iterations)
-            )  # fmt: skip
+                Step(
+                    rows=shape[0],
+                    compliance=state.compliance,
+                    mass=float(density.mean()),
+                    solver=state.iterations,
+                )
+            )
             slope = problem.filtered(density, problem.sensitivity(density, layer.penalty, state.energy))
             density = update(density, slope, problem.symmetry, layer.mass, OCOptions(move=recipe.move))
             if progress is not None:
@@ -107,13 +128,20 @@ def optimise_layer(
 
 
 def update(
-    density: Floats, slope: Floats, orbits: Symmetry, mass: float, options: OCOptions,
-    lower: Floats | float = THINNEST, upper: Floats | float = 1.0,
-) -> Floats:  # fmt: skip
+    density: Floats,
+    slope: Floats,
+    orbits: Symmetry,
+    mass: float,
+    options: OCOptions,
+    lower: Floats | float = THINNEST,
+    upper: Floats | float = 1.0,
+) -> Floats:
     """The next design; one variable per orbit. Bounds given as fields must be equal along the orbits."""
     count = orbits.count
     x = orbits.total(density) / count
-    low, high = (bound if isinstance(bound, float) else orbits.total(bound) / count for bound in (lower, upper))
+    low, high = (
+        bound if isinstance(bound, float) else orbits.total(bound) / count for bound in (lower, upper)
+    )
     weights = count if orbits.orbit is not None else 1.0
     return orbits.spread(oc_step(x, orbits.total(slope), weights, mass * density.size, low, high, options))
 

@@ -3,28 +3,36 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.checks import check_kind, check_pair
 from toposeam.errors import OptionError
-from toposeam.motif.arrange import tile
 from toposeam.motif.hexagonal import to_tile
+from toposeam.motif.inked import MAX_PATTERN, Inked
 from toposeam.motif.layer import Step
 from toposeam.motif.mixing import mix
 from toposeam.motif.recipe import Recipe
 from toposeam.motif.sampling import resample
-
-#: Patterns with more pixels are refused.
-MAX_PATTERN = 400_000_000
+from toposeam.motif.tiling import tile
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Motif:
-    """What :func:`generate_motif` returns."""
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Motif(Inked):
+    """What :func:`generate_motif` returns.
 
-    #: (n_L, H, W) float32 in [0, 1]: one layer of ink each, on the cell that `repeat` arranges. Hexagonal groups are arranged by the
-    #: rectangle of 1 × √3 cells.
+    Examples
+    --------
+    >>> import toposeam as ts
+    >>> motif = ts.generate_motif(16, layers=2, repeat="p4m", seed=1, iterations=3)
+    >>> motif.densities.shape, motif.repeat
+    ((2, 16, 16), 'p4m')
+    """
+
+    #: (n_L, H, W) float32 in [0, 1]: one layer of ink each, on the cell that `repeat` arranges. Hexagonal
+    #: groups are arranged by the rectangle of 1 × √3 cells.
     densities: npt.NDArray[np.float32]
     #: (n_L, 3) sRGB in [0, 1].
     inks: npt.NDArray[np.float64]
@@ -39,33 +47,38 @@ class Motif:
     #: (n_L, n, n) float32: for hexagonal groups, the densities of the lattice's nodes.
     lattice: npt.NDArray[np.float32] | None = None
 
-    def resampled(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
-        """The densities on another number of elements, (n_L, H', W'), smoothly interpolated."""
-        if size is None or size == self.densities.shape[1:]:
-            return self.densities
-        if min(size) < 1 or size[0] * size[1] > MAX_PATTERN:
-            raise OptionError(f"size is {size[0]} × {size[1]}; give rows and columns of at least 1, at most {MAX_PATTERN:,} pixels in all")
+    @property
+    def edges(self) -> tuple[str, ...]:
+        """How the strokes of each layer end in print, of `EDGES`."""
+        return tuple(layer.edge for layer in self.recipe.layers)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What each ink is called."""
+        return tuple(layer.name or f"ink {number}" for number, layer in enumerate(self.recipe.layers, 1))
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """The recipe as plain values."""
+        return {"recipe": self.recipe.to_dict()}
+
+    def sampled(self, layer: int, size: tuple[int, int]) -> npt.NDArray[np.float32]:
+        """One layer's density, smoothly interpolated to (rows, columns)."""
         if self.lattice is not None:
-            return np.stack([to_tile(layer, self.repeat, size) for layer in self.lattice])
-        return np.stack([resample(layer, self.repeat, size) for layer in self.densities])
+            return to_tile(self.lattice[layer], self.repeat, size)
+        return resample(self.densities[layer], self.repeat, size)
 
-    def image(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
-        """The motif in colour.
-
-        Parameters
-        ----------
-        size : (rows, columns), optional
-            Any; the cell's own without it.
-
-        Returns
-        -------
-        (H, W, 3) float32 array in [0, 1]
-        """
-        return mix(self.resampled(size), self.inks, self.paper)
+    def __repr__(self) -> str:
+        rows, columns = self.densities.shape[1:]
+        inks = f"{len(self.inks)} ink{'s' if len(self.inks) > 1 else ''}"
+        size = f"{columns} × {rows} elements"
+        return f"Motif({inks} on {size}, repeat={self.repeat!r}, seed={self.recipe.seed})"
 
 
-def repeat_densities(motif: Motif, counts: tuple[int, int] = (3, 3), size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
-    """The layers of a pattern: rows × columns motifs by the motif's own rule.
+def repeat_densities(
+    motif: Motif, counts: tuple[int, int] = (3, 3), *, size: tuple[int, int] | None = None
+) -> npt.NDArray[np.float32]:
+    """The printed layers of a pattern: rows × columns motifs by the motif's own rule.
 
     Parameters
     ----------
@@ -82,16 +95,35 @@ def repeat_densities(motif: Motif, counts: tuple[int, int] = (3, 3), size: tuple
     ------
     OptionError
         When there is nothing to arrange, or too much.
+
+    Examples
+    --------
+    >>> import toposeam as ts
+    >>> motif = ts.generate_motif(16, layers=2, repeat="p4m", seed=1, iterations=3)
+    >>> ts.repeat_densities(motif, (2, 3)).shape
+    (2, 32, 48)
     """
-    rows, columns = counts
-    if rows < 1 or columns < 1:
-        raise OptionError(f"{rows} × {columns} motifs were asked for; ask for at least 1 × 1")
-    cell = size if size is not None else motif.densities.shape[1:]
+    rows, columns = check_pair("counts", counts, 1)
+    check_kind("motif", motif, Inked, "a Motif")
+    cell = check_pair("size", size, 1) if size is not None else motif.densities.shape[1:]
     if rows * columns * cell[0] * cell[1] > MAX_PATTERN:
-        raise OptionError(f"the pattern would have {rows * cell[0]:,} × {columns * cell[1]:,} pixels; ask for fewer or smaller motifs")
-    return tile(motif.resampled(size), motif.repeat, (rows, columns))
+        raise OptionError(
+            f"the pattern would have {rows * cell[0]:,} × {columns * cell[1]:,} pixels; ask for fewer or "
+            "smaller motifs"
+        )
+    return tile(motif.coverage(size), motif.repeat, (rows, columns))
 
 
-def repeat(motif: Motif, counts: tuple[int, int] = (3, 3), size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
-    """The pattern in colour, (H', W', 3) float32; parameters as in :func:`repeat_densities`."""
-    return mix(repeat_densities(motif, counts, size), motif.inks, motif.paper)
+def repeat(
+    motif: Motif, counts: tuple[int, int] = (3, 3), *, size: tuple[int, int] | None = None
+) -> npt.NDArray[np.float32]:
+    """The pattern in colour, (H', W', 3) float32 in [0, 1]; parameters as in :func:`repeat_densities`.
+
+    Examples
+    --------
+    >>> import toposeam as ts
+    >>> motif = ts.generate_motif(16, repeat="p4m", seed=1, iterations=3)
+    >>> ts.repeat(motif, (2, 3)).shape
+    (32, 48, 3)
+    """
+    return mix(repeat_densities(motif, counts, size=size), motif.inks, motif.paper)

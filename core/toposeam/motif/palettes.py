@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.checks import check_whole
 from toposeam.errors import OptionError
+from toposeam.heat.threads import one_thread
 from toposeam.images import as_float
 
 Floats = npt.NDArray[np.float64]
@@ -31,7 +34,14 @@ PALETTES: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Palette:
-    """A paper and its inks, sRGB in [0, 1]."""
+    """A paper and its inks, sRGB in [0, 1].
+
+    Examples
+    --------
+    >>> import toposeam as ts
+    >>> ts.palette("indigo", 3).inks.shape
+    (3, 3)
+    """
 
     #: (3,)
     paper: Floats
@@ -40,15 +50,22 @@ class Palette:
 
 
 def parse_colour(text: str) -> tuple[float, float, float]:
-    """The colour of ``#rrggbb``.
+    """The colour of ``#rrggbb`` or ``#rgb``, sRGB in [0, 1].
 
     Raises
     ------
     OptionError
+
+    Examples
+    --------
+    >>> parse_colour("#f80") == parse_colour("#ff8800")
+    True
     """
     digits = text.removeprefix("#")
+    if len(digits) == 3:
+        digits = "".join(2 * digit for digit in digits)
     try:
-        if len(digits) != 6:
+        if len(digits) != 6 or not digits.isalnum():
             raise ValueError
         return int(digits[:2], 16) / 255, int(digits[2:4], 16) / 255, int(digits[4:], 16) / 255
     except ValueError:
@@ -61,7 +78,8 @@ def palette(source: str | npt.ArrayLike, n: int) -> Palette:
     Parameters
     ----------
     source : str or (H, W, 3) array_like
-        A name from `PALETTES`, or a picture: its lightest main colour becomes the paper, the others the inks that give them on it.
+        A name from `PALETTES`, or a picture: its lightest main colour becomes the paper, the others the inks
+        that give them on it.
     n : int
         Number of inks.
 
@@ -69,15 +87,23 @@ def palette(source: str | npt.ArrayLike, n: int) -> Palette:
     ------
     OptionError
         For an unknown name, or more inks than the palette or the picture has.
+
+    Examples
+    --------
+    >>> import toposeam as ts
+    >>> ts.palette("sumi", 2).inks.round(2).tolist()
+    [[0.17, 0.17, 0.18], [0.48, 0.48, 0.47]]
     """
-    if n < 1:
-        raise OptionError(f"a palette of {n} inks was asked for; ask for at least 1")
+    n = check_whole("n", n, 1)
     if isinstance(source, str):
         if source not in PALETTES:
             raise OptionError(f"palette {source!r} is not known; choose one of {', '.join(PALETTES)}")
         colours = np.array([parse_colour(text) for text in PALETTES[source]])
         if n > len(colours) - 1:
-            raise OptionError(f"palette {source} has {len(colours) - 1} inks, {n} were asked for; use fewer layers or give the inks")
+            raise OptionError(
+                f"palette {source} has {len(colours) - 1} inks, {n} were asked for; use fewer layers or give "
+                "the inks"
+            )
         return Palette(paper=colours[0], inks=colours[1 : n + 1])
     return _from_picture(source, n)
 
@@ -90,7 +116,10 @@ def _from_picture(source: npt.ArrayLike, n: int) -> Palette:
     pixels = np.clip(pixels[:: max(1, len(pixels) // 20_000)], 0.0, 1.0)
     distinct = np.unique(np.round(pixels * 31), axis=0)
     if len(distinct) < n + 1:
-        raise OptionError(f"the palette's picture has {len(distinct)} colours, {n + 1} are needed (paper and {n} inks); use fewer layers")
+        raise OptionError(
+            f"the palette's picture has {len(distinct)} colours, {n + 1} are needed (paper and {n} inks); "
+            "use fewer layers"
+        )
     centres, sizes = _cluster(pixels, n + 1)
     lightest = int(np.argmax(centres @ np.array([0.2126, 0.7152, 0.0722])))
     paper = centres[lightest]
@@ -101,19 +130,17 @@ def _from_picture(source: npt.ArrayLike, n: int) -> Palette:
 
 def _cluster(pixels: Floats, n: int) -> tuple[Floats, Floats]:
     """Main colours by k-means in a perceptual scale, from a farthest-point start that needs no chance."""
+    from scipy.cluster.vq import kmeans2
+
     points = np.cbrt(pixels) @ np.array([[0.3, 0.6, 0.3], [0.6, -0.9, 0.5], [0.1, 0.3, -0.8]])
     chosen = [int(np.argmax(points[:, 0]))]
     nearest = np.full(len(points), np.inf)
     for _ in range(n - 1):
         nearest = np.minimum(nearest, np.square(points - points[chosen[-1]]).sum(1))
         chosen.append(int(np.argmax(nearest)))
-    centres = points[chosen]
-    label = np.zeros(len(points), np.intp)
-    for _ in range(25):
-        label = np.argmin(np.square(points[:, None] - centres[None]).sum(2), axis=1)
-        for cluster in range(n):
-            if np.any(label == cluster):
-                centres[cluster] = points[label == cluster].mean(0)
+    with one_thread(), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # an empty cluster keeps the pixel it began with
+        _, label = kmeans2(points, points[chosen], 25, minit="matrix", missing="warn")
     counts = np.bincount(label, minlength=n).astype(np.float64)
     means = np.stack([pixels[label == c].mean(0) if counts[c] else pixels[chosen[c]] for c in range(n)])
     return means, counts

@@ -14,8 +14,10 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.checks import check_choice, check_number, check_pair, check_range, check_whole
 from toposeam.errors import OptionError
 from toposeam.images import as_float
+from toposeam.motif.edges import EDGES
 from toposeam.motif.symmetry import check_repeat
 
 #: x and y in [0, 1] of the cell, and a strength.
@@ -23,6 +25,9 @@ Point = tuple[float, float, float]
 Colour = tuple[float, float, float]
 #: Smallest and largest cell, in elements.
 SMALLEST, LARGEST = 8, 8192
+#: How a base image's brightness becomes conductivity: falling geometrically from its brightest part, or in
+#: proportion to it, as in the thesis.
+LAWS = ("contrast", "brightness")
 Kind = TypeVar("Kind")
 #: A base image is kept at most this large.
 _BASE_SIZE = 256
@@ -30,7 +35,15 @@ _BASE_SIZE = 256
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LayerRecipe:
-    """One colour: where its heat comes from and goes, and how it flows."""
+    """One colour: where its heat comes from and goes, and how it flows.
+
+    Examples
+    --------
+    >>> import toposeam as ts
+    >>> recipe = ts.random_recipe(16, layers=2, seed=1)
+    >>> 0 < recipe.layers[0].mass < 1
+    True
+    """
 
     #: sRGB in [0, 1].
     ink: Colour
@@ -38,12 +51,17 @@ class LayerRecipe:
     sources: tuple[Point, ...]
     #: Where heat leaves by convection; strengths are relative.
     sinks: tuple[Point, ...]
-    #: Share of the heat that is generated everywhere (of a base image: where it conducts), 0 to 1. It makes strokes branch.
+    #: Share of the heat that is generated everywhere (of a base image: where it conducts), 0 to 1. It makes
+    #: strokes branch.
     ambient: float = 0.0
     #: Allowed mass (4.4): the mean density.
     mass: float = 0.3
     #: Penalty exponent p: 1 for ink wash, 3 for distinct strokes.
     penalty: float = 3.0
+    #: How its strokes end in print, one of `EDGES`.
+    edge: str = "soft"
+    #: What the ink is called, such as a spot colour's name; empty for none.
+    name: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ink", _numbers(self.ink, 3, "ink"))
@@ -51,28 +69,47 @@ class LayerRecipe:
             object.__setattr__(self, name, tuple(_numbers(point, 3, name) for point in getattr(self, name)))
         if not all(0 <= c <= 1 for c in self.ink):
             raise OptionError(f"ink is {self.ink}; colours are three numbers from 0 to 1")
-        if not 0 <= self.ambient <= 1:
-            raise OptionError(f"ambient is {self.ambient}; it must lie between 0 and 1")
-        if not 0 < self.mass < 1:
-            raise OptionError(f"mass is {self.mass}; it must lie between 0 and 1, both excluded (0.2 to 0.5 is usual)")
-        if not 1 <= self.penalty <= 10:
-            raise OptionError(f"penalty is {self.penalty}; it must lie between 1 (ink wash) and 10")
+        check_range(0, 1, ambient=self.ambient)
+        if not 0 < check_number("mass", self.mass) < 1:
+            raise OptionError(
+                f"mass is {self.mass}; it must lie between 0 and 1, both excluded (0.2 to 0.5 is usual)"
+            )
+        check_range(1, 10, penalty=self.penalty)  # 1 is ink wash
+        check_choice("edge", self.edge, EDGES)
+        if not isinstance(self.name, str) or len(self.name) > 100 or not self.name.isprintable():
+            raise OptionError(f"the ink's name is {self.name!r}; use up to 100 printable characters")
         if not any(s > 0 for *_, s in self.sources) and self.ambient == 0:
-            raise OptionError("a layer has no heat source; give at least one source a strength above 0, or set ambient above 0")
+            raise OptionError(
+                "a layer has no heat source; give at least one source a strength above 0, or set ambient "
+                "above 0"
+            )
         if not any(s > 0 for *_, s in self.sinks):
             raise OptionError("a layer has no heat sink; give at least one sink a strength above 0")
         for name in ("sources", "sinks"):
             for x, y, strength in getattr(self, name):
                 if not (0 <= x <= 1 and 0 <= y <= 1 and strength >= 0):
-                    raise OptionError(f"{name} has ({x:g}, {y:g}, {strength:g}); x and y must lie in 0 to 1 and strengths not be negative")
+                    raise OptionError(
+                        f"{name} has ({x:g}, {y:g}, {strength:g}); x and y must lie in 0 to 1 and strengths "
+                        "not be negative"
+                    )
         places = {(x, y) for x, y, s in (*self.sources, *self.sinks) if s > 0}
         if self.ambient == 0 and len(places) < 2:
-            raise OptionError("a layer's sources and sinks all lie on one point, so no heat flows; move them apart")
+            raise OptionError(
+                "a layer's sources and sinks all lie on one point, so no heat flows; move them apart"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recipe:
-    """A motif's parameters."""
+    """A motif's parameters.
+
+    Examples
+    --------
+    >>> import toposeam as ts
+    >>> recipe = ts.random_recipe(16, layers=2, seed=1)
+    >>> ts.Recipe.from_dict(recipe.to_dict()) == recipe
+    True
+    """
 
     #: Rows and columns of the cell; for a hexagonal group, elements along its two sides.
     size: tuple[int, int]
@@ -93,36 +130,39 @@ class Recipe:
     coarse: bool = True
     #: Brightness of a base image, packed by `pack_base`; empty for none.
     base: str = ""
-    #: How strongly the base image shows, -1 to 1: strokes keep to its bright parts, or below 0 to its dark ones.
+    #: How strongly the base image shows, -1 to 1: strokes keep to its bright parts, or below 0 to its dark
+    #: ones.
     base_strength: float = 0.0
+    #: How its brightness becomes conductivity, one of `LAWS`.
+    base_law: str = "contrast"
 
     def __post_init__(self) -> None:
-        size = tuple(int(side) for side in self.size)
-        if len(size) != 2 or not all(SMALLEST <= side <= LARGEST for side in size):
-            raise OptionError(f"size is {self.size}; give rows and columns from {SMALLEST} to {LARGEST}")
+        size = check_pair("size", self.size, SMALLEST, LARGEST)
         object.__setattr__(self, "size", size)
         object.__setattr__(self, "layers", tuple(self.layers))
         object.__setattr__(self, "paper", _numbers(self.paper, 3, "paper"))
-        check_repeat(self.repeat, (size[0], size[1]))
+        check_repeat(self.repeat, size)
+        check_whole("seed", self.seed, 0)
         if not all(0 <= c <= 1 for c in self.paper):
             raise OptionError(f"paper is {self.paper}; colours are three numbers from 0 to 1")
         if not self.layers:
             raise OptionError("the recipe has no layers; give at least one")
-        if self.iterations < 1:
-            raise OptionError(f"iterations is {self.iterations}; at least 1 is needed")
-        if not 0 < self.move <= 1:
-            raise OptionError(f"move is {self.move}; it must be above 0 and at most 1")
-        if not 0 <= self.filter_radius <= 10:
-            raise OptionError(f"filter_radius is {self.filter_radius}; it must lie between 0 and 10 (hundredths of the cell)")
-        if not -1 <= self.base_strength <= 1:
-            raise OptionError(f"base_strength is {self.base_strength}; it must lie between -1 and 1")
+        check_whole("iterations", self.iterations, 1, 10_000)
+        check_range(0, 1, above=True, move=self.move)
+        check_range(0, 10, filter_radius=self.filter_radius)  # hundredths of the cell
+        check_range(-1, 1, base_strength=self.base_strength)
+        check_choice("base_law", self.base_law, LAWS)
+        if not isinstance(self.coarse, bool) or not isinstance(self.base, str):
+            raise OptionError("coarse must be True or False, and base the text of pack_base, or empty")
         if self.base:
             unpack_base(self.base)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain lists, numbers and strings, ready for JSON or TOML."""
         record = dataclasses.asdict(self)
-        record["layers"] = [{name: _plain(value) for name, value in layer.items()} for layer in record["layers"]]
+        record["layers"] = [
+            {name: _plain(value) for name, value in layer.items()} for layer in record["layers"]
+        ]
         return {name: _plain(value) for name, value in record.items()}
 
     @classmethod
@@ -141,19 +181,27 @@ class Recipe:
         except (TypeError, ValueError, AttributeError) as error:
             if isinstance(error, OptionError):
                 raise
-            raise OptionError(f"the recipe cannot be read ({error}); compare it with one that toposeam wrote") from error
+            raise OptionError(
+                f"the recipe cannot be read ({error}); compare it with one that toposeam wrote"
+            ) from error
 
 
 def _build(kind: type[Kind], values: Mapping[str, Any]) -> Kind:
     known = {field.name for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
     unknown = [name for name in values if name not in known]
     if unknown:
-        raise OptionError(f"the recipe has an unknown entry {unknown[0]!r}; known are {', '.join(sorted(known))}")
+        raise OptionError(
+            f"the recipe has an unknown entry {unknown[0]!r}; known are {', '.join(sorted(known))}"
+        )
     return kind(**values)
 
 
 def _plain(value: Any) -> Any:
-    return [_plain(item) for item in value] if isinstance(value, tuple | list) and not isinstance(value, str) else value
+    return (
+        [_plain(item) for item in value]
+        if isinstance(value, tuple | list) and not isinstance(value, str)
+        else value
+    )
 
 
 def _numbers(values: Any, count: int, name: str) -> tuple[float, ...]:
@@ -178,14 +226,22 @@ def pack_base(image: npt.ArrayLike) -> str:
     if array.shape[2] in (2, 4):  # on white where it is transparent
         alpha = np.clip(array[..., -1:], 0.0, 1.0)
         array = array[..., :-1] * alpha + (1.0 - alpha)
-    gray = array @ np.array([0.2126, 0.7152, 0.0722], np.float32) if array.shape[2] == 3 else array.mean(axis=2)
+    gray = (
+        array @ np.array([0.2126, 0.7152, 0.0722], np.float32) if array.shape[2] == 3 else array.mean(axis=2)
+    )
     step = max(1.0, max(gray.shape) / _BASE_SIZE)
     if step > 1:
         from toposeam.motif.sampling import resample
 
-        gray = resample(np.clip(gray, 0.0, 1.0), "none", (max(1, round(gray.shape[0] / step)), max(1, round(gray.shape[1] / step))))
+        gray = resample(
+            np.clip(gray, 0.0, 1.0),
+            "none",
+            (max(1, round(gray.shape[0] / step)), max(1, round(gray.shape[1] / step))),
+        )
     levels = np.round(np.clip(gray, 0.0, 1.0) * 255).astype(np.uint8)
-    return f"{levels.shape[0]}x{levels.shape[1]}:" + base64.b85encode(zlib.compress(levels.tobytes(), 9)).decode("ascii")
+    return f"{levels.shape[0]}x{levels.shape[1]}:" + base64.b85encode(
+        zlib.compress(levels.tobytes(), 9)
+    ).decode("ascii")
 
 
 def unpack_base(text: str) -> npt.NDArray[np.float32]:

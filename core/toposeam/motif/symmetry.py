@@ -1,8 +1,10 @@
-r"""The rules by which a motif repeats, and the wallpaper groups among them as exact permutations of a cell's elements.
+r"""The rules by which a motif repeats, and the wallpaper groups among them as exact permutations of a cell's
+elements.
 
-A wallpaper group acts on the points of a cell by x → A x + t, with A an integer matrix and t a multiple of half the cell. On the cell's
-elements that is a permutation. Loads and design variables that are equal along its orbits give temperatures that are too, so that the
-solution θ = Tθ' (thesis 4.8) with T the group's projection is the solution on the torus; only the orbits need computing.
+A wallpaper group acts on the points of a cell by x → A x + t, with A an integer matrix and t a multiple of
+half the cell. On the cell's elements that is a permutation. Loads and design variables that are equal along
+its orbits give temperatures that are too, so that the solution θ = Tθ' (thesis 4.8) with T the group's
+projection is the solution on the torus; only the orbits need computing.
 """
 
 from __future__ import annotations
@@ -13,8 +15,10 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.checks import check_choice
 from toposeam.errors import OptionError
-from toposeam.heat.plate_joints import Floats, Joint
+from toposeam.heat.plate_joints import Floats, Joint, Shift
+from toposeam.motif.tiling import shift_of
 
 #: One operation: ((a, b), (c, d)) takes (x, y) to (ax + by, cx + dy), then (t, u) half cells are added.
 Operation = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
@@ -57,8 +61,9 @@ HEXAGONAL: dict[str, tuple[Operation, ...]] = {
     "p6m": (_TURN6, _SWAP),
 }
 
-#: Every rule a motif can repeat by.
-REPEATS = ("none", "reflect", "translate", "rotate", *GENERATORS, *HEXAGONAL)
+#: Every rule a motif can repeat by; ``drop`` and ``brick`` shift columns or rows by half a cell, or by
+#: another share that is written behind: ``drop 1/3``.
+REPEATS = ("none", "reflect", "translate", "rotate", "drop", "brick", *GENERATORS, *HEXAGONAL)
 
 
 def check_repeat(repeat: str, shape: tuple[int, int]) -> None:
@@ -68,19 +73,33 @@ def check_repeat(repeat: str, shape: tuple[int, int]) -> None:
     ------
     OptionError
     """
-    if repeat not in REPEATS:
-        raise OptionError(f"repeat is {repeat!r}; choose one of {', '.join(REPEATS)}")
+    shift = shift_of(repeat) if isinstance(repeat, str) else None
     h, w = shape
+    if shift is None:
+        check_choice("repeat", repeat, REPEATS)
+    elif shape[shift[0]] % shift[1].denominator:
+        side, parts, name = shape[shift[0]], shift[1].denominator, ("height", "width")[shift[0]]
+        raise OptionError(
+            f"repeat {repeat} needs a {name} that divides by {parts}, this one is {side}; "
+            f"use {-(-side // parts) * parts}"
+        )
     if (repeat in _SQUARE or repeat in HEXAGONAL) and h != w:
-        raise OptionError(f"repeat {repeat} needs a square cell, this one is {h} × {w}; make both sides equal")
+        raise OptionError(
+            f"repeat {repeat} needs a square cell, this one is {h} × {w}; make both sides equal"
+        )
     halves = [operation[2] for operation in GENERATORS.get(repeat, ())]
     odd = (any(t for t, _ in halves) and w % 2) or (any(u for _, u in halves) and h % 2)
     if odd or (repeat == "rotate" and (h % 2 or w % 2)):
-        raise OptionError(f"repeat {repeat} needs even sizes, this cell is {h} × {w}; use {h + h % 2} × {w + w % 2}")
+        raise OptionError(
+            f"repeat {repeat} needs even sizes, this cell is {h} × {w}; use {h + h % 2} × {w + w % 2}"
+        )
 
 
-def joint(repeat: str) -> Joint:
+def joint(repeat: str) -> Joint | Shift:
     """How the plate's border is joined for a rule."""
+    shift = shift_of(repeat)
+    if shift is not None:
+        return Shift(*shift)
     if repeat in ("none", "reflect"):
         return Joint.FREE
     return Joint.ROTATE if repeat == "rotate" else Joint.TRANSLATE
@@ -102,14 +121,20 @@ def _compose(second: Operation, first: Operation) -> Operation:
     """First one operation, then another."""
     (a, b), (c, d), (t, u) = second
     (e, f), (g, h), (v, w) = first
-    return (a * e + b * g, a * f + b * h), (c * e + d * g, c * f + d * h), ((a * v + b * w + t) % 2, (c * v + d * w + u) % 2)
+    return (
+        (a * e + b * g, a * f + b * h),
+        (c * e + d * g, c * f + d * h),
+        ((a * v + b * w + t) % 2, (c * v + d * w + u) % 2),
+    )
 
 
-def onto_axes(point: npt.NDArray[np.float64], repeat: str, rng: np.random.Generator) -> npt.NDArray[np.float64]:
+def onto_axes(
+    point: npt.NDArray[np.float64], repeat: str, rng: np.random.Generator
+) -> npt.NDArray[np.float64]:
     """Move a place, (x, y) in [0, 1], to a mirror or a centre of rotation of the rule, chosen at random.
 
-    Strokes stop short of mirrors on which nothing lies, which would leave empty lines in the pattern. Centres on the cell's border are
-    left alone, as the thickest strokes would lie there.
+    Strokes stop short of mirrors on which nothing lies, which would leave empty lines in the pattern. Centres
+    on the cell's border are left alone, as the thickest strokes would lie there.
     """
     if repeat == "reflect":
         moved = point.copy()
@@ -122,7 +147,8 @@ def onto_axes(point: npt.NDArray[np.float64], repeat: str, rng: np.random.Genera
     (a, b), (c, d), (t, u) = group[int(rng.integers(len(group)))]
     matrix, shift = np.array([[a, b], [c, d]], float), np.array([t, u]) / 2
     shift = shift - np.round(matrix @ point + shift - point)  # of all copies the nearest
-    # The mean over the powers of an operation, whose order divides 12, is a fixed point of it. Translations and glides have none.
+    # The mean over the powers of an operation, whose order divides 12, is a fixed point of it. Translations
+    # and glides have none.
     images = [point]
     for _ in range(11):
         images.append(matrix @ images[-1] + shift)
@@ -134,8 +160,12 @@ def onto_axes(point: npt.NDArray[np.float64], repeat: str, rng: np.random.Genera
     return point if turns and on_border else mean % 1.0
 
 
-def permutation(operation: Operation, shape: tuple[int, int], hexagonal: bool = False) -> npt.NDArray[np.intp]:
-    """Where an operation takes the centre of every element, or on a hexagonal lattice every node, (h, w) flat indices."""
+def permutation(
+    operation: Operation, shape: tuple[int, int], hexagonal: bool = False
+) -> npt.NDArray[np.intp]:
+    """Where an operation takes the centre of every element, or on a hexagonal lattice every node, (h, w) flat
+    indices.
+    """
     h, w = shape
     (a, b), (c, d), (t, u) = operation
     y, x = np.ogrid[:h, :w]

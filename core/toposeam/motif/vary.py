@@ -6,32 +6,39 @@ from dataclasses import replace
 
 import numpy as np
 
-from toposeam.errors import OptionError
+from toposeam.checks import Seed, check_kind, check_range, seed_of
 from toposeam.motif.recipe import LayerRecipe, Point, Recipe
 
 #: Ranges the masses and the even heat are drawn towards, as for a motif from a seed.
 _MASS, _AMBIENT = (0.16, 0.34), (0.2, 0.9)
 
 
-def vary(recipe: Recipe, amount: float = 1.0, seed: int = 0) -> Recipe:
-    """A recipe with the same colours, size, repeat, base image and optimiser, and its places, strengths and masses moved by chance.
+def vary(recipe: Recipe, *, amount: float = 1.0, seed: Seed = 0) -> Recipe:
+    """A recipe with the same colours, size, repeat, base image and optimiser, and its places, strengths and
+    masses moved by chance.
 
     Parameters
     ----------
     recipe : Recipe
     amount : float
         From 0, which changes nothing, to 1, which keeps only the numbers of sources and sinks.
-    seed : int
+    seed : int, Generator or None
 
     Raises
     ------
     OptionError
         For an amount or a seed out of range.
+
+    Examples
+    --------
+    >>> from toposeam.motif.generate import random_recipe
+    >>> recipe = random_recipe(32, seed=4, repeat="p4")
+    >>> vary(recipe, amount=0.0) == recipe, vary(recipe, amount=0.2, seed=1).repeat
+    (True, 'p4')
     """
-    if not 0 <= amount <= 1:
-        raise OptionError(f"the amount to vary is {amount}; it must lie between 0 and 1")
-    if seed < 0:
-        raise OptionError(f"seed is {seed}; give a whole number from 0")
+    check_kind("recipe", recipe, Recipe, "a Recipe")
+    check_range(0, 1, amount=amount)
+    seed = seed_of(seed)
     rng = np.random.default_rng(seed)
     layers = tuple(_varied(layer, recipe.repeat, amount, rng.spawn(1)[0]) for layer in recipe.layers)
     return replace(recipe, layers=layers, seed=seed) if amount else recipe
@@ -50,11 +57,17 @@ def _varied(layer: LayerRecipe, repeat: str, amount: float, rng: np.random.Gener
     )
 
 
-def _moved(points: tuple[Point, ...], repeat: str, amount: float, rng: np.random.Generator) -> tuple[Point, ...]:
-    """Each point moved by up to `amount` half cells; over the border and in again where the cell repeats so, else mirrored there."""
+def _moved(
+    points: tuple[Point, ...], repeat: str, amount: float, rng: np.random.Generator
+) -> tuple[Point, ...]:
+    """Each point moved by up to `amount` half cells; over the border and in again where the cell repeats so,
+    else mirrored there.
+    """
     moved = []
     for x, y, strength in points:
         place = np.array([x, y]) + amount * rng.uniform(-0.5, 0.5, 2)
         place = np.abs((place + 1) % 2 - 1) if repeat in ("none", "reflect", "rotate") else place % 1
-        moved.append((float(place[0]), float(place[1]), strength * float(np.exp(amount * rng.uniform(-0.5, 0.5)))))
+        moved.append(
+            (float(place[0]), float(place[1]), strength * float(np.exp(amount * rng.uniform(-0.5, 0.5))))
+        )
     return tuple(moved)

@@ -10,7 +10,15 @@ import numpy.typing as npt
 
 
 class Termination(StrEnum):
-    """Why a method returned."""
+    """Why a method returned.
+
+    Examples
+    --------
+    >>> import numpy as np, toposeam as ts
+    >>> a, b = np.random.default_rng(0).random((2, 12, 6))
+    >>> ts.find_seam(a, b).termination is ts.Termination.SINGLE_LINE
+    True
+    """
 
     #: Every flux is 0 or 1: the heat runs along one line.
     SINGLE_LINE = "single line"
@@ -24,13 +32,23 @@ class Termination(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Iteration:
-    """One inner iteration."""
+    """One inner iteration.
+
+    Examples
+    --------
+    >>> import numpy as np, toposeam as ts
+    >>> a, b = np.random.default_rng(0).random((2, 12, 6))
+    >>> ts.find_seam(a, b).history[0].stage
+    1
+    """
 
     #: Outer stage J, from 1.
     stage: int
-    #: The value being minimised: match-cost-weighted mass, forbidden and outermost interfaces (M_max) left out.
+    #: The value being minimised: match-cost-weighted mass, forbidden and outermost interfaces (M_max) left
+    #: out.
     objective: float
-    #: Thermal compliance θᵀKθ for unit heat; of method heat the size of its flow, which no seam costs less than.
+    #: Thermal compliance θᵀKθ for unit heat; of method heat the size of its flow, which no seam costs less
+    #: than.
     compliance: float
     #: Upper bound C* on the compliance; NaN where the method has none.
     bound: float
@@ -46,7 +64,16 @@ class Iteration:
 class Frame:
     """The densities of one iteration, for the film strip.
 
-    ``right`` is (h, w - 1) and ``down`` (h - 1, w), float32 in [0, 1], one value per pixel interface of the overlap's window.
+    ``right`` is (h, w - 1) and ``down`` (h - 1, w), float32 in [0, 1], one value per pixel interface of the
+    overlap's window.
+
+    Examples
+    --------
+    >>> import numpy as np, toposeam as ts
+    >>> a, b = np.random.default_rng(0).random((2, 12, 6))
+    >>> frame = ts.find_seam(a, b, record_frames=True).frames[-1]
+    >>> frame.down.shape[1] - frame.right.shape[1]
+    1
     """
 
     iteration: int

@@ -1,19 +1,22 @@
 r"""The method of moving asymptotes (MMA) for box bounds and one constraint.
 
-Svanberg 1987 (doi:10.1002/nme.1620240207), with the move limits of Svanberg 2002 (doi:10.1137/S1052623499362822). To minimise f₀(x)
-subject to f₁(x) ≤ 0 within box bounds, each function is replaced at xᵏ by
+Svanberg 1987 (doi:10.1002/nme.1620240207), with the move limits of Svanberg 2002
+(doi:10.1137/S1052623499362822). To minimise f₀(x) subject to f₁(x) ≤ 0 within box bounds, each function is
+replaced at xᵏ by
 
 .. math:: \tilde f_i(x) = r_i + \sum_j \frac{p_{ij}}{U_j - x_j} + \frac{q_{ij}}{x_j - L_j},
 
-with p = (U - xᵏ)² max(∂f, 0), q = (xᵏ - L)² max(-∂f, 0), and r such that the values agree at xᵏ. For a multiplier y of the constraint
-the minimiser is closed-form in every variable, so one constraint leaves a one-dimensional dual to solve.
+with p = (U - xᵏ)² max(∂f, 0), q = (xᵏ - L)² max(-∂f, 0), and r such that the values agree at xᵏ. For a
+multiplier y of the constraint the minimiser is closed-form in every variable, so one constraint leaves a
+one-dimensional dual to solve.
 
-*Asymptotes* close in where a variable oscillates and move away where it does not. A caller who knows the curvature of its functions may
-pass better ones to :meth:`MMA.step`.
+*Asymptotes* close in where a variable oscillates and move away where it does not. A caller who knows the
+curvature of its functions may pass better ones to :meth:`MMA.step`.
 
-*Overshoot.* The approximation of a steep constraint may promise what the true one does not keep. In a heat network one such step cuts the
-path, compliance grows by many orders of magnitude, and there is no way back. So a step can be taken back: :meth:`MMA.retreat` halves the
-distance to the asymptotes, which makes both approximations more conservative, and solves again (the idea of GCMMA, Svanberg 2002).
+*Overshoot.* The approximation of a steep constraint may promise what the true one does not keep. In a heat
+network one such step cuts the path, compliance grows by many orders of magnitude, and there is no way back.
+So a step can be taken back: :meth:`MMA.retreat` halves the distance to the asymptotes, which makes both
+approximations more conservative, and solves again (the idea of GCMMA, Svanberg 2002).
 """
 
 from __future__ import annotations
@@ -25,7 +28,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.errors import OptionError, check_range
+from toposeam.checks import check_range
+from toposeam.errors import OptionError
 from toposeam.optimize.multiplier import find_multiplier
 
 Floats = npt.NDArray[np.float64]
@@ -52,16 +56,24 @@ class MMAOptions:
 
     def __post_init__(self) -> None:
         check_range(0, above=True, move=self.move, initial=self.initial)
-        if not (0 < self.closer <= 1 <= self.farther):
-            raise OptionError(f"closer is {self.closer} and farther {self.farther}; use 0 < closer <= 1 <= farther")
-        if not (0 < self.nearest <= self.farthest):
-            raise OptionError(f"nearest is {self.nearest} and farthest {self.farthest}; use 0 < nearest <= farthest")
-        if not 0 < self.margin < 1:
-            raise OptionError(f"margin is {self.margin}; it must lie between 0 and 1")
+        check_range(0, 1, above=True, closer=self.closer, margin=self.margin)
+        check_range(1, farther=self.farther)
+        check_range(0, above=True, farthest=self.farthest)
+        check_range(0, self.farthest, above=True, nearest=self.nearest)
+        if self.margin == 1:
+            raise OptionError("margin is 1, which leaves no way to go; it must be less")
 
 
 def solve_subproblem(
-    x: Floats, df: Floats, constraint: float, dg: Floats, low: Floats, high: Floats, alpha: Floats, beta: Floats, guess: float | None = None
+    x: Floats,
+    df: Floats,
+    constraint: float,
+    dg: Floats,
+    low: Floats,
+    high: Floats,
+    alpha: Floats,
+    beta: Floats,
+    guess: float | None = None,
 ) -> tuple[Floats, float]:
     """Minimise the MMA approximation of an objective subject to that of one constraint.
 
@@ -90,7 +102,9 @@ def solve_subproblem(
     p0, q0 = np.square(above) * np.maximum(df, 0.0), np.square(below) * np.maximum(-df, 0.0)
     p1, q1 = np.square(above) * np.maximum(dg, 0.0), np.square(below) * np.maximum(-dg, 0.0)
     has_p, has_q, simple = bool(p1.any()), bool(q1.any()), not (p1.any() or q0.any())
-    terms = float(above @ np.maximum(dg, 0.0) + below @ np.maximum(-dg, 0.0))  # Σ p/(U - x) + q/(x - L) at the point of approximation
+    terms = float(
+        above @ np.maximum(dg, 0.0) + below @ np.maximum(-dg, 0.0)
+    )  # Σ p/(U - x) + q/(x - L) at the point of approximation
     rest = constraint - terms
     still = np.flatnonzero((df == 0) & (dg == 0))
     root_p0, root_q1 = np.sqrt(p0), np.sqrt(q1)
@@ -158,7 +172,14 @@ class MMA:
         self._low = self._high = np.zeros(0)
         self._last: tuple[Floats, Floats, float, Floats] | None = None
 
-    def step(self, x: Floats, df: Floats, constraint: float, dg: Floats, asymptotes: tuple[Floats, Floats] | None = None) -> Floats:
+    def step(
+        self,
+        x: Floats,
+        df: Floats,
+        constraint: float,
+        dg: Floats,
+        asymptotes: tuple[Floats, Floats] | None = None,
+    ) -> Floats:
         """The next point.
 
         Parameters
@@ -209,7 +230,9 @@ class MMA:
         margin = self.options.margin
         alpha = np.maximum(np.maximum(self.lower, x - reach), self._low + margin * (x - self._low))
         beta = np.minimum(np.minimum(self.upper, x + reach), self._high - margin * (self._high - x))
-        result, multiplier = solve_subproblem(x, df, constraint, dg, self._low, self._high, alpha, beta, self.multiplier)
+        result, multiplier = solve_subproblem(
+            x, df, constraint, dg, self._low, self._high, alpha, beta, self.multiplier
+        )
         self.multiplier = multiplier
         return result
 
@@ -228,9 +251,16 @@ class MMAResult:
 
 
 def minimize(
-    evaluate: Callable[[Floats], tuple[float, Floats, float, Floats]], x: Floats, lower: Floats, upper: Floats,
-    options: MMAOptions | None = None, *, max_iterations: int = 100, tolerance: float = 1e-4, overshoot: float = float("inf"),
-) -> MMAResult:  # fmt: skip
+    evaluate: Callable[[Floats], tuple[float, Floats, float, Floats]],
+    x: Floats,
+    lower: Floats,
+    upper: Floats,
+    options: MMAOptions | None = None,
+    *,
+    max_iterations: int = 100,
+    tolerance: float = 1e-4,
+    overshoot: float = float("inf"),
+) -> MMAResult:
     """Minimise an objective subject to one constraint and box bounds.
 
     Parameters
@@ -245,7 +275,8 @@ def minimize(
     tolerance : float
         Converged when no variable changes by more than this share of its range.
     overshoot : float
-        A step to where the constraint exceeds both this value and its value before is taken back and shortened.
+        A step to where the constraint exceeds both this value and its value before is taken back and
+        shortened.
 
     Returns
     -------

@@ -1,8 +1,9 @@
 """The Lagrange multiplier of a single constraint.
 
-With one constraint the dual of a separable problem is one-dimensional: the design is a closed form in the multiplier, and the constraint's
-residual falls as the multiplier grows. Its root is bracketed and then closed in on by regula falsi (Illinois variant), on a logarithmic
-scale because multipliers of different problems differ by many orders of magnitude.
+With one constraint the dual of a separable problem is one-dimensional: the design is a closed form in the
+multiplier, and the constraint's residual falls as the multiplier grows. Its root is bracketed and then closed
+in on by regula falsi (Illinois variant), on a logarithmic scale because multipliers of different problems
+differ by many orders of magnitude.
 """
 
 from __future__ import annotations
@@ -10,7 +11,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-#: How far from the first guess a multiplier is looked for, as a natural logarithm (about 26 orders of magnitude each way).
+#: How far from the first guess a multiplier is looked for, as a natural logarithm (about 26 orders of
+#: magnitude each way).
 _REACH = 60.0
 #: No multiplier lies beyond exp(±300), so that products with it stay finite.
 _LIMIT = 300.0
@@ -30,7 +32,8 @@ def find_multiplier(residual: Callable[[float], float], guess: float, tolerance:
     Returns
     -------
     float
-        On the feasible side of the root. Where no multiplier within reach is feasible, or every one is, the end of the reach.
+        On the feasible side of the root. Where no multiplier within reach is feasible, or every one is, the
+        end of the reach.
     """
     start = min(max(math.log(guess), -_LIMIT), _LIMIT)
     lowest, highest = max(start - _REACH, -_LIMIT), min(start + _REACH, _LIMIT)

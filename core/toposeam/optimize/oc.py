@@ -1,11 +1,12 @@
 r"""The optimality-criteria (OC) update for minimal compliance under a mass bound.
 
-At an optimum with bounds inactive the compliance saved per mass added is the same everywhere, B = -∂C/∂x / (λ ∂M/∂x) = 1. The update
-(Bendsøe and Sigmund 2003, doi:10.1007/978-3-662-05086-6)
+At an optimum with bounds inactive the compliance saved per mass added is the same everywhere, B = -∂C/∂x / (λ
+∂M/∂x) = 1. The update (Bendsøe and Sigmund 2003, doi:10.1007/978-3-662-05086-6)
 
 .. math:: x \leftarrow \operatorname{clip}(x\,B^{\eta}, \max(x - m, x_{min}), \min(x + m, x_{max}))
 
-moves every variable towards that, with damping η and move limit m; λ is found such that the mass meets its bound.
+moves every variable towards that, with damping η and move limit m; λ is found such that the mass meets its
+bound.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.errors import check_range
+from toposeam.checks import check_range
 from toposeam.optimize.multiplier import find_multiplier
 
 Floats = npt.NDArray[np.float64]
@@ -36,9 +37,14 @@ class OCOptions:
 
 
 def oc_step(
-    x: Floats, sensitivity: Floats, mass: Floats | float, bound: float, lower: Floats | float, upper: Floats | float,
+    x: Floats,
+    sensitivity: Floats,
+    mass: Floats | float,
+    bound: float,
+    lower: Floats | float,
+    upper: Floats | float,
     options: OCOptions | None = None,
-) -> Floats:  # fmt: skip
+) -> Floats:
     """The next design.
 
     Parameters
@@ -57,7 +63,8 @@ def oc_step(
     Returns
     -------
     (N,) float array
-        Its mass is at most the bound, unless the move limits and lower bounds do not allow that: then the lightest design they allow.
+        Its mass is at most the bound, unless the move limits and lower bounds do not allow that: then the
+        lightest design they allow.
     """
     chosen = options if options is not None else OCOptions()
     lowest, highest = np.maximum(x - chosen.move, lower), np.minimum(x + chosen.move, upper)

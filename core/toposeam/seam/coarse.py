@@ -1,10 +1,11 @@
 """From coarse to fine: which pixels of a large overlap the seam can still choose between.
 
-A large network is shrunk by merging every node with the neighbour it is most expensive to divide from, again and again, as multilevel
-graph partitioning does (Karypis and Kumar 1998, doi:10.1137/S1064827595287997). A seam hardly ever wants those interfaces, and the costs
-of all the others stay exact, so the coarse problem is the fine one with bad choices removed. A few heat steps on the coarsest network
-show where heat flows at all. On the next finer one only the nodes beside such flow are free; the others stay merged with the side they
-lie on, or with their region between two flows. There the heat starts anew, and so on down to the pixels.
+A large network is shrunk by merging every node with the neighbour it is most expensive to divide from, again
+and again, as multilevel graph partitioning does (Karypis and Kumar 1998, doi:10.1137/S1064827595287997). A
+seam hardly ever wants those interfaces, and the costs of all the others stay exact, so the coarse problem is
+the fine one with bad choices removed. A few heat steps on the coarsest network show where heat flows at all.
+On the next finer one only the nodes beside such flow are free; the others stay merged with the side they lie
+on, or with their region between two flows. There the heat starts anew, and so on down to the pixels.
 """
 
 from __future__ import annotations
@@ -28,14 +29,17 @@ WHOLE_NODES = 30_000
 #: Coarse networks up to this many free nodes are not made coarser still.
 COARSEST_NODES = 12_000
 
-#: The heat of a coarse network has gathered enough when its best cut is proven within this share; steps at most.
+#: The heat of a coarse network has gathered enough when its best cut is proven within this share; steps at
+#: most.
 GATHERED = 0.1
 STEPS = 10
+#: Nor are further steps made beyond this.
+PROVEN = 1e-3
 
-#: At most so many nodes of a coarse network per interface of the seam are taken apart on the next finer level, and fewer when that is the
-#: pixels, which can only decide details ...
-OPENED_NODES = 16
-OPENED_NODES_LAST = 5
+#: At most so many nodes of a coarse network per interface of the seam are taken apart on the next finer
+#: level, and fewer when that is the pixels, which can only decide details ...
+OPENED_NODES = 64
+OPENED_NODES_LAST = 16
 #: ... those beside the strongest flux, but none with less than this.
 OPEN_FLUX = 0.005
 
@@ -79,17 +83,25 @@ def restrict(grid: CutGrid) -> tuple[Network, Floats, Floats, _Ints32]:
     levels, parents = [level], [below]
     while level.n > COARSEST_NODES:
         parent = _merge_nodes(level)
-        coarser = _quotient(int(parent[-1]) - 1, parent[level.tail], parent[level.head], level.weight, parent, level.size)
+        coarser = _quotient(
+            int(parent[-1]) - 1, parent[level.tail], parent[level.head], level.weight, parent, level.size
+        )
         if coarser.n > 0.8 * level.n or coarser.n == 0:
             break
         levels.append(coarser)
         parents.append(parent)
         level = coarser
-    network, weight, node_of = _network(level.n, level.tail, level.head), level.weight, np.arange(level.n + 2, dtype=np.int32)
+    network, weight, node_of = (
+        _network(level.n, level.tail, level.head),
+        level.weight,
+        np.arange(level.n + 2, dtype=np.int32),
+    )
     while True:
         most = OPENED_NODES if len(levels) > 1 else OPENED_NODES_LAST
-        active, region = _decided(levels.pop(), network, weight, node_of, most)
-        node_of, n = _freed(active, region, parents.pop())
+        level, parent = levels.pop(), parents.pop()
+        children = np.bincount(parent.ravel(), minlength=level.n + 2).astype(np.float64)
+        active, region = _decided(level, network, weight, node_of, children, most)
+        node_of, n = _freed(active, region, parent)
         if not levels:
             break
         level = levels[-1]
@@ -101,15 +113,22 @@ def restrict(grid: CutGrid) -> tuple[Network, Floats, Floats, _Ints32]:
 
 
 def _network(n: int, tail: _Ints32, head: _Ints32) -> Network:
-    return Network(n, tail.astype(np.intp), head.astype(np.intp))  # numpy uses 64-bit indices without converting them every time
+    return Network(
+        n, tail.astype(np.intp), head.astype(np.intp)
+    )  # numpy uses 64-bit indices without converting them every time
 
 
 def _merge_pixels(grid: CutGrid) -> tuple[_Ints32, int]:
-    """Group every free pixel with the neighbour it costs most to divide from; (h, w) group numbers and their count."""
+    """Group every free pixel with the neighbour it costs most to divide from; (h, w) group numbers and their
+    count.
+    """
     shape = grid.free.shape
     best = np.zeros(shape, np.float32)
     target = np.zeros(shape, np.int32)
-    for cost, s, t, stride in ((grid.right, np.s_[:, :-1], np.s_[:, 1:], 1), (grid.down, np.s_[:-1], np.s_[1:], shape[1])):
+    for cost, s, t, stride in (
+        (grid.right, np.s_[:, :-1], np.s_[:, 1:], 1),
+        (grid.down, np.s_[:-1], np.s_[1:], shape[1]),
+    ):
         score = cost * _uneven(cost.size, stride).reshape(cost.shape)
         for here, offset in ((s, stride), (t, -stride)):
             better = score > best[here]
@@ -128,7 +147,9 @@ def _merge_pixels(grid: CutGrid) -> tuple[_Ints32, int]:
 
 
 def _merge_nodes(level: _Level) -> _Ints32:
-    """Group every node with the neighbour it costs most to divide from, relative to the nodes' sizes; (n + 2,) group numbers."""
+    """Group every node with the neighbour it costs most to divide from, relative to the nodes' sizes; (n +
+    2,) group numbers.
+    """
     n = level.n
     share = 1.0 / np.sqrt(np.maximum(level.size, 1.0))
     share[n:] = 0.0
@@ -144,7 +165,9 @@ def _merge_nodes(level: _Level) -> _Ints32:
 
 
 def _uneven(count: int, start: int) -> _Floats32:
-    """Factors just above 1 that tell equal costs apart, by a golden-ratio sequence: flat places must not merge into one node."""
+    """Factors just above 1 that tell equal costs apart, by a golden-ratio sequence: flat places must not
+    merge into one node.
+    """
     spread = np.arange(start, start + count, dtype=np.uint32)
     spread *= _GOLDEN
     factor = spread.astype(np.float32)
@@ -178,8 +201,12 @@ def _pixel_elements(grid: CutGrid, group: _Ints32, n: int) -> tuple[_Ints32, _In
     return tail, head, weight
 
 
-def _parallel(n: int, one: _Ints32, other: _Ints32, *values: npt.NDArray[np.floating]) -> tuple[_Ints32, _Ints32, list[Floats]]:
-    """Elements between n nodes and two terminals, parallel ones added up; those within a node or between the terminals are left out."""
+def _parallel(
+    n: int, one: _Ints32, other: _Ints32, *values: npt.NDArray[np.floating]
+) -> tuple[_Ints32, _Ints32, list[Floats]]:
+    """Elements between n nodes and two terminals, parallel ones added up; those within a node or between the
+    terminals are left out.
+    """
     low, high = np.minimum(one, other), np.maximum(one, other)
     alive = (low != high) & (low < n)
     pair = low[alive], high[alive]
@@ -192,14 +219,21 @@ def _parallel(n: int, one: _Ints32, other: _Ints32, *values: npt.NDArray[np.floa
     return tail, table.indices, sums
 
 
-def _quotient(n: int, one: Ints, other: Ints, weight: npt.NDArray[np.floating], group: Ints, size: Floats | None) -> _Level:
-    """The level of n groups of nodes; `group` has the group of every finer node, `size` the pixels in it (1 by default)."""
+def _quotient(
+    n: int, one: Ints, other: Ints, weight: npt.NDArray[np.floating], group: Ints, size: Floats | None
+) -> _Level:
+    """The level of n groups of nodes; `group` has the group of every finer node, `size` the pixels in it (1
+    by default).
+    """
     tail, head, (weight,) = _parallel(n, one, other, weight)
     return _Level(n, tail, head, weight, np.bincount(group, size, n + 2).astype(np.float64, copy=False))
 
 
-def _decided(level: _Level, network: Network, weight: Floats, node_of: _Ints32, opened: float) -> tuple[Mask, _Ints32]:
-    """Let heat gather on the restricted network of a level; at most `opened` nodes per interface of the seam are active.
+def _decided(
+    level: _Level, network: Network, weight: Floats, node_of: _Ints32, children: Floats, opened: float
+) -> tuple[Mask, _Ints32]:
+    """Let heat gather on the restricted network of a level; at most `opened` nodes per interface of the seam
+    are active.
 
     Returns
     -------
@@ -209,32 +243,22 @@ def _decided(level: _Level, network: Network, weight: Floats, node_of: _Ints32, 
         The region of every node that is not active; those of the terminals come last.
     """
     state = PrimalDual(network, weight)
-    for _ in range(STEPS):
-        if state.best_cut()[0] <= (1 + GATHERED) * state.bound:
-            break
+    for left in reversed(range(STEPS + 1)):
+        if state.best_cut()[0] <= (1 + GATHERED) * state.bound or not left:
+            threshold, flux, strongest = _threshold(state, level, node_of, children, opened)
+            region = _regions(network, flux <= threshold)
+            if region is not None or state.best_cut()[0] <= (1 + PROVEN) * state.bound or not left:
+                break
         try:
             state.step()
         except SolverError:
+            threshold, flux, strongest = _threshold(state, level, node_of, children, opened)
+            region = None
             break
-    potential = np.clip(state.potential, 0.0, 1.0)
-    at = potential[node_of]
-    jump = np.abs(at.take(level.tail) - at.take(level.head))
-    strongest = np.zeros(level.n + 2)
-    for here in (level.tail, level.head):
-        np.maximum.at(strongest, here, jump)
-    strongest[level.n :] = 0.0
-    threshold = OPEN_FLUX
-    found = np.flatnonzero(strongest > threshold)
-    most = round(opened * float(jump.sum()))  # the sum is the number of interfaces in a cut at a random threshold
-    if len(found) > most:
-        threshold = float(-np.partition(-strongest[found], most)[most])
-    flux = network.difference(potential)
-    while True:
-        try:
-            region = network.components(flux <= threshold)[node_of]
-            break
-        except SolverError:  # so many faint flows that closing them all joins the two sides
-            threshold /= 2
+    while region is None:  # more is opened than was wanted
+        threshold /= 2
+        region = _regions(network, flux <= threshold)
+    region = region[node_of]
     active = strongest > threshold
     # Only regions that keep a node are numbered.
     kept = np.zeros(int(region[-1]) + 1, bool)
@@ -242,8 +266,41 @@ def _decided(level: _Level, network: Network, weight: Floats, node_of: _Ints32, 
     return active, (np.cumsum(kept, dtype=np.int32) - 1)[region]
 
 
+def _regions(network: Network, closed: Mask) -> _Ints32 | None:
+    """The region of every node once some elements are closed; None where that joins the two sides, because so
+    many faint flows lead from one to the other.
+    """
+    try:
+        return network.components(closed).astype(np.int32, copy=False)
+    except SolverError:
+        return None
+
+
+def _threshold(
+    state: PrimalDual, level: _Level, node_of: _Ints32, children: Floats, opened: float
+) -> tuple[float, Floats, Floats]:
+    """The flux above which nodes are opened; that of every element of the restricted network, and the
+    strongest beside every node of the level.
+    """
+    potential = np.clip(state.potential, 0.0, 1.0)
+    at = potential[node_of]
+    jump = np.abs(at.take(level.tail) - at.take(level.head))
+    strongest = np.zeros(level.n + 2)
+    for here in (level.tail, level.head):
+        np.maximum.at(strongest, here, jump)
+    strongest[level.n :] = 0.0
+    found = np.flatnonzero(strongest > OPEN_FLUX)
+    found = found[np.argsort(-strongest[found], kind="stable")]
+    # The sum of the jumps is the number of interfaces in a cut at a random threshold.
+    most = int(np.searchsorted(np.cumsum(children[found]), opened * float(jump.sum())))
+    threshold = float(strongest[found[most]]) if most < len(found) else OPEN_FLUX
+    return threshold, state.network.difference(potential), strongest
+
+
 def _freed(active: Mask, region: _Ints32, parent: _Ints32) -> tuple[_Ints32, int]:
-    """The node of everything on the finer level, in the shape of `parent`: what is freed, each alone, then regions, then terminals."""
+    """The node of everything on the finer level, in the shape of `parent`: what is freed, each alone, then
+    regions, then terminals.
+    """
     free = active[parent]
     node = np.cumsum(free, dtype=np.int32).reshape(free.shape)
     count = int(node.ravel()[-1])

@@ -1,15 +1,19 @@
-"""The thesis's ground structure: one conductor on every pixel interface of the overlap, seen from corners and from pixels.
+"""The thesis's ground structure: one conductor on every pixel interface of the overlap, seen from corners and
+from pixels.
 
-*From corners* (thesis 3.2.1, Figure 3.3): nodes are pixel corners, an element of conductance k joins the two corners of an interface, and
-heat flows along the seam. The corners beside a gap, where neither patch has pixels, are one ideal terminal: the source at one end of
-the seam, the sink at the other. An m × n strip has (m + 1)(n + 1) corners and m(n + 1) + n(m + 1) elements.
+*From corners* (thesis 3.2.1, Figure 3.3): nodes are pixel corners, an element of conductance k joins the two
+corners of an interface, and heat flows along the seam. The corners beside a gap, where neither patch has
+pixels, are one ideal terminal: the source at one end of the seam, the sink at the other. An m × n strip has
+(m + 1)(n + 1) corners and m(n + 1) + n(m + 1) elements.
 
-*From pixels* (the planar dual): nodes are pixels, the same element has conductance 1/k and joins the two pixels on either side, and the
-terminals are what only ``a`` and only ``b`` cover. A label potential between 0 and 1 jumps, across each interface, by the flux along it
-when the whole seam carries unit heat. This view has no ends to find; it holds for rings, islands and several gaps alike.
+*From pixels* (the planar dual): nodes are pixels, the same element has conductance 1/k and joins the two
+pixels on either side, and the terminals are what only ``a`` and only ``b`` cover. A label potential between 0
+and 1 jumps, across each interface, by the flux along it when the whole seam carries unit heat. This view has
+no ends to find; it holds for rings, islands and several gaps alike.
 
-*Outermost elements.* The border pixels of the overlap, which are fixed to the patch beyond them, may change sides here, at M_max = 10⁶ per
-interface (Figure 3.6). Elements along a gap join a terminal to itself: they belong to the ground structure, but no heat runs through them.
+*Outermost elements.* The border pixels of the overlap, which are fixed to the patch beyond them, may change
+sides here, at M_max = 10⁶ per interface (Figure 3.6). Elements along a gap join a terminal to itself: they
+belong to the ground structure, but no heat runs through them.
 """
 
 from __future__ import annotations
@@ -36,7 +40,9 @@ Indices = npt.NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GroundStructure:
-    """The conductors of an overlap of h × w pixels (window included), numbered as drawn in :mod:`toposeam.seam.problem`."""
+    """The conductors of an overlap of h × w pixels (window included), numbered as drawn in
+    :mod:`toposeam.seam.problem`.
+    """
 
     #: (h, w) uint8: the overlap's sides, the border pixels free.
     side: npt.NDArray[np.uint8]
@@ -59,9 +65,11 @@ class GroundStructure:
         return beside
 
     def zigzag(self) -> int:
-        """Number of elements of a zigzag seam, N_q at the start: width + height of the overlap (thesis 3.3.2).
+        """Number of elements of a zigzag seam, N_q at the start: width + height of the overlap (thesis
+        3.3.2).
 
-        Several components add up. A component that holds several seams counts as often; where the seam is closed, it goes there and back.
+        Several components add up. A component that holds several seams counts as often; where the seam is
+        closed, it goes there and back.
         """
         component, count = ndimage.label(self.side == FREE)
         if count == 0:
@@ -80,7 +88,8 @@ class GroundStructure:
         node = self.merged_corners()
         flat = self.side.ravel()
         to_b = (flat[self.first] == B) | (flat[self.second] == B)
-        # All free pixels to `a` is one valid cut. Any other has the same ends: the corners it meets an odd number of times.
+        # All free pixels to `a` is one valid cut. Any other has the same ends: the corners it meets an odd
+        # number of times.
         owner = np.maximum(component.ravel()[self.first], component.ravel()[self.second])[to_b]
         size = (self.side.shape[0] + 1) * (self.side.shape[1] + 1)
         key = np.concatenate([owner * size + node[self.start[to_b]], owner * size + node[self.end[to_b]]])
@@ -89,21 +98,29 @@ class GroundStructure:
         return odd // size, odd % size
 
     def merged_corners(self) -> Indices:
-        """For every corner of the window its node: itself, or the first of the corners that lie along the same gap."""
+        """For every corner of the window its node: itself, or the first of the corners that lie along the
+        same gap.
+        """
         h, w = self.side.shape
         gap = self.along_gap
         size = (h + 1) * (w + 1)
         if not gap.any():
             return np.arange(size)
-        graph = coo_array((np.ones(np.count_nonzero(gap), np.int8), (self.start[gap], self.end[gap])), shape=(size, size))
+        graph = coo_array(
+            (np.ones(np.count_nonzero(gap), np.int8), (self.start[gap], self.end[gap])), shape=(size, size)
+        )
         count, region = connected_components(graph, directed=False)
         lowest = np.full(count, size)
         np.minimum.at(lowest, region, np.arange(size))
         node: Indices = lowest[region]
         return node
 
-    def spread(self, values: npt.NDArray[np.floating]) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-        """Values per element as arrays per interface, ``right`` (h, w - 1) and ``down`` (h - 1, w); 0 where there is no element."""
+    def spread(
+        self, values: npt.NDArray[np.floating]
+    ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+        """Values per element as arrays per interface, ``right`` (h, w - 1) and ``down`` (h - 1, w); 0 where
+        there is no element.
+        """
         h, w = self.side.shape
         right, down = np.zeros((h, w - 1), np.float32), np.zeros((h - 1, w), np.float32)
         across = self.second == self.first + 1
@@ -114,7 +131,9 @@ class GroundStructure:
 
 
 def ground_structure(problem: SeamProblem) -> GroundStructure:
-    """The ground structure of an overlap: every interface with at least one pixel of a component that has something to decide."""
+    """The ground structure of an overlap: every interface with at least one pixel of a component that has
+    something to decide.
+    """
     side, shared = problem.overlap.side, problem.overlap.shared
     component, count = ndimage.label(shared, TOUCHING)
     undecided = np.zeros(count + 1, bool)
@@ -137,7 +156,9 @@ def ground_structure(problem: SeamProblem) -> GroundStructure:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Conductors:
-    """Elements between numbered nodes; unlike those of a `Network` they may be parallel, join a node to itself, or join the terminals."""
+    """Elements between numbered nodes; unlike those of a `Network` they may be parallel, join a node to
+    itself, or join the terminals.
+    """
 
     n: int
     tail: Ints
@@ -147,7 +168,9 @@ class _Conductors:
 
     def temperature(self, conductance: Floats) -> Floats:
         part = self.group >= 0
-        grouped: Floats = np.bincount(self.group[part], conductance[part], len(self.network.tail)).astype(np.float64, copy=False)
+        grouped: Floats = np.bincount(self.group[part], conductance[part], len(self.network.tail)).astype(
+            np.float64, copy=False
+        )
         return self.network.solve(grouped)
 
 
@@ -186,12 +209,16 @@ class CornerNetwork:
         SolverError
         """
         c = self.conductors
-        theta = c.temperature(conductance)  # K θ = F (3.6), for a temperature difference of 1 instead of unit heat
+        theta = c.temperature(
+            conductance
+        )  # K θ = F (3.6), for a temperature difference of 1 instead of unit heat
         flux = conductance * np.abs(theta[c.head] - theta[c.tail])  # (3.19)
         at_source = (c.tail == c.n + 1) != (c.head == c.n + 1)
         heat = float(flux[at_source].sum())
         if not (np.isfinite(heat) and heat > 0):
-            raise SolverError(f"no heat flows from source to sink (total flux {heat}); the conductances differ too much")
+            raise SolverError(
+                f"no heat flows from source to sink (total flux {heat}); the conductances differ too much"
+            )
         return flux / heat, 1.0 / heat
 
     def restricted(self, alive: Mask) -> CornerNetwork:
@@ -217,7 +244,10 @@ class CornerNetwork:
         used[c.n :] = True
         number[used] = np.arange(np.count_nonzero(used), dtype=np.int32)
         apart = None if c.network.apart is None else c.network.apart[used[:-2]]
-        return CornerNetwork(self.elements[kept], _conductors(number[tail], number[head], int(np.count_nonzero(used)) - 2, apart))
+        return CornerNetwork(
+            self.elements[kept],
+            _conductors(number[tail], number[head], int(np.count_nonzero(used)) - 2, apart),
+        )
 
 
 def corner_network(structure: GroundStructure) -> CornerNetwork | None:
@@ -226,7 +256,8 @@ def corner_network(structure: GroundStructure) -> CornerNetwork | None:
     Returns
     -------
     CornerNetwork or None
-        None where the seam does not have exactly two ends (it is closed, or there are several): use :func:`pixel_network` there.
+        None where the seam does not have exactly two ends (it is closed, or there are several): use
+        :func:`pixel_network` there.
     """
     component, count = ndimage.label(structure.side == FREE)
     if count != 1:
@@ -247,12 +278,15 @@ def corner_network(structure: GroundStructure) -> CornerNetwork | None:
     number[free] = np.arange(n, dtype=np.int32)
     number[terminals] = n, n + 1
     elements = len(tail)
-    # Corners are joined along pixel sides, so the black fields of a chessboard are apart, but for those merged along a gap.
+    # Corners are joined along pixel sides, so the black fields of a chessboard are apart, but for those
+    # merged along a gap.
     row, column = np.divmod(np.arange(len(node)), structure.side.shape[1] + 1)
     black = np.zeros(len(node), bool)
     black[node[(row + column) % 2 == 0]] = True
     apart = (black & (np.bincount(node, minlength=len(node)) == 1))[used[free]]
-    return CornerNetwork(np.arange(elements), _conductors(number[place[:elements]], number[place[elements:-2]], n, apart))
+    return CornerNetwork(
+        np.arange(elements), _conductors(number[place[:elements]], number[place[elements:-2]], n, apart)
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,4 +1,6 @@
-"""The cheapest seam that crosses every row once, by dynamic programming (Efros and Freeman 2001, doi:10.1145/383259.383296)."""
+"""The cheapest seam that crosses every row once, by dynamic programming (Efros and Freeman 2001,
+doi:10.1145/383259.383296).
+"""
 
 from __future__ import annotations
 
@@ -14,8 +16,9 @@ from toposeam.seam.problem import SeamProblem
 def dp_labels(problem: SeamProblem) -> Mask:
     """The labelling cut by the cheapest monotone seam, (h, w) bool.
 
-    The seam takes one interface per row (column) and moves by at most one pixel from a row to the next; both the interfaces it runs
-    along and those it steps over count. Where the two sides leave only one place, that place is taken.
+    The seam takes one interface per row (column) and moves by at most one pixel from a row to the next; both
+    the interfaces it runs along and those it steps over count. Where the two sides leave only one place, that
+    place is taken.
 
     Raises
     ------
@@ -32,18 +35,27 @@ def dp_labels(problem: SeamProblem) -> Mask:
     for transpose in (False, True):
         turned = box.T if transpose else box
         for first, last in ((A, B), (B, A)):
-            if (turned[:, 0] == first).all() and (turned[:, -1] == last).all() and (turned[:, 1:-1] == FREE).all():
+            if (
+                (turned[:, 0] == first).all()
+                and (turned[:, -1] == last).all()
+                and (turned[:, 1:-1] == FREE).all()
+            ):
                 crossing, stepping = (down.T, right.T) if transpose else (right, down)
                 cut = _cheapest_crossings(crossing.astype(np.float64), stepping.astype(np.float64))
                 beyond = np.arange(turned.shape[1])[np.newaxis, :] > cut[:, np.newaxis]
                 result = beyond if last == B else ~beyond
                 labels[window] = result.T if transpose else result
                 return labels
-    raise OverlapError("method dp handles only rectangular overlaps with the patches on opposite sides; use heat for this shape")
+    raise OverlapError(
+        "method dp handles only rectangular overlaps with the patches on opposite sides; use heat for this "
+        "shape"
+    )
 
 
 def _cheapest_crossings(crossing: Floats, stepping: Floats) -> Ints:
-    """Per row, the interface (x, x + 1) the seam takes. crossing: (m, n - 1); stepping: (m - 1, n), costs between rows."""
+    """Per row, the interface (x, x + 1) the seam takes. crossing: (m, n - 1); stepping: (m - 1, n), costs
+    between rows.
+    """
     m, n = crossing.shape
     best = crossing.copy()
     came = np.zeros((m, n), np.int8)

@@ -1,7 +1,7 @@
 """The seam problem on the pixel grid: costs between undecided pixels, and towards the two decided sides.
 
-A labelling of the free pixels (False: ``a`` shows, True: ``b``) costs the sum over interfaces whose two pixels differ. The seam is the set
-of those interfaces.
+A labelling of the free pixels (False: ``a`` shows, True: ``b``) costs the sum over interfaces whose two
+pixels differ. The seam is the set of those interfaces.
 """
 
 from __future__ import annotations
@@ -98,4 +98,6 @@ def grid_from_sides(side: npt.NDArray[np.uint8], right: Floats32, down: Floats32
             hot[inner] += np.where(free[inner] & (side[outer] == B), cost, np.float32(0))
     both_right = free[:, 1:] & free[:, :-1]
     both_down = free[1:] & free[:-1]
-    return CutGrid(np.where(both_right, right, np.float32(0)), np.where(both_down, down, np.float32(0)), cold, hot, free)
+    return CutGrid(
+        np.where(both_right, right, np.float32(0)), np.where(both_down, down, np.float32(0)), cold, hot, free
+    )

@@ -1,17 +1,20 @@
 r"""The heat method: the seam as the label potential of a conductor network.
 
-*The convex problem.* With p = 1 and no upper bound on the density the thesis's Formulation 1 with W = M² is convex in the conductances:
-minimise Σ k W under a compliance bound Σ q²/k ≤ C*. For given flux its optimality criterion is k = |q| / M up to a factor, and
-substituting back leaves Σ M |q|: its optimum is the shortest path for edge lengths M, the best seam.
+*The convex problem.* With p = 1 and no upper bound on the density the thesis's Formulation 1 with W = M² is
+convex in the conductances: minimise Σ k W under a compliance bound Σ q²/k ≤ C*. For given flux its optimality
+criterion is k = |q| / M up to a factor, and substituting back leaves Σ M |q|: its optimum is the shortest
+path for edge lengths M, the best seam.
 
-*Seen from the pixels.* By planar duality the flux across interface (s, t) is the jump |ψ(s) - ψ(t)| of a label potential that is 0 on
-what only ``a`` covers and 1 on what only ``b`` covers. No terminals need placing, so strips, Ls, rings, islands and several overlaps are
-one case, and the converged potential is the label map.
+*Seen from the pixels.* By planar duality the flux across interface (s, t) is the jump |ψ(s) - ψ(t)| of a
+label potential that is 0 on what only ``a`` covers and 1 on what only ``b`` covers. No terminals need
+placing, so strips, Ls, rings, islands and several overlaps are one case, and the converged potential is the
+label map.
 
-*Its solution.* Setting k ← |q| / M again and again converges, and slows down the closer it comes. Newton steps on the potential and its
-dual flow together (:mod:`toposeam.heat.primal_dual`) are heat networks just as well, take six to ten of them, and prove how good the seam
-is: the flow bounds every seam's cost from below. Large overlaps start out contracted by what coarser networks show
-(:mod:`toposeam.seam.coarse`); there the proof holds for the choices that are left.
+*Its solution.* Setting k ← |q| / M again and again converges, and slows down the closer it comes. Newton
+steps on the potential and its dual flow together (:mod:`toposeam.heat.primal_dual`) are heat networks just as
+well, take six to ten of them, and prove how good the seam is: the flow bounds every seam's cost from below.
+Large overlaps start out contracted by what coarser networks show (:mod:`toposeam.seam.coarse`); there the
+proof holds for the choices that are left.
 """
 
 from __future__ import annotations
@@ -22,15 +25,16 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
 
-from toposeam.errors import SolverError, check_range
+from toposeam.checks import check_range, check_whole
+from toposeam.errors import SolverError
 from toposeam.heat.network import Floats, Ints, Network
 from toposeam.heat.primal_dual import PrimalDual
 from toposeam.images import Mask
 from toposeam.optimize.history import Frame, Iteration, Termination
 from toposeam.seam.coarse import WHOLE_NODES, restrict
-from toposeam.seam.overlap import FREE, TOUCHING, A, B
+from toposeam.seam.corridor import best_nearby, grown
+from toposeam.seam.overlap import FREE
 from toposeam.seam.problem import SeamProblem
 from toposeam.seam.solution import Solution
 
@@ -42,7 +46,15 @@ _SOFT = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeatOptions:
-    """How far the heat method goes."""
+    """How far the heat method goes.
+
+    Examples
+    --------
+    >>> import numpy as np, toposeam as ts
+    >>> a, b = np.random.default_rng(0).random((2, 12, 6))
+    >>> ts.find_seam(a, b, options=ts.HeatOptions(tolerance=0.01)).optimum_ratio() < 1.01
+    True
+    """
 
     #: The search ends when no seam can be cheaper by more than this share.
     tolerance: float = 1e-3
@@ -51,11 +63,14 @@ class HeatOptions:
 
     def __post_init__(self) -> None:
         check_range(1e-9, 1, tolerance=self.tolerance)
-        check_range(1, max_iterations=self.max_iterations)
+        check_whole("max_iterations", self.max_iterations, 1)
 
 
 def heat_path(
-    problem: SeamProblem, options: HeatOptions, record_frames: bool = False, progress: Callable[[float], None] | None = None
+    problem: SeamProblem,
+    options: HeatOptions,
+    record_frames: bool = False,
+    progress: Callable[[float], None] | None = None,
 ) -> Solution:
     """Find the seam by converging heat.
 
@@ -71,11 +86,10 @@ def heat_path(
     Returns
     -------
     Solution
-        ``soft`` is the label potential of the last step before the seam was proven within 10 %; where the overlap was contracted first,
-        it varies only between the pixels that were left to choose from. The last record of the history is the seam itself, all heat on
-        one line.
+        ``soft`` is the label potential of the last step before the seam was proven within 10 %; where the
+        overlap was contracted first, it varies only between the pixels that were left to choose from. The
+        last record of the history is the seam itself, all heat on one line.
     """
-    side = problem.overlap.side
     network, cost, multiplicity, node_of_pixel = _network(problem)
     history: list[Iteration] = []
     frames: list[Frame] = []
@@ -85,6 +99,7 @@ def heat_path(
     if network.n:
         state = PrimalDual(network, cost)
         soft = state.potential
+        raised = float(np.maximum(state.cost - cost, 0.0).sum())  # no flow may use what is only lent
     bound, cheapest = 0.0, np.inf
     flux = np.ones(len(cost))
 
@@ -92,15 +107,20 @@ def heat_path(
         cut, threshold = state.best_cut()
         if cut < cheapest:
             cheapest, hot = cut, state.potential > threshold
-        bound = max(bound, state.bound)
+        bound = max(bound, state.bound - raised)
         new = np.abs(state.jump)
         objective = float(state.cost @ new)
         history.append(
             Iteration(
-                stage=1, objective=objective, compliance=state.bound, bound=float("nan"),
-                n_flux=int(multiplicity[new > FLUX_THRESHOLD].sum()), change=float(np.abs(new - flux).max()), unknowns=network.n,
+                stage=1,
+                objective=objective,
+                compliance=state.bound,
+                bound=float("nan"),
+                n_flux=int(multiplicity[new > FLUX_THRESHOLD].sum()),
+                change=float(np.abs(new - flux).max()),
+                unknowns=network.n,
             )
-        )  # fmt: skip
+        )
         flux = new
         if objective > (1 + _SOFT) * bound:
             soft = state.potential
@@ -117,30 +137,65 @@ def heat_path(
             break  # double precision ends here; the best cut so far stands
 
     labels = hot[node_of_pixel]
-    if not problem.tied:
-        labels = _without_islands(labels, side)
+    potential = np.clip(soft, 0.0, 1.0).astype(np.float32)[node_of_pixel]
+    if _is_large(problem) and not problem.tied:
+        labels, potential = _opened_again(problem, labels, potential, node_of_pixel)
     if history:
         least = problem.total(labels)
         used = len(problem.crossed(labels))
         seam_flux = np.abs(hot[network.head].astype(np.float64) - hot[network.tail])
         history.append(
             Iteration(
-                stage=2, objective=least, compliance=least, bound=float("nan"), n_flux=used,
-                change=float(np.abs(seam_flux - flux).max()), unknowns=0,
+                stage=2,
+                objective=least,
+                compliance=least,
+                bound=float("nan"),
+                n_flux=used,
+                change=float(np.abs(seam_flux - flux).max()),
+                unknowns=0,
             )
-        )  # fmt: skip
+        )
         if record_frames:
             frames.append(_frame(problem, labels, len(history), 2))
     if progress is not None:
         progress(1.0)
-    on_node = np.clip(soft, 0.0, 1.0).astype(np.float32)
-    return Solution(labels=labels, soft=on_node[node_of_pixel], history=tuple(history), frames=tuple(frames), termination=termination)
+    if _is_large(problem):
+        bound = 0.0  # it holds for the choices that were left
+    elif not network.n:
+        bound = problem.total(labels)
+    return Solution(
+        bound=bound,
+        labels=labels,
+        soft=potential,
+        history=tuple(history),
+        frames=tuple(frames),
+        termination=termination,
+    )
+
+
+def _is_large(problem: SeamProblem) -> bool:
+    return int(np.count_nonzero(problem.overlap.side == FREE)) > WHOLE_NODES
+
+
+def _opened_again(
+    problem: SeamProblem, labels: Mask, potential: npt.NDArray[np.float32], node_of_pixel: Ints
+) -> tuple[Mask, npt.NDArray[np.float32]]:
+    """The best seam near the one that the heat found, and the label potential: where the seam has moved, its
+    labels.
+    """
+    free = problem.overlap.side == FREE
+    alone = np.bincount(node_of_pixel[free], minlength=int(node_of_pixel.max()) + 1) == 1
+    near = best_nearby(problem, labels, alone[node_of_pixel] & free)
+    moved = (near != labels) & free
+    return near, np.where(grown(moved, 1), near, potential).astype(np.float32)
 
 
 def _network(problem: SeamProblem) -> tuple[Network, Floats, Floats, Ints]:
-    """The network to solve, the cost of its elements and the number of interfaces each stands for; (h, w) node of every free pixel."""
+    """The network to solve, the cost of its elements and the number of interfaces each stands for; (h, w)
+    node of every free pixel.
+    """
     side = problem.overlap.side
-    if np.count_nonzero(side == FREE) > WHOLE_NODES:
+    if _is_large(problem):
         return restrict(problem.grid)
     if problem.tied:
         network, cost, pixels = problem.grid.network(problem.grid.free)
@@ -151,8 +206,12 @@ def _network(problem: SeamProblem) -> tuple[Network, Floats, Floats, Ints]:
     return _without_forbidden(network, cost, node, problem.forbidden)
 
 
-def _without_forbidden(network: Network, cost: Floats, node: Ints, forbidden: float) -> tuple[Network, Floats, Floats, Ints]:
-    """The network in which nodes that must not be divided are one, unless that joins the two sides and no seam is possible."""
+def _without_forbidden(
+    network: Network, cost: Floats, node: Ints, forbidden: float
+) -> tuple[Network, Floats, Floats, Ints]:
+    """The network in which nodes that must not be divided are one, unless that joins the two sides and no
+    seam is possible.
+    """
     multiplicity = np.ones(len(cost))
     closed = cost >= forbidden
     if not closed.any():
@@ -170,23 +229,12 @@ def _without_forbidden(network: Network, cost: Floats, node: Ints, forbidden: fl
     return smaller, total(cost), total(multiplicity), group[node]
 
 
-def _without_islands(labels: Mask, side: npt.NDArray[np.uint8]) -> Mask:
-    """The labelling in which pixels that are cut off from their own patch's ground go to the other; never dearer."""
-    free = side == FREE
-    for own, wanted in ((B, True), (A, False)):
-        region, count = ndimage.label((side == own) | (free & (labels == wanted)), TOUCHING)
-        grounded = np.zeros(count + 1, bool)
-        grounded[region[side == own]] = True
-        if count and not grounded[1:].all():
-            labels = np.where(free & (labels == wanted) & ~grounded[region], not wanted, labels)
-    return labels
-
-
 def _frame(problem: SeamProblem, potential: npt.NDArray[Any], iteration: int, stage: int) -> Frame:
     """Flux of every interface of the window, from the (h, w) label potential of its free pixels."""
     values = problem.complete(np.clip(potential, 0.0, 1.0).astype(np.float32))
     return Frame(
-        iteration=iteration, stage=stage,
+        iteration=iteration,
+        stage=stage,
         right=np.where(problem.right > 0, np.abs(np.diff(values, axis=1)), np.float32(0)),
         down=np.where(problem.down > 0, np.abs(np.diff(values, axis=0)), np.float32(0)),
-    )  # fmt: skip
+    )

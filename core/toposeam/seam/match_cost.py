@@ -1,19 +1,20 @@
 """The match cost of every pixel interface: how visible a seam would be between two neighbouring pixels.
 
-For neighbours s and t in direction d (horizontal or vertical), with patches A and B (thesis 2.4, after Kwatra et al. 2003,
-doi:10.1145/882262.882264)::
+For neighbours s and t in direction d (horizontal or vertical), with patches A and B (thesis 2.4, after Kwatra
+et al. 2003, doi:10.1145/882262.882264)::
 
               |A(s) - B(s)| + |A(t) - B(t)|  +  flat ε
     M(s, t) = ------------------------------------------------  +  length
               |G_A^d(s)| + |G_A^d(t)| + |G_B^d(s)| + |G_B^d(t)| + ε
 
-and without gradients (3.22) M(s, t) = |A(s) - B(s)| + |A(t) - B(t)| + length. Norms are Euclidean over channels, gradients are central
-differences along d (one-sided where the patch ends).
+and without gradients (3.22) M(s, t) = |A(s) - B(s)| + |A(t) - B(t)| + length. Norms are Euclidean over
+channels, gradients are central differences along d (one-sided where the patch ends).
 
-*0/0 and small denominators.* ε keeps a pair in a flat place from costing infinitely much; a pair that is flat *and* equal, 0/0 in (2.4),
-costs ``flat``. Its default of 0 says that nobody sees a seam through equal pixels; a larger value draws the seam to image edges even
-there, as in the thesis's Figure 3.11. *Zero cost.* ``length`` is added to every interface, so that among equally good seams the shortest
-wins and no cost is zero.
+*0/0 and small denominators.* ε keeps a pair in a flat place from costing infinitely much; a pair that is flat
+*and* equal, 0/0 in (2.4), costs ``flat``. Its default of 0 says that nobody sees a seam through equal pixels;
+a larger value draws the seam to image edges even there, as in the thesis's Figure 3.11. *Zero cost.*
+``length`` is added to every interface, so that among equally good seams the shortest wins and no cost is
+zero.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.errors import check_range
+from toposeam.checks import check_choice, check_range
 from toposeam.images import Mask
 from toposeam.seam.overlap import FREE, NONE, Overlap
 
@@ -32,7 +33,20 @@ Floats32 = npt.NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MatchCost:
-    """How the match cost is computed."""
+    """How the match cost is computed.
+
+    Raises
+    ------
+    OptionError
+        For values out of range.
+
+    Examples
+    --------
+    Equal flat pixels shall cost something, so that the seam follows edges through them (Figure 3.11):
+
+    >>> MatchCost(flat=0.5)
+    MatchCost(gradient=True, epsilon=0.02, flat=0.5, length=0.001)
+    """
 
     #: Divide by the image gradients (2.4), or not (3.22).
     gradient: bool = True
@@ -44,13 +58,21 @@ class MatchCost:
     length: float = 1e-3
 
     def __post_init__(self) -> None:
+        check_choice("gradient", self.gradient, (True, False))
         check_range(0, above=True, epsilon=self.epsilon, length=self.length)
         check_range(0, flat=self.flat)
 
 
 def match_cost(
-    a: Floats32, b: Floats32, overlap: Overlap, on_a: Mask, on_b: Mask, options: MatchCost, weight: Floats32 | None = None
-) -> tuple[Floats32, Floats32]:
+    a: Floats32,
+    b: Floats32,
+    overlap: Overlap,
+    on_a: Mask,
+    on_b: Mask,
+    options: MatchCost,
+    weight: Floats32 | None = None,
+    axes: tuple[int, ...] = (1, 0),
+) -> tuple[Floats32, ...]:
     """Match cost of the interfaces of an overlap.
 
     Parameters
@@ -61,26 +83,36 @@ def match_cost(
         Where each patch has pixels.
     weight : (h, w) float32 array, optional
         A factor per pixel, positive; an interface takes the mean of its two pixels.
+    axes : tuple of int
+        The directions d. Volumes are (d, h, w, C) with (d, h, w) masks, and have three.
 
     Returns
     -------
     right : (h, w - 1) float32 array
         Cost between each pixel and its right neighbour; 0 where the seam cannot run.
     down : (h - 1, w) float32 array
-        Likewise for its lower neighbour.
+        Likewise for its lower neighbour; one such array for each of the `axes`, in their order.
     """
     difference = np.where(overlap.shared, _norm(a - b), np.float32(0))
-    return tuple(_along(axis, a, b, difference, overlap, on_a, on_b, options, weight) for axis in (1, 0))  # type: ignore[return-value]
+    return tuple(_along(axis, a, b, difference, overlap, on_a, on_b, options, weight) for axis in axes)
 
 
 def _along(
-    axis: int, a: Floats32, b: Floats32, difference: Floats32, overlap: Overlap, on_a: Mask, on_b: Mask, options: MatchCost,
+    axis: int,
+    a: Floats32,
+    b: Floats32,
+    difference: Floats32,
+    overlap: Overlap,
+    on_a: Mask,
+    on_b: Mask,
+    options: MatchCost,
     weight: Floats32 | None,
-) -> Floats32:  # fmt: skip
+) -> Floats32:
     s, t = _pair(axis)
     shared, side = overlap.shared, overlap.side
     inner = shared[s] & shared[t]
-    # A free pixel beside ground that only one patch covers: the overlap is one pixel wide here, and only this pixel's values are known.
+    # A free pixel beside ground that only one patch covers: the overlap is one pixel wide here, and only this
+    # pixel's values are known.
     narrow_s = (side[s] == FREE) & shared[s] & ~shared[t] & (side[t] != NONE)
     narrow_t = (side[t] == FREE) & shared[t] & ~shared[s] & (side[s] != NONE)
     has_narrow = bool(narrow_s.any() or narrow_t.any())
@@ -101,7 +133,14 @@ def _along(
     return cost
 
 
-def _both(values: Floats32, s: tuple[slice, slice], t: tuple[slice, slice], narrow_s: Mask, narrow_t: Mask, has_narrow: bool) -> Floats32:
+def _both(
+    values: Floats32,
+    s: tuple[slice, ...],
+    t: tuple[slice, ...],
+    narrow_s: Mask,
+    narrow_t: Mask,
+    has_narrow: bool,
+) -> Floats32:
     """values(s) + values(t); where only one of the two is known, twice that one."""
     total = values[s] + values[t]
     if has_narrow:
@@ -110,30 +149,31 @@ def _both(values: Floats32, s: tuple[slice, slice], t: tuple[slice, slice], narr
     return total
 
 
-def _pair(axis: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-    first, second = [slice(None), slice(None)], [slice(None), slice(None)]
-    first[axis], second[axis] = slice(None, -1), slice(1, None)
-    return (first[0], first[1]), (second[0], second[1])
+def _pair(axis: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
+    before = (slice(None),) * axis
+    return (*before, slice(None, -1)), (*before, slice(1, None))
 
 
 def _norm(values: Floats32) -> Floats32:
-    if values.shape[2] == 1:
+    if values.shape[-1] == 1:
         return np.abs(values[..., 0])
     total = np.square(values[..., 0])
-    for channel in range(1, values.shape[2]):
+    for channel in range(1, values.shape[-1]):
         total += np.square(values[..., channel])
     return np.sqrt(total, out=total)
 
 
 def _gradient(image: Floats32, present: Mask, axis: int) -> Floats32:
-    """|∂image/∂axis| by central differences; one-sided where the neighbour on one side is not present, 0 where both are not."""
+    """|∂image/∂axis| by central differences; one-sided where the neighbour on one side is not present, 0
+    where both are not.
+    """
     s, t = _pair(axis)
     known = present[s] & present[t]
     count = np.zeros(present.shape, np.float32)
     count[s] += known
     count[t] += known
     squares = np.zeros(present.shape, np.float32)
-    for channel in range(image.shape[2]):
+    for channel in range(image.shape[-1]):
         plane = image[..., channel]
         step = plane[t] - plane[s]
         step[~known] = 0

@@ -9,13 +9,15 @@ Every pixel of the canvas is on one *side*:
 `NONE`   neither patch has pixels, or the pixel lies off the canvas
 =======  =================================================================================================
 
-Overlap pixels that touch (4-neighbourhood) ground which only one patch covers are fixed to that patch: there the other patch ends, and a
-seam along its very end would show it. This is the thesis's border of elements with M_max (Figure 3.6). Where the overlap is one pixel wide
-a pixel touches both grounds; it stays free, and its border interfaces get a one-sided cost (:mod:`toposeam.seam.match_cost`).
+Overlap pixels that touch (4-neighbourhood) ground which only one patch covers are fixed to that patch: there
+the other patch ends, and a seam along its very end would show it. This is the thesis's border of elements
+with M_max (Figure 3.6). Where the overlap is one pixel wide a pixel touches both grounds; it stays free, and
+its border interfaces get a one-sided cost (:mod:`toposeam.seam.match_cost`).
 
-A component of the overlap that touches the ground of one patch only is a whole piece of the other patch lying inside; it has to be told how
-much of that piece must show. Its *core*, the pixels at least ``core`` times as deep as its deepest one, is fixed to the inner patch, and
-the seam closes round it. A component that touches neither ground is covered identically by both patches and stays ``a``.
+A component of the overlap that touches the ground of one patch only is a whole piece of the other patch lying
+inside; it has to be told how much of that piece must show. Its *core*, the pixels at least ``core`` times as
+deep as its deepest one, is fixed to the inner patch, and the seam closes round it. A component that touches
+neither ground is covered identically by both patches and stays ``a``.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.errors import OptionError, OverlapError, check_range
+from toposeam.checks import check_choice, check_range
+from toposeam.errors import OverlapError
 from toposeam.images import Mask
 
 A, B, FREE, NONE = 0, 1, 2, 3
@@ -46,7 +49,8 @@ TOUCHING = ndimage.generate_binary_structure(2, 1)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Overlap:
-    """An overlap on a window of the canvas, with a margin of at least one pixel around it.
+    """An overlap on a window of the canvas, with a margin of at least one pixel around it. Volumes have three
+    axes, and voxels for pixels.
 
     Parameters
     ----------
@@ -62,46 +66,49 @@ class Overlap:
 
     side: npt.NDArray[np.uint8]
     shared: Mask
-    origin: tuple[int, int]
-    canvas: tuple[int, int]
+    origin: tuple[int, ...]
+    canvas: tuple[int, ...]
 
     def __post_init__(self) -> None:
         self.side.setflags(write=False)
         self.shared.setflags(write=False)
 
     @property
-    def inside(self) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+    def inside(self) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
         """Slices (of the canvas, of the window) that cover their common pixels."""
         on_canvas, on_window = [], []
         for start, length, limit in zip(self.origin, self.side.shape, self.canvas, strict=True):
             first, last = max(start, 0), min(start + length, limit)
             on_canvas.append(slice(first, last))
             on_window.append(slice(first - start, last - start))
-        return (on_canvas[0], on_canvas[1]), (on_window[0], on_window[1])
+        return tuple(on_canvas), tuple(on_window)
 
     def window(self, array: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """The window of a canvas-sized array, zero off the canvas. (H, W, …) to (h, w, …)."""
         on_canvas, on_window = self.inside
-        result = np.zeros((*self.side.shape, *array.shape[2:]), array.dtype)
+        result = np.zeros((*self.side.shape, *array.shape[self.side.ndim :]), array.dtype)
         result[on_window] = array[on_canvas]
         return result
 
 
 def side_by_side(shape: tuple[int, int], side: Side) -> Overlap:
-    """The overlap that fills the whole canvas; ``b`` continues beyond it to the given side and ``a`` to the opposite one.
+    """The overlap that fills the whole canvas; ``b`` continues beyond it to the given side and ``a`` to the
+    opposite one.
 
     Raises
     ------
     OptionError
         When `side` is not one of `SIDES`.
     OverlapError
-        When the overlap is less than two pixels wide across the seam, so that no seam fits between the two borders.
+        When the overlap is less than two pixels wide across the seam, so that no seam fits between the two
+        borders.
     """
-    if side not in SIDES:
-        raise OptionError(f"side is {side!r}; choose one of {', '.join(SIDES)}")
+    check_choice("side", side, SIDES)
     across = 1 if side in ("right", "left") else 0
     if shape[across] < 2:
-        raise OverlapError(f"the overlap is {shape[across]} px wide; a seam needs at least 2 px between the two patches")
+        raise OverlapError(
+            f"the overlap is {shape[across]} px wide; a seam needs at least 2 px between the two patches"
+        )
     small = shape[0] * shape[1] <= KEPT_PIXELS
     return _kept_side_by_side(shape, side) if small else _side_by_side(shape, side)
 
@@ -131,7 +138,8 @@ def between_masks(mask_a: Mask, mask_b: Mask, core: float = 0.5) -> Overlap:
     ----------
     mask_a, mask_b : (H, W) bool arrays
     core : float in (0, 1]
-        For a patch inside the other: the share of its greatest depth from which on its pixels are fixed to it.
+        For a patch inside the other: the share of its greatest depth from which on its pixels are fixed to
+        it.
 
     Raises
     ------
@@ -141,43 +149,49 @@ def between_masks(mask_a: Mask, mask_b: Mask, core: float = 0.5) -> Overlap:
         When `core` is out of range.
     """
     check_range(0, 1, above=True, core=core)
-    if mask_a.size > KEPT_PIXELS:
+    if mask_a.size > KEPT_PIXELS or mask_a.ndim != 2:
         return _between_masks(mask_a, mask_b, core)
     return _kept_between_masks((mask_a.shape[0], mask_a.shape[1]), mask_a.tobytes(), mask_b.tobytes(), core)
 
 
 @lru_cache(maxsize=KEPT_SHAPES)
 def _kept_between_masks(shape: tuple[int, int], mask_a: bytes, mask_b: bytes, core: float) -> Overlap:
-    return _between_masks(np.frombuffer(mask_a, bool).reshape(shape), np.frombuffer(mask_b, bool).reshape(shape), core)
+    return _between_masks(
+        np.frombuffer(mask_a, bool).reshape(shape), np.frombuffer(mask_b, bool).reshape(shape), core
+    )
 
 
 def _between_masks(mask_a: Mask, mask_b: Mask, core: float) -> Overlap:
     shared = mask_a & mask_b
     if not shared.any():
-        raise OverlapError("the patches do not overlap: no pixel is covered by both; move one of them, or check the offset and the masks")
-    rows, columns = np.flatnonzero(shared.any(axis=1)), np.flatnonzero(shared.any(axis=0))
-    origin = (int(rows[0]) - 1, int(columns[0]) - 1)
-    size = (int(rows[-1]) + 2 - origin[0], int(columns[-1]) + 2 - origin[1])
-    frame = Overlap(np.zeros(size, np.uint8), np.zeros(size, bool), origin, (mask_a.shape[0], mask_a.shape[1]))
+        raise OverlapError(
+            "the patches do not overlap: no pixel is covered by both; move one of them, or check the offset "
+            "and the masks"
+        )
+    axes = range(shared.ndim)
+    used = [np.flatnonzero(shared.any(axis=tuple(other for other in axes if other != axis))) for axis in axes]
+    origin = tuple(int(places[0]) - 1 for places in used)
+    size = tuple(int(places[-1]) + 2 - first for places, first in zip(used, origin, strict=True))
+    frame = Overlap(np.zeros(size, np.uint8), np.zeros(size, bool), origin, mask_a.shape)
     on_a, on_b = frame.window(mask_a).astype(bool), frame.window(mask_b).astype(bool)
     shared = on_a & on_b
     side = _sides(shared, on_a & ~shared, on_b & ~shared, core)
     overlap = Overlap(side, shared, origin, frame.canvas)
     if not ((side[shared] == A).any() and (side[shared] == B).any()) and not (side == FREE).any():
         raise OverlapError(
-            "nothing divides the patches: wherever they overlap both cover the same ground, or one is too thin to hold a seam; "
-            "let one of them reach beyond the other, or lie well inside it"
+            "nothing divides the patches: wherever they overlap both cover the same ground, or one is too "
+            "thin to hold a seam; let one of them reach beyond the other, or lie well inside it"
         )
     return overlap
 
 
 def neighbours(mask: Mask) -> Mask:
-    """Pixels with a 4-neighbour in the mask."""
+    """Pixels with a 4-neighbour, voxels with a 6-neighbour in the mask."""
     result = np.zeros_like(mask)
-    result[1:] |= mask[:-1]
-    result[:-1] |= mask[1:]
-    result[:, 1:] |= mask[:, :-1]
-    result[:, :-1] |= mask[:, 1:]
+    for axis in range(mask.ndim):
+        before = (slice(None),) * axis
+        result[(*before, slice(1, None))] |= mask[(*before, slice(None, -1))]
+        result[(*before, slice(None, -1))] |= mask[(*before, slice(1, None))]
     return result
 
 
@@ -187,7 +201,7 @@ def _sides(shared: Mask, ground_a: Mask, ground_b: Mask, core: float) -> npt.NDA
     touches_a, touches_b = neighbours(ground_a) & shared, neighbours(ground_b) & shared
     side[shared] = FREE
     side[touches_a & ~touches_b], side[touches_b & ~touches_a] = A, B
-    component, count = ndimage.label(shared, TOUCHING)
+    component, count = ndimage.label(shared, ndimage.generate_binary_structure(shared.ndim, 1))
     if count == 0:
         return side
     has_a = np.bincount(component[touches_a], minlength=count + 1) > 0

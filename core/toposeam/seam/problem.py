@@ -1,8 +1,9 @@
-"""A seam problem ready to be solved: the overlap, its match cost, and the same interfaces seen from pixels and from corners.
+"""A seam problem ready to be solved: the overlap, its match cost, and the same interfaces seen from pixels
+and from corners.
 
-One drawing of all numbering, for a window of h × w pixels. Pixel (y, x) has flat index y w + x; corner (y, x), the upper left corner of
-that pixel, has flat index y (w + 1) + x. ``right[y, x]`` belongs to the interface of pixels (y, x) and (y, x + 1), ``down[y, x]`` to that
-of (y, x) and (y + 1, x)::
+One drawing of all numbering, for a window of h × w pixels. Pixel (y, x) has flat index y w + x; corner (y,
+x), the upper left corner of that pixel, has flat index y (w + 1) + x. ``right[y, x]`` belongs to the
+interface of pixels (y, x) and (y, x + 1), ``down[y, x]`` to that of (y, x) and (y + 1, x)::
 
     corner (y, x) ───────── corner (y, x+1) ───────── corner (y, x+2)
          │                        │                        │
@@ -12,8 +13,8 @@ of (y, x) and (y + 1, x)::
          │                        │                        │
          │    pixel (y+1, x)      │    pixel (y+1, x+1)    │
 
-So every interface joins two pixels, and two corners. Heat that flows between corners along interfaces is, by planar duality, the jump of
-a potential between pixels across them.
+So every interface joins two pixels, and two corners. Heat that flows between corners along interfaces is, by
+planar duality, the jump of a potential between pixels across them.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ from toposeam.seam.grid import CutGrid, grid_from_sides
 from toposeam.seam.match_cost import Floats32
 from toposeam.seam.overlap import FREE, KEPT_PIXELS, KEPT_SHAPES, NONE, A, B, Overlap, neighbours
 
-#: The thesis's M_max: the cost of an interface where no seam may run, in units of the dearest ordinary one (at least 1).
+#: The thesis's M_max: the cost of an interface where no seam may run, in units of the dearest ordinary one
+#: (at least 1).
 M_MAX = 1e6
 
 Indices = npt.NDArray[np.intp]
@@ -73,21 +75,34 @@ class Pattern:
     end: Indices
     place: Indices  #: (E,) where their costs lie in ``right`` followed by ``down``
     pixels: Indices  #: (n,) flat index of each free pixel
-    network: Network  #: nodes are the free pixels, terminals what shows ``a`` (cold) and ``b`` (hot), elements the interfaces
+    # : nodes are the free pixels, terminals what shows ``a`` (cold) and ``b`` (hot), elements the interfaces
+    network: Network
 
 
 def _pattern(side: npt.NDArray[np.uint8], right: Mask, down: Mask) -> Pattern:
-    """The pattern of a window with the given sides, where `right` and `down` tell which interfaces have a cost."""
+    """The pattern of a window with the given sides, where `right` and `down` tell which interfaces have a
+    cost.
+    """
     free = side == FREE
     right, down = right & (free[:, 1:] | free[:, :-1]), down & (free[1:] | free[:-1])
     first, second, start, end = geometry(right, down)
     pixels = np.flatnonzero(free)
     n = len(pixels)
-    node: Ints = np.where(side.ravel() == B, n + 1, n).astype(np.intp if side.size <= KEPT_PIXELS else np.int32)
+    node: Ints = np.where(side.ravel() == B, n + 1, n).astype(
+        np.intp if side.size <= KEPT_PIXELS else np.int32
+    )
     node[pixels] = np.arange(n)
     row, column = np.divmod(pixels, side.shape[1])
     network = Network(n, node[first], node[second], (row + column) % 2 == 0)
-    return Pattern(first, second, start, end, np.flatnonzero(np.concatenate([right.ravel(), down.ravel()])), pixels, network)
+    return Pattern(
+        first,
+        second,
+        start,
+        end,
+        np.flatnonzero(np.concatenate([right.ravel(), down.ravel()])),
+        pixels,
+        network,
+    )
 
 
 @lru_cache(maxsize=KEPT_SHAPES)
@@ -124,7 +139,23 @@ class SeamProblem:
     forbidden : float
         Interfaces that cost as much or more are forbidden.
     showing_a, showing_b : (h, w) float32 arrays, optional
-        Further cost of each free pixel when it shows ``a`` (``b``): its interfaces with layers that are not part of the problem.
+        Unary cost of each free pixel when it shows ``a`` (``b``): its interfaces with layers that are not
+        part of the problem.
+
+    Examples
+    --------
+    One row of four pixels, the outer two fixed; the seam may run left, in the middle or right of the two free
+    ones, for 3, 1 or 2:
+
+    >>> side = np.full((3, 6), NONE, np.uint8)
+    >>> side[1, 1:5] = A, FREE, FREE, B
+    >>> right, down = np.zeros((3, 5), np.float32), np.zeros((2, 6), np.float32)
+    >>> right[1, 1:4] = 3, 1, 2
+    >>> problem = SeamProblem(Overlap(side, side != NONE, (-1, -1), (1, 4)), right, down)
+    >>> labels = np.zeros((3, 6), bool)
+    >>> labels[1, 3] = True  # the second free pixel shows b
+    >>> problem.cost(labels), problem.cost(~labels)  # the first one instead: all three are cut
+    (1.0, 6.0)
     """
 
     overlap: Overlap
@@ -161,14 +192,23 @@ class SeamProblem:
 
     @cached_property
     def _ties(self) -> tuple[Indices, npt.NDArray[np.float64], Indices]:
-        """What free pixels cost beside layers that are not part of the problem: node, cost, and the terminal of the side it speaks for."""
+        """What free pixels cost beside layers that are not part of the problem: node, cost, and the terminal
+        of the side it speaks for.
+        """
         if self.showing_a is None or self.showing_b is None:
             return np.zeros(0, np.intp), np.zeros(0), np.zeros(0, np.intp)
         n = len(self.pattern.pixels)
-        costs = [values.ravel()[self.pattern.pixels].astype(np.float64) for values in (self.showing_b, self.showing_a)]
+        costs = [
+            values.ravel()[self.pattern.pixels].astype(np.float64)
+            for values in (self.showing_b, self.showing_a)
+        ]
         nodes = [np.flatnonzero(cost > 0) for cost in costs]
         terminals = np.repeat([n, n + 1], [len(node) for node in nodes])
-        return np.concatenate(nodes), np.concatenate([cost[node] for cost, node in zip(costs, nodes, strict=True)]), terminals
+        return (
+            np.concatenate(nodes),
+            np.concatenate([cost[node] for cost, node in zip(costs, nodes, strict=True)]),
+            terminals,
+        )
 
     @cached_property
     def element_cost(self) -> npt.NDArray[np.float64]:
@@ -177,11 +217,15 @@ class SeamProblem:
 
     @property
     def network(self) -> Network:
-        """The pattern's network, whose solutions depend on nothing that was solved before; with ties, another one."""
+        """The pattern's network, whose solutions depend on nothing that was solved before; with ties, another
+        one.
+        """
         kept = self.pattern.network
         nodes, _, terminals = self._ties
         if len(nodes):
-            return Network(kept.n, np.concatenate([kept.tail, nodes]), np.concatenate([kept.head, terminals]), kept.apart)
+            return Network(
+                kept.n, np.concatenate([kept.tail, nodes]), np.concatenate([kept.head, terminals]), kept.apart
+            )
         return kept if kept.repeatable else replace(kept)
 
     @property
@@ -214,10 +258,14 @@ class SeamProblem:
         OverlapError
         """
         if self.crossed(labels).max(initial=0.0) >= self.forbidden:
-            raise OverlapError("no seam avoids the pixels you excluded: they block the overlap from side to side; leave it a way through")
+            raise OverlapError(
+                "no seam avoids the pixels you excluded: they block the overlap from side to side; leave it "
+                "a way through"
+            )
 
     def on_canvas(self, labels: npt.NDArray[Any], only_b: Mask) -> npt.NDArray[Any]:
-        """Window values spread to the canvas: those of the overlap from `labels`, elsewhere True (1) where only ``b`` has pixels.
+        """Window values spread to the canvas: those of the overlap from `labels`, elsewhere True (1) where
+        only ``b`` has pixels.
 
         Parameters
         ----------
@@ -237,7 +285,9 @@ class SeamProblem:
 
     @property
     def seam_ground(self) -> Mask:
-        """(h, w) bool: pixels between which a seam is drawn: the overlap, and the ground beside places where it is one pixel wide."""
+        """(h, w) bool: pixels between which a seam is drawn: the overlap, and the ground beside places where
+        it is one pixel wide.
+        """
         side, shared = self.overlap.side, self.overlap.shared
         narrow = (side == FREE) & neighbours((side == A) & ~shared) & neighbours((side == B) & ~shared)
         ground: Mask = shared | (neighbours(narrow) & (side != NONE))

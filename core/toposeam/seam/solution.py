@@ -20,3 +20,5 @@ class Solution:
     history: tuple[Iteration, ...] = ()
     frames: tuple[Frame, ...] = ()
     termination: Termination = Termination.DIRECT
+    #: What no labelling can undercut, 0 where nothing is proven.
+    bound: float = 0.0

@@ -1,54 +1,77 @@
-r"""The thesis's own method: topology optimisation of a heat path on the ground structure, Algorithms 1 and 2 of chapter 3.
+r"""The thesis's own method: topology optimisation of a heat path on the ground structure, Algorithms 1 and 2
+of chapter 3.
 
-*Formulation 1.* Minimise the weighted mass ρᵀW, W = Mʳ (3.5), under a compliance bound θᵀK(ρ)θ ≤ C* with K_e = ρᵖ K₀ (3.7)-(3.11), by
-MMA. *Algorithm 2* repeats that in stages, W ← W/q and C* ← N_q, the number of elements with flux above 0.01 (3.18)-(3.21), until the heat
-runs along a single line. What makes the plain transcription fragile, and what is done about it within the formulation:
+*Formulation 1.* Minimise the weighted mass ρᵀW, W = Mʳ (3.5), under a compliance bound θᵀK(ρ)θ ≤ C* with K_e
+= ρᵖ K₀ (3.7)-(3.11), by MMA. *Algorithm 2* repeats that in stages, W ← W/q and C* ← N_q, the number of
+elements with flux above 0.01 (3.18)-(3.21), until the heat runs along a single line. What makes the plain
+transcription fragile, and what is done about it within the formulation:
 
-- *Asymptotes.* For fixed flux the compliance q²/ρᵖ of an element has the curvature of 1/(ρ - L) with L = ρ (p - 1)/(p + 1), and the mass
-  is linear, U → ∞. By Thomson's principle fixed flux overestimates the compliance of the next design, so MMA with these asymptotes does not
-  overshoot (never in 3,000 steps on real crops); if it did, the step would be taken back. ``asymptotes="moving"`` is Svanberg's own rule.
-- *Continuation.* For p = 1 the problem is convex in ρ, and where no density reaches 1 its optimum is the seam of least Σ M. For general p
-  it prefers the least Σ M^(rp/(p+1)), that is M^1.5 at p = 3, and M² where the densities are 1. So stage 1, which finds the outline, has
-  p = 1, and the later ones p = 3.
-- *Length term.* An element much cheaper than the others on the path stays at ρ = 1, and branches there do not compete: a second branch
-  saves compliance at hardly any mass. So from stage 2 on, W = Mʳ + (f M̄)ʳ, where M̄ is the mean cost along the path and f grows to 2.
-- *Live elements.* Elements that conduct next to nothing and carry next to no heat leave the ground structure.
+- *Asymptotes.* For fixed flux the compliance q²/ρᵖ of an element has the curvature of 1/(ρ - L) with L = ρ (p
+  - 1)/(p + 1), and the mass is linear, U → ∞. By Thomson's principle fixed flux overestimates the compliance
+  of the next design, so MMA with these asymptotes does not overshoot (never in 3,000 steps on real crops); if
+  it did, the step would be taken back. ``asymptotes="moving"`` is Svanberg's own rule.
+- *Continuation.* For p = 1 the problem is convex in ρ, and where no density reaches 1 its optimum is the seam
+  of least Σ M. For general p it prefers the least Σ M^(rp/(p+1)), that is M^1.5 at p = 3, and M² where the
+  densities are 1. So stage 1, which finds the outline, has p = 1, and the later ones p = 3.
+- *Length term.* An element much cheaper than the others on the path stays at ρ = 1, and branches there do not
+  compete: a second branch saves compliance at hardly any mass. So from stage 2 on, W = Mʳ + (f M̄)ʳ, where M̄
+  is the mean cost along the path and f grows to 2.
+- *Live elements.* Elements that conduct next to nothing and carry next to no heat leave the ground structure
+  (``dead``).
+- *Steps taken back.* A step whose compliance exceeds ``overshoot`` times the bound is shortened, up to eight
+  times.
+- *Bounds that can be met.* The first C* is N_q⁰ = width + height, but at least twice the least compliance
+  there is, which only winding overlaps need; where most heat is spread thinner than the threshold, so that
+  N_q counts next to none of it, C* is twice the least compliance that the fluxes allow (``reachable``).
+- *Uneven restart.* From stage 3 on densities start up to 5 % lower, differently for each element, so that
+  branches alike in everything do not share the heat for ever (``uneven``).
+- *Hardening.* When the path is found, one more stage with C* = N_q brings its densities to 1 (``harden``).
+  It changes no seam.
+- *Floors and caps.* q counts as at least ``least_flux`` in W ← W/q, densities as at least ``least_density``,
+  at the same least conductance for every p; stages and iterations end at their caps, and the seam is then
+  the cheapest cut of the label potential.
 
-``ThesisOptions(first_penalty=3, length_term=0, asymptotes="moving")`` is the plain transcription, apart from steps taken back and dead
-elements left out.
+``ThesisOptions.plain()`` is the transcription without any of it but floors and caps; it takes Svanberg's
+asymptotes, whose result depends on the move limit a great deal.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.errors import OptionError, SolverError, check_range
+from toposeam.checks import check_choice, check_range, check_whole
+from toposeam.errors import OptionError, SolverError
 from toposeam.heat.network import Floats
 from toposeam.images import Mask
 from toposeam.optimize.history import Frame, Iteration, Termination
 from toposeam.optimize.mma import MMA, MMAOptions
 from toposeam.optimize.oc import OCOptions, oc_step
-from toposeam.seam.corners import OUTERMOST, CornerNetwork, GroundStructure, PixelNetwork, corner_network, ground_structure, pixel_network
+from toposeam.seam.corners import (
+    OUTERMOST,
+    CornerNetwork,
+    GroundStructure,
+    PixelNetwork,
+    corner_network,
+    ground_structure,
+    pixel_network,
+)
 from toposeam.seam.problem import SeamProblem
 from toposeam.seam.solution import Solution
 
 #: Distance of the upper asymptote, as good as infinite for densities of at most 1.
 _FAR = 1e3
-#: Share of the distance to the lower asymptote that one step leaves: a density that falls too fast takes a line out of the competition.
+#: Share of the distance to the lower asymptote that one step leaves: a density that falls too fast takes a
+#: line out of the competition.
 _MARGIN = 0.3
-#: An element with less flux and less conductance than this share of the largest ones is dead.
-_DEAD = 1e-3
 #: Solutions before the first elements may leave: until then heat still finds its way across.
 _SETTLED = 12
 #: Conductances that have all changed by the same factor, up to this share, are not solved for again.
 _ALIKE = 1e-9
-#: How uneven densities start out from stage 3 on.
-_UNEVEN = 0.05
 #: Multiples of the golden ratio, modulo 1, never repeat and differ most between neighbours.
 _GOLDEN = 0.6180339887498949
 #: Steps taken back one after the other before an iteration gives up.
@@ -59,9 +82,19 @@ _THRESHOLDS = tuple(np.linspace(0.05, 0.95, 19))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThesisOptions:
-    """How the thesis's method is carried out."""
+    """How the thesis's method is carried out.
 
-    #: 1: minimise weighted mass under a compliance bound, by MMA. 2: minimise compliance under a mass bound, by optimality criteria.
+    Examples
+    --------
+    >>> import numpy as np, toposeam as ts
+    >>> a, b = np.random.default_rng(0).random((2, 12, 6))
+    >>> options = ts.ThesisOptions(formulation=2)
+    >>> ts.find_seam(a, b, method="thesis", options=options).optimum_ratio() < 1.1
+    True
+    """
+
+    #: 1: minimise weighted mass under a compliance bound, by MMA. 2: minimise compliance under a mass bound,
+    #: by optimality criteria.
     formulation: Literal[1, 2] = 1
     #: SIMP exponent p.
     penalty: float = 3.0
@@ -95,35 +128,82 @@ class ThesisOptions:
     asymptotes: Literal["curvature", "moving"] = "curvature"
     #: A step to more than this multiple of the compliance bound is taken back.
     overshoot: float = 4.0
+    #: An element with less flux and less conductance than this share of the largest leaves; 0: none does.
+    dead: float = 1e-3
+    #: How uneven densities start out from stage 3 on; 0: as they were.
+    uneven: float = 0.05
+    #: Whether C* is raised where nothing within it could carry the heat.
+    reachable: bool = True
+    #: Whether one more stage brings the densities of the found path to 1.
+    harden: bool = True
     #: Upper bound of the mass in Formulation 2; None: width + height of the overlap.
     mass: float | None = None
 
     def __post_init__(self) -> None:
-        if self.formulation not in (1, 2):
-            raise OptionError(f"formulation is {self.formulation}; it must be 1 or 2")
-        if self.asymptotes not in ("curvature", "moving"):
-            raise OptionError(f"asymptotes is {self.asymptotes!r}; it must be 'curvature' or 'moving'")
+        check_choice("formulation", self.formulation, (1, 2))
+        check_choice("asymptotes", self.asymptotes, ("curvature", "moving"))
+        check_choice("reachable", self.reachable, (True, False))
+        check_choice("harden", self.harden, (True, False))
+        check_range(0, 0.5, dead=self.dead, uneven=self.uneven)
         check_range(1, 10, penalty=self.penalty, first_penalty=self.first_penalty)
         check_range(0.1, 5, exponent=self.exponent)
         check_range(1, 1e6, overshoot=self.overshoot)
         check_range(0, 10, length_term=self.length_term)
-        check_range(0, 1, above=True, start=self.start, tolerance=self.tolerance, least_flux=self.least_flux, move=self.move)
+        check_range(
+            0,
+            1,
+            above=True,
+            start=self.start,
+            tolerance=self.tolerance,
+            least_flux=self.least_flux,
+            move=self.move,
+        )
         check_range(0, 0.499, above=True, q_threshold=self.q_threshold)
         check_range(0, 1, above=True, least_density=self.least_density)
         if self.least_density ** max(self.penalty, self.first_penalty) < 1e-15:
-            raise OptionError(f"least_density is {self.least_density}; to the power of penalty {self.penalty:g} it must be at least 1e-15")
+            raise OptionError(
+                f"least_density is {self.least_density}; to the power of penalty {self.penalty:g} it must be "
+                "at least 1e-15"
+            )
         if not self.least_density < self.start:
-            raise OptionError(f"start is {self.start} and least_density {self.least_density}; the start must be denser")
-        check_range(
-            1, stages=self.stages, max_iterations=self.max_iterations, first_iterations=self.first_iterations,
-            stage_iterations=self.stage_iterations,
-        )  # fmt: skip
+            raise OptionError(
+                f"start is {self.start} and least_density {self.least_density}; the start must be denser"
+            )
+        for name in ("stages", "max_iterations", "first_iterations", "stage_iterations"):
+            check_whole(name, getattr(self, name), 1)
         if self.mass is not None:
             check_range(0, above=True, mass=self.mass)
 
+    @classmethod
+    def plain(cls, *, move: float = 0.2, **options: Any) -> ThesisOptions:
+        """Algorithms 1 and 2 as they are written, with Svanberg's asymptotes.
+
+        Parameters
+        ----------
+        move : float
+            Largest change of a density in one iteration, which the thesis does not state. 0.2 is usual; with
+            1 seams become much dearer (docs/results.md).
+        **options
+            Further fields.
+        """
+        as_written: dict[str, Any] = {
+            "first_penalty": 3.0,
+            "length_term": 0.0,
+            "asymptotes": "moving",
+            "overshoot": 1e6,
+            "dead": 0.0,
+            "uneven": 0.0,
+            "reachable": False,
+            "harden": False,
+        }
+        return cls(**{**as_written, "move": move, **options})
+
 
 def thesis_path(
-    problem: SeamProblem, options: ThesisOptions, record_frames: bool = False, progress: Callable[[float], None] | None = None
+    problem: SeamProblem,
+    options: ThesisOptions,
+    record_frames: bool = False,
+    progress: Callable[[float], None] | None = None,
 ) -> Solution:
     """Find the seam as the thesis does.
 
@@ -139,8 +219,9 @@ def thesis_path(
     Returns
     -------
     Solution
-        Its labels always separate the patches. Where its termination is not ``SINGLE_LINE`` the heat still ran along several lines, and the
-        labels are the best cut of what was there. ``soft`` is the label potential at the end of stage 1.
+        Its labels always separate the patches. Where its termination is not ``SINGLE_LINE`` the heat still
+        ran along several lines, and the labels are the best cut of what was there. ``soft`` is the label
+        potential at the end of stage 1.
     """
     structure = ground_structure(problem)
     if not len(structure.cost):
@@ -151,9 +232,12 @@ def thesis_path(
     if progress is not None:
         progress(1.0)
     return Solution(
-        labels=run.best_cut(), soft=run.soft, history=tuple(run.history), frames=tuple(run.frames),
+        labels=run.best_cut(),
+        soft=run.soft,
+        history=tuple(run.history),
+        frames=tuple(run.frames),
         termination=Termination.SINGLE_LINE if single else Termination.ITERATIONS,
-    )  # fmt: skip
+    )
 
 
 @dataclass(slots=True, eq=False)
@@ -175,7 +259,9 @@ class _Run:
     cost: Floats = field(init=False)  #: (L,) match cost M
     penalised: Floats = field(init=False)  #: (L,) product of 1/q over the stages so far
     compliance: float = field(init=False, default=0.0)
-    latest: tuple[Floats, float] | None = field(init=False, default=None)  #: conductances and compliance that the flux was computed for
+    latest: tuple[Floats, float] | None = field(
+        init=False, default=None
+    )  #: conductances and compliance that the flux was computed for
     solved: int = field(init=False, default=0)
     soft: npt.NDArray[np.float32] = field(init=False)
 
@@ -194,8 +280,11 @@ class _Run:
         o = self.options
         p = o.first_penalty
         self._solve(p)
-        # C* = N_q (3.18); a winding overlap, in which nothing so short fits, gets twice the least compliance there is.
-        bound = max(float(self.structure.zigzag()), 2.0 * self.compliance * o.start**p)
+        # C* = N_q (3.18); a winding overlap, in which nothing so short fits, gets twice the least compliance
+        # there is.
+        bound = float(self.structure.zigzag())
+        if o.reachable:
+            bound = max(bound, 2.0 * self.compliance * o.start**p)
         length = 0.0
         for stage in range(1, o.stages + 1):
             self._algorithm_1(stage, p, self.cost**o.exponent + length**o.exponent, bound, stage > 1)  # (3.5)
@@ -209,35 +298,54 @@ class _Run:
             p = o.penalty
             length = (0.1 if stage == 1 else 1.0) * o.length_term * self._mean_cost()
             if stage > 1:
-                # Two branches alike in everything share the heat for ever; a start a little uneven, the same in every run, decides.
-                self.rho = self.rho * (1.0 - _UNEVEN * (self.view.elements * _GOLDEN % 1.0))
+                # Two branches alike in everything share the heat for ever; a start a little uneven, the same
+                # in every run, decides.
+                self.rho = self.rho * (1.0 - o.uneven * (self.view.elements * _GOLDEN % 1.0))
             self.rho = np.maximum(self.rho, o.least_density)
             self._solve(p)
-        if single and self.solved < o.max_iterations:
+        if single and o.harden and self.solved < o.max_iterations:
             self._harden(stage + 1)
         return single
 
     def _algorithm_1(self, stage: int, p: float, weight: Floats, bound: float, to_single: bool) -> None:
-        """One stage: minimise ρᵀW s.t. C ≤ C* from the present densities until they rest, or the path is a single line.
+        """One stage: minimise ρᵀW s.t. C ≤ C* from the present densities until they rest, or the path is a
+        single line.
 
         `weight` is W without the penalty 1/q of the stages before.
         """
         o = self.options
         least = o.least_density ** (o.penalty / p)  # the same least conductance for every p
         curved = o.asymptotes == "curvature"
-        mma = MMA(np.full(len(self.rho), least), np.ones(len(self.rho)), MMAOptions(move=o.move, margin=_MARGIN if curved else 0.1))
+        mma = MMA(
+            np.full(len(self.rho), least),
+            np.ones(len(self.rho)),
+            MMAOptions(move=o.move, margin=_MARGIN if curved else 0.1),
+        )
         limit = o.first_iterations if stage == 1 else o.stage_iterations
         change = flux_change = 0.0
         for inner in range(1, limit + 1):
-            ordinary = self.structure.cost[self.view.elements] < OUTERMOST  # where W = M_maxʳ, any mass at all would drown the rest
+            ordinary = (
+                self.structure.cost[self.view.elements] < OUTERMOST
+            )  # where W = M_maxʳ, any mass at all would drown the rest
             self._record(stage, float((self.rho * weight * self.penalised)[ordinary].sum()), bound, change)
-            at_rest = inner > 2 and change < o.tolerance * self.rho.max() and flux_change < o.tolerance * self.flux.max()
-            if at_rest or inner == limit or self.solved >= o.max_iterations or (to_single and self._is_single()):
+            at_rest = (
+                inner > 2
+                and change < o.tolerance * self.rho.max()
+                and flux_change < o.tolerance * self.flux.max()
+            )
+            if (
+                at_rest
+                or inner == limit
+                or self.solved >= o.max_iterations
+                or (to_single and self._is_single())
+            ):
                 return
             before, flux_before = self.rho, self.flux
             sensitivity = -p * np.square(self.flux) / self.rho ** (p + 1)  # (3.13), with q = ρᵖ ΔT
             asymptotes = (self.rho * ((p - 1.0) / (p + 1.0)), self.rho + _FAR) if curved else None
-            new = mma.step(self.rho, weight * self.penalised, self.compliance - bound, sensitivity, asymptotes)
+            new = mma.step(
+                self.rho, weight * self.penalised, self.compliance - bound, sensitivity, asymptotes
+            )
             if not self._try(mma, new, p, max(o.overshoot * bound, self.compliance)):
                 self.rho = before
                 self._solve(p)
@@ -275,7 +383,9 @@ class _Run:
     # Formulation 2
 
     def formulation_2(self) -> bool:
-        """Minimise compliance under a mass bound with conductivity M⁻ʳ (3.14)-(3.15); whether a single line comes out."""
+        """Minimise compliance under a mass bound with conductivity M⁻ʳ (3.14)-(3.15); whether a single line
+        comes out.
+        """
         o = self.options
         mass = o.mass if o.mass is not None else float(self.structure.zigzag())
         conductivity = np.maximum((np.median(self.cost) / self.cost) ** o.exponent, 1e-9)
@@ -299,7 +409,8 @@ class _Run:
         self.conductance = conductivity * self.rho**p  # (3.11)
         self.solved += 1
         if self.latest is not None:
-            # As long as no density has reached a bound they all fall alike: heat takes the same ways, at another compliance.
+            # As long as no density has reached a bound they all fall alike: heat takes the same ways, at
+            # another compliance.
             conductance, compliance = self.latest
             grown = self.conductance / conductance
             if np.ptp(grown) <= _ALIKE * grown.max():
@@ -310,9 +421,15 @@ class _Run:
         self.latest = self.conductance, self.compliance
 
     def _n_flux(self) -> float:
-        """N_q (3.20); where most of the heat is spread thinner than the threshold, twice the least compliance that the fluxes allow."""
-        counted, reachable = float(np.count_nonzero(self.flux > self.options.q_threshold)), float(np.square(self.flux).sum())
-        return counted if counted >= 0.99 * reachable else 2.0 * reachable
+        """N_q (3.20); where most of the heat is spread thinner than the threshold, twice the least compliance
+        that the fluxes allow.
+        """
+        counted, reachable = (
+            float(np.count_nonzero(self.flux > self.options.q_threshold)),
+            float(np.square(self.flux).sum()),
+        )
+        enough = counted >= 0.99 * reachable or not self.options.reachable
+        return counted if enough else 2.0 * reachable
 
     def _mean_cost(self) -> float:
         """Mean match cost along the path, weighted by flux."""
@@ -333,7 +450,8 @@ class _Run:
     def _drop(self, p: float) -> Mask | None:
         """Remove the dead elements; which ones stay, or None where nothing was removed."""
         conductance = self.rho**p
-        dead = (self.flux < _DEAD * self.flux.max()) & (conductance < _DEAD * conductance.max())
+        share = self.options.dead
+        dead = (self.flux < share * self.flux.max()) & (conductance < share * conductance.max())
         if self.solved < _SETTLED or np.count_nonzero(dead) < 0.1 * len(dead):
             return None
         try:
@@ -354,11 +472,15 @@ class _Run:
         o = self.options
         self.history.append(
             Iteration(
-                stage=stage, objective=objective, compliance=self.compliance, bound=bound,
-                n_flux=int(np.count_nonzero(self.flux > o.q_threshold)), change=change,
+                stage=stage,
+                objective=objective,
+                compliance=self.compliance,
+                bound=bound,
+                n_flux=int(np.count_nonzero(self.flux > o.q_threshold)),
+                change=change,
                 unknowns=self.view.unknowns,
             )
-        )  # fmt: skip
+        )
         if self.record_frames:
             density = np.zeros(len(self.structure.cost))
             density[self.view.elements] = self.rho
@@ -368,7 +490,9 @@ class _Run:
             self.progress(min(0.95, self.solved / (o.first_iterations + 2 * o.stage_iterations)))
 
     def _potential(self) -> Floats:
-        """Label potential of every free pixel of the ground structure, from the conductances of the last solution."""
+        """Label potential of every free pixel of the ground structure, from the conductances of the last
+        solution.
+        """
         if isinstance(self.view, PixelNetwork):
             return self.view.potential(self.conductance)
         conductance = np.zeros(len(self.structure.cost))
@@ -388,7 +512,9 @@ class _Run:
         return self._map(self._potential().astype(np.float32)).astype(np.float32, copy=False)
 
     def best_cut(self) -> Mask:
-        """The cheapest labelling that the label potential gives at any of some thresholds; all of them are the same for a single line."""
+        """The cheapest labelling that the label potential gives at any of some thresholds; all of them are
+        the same for a single line.
+        """
         potential = self._potential()
         thresholds = (0.5,) if self._is_single() else _THRESHOLDS
         cuts = [self._map(potential > threshold).astype(bool) for threshold in thresholds]

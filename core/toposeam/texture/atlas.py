@@ -1,7 +1,8 @@
 """The atlas: all exemplars on one plane, from which patches are copied.
 
-Exemplars lie below one another with a margin round each, so that a pixel is one flat index, its neighbour in the exemplar is that index
-plus a constant, and a window that reaches beyond an exemplar meets pixels that are not *usable* instead of another exemplar's.
+Exemplars lie below one another with a margin round each, so that a pixel is one flat index, its neighbour in
+the exemplar is that index plus a constant, and a window that reaches beyond an exemplar meets pixels that are
+not *usable* instead of another exemplar's.
 """
 
 from __future__ import annotations

@@ -1,11 +1,13 @@
-"""A plan for ordered textures that repeat: what the texture should look like so that its order closes at the border.
+"""A plan for ordered textures that repeat: what the texture should look like so that its order closes at the
+border.
 
-Rows of bricks or threads of cloth run on for ever, and patches that are laid one after another follow them: where the texture meets its
-own beginning, they arrive out of step. So ordered textures are laid twice. The first time the axis on which the order runs on stays open,
-and the texture grows beyond its border. How far, and which way, its continuation has come out of step with its beginning is found at
-every place of the border (the cheapest shifts that change by at most a step from place to place, by dynamic programming), and the first
-texture is sheared by just that, a little at every row, so that it closes. Sheared pixels are no copies; they serve as the guide by which
-the second texture is laid.
+Rows of bricks or threads of cloth run on for ever, and patches that are laid one after another follow them:
+where the texture meets its own beginning, they arrive out of step. So ordered textures are laid twice. The
+first time the axis on which the order runs on stays open, and the texture grows beyond its border. How far,
+and which way, its continuation has come out of step with its beginning is found at every place of the border
+(the cheapest shifts that change by at most a step from place to place, by dynamic programming), and the first
+texture is sheared by just that, a little at every row, so that it closes. Sheared pixels are no copies; they
+serve as the guide by which the second texture is laid.
 """
 
 from __future__ import annotations
@@ -18,8 +20,8 @@ from scipy import ndimage
 
 from toposeam.images import Mask
 from toposeam.texture.atlas import Atlas, Floats32, values_at
-from toposeam.texture.canvas import Canvas
-from toposeam.texture.lay import Guide, Layer, LayOptions
+from toposeam.texture.canvas import IndexCanvas
+from toposeam.texture.lay import Guide, LayOptions, PatchPlacer
 from toposeam.texture.raster import lay_all
 from toposeam.texture.scale import autocorrelation
 from toposeam.texture.search import reduced
@@ -45,7 +47,9 @@ def order_axis(features: Floats32, usable: Mask) -> int | None:
     features : (H, W, F) float32 array
     usable : (H, W) bool array
     """
-    slow = np.stack([ndimage.gaussian_filter(features[..., c], 24.0) for c in range(features.shape[2])], axis=2)
+    slow = np.stack(
+        [ndimage.gaussian_filter(features[..., c], 24.0) for c in range(features.shape[2])], axis=2
+    )
     correlation = autocorrelation(features - slow, usable)
     height, width = (length // 2 for length in usable.shape)
     near = np.roll(correlation, (height, width), (0, 1))[: 2 * height, : 2 * width]
@@ -60,9 +64,17 @@ def order_axis(features: Floats32, usable: Mask) -> int | None:
 
 
 def closing_guide(
-    sources: Sources, atlas: Atlas, options: LayOptions, size: tuple[int, int], wraps: tuple[bool, bool], axis: int, patch: int,
-    overlap: int, seed: int, progress: Callable[[float], None] | None = None,
-) -> Guide:  # fmt: skip
+    sources: Sources,
+    atlas: Atlas,
+    options: LayOptions,
+    size: tuple[int, int],
+    wraps: tuple[bool, bool],
+    axis: int,
+    patch: int,
+    overlap: int,
+    seed: int,
+    progress: Callable[[float], None] | None = None,
+) -> Guide:
     """What the texture should look like, planned at half size where patches are large enough.
 
     Parameters
@@ -79,19 +91,29 @@ def closing_guide(
         Called with the share of the work done.
     """
     factor = 2 if patch >= _HALVED and overlap >= 4 else 1
-    small = [reduced(values, usable.astype(np.float32), factor) for values, usable in zip(sources.features, sources.present, strict=True)]
+    small = [
+        reduced(values, usable.astype(np.float32), factor)
+        for values, usable in zip(sources.features, sources.present, strict=True)
+    ]
     copied = [
-        reduced(values, usable.astype(np.float32), factor)[1] == 1 for values, usable in zip(sources.features, sources.usable, strict=True)
+        reduced(values, usable.astype(np.float32), factor)[1] == 1
+        for values, usable in zip(sources.features, sources.usable, strict=True)
     ]
     side, lap = patch // factor, overlap // factor
     longer = [-(-length // factor) + (2 * side if k == axis else 0) for k, length in enumerate(size)]
     room = Atlas.of([share > 0 for _, share in small], options.context // factor, copied)
     features = room.spread([values for values, _ in small])
-    canvas = Canvas((longer[0], longer[1]), (wraps[0] and axis != 0, wraps[1] and axis != 1), room.usable.size)
-    layer = Layer(room, features, canvas, options, np.random.default_rng(seed), longer[0] * longer[1])
-    if not layer.search.room((side, side)).any():
-        return Guide(source=atlas.spread(sources.features), target=np.zeros((*size, features.shape[2]), np.float32), weight=0.0)
-    lay_all(layer, side, lap, axis, progress)
+    canvas = IndexCanvas(
+        (longer[0], longer[1]), (wraps[0] and axis != 0, wraps[1] and axis != 1), room.usable.size
+    )
+    placer = PatchPlacer(room, features, canvas, options, np.random.default_rng(seed), longer[0] * longer[1])
+    if not placer.search.room((side, side)).any():
+        return Guide(
+            source=atlas.spread(sources.features),
+            target=np.zeros((*size, features.shape[2]), np.float32),
+            weight=0.0,
+        )
+    lay_all(placer, side, lap, axis, progress)
     grown = values_at(features, canvas.index)
     if axis == 1:
         grown = grown.swapaxes(0, 1)
@@ -105,19 +127,30 @@ def closing_guide(
 
 
 def _enlarged(values: Floats32, factor: int) -> Floats32:
-    return values if factor == 1 else ndimage.zoom(values, (factor, factor, 1), order=1, grid_mode=True, mode="nearest")
+    return (
+        values
+        if factor == 1
+        else ndimage.zoom(values, (factor, factor, 1), order=1, grid_mode=True, mode="nearest")
+    )
 
 
 def _sheared(grown: Floats32, height: int, patch: int, wraps: bool) -> Floats32:
-    """The (height, W, F) part of a texture grown to height + 2 patches, sheared so that its lower border meets its upper one."""
+    """The (height, W, F) part of a texture grown to height + 2 patches, sheared so that its lower border
+    meets its upper one.
+    """
     sideways = "wrap" if wraps else "nearest"
     plane = ndimage.gaussian_filter(grown, (1.5, 1.5, 0), mode=["nearest", sideways, "nearest"])
-    plane = plane - ndimage.gaussian_filter(plane, (patch / 2, patch / 2, 0), mode=["nearest", sideways, "nearest"])
+    plane = plane - ndimage.gaussian_filter(
+        plane, (patch / 2, patch / 2, 0), mode=["nearest", sideways, "nearest"]
+    )
     start = patch // 2
     reach = np.arange(-patch, patch + 1)
     best: tuple[float, int, Floats] | None = None
     for down in range(-start, start + 1, 4):
-        beginning, end = plane[start : start + patch], plane[start + height + down : start + height + down + patch]
+        beginning, end = (
+            plane[start : start + patch],
+            plane[start + height + down : start + height + down + patch],
+        )
         cost = np.stack([_mismatch(beginning, end, int(shift), patch, sideways) for shift in reach], axis=1)
         cost *= (1 + 0.3 * np.square(reach / patch)) * (1 + 0.3 * (down / patch) ** 2)
         total, path = _smoothest(cost, wraps)
@@ -136,7 +169,10 @@ def _sheared(grown: Floats32, height: int, patch: int, wraps: bool) -> Floats32:
     mode = "grid-wrap" if wraps else "nearest"
     if wraps:
         across %= width
-    made = [ndimage.map_coordinates(grown[..., c], [rows, across], order=1, mode=mode) for c in range(grown.shape[2])]
+    made = [
+        ndimage.map_coordinates(grown[..., c], [rows, across], order=1, mode=mode)
+        for c in range(grown.shape[2])
+    ]
     return np.stack(made, axis=2).astype(np.float32)
 
 
@@ -151,7 +187,9 @@ def _mismatch(beginning: Floats32, end: Floats32, shift: int, patch: int, mode: 
 
 
 def _smoothest(cost: Floats, closed: bool) -> tuple[float, npt.NDArray[np.intp]]:
-    """The cheapest path through an (n, m) cost that moves by at most one column a row; where closed, it ends where it began."""
+    """The cheapest path through an (n, m) cost that moves by at most one column a row; where closed, it ends
+    where it began.
+    """
     if not closed:
         return _path(cost, None)
     n = len(cost)

@@ -7,25 +7,38 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toposeam.errors import OptionError, OverlapError
+from toposeam.checks import check_choice, check_number, check_whole
+from toposeam.errors import ImageError, OptionError, OverlapError
 from toposeam.images import Mask
-from toposeam.seam.find import Method, find_seam
+from toposeam.seam.find import METHODS, Method, find_seam
 from toposeam.seam.match_cost import MatchCost
 from toposeam.texture.atlas import Atlas, Floats32, Ints32, values_at
-from toposeam.texture.canvas import Canvas
+from toposeam.texture.canvas import IndexCanvas
+from toposeam.texture.nearby import Nearby
 from toposeam.texture.search import Ints, PatchSearch, box_sum
 
 #: How much dearer a place is whose pixels have all shown as often as they should, where there is no other.
 _WORN = 30
+#: How much dearer a place is all of whose pixels show near by, per unit of variety.
+_NEAR = 1.0
 #: Share of what there is to copy up to which use is not counted.
 _LITTLE = 0.05
-#: Added to every error, so that a perfect fit does not outweigh everything else; the square of 1 % of the image's range.
+#: Added to every error, so that a perfect fit does not outweigh everything else; the square of 1 % of the
+#: image's range.
 _FLOOR = 1e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LayOptions:
-    """How patches are chosen and cut."""
+    """How patches are chosen and cut.
+
+    Examples
+    --------
+    >>> import numpy as np, toposeam as ts
+    >>> sample = np.random.default_rng(0).random((48, 48))
+    >>> ts.synthesize(sample, (60, 60), patch=20, options=ts.LayOptions(mend=0)).image.shape
+    (60, 60)
+    """
 
     #: A patch is drawn at random from those whose error is at most 1 + tolerance times the least.
     tolerance: float = 0.1
@@ -37,22 +50,37 @@ class LayOptions:
     context_weight: float = 0.5
     #: No source pixel shows more often than this many times the average.
     most: float = 2.5
-    #: How strongly places that show often already are avoided.
+    #: How strongly places that show often already, or near by, are avoided.
     variety: float = 0.5
+    #: How much a connected copy may cover: at most so many patches, and this share of what may be copied.
+    copy_patches: float = 3.0
+    copy_share: float = 0.2
     #: How many further patches are tried over the worst seams, as a share of the patches laid.
     mend: float = 0.2
-    #: Whether ordered textures that repeat are laid twice, so that their order closes (:mod:`toposeam.texture.closing`).
+    #: Whether ordered textures that repeat are laid twice, so that their order closes
+    #: (:mod:`toposeam.texture.closing`).
     close: bool = True
     #: How the seam is found.
     method: Method = "heat"
     cost: MatchCost | None = None
 
     def __post_init__(self) -> None:
-        for name, low, high in (("tolerance", 0, 10), ("context_weight", 0, 1), ("most", 1, np.inf), ("variety", 0, 100), ("mend", 0, 10)):
-            if not low <= getattr(self, name) <= high:
-                raise OptionError(f"{name} is {getattr(self, name)}; it must be from {low} to {high}")
-        if self.candidates < 1 or self.context < 0:
-            raise OptionError(f"candidates is {self.candidates} and context {self.context}; they must be at least 1 and 0")
+        for name, low, high in (
+            ("tolerance", 0, 10),
+            ("context_weight", 0, 1),
+            ("most", 1, np.inf),
+            ("variety", 0, 100),
+            ("copy_patches", 0, np.inf),
+            ("copy_share", 0, 1),
+            ("mend", 0, 10),
+        ):
+            check_number(name, getattr(self, name), low, high, infinite=high == np.inf)
+        check_whole("candidates", self.candidates, 1, 1000)
+        check_whole("context", self.context, 0, 64)
+        check_choice("method", self.method, METHODS)
+        check_choice("close", self.close, (True, False))
+        if self.cost is not None and not isinstance(self.cost, MatchCost):
+            raise OptionError(f"cost is of class {type(self.cost).__name__}; pass a MatchCost")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -69,7 +97,9 @@ class Guide:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Term:
-    """One reason to prefer a place: a window of values that should be found there, and how much that counts."""
+    """One reason to prefer a place: a window of values that should be found there, and how much that
+    counts.
+    """
 
     search: PatchSearch
     values: Floats32
@@ -77,7 +107,7 @@ class _Term:
     strength: float
 
 
-class Layer:
+class PatchPlacer:
     """Lays patches of an atlas on a canvas.
 
     Parameters
@@ -85,7 +115,7 @@ class Layer:
     atlas : Atlas
     features : (AH, AW, F) float32 array
         What overlapping patches are compared by, 0 where the atlas is not usable.
-    canvas : Canvas
+    canvas : IndexCanvas
     options : LayOptions
     rng : numpy.random.Generator
     area : int
@@ -95,16 +125,30 @@ class Layer:
     """
 
     def __init__(
-        self, atlas: Atlas, features: Floats32, canvas: Canvas, options: LayOptions, rng: np.random.Generator, area: int,
+        self,
+        atlas: Atlas,
+        features: Floats32,
+        canvas: IndexCanvas,
+        options: LayOptions,
+        rng: np.random.Generator,
+        area: int,
         guide: Guide | None = None,
-    ) -> None:  # fmt: skip
-        self.atlas, self.features, self.canvas, self.options, self.rng, self.guide = atlas, features, canvas, options, rng, guide
+    ) -> None:
+        self.atlas, self.features, self.canvas, self.options, self.rng, self.guide = (
+            atlas,
+            features,
+            canvas,
+            options,
+            rng,
+            guide,
+        )
         self.search = PatchSearch(atlas, features)
         self._guides = None if guide is None else PatchSearch(atlas, guide.source)
         # Where little is laid, compared with what there is to copy, nothing is worn out.
         self._wears = area > _LITTLE * int(atlas.usable.sum())
         self._average = max(area / max(int(atlas.usable.sum()), 1), 1.0)
         self._limit = max(1, int(options.most * self._average))
+        self._nearby = Nearby(atlas, canvas)
         self.margin = atlas.margin
 
     def lay(self, top: int, left: int, shape: tuple[int, int], may_show: Mask | None = None) -> bool:
@@ -147,7 +191,7 @@ class Layer:
             How much that counts.
         """
         terms = self._terms(top, left, shape, known, weight)
-        row, column = self._choose(terms, shape, known) if terms else self._anywhere(shape)
+        row, column = self._choose(terms, shape, (top, left), known) if terms else self._anywhere(shape)
         grid = np.arange(shape[0])[:, np.newaxis] * self.atlas.width + np.arange(shape[1])
         return (row * self.atlas.width + column + grid).astype(np.int32)
 
@@ -166,23 +210,42 @@ class Layer:
         mask_a = padded >= 0
         mask_b = np.zeros_like(mask_a)
         mask_b[1:-1, 1:-1] = covers
+        inner = padded[1:-1, 1:-1]
+        empty = (inner < 0) & covers
         if not (mask_a & mask_b).any():
             return covers
+        if (inner == source)[(inner >= 0) & covers].all():  # it continues what is there; there is no seam
+            return empty
         b = np.zeros((*mask_a.shape, self.features.shape[2]), np.float32)
         b[1:-1, 1:-1] = values_at(self.features, source)
         try:
-            seam = find_seam(values_at(self.features, padded), b, mask_a, mask_b, method=self.options.method, cost=self.options.cost)
+            seam = find_seam(
+                values_at(self.features, padded),
+                b,
+                mask_a=mask_a,
+                mask_b=mask_b,
+                data_range=1.0,
+                method=self.options.method,
+                cost=self.options.cost,
+            )
         except OverlapError:  # too thin to hold a seam
-            return covers & ~mask_a[1:-1, 1:-1]
+            return empty
         shows: Mask = seam.labels[1:-1, 1:-1] & covers
         return shows
 
     def _anywhere(self, shape: tuple[int, int]) -> tuple[int, int]:
         rows, columns = np.nonzero(self.search.room(shape))
+        if not len(rows):
+            raise ImageError(
+                f"nowhere is the picture opaque and free for a patch of {shape[1]} × {shape[0]} px; fill its "
+                "holes first, or use smaller patches"
+            )
         pick = int(self.rng.integers(len(rows)))
         return int(rows[pick]), int(columns[pick])
 
-    def _terms(self, top: int, left: int, shape: tuple[int, int], known: Ints32, weight: Floats32) -> list[_Term]:
+    def _terms(
+        self, top: int, left: int, shape: tuple[int, int], known: Ints32, weight: Floats32
+    ) -> list[_Term]:
         """What a place is judged by: how it fits what is known, and how it fits the guide."""
         terms = []
         share = 0.0 if self.guide is None else self.guide.weight
@@ -196,12 +259,16 @@ class Layer:
             terms.append(_Term(self._guides, self.guide.target[rows, columns], wanted, share))
         return terms
 
-    def _choose(self, terms: list[_Term], shape: tuple[int, int], known: Ints32) -> tuple[int, int]:
+    def _choose(
+        self, terms: list[_Term], shape: tuple[int, int], at: tuple[int, int], known: Ints32
+    ) -> tuple[int, int]:
         """Atlas row and column of the patch, drawn from the best places."""
         m, f = self.margin, self.search.factor
-        error = sum(term.strength * term.search.fit(term.values, term.weight, (m, m), shape) for term in terms)
+        error = sum(
+            term.strength * term.search.fit(term.values, term.weight, (m, m), shape) for term in terms
+        )
         error = np.asarray(error, np.float32)
-        rows, columns, errors = self._best(error + np.float32(_FLOOR), shape, known)
+        rows, columns, errors = self._best(error + np.float32(_FLOOR), shape, at, known)
         if not np.isfinite(errors).any():  # what room there is lies between the places of the reduced search
             return self._anywhere(shape)
         if f > 1:
@@ -213,22 +280,30 @@ class Layer:
         pick = int(self.rng.choice(good))
         return int(rows[pick]), int(columns[pick])
 
-    def _exactly(self, terms: list[_Term], row: int, column: int, shape: tuple[int, int]) -> tuple[int, int, float]:
-        """The best place at full size near one of the reduced search, in ever smaller steps, and its error."""
+    def _exactly(
+        self, terms: list[_Term], row: int, column: int, shape: tuple[int, int]
+    ) -> tuple[int, int, float]:
+        """The best place at full size near one of the reduced search, in ever smaller steps, and its
+        error.
+        """
         step, error = self.search.factor // 2, math.inf
         while step:
             rows, columns, exact = np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(9, np.float32)
             for term in terms:
-                rows, columns, part = term.search.around(row, column, step, term.values, term.weight, (self.margin, self.margin), shape)
+                rows, columns, part = term.search.around(
+                    row, column, step, term.values, term.weight, (self.margin, self.margin), shape
+                )
                 exact = exact + term.strength * part
             least = int(exact.argmin())
             row, column, error = int(rows[least]), int(columns[least]), float(exact[least])
             step //= 2
         return row, column, error
 
-    def _best(self, error: Floats32, shape: tuple[int, int], known: Ints32) -> tuple[Ints, Ints, Floats32]:
-        """The best places of the search's grid that lie apart, and their errors: raised where the source shows often, and without those
-        that would only continue a neighbour's copy.
+    def _best(
+        self, error: Floats32, shape: tuple[int, int], at: tuple[int, int], known: Ints32
+    ) -> tuple[Ints, Ints, Floats32]:
+        """The best places of the search's grid that lie apart, and their errors: raised where the source
+        shows often or near by, and without those that would make a connected copy too large.
         """
         m, f, (n, columns_n) = self.margin, self.search.factor, error.shape
         raised, worn = error.copy(), np.zeros(error.shape)
@@ -238,10 +313,13 @@ class Layer:
             mean = box_sum(usage, shape)[on_grid][:n, :columns_n] / (shape[0] * shape[1] * self._average)
             worn = box_sum(usage >= self._limit, shape)[on_grid][:n, :columns_n] / (shape[0] * shape[1])
             raised *= 1 + self.options.variety * np.square(mean)
+            if self.options.variety and self.guide is None:
+                near = self._nearby.share(*at, *shape)
+                raised *= 1 + np.float32(_NEAR * self.options.variety) * near(m, f, error.shape)
         free = raised.copy()
         free[worn > 0] = np.inf
         apart = max(3, min(shape) // 8)
-        for row, column in self._continued(known):
+        for row, column in self._exhausted(at, shape, known):
             _block(free, (row - m) / f, (column - m) / f, apart / f)
         # With few places to choose from, better a worn place or a copy than none.
         left = free if np.isfinite(free).any() else raised * (1 + _WORN * worn).astype(np.float32)
@@ -258,13 +336,22 @@ class Layer:
             _block(left, i, j, max(1.0, apart / f))
         return np.array(rows, np.intp), np.array(columns, np.intp), np.array(errors, np.float32)
 
-    def _continued(self, known: Ints32) -> list[tuple[int, int]]:
-        """Atlas places at which the patch would show exactly what continues a patch that is known in its window."""
-        y, x = np.nonzero(known >= 0)
-        row, column = np.divmod(known[y, x], np.int32(self.atlas.width))
-        # One number per shift, which sorts faster than two.
-        shift = np.unique((row - y + self.margin) * 2**32 + (column - x + self.margin) + 2**31)
-        return [(int(pair) >> 32, (int(pair) & 0xFFFFFFFF) - 2**31) for pair in shift]
+    def _exhausted(self, at: tuple[int, int], shape: tuple[int, int], known: Ints32) -> list[tuple[int, int]]:
+        """Atlas places at which the patch would continue a copy that is known, and make it too large."""
+        m = self.margin
+        y, x, index, areas = self.canvas.copies(at[0] - m, at[1] - m, *known.shape)
+        row, column = np.divmod(index, np.int32(self.atlas.width))
+        new = int((known[m : m + shape[0], m : m + shape[1]] < 0).sum())
+        pixels = shape[0] * shape[1]
+        limit = max(
+            min(self.options.copy_patches * pixels, self.options.copy_share * int(self.atlas.copied.sum())),
+            pixels,
+        )
+        return [
+            (int(r - a + m), int(c - b + m))
+            for r, c, a, b, area in zip(row, column, y, x, areas, strict=True)
+            if area + new > limit
+        ]
 
 
 def _block(error: Floats32, row: float, column: float, reach: float) -> None:

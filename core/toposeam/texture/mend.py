@@ -1,9 +1,11 @@
-"""Mending: patches laid over the worst seams, as long as that makes them better (after Kwatra et al. 2003, section 3.2).
+"""Mending: patches laid over the worst seams, as long as that makes them better (after Kwatra et al. 2003,
+section 3.2).
 
-The visibility of every seam is known from the map of sources alone: at the interface of pixels s and t that come from different copies A
-and B, |A(s) - B(s)| + |A(t) - B(t)|, where A(t) is what follows s in the exemplar, and B(s) what precedes t. A patch over a bad place must
-show where the bad interfaces are, and joins what is round it along a seam that closes round them. It stays if the seams in its window cost
-less than before.
+The visibility of every seam is known from the map of sources alone: at the interface of pixels s and t that
+come from different copies A and B, |A(s) - B(s)| + |A(t) - B(t)|, where A(t) is what follows s in the
+exemplar, and B(s) what precedes t. A patch over a bad place must show where the bad interfaces are, and joins
+what is round it along a seam that closes round them. It stays if the seams in its window cost less than
+before.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from scipy import ndimage
 
 from toposeam.images import Mask
 from toposeam.texture.atlas import Floats32, Ints32, values_at
-from toposeam.texture.lay import Layer
+from toposeam.texture.lay import PatchPlacer
 from toposeam.texture.search import Ints
 
 #: Side of the blocks of px by which bad places are found.
@@ -28,12 +30,14 @@ _BETTER = 0.97
 _PATIENCE = 8
 
 
-def mend(layer: Layer, shape: tuple[int, int], count: int, progress: Callable[[float], None] | None = None) -> int:
+def mend(
+    placer: PatchPlacer, shape: tuple[int, int], count: int, progress: Callable[[float], None] | None = None
+) -> int:
     """Lay patches over the worst seams.
 
     Parameters
     ----------
-    layer : Layer
+    placer : PatchPlacer
         Its canvas is full.
     shape : (int, int)
         Height and width of the patches.
@@ -47,11 +51,11 @@ def mend(layer: Layer, shape: tuple[int, int], count: int, progress: Callable[[f
     int
         How many patches were laid.
     """
-    canvas = layer.canvas
+    canvas = placer.canvas
     height, width = canvas.shape
     blocks = -(-height // _BLOCK), -(-width // _BLOCK)
     cost = np.zeros((blocks[0] * _BLOCK, blocks[1] * _BLOCK), np.float32)
-    cost[:height, :width] = _seam_costs(layer, canvas.read(0, 0, height + 1, width + 1))
+    cost[:height, :width] = _seam_costs(placer, canvas.read(0, 0, height + 1, width + 1))
     worth = cost.reshape(blocks[0], _BLOCK, blocks[1], _BLOCK).sum(axis=(1, 3))
     tried = np.zeros(worth.shape, np.float32)
     mode = ["wrap" if wraps else "constant" for wraps in canvas.wrap]
@@ -69,13 +73,15 @@ def mend(layer: Layer, shape: tuple[int, int], count: int, progress: Callable[[f
             at - length // 2 if wraps else int(np.clip(at - length // 2, 0, max(limit - length, 0)))
             for at, length, wraps, limit in zip(middle, shape, canvas.wrap, canvas.shape, strict=True)
         )
-        better = _try(layer, top, left, shape)
+        better = _try(placer, top, left, shape)
         laid += better
         failed = 0 if better else failed + 1
         if better:
             rows, columns, inside = canvas.window(top - 1, left - 1, shape[0] + 1, shape[1] + 1)
-            new = _seam_costs(layer, canvas.read(top - 1, left - 1, shape[0] + 2, shape[1] + 2))
-            cost[np.broadcast_to(rows, inside.shape)[inside], np.broadcast_to(columns, inside.shape)[inside]] = new[inside]
+            new = _seam_costs(placer, canvas.read(top - 1, left - 1, shape[0] + 2, shape[1] + 2))
+            cost[
+                np.broadcast_to(rows, inside.shape)[inside], np.broadcast_to(columns, inside.shape)[inside]
+            ] = new[inside]
             at = np.ix_(np.unique(rows // _BLOCK), np.unique(columns // _BLOCK))
             worth[at] = _block_sums(cost, at[0].ravel(), at[1].ravel())
         tried[row, column] = 1
@@ -84,11 +90,11 @@ def mend(layer: Layer, shape: tuple[int, int], count: int, progress: Callable[[f
     return laid
 
 
-def _try(layer: Layer, top: int, left: int, shape: tuple[int, int]) -> bool:
+def _try(placer: PatchPlacer, top: int, left: int, shape: tuple[int, int]) -> bool:
     """Lay one patch over what is bad in a window, if that is better."""
-    (h, w), m, canvas = shape, layer.margin, layer.canvas
+    (h, w), m, canvas = shape, placer.margin, placer.canvas
     padded = canvas.read(top - 1, left - 1, h + 2, w + 2)
-    before = _seam_costs(layer, padded)
+    before = _seam_costs(placer, padded)
     edge = min(shape) // 5
     inner = slice(1 + edge, 1 + h - edge), slice(1 + edge, 1 + w - edge)
     bad = np.zeros(before.shape, bool)
@@ -98,34 +104,39 @@ def _try(layer: Layer, top: int, left: int, shape: tuple[int, int]) -> bool:
     bad |= np.roll(bad, 1, 0) | np.roll(bad, 1, 1)
     bad = np.pad(bad, (0, 1))[: h + 2, : w + 2]
     known = canvas.read(top - m, left - m, h + 2 * m, w + 2 * m)
-    weight = np.where(known >= 0, np.float32(layer.options.context_weight), np.float32(0))
+    weight = np.where(known >= 0, np.float32(placer.options.context_weight), np.float32(0))
     weight[m : m + h, m : m + w] = ~bad[1:-1, 1:-1]
-    found = layer.choose(top, left, shape, known, weight)
+    found = placer.choose(top, left, shape, known, weight)
     open_padded = np.where(bad, np.int32(-1), padded)
     _, _, inside = canvas.window(top, left, h, w)
-    shows = layer.cut(open_padded, found, inside)
+    shows = placer.cut(open_padded, found, inside)
     after = padded.copy()
     np.copyto(after[1:-1, 1:-1], found, where=shows)
-    if _seam_costs(layer, after).sum() >= _BETTER * before.sum():
+    if _seam_costs(placer, after).sum() >= _BETTER * before.sum():
         return False
     canvas.paint(top, left, found, shows)
     return True
 
 
-def _seam_costs(layer: Layer, index: Ints32) -> Floats32:
-    """Cost of the interfaces to the right and below each pixel of a window, summed, (h - 1, w - 1); 0 within a copy."""
+def _seam_costs(placer: PatchPlacer, index: Ints32) -> Floats32:
+    """Cost of the interfaces to the right and below each pixel of a window, summed, (h - 1, w - 1); 0 within
+    a copy.
+    """
     total = np.zeros((index.shape[0] - 1, index.shape[1] - 1), np.float32)
-    usable = layer.atlas.usable.ravel()
+    usable = placer.atlas.usable.ravel()
     for step, first, second in (
         (1, index[:-1, :-1], index[:-1, 1:]),
-        (layer.atlas.width, index[:-1, :-1], index[1:, :-1]),
+        (placer.atlas.width, index[:-1, :-1], index[1:, :-1]),
     ):
         y, x = np.nonzero((second - first != step) & (first >= 0) & (second >= 0))
         s, t = first[y, x], second[y, x]
-        beyond, ahead = np.minimum(s + np.int32(step), np.int32(len(usable) - 1)), np.maximum(t - np.int32(step), 0)
-        at_s, at_t = values_at(layer.features, s), values_at(layer.features, t)
-        difference = _norm(values_at(layer.features, beyond) - at_t, usable[beyond]) + _norm(
-            at_s - values_at(layer.features, ahead), usable[ahead]
+        beyond, ahead = (
+            np.minimum(s + np.int32(step), np.int32(len(usable) - 1)),
+            np.maximum(t - np.int32(step), 0),
+        )
+        at_s, at_t = values_at(placer.features, s), values_at(placer.features, t)
+        difference = _norm(values_at(placer.features, beyond) - at_t, usable[beyond]) + _norm(
+            at_s - values_at(placer.features, ahead), usable[ahead]
         )
         total[y, x] += difference
     return total
@@ -139,6 +150,10 @@ def _norm(values: Floats32, usable: Mask) -> Floats32:
 def _block_sums(cost: Floats32, rows: Ints, columns: Ints) -> Floats32:
     """Sums of some blocks: (len(rows), len(columns))."""
     steps = np.arange(_BLOCK)
-    part = cost[np.ix_((rows[:, np.newaxis] * _BLOCK + steps).ravel(), (columns[:, np.newaxis] * _BLOCK + steps).ravel())]
+    part = cost[
+        np.ix_(
+            (rows[:, np.newaxis] * _BLOCK + steps).ravel(), (columns[:, np.newaxis] * _BLOCK + steps).ravel()
+        )
+    ]
     result: Floats32 = part.reshape(len(rows), _BLOCK, len(columns), _BLOCK).sum(axis=(1, 3))
     return result

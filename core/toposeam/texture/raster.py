@@ -6,18 +6,24 @@ import math
 from collections.abc import Callable
 
 from toposeam.errors import OptionError
-from toposeam.texture.lay import Layer
+from toposeam.texture.lay import PatchPlacer
 
 #: Sides of a texture that repeats are at least this many px.
 SMALLEST_TILE = 16
 
 
-def lay_all(layer: Layer, patch: int, overlap: int, axis: int = 0, progress: Callable[[float], None] | None = None) -> tuple[int, int]:
+def lay_all(
+    placer: PatchPlacer,
+    patch: int,
+    overlap: int,
+    axis: int = 0,
+    progress: Callable[[float], None] | None = None,
+) -> tuple[int, int]:
     """Fill the canvas.
 
     Parameters
     ----------
-    layer : Layer
+    placer : PatchPlacer
     patch, overlap : int
         Side of the patches and least overlap, px.
     axis : int
@@ -30,7 +36,7 @@ def lay_all(layer: Layer, patch: int, overlap: int, axis: int = 0, progress: Cal
     (int, int)
         Height and width of the patches: the texture's own where it is smaller than they.
     """
-    canvas = layer.canvas
+    canvas = placer.canvas
     rows = patches_along(canvas.shape[0], patch, overlap, canvas.wrap[0])
     columns = patches_along(canvas.shape[1], patch, overlap, canvas.wrap[1])
     shape = rows[0], columns[0]
@@ -38,14 +44,15 @@ def lay_all(layer: Layer, patch: int, overlap: int, axis: int = 0, progress: Cal
     if axis == 1:
         places.sort(key=lambda place: place[::-1])
     for done, (top, left) in enumerate(places, start=1):
-        layer.lay(top, left, shape)
+        placer.lay(top, left, shape)
         if progress is not None:
             progress(done / len(places))
     return shape
 
 
 def patches_along(length: int, patch: int, overlap: int, wraps: bool) -> tuple[int, list[int]]:
-    """Side of the patches along one axis, and where each begins: spread evenly, so that all overlap by at least the overlap.
+    """Side of the patches along one axis, and where each begins: spread evenly, so that all overlap by at
+    least the overlap.
 
     Raises
     ------
@@ -58,7 +65,9 @@ def patches_along(length: int, patch: int, overlap: int, wraps: bool) -> tuple[i
         count = 1 + math.ceil((length - patch) / (patch - overlap))
         return patch, [round(k * (length - patch) / (count - 1)) for k in range(count)]
     if length < SMALLEST_TILE:
-        raise OptionError(f"a side of the texture is {length} px; a texture that repeats needs at least {SMALLEST_TILE} px")
+        raise OptionError(
+            f"a side of the texture is {length} px; a texture that repeats needs at least {SMALLEST_TILE} px"
+        )
     if length <= patch:
         patch = max(2 * length // 3, length // 2 + 2)
         overlap = patch - length // 2

@@ -1,13 +1,15 @@
 """From a map of sources to pixels, smoothed along the seams only.
 
-Where every pixel near shows the same copy, the texture is that copy. At a seam each pixel becomes the mean of what the copies showing round
-it have *there*: copy i, seen k pixels away, contributes its own pixel at this very place, with the weight of k in a binomial kernel. So the
-smoothing mixes neighbouring copies and never blurs one of them, and the map of sources is all it needs.
+Where every pixel near shows the same copy, the texture is that copy. At a seam each pixel becomes the mean of
+what the copies showing round it have *there*: copy i, seen k pixels away, contributes its own pixel at this
+very place, with the weight of k in a binomial kernel. So the smoothing mixes neighbouring copies and never
+blurs one of them, and the map of sources is all it needs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,7 +22,24 @@ from toposeam.texture.atlas import Ints32
 _ROWS = 256
 
 
-def render(index: Ints32, plane: npt.NDArray[Any], usable: Mask, wrap: tuple[bool, bool], smooth: int) -> npt.NDArray[Any]:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Lift:
+    """Light given to copies: each pixel's value becomes gain × value + offset, within the range of values."""
+
+    gain: npt.NDArray[np.float32]  #: (H, W, C) or broadcast to it
+    offset: npt.NDArray[np.float32]
+    low: float
+    high: float
+
+
+def render(
+    index: Ints32,
+    plane: npt.NDArray[Any],
+    usable: Mask,
+    wrap: tuple[bool, bool],
+    smooth: int,
+    lift: Lift | None = None,
+) -> npt.NDArray[Any]:
     """The picture that a map of sources shows.
 
     Parameters
@@ -34,6 +53,8 @@ def render(index: Ints32, plane: npt.NDArray[Any], usable: Mask, wrap: tuple[boo
         Whether rows and columns continue at the opposite border.
     smooth : int
         How many px to either side of a seam are mixed; 0 for none.
+    lift : Lift, optional
+        The light of the copy that shows at each pixel; where copies are mixed, each has its own.
 
     Returns
     -------
@@ -41,11 +62,23 @@ def render(index: Ints32, plane: npt.NDArray[Any], usable: Mask, wrap: tuple[boo
     """
     flat = plane.reshape(-1, plane.shape[2])
     result = flat[np.maximum(index, 0)]
+    if lift is not None:
+        result = _stored(lift.gain * result + lift.offset, plane.dtype, lift)
     result[index < 0] = 0
     if smooth:
         for y, x in _near_seams(index, plane.shape[1], wrap, smooth):
-            result[y, x] = _mixed(index, flat, usable.ravel(), plane.shape[1], wrap, smooth, y, x).astype(plane.dtype)
+            mixed = _mixed(index, flat, usable.ravel(), plane.shape[1], wrap, smooth, y, x, lift)
+            result[y, x] = _stored(mixed, plane.dtype, lift)
     return result
+
+
+def _stored(
+    values: npt.NDArray[np.floating[Any]], dtype: np.dtype[Any], lift: Lift | None
+) -> npt.NDArray[Any]:
+    """Values in the picture's dtype."""
+    if lift is not None:
+        values = np.clip(values, lift.low, lift.high)
+    return (np.rint(values) if np.issubdtype(dtype, np.integer) else values).astype(dtype)
 
 
 def _near_seams(
@@ -71,9 +104,16 @@ def _near_seams(
 
 
 def _mixed(
-    index: Ints32, flat: npt.NDArray[Any], usable: Mask, stride: int, wrap: tuple[bool, bool], smooth: int,
-    y: npt.NDArray[np.intp], x: npt.NDArray[np.intp],
-) -> npt.NDArray[np.floating[Any]]:  # fmt: skip
+    index: Ints32,
+    flat: npt.NDArray[Any],
+    usable: Mask,
+    stride: int,
+    wrap: tuple[bool, bool],
+    smooth: int,
+    y: npt.NDArray[np.intp],
+    x: npt.NDArray[np.intp],
+    lift: Lift | None,
+) -> npt.NDArray[np.floating[Any]]:
     kernel = np.array([1.0])
     for _ in range(smooth):
         kernel = np.convolve(kernel, [0.25, 0.5, 0.25])
@@ -94,7 +134,10 @@ def _mixed(
             here = np.clip(found - (dy * stride + dx), 0, len(flat) - 1)
             on &= (found >= 0) & usable[here]
             weight = (on * (kernel[dy + smooth] * kernel[dx + smooth])).astype(total.dtype)[:, np.newaxis]
-            total += weight * flat[here]
+            values = flat[here]
+            if lift is not None:
+                values = lift.gain[ny, nx] * values + lift.offset[ny, nx]
+            total += weight * values
             mass += weight
     total /= mass
-    return np.rint(total) if np.issubdtype(flat.dtype, np.integer) else total
+    return total

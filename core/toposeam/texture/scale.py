@@ -10,20 +10,66 @@ import scipy.fft as sf
 
 from toposeam.images import Mask
 from toposeam.texture.atlas import Floats32
+from toposeam.texture.sources import DataRange, Images, read_sources
 
-#: Patches are no smaller and, when their size is chosen automatically, no larger than this, px.
-SMALLEST, LARGEST = 8, 96
+#: Sides of a patch are at least this many px.
+SMALLEST_PATCH = 4
+#: Sides of patches that are chosen automatically, px: the smallest for small and for large exemplars, and the
+#: largest.
+SMALLEST, USUAL, LARGEST = 24, 40, 96
 #: A patch holds about this many elements side by side.
 _ELEMENTS = 4
 #: Where the autocorrelation has fallen to this, one element has ended.
 _DECAY = 0.2
 
 
+def natural_patch(
+    image: Images,
+    *,
+    alpha: Images | None = None,
+    source_mask: Images | None = None,
+    data_range: DataRange = None,
+) -> int:
+    """The side of a patch that suits a texture: a few of its elements.
+
+    An element is as large as the distance over which the autocorrelation, the mean and the slow drift taken
+    away, falls to 0.2.
+
+    Parameters
+    ----------
+    image : (H, W[, C]) array_like, or a list of such
+        The exemplars.
+    alpha, source_mask : (H, W) array_like, or a list with one per exemplar
+        Opacity, and what may be copied.
+    data_range : float, optional
+        The value that counts as white, as for :func:`toposeam.synthesize`.
+
+    Returns
+    -------
+    int
+        px.
+
+    Raises
+    ------
+    ImageError
+        For images or masks that cannot be used.
+
+    Examples
+    --------
+    >>> import numpy as np, toposeam as ts
+    >>> stripes = np.tile(np.repeat([0, 255], 8), (128, 8)).astype(np.uint8)
+    >>> ts.natural_patch(stripes) > 24
+    True
+    """
+    sources = read_sources(image, alpha=alpha, mask=source_mask, data_range=data_range, name="image")
+    return patch_for(sources.features, sources.usable, sources.shapes)
+
+
 def element_size(features: Floats32, usable: Mask) -> float:
     """The size of a texture's elements in px.
 
-    The distance at which the autocorrelation of the exemplar (its mean and its slow drift taken away) has fallen to 0.2, twice, averaged
-    over the two axes: from the middle of an element to its end on either side.
+    The distance at which the autocorrelation of the exemplar (its mean and its slow drift taken away) has
+    fallen to 0.2, twice, averaged over the two axes: from the middle of an element to its end on either side.
 
     Parameters
     ----------
@@ -39,15 +85,19 @@ def element_size(features: Floats32, usable: Mask) -> float:
     return float(np.mean(spans))
 
 
-def natural_patch(features: Sequence[Floats32], usable: Sequence[Mask], rooms: Sequence[tuple[int, int]]) -> int:
-    """A patch size for some exemplars: a few elements, and never more than a third of the smallest exemplar's shorter side."""
+def patch_for(features: Sequence[Floats32], usable: Sequence[Mask], rooms: Sequence[tuple[int, int]]) -> int:
+    """A patch size for some exemplars: a few elements, and never more than a third of the smallest exemplar's
+    shorter side.
+    """
     span = float(np.mean([element_size(values, mask) for values, mask in zip(features, usable, strict=True)]))
     room = min(min(shape) for shape in rooms)
-    return int(np.clip(round(_ELEMENTS * span), min(SMALLEST * 3, room), max(min(LARGEST, room // 3), min(SMALLEST * 3, room))))
+    least = int(np.clip(room // 4, min(SMALLEST, room), USUAL))
+    return int(np.clip(round(_ELEMENTS * span), least, max(min(LARGEST, room // 3), least)))
 
 
 def autocorrelation(features: Floats32, usable: Mask) -> npt.NDArray[np.float32]:
-    """How alike pixels are at every distance, 1 at distance 0 and about 0 far away: (H', W'), negative distances at the far ends.
+    """How alike pixels are at every distance, 1 at distance 0 and about 0 far away: (H', W'), negative
+    distances at the far ends.
 
     Parameters
     ----------

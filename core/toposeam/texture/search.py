@@ -1,13 +1,15 @@
-"""Where in the exemplars a patch fits: the weighted sum of squared differences at every place at once, by FFT.
+"""Where in the exemplars a patch fits: the weighted sum of squared differences at every place at once, by
+FFT.
 
-For a window of known pixels T with weights w, and exemplar pixels E that count where M is 1, the mean squared difference at place o is
+For a window of known pixels T with weights w, and exemplar pixels E that count where M is 1, the mean squared
+difference at place o is
 
     D(o) = Σ w(m) M(o + m) |E(o + m) - T(m)|² / Σ w(m) M(o + m)
          = (w ⋆ M|E|² - 2 Σ_c w T_c ⋆ M E_c + w|T|² ⋆ M) / (w ⋆ M),
 
-⋆ being the correlation. The transforms on the exemplars' side never change; per patch there is one transform for each channel of T, two for
-the weights, and one back. Large exemplars are searched at a half, a quarter … of their size first and then at full size round the best
-places.
+⋆ being the correlation. The transforms on the exemplars' side never change; per patch there is one transform
+for each channel of T, two for the weights, and one back. Large exemplars are searched at a half, a quarter …
+of their size first and then at full size round the best places.
 """
 
 from __future__ import annotations
@@ -44,7 +46,9 @@ class PatchSearch:
         self.atlas, self.features = atlas, features
         self.factor = atlas.factor
         features, present = reduced(features, atlas.usable.astype(np.float32), self.factor)
-        self._mean: Floats32 = (features * present[..., np.newaxis]).sum((0, 1), dtype=np.float64) / max(present.sum(dtype=np.float64), 1.0)
+        self._mean: Floats32 = (features * present[..., np.newaxis]).sum((0, 1), dtype=np.float64) / max(
+            present.sum(dtype=np.float64), 1.0
+        )
         self._mean = self._mean.astype(np.float32)
         features = (features - self._mean) * (present[..., np.newaxis] > 0)
         self._grid = present.shape
@@ -61,7 +65,9 @@ class PatchSearch:
             self._rooms[shape] = box_sum(~self.atlas.copied, shape) == 0
         return self._rooms[shape]
 
-    def fit(self, values: Floats32, weight: Floats32, margin: tuple[int, int], patch: tuple[int, int]) -> Floats32:
+    def fit(
+        self, values: Floats32, weight: Floats32, margin: tuple[int, int], patch: tuple[int, int]
+    ) -> Floats32:
         """The mean squared difference at every place where the patch has room.
 
         Parameters
@@ -71,14 +77,16 @@ class PatchSearch:
         weight : (h, w) float32 array
             How much each pixel of the window counts; 0 where nothing is known.
         margin : (int, int)
-            Rows above and columns left of the patch in the window, multiples of the factor and no more than the atlas's margin.
+            Rows above and columns left of the patch in the window, multiples of the factor and no more than
+            the atlas's margin.
         patch : (int, int)
             Height and width of the patch.
 
         Returns
         -------
         (n, m) float32 array
-            inf where the patch cannot lie. Row i, column j: the patch's first pixel at atlas row and column margin + factor * (i, j).
+            inf where the patch cannot lie. Row i, column j: the patch's first pixel at atlas row and column
+            margin + factor * (i, j).
         """
         f = self.factor
         window, mass = reduced(values, weight, f)
@@ -100,9 +108,17 @@ class PatchSearch:
         return full
 
     def around(
-        self, row: int, column: int, step: int, values: Floats32, weight: Floats32, margin: tuple[int, int], patch: tuple[int, int]
+        self,
+        row: int,
+        column: int,
+        step: int,
+        values: Floats32,
+        weight: Floats32,
+        margin: tuple[int, int],
+        patch: tuple[int, int],
     ) -> tuple[Ints, Ints, Floats32]:
-        """The nine places at and round one, at full size, and the mean squared difference there; of large windows a part of the pixels.
+        """The nine places at and round one, at full size, and the mean squared difference there; of large
+        windows a part of the pixels.
 
         Parameters
         ----------
@@ -127,7 +143,9 @@ class PatchSearch:
         return rows, columns, error
 
     def _share(self, mass: Floats32) -> tuple[Spectrum, Floats32]:
-        """Conjugate spectrum of the weights, and the weight that meets pixels with a value at every place; they come again and again."""
+        """Conjugate spectrum of the weights, and the weight that meets pixels with a value at every place;
+        they come again and again.
+        """
         key = mass.tobytes() + bytes(str(mass.shape), "ascii")
         if key not in self._shares:
             if len(self._shares) >= 64:
@@ -138,7 +156,9 @@ class PatchSearch:
         return self._shares[key]
 
     def _spectrum(self, plane: Floats32) -> Spectrum:
-        """Its transform on the common size; rows beyond the plane are zero and need no transform of their own."""
+        """Its transform on the common size; rows beyond the plane are zero and need no transform of their
+        own.
+        """
         lines = sf.rfft(plane, self._size[1], axis=1)
         result: Spectrum = sf.fft(lines, self._size[0], axis=0)
         return result
@@ -154,7 +174,9 @@ def box_sum(values: npt.NDArray[Any], shape: tuple[int, int]) -> npt.NDArray[np.
 
 
 def reduced(values: Floats32, weight: Floats32, factor: int) -> tuple[Floats32, Floats32]:
-    """Weighted means over blocks of factor × factor pixels, and the blocks' weight; what does not fill a block counts with weight 0."""
+    """Weighted means over blocks of factor × factor pixels, and the blocks' weight; what does not fill a
+    block counts with weight 0.
+    """
     if factor == 1:
         return values.copy(), weight
     h, w = (-(-length // factor) * factor for length in weight.shape)

@@ -9,11 +9,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.checks import check_items, check_number
 from toposeam.errors import ImageError, OptionError
-from toposeam.images import Image, Mask, as_float, as_mask, full_scale
+from toposeam.images import Image, Mask, as_array, as_float, as_mask, full_scale
 from toposeam.texture.atlas import Floats32
 
 Images = npt.ArrayLike | Sequence[npt.ArrayLike]
+#: What counts as white in the picture, or in the picture and each of its maps.
+DataRange = float | Sequence[float | None] | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -23,7 +26,8 @@ class Sources:
     Parameters
     ----------
     planes : tuple of tuples
-        Per map (the picture itself first, then further maps, then opacity if there is any), one (H, W, C) array per exemplar.
+        Per map (the picture itself first, then further maps, then opacity if there is any), one (H, W, C)
+        array per exemplar.
     gray : tuple of bool
         Per map, whether it came without a channel axis.
     features : tuple of (H, W, F) float32 arrays
@@ -61,14 +65,22 @@ def as_list(images: Images | None, count: int, name: str) -> list[Any]:
         return [None] * count
     found: list[Any] = list(images) if isinstance(images, list | tuple) else [images]
     if len(found) != count:
-        raise ImageError(f"{name} has {len(found)} images for {count} exemplars; give one for each, in the same order")
+        raise ImageError(
+            f"{name} has {len(found)} images for {count} exemplars; give one for each, in the same order"
+        )
     return found
 
 
 def read_sources(
-    source: Images, *, alpha: Images | None = None, mask: Images | None = None, maps: Sequence[Images] = (),
-    weights: Sequence[float] | None = None, name: str = "source",
-) -> Sources:  # fmt: skip
+    source: Images,
+    *,
+    alpha: Images | None = None,
+    mask: Images | None = None,
+    maps: Sequence[Images] = (),
+    weights: Sequence[float] | None = None,
+    data_range: DataRange = None,
+    name: str = "source",
+) -> Sources:
     """Check exemplars and all that belongs to them.
 
     Parameters
@@ -80,6 +92,9 @@ def read_sources(
         Further maps of the same exemplars, each an array or a list with one per exemplar.
     weights : sequence of float, optional
         How much the picture and each further map count in the search; 1 each by default.
+    data_range : float, or sequence of float or None, optional
+        The value that counts as white (:func:`toposeam.images.as_float`) in the picture, or in the picture
+        and each further map.
     name : str
         What the caller calls the exemplars, for messages.
 
@@ -97,49 +112,75 @@ def read_sources(
     names = [name if count == 1 else f"{name} {index + 1}" for index in range(count)]
     pictures = [_picture(image, label) for image, label in zip(several, names, strict=True)]
     shapes = [picture.shape[:2] for picture in pictures]
-    opacity = [None if a is None else np.asarray(a) for a in as_list(alpha, count, "alpha")]
-    masks = [None if m is None else as_mask(m, shape, "mask") for m, shape in zip(as_list(mask, count, "mask"), shapes, strict=True)]
+    opacity = [None if a is None else as_array(a, "alpha") for a in as_list(alpha, count, "alpha")]
+    masks = [
+        None if m is None else as_mask(m, shape, "mask")
+        for m, shape in zip(as_list(mask, count, "mask"), shapes, strict=True)
+    ]
     factors = _weights(weights, 1 + len(maps))
+    white = _white(data_range, 1 + len(maps))
     planes, gray = [_alike(pictures, names)], [all(picture.ndim == 2 for picture in pictures)]
     for number, given in enumerate(maps, start=1):
         label = f"map {number}"
-        found = [_picture(np.asarray(image), label) for image in as_list(given, count, label)]
+        found = [_picture(image, label) for image in as_list(given, count, label)]
         for image, shape, owner in zip(found, shapes, names, strict=True):
             if image.shape[:2] != shape:
                 raise ImageError(
-                    f"{label} is {image.shape[1]} × {image.shape[0]} px, but {owner} {shape[1]} × {shape[0]} px; scale the maps to one size"
+                    f"{label} is {image.shape[1]} × {image.shape[0]} px, but {owner} {shape[1]} × {shape[0]} "
+                    "px; scale the maps to one size"
                 )
         planes.append(_alike(found, [label] * count))
         gray.append(all(image.ndim == 2 for image in found))
     present, usable = [], []
     for picture, a, m, label in zip(planes[0], opacity, masks, names, strict=True):
         if a is not None and (a.shape != picture.shape[:2] or a.dtype != picture.dtype):
-            raise ImageError(f"alpha of {label} is {a.dtype} of shape {a.shape}; give {picture.dtype} of shape {picture.shape[:2]}")
+            raise ImageError(
+                f"alpha of {label} is {a.dtype} of shape {a.shape}; give {picture.dtype} of shape "
+                f"{picture.shape[:2]}"
+            )
         present.append(np.ones(picture.shape[:2], bool) if a is None else a > 0)
         usable.append(present[-1] if m is None else present[-1] & m)
     if not any(pixels.any() for pixels in usable):
         raise ImageError(
-            f"nothing of {name} may be sampled: its mask is empty, or it is transparent everywhere; paint the mask white somewhere"
+            f"nothing of {name} may be sampled: its mask is empty, or it is transparent everywhere; paint "
+            "the mask white somewhere"
         )
-    has_alpha = any(a is not None and (a[pixels] < full_scale(a.dtype)).any() for a, pixels in zip(opacity, usable, strict=True))
+    has_alpha = any(
+        a is not None and (a[pixels] < full_scale(a.dtype)).any()
+        for a, pixels in zip(opacity, usable, strict=True)
+    )
     if has_alpha:
-        planes.append(tuple(
-            (np.full(shape, full_scale(planes[0][0].dtype), planes[0][0].dtype) if a is None else a)[..., np.newaxis]
-            for a, shape in zip(opacity, shapes, strict=True)
-        ))  # fmt: skip
+        planes.append(
+            tuple(
+                (np.full(shape, full_scale(planes[0][0].dtype), planes[0][0].dtype) if a is None else a)[
+                    ..., np.newaxis
+                ]
+                for a, shape in zip(opacity, shapes, strict=True)
+            )
+        )
         gray.append(True)
         factors = [*factors, 1.0]
+        white = [*white, float(full_scale(planes[-1][0].dtype))]
     features = []
     for exemplar in range(count):
+        labels = [names[exemplar], *(f"map {number}" for number in range(1, len(maps) + 1)), "alpha"][
+            : len(planes)
+        ]
         channels = [
-            as_float(np.where(present[exemplar][..., np.newaxis], plane[exemplar], 0), names[exemplar]) * np.float32(np.sqrt(factor))
-            for plane, factor in zip(planes, factors, strict=True)
+            as_float(np.where(present[exemplar][..., np.newaxis], plane[exemplar], 0), label, one)
+            * np.float32(np.sqrt(factor))
+            for label, plane, factor, one in zip(labels, planes, factors, white, strict=True)
             if factor > 0
         ]
         features.append(np.concatenate(channels, axis=2))
     return Sources(
-        planes=tuple(planes), gray=tuple(gray), features=tuple(features), present=tuple(present), usable=tuple(usable), has_alpha=has_alpha,
-    )  # fmt: skip
+        planes=tuple(planes),
+        gray=tuple(gray),
+        features=tuple(features),
+        present=tuple(present),
+        usable=tuple(usable),
+        has_alpha=has_alpha,
+    )
 
 
 def check_varied(sources: Sources, name: str = "source") -> None:
@@ -151,17 +192,18 @@ def check_varied(sources: Sources, name: str = "source") -> None:
     """
     seen = [values[usable] for values, usable in zip(sources.features, sources.usable, strict=True)]
     if all(len(values) == 0 or (values == seen[0][:1]).all() for values in seen):
-        raise ImageError(f"{name} has one value everywhere, so there is nothing to make a texture of; give a picture with some structure")
+        raise ImageError(
+            f"{name} has one value everywhere, so there is nothing to make a texture of; give a picture with "
+            "some structure"
+        )
 
 
 def _picture(image: npt.ArrayLike, name: str) -> Image:
-    array = np.asarray(image)
-    if array.ndim not in (2, 3) or 0 in array.shape:
-        raise ImageError(f"{name} has shape {array.shape}; pass a non-empty (H, W) or (H, W, C) array")
+    array = as_array(image, name)
     if array.ndim == 3 and array.shape[2] not in (1, 3):
-        raise ImageError(f"{name} has {array.shape[2]} channels; pass gray or RGB, and opacity apart as alpha")
-    if array.dtype != bool and not np.issubdtype(array.dtype, np.integer) and not np.issubdtype(array.dtype, np.floating):
-        raise ImageError(f"{name} has dtype {array.dtype}; pass integers or floats")
+        raise ImageError(
+            f"{name} has {array.shape[2]} channels; pass gray or RGB, and opacity apart as alpha"
+        )
     return array
 
 
@@ -178,9 +220,35 @@ def _alike(images: Sequence[Image], names: Sequence[str]) -> tuple[npt.NDArray[A
 def _weights(weights: Sequence[float] | None, count: int) -> list[float]:
     if weights is None:
         return [1.0] * count
-    found = [float(weight) for weight in weights]
+    found = [check_number("one of the weights", weight, 0) for weight in _several(weights, "weights")]
     if len(found) != count:
-        raise OptionError(f"{len(found)} weights were given for {count} maps; give one for the picture and one for each further map")
-    if not all(np.isfinite(weight) and weight >= 0 for weight in found) or not any(found):
-        raise OptionError(f"the weights are {', '.join(f'{weight:g}' for weight in found)}; give numbers from 0 up, at least one above 0")
+        raise OptionError(
+            f"{len(found)} weights were given for {count} maps; give one for the picture and one for each "
+            "further map"
+        )
+    if not any(found):
+        raise OptionError(
+            f"the weights are {', '.join(f'{weight:g}' for weight in found)}; give at least one above 0"
+        )
     return found
+
+
+def _white(data_range: DataRange, count: int) -> list[float | None]:
+    """What counts as white in each of the maps."""
+    if data_range is None or not isinstance(data_range, Sequence | np.ndarray):
+        given: list[Any] = [data_range] + [None] * (count - 1)
+    else:
+        given = _several(data_range, "data_range")
+    if len(given) != count:
+        raise OptionError(
+            f"data_range has {len(given)} values for {count} maps; give one for the picture and one for each "
+            "further map"
+        )
+    return [None if one is None else check_number("data_range", one, 0, above=True) for one in given]
+
+
+def _several(values: Any, name: str) -> list[Any]:
+    items = list(check_items(name, values, object, "a list with one number per map"))
+    if any(isinstance(item, Sequence | np.ndarray) for item in items):
+        raise OptionError(f"{name} is a list of lists; pass a list with one number per map")
+    return items

@@ -1,4 +1,6 @@
-"""The result of laying patches: the picture and its maps, where every pixel came from, and the seams between the patches."""
+"""The result of laying patches: the picture and its maps, where every pixel came from, and the seams between
+the patches.
+"""
 
 from __future__ import annotations
 
@@ -12,18 +14,31 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from toposeam.checks import check_whole
+from toposeam.display import to_png
 from toposeam.errors import ImageError
-from toposeam.images import Image, Mask
+from toposeam.images import Image, Mask, as_array
+from toposeam.saving import save
 from toposeam.texture.atlas import Atlas, Ints32
 from toposeam.texture.rendering import render
 from toposeam.texture.sources import Images, as_list
+from toposeam.texture.tileable import Tileable, wraps_of
 from toposeam.vector.polyline import Polyline, trace_boundary
 from toposeam.vector.svg import write_svg
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Synthesis:
-    """A picture made of patches of exemplars."""
+    """A picture made of patches of exemplars.
+
+    Examples
+    --------
+    >>> import numpy as np, toposeam as ts
+    >>> sample = np.random.default_rng(0).random((48, 48))
+    >>> grown = ts.synthesize(sample, (60, 70), patch=20)
+    >>> grown.image.shape, grown.source.shape
+    ((60, 70), (60, 70, 2))
+    """
 
     #: (H, W) or (H, W, C), dtype and channels of the exemplars.
     image: Image
@@ -31,7 +46,8 @@ class Synthesis:
     alpha: npt.NDArray[Any] | None = None
     #: The further maps, made of the same patches along the same seams.
     maps: tuple[Image, ...] = ()
-    #: (H, W) int32, number of the patch that shows. In pictures that were only mended, 0 is what was there.
+    #: (H, W) int32, number of the patch that shows; patches that continue one another as one copy have one
+    #: number. In pictures that were only mended, 0 is what was there.
     labels: Ints32
     #: (H, W, 2) int32, row and column of the exemplar's pixel that shows.
     source: Ints32
@@ -46,8 +62,17 @@ class Synthesis:
     #: px to either side of a seam in which neighbouring patches are mixed.
     smooth: int = 1
     #: (H, W) bool: pixels that may differ from the picture given; None means all.
-    changed: Mask | None = field(default=None, repr=False)
-    atlas: Atlas = field(repr=False)
+    changed: Mask | None = field(default=None)
+    atlas: Atlas
+
+    def __repr__(self) -> str:
+        height, width = self.labels.shape
+        h, w = self.patch
+        return f"<Synthesis: {width} × {height} px, {self.count} patches of {w} × {h} px>"
+
+    def _repr_png_(self) -> bytes:
+        """The picture itself: seams are all over a texture and would hide it; ``to_svg`` shows them."""
+        return to_png(self.image, self.alpha)
 
     @property
     def count(self) -> int:
@@ -80,7 +105,7 @@ class Synthesis:
         height, width = self.labels.shape
         text = write_svg(self.paths, width, height, self.settings)
         if path is not None:
-            Path(path).write_text(text, encoding="utf-8")
+            save(path, text)
         return text
 
     def apply(self, images: Images) -> Image:
@@ -103,7 +128,10 @@ class Synthesis:
         found = _of_one_kind(images, len(self.atlas.shapes))
         for image, (height, width) in zip(found, self.atlas.shapes.tolist(), strict=True):
             if image.shape[:2] != (height, width):
-                raise ImageError(f"an image has shape {image.shape}, but its exemplar is {width} × {height} px; scale it to that size")
+                raise ImageError(
+                    f"an image has shape {image.shape}, but its exemplar is {width} × {height} px; scale it "
+                    "to that size"
+                )
         deep = [image[..., np.newaxis] if image.ndim == 2 else image for image in found]
         made = self._render(deep)
         return made[..., 0] if found[0].ndim == 2 else made
@@ -117,9 +145,13 @@ class Synthesis:
 
 
 def apply_coordinates(
-    images: Images, source: npt.ArrayLike, exemplar: npt.ArrayLike | None = None, *, wraps: tuple[bool, bool] = (False, False),
+    images: Images,
+    source: npt.ArrayLike,
+    exemplar: npt.ArrayLike | None = None,
+    *,
+    tileable: Tileable = "none",
     smooth: int = 1,
-) -> Image:  # fmt: skip
+) -> Image:
     """Cut pictures as another synthesis was cut, from its source coordinates alone.
 
     Parameters
@@ -129,8 +161,8 @@ def apply_coordinates(
         Row and column of the pixel to show, as in :attr:`Synthesis.source`.
     exemplar : (H', W') integer array_like, optional
         Number of the image it is taken from; 0 everywhere without it.
-    wraps : (bool, bool)
-        Whether rows and whether columns continue at the opposite border; matters for the mixing at seams there.
+    tileable : {"both", "x", "y", "none"} or bool
+        On which axes the texture continues at the opposite border; matters for the mixing at seams there.
     smooth : int
         px to either side of a seam in which neighbouring patches are mixed.
 
@@ -142,30 +174,49 @@ def apply_coordinates(
     ------
     ImageError
         For images that differ in kind, or coordinates beyond them.
+
+    Examples
+    --------
+    >>> import numpy as np, toposeam as ts
+    >>> sample, height = np.random.default_rng(0).random((2, 48, 48))
+    >>> grown = ts.synthesize(sample, (60, 60), patch=20)
+    >>> ts.apply_coordinates(height, grown.source).shape
+    (60, 60)
     """
+    wraps, smooth = wraps_of(tileable), check_whole("smooth", smooth, 0, 8)
     place = np.asarray(source)
     if place.ndim != 3 or place.shape[2] != 2 or not np.issubdtype(place.dtype, np.integer):
-        raise ImageError(f"source has shape {place.shape} and dtype {place.dtype}; pass (H, W, 2) whole numbers, row and column")
-    number = np.zeros(place.shape[:2], np.int16) if exemplar is None else np.asarray(exemplar).astype(np.int16)
+        raise ImageError(
+            f"source has shape {place.shape} and dtype {place.dtype}; pass (H, W, 2) whole numbers, row and "
+            "column"
+        )
+    number = (
+        np.zeros(place.shape[:2], np.int16) if exemplar is None else np.asarray(exemplar).astype(np.int16)
+    )
     if number.shape != place.shape[:2]:
-        raise ImageError(f"exemplar has shape {number.shape}, the coordinates {place.shape[:2]}; pass one value per pixel")
+        raise ImageError(
+            f"exemplar has shape {number.shape}, the coordinates {place.shape[:2]}; pass one value per pixel"
+        )
     several = list(images) if isinstance(images, list | tuple) else [images]
     found = _of_one_kind(images, len(several))
     shapes = np.array([image.shape[:2] for image in found])
     if number.min() < 0 or number.max() >= len(found) or (place < 0).any() or (place >= shapes[number]).any():
         sizes = ", ".join(f"{width} × {height}" for height, width in shapes.tolist())
-        raise ImageError(f"the coordinates point beyond the pictures ({sizes} px); give pictures of the size of those they were made with")
+        raise ImageError(
+            f"the coordinates point beyond the pictures ({sizes} px); give pictures of the size of those "
+            "they were made with"
+        )
     atlas = Atlas.of([np.ones(image.shape[:2], bool) for image in found], 2)
     deep = [image[..., np.newaxis] if image.ndim == 2 else image for image in found]
-    made = render(atlas.index_of(number, place.astype(np.int32)), atlas.spread(deep), atlas.usable, wraps, smooth)
+    made = render(
+        atlas.index_of(number, place.astype(np.int32)), atlas.spread(deep), atlas.usable, wraps, smooth
+    )
     return made[..., 0] if found[0].ndim == 2 else made
 
 
 def _of_one_kind(images: Images, count: int) -> list[npt.NDArray[Any]]:
     """One array per exemplar, alike in dtype and channels."""
-    found = [np.asarray(image) for image in as_list(images, count, "images")]
-    if any(image.ndim not in (2, 3) or 0 in image.shape for image in found):
-        raise ImageError("an image is empty or has neither two nor three axes; pass non-empty (H, W) or (H, W, C) arrays")
+    found = [as_array(image, "an image") for image in as_list(images, count, "images")]
     if len({(image.dtype, image.shape[2:]) for image in found}) > 1:
         raise ImageError("the images differ in dtype or channels; convert them to one")
     return found

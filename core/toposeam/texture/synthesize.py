@@ -2,50 +2,53 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.checks import Seed, check_choice, check_number, check_pair, check_whole, options_from, seed_of
 from toposeam.errors import ImageError, OptionError
-from toposeam.images import as_float, full_scale
-from toposeam.layers.composite import MAX_PIXELS
+from toposeam.images import MAX_PIXELS, as_array, as_float, full_scale
 from toposeam.texture.atlas import Atlas
-from toposeam.texture.canvas import Canvas
+from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.closing import closing_guide, order_axis
-from toposeam.texture.lay import Guide, Layer, LayOptions
+from toposeam.texture.lay import Guide, LayOptions, PatchPlacer
+from toposeam.texture.light import flatten_light, has_slow_light, levelled_copies, without_light
 from toposeam.texture.mend import mend
 from toposeam.texture.raster import lay_all, patches_along
-from toposeam.texture.rendering import render
-from toposeam.texture.scale import natural_patch
-from toposeam.texture.sources import Images, Sources, as_list, check_varied, read_sources
+from toposeam.texture.rendering import Lift, render
+from toposeam.texture.scale import SMALLEST_PATCH, patch_for
+from toposeam.texture.sources import DataRange, Images, Sources, as_list, check_varied, read_sources
 from toposeam.texture.synthesis import Synthesis
-
-Tileable = bool | Literal["x", "y"]
-#: Sides of a patch are at least this many px.
-SMALLEST_PATCH = 4
+from toposeam.texture.tileable import Tileable, wraps_of
 
 
 def synthesize(
     source: Images,
     size: int | tuple[int, int],
-    patch: int | None = 40,
-    overlap: int | None = None,
-    seed: int = 0,
-    tileable: Tileable = False,
     *,
+    patch: int | None = None,
+    overlap: float | None = None,
+    seed: Seed = 0,
+    tileable: Tileable = "none",
     alpha: Images | None = None,
-    mask: Images | None = None,
+    source_mask: Images | None = None,
     maps: Sequence[Images] = (),
     weights: Sequence[float] | None = None,
+    data_range: DataRange = None,
     guide: npt.ArrayLike | None = None,
     guide_source: Images | None = None,
     guide_weight: float = 0.5,
     smooth: int = 1,
-    max_pixels: int = MAX_PIXELS,
+    flatten: bool = False,
+    level: bool | None = None,
+    max_megapixels: float = MAX_PIXELS / 1e6,
     progress: Callable[[float], None] | None = None,
-    **options: Any,
+    options: LayOptions | None = None,
+    **given_options: Any,
 ) -> Synthesis:
     """Grow a texture of any size from one or more samples.
 
@@ -58,32 +61,45 @@ def synthesize(
     size : int or (int, int)
         Height and width of the texture, px.
     patch : int, optional
-        Side of a patch, px; None chooses by the size of the texture's elements. Cut to the texture where that is smaller.
-    overlap : int, optional
-        How far neighbouring patches overlap, px; by default a quarter of the patch.
-    seed : int
-        The same seed gives the same bytes.
-    tileable : bool or {"x", "y"}
-        Whether the texture continues at the opposite border, on both axes or one.
-    alpha, mask : (H, W) array_like, or a list with one per exemplar
-        Opacity, which is laid with the patches, and where to sample; by default wherever the opacity is above 0.
+        Side of a patch, px; by default by the size of the texture's elements (:func:`natural_patch`). Cut to
+        the texture where that is smaller.
+    overlap : int or float, optional
+        How far neighbouring patches overlap, px, or below 1 as a share of the patch; by default a quarter.
+    seed : int, Generator or None
+        The same seed gives the same bytes; the result keeps it.
+    tileable : {"both", "x", "y", "none"} or bool
+        On which axes the texture continues at the opposite border.
+    alpha, source_mask : (H, W) array_like, or a list with one per exemplar
+        Opacity, which is laid with the patches, and what may be copied; by default whatever has an opacity
+        above 0.
     maps : sequence
-        Further maps of the same exemplars (normals, roughness …), each an array or a list with one per exemplar.
+        Further maps of the same exemplars (normals, roughness …), each an array or a list with one per
+        exemplar.
     weights : sequence of float, optional
         How much the picture and each map count in the search and in the seams; 1 each by default.
+    data_range : float, or sequence of float or None, optional
+        The value that counts as white in the picture, or in the picture and each map: needed for integers
+        other than uint8 and uint16, and for floats beyond ±2.
     guide, guide_source : array_like
-        What is wanted, on the texture's canvas, and what the exemplars' pixels stand for, in the same terms: (H, W) or (H, W, G) each. Each
-        patch is then also chosen for how well its piece of `guide_source` agrees with `guide` there.
+        What is wanted, on the texture's canvas, and what the exemplars' pixels stand for, in the same terms:
+        (H, W) or (H, W, G) each. Each patch is then also chosen for how well its piece of `guide_source`
+        agrees with `guide` there.
     guide_weight : float
         Share of the guide in that choice, in [0, 1].
     smooth : int
         px to either side of a seam in which neighbouring patches are mixed; 0 for hard cuts.
-    max_pixels : int
+    flatten : bool
+        Take slow light out of the exemplars first (:func:`toposeam.flatten_light`); not out of maps.
+    level : bool, optional
+        Whether light is levelled between patches (:mod:`toposeam.texture.light`), which changes colours a
+        little; by default where the exemplars have slow light and no guide is given. Maps never are: for
+        exemplars whose values are no colours, say False.
+    max_megapixels : float
         Refuse a larger texture.
     progress : callable, optional
-        Called with the share of the patches laid.
-    **options
-        Fields of :class:`LayOptions`.
+        Called with the share of the work done, in [0, 1].
+    options : LayOptions, optional
+        How patches are chosen and cut; or its fields as keywords.
 
     Returns
     -------
@@ -103,37 +119,69 @@ def synthesize(
     >>> ts.synthesize(sample, (60, 80), patch=24, tileable="x").image.shape
     (60, 80)
     """
-    height, width = _size(size, max_pixels)
-    if tileable not in (False, True, "x", "y"):
-        raise OptionError(f"tileable is {tileable!r}; choose False, True, 'x' or 'y'")
-    if not 0 <= smooth <= 8:
-        raise OptionError(f"smooth is {smooth}; choose 0 to 8 px")
-    wraps = (tileable in (True, "y"), tileable in (True, "x"))
-    sources = read_sources(source, alpha=alpha, mask=mask, maps=maps, weights=weights)
+    height, width = _size(size, max_megapixels)
+    wraps, seed, smooth = wraps_of(tileable), seed_of(seed), check_whole("smooth", smooth, 0, 8)
+    chosen = options_from(LayOptions, options, given_options, "synthesize")
+    check_choice("flatten", flatten, (True, False))
+    check_choice("level", level, (True, False, None))
+    if flatten:
+        source = _flat(source, source_mask)
+    sources = read_sources(
+        source, alpha=alpha, mask=source_mask, maps=maps, weights=weights, data_range=data_range
+    )
     check_varied(sources)
-    chosen = lay_options(options)
-    side = natural_patch(sources.features, sources.usable, sources.shapes) if patch is None else patch
-    side, overlap = check_patch(sources, side, overlap)
+    side, overlap = check_patch(sources, patch, overlap)
     atlas = Atlas.of(sources.present, chosen.context, sources.usable)
+    if level is None:
+        level = guide is None and any(map(has_slow_light, sources.features, sources.usable))
+    if level:
+        even = tuple(map(without_light, sources.features, sources.present, sources.usable))
+        sources = dataclasses.replace(sources, features=even)
     features = atlas.spread(sources.features)
     given = _guide(guide, guide_source, guide_weight, atlas, sources, (height, width))
-    rows, columns = patches_along(height, side, overlap, wraps[0]), patches_along(width, side, overlap, wraps[1])
+    rows, columns = (
+        patches_along(height, side, overlap, wraps[0]),
+        patches_along(width, side, overlap, wraps[1]),
+    )
     report = _Stages(progress)
     axis = None
     if given is None and chosen.close and any(wraps) and min(height, width) >= 4 * side:
         axis = order_axis(sources.features[0], sources.usable[0])
     if axis is not None and wraps[axis]:
-        given = closing_guide(sources, atlas, chosen, (height, width), wraps, axis, side, overlap, seed, report.stage(0.0, 0.3))
-    canvas = Canvas((height, width), wraps, atlas.usable.size)
-    layer = Layer(atlas, features, canvas, chosen, np.random.default_rng(seed), height * width, given)
+        given = closing_guide(
+            sources, atlas, chosen, (height, width), wraps, axis, side, overlap, seed, report.stage(0.0, 0.3)
+        )
+    canvas = IndexCanvas((height, width), wraps, atlas.usable.size)
+    placer = PatchPlacer(atlas, features, canvas, chosen, np.random.default_rng(seed), height * width, given)
     shape = rows[0], columns[0]
-    if not layer.search.room(shape).any():
-        raise ImageError(f"no place in the mask has room for a patch of {shape[1]} × {shape[0]} px; use smaller patches or a larger mask")
-    lay_all(layer, side, overlap, 0, report.stage(report.done, 0.9))
-    mend(layer, shape, round(chosen.mend * len(rows[1]) * len(columns[1])), report.stage(0.9, 1.0))
+    if not placer.search.room(shape).any():
+        raise ImageError(
+            f"no place in the mask has room for a patch of {shape[1]} × {shape[0]} px; use smaller patches "
+            "or a larger mask"
+        )
+    lay_all(placer, side, overlap, 0, report.stage(report.done, 0.9))
+    mend(placer, shape, round(chosen.mend * len(rows[1]) * len(columns[1])), report.stage(0.9, 1.0))
     report.finish()
-    settings = {"patch": side, "overlap": overlap, "seed": seed, "tileable": tileable, "smooth": smooth, **settings_of(chosen)}
-    return finish(sources, atlas, canvas, shape, settings, smooth)
+    settings = {
+        "patch": side,
+        "overlap": overlap,
+        "seed": seed,
+        "tileable": tileable,
+        "smooth": smooth,
+        **settings_of(chosen),
+    }
+    settings |= {"flatten": flatten, "level": level}
+    lift = None
+    if level:
+        plane = atlas.spread(sources.planes[0]).astype(np.float32)
+        lift = levelled_copies(plane, features, atlas, canvas.index, canvas.copy_labels(), wraps)
+    return finish(sources, atlas, canvas, shape, settings, smooth, lift=lift)
+
+
+def _flat(source: Images, mask: Images | None) -> Images:
+    several: list[Any] = list(source) if isinstance(source, list | tuple) else [source]
+    masks = as_list(mask, len(several), "source_mask")
+    return [flatten_light(image, source_mask=where) for image, where in zip(several, masks, strict=True)]
 
 
 class _Stages:
@@ -159,13 +207,20 @@ class _Stages:
 
 
 def finish(
-    sources: Sources, atlas: Atlas, canvas: Canvas, patch: tuple[int, int], settings: dict[str, Any], smooth: int,
+    sources: Sources,
+    atlas: Atlas,
+    canvas: IndexCanvas,
+    patch: tuple[int, int],
+    settings: dict[str, Any],
+    smooth: int,
     changed: npt.NDArray[np.bool_] | None = None,
-) -> Synthesis:  # fmt: skip
-    """Every map, made of what the canvas shows."""
-    made = []
+    lift: Lift | None = None,
+) -> Synthesis:
+    """Every map, made of what the canvas shows; the first one, the picture, may be given light."""
+    made: list[npt.NDArray[Any]] = []
     for images, gray in zip(sources.planes, sources.gray, strict=True):
-        picture = render(canvas.index, atlas.spread(images), atlas.usable, canvas.wrap, smooth)
+        light = lift if not made else None
+        picture = render(canvas.index, atlas.spread(images), atlas.usable, canvas.wrap, smooth, light)
         if changed is not None:
             np.copyto(picture, images[0], where=~changed[..., np.newaxis])
         made.append(picture[..., 0] if gray else picture)
@@ -174,24 +229,19 @@ def finish(
         alpha = canvas.ground * full_scale(made[0].dtype)
     exemplar, place = atlas.locate(canvas.index)
     return Synthesis(
-        image=made[0], alpha=alpha, maps=tuple(made[1:]), labels=canvas.labels, source=place, exemplar=exemplar, wraps=canvas.wrap,
-        patch=patch, settings=settings, smooth=smooth, changed=changed, atlas=atlas,
-    )  # fmt: skip
-
-
-def lay_options(options: dict[str, Any]) -> LayOptions:
-    """The options of laying, by name.
-
-    Raises
-    ------
-    OptionError
-        For a name that is none, or a value out of range.
-    """
-    known = LayOptions.__dataclass_fields__
-    unknown = sorted(set(options) - set(known))
-    if unknown:
-        raise OptionError(f"{', '.join(unknown)} is not an option; there are {', '.join(known)}")
-    return LayOptions(**options)
+        image=made[0],
+        alpha=alpha,
+        maps=tuple(made[1:]),
+        labels=canvas.copy_labels(),
+        source=place,
+        exemplar=exemplar,
+        wraps=canvas.wrap,
+        patch=patch,
+        settings=settings,
+        smooth=smooth,
+        changed=changed,
+        atlas=atlas,
+    )
 
 
 def settings_of(options: LayOptions) -> dict[str, Any]:
@@ -199,8 +249,8 @@ def settings_of(options: LayOptions) -> dict[str, Any]:
     return {name: getattr(options, name) for name in LayOptions.__dataclass_fields__ if name != "cost"}
 
 
-def check_patch(sources: Sources, patch: int, overlap: int | None) -> tuple[int, int]:
-    """Patch and overlap in px, with the default resolved.
+def check_patch(sources: Sources, patch: int | None, overlap: float | None) -> tuple[int, int]:
+    """Patch and overlap in px, with the defaults resolved.
 
     Raises
     ------
@@ -211,57 +261,94 @@ def check_patch(sources: Sources, patch: int, overlap: int | None) -> tuple[int,
     """
     height, width = max(sources.shapes, key=min)
     if min(height, width) < SMALLEST_PATCH:
-        raise ImageError(f"the source is {width} × {height} px; to copy patches from it needs at least {SMALLEST_PATCH} px a side")
-    if int(patch) != patch or patch < SMALLEST_PATCH:
-        raise OptionError(f"patch is {patch}; give a whole number of px, at least {SMALLEST_PATCH}")
-    overlap = max(2, patch // 4) if overlap is None else overlap
-    if int(overlap) != overlap or not 2 <= overlap < patch:
-        raise OptionError(
-            f"overlap is {overlap} with patches of {patch} px; give a whole number from 2 to {patch - 1} px, usually a quarter"
+        raise ImageError(
+            f"the source is {width} × {height} px; to copy patches from it needs at least {SMALLEST_PATCH} "
+            "px a side"
         )
+    if patch is None:
+        patch = patch_for(sources.features, sources.usable, sources.shapes)
+    patch = check_whole("patch", patch, SMALLEST_PATCH)
+    if overlap is None:
+        overlap = max(2, patch // 4)
+    elif isinstance(overlap, float | np.floating) and 0 < overlap < 1:
+        overlap = max(2, round(overlap * patch))
+    try:
+        lap = check_whole("overlap", overlap, 2, patch - 1)
+    except OptionError as error:
+        raise OptionError(
+            f"overlap is {overlap!r} with patches of {patch} px; give a whole number from 2 to {patch - 1} "
+            "px, usually a quarter"
+        ) from error
     if patch > min(height, width):
         raise ImageError(
-            f"the source is {width} × {height} px, smaller than a patch of {patch} px; use a patch of {min(height, width)} px or less"
+            f"the source is {width} × {height} px, smaller than a patch of {patch} px; use a patch of "
+            f"{min(height, width)} px or less"
         )
-    return int(patch), int(overlap)
+    return patch, lap
 
 
-def _size(size: int | tuple[int, int], max_pixels: int) -> tuple[int, int]:
-    given = tuple(size) if isinstance(size, tuple | list) else (size, size)
-    if len(given) != 2 or not all(isinstance(length, int | np.integer) and length >= 1 for length in given):
-        raise OptionError(f"size is {size}; give height and width as whole numbers of px, 1 or more")
-    height, width = int(given[0]), int(given[1])
-    if height * width > max_pixels:
+def _size(size: int | tuple[int, int], max_megapixels: float) -> tuple[int, int]:
+    check_number("max_megapixels", max_megapixels, 0, above=True, infinite=True)
+    given = size if isinstance(size, tuple | list) else (size, size)
+    try:
+        height, width = check_pair("size", given, 1)
+    except OptionError as error:
         raise OptionError(
-            f"a texture of {width} × {height} px has more than {max_pixels} pixels; make a smaller one that repeats, and repeat it"
+            f"size is {' '.join(repr(size).split())[:60]}; give height and width as whole numbers of px, 1 "
+            "or more"
+        ) from error
+    if height * width > max_megapixels * 1e6:
+        raise OptionError(
+            f"a texture of {width} × {height} px has more than {max_megapixels:g} megapixels; make a smaller "
+            "one that repeats, and repeat it"
         )
     return height, width
 
 
 def _guide(
-    guide: npt.ArrayLike | None, guide_source: Images | None, weight: float, atlas: Atlas, sources: Sources, size: tuple[int, int]
+    guide: npt.ArrayLike | None,
+    guide_source: Images | None,
+    weight: float,
+    atlas: Atlas,
+    sources: Sources,
+    size: tuple[int, int],
 ) -> Guide | None:
     if guide is None and guide_source is None:
         return None
     if guide is None or guide_source is None:
-        raise OptionError("guide and guide_source belong together: what is wanted, and what the source's pixels stand for; give both")
-    if not 0 <= weight <= 1:
-        raise OptionError(f"guide_weight is {weight}; choose a share from 0 to 1")
-    target = as_float(guide, "guide")
+        raise OptionError(
+            "guide and guide_source belong together: what is wanted, and what the source's pixels stand for; "
+            "give both"
+        )
+    check_number("guide_weight", weight, 0, 1)
+    target = _terms(guide, "guide")
     if target.shape[:2] != size:
-        raise ImageError(f"guide is {target.shape[1]} × {target.shape[0]} px, but the texture {size[1]} × {size[0]} px; make them one size")
+        raise ImageError(
+            f"guide is {target.shape[1]} × {target.shape[0]} px, but the texture {size[1]} × {size[0]} px; "
+            "make them one size"
+        )
     stands = []
-    for image, (height, width) in zip(as_list(guide_source, len(sources.shapes), "guide_source"), sources.shapes, strict=True):
-        values = as_float(np.asarray(image), "guide_source")
+    for image, (height, width) in zip(
+        as_list(guide_source, len(sources.shapes), "guide_source"), sources.shapes, strict=True
+    ):
+        values = _terms(image, "guide_source")
         if values.shape[:2] != (height, width):
             raise ImageError(
-                f"guide_source is {values.shape[1]} × {values.shape[0]} px, but its source {width} × {height} px; make them one size"
+                f"guide_source is {values.shape[1]} × {values.shape[0]} px, but its source {width} × "
+                f"{height} px; make them one size"
             )
         if values.shape[2] != target.shape[2]:
             raise ImageError(
-                f"guide has {target.shape[2]} channels and guide_source {values.shape[2]}; convert both to gray, or both to RGB"
+                f"guide has {target.shape[2]} channels and guide_source {values.shape[2]}; convert both to "
+                "gray, or both to RGB"
             )
         stands.append(values)
     plane = atlas.spread(stands)
     plane[~atlas.usable] = 0
     return Guide(source=plane, target=target, weight=weight)
+
+
+def _terms(image: npt.ArrayLike, name: str) -> npt.NDArray[np.float32]:
+    """A guide as floats; what counts as white does not matter, as long as both agree."""
+    array = as_array(image, name)
+    return as_float(array, name, 1.0 if np.issubdtype(array.dtype, np.floating) else None)

@@ -1,8 +1,9 @@
 r"""Contours of a density as smooth closed paths that repeat exactly.
 
-Marching squares gives a polygon per contour; stretches of it become cubic Bézier curves, fitted by least squares with the ends' tangents
-held (Schneider 1990, *An algorithm for automatically fitting digitized curves*, Graphics Gems). Where a stretch begins and ends depends
-only on where it lies in the repeated cell, so that the contours to the left and right of a border are the same curve.
+Marching squares gives a polygon per contour; stretches of it become cubic Bézier curves, fitted by least
+squares with the ends' tangents held (Schneider 1990, *An algorithm for automatically fitting digitized
+curves*, Graphics Gems). Where a stretch begins and ends depends only on where it lies in the repeated cell,
+so that the contours to the left and right of a border are the same curve.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.errors import ImageError, OptionError
+from toposeam.checks import check_range
+from toposeam.errors import ImageError
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -20,7 +22,8 @@ Mask = npt.NDArray[np.bool_]
 
 #: Curves end where a contour crosses every so manieth row or column of pixel centres, px.
 ANCHORS_PX = 12
-#: How far the contours of a periodic density go on beyond its border, px: no curve that enters the picture is cut.
+#: How far the contours of a periodic density go on beyond its border, px: no curve that enters the picture is
+#: cut.
 MARGIN_PX = ANCHORS_PX + 4
 #: Farthest a curve may be from its polygon.
 TOLERANCE_PX = 0.25
@@ -30,20 +33,25 @@ TOLERANCE_PX = 0.25
 class CurvePath:
     """Closed loops of cubic Bézier curves, filled by the even-odd rule.
 
-    `curves` is (N, 4, 2): start, two handles and end of every curve, x and y in px; `starts` holds the number of each loop's first curve.
+    `curves` is (N, 4, 2): start, two handles and end of every curve, x and y in px; `starts` holds the number
+    of each loop's first curve.
     """
 
     curves: Floats
     starts: Ints
 
     def data(self, scale: float = 1.0, digits: int = 2) -> str:
-        """SVG path data, coordinates times `scale`, rounded to that many digits; every loop ends where it began."""
+        """SVG path data, coordinates times `scale`, rounded to that many digits; every loop ends where it
+        began.
+        """
         units = np.rint(self.curves * (scale * 10**digits)).astype(np.int64)
         loops = np.split(units, self.starts[1:]) if len(units) else []
         return " ".join(_loop_data(loop, digits) for loop in loops)
 
 
-def contour(density: npt.ArrayLike, level: float, *, periodic: bool = True, tolerance_px: float = TOLERANCE_PX) -> CurvePath:
+def contour(
+    density: npt.ArrayLike, level: float, *, periodic: bool = True, tolerance_px: float = TOLERANCE_PX
+) -> CurvePath:
     """The boundary of where a density exceeds a level.
 
     Parameters
@@ -52,8 +60,9 @@ def contour(density: npt.ArrayLike, level: float, *, periodic: bool = True, tole
         Values at pixel centres: row y, column x lies at (x + 1/2, y + 1/2).
     level : float
     periodic : bool
-        Whether the density continues with its opposite side beyond each border; the contours then go on for `MARGIN_PX` there, and curves
-        that start a period apart are the same. Otherwise the border's values go on.
+        Whether the density continues with its opposite side beyond each border; the contours then go on for
+        `MARGIN_PX` there, and curves that start a period apart are the same. Otherwise the border's values go
+        on.
     tolerance_px : float
         Farthest a curve may be from the polygon of marching squares, positive.
 
@@ -72,16 +81,21 @@ def contour(density: npt.ArrayLike, level: float, *, periodic: bool = True, tole
     values = np.asarray(density, np.float64)
     if values.ndim != 2 or not values.size:
         raise ImageError(f"density has shape {values.shape}; pass a non-empty (H, W) array")
-    return contour_beyond(np.pad(values, MARGIN_PX, mode="wrap" if periodic else "edge"), level, tolerance_px=tolerance_px)
+    return contour_beyond(
+        np.pad(values, MARGIN_PX, mode="wrap" if periodic else "edge"), level, tolerance_px=tolerance_px
+    )
 
 
 def contour_beyond(window: npt.ArrayLike, level: float, *, tolerance_px: float = TOLERANCE_PX) -> CurvePath:
-    """As :func:`contour`, for a density that has its neighbours round it already: (H + 2m, W + 2m) values, m = `MARGIN_PX`."""
+    """As :func:`contour`, for a density that has its neighbours round it already: (H + 2m, W + 2m) values, m
+    = `MARGIN_PX`.
+    """
     values = np.asarray(window, np.float64)
     if values.ndim != 2 or min(values.shape) <= 2 * MARGIN_PX or not np.isfinite(values).all():
-        raise ImageError(f"density has shape {values.shape}, margins included; pass an (H, W) array of finite numbers")
-    if not tolerance_px > 0:
-        raise OptionError(f"tolerance_px is {tolerance_px}; it must be positive")
+        raise ImageError(
+            f"density has shape {values.shape}, margins included; pass an (H, W) array of finite numbers"
+        )
+    check_range(0, above=True, tolerance_px=tolerance_px)
     polygons = _polygons(values, level)
     if not polygons:
         return CurvePath(np.zeros((0, 4, 2)), np.zeros(0, np.int64))
@@ -99,7 +113,9 @@ def contour_beyond(window: npt.ArrayLike, level: float, *, tolerance_px: float =
 
 
 def _polygons(values: Floats, level: float) -> list[Floats]:
-    """Closed polygons round what exceeds a level, without their repeated last point, of at least three points; outside is low."""
+    """Closed polygons round what exceeds a level, without their repeated last point, of at least three
+    points; outside is low.
+    """
     from contourpy import LineType, contour_generator
 
     ring = min(level, float(values.min())) - 1e6  # contours close on the window's edge
@@ -116,7 +132,9 @@ def _polygons(values: Floats, level: float) -> list[Floats]:
 
 
 def _anchors(points: Floats, width: int, height: int) -> Mask:
-    """Which points lie on one of the rows and columns of pixel centres that end curves; periodic in the cell's size."""
+    """Which points lie on one of the rows and columns of pixel centres that end curves; periodic in the
+    cell's size.
+    """
     x, y = points.T - 0.5
     column, row = np.rint(x), np.rint(y)
     on_column = (np.abs(x - column) < 1e-9) & (column % width % ANCHORS_PX == 0)
@@ -135,7 +153,9 @@ def _outside(points: Floats, width: int, height: int) -> Mask:
 def _from_its_first_anchor(points: Floats, width: int, height: int) -> Floats:
     """A loop begins at an anchor; without one, at its topmost point (of these the leftmost)."""
     at = np.flatnonzero(_anchors(points, width, height))
-    start = int(at[0]) if len(at) else int(np.lexsort((np.round(points[:, 0], 6), np.round(points[:, 1], 6)))[0])
+    start = (
+        int(at[0]) if len(at) else int(np.lexsort((np.round(points[:, 0], 6), np.round(points[:, 1], 6)))[0])
+    )
     return np.roll(points, -start, axis=0)
 
 
@@ -166,8 +186,12 @@ def _tangents(points: Floats, begin: Ints) -> Floats:
     return tangent
 
 
-def _fit(points: Floats, begin: Ints, ends: Mask, edge: Mask, tangent: Floats, tolerance: float) -> tuple[Floats, Ints]:
-    """Curves from end to end; where one misses the polygon it is halved. Their control points, and the point each starts at."""
+def _fit(
+    points: Floats, begin: Ints, ends: Mask, edge: Mask, tangent: Floats, tolerance: float
+) -> tuple[Floats, Ints]:
+    """Curves from end to end; where one misses the polygon it is halved. Their control points, and the point
+    each starts at.
+    """
     loop_of = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
     first = np.flatnonzero(ends)
     last = np.append(first[1:], begin[-1])  # the index after a loop's last point stands for its first point
@@ -187,15 +211,19 @@ def _fit(points: Floats, begin: Ints, ends: Mask, edge: Mask, tangent: Floats, t
 
 def _curves(
     points: Floats, tangent: Floats, edge: Mask, begin: Ints, loop_of: Ints, first: Ints, last: Ints
-) -> tuple[Floats, Floats]:  # fmt: skip
-    """The best cubic curve from point `first` to point `last` of each stretch, and how far it misses the points between."""
+) -> tuple[Floats, Floats]:
+    """The best cubic curve from point `first` to point `last` of each stretch, and how far it misses the
+    points between.
+    """
     loop = loop_of[first]
     # Points of all stretches one after another, both ends included.
     count = last - first + 1
     stretch = np.repeat(np.arange(len(first)), count)
     offset = np.arange(len(stretch)) - np.repeat(np.cumsum(count) - count, count)
     index = first[stretch] + offset
-    index = np.where(index == begin[loop + 1][stretch], begin[loop][stretch], index)  # the loop's end is its beginning
+    index = np.where(
+        index == begin[loop + 1][stretch], begin[loop][stretch], index
+    )  # the loop's end is its beginning
     p = points[index]
     step = np.hypot(*np.diff(p, axis=0, prepend=p[:1]).T)
     step[offset == 0] = 0.0
@@ -212,7 +240,8 @@ def _curves(
     rest = p - (a[stretch] * (b0 + b1)[:, None] + d[stretch] * (b2 + b3)[:, None])
     n = len(first)
     c00, c01, c11, x0, x1 = (
-        np.bincount(stretch, (left * right).sum(axis=1), n) for left, right in ((a0, a0), (a0, a1), (a1, a1), (a0, rest), (a1, rest))
+        np.bincount(stretch, (left * right).sum(axis=1), n)
+        for left, right in ((a0, a0), (a0, a1), (a1, a1), (a0, rest), (a1, rest))
     )
     determinant = c00 * c11 - c01**2
     usable = determinant > 1e-9 * np.maximum(c00 * c11, 1e-300)
@@ -221,15 +250,24 @@ def _curves(
     usable &= (reach0 > 0.05 * length) & (reach1 > 0.05 * length) & (reach0 < length) & (reach1 < length)
     reach0, reach1 = np.where(usable, reach0, length / 3), np.where(usable, reach1, length / 3)
     b, c = a + t0 * reach0[:, None], d + t1 * reach1[:, None]
-    b, c = (np.where(straight[:, None], a + (d - a) * share, curved) for share, curved in ((1 / 3, b), (2 / 3, c)))
-    curve = a[stretch] * b0[:, None] + b[stretch] * b1[:, None] + c[stretch] * b2[:, None] + d[stretch] * b3[:, None]
+    b, c = (
+        np.where(straight[:, None], a + (d - a) * share, curved) for share, curved in ((1 / 3, b), (2 / 3, c))
+    )
+    curve = (
+        a[stretch] * b0[:, None]
+        + b[stretch] * b1[:, None]
+        + c[stretch] * b2[:, None]
+        + d[stretch] * b3[:, None]
+    )
     miss = np.zeros(n)
     np.maximum.at(miss, stretch, np.hypot(*(curve - p).T))
     return np.stack([a, b, c, d], axis=1), miss
 
 
 def _loop_data(loop: Ints, digits: int) -> str:
-    """One loop in relative coordinates, which are short; differences of rounded coordinates add up exactly."""
+    """One loop in relative coordinates, which are short; differences of rounded coordinates add up
+    exactly.
+    """
     begin = loop[0, 0]
     relative = (loop[:, 1:] - loop[:, :1]).reshape(-1, 6)
     unit = 10**digits

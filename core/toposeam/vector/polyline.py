@@ -1,6 +1,7 @@
 """Lines through pixel corners, and the boundary of a label map as such lines.
 
-Pixel (row y, column x) covers [x, x + 1] × [y, y + 1], so corners have integer coordinates and the picture is [0, W] × [0, H], y downwards.
+Pixel (row y, column x) covers [x, x + 1] × [y, y + 1], so corners have integer coordinates and the picture is
+[0, W] × [0, H], y downwards.
 """
 
 from __future__ import annotations
@@ -35,31 +36,77 @@ class Polyline:
     ------
     PathError
         For any other shape, or NaN or infinite coordinates.
+
+    Examples
+    --------
+    >>> import numpy as np, toposeam as ts
+    >>> line = ts.Polyline(points=np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 4.0]]))
+    >>> line.length
+    7.0
     """
 
     points: Floats
     closed: bool = False
 
     def __post_init__(self) -> None:
-        points = np.array(self.points, np.float64)
+        try:
+            points = np.array(self.points, np.float64)
+        except (TypeError, ValueError) as error:
+            raise PathError(f"points are no numbers ({error}); a path needs an (N, 2) array") from error
         if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
-            raise PathError(f"points has shape {points.shape}; a path needs an (N, 2) array of at least two points")
+            raise PathError(
+                f"points has shape {points.shape}; a path needs an (N, 2) array of at least two points"
+            )
         if not np.isfinite(points).all():
-            raise PathError("points has NaN or infinite coordinates; give every point of the path a finite x and y")
+            raise PathError(
+                "points has NaN or infinite coordinates; give every point of the path a finite x and y"
+            )
+        if not isinstance(self.closed, bool | np.bool_):
+            raise PathError(f"closed is of type {type(self.closed).__name__}; pass True or False")
         if self.closed and len(points) > 2 and (points[0] == points[-1]).all():
             points = points[:-1].copy()
         points.setflags(write=False)
         object.__setattr__(self, "points", points)
 
+    def __repr__(self) -> str:
+        return f"Polyline({len(self.points)} points, {'closed' if self.closed else 'open'})"
+
     @property
     def outline(self) -> Floats:
-        """The points in the order of travel, back to the first one where the path is closed; (N, 2) or (N + 1, 2)."""
+        """The points in the order of travel, back to the first one where the path is closed; (N, 2) or (N +
+        1, 2).
+        """
         return np.concatenate([self.points, self.points[:1]]) if self.closed else self.points
 
     @property
     def length(self) -> float:
         """Length in px."""
         return float(np.hypot(*np.diff(self.outline, axis=0).T).sum())
+
+    def simplified(self, tolerance: float) -> Polyline:
+        """The line with fewer points (Douglas and Peucker 1973, doi:10.3138/FM57-6770-U75U-7727).
+
+        Parameters
+        ----------
+        tolerance : float
+            How far a point left out may lie from the new line, px.
+
+        Returns
+        -------
+        Polyline
+            A subset of the points, with both ends; of a closed line at least three.
+
+        Examples
+        --------
+        >>> Polyline([[0, 0], [1, 0], [1, 1], [2, 1], [2, 2]]).simplified(0.75).points.tolist()
+        [[0.0, 0.0], [2.0, 2.0]]
+        """
+        if len(self.points) < 3 + self.closed:
+            return self
+        from skimage.measure import approximate_polygon
+
+        points = approximate_polygon(self.outline, tolerance)  # type: ignore[no-untyped-call]
+        return self if self.closed and len(points) < 4 else Polyline(points, self.closed)
 
 
 def trace_boundary(labels: Mask, valid: Mask) -> list[Polyline]:
@@ -74,9 +121,10 @@ def trace_boundary(labels: Mask, valid: Mask) -> list[Polyline]:
     Returns
     -------
     list of Polyline
-        Turning points and ends only, True on the right of travel. Open paths come first, then closed ones, each kind in raster order of its
-        first point; a closed path starts at its first corner in raster order. Where two True pixels meet diagonally both paths turn right:
-        they touch and do not cross, and the True pixels stay apart.
+        Turning points and ends only, True on the right of travel. Open paths come first, then closed ones,
+        each kind in raster order of its first point; a closed path starts at its first corner in raster
+        order. Where two True pixels meet diagonally both paths turn right: they touch and do not cross, and
+        the True pixels stay apart.
 
     Raises
     ------
@@ -85,7 +133,9 @@ def trace_boundary(labels: Mask, valid: Mask) -> list[Polyline]:
     """
     labels, valid = np.asarray(labels, bool), np.asarray(valid, bool)
     if labels.ndim != 2 or labels.shape != valid.shape:
-        raise OptionError(f"labels has shape {labels.shape} and valid {valid.shape}; pass two (H, W) arrays of one shape")
+        raise OptionError(
+            f"labels has shape {labels.shape} and valid {valid.shape}; pass two (H, W) arrays of one shape"
+        )
     tail, head, direction = _boundary_edges(labels, valid)
     if not len(tail):
         return []
@@ -101,13 +151,17 @@ def trace_boundary(labels: Mask, valid: Mask) -> list[Polyline]:
     ends = head[chain[last]]
     ends = np.column_stack([ends % width, ends // width])
     polylines = []
-    for line, end, is_closed in zip(np.split(points, np.cumsum(turns)[begin[1:] - 1]), ends, closed.tolist(), strict=True):
+    for line, end, is_closed in zip(
+        np.split(points, np.cumsum(turns)[begin[1:] - 1]), ends, closed.tolist(), strict=True
+    ):
         polylines.append(Polyline(line if is_closed else np.concatenate([line, [end]]), is_closed))
     return polylines
 
 
 def _boundary_edges(labels: Mask, valid: Mask) -> tuple[Ints, Ints, Ints]:
-    """The boundary's unit edges: corners they leave and reach (flat index, W + 1 to a row), direction; by corner left, then direction."""
+    """The boundary's unit edges: corners they leave and reach (flat index, W + 1 to a row), direction; by
+    corner left, then direction.
+    """
     width = labels.shape[1]
     flat_labels, flat_valid = labels.ravel(), valid.ravel()
     edges = []
@@ -119,19 +173,28 @@ def _boundary_edges(labels: Mask, valid: Mask) -> tuple[Ints, Ints, Ints]:
         second = (row if axis else row + 1) * width + column + axis
         seam = flat_valid[second] & flat_valid[second - step]
         row, column, second = row[seam], column[seam], second[seam]
-        # True in the second pixel (right of a vertical interface, below a horizontal one) must lie on the right of travel.
+        # True in the second pixel (right of a vertical interface, below a horizontal one) must lie on the
+        # right of travel.
         direction = np.where(flat_labels[second], ahead, back)
         upper_left = (row * (width + 1) + column + 1) if axis else ((row + 1) * (width + 1) + column)
         lower_right = upper_left + (width + 1 if axis else 1)
         forward = (direction == _SOUTH) | (direction == _EAST)
-        edges.append((np.where(forward, upper_left, lower_right), np.where(forward, lower_right, upper_left), direction))
+        edges.append(
+            (
+                np.where(forward, upper_left, lower_right),
+                np.where(forward, lower_right, upper_left),
+                direction,
+            )
+        )
     tail, head, direction = (np.concatenate(parts).astype(np.int64) for parts in zip(*edges, strict=True))
     order = np.argsort(tail * 4 + direction)
     return tail[order], head[order], direction[order]
 
 
 def _successors(tail: Ints, head: Ints, direction: Ints) -> Ints:
-    """The edge that follows each edge, -1 at an end. Round a corner edges arrive and leave in turn, so no path can cross another."""
+    """The edge that follows each edge, -1 at an end. Round a corner edges arrive and leave in turn, so no
+    path can cross another.
+    """
     key = tail * 4 + direction
     following = np.full(len(tail), -1, np.int64)
     for turn in (3, 0, 1):  # left, straight on, right: the last one found wins

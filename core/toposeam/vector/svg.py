@@ -1,6 +1,7 @@
 """Seams as SVG paths: written exactly, and read back after Inkscape, GIMP or a hand has changed them.
 
-What is drawn, in whatever units and under whatever transforms, becomes lines in the pixels of the picture; curves are flattened.
+What is drawn, in whatever units and under whatever transforms, becomes lines in the pixels of the picture;
+curves are flattened.
 """
 
 from __future__ import annotations
@@ -25,10 +26,22 @@ _CONTAINERS = {"svg", "g", "a", "switch"}
 _UNPRINTABLE = re.compile("[^\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _HIDDEN = re.compile(r"(?:^|;)\s*display\s*:\s*none\b")
 
+#: No picture has longer sides.
+LARGEST_PX = 1e9
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SvgSeam:
-    """What an SVG document says about a seam."""
+    """What an SVG document says about a seam.
+
+    Examples
+    --------
+    >>> import numpy as np, toposeam as ts
+    >>> a, b = np.random.default_rng(0).random((2, 12, 6))
+    >>> read = ts.read_svg(ts.find_seam(a, b).to_svg())
+    >>> (read.width, read.height), len(read.polylines)
+    ((6.0, 12.0), 1)
+    """
 
     #: The lines, px of the picture.
     polylines: tuple[Polyline, ...]
@@ -42,7 +55,11 @@ class SvgSeam:
 
 
 def write_svg(
-    polylines: Sequence[Polyline], width: int, height: int, metadata: Mapping[str, Any], names: Sequence[str] | None = None
+    polylines: Sequence[Polyline],
+    width: int,
+    height: int,
+    metadata: Mapping[str, Any],
+    names: Sequence[str] | None = None,
 ) -> str:
     """An SVG document of one path per line, the settings as JSON in ``<metadata>``.
 
@@ -67,7 +84,9 @@ def write_svg(
         For a size that is not positive, a wrong number of names, or settings that JSON cannot hold.
     """
     if width <= 0 or height <= 0:
-        raise OptionError(f"the picture is {width} × {height} px; an SVG document needs a positive width and height")
+        raise OptionError(
+            f"the picture is {width} × {height} px; an SVG document needs a positive width and height"
+        )
     if names is None:
         names = [f"seam {index + 1}" for index in range(len(polylines))]
     if len(names) != len(polylines):
@@ -75,10 +94,13 @@ def write_svg(
     try:
         settings = json.dumps(dict(metadata), default=_plain, allow_nan=False)
     except (TypeError, ValueError) as error:
-        raise OptionError(f"metadata cannot be written as JSON ({error}); use numbers, texts, lists and mappings") from error
+        raise OptionError(
+            f"metadata cannot be written as JSON ({error}); use numbers, texts, lists and mappings"
+        ) from error
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
-        f'<svg xmlns="{NAMESPACE}" width="{_number(width)}" height="{_number(height)}" viewBox="0 0 {_number(width)} {_number(height)}">',
+        f'<svg xmlns="{NAMESPACE}" width="{_number(width)}" height="{_number(height)}" viewBox="0 0 '
+        f'{_number(width)} {_number(height)}">',
         f'  <metadata id="toposeam">{escape(settings, quote=False)}</metadata>',
     ]
     taken: set[str] = set()
@@ -90,7 +112,8 @@ def write_svg(
             identifier = f"{title or 'seam'} ({copy})"
         taken.add(identifier)
         lines += [
-            f'  <path id="{escape(identifier)}" fill="none" stroke="#e6007e" stroke-width="1" d="{_path_data(polyline)}">',
+            f'  <path id="{escape(identifier)}" fill="none" stroke="#e6007e" stroke-width="1" '
+            f'd="{_path_data(polyline)}">',
             f"    <title>{escape(title, quote=False)}</title>",
             "  </path>",
         ]
@@ -100,11 +123,13 @@ def write_svg(
 def read_svg(source: str | bytes | os.PathLike[str], *, size: tuple[int, int] | None = None) -> SvgSeam:
     """The lines of an SVG document, in pixels.
 
-    Paths, lines, polylines, polygons, rectangles, circles and ellipses are read, through groups, layers, transforms and units; definitions
-    and what is hidden (``display: none``) are not. A name is the element's ``<title>``, else its Inkscape label, else its ``id``.
+    Paths, lines, polylines, polygons, rectangles, circles and ellipses are read, through groups, layers,
+    transforms and units; definitions and what is hidden (``display: none``) are not. A name is the element's
+    ``<title>``, else its Inkscape label, else its ``id``.
 
-    One px is 1/96 inch, as SVG has it, with one exception: a document whose width is given in physical units and whose viewBox counts
-    something else is taken to count pixels in the viewBox. GIMP writes such documents, at the picture's own resolution.
+    One px is 1/96 inch, as SVG has it, with one exception: a document whose width is given in physical units
+    and whose viewBox counts something else is taken to count pixels in the viewBox. GIMP writes such
+    documents, at the picture's own resolution.
 
     Parameters
     ----------
@@ -120,12 +145,22 @@ def read_svg(source: str | bytes | os.PathLike[str], *, size: tuple[int, int] | 
     Raises
     ------
     PathError
-        When there is no such file; when it is too large, not XML, not SVG, or declares entities; when it has no path, more
-        elements, segments or points than are read, or coordinates that are not finite.
+        When there is no such file; when it is too large, not XML, not SVG, or declares entities; when it has
+        no path, more elements, segments or points than are read, or coordinates that are not finite.
+
+    Examples
+    --------
+    >>> import numpy as np, toposeam as ts
+    >>> a, b = np.random.default_rng(0).random((2, 12, 6))
+    >>> seam = ts.find_seam(a, b)
+    >>> bool((ts.read_svg(seam.to_svg()).polylines[0].points == seam.paths[0].points).all())
+    True
     """
     root = parse(document_of(source))
     if tag_of(root) != "svg":
-        raise PathError(f"the document is <{tag_of(root) or root.tag}>, not <svg>; save the path as plain SVG")
+        raise PathError(
+            f"the document is <{tag_of(root) or root.tag}>, not <svg>; save the path as plain SVG"
+        )
     to_px, width, height = _viewport(root.attrib, size)
     polylines: list[Polyline] = []
     names: list[str] = []
@@ -137,12 +172,16 @@ def read_svg(source: str | bytes | os.PathLike[str], *, size: tuple[int, int] | 
             polylines += lines
             names += [name] * len(lines)
     if not polylines:
-        raise PathError("the document has no visible path; draw one, or export the path itself, not only the picture")
+        raise PathError(
+            "the document has no visible path; draw one, or export the path itself, not only the picture"
+        )
     return SvgSeam(tuple(polylines), width, height, settings_of(root), tuple(names))
 
 
 def read_metadata(source: str | bytes | os.PathLike[str]) -> dict[str, Any] | None:
-    """The settings that TopoSeam wrote into an SVG document, None in one without any; reads and raises as :func:`read_svg`."""
+    """The settings that TopoSeam wrote into an SVG document, None in one without any; reads and raises as
+    :func:`read_svg`.
+    """
     return settings_of(parse(document_of(source)))
 
 
@@ -166,26 +205,48 @@ def _plain(value: object) -> Any:
     raise TypeError(f"{type(value).__name__} {value!r}")
 
 
-def _viewport(attributes: Mapping[str, str], size: tuple[int, int] | None = None) -> tuple[Floats, float, float]:
+def _viewport(
+    attributes: Mapping[str, str], size: tuple[int, int] | None = None
+) -> tuple[Floats, float, float]:
     """Matrix from the coordinates inside an ``<svg>`` element to px, and the size of its area in px."""
     (width, unit), (height, _) = length_px(attributes.get("width")), length_px(attributes.get("height"))
     stated = attributes.get("viewBox")
     try:
-        left, top, across, down = (float(part) for part in stated.replace(",", " ").split()) if stated else (0.0, 0.0, width, height)
+        left, top, across, down = (
+            (float(part) for part in stated.replace(",", " ").split())
+            if stated
+            else (0.0, 0.0, width, height)
+        )
     except ValueError as error:
-        raise PathError(f"the viewBox is {stated!r}; give it four numbers: left, top, width and height") from error
+        raise PathError(
+            f"the viewBox is {stated!r}; give it four numbers: left, top, width and height"
+        ) from error
     if not (math.isfinite(left) and math.isfinite(top) and 0 < across < math.inf and 0 < down < math.inf):
-        raise PathError("the document does not say how large the picture is; give <svg> a viewBox of the picture's width and height in px")
+        raise PathError(
+            "the document does not say how large the picture is; give <svg> a viewBox of the picture's width "
+            "and height in px"
+        )
     counts_something_else = not math.isclose(width / PX[unit], across, rel_tol=1e-3)
     if not width > 0 or not height > 0 or (unit not in ("", "px") and counts_something_else):
         width, height = across, down
-    elif not math.isclose(width / across, height / down, rel_tol=1e-2) and attributes.get("preserveAspectRatio", "").strip() != "none":
+    elif (
+        not math.isclose(width / across, height / down, rel_tol=1e-2)
+        and attributes.get("preserveAspectRatio", "").strip() != "none"
+    ):
         # The drawing keeps its shape, in the middle of the area.
         scale = min(width / across, height / down)
         left, across = left - (width / scale - across) / 2, width / scale
         top, down = top - (height / scale - down) / 2, height / scale
+    if not (0 < width <= LARGEST_PX and 0 < height <= LARGEST_PX):
+        raise PathError(
+            f"the document says that the picture is {width:g} × {height:g} px; give <svg> the picture's "
+            "width and height"
+        )
     # Editors round: 211.667 mm are 800 px.
-    width, height = (float(round(value)) if round(value) and abs(value - round(value)) < 0.02 else value for value in (width, height))
+    width, height = (
+        float(round(value)) if round(value) and abs(value - round(value)) < 0.02 else value
+        for value in (width, height)
+    )
     if size is not None:
         width, height = float(size[0]), float(size[1])
     x, y = width / across, height / down

@@ -1,4 +1,6 @@
-"""The XML of an SVG document: parsed without ever loading anything, bounded, and asked for names and settings."""
+"""The XML of an SVG document: parsed without ever loading anything, bounded, and asked for names and
+settings.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+from toposeam.checks import check_kind
 from toposeam.errors import PathError
 
 #: Largest document that is read.
@@ -24,14 +27,20 @@ def document_of(source: str | bytes | os.PathLike[str]) -> str | bytes:
     if isinstance(source, bytes) or (isinstance(source, str) and ("<" in source or not source.strip())):
         document: str | bytes = source
     else:
+        check_kind("source", source, (str, os.PathLike), "the name of a file, or the document itself")
         try:
             with Path(source).open("rb") as file:
                 document = file.read(LARGEST_BYTES + 1)
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or str(error)
-            raise PathError(f"{os.fspath(source)[:200]!r} cannot be read ({reason}); check the name of the SVG file") from error
+            raise PathError(
+                f"{os.fspath(source)[:200]!r} cannot be read ({reason}); check the name of the SVG file"
+            ) from error
     if len(document) > LARGEST_BYTES:
-        raise PathError(f"the SVG document is larger than {LARGEST_BYTES // 2**20} MiB; save the path alone, without embedded pictures")
+        raise PathError(
+            f"the SVG document is larger than {LARGEST_BYTES // 2**20} MiB; save the path alone, without "
+            "embedded pictures"
+        )
     if not document.strip():
         raise PathError("the SVG document is empty; export the path again")
     if isinstance(document, bytes) and document.startswith(b"\x1f\x8b"):
@@ -40,7 +49,9 @@ def document_of(source: str | bytes | os.PathLike[str]) -> str | bytes:
 
 
 def parse(document: str | bytes) -> Any:
-    """The root element; entities and internal DTDs are refused, and nothing outside the document is ever loaded."""
+    """The root element; entities and internal DTDs are refused, and nothing outside the document is ever
+    loaded.
+    """
     from xml.etree.ElementTree import TreeBuilder
 
     from defusedxml import DefusedXmlException, DTDForbidden
@@ -54,11 +65,14 @@ def parse(document: str | bytes) -> Any:
         def start(self, tag: str, attrs: dict[Any, Any], /) -> Any:
             self.count += 1
             if self.count > MOST_ELEMENTS:
-                raise PathError(f"the SVG document has more than {MOST_ELEMENTS} elements; save the path alone")
+                raise PathError(
+                    f"the SVG document has more than {MOST_ELEMENTS} elements; save the path alone"
+                )
             return super().start(tag, attrs)
 
     def refuse_declarations(name: str, system: str | None, public: str | None, has_declarations: int) -> None:
-        # GIMP's export has a DOCTYPE that names the DTD of SVG; it is harmless, as nobody fetches it. Declarations in the document are not.
+        # GIMP's export has a DOCTYPE that names the DTD of SVG; it is harmless, as nobody fetches it.
+        # Declarations in the document are not.
         if has_declarations:
             raise DTDForbidden(name, system, public)
 
@@ -70,7 +84,10 @@ def parse(document: str | bytes) -> Any:
     except PathError:
         raise
     except DefusedXmlException as error:
-        raise PathError("the document declares XML entities or DTD rules, which can be hostile; save the path as plain SVG") from error
+        raise PathError(
+            "the document declares XML entities or DTD rules, which can be hostile; save the path as plain "
+            "SVG"
+        ) from error
     except (ParseError, ValueError, LookupError) as error:
         raise PathError(f"the document is not XML ({error}); save or export the path as SVG") from error
 

@@ -177,7 +177,12 @@ def _segments(tag: str, geometry: dict[str, str], budget: Budget) -> Any:
     import svgelements
 
     budget.spend_segments(4 * _ARC)
-    kinds = {"line": svgelements.SimpleLine, "rect": svgelements.Rect, "circle": svgelements.Circle, "ellipse": svgelements.Ellipse}
+    kinds = {
+        "line": svgelements.SimpleLine,
+        "rect": svgelements.Rect,
+        "circle": svgelements.Circle,
+        "ellipse": svgelements.Ellipse,
+    }
     lengths = {key: length_px(text)[0] for key, text in geometry.items() if text != "auto"}
     if any(math.isnan(length) for length in lengths.values()):
         raise ValueError(f"lengths {geometry}")
@@ -185,7 +190,9 @@ def _segments(tag: str, geometry: dict[str, str], budget: Budget) -> Any:
 
 
 def _count_points(data: str, budget: int) -> int:
-    """How many points path data draws (a Z counts as one), or something above `budget`, before any is drawn."""
+    """How many points path data draws (a Z counts as one), or something above `budget`, before any is
+    drawn.
+    """
     count, share, commands = 0.0, 1.0, 0
     for token in _TOKEN.finditer(data):
         if token[1]:
@@ -260,10 +267,12 @@ def _controls(curve: Any) -> Floats:
 
 
 def _bezier(control: Floats, budget: Budget) -> Floats:
-    """Points of a cubic Bézier curve after its first one, at equal steps of its parameter, within `FLATNESS_PX` of the curve.
+    """Points of a cubic Bézier curve after its first one, at equal steps of its parameter, within
+    `FLATNESS_PX` of the curve.
 
-    The curve lies in the hull of its control points: it is straight when they are that close to the chord. Else a chord over a step h is
-    off by at most h² max|B''| / 8, and max|B''| = 6 max|second difference of the control points|.
+    The curve lies in the hull of its control points: it is straight when they are that close to the chord.
+    Else a chord over a step h is off by at most h² max|B''| / 8, and max|B''| = 6 max|second difference of
+    the control points|.
     """
     chord, inner = control[3] - control[0], control[1:3] - control[0]
     along = np.clip(inner @ chord / max(chord @ chord, np.finfo(float).tiny), 0.0, 1.0)

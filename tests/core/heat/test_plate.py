@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
 from toposeam.errors import OptionError, SolverError
 from toposeam.heat.plate import CONDUCTION, Plate
-from toposeam.heat.plate_joints import Groups, Joint
+from toposeam.heat.plate_joints import Groups, Joint, Shift
 from toposeam.heat.plate_multigrid import DirectSolver
 
-JOINTS = list(Joint)
+JOINTS = [*Joint, Shift(1, Fraction(1, 2)), Shift(0, Fraction(1, 2))]
 EXACT = {"tolerance": 1e-12, "max_iterations": 300}
 
 
@@ -71,11 +73,22 @@ def test_the_border_shares_temperatures_as_the_joint_says(joint):
         assert np.array_equal(top, bottom)
     elif joint is Joint.ROTATE:  # (4.7)
         assert all(np.array_equal(side, side[::-1]) for side in (left, right, top, bottom))
-    elif joint is Joint.EXCHANGE:
+    elif joint == Shift(1, Fraction(1, 2)):
         assert np.array_equal(left, right)
         assert np.array_equal(top[:-1], np.roll(bottom[:-1], 12))
+    elif joint == Shift(0, Fraction(1, 2)):
+        assert np.array_equal(top, bottom)
+        assert np.array_equal(right[:-1], np.roll(left[:-1], 8))
     else:
         assert not np.allclose(left, right)
+
+
+def test_the_next_column_lies_a_quarter_lower():
+    shape = (16, 24)
+    state = Plate(*_loads(shape), Shift(0, Fraction(1, 4))).solve(np.ones(shape), **EXACT)
+    left, right = state.nodes[:, 0], state.nodes[:, -1]
+    assert np.array_equal(state.nodes[0], state.nodes[-1])
+    assert np.array_equal(right[:-1], np.roll(left[:-1], 4))  # row y of the next is row y - 4 of this one
 
 
 @pytest.mark.parametrize("joint", JOINTS)
@@ -84,11 +97,12 @@ def test_element_energies_are_the_derivatives_of_the_compliance(joint):
     plate = Plate(*_loads(shape), joint)
     k = 0.1 + np.random.default_rng(2).random(shape)
     state = plate.solve(k, **EXACT)
+    step = 1e-4  # small against the conductivities, large against the solver's rounding
     for place in [(0, 0), (0, 7), (5, 15), (9, 4)]:
         up, down = k.copy(), k.copy()
-        up[place] += 1e-5
-        down[place] -= 1e-5
-        slope = (plate.solve(up, **EXACT).compliance - plate.solve(down, **EXACT).compliance) / 2e-5
+        up[place] += step
+        down[place] -= step
+        slope = (plate.solve(up, **EXACT).compliance - plate.solve(down, **EXACT).compliance) / (2 * step)
         assert -state.energy[place] == pytest.approx(slope, rel=1e-5)
 
 
@@ -118,7 +132,12 @@ def test_the_direct_solver_knows_singular_plates():
 
 @pytest.mark.parametrize(
     ("heat", "sinks", "text"),
-    [(0.0, 1.0, "no heat source"), (1.0, 0.0, "no heat sink"), (-1.0, 1.0, "not negative"), (float("nan"), 1.0, "finite")],
+    [
+        (0.0, 1.0, "no heat source"),
+        (1.0, 0.0, "no heat sink"),
+        (-1.0, 1.0, "not negative"),
+        (float("nan"), 1.0, "finite"),
+    ],
 )
 def test_plates_without_a_solution_are_refused(heat, sinks, text):
     with pytest.raises(OptionError, match=text):

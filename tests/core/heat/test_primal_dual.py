@@ -30,7 +30,11 @@ def least_cut(network, cost):
     size = network.n + 2
     capacity = cost.astype(np.int32)
     rows, columns = np.r_[network.tail, network.head], np.r_[network.head, network.tail]
-    return maximum_flow(coo_array((np.r_[capacity, capacity], (rows, columns)), shape=(size, size)).tocsr(), size - 1, size - 2).flow_value
+    return maximum_flow(
+        coo_array((np.r_[capacity, capacity], (rows, columns)), shape=(size, size)).tocsr(),
+        size - 1,
+        size - 2,
+    ).flow_value
 
 
 def solved(network, cost, gap=1e-6):
@@ -84,7 +88,9 @@ def test_equal_seams_are_proven_equal():
 
 
 def test_a_part_without_a_way_to_one_terminal_costs_nothing():
-    network = Network(4, np.array([4, 0, 1, 4, 2]), np.array([0, 1, 5, 2, 3]))  # nodes 2 and 3 hang on the cold terminal only
+    network = Network(
+        4, np.array([4, 0, 1, 4, 2]), np.array([0, 1, 5, 2, 3])
+    )  # nodes 2 and 3 hang on the cold terminal only
     state = solved(network, np.array([3.0, 2.0, 5.0, 1.0, 1.0]))
     found, threshold = state.best_cut()
     assert found == pytest.approx(2.0)

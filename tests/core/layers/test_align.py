@@ -11,14 +11,18 @@ PLACES = [(0, 0), (150, 10), (90, 140), (230, 170)]
 
 
 def crops(places=PLACES, off=6, seed=0, size=(220, 240), noise=6):
-    """Crops of a photograph, noisy and differently exposed, each put up to `off` px beside its place; and how far each is off."""
+    """Crops of a photograph, noisy and differently exposed, each put up to `off` px beside its place; and how
+    far each is off.
+    """
     rng = np.random.default_rng(seed)
     layers, errors = [], []
     for index, (x, y) in enumerate(places):
         image = PHOTOGRAPH[y : y + size[0], x : x + size[1]] * rng.uniform(0.85, 1.15)
         image = np.clip(image + rng.normal(0, noise, image.shape), 0, 255).astype(np.uint8)
         error = rng.integers(-off, off + 1, 2) if index else np.zeros(2, int)
-        layers.append(ts.Layer(image=image, offset=(x + int(error[0]), y + int(error[1])), name=f"picture {index}"))
+        layers.append(
+            ts.Layer(image=image, at=(x + int(error[0]), y + int(error[1])), name=f"picture {index}")
+        )
         errors.append(error)
     return layers, np.array(errors)
 
@@ -29,7 +33,7 @@ def test_known_shifts_are_found_again(seed, off):
     layers, errors = crops(off=off, seed=seed)
     aligned = ts.align(layers)
     np.testing.assert_array_equal(aligned.shifts, -errors)
-    assert [layer.offset for layer in aligned.layers] == PLACES
+    assert [layer.at for layer in aligned.layers] == PLACES
     assert min(aligned.correlations.values()) > 0.5
 
 
@@ -45,23 +49,27 @@ def test_narrow_strips_and_transparency():
     layers, errors = crops([(0, 0), (200, 4)], off=9, size=(220, 240))
     alpha = np.full((220, 240), 255, np.uint8)
     alpha[60:160, 10:25] = 0
-    layers[1] = ts.Layer(image=np.where(alpha[..., None] > 0, layers[1].image, 77), alpha=alpha, offset=layers[1].offset)
+    layers[1] = ts.Layer(
+        image=np.where(alpha[..., None] > 0, layers[1].image, 77), alpha=alpha, at=layers[1].at
+    )
     np.testing.assert_array_equal(ts.align(layers).shifts, -errors)
 
 
 def test_what_agrees_with_nothing_is_refused():
     layers, _ = crops()
-    stranger = ts.Layer(image=data.coffee()[:220, :240].copy(), offset=(200, 150), name="stranger")
-    with pytest.raises(ts.OverlapError, match=r"stranger cannot be aligned: within 32 px .* \(the best correlation is"):
+    stranger = ts.Layer(image=data.coffee()[:220, :240].copy(), at=(200, 150), name="stranger")
+    with pytest.raises(
+        ts.OverlapError, match=r"stranger cannot be aligned: within 32 px .* \(the best correlation is"
+    ):
         ts.align([*layers, stranger])
-    far = ts.Layer(image=layers[0].image, offset=(5000, 0), name="far")
+    far = ts.Layer(image=layers[0].image, at=(5000, 0), name="far")
     with pytest.raises(ts.OverlapError, match=r"far cannot be aligned.*it overlaps none of them"):
         ts.align([*layers, far])
-    flat = ts.Layer(image=np.full((220, 240, 3), 9, np.uint8), offset=(100, 0), name="flat")
+    flat = ts.Layer(image=np.full((220, 240, 3), 9, np.uint8), at=(100, 0), name="flat")
     with pytest.raises(ts.OverlapError, match="flat cannot be aligned"):
         ts.align([layers[0], flat])
     with pytest.raises(ts.OverlapError, match="picture 1 cannot be aligned: within 4 px"):
-        ts.align([layers[0], ts.Layer(image=layers[1].image, offset=(170, 10), name="picture 1")], radius=4)
+        ts.align([layers[0], ts.Layer(image=layers[1].image, at=(170, 10), name="picture 1")], radius=4)
     with pytest.raises(ts.OptionError, match="at least 1"):
         ts.align(layers, radius=0)
     with pytest.raises(ts.OptionError, match="at least two"):

@@ -13,16 +13,24 @@ from toposeam.layers.multiband import expand, reduce
 from toposeam.layers.tones import tone_gains
 
 PHOTOGRAPH = data.coffee()[:180, 200:420]
-STRAIGHT = ts.read_svg('<svg xmlns="http://www.w3.org/2000/svg" width="100" height="20"><path d="M50 0 V20"/></svg>')
+STRAIGHT = ts.read_svg(
+    '<svg xmlns="http://www.w3.org/2000/svg" width="100" height="20"><path d="M50 0 V20"/></svg>'
+)
 BLURS = [kind for kind in ts.BLENDS if kind != "none"]
 
 
 def crops(gains=((1, 1, 1),) * 3, dtype=np.uint8, **fields):
     layers = []
-    for gain, (x, y, width, height) in zip(gains, ((0, 0, 120, 100), (80, 20, 140, 110), (30, 70, 130, 110)), strict=True):
+    for gain, (x, y, width, height) in zip(
+        gains, ((0, 0, 120, 100), (80, 20, 140, 110), (30, 70, 130, 110)), strict=True
+    ):
         image = PHOTOGRAPH[y : y + height, x : x + width] * np.array(gain, float)
-        image = image / 255 if dtype == np.float32 else np.clip(np.rint(image), 0, 255) * (257 if dtype == np.uint16 else 1)
-        layers.append(ts.Layer(image=image.astype(dtype), offset=(x, y), **fields))
+        image = (
+            image / 255
+            if dtype == np.float32
+            else np.clip(np.rint(image), 0, 255) * (257 if dtype == np.uint16 else 1)
+        )
+        layers.append(ts.Layer(image=image.astype(dtype), at=(x, y), **fields))
     return layers
 
 
@@ -44,19 +52,26 @@ def test_where_layers_agree_nothing_changes(kind, dtype):
 def step(kind, width=None, gains=((1.1, 1.1, 1.1), (0.9, 0.9, 0.9), (1, 1, 1))):
     """Mean jump across the seams beyond that of the photograph, and the largest difference to it."""
     stitched = ts.stitch(crops(gains), blend=kind, blend_width=width, max_rounds=0)
-    owner = np.argmax(stitched.masks, axis=0)
+    label_map = np.argmax(stitched.masks, axis=0)
     jumps = []
     for axis in (0, 1):
         border = (
-            (np.diff(owner, axis=axis) != 0)
-            & np.take(shown(stitched), range(owner.shape[axis] - 1), axis)
+            (np.diff(label_map, axis=axis) != 0)
+            & np.take(shown(stitched), range(label_map.shape[axis] - 1), axis)
             & np.delete(shown(stitched), 0, axis)
         )
-        jumps.append(np.abs(np.diff(stitched.image.astype(float), axis=axis) - np.diff(PHOTOGRAPH.astype(float), axis=axis))[border])
+        jumps.append(
+            np.abs(
+                np.diff(stitched.image.astype(float), axis=axis)
+                - np.diff(PHOTOGRAPH.astype(float), axis=axis)
+            )[border]
+        )
     return np.concatenate(jumps).mean()
 
 
-@pytest.mark.parametrize(("kind", "share"), [("feather", 0.4), ("soft", 0.9), ("multiband", 0.35), ("gradient", 0.35)])
+@pytest.mark.parametrize(
+    ("kind", "share"), [("feather", 0.4), ("soft", 0.9), ("multiband", 0.35), ("gradient", 0.35)]
+)
 def test_the_step_at_the_seam_shrinks(kind, share):
     assert step(kind) < share * step("none")
 
@@ -68,13 +83,16 @@ def test_a_wider_feather_is_smoother():
 @pytest.mark.parametrize("kind", ["feather", "multiband"])
 def test_far_from_the_seam_every_pixel_is_its_layer_s(kind):
     gains = ((1.1, 1.1, 1.1), (0.9, 0.9, 0.9), (1, 1, 1))
-    hard, soft = (ts.stitch(crops(gains), blend=blend, blend_width=width, max_rounds=0) for blend, width in (("none", None), (kind, 8)))
+    hard, soft = (
+        ts.stitch(crops(gains), blend=blend, blend_width=width, max_rounds=0)
+        for blend, width in (("none", None), (kind, 8))
+    )
     changed = (hard.image != soft.image).any(axis=2)
     assert changed.any()
-    owner = np.argmax(hard.masks, axis=0)
-    near = np.zeros(owner.shape, bool)
+    label_map = np.argmax(hard.masks, axis=0)
+    near = np.zeros(label_map.shape, bool)
     for row, column in np.argwhere(changed):
-        window = owner[max(row - 40, 0) : row + 41, max(column - 40, 0) : column + 41]
+        window = label_map[max(row - 40, 0) : row + 41, max(column - 40, 0) : column + 41]
         near[row, column] = len(np.unique(window)) > 1
     np.testing.assert_array_equal(changed, changed & near)
 
@@ -84,14 +102,20 @@ def test_tiles_leave_no_trace(kind, monkeypatch):
     gains = ((1.1, 1.1, 1.1), (0.9, 0.9, 0.9), (1, 1, 1))
     whole = ts.stitch(crops(gains, dtype=np.float32), blend=kind, max_rounds=0).image
     monkeypatch.setattr(blend_module, "_TILE", 64)
-    np.testing.assert_allclose(ts.stitch(crops(gains, dtype=np.float32), blend=kind, max_rounds=0).image, whole, rtol=0, atol=2e-6)
+    np.testing.assert_allclose(
+        ts.stitch(crops(gains, dtype=np.float32), blend=kind, max_rounds=0).image, whole, rtol=0, atol=2e-6
+    )
 
 
 def test_feather_is_a_ramp_of_its_width_across_a_straight_seam():
-    a, b = (ts.Layer(image=np.full((20, 60), value, np.float32), offset=(x, 0)) for value, x in ((0.0, 0), (1.0, 40)))
+    a, b = (
+        ts.Layer(image=np.full((20, 60), value, np.float32), at=(x, 0)) for value, x in ((0.0, 0), (1.0, 40))
+    )
     image = ts.stitch([a, b], blend="feather", blend_width=9, use_path=STRAIGHT).image
     row = image[10]
-    np.testing.assert_allclose(image, np.broadcast_to(row, image.shape), atol=1e-6)  # the canvas's border changes nothing
+    np.testing.assert_allclose(
+        image, np.broadcast_to(row, image.shape), atol=1e-6
+    )  # the canvas's border changes nothing
     assert (row[:45] == 0).all()
     assert (row[55:] == 1).all()
     np.testing.assert_allclose(np.diff(row[45:54]), 1 / 9, atol=1e-6)
@@ -99,7 +123,7 @@ def test_feather_is_a_ramp_of_its_width_across_a_straight_seam():
 
 def test_soft_mixes_by_the_label_potential():
     first, second = crops(dtype=np.float32)[:2]
-    second = ts.Layer(image=second.image + np.float32(0.1), offset=second.offset)
+    second = ts.Layer(image=second.image + np.float32(0.1), at=second.at)
     stitched = ts.stitch([first, second], blend="soft")
     seam = stitched.seams[0]
     ramp = (seam.soft > 0.01) & (seam.soft < 0.99)
@@ -110,7 +134,9 @@ def test_soft_mixes_by_the_label_potential():
 
 def test_opacity_fades_too():
     layers = [
-        ts.Layer(image=np.full((20, 60), 100, np.uint8), alpha=np.full((20, 60), opacity, np.uint8), offset=(x, 0))
+        ts.Layer(
+            image=np.full((20, 60), 100, np.uint8), alpha=np.full((20, 60), opacity, np.uint8), at=(x, 0)
+        )
         for opacity, x in ((255, 0), (55, 40))
     ]
     stitched = ts.stitch(layers, blend="feather", blend_width=11, use_path=STRAIGHT)
@@ -123,13 +149,18 @@ def test_opacity_fades_too():
 def test_gradient_is_the_least_squares_solution():
     layers = crops(((1.1, 1, 1), (0.9, 1, 1), (1, 1, 1)), dtype=np.float32)
     stitched = ts.stitch(layers)
-    owner = np.where(shown(stitched), np.argmax(stitched.masks, axis=0), -1).astype(np.int16)
-    height, width = owner.shape
+    label_map = np.where(shown(stitched), np.argmax(stitched.masks, axis=0), -1).astype(np.int16)
+    height, width = label_map.shape
     places = [
-        Box(layer.offset[1], layer.offset[0], layer.offset[1] + layer.image.shape[0], layer.offset[0] + layer.image.shape[1])
+        Box(
+            layer.at[1],
+            layer.at[0],
+            layer.at[1] + layer.image.shape[0],
+            layer.at[0] + layer.image.shape[1],
+        )
         for layer in layers
     ]
-    found = correction(layers, places, [layer.covered for layer in layers], owner, 0, 20.0)
+    found = correction(layers, places, [layer.covered for layer in layers], label_map, 0, 20.0)
 
     # The same by brute force: one equation per pair of neighbours, and one per pixel for the width.
     value = np.full((3, height, width), np.nan)
@@ -141,7 +172,7 @@ def test_gradient_is_the_least_squares_solution():
             for other in ((row, column + 1), (row + 1, column)):
                 if other[0] == height or other[1] == width:
                     continue
-                i, j = owner[row, column], owner[other]
+                i, j = label_map[row, column], label_map[other]
                 excess = 0.0
                 if i != j and i >= 0 and j >= 0:
                     known = [
@@ -158,10 +189,13 @@ def test_gradient_is_the_least_squares_solution():
     equation = np.arange(len(rows))
     ones = np.ones(len(rows))
     jumps = coo_array(
-        (np.concatenate([-ones, ones]), (np.tile(equation, 2), np.concatenate([first, second]))), shape=(len(rows), height * width)
+        (np.concatenate([-ones, ones]), (np.tile(equation, 2), np.concatenate([first, second]))),
+        shape=(len(rows), height * width),
     )
     system = vstack([jumps, eye_array(height * width) / 20.0]).tocsr()
-    expected = lsmr(system, np.concatenate([steps, np.zeros(height * width)]), atol=1e-12, btol=1e-12, maxiter=5000)[0]
+    expected = lsmr(
+        system, np.concatenate([steps, np.zeros(height * width)]), atol=1e-12, btol=1e-12, maxiter=5000
+    )[0]
     np.testing.assert_allclose(found.ravel(), expected, atol=1e-7)
 
 
@@ -181,7 +215,12 @@ def test_gains_are_found_and_taken_out(dtype):
     gains = np.array([(1.06, 1.0, 0.97), (0.93, 0.95, 1.05), (1.0, 1.03, 1.0)])
     layers = crops(gains, dtype=dtype)
     places = [
-        Box(layer.offset[1], layer.offset[0], layer.offset[1] + layer.image.shape[0], layer.offset[0] + layer.image.shape[1])
+        Box(
+            layer.at[1],
+            layer.at[0],
+            layer.at[1] + layer.image.shape[0],
+            layer.at[0] + layer.image.shape[1],
+        )
         for layer in layers
     ]
     product = tone_gains(layers, places) * gains
@@ -201,7 +240,12 @@ def test_an_object_that_moved_does_not_count():
     layers = crops(((1.1, 1.1, 1.1), (1, 1, 1), (1, 1, 1)))
     layers[0].image[40:75, 80:100] = 20  # nearly half of the overlap with the second
     places = [
-        Box(layer.offset[1], layer.offset[0], layer.offset[1] + layer.image.shape[0], layer.offset[0] + layer.image.shape[1])
+        Box(
+            layer.at[1],
+            layer.at[0],
+            layer.at[1] + layer.image.shape[0],
+            layer.at[0] + layer.image.shape[1],
+        )
         for layer in layers[:2]
     ]
     gains = tone_gains(layers[:2], places)
@@ -210,13 +254,18 @@ def test_an_object_that_moved_does_not_count():
 
 def test_no_highlight_burns_out():
     bright = np.clip(PHOTOGRAPH.astype(int) + 60, 0, 240)
-    layers = [ts.Layer(image=(bright[:, :120] * 0.8).astype(np.uint8)), ts.Layer(image=bright[:, 80:].astype(np.uint8), offset=(80, 0))]
+    layers = [
+        ts.Layer(image=(bright[:, :120] * 0.8).astype(np.uint8)),
+        ts.Layer(image=bright[:, 80:].astype(np.uint8), at=(80, 0)),
+    ]
     stitched = ts.stitch(layers, match_tones=True)
     assert (stitched.image == 255).mean() < 0.002
 
 
 def test_layers_without_a_telling_pixel_stay_as_they_are():
-    layers = [ts.Layer(image=np.full((20, 30), value, np.uint8), offset=(x, 0)) for value, x in ((255, 0), (0, 20))]
+    layers = [
+        ts.Layer(image=np.full((20, 30), value, np.uint8), at=(x, 0)) for value, x in ((255, 0), (0, 20))
+    ]
     stitched = ts.stitch(layers, match_tones=True)
     assert set(np.unique(stitched.image)) == {0, 255}
 

@@ -1,6 +1,9 @@
 """Layers in, one picture out: nothing lost, nothing shown twice, every pixel as it was."""
 
+import io
+
 import numpy as np
+import PIL.Image
 import pytest
 from skimage import data
 
@@ -11,7 +14,9 @@ PHOTOGRAPH = data.coffee()[100:, 200:]
 
 
 def crop(x, y, width=40, height=30, dtype=np.uint8, gray=False, **fields):
-    """A layer cut from the photograph at its own place, so that layers agree where they overlap but for a little noise."""
+    """A layer cut from the photograph at its own place, so that layers agree where they overlap but for a
+    little noise.
+    """
     image = PHOTOGRAPH[y : y + height, x : x + width].astype(int)
     image = np.clip(image + RNG.integers(-9, 10, image.shape), 0, 255)
     image = image[..., 1] if gray else image
@@ -19,16 +24,18 @@ def crop(x, y, width=40, height=30, dtype=np.uint8, gray=False, **fields):
         image = image / 255
     elif dtype != np.uint8:
         image = image * (np.iinfo(dtype).max // 255)
-    return ts.Layer(image=image.astype(dtype), offset=(x, y), **fields)
+    return ts.Layer(image=image.astype(dtype), at=(x, y), **fields)
 
 
 def assert_whole(stitched, layers):
-    """The masks part the pixels that any layer covers among the layers, and each pixel is the one of the layer that shows there."""
+    """The masks part the pixels that any layer covers among the layers, and each pixel is the one of the
+    layer that shows there.
+    """
     left, top = stitched.origin
     count = np.zeros(stitched.image.shape[:2], int)
     covered = np.zeros(stitched.image.shape[:2], bool)
     for layer, mask in zip(layers, stitched.masks, strict=True):
-        x, y = layer.offset[0] - left, layer.offset[1] - top
+        x, y = layer.at[0] - left, layer.at[1] - top
         height, width = layer.image.shape[:2]
         place = np.s_[y : y + height, x : x + width]
         assert mask.dtype == bool
@@ -115,7 +122,7 @@ def test_a_later_layer_that_covers_everything_leaves_a_rim_of_what_was_there():
 @pytest.mark.parametrize("offset", [(-30, -12), (1000, -999), (-(10**8), 10**8)])
 def test_only_relative_places_count(offset):
     near = [crop(0, 0), crop(22, 6)]
-    far = [ts.Layer(image=layer.image, offset=tuple(np.add(layer.offset, offset).tolist())) for layer in near]
+    far = [ts.Layer(image=layer.image, at=tuple(np.add(layer.at, offset).tolist())) for layer in near]
     here, there = ts.stitch(near), ts.stitch(far)
     assert here.origin == (0, 0)
     assert there.origin == offset
@@ -124,13 +131,18 @@ def test_only_relative_places_count(offset):
 
 def test_numpy_integers_are_whole_numbers():
     first, second = crop(0, 0), crop(22, 6)
-    placed = ts.Layer(image=second.image, offset=(np.int64(22), np.int16(6)))
+    placed = ts.Layer(image=second.image, at=(np.int64(22), np.int16(6)))
     np.testing.assert_array_equal(ts.stitch([first, placed]).image, ts.stitch([first, second]).image)
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.int16, np.uint32, np.float16, np.float32, np.float64])
+@pytest.mark.parametrize(
+    "dtype", [np.uint8, np.uint16, np.int16, np.uint32, np.float16, np.float32, np.float64]
+)
 def test_the_dtype_is_kept(dtype):
-    layers = [crop(0, 0, dtype=dtype), crop(25, 3, dtype=dtype)]
+    white = (
+        None if dtype in (np.uint8, np.uint16) else float(full(dtype))
+    )  # the others do not say it themselves
+    layers = [crop(0, 0, dtype=dtype, data_range=white), crop(25, 3, dtype=dtype, data_range=white)]
     stitched = ts.stitch(layers)
     assert stitched.image.dtype == dtype
     assert stitched.alpha.dtype == dtype
@@ -142,11 +154,13 @@ def test_the_dtype_is_kept(dtype):
 def test_gray_is_widened_to_the_others_channels(gray):
     first, second = crop(0, 0, gray=gray != "second"), crop(25, 0, gray=gray != "first")
     if "channel" in gray:
-        second = ts.Layer(image=second.image[..., np.newaxis], offset=second.offset)
+        second = ts.Layer(image=second.image[..., np.newaxis], at=second.at)
         if gray == "one channel":
-            first = ts.Layer(image=first.image[..., np.newaxis], offset=first.offset)
+            first = ts.Layer(image=first.image[..., np.newaxis], at=first.at)
     stitched = ts.stitch([first, second])
-    assert stitched.image.shape == {"both": (30, 65), "first": (30, 65, 3), "second": (30, 65, 3)}.get(gray, (30, 65, 1))
+    assert stitched.image.shape == {"both": (30, 65), "first": (30, 65, 3), "second": (30, 65, 3)}.get(
+        gray, (30, 65, 1)
+    )
     assert_whole(stitched, [first, second])
 
 
@@ -190,7 +204,9 @@ def test_the_method_and_its_options_are_handed_on(method):
     stitched = ts.stitch(layers, method=method, gradient=False)
     assert_whole(stitched, layers)
     # The regions of the rounds are no strips, and dp and thesis know nothing else.
-    assert {seam.method for seam in stitched.seams} == {method if method in ("heat", "shortest-path") else "heat"}
+    assert {seam.method for seam in stitched.seams} == {
+        method if method in ("heat", "shortest-path") else "heat"
+    }
     assert stitched.seams[0].settings["gradient"] is False
     assert ts.stitch(layers[:2], method=method).seams[0].method == method
 
@@ -246,36 +262,115 @@ ERRORS = {
     "one layer": (lambda: ts.stitch([crop(0, 0)]), ts.OptionError, "at least two"),
     "apart": (lambda: ts.stitch([crop(0, 0), crop(100, 0)]), ts.OverlapError, "move one of them"),
     "side by side": (lambda: ts.stitch([crop(0, 0), crop(40, 0)]), ts.OverlapError, "move one of them"),
-    "third apart": (lambda: ts.stitch([crop(0, 0), crop(25, 0), crop(0, 90, name="third")]), ts.OverlapError, r"third \(at 0,90\)"),
-    "same place": (lambda: ts.stitch([crop(0, 0), crop(0, 0)]), ts.OverlapError, "nothing divides the patches"),
-    "dtypes": (lambda: ts.stitch([crop(0, 0), crop(9, 0, dtype=np.uint16)]), ts.ImageError, "uint16, uint8; convert them to one"),
+    "third apart": (
+        lambda: ts.stitch([crop(0, 0), crop(25, 0), crop(0, 90, name="third")]),
+        ts.OverlapError,
+        r"third \(at 0,90\)",
+    ),
+    "same place": (
+        lambda: ts.stitch([crop(0, 0), crop(0, 0)]),
+        ts.OverlapError,
+        "nothing divides the patches",
+    ),
+    "dtypes": (
+        lambda: ts.stitch([crop(0, 0), crop(9, 0, dtype=np.uint16)]),
+        ts.ImageError,
+        "uint16, uint8; convert them to one",
+    ),
     "channels": (
         lambda: ts.stitch([crop(0, 0), ts.Layer(image=np.zeros((9, 9, 4), np.uint8))]),
         ts.ImageError,
         "3, 4 channels; convert them to the same number",
     ),
-    "far": (lambda: ts.stitch([crop(0, 0), ts.Layer(image=crop(0, 0).image, offset=(10**6, 10**6))]), ts.OptionError, "check the offsets"),
-    "limit": (lambda: ts.stitch([crop(0, 0), crop(20, 0)], max_pixels=1000), ts.OptionError, "more than 1000 pixels"),
+    "far": (
+        lambda: ts.stitch([crop(0, 0), ts.Layer(image=crop(0, 0).image, at=(10**6, 10**6))]),
+        ts.OptionError,
+        "check where they lie",
+    ),
+    "limit": (
+        lambda: ts.stitch([crop(0, 0), crop(20, 0)], max_megapixels=0.001),
+        ts.OptionError,
+        "more than 0.001 megapixels",
+    ),
     "nan": (
-        lambda: ts.stitch([ts.Layer(image=np.full((9, 9), np.nan)), ts.Layer(image=np.zeros((9, 9)), offset=(5, 0))]),
+        lambda: ts.stitch(
+            [ts.Layer(image=np.full((9, 9), np.nan)), ts.Layer(image=np.zeros((9, 9)), at=(5, 0))]
+        ),
         ts.ImageError,
         "NaN or infinite",
     ),
-    "avoid": (lambda: ts.stitch([crop(0, 0), crop(20, 0)], avoid=np.ones((3, 3))), ts.ImageError, "one value per pixel"),
-    "method": (lambda: ts.stitch([crop(0, 0), crop(20, 0)], method="magic"), ts.OptionError, "choose one of heat"),
-    "option": (lambda: ts.stitch([crop(0, 0), crop(20, 0)], patience=3), ts.OptionError, "does not know patience"),
+    "avoid": (
+        lambda: ts.stitch([crop(0, 0), crop(20, 0)], avoid=np.ones((3, 3))),
+        ts.ImageError,
+        "one value per pixel",
+    ),
+    "method": (
+        lambda: ts.stitch([crop(0, 0), crop(20, 0)], method="magic"),
+        ts.OptionError,
+        "choose one of heat",
+    ),
+    "option": (
+        lambda: ts.stitch([crop(0, 0), crop(20, 0)], patience=3),
+        ts.OptionError,
+        "does not know patience",
+    ),
     "path": (
         lambda: ts.stitch([crop(0, 0), crop(25, 0), crop(50, 0)], use_path=ts.read_svg(SVG)),
         ts.OptionError,
         "say between which two it runs",
     ),
-    "path elsewhere": (lambda: ts.stitch([crop(0, 0), crop(20, 0)], use_path=ts.read_svg(SVG)), ts.PathError, "9 × 9"),
+    "path elsewhere": (
+        lambda: ts.stitch([crop(0, 0), crop(20, 0)], use_path=ts.read_svg(SVG)),
+        ts.PathError,
+        "9 × 9",
+    ),
+    "arrays": (
+        lambda: ts.stitch([np.zeros((9, 9)), np.zeros((9, 9))]),
+        ts.OptionError,
+        r"layer 0 is of type ndarray; say where it lies, as toposeam.Layer\(image, at=\(x, y\)\)",
+    ),
+    "alone": (lambda: ts.stitch([crop(0, 0)]), ts.OptionError, "1 layer was given"),
+    "not a list": (lambda: ts.match_tones(crop(0, 0)), ts.OptionError, "1 layer was given"),
+    "no image": (lambda: ts.Layer("a.png"), ts.ImageError, "type str"),
+    "beyond": (lambda: ts.Layer(np.zeros((4, 5)), at=(2**31, 0)), ts.OptionError, "beyond"),
+    "gradient and cost": (
+        lambda: ts.stitch([crop(0, 0), crop(20, 0)], cost=ts.MatchCost(), gradient=False),
+        ts.OptionError,
+        "write it into MatchCost",
+    ),
+    "two ways": (
+        lambda: ts.stitch([crop(0, 0), crop(20, 0)], options=ts.HeatOptions(), tolerance=0.1),
+        ts.OptionError,
+        "tolerance was given beside options",
+    ),
+    "other options": (
+        lambda: ts.stitch([crop(0, 0), crop(20, 0)], options=ts.ThesisOptions()),
+        ts.OptionError,
+        "takes HeatOptions",
+    ),
+    "rounds": (lambda: ts.stitch([crop(0, 0), crop(20, 0)], max_rounds=2.5), ts.OptionError, "whole number"),
     "empty": (lambda: ts.Layer(image=np.zeros((0, 5)), name="B"), ts.ImageError, r"B has shape \(0, 5\)"),
-    "flat": (lambda: ts.Layer(image=np.zeros(5)), ts.ImageError, "a layer needs"),
-    "alpha shape": (lambda: ts.Layer(image=np.zeros((4, 5)), alpha=np.zeros((5, 4))), ts.ImageError, "one value per pixel"),
-    "alpha dtype": (lambda: ts.Layer(image=np.zeros((4, 5)), alpha=np.zeros((4, 5), bool)), ts.ImageError, "alpha is bool"),
-    "half a pixel": (lambda: ts.Layer(image=np.zeros((4, 5)), offset=(0.5, 1)), ts.OptionError, "two whole numbers"),
-    "three numbers": (lambda: ts.Layer(image=np.zeros((4, 5)), offset=(0, 1, 2)), ts.OptionError, "two whole numbers"),
+    "flat": (lambda: ts.Layer(image=np.zeros(5)), ts.ImageError, "pass a non-empty"),
+    "alpha shape": (
+        lambda: ts.Layer(image=np.zeros((4, 5)), alpha=np.zeros((5, 4))),
+        ts.ImageError,
+        "one value per pixel",
+    ),
+    "alpha dtype": (
+        lambda: ts.Layer(image=np.zeros((4, 5)), alpha=np.zeros((4, 5), bool)),
+        ts.ImageError,
+        "alpha is bool",
+    ),
+    "half a pixel": (
+        lambda: ts.Layer(image=np.zeros((4, 5)), at=(0.5, 1)),
+        ts.OptionError,
+        "two whole numbers",
+    ),
+    "three numbers": (
+        lambda: ts.Layer(image=np.zeros((4, 5)), at=(0, 1, 2)),
+        ts.OptionError,
+        "two whole numbers",
+    ),
 }
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"><path d="M4 0 V9"/></svg>'
@@ -296,7 +391,7 @@ def test_what_cannot_be_stitched_says_what_to_do(call, error, remedy):
 def test_no_seam_round_a_picture_inside_beats_the_optimum():
     photograph = data.coffee()
     outer = ts.Layer(image=photograph[:80, :80])
-    inner = ts.Layer(image=photograph[5:65, 5:65][:, ::-1].copy(), offset=(10, 10))
+    inner = ts.Layer(image=photograph[5:65, 5:65][:, ::-1].copy(), at=(10, 10))
     avoid = np.zeros((80, 80), bool)
     avoid[12:14, 20:40] = True
     optimum = ts.stitch([outer, inner], method="shortest-path", avoid=avoid).seams[0]
@@ -306,14 +401,44 @@ def test_no_seam_round_a_picture_inside_beats_the_optimum():
 @pytest.mark.parametrize(("height", "scale"), [(7000, 1.0), (40, 65535.0)])
 def test_a_costly_seam_is_not_a_forbidden_one(height, scale):
     black, white = np.zeros((height, 12, 3), np.float32), np.full((height, 12, 3), scale, np.float32)
-    stitched = ts.stitch([ts.Layer(image=black), ts.Layer(image=white, offset=(6, 0))])
+    stitched = ts.stitch(
+        [ts.Layer(image=black, data_range=1), ts.Layer(image=white, at=(6, 0), data_range=1)]
+    )
     assert stitched.image.shape == (height, 18, 3)
 
 
 @pytest.mark.parametrize("gradient", [True, False])
 def test_floats_of_any_size_are_stitched_or_refused(gradient):
-    layers = [ts.Layer(image=(RNG.random((20, 20)) * 1e30).astype(np.float32), offset=(x, 0)) for x in (0, 12)]
+    layers = [ts.Layer(image=(RNG.random((20, 20)) * 1e30).astype(np.float32), at=(x, 0)) for x in (0, 12)]
     try:
         assert_whole(ts.stitch(layers, gradient=gradient), layers)
     except ts.ImageError as error:
         assert "range" in str(error)  # noqa: PT017
+
+
+def test_a_picture_of_pillow_brings_its_opacity():
+    pixels = np.zeros((6, 9, 4), np.uint8)
+    pixels[:, :4] = 7, 8, 9, 255
+    layer = ts.Layer(PIL.Image.fromarray(pixels), at=(-3, 2))
+    np.testing.assert_array_equal(layer.image, pixels[..., :3])
+    np.testing.assert_array_equal(layer.covered, pixels[..., 3] > 0)
+    assert ts.Layer(PIL.Image.fromarray(pixels).convert("LA")).image.shape == (6, 9)
+    assert ts.Layer(PIL.Image.fromarray(pixels[..., :3])).alpha is None
+
+
+def test_options_may_come_as_one_value():
+    layers = [crop(0, 0), crop(25, 0), crop(50, 0)]
+    plain = ts.stitch(layers, tolerance=0.5)
+    given = ts.stitch(layers, options=ts.HeatOptions(tolerance=0.5))
+    assert [seam.settings["tolerance"] for seam in given.seams] == [0.5, 0.5]
+    np.testing.assert_array_equal(given.image, plain.image)
+
+
+def test_results_are_one_line_and_show_themselves(tmp_path):
+    stitched = ts.stitch([crop(0, 0), crop(25, 0)])
+    assert repr(stitched).startswith("Stitched(2 layers, ")
+    assert "\n" not in repr(stitched)
+    shown = np.asarray(PIL.Image.open(io.BytesIO(stitched._repr_png_())))
+    assert shown.shape[:2] == stitched.image.shape[:2]
+    assert (shown != np.asarray(ts.to_pil(stitched))).any()  # the seam is drawn
+    assert stitched.to_svg(tmp_path / "seams.svg") == (tmp_path / "seams.svg").read_text()

@@ -8,50 +8,59 @@ from hypothesis import strategies as st
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers.labelling import Labelling, exclusive_covers
-from toposeam.seam.match_cost import MatchCost
+from toposeam.layers.posing import exclusive_covers, pose_labelling
 
 PHOTOGRAPHS = (data.coffee(), data.chelsea(), data.astronaut(), data.rocket())
 
 
 def pile(seed, alike):
-    """Three to six noisy crops of a photograph, each brighter or darker, in their own places (alike) or in any."""
+    """Three to six noisy crops of a photograph, each brighter or darker, in their own places (alike) or in
+    any.
+    """
     rng = np.random.default_rng(seed)
     photograph = PHOTOGRAPHS[seed % len(PHOTOGRAPHS)]
     layers = []
     for index in range(rng.integers(3, 7)):
-        height, width, x, y = (int(rng.integers(low, high)) for low, high in ((40, 80), (40, 90), (0, 80), (0, 60)))
+        height, width, x, y = (
+            int(rng.integers(low, high)) for low, high in ((40, 80), (40, 90), (0, 80), (0, 60))
+        )
         if alike:
             row, column = 100 + y, 100 + x
         else:
-            row, column = rng.integers(0, photograph.shape[0] - height), rng.integers(0, photograph.shape[1] - width)
+            row, column = (
+                rng.integers(0, photograph.shape[0] - height),
+                rng.integers(0, photograph.shape[1] - width),
+            )
         image = photograph[row : row + height, column : column + width].astype(int)
         image = image + rng.integers(-9, 10, image.shape) + rng.integers(-12, 12)
-        layers.append(ts.Layer(image=np.clip(image, 0, 255).astype(np.uint8), offset=(x, y), name=str(index)))
+        layers.append(ts.Layer(image=np.clip(image, 0, 255).astype(np.uint8), at=(x, y), name=str(index)))
     return layers
 
 
 def labelling_of(layers):
-    canvas = ts.common_canvas(layers, 10**6)
-    return Labelling(layers, canvas, exclusive_covers(layers, [canvas.place(layer) for layer in layers], canvas), 0.5, MatchCost())
+    canvas = ts.common_canvas(layers)
+    covers = exclusive_covers(layers, [canvas.place(layer) for layer in layers], canvas)
+    return pose_labelling(layers, canvas, covers)
 
 
-def owner_of(stitched):
-    owner = np.full(stitched.masks[0].shape, -1, np.int16)
+def label_map_of(stitched):
+    label_map = np.full(stitched.masks[0].shape, -1, np.int16)
     for index, mask in enumerate(stitched.masks):
-        owner[mask] = index
-    return owner
+        label_map[mask] = index
+    return label_map
 
 
-@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 10))])
+@pytest.mark.parametrize(
+    "seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 10))]
+)
 def test_total_cost_is_that_of_alpha_expansion(seed):
     pytest.importorskip("maxflow")
     layers = pile(seed, alike=seed % 2)
     stitched, joined = ts.stitch(layers), ts.stitch(layers, max_rounds=0)
     labelling = labelling_of(layers)
     peer = Expansion(labelling)
-    assert peer.energy(owner_of(stitched)) == pytest.approx(stitched.cost, rel=1e-6)
-    assert stitched.cost <= 1.02 * min(peer.minimise(owner_of(joined)), peer.minimise(labelling.on_top()))
+    assert peer.energy(label_map_of(stitched)) == pytest.approx(stitched.cost, rel=1e-6)
+    assert stitched.cost <= 1.02 * min(peer.minimise(label_map_of(joined)), peer.minimise(labelling.on_top()))
     assert stitched.cost <= joined.cost
 
 
@@ -59,7 +68,10 @@ def test_total_cost_is_that_of_alpha_expansion(seed):
 @pytest.mark.parametrize("seed", [1, 4])
 def test_the_order_hardly_matters(seed):
     layers = pile(seed, alike=seed % 2)
-    costs = [ts.stitch([layers[k] for k in np.random.default_rng(order).permutation(len(layers))]).cost for order in range(3)]
+    costs = [
+        ts.stitch([layers[k] for k in np.random.default_rng(order).permutation(len(layers))]).cost
+        for order in range(3)
+    ]
     assert max(costs) <= 1.1 * min(costs)
 
 
@@ -71,7 +83,11 @@ def test_every_method_that_knows_networks_ends_at_the_same_cost(method):
 
 
 RECTANGLES = st.lists(
-    st.tuples(st.integers(0, 25), st.integers(0, 20), st.integers(1, 24), st.integers(1, 20), st.integers(0, 2**31)), min_size=3, max_size=6
+    st.tuples(
+        st.integers(0, 25), st.integers(0, 20), st.integers(1, 24), st.integers(1, 20), st.integers(0, 2**31)
+    ),
+    min_size=3,
+    max_size=6,
 )
 
 
@@ -81,15 +97,21 @@ def test_no_hole_no_double_cover_no_pixel_unassigned(rectangles, holes, blend):
     layers = []
     for x, y, width, height, seed in rectangles:
         rng = np.random.default_rng(seed)
-        alpha = np.where(rng.random((height, width)) < 0.1, 0, rng.integers(1, 256)).astype(np.uint8) if holes else None
-        layers.append(ts.Layer(image=rng.integers(0, 256, (height, width, 3), np.uint8), alpha=alpha, offset=(x, y)))
+        alpha = (
+            np.where(rng.random((height, width)) < 0.1, 0, rng.integers(1, 256)).astype(np.uint8)
+            if holes
+            else None
+        )
+        layers.append(
+            ts.Layer(image=rng.integers(0, 256, (height, width, 3), np.uint8), alpha=alpha, at=(x, y))
+        )
     try:
         stitched = ts.stitch(layers, blend=blend)
     except ts.OverlapError:
         return  # some layer touches no other, or nothing divides two of them
     covered = np.zeros(stitched.masks[0].shape, bool)
     for layer, mask in zip(layers, stitched.masks, strict=True):
-        x, y = layer.offset[0] - stitched.origin[0], layer.offset[1] - stitched.origin[1]
+        x, y = layer.at[0] - stitched.origin[0], layer.at[1] - stitched.origin[1]
         place = np.s_[y : y + layer.image.shape[0], x : x + layer.image.shape[1]]
         assert mask.sum() == mask[place].sum() <= layer.covered.sum()
         assert not (mask[place] & ~layer.covered).any()
@@ -99,20 +121,22 @@ def test_no_hole_no_double_cover_no_pixel_unassigned(rectangles, holes, blend):
     alpha = np.full(covered.shape, 255) if stitched.alpha is None else stitched.alpha
     np.testing.assert_array_equal(alpha > 0, covered)
     assert stitched.cost == pytest.approx(
-        labelling_of(layers).total(owner_of(stitched), ts.common_canvas(layers, 10**6).box), rel=1e-5, abs=1e-6
+        labelling_of(layers).total(label_map_of(stitched), ts.common_canvas(layers).box),
+        rel=1e-5,
+        abs=1e-6,
     )
 
 
 def test_seams_say_which_layers_they_divide():
     layers = pile(5, alike=True)
     stitched = ts.stitch(layers)
-    owner = owner_of(stitched)
+    label_map = label_map_of(stitched)
     for (i, j), seam in zip(stitched.pairs, stitched.seams, strict=True):
-        np.testing.assert_array_equal(seam.labels & ((owner == i) | (owner == j)), owner == j)
+        np.testing.assert_array_equal(seam.labels & ((label_map == i) | (label_map == j)), label_map == j)
         for line in seam.paths:
             middle = (line.points[:-1] + line.points[1:]) / 2
             for x, y in middle:
-                around = owner[int(np.ceil(y)) - 1 : int(y) + 1, int(np.ceil(x)) - 1 : int(x) + 1]
+                around = label_map[int(np.ceil(y)) - 1 : int(y) + 1, int(np.ceil(x)) - 1 : int(x) + 1]
                 assert {i, j} <= set(around.ravel().tolist())
         assert seam.optimum_ratio() <= 1.01
         assert 0 <= seam.soft.min() <= seam.soft.max() <= 1
@@ -123,13 +147,15 @@ def test_svg_names_the_pairs():
     stitched = ts.stitch(layers)
     drawing = ts.read_svg(stitched.to_svg())
     assert set(drawing.names) == {
-        ts.pair_name(str(i), str(j)) for (i, j), seam in zip(stitched.pairs, stitched.seams, strict=True) if seam.paths
+        ts.pair_name(str(i), str(j))
+        for (i, j), seam in zip(stitched.pairs, stitched.seams, strict=True)
+        if seam.paths
     }
 
 
 def test_a_layer_that_reaches_none_before_it_waits_for_a_bridge():
     photograph = data.coffee()
-    layers = [ts.Layer(image=photograph[:40, x : x + 50].copy(), offset=(x, 0), name=str(x)) for x in (0, 80, 40)]
+    layers = [ts.Layer(image=photograph[:40, x : x + 50].copy(), at=(x, 0), name=str(x)) for x in (0, 80, 40)]
     stitched = ts.stitch(layers)
     assert all(mask.any() for mask in stitched.masks)
     assert stitched.pairs == ((0, 2), (1, 2))
@@ -141,7 +167,7 @@ def test_a_layer_that_reaches_none_before_it_waits_for_a_bridge():
 def three():
     photograph = data.coffee()[60:, 150:]
     return [
-        ts.Layer(image=photograph[y : y + 60, x : x + 70].copy(), offset=(x, y), name=name)
+        ts.Layer(image=photograph[y : y + 60, x : x + 70].copy(), at=(x, y), name=name)
         for name, x, y in (("a", 0, 0), ("b", 40, 5), ("c", 20, 35))
     ]
 
@@ -151,7 +177,7 @@ def test_a_layer_shows_only_where_its_mask_lets_it(count):
     layers = three()[:count]
     mask = np.ones((60, 70), bool)
     mask[:, :20] = False
-    layers[1] = ts.Layer(image=layers[1].image, offset=(40, 5), mask=mask)
+    layers[1] = ts.Layer(image=layers[1].image, at=(40, 5), mask=mask)
     stitched = ts.stitch(layers)
     assert not stitched.masks[1][:, :60].any()
     assert (np.sum(stitched.masks, axis=0) <= 1).all()
@@ -165,14 +191,16 @@ def test_a_layer_keeps_what_it_must(count):
     assert not all(shows[:2])
     index = shows.index(False)  # of a and b, one that does not show all of this part of their overlap
     keep = np.zeros((60, 70), bool)
-    x, y = layers[index].offset
+    x, y = layers[index].at
     keep[15 - y : 35 - y, 42 - x : 68 - x] = True
-    layers[index] = ts.Layer(image=layers[index].image, offset=(x, y), keep=keep)
+    layers[index] = ts.Layer(image=layers[index].image, at=(x, y), keep=keep)
     assert ts.stitch(layers).masks[index][15:35, 42:68].all()
 
 
 def test_what_two_layers_must_keep_is_refused():
-    layers = [ts.Layer(image=layer.image, offset=layer.offset, name=layer.name, keep=np.ones((60, 70))) for layer in three()]
+    layers = [
+        ts.Layer(image=layer.image, at=layer.at, name=layer.name, keep=np.ones((60, 70))) for layer in three()
+    ]
     with pytest.raises(ts.OptionError, match="a and b are both to be kept"):
         ts.stitch(layers)
     nothing = ts.Layer(image=layers[0].image, keep=np.zeros((60, 70)), name="nothing")
@@ -184,25 +212,25 @@ def test_what_two_layers_must_keep_is_refused():
 
 def test_no_seam_of_many_touches_what_is_to_be_avoided():
     layers = three()
-    free = owner_of(ts.stitch(layers))
+    free = label_map_of(ts.stitch(layers))
     edge = np.zeros(free.shape, bool)
     edge[:, 1:] |= free[:, 1:] != free[:, :-1]
     avoid = np.zeros(free.shape, bool)
     row = 20
     column = np.flatnonzero(edge[row])[0]
     avoid[row - 4 : row + 4, column - 2 : column + 2] = True
-    owner = owner_of(ts.stitch(layers, avoid=avoid))
-    touched = (owner[:, 1:] != owner[:, :-1]) & (avoid[:, 1:] | avoid[:, :-1])
+    label_map = label_map_of(ts.stitch(layers, avoid=avoid))
+    touched = (label_map[:, 1:] != label_map[:, :-1]) & (avoid[:, 1:] | avoid[:, :-1])
     assert not touched.any()
-    assert (owner != free).any()
+    assert (label_map != free).any()
 
 
 def test_a_given_seam_of_one_pair_is_followed_and_the_others_found():
     layers = three()
     svg = '<svg xmlns="http://www.w3.org/2000/svg" width="110" height="95"><path d="M55 0 V95"/></svg>'
     stitched = ts.stitch(layers, use_path={(1, 0): ts.read_svg(svg)})
-    owner = owner_of(stitched)
-    overlap = owner[5:35, 40:70]  # of a and b only
+    label_map = label_map_of(stitched)
+    overlap = label_map[5:35, 40:70]  # of a and b only
     assert (overlap[:28, :15] == 0).all()
     assert (overlap[1:28, 15:] == 1).all()  # in row 0 b ends, and a shows
     given = stitched.seams[stitched.pairs.index((0, 1))]

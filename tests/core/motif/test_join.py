@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,10 @@ SIZE = 48
 
 
 def _recipes(seeds=(1, 2), size=SIZE):
-    return [ts.random_recipe(size, layers=1, seed=seed, repeat="translate", palette="botanic", iterations=24) for seed in seeds]
+    return [
+        ts.random_recipe(size, layers=1, seed=seed, repeat="translate", palette="botanic", iterations=24)
+        for seed in seeds
+    ]
 
 
 def _joined(weight, stages=1, shared=0, seeds=(1, 2), size=SIZE):
@@ -27,8 +32,28 @@ def test_without_weight_each_motif_is_what_it_is_alone():
 def test_motifs_join_each_other_the_better_the_more_the_compound_weighs():
     apart, together = _joined(0.0), _joined(0.5)
     assert together.mismatch() < 0.7 * apart.mismatch()
-    own = [np.mean([ts.border_mismatch(m, m) for m in joined.motifs]) for joined in (apart, together, _joined(1.0))]
+    own = [
+        np.mean([ts.border_mismatch(m, m) for m in joined.motifs])
+        for joined in (apart, together, _joined(1.0))
+    ]
     assert own[0] < own[1] < own[2]  # and each itself the worse (Figure 4.7)
+
+
+def test_border_mismatch_is_the_step_across_over_the_steps_beside():
+    """By hand: columns of A rise by 0.1, those of B by 0.2, rows are even."""
+    columns = {"a": [0.0, 0.1, 0.2, 0.3], "b": [0.5, 0.7, 0.9, 0.7]}
+    motifs = {}
+    for name, values in columns.items():
+        recipe = ts.random_recipe(8, layers=1, repeat="translate", seed=1, iterations=1)
+        density = np.tile(np.array(values, np.float32), (4, 1))[None]
+        motifs[name] = dataclasses.replace(ts.generate_motif(recipe), densities=density)
+    a, b = motifs["a"], motifs["b"]
+    # a|b: 0.3 to 0.5, b|a: 0.7 to 0.0; over one another: the mean step between the rows of a and of b
+    between = np.mean([abs(x - y) for x, y in zip(columns["a"], columns["b"], strict=True)])
+    across = (0.2 + between + 0.7 + between) / 4
+    # beside a|b: 0.3 - 0.2 in a, 0.7 - 0.5 in b; beside b|a: 0.7 - 0.9 in b, 0.1 in a; rows do not change
+    within = (0.1 + 0.2 + 0 + 0 + 0.2 + 0.1 + 0 + 0) / 8
+    assert ts.border_mismatch(a, b) == pytest.approx(across / within, rel=1e-5)
 
 
 @pytest.mark.slow
@@ -65,12 +90,22 @@ def test_every_motif_keeps_its_mass(shared):
 
 
 def test_an_arrangement_puts_motifs_where_the_grid_says():
-    motifs = _joined(0.0).motifs
-    image = ts.arrange(motifs, [[0, 1, 1], [1, 0, 0]])
+    recipes = [
+        dataclasses.replace(
+            recipe, layers=tuple(dataclasses.replace(part, edge="soft") for part in recipe.layers)
+        )
+        for recipe in _recipes()
+    ]
+    motifs = ts.join_motifs(recipes, weight=0.0, shared=0).motifs
+    image = ts.arrange(motifs, [[0, 1, 1], [1, 0, 0]]).image()
     assert np.array_equal(image[:SIZE, SIZE : 2 * SIZE], motifs[1].image())
     assert np.array_equal(image[SIZE:, :SIZE], motifs[1].image())
     assert np.array_equal(image[SIZE:, 2 * SIZE :], motifs[0].image())
-    assert ts.arrange(motifs, (2, 3), seed=4, size=(20, 30)).shape == (40, 90, 3)
+    laid = ts.arrange(motifs, (2, 3), seed=4)
+    assert repr(laid) == "Arrangement(3 × 2 places of 2 motifs)"
+    assert laid.image((40, 90)).shape == (40, 90, 3)
+    assert laid.record["arrangement"]["grid"] == laid.grid.tolist()
+    assert laid.to_svg().count('inkscape:label="ink') == 1
 
 
 def test_random_neighbours_keep_within_reach():
@@ -87,7 +122,11 @@ def test_what_cannot_be_joined_is_refused_in_one_sentence():
     for recipes, options, text in [
         ([one], {}, "two motifs"),
         ([one, other], {}, "paper"),
-        ([one, ts.random_recipe(SIZE + 2, layers=1, repeat="translate", palette="botanic", iterations=24)], {}, "size"),
+        (
+            [one, ts.random_recipe(SIZE + 2, layers=1, repeat="translate", palette="botanic", iterations=24)],
+            {},
+            "size",
+        ),
         ([ts.random_recipe(SIZE, layers=1), one], {}, "repeat"),
         ([one, two], {"weight": 1.5}, "weight"),
         ([one, two], {"stages": 0}, "stages"),

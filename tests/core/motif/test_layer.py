@@ -66,7 +66,9 @@ def test_penalty_makes_strokes_distinct_and_wash_blurred():
 
 
 def test_iterations_and_move_limit_are_controls():
-    few, slow, many = (ts.generate_motif(_recipe(48, penalty=3.0, **o)) for o in ({"iterations": 3}, {"move": 0.02}, {}))
+    few, slow, many = (
+        ts.generate_motif(_recipe(48, penalty=3.0, **o)) for o in ({"iterations": 3}, {"move": 0.02}, {})
+    )
     assert few.densities.std() < many.densities.std()
     assert slow.densities.std() < many.densities.std()
     assert len(few.history[0]) == 3
@@ -95,7 +97,9 @@ def test_a_base_image_survives_packing_within_a_level():
 def test_coarse_plates_do_most_iterations():
     recipe = _recipe(192, filter_radius=1.5)
     assert plan(recipe) == [((48, 48), 27), ((96, 96), 8), ((192, 192), 5)]
-    assert plan(replace(recipe, filter_radius=0.5)) == [((192, 192), 40)]  # strokes too fine for coarser plates
+    assert plan(replace(recipe, filter_radius=0.5)) == [
+        ((192, 192), 40)
+    ]  # strokes too fine for coarser plates
     assert sum(count for _, count in plan(replace(recipe, iterations=7))) == 7
 
 
@@ -117,7 +121,9 @@ def test_more_sources_and_sinks_make_finer_images():
     """The more there are, the finer the image (4.2): its spectrum moves to shorter waves."""
 
     def wavenumber(count):
-        motif = ts.generate_motif(_recipe(96, repeat="translate", sources=count, sinks=count, ambient=0.0, mass=0.2, penalty=3.0))
+        motif = ts.generate_motif(
+            _recipe(96, repeat="translate", sources=count, sinks=count, ambient=0.0, mass=0.2, penalty=3.0)
+        )
         power = np.abs(np.fft.fft2(motif.densities[0] - motif.densities[0].mean())) ** 2
         frequency = np.hypot(*np.meshgrid(np.fft.fftfreq(96), np.fft.fftfreq(96)))
         return (power * frequency).sum() / power.sum()
@@ -129,8 +135,28 @@ def test_strokes_widen_as_sink_and_source_come_closer():
     """4.2: the same mass spread along a shorter way."""
 
     def width(distance):
-        motif = ts.generate_motif(_recipe(96, sources=[(0.15, 0.5)], sinks=[(0.15 + distance, 0.5)], ambient=0.0, mass=0.15, penalty=3.0))
+        motif = ts.generate_motif(
+            _recipe(
+                96, sources=[(0.15, 0.5)], sinks=[(0.15 + distance, 0.5)], ambient=0.0, mass=0.15, penalty=3.0
+            )
+        )
         density = motif.densities[0]
         return density[:, round(96 * (0.15 + distance / 2))].sum()
 
     assert width(0.2) > 1.5 * width(0.6)
+
+
+def test_the_thesis_s_law_conducts_in_proportion_to_brightness():
+    from toposeam.motif.conduction import VOID, nominal_conductivity
+
+    brightness = np.array([[0.0, 0.25], [0.5, 1.0]])
+    np.testing.assert_allclose(
+        nominal_conductivity(brightness, 1.0, (2, 2), "brightness"), [[VOID, 0.25], [0.5, 1.0]]
+    )
+    np.testing.assert_allclose(
+        nominal_conductivity(brightness, -0.5, (2, 2), "brightness"), [[1, 0.875], [0.75, 0.5 + 0.5 * VOID]]
+    )
+    made = ts.random_recipe(16, base=brightness, base_law="brightness")
+    assert made.base_law == "brightness"
+    with pytest.raises(ts.OptionError, match="base_law"):
+        ts.random_recipe(16, base=brightness, base_law="thesis")

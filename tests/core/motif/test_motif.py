@@ -53,7 +53,7 @@ def test_patterns_of_every_rule_have_its_size(repeat):
 
 
 def test_subtractive_mixing_is_a_product_over_paper():
-    motif = _quick(layers=2)
+    motif = _quick(layers=2, edge="soft")
     one, two = motif.densities[..., np.newaxis]
     expected = motif.paper * (1 - one * (1 - motif.inks[0])) * (1 - two * (1 - motif.inks[1]))
     assert motif.image() == pytest.approx(expected, abs=1e-5)
@@ -77,8 +77,34 @@ def test_any_size_is_the_same_picture(repeat):
 
 def test_progress_counts_every_iteration():
     seen = []
-    _quick(progress=lambda done, total: seen.append((done, total)))
-    assert seen == [(i, 12) for i in range(1, 13)]
+    _quick(progress=seen.append)
+    assert seen == [i / 12 for i in range(1, 13)]
+
+
+def test_a_generator_seeds_a_motif_that_can_be_made_again():
+    recipe = ts.random_recipe(48, seed=np.random.default_rng(4))
+    assert ts.random_recipe(48, seed=recipe.seed) == recipe
+    assert ts.random_recipe(48, seed=None) != ts.random_recipe(48, seed=None)
+
+
+def test_motifs_show_themselves(tmp_path):
+    motif = _quick(repeat="pm", seed=3)
+    assert repr(motif) == "Motif(2 inks on 48 × 48 elements, repeat='pm', seed=3)"
+    assert motif._repr_png_()[:8] == b"\x89PNG\r\n\x1a\n"
+    document = motif.to_svg(tmp_path / "m.svg", counts=(2, 3))
+    assert (tmp_path / "m.svg").read_text() == document == ts.draw_svg(motif, (2, 3))
+    assert 'viewBox="0 0 144 96"' in document
+
+
+def test_relatives_move_the_even_heat_towards_its_range_and_leave_none_alone():
+    recipe = ts.random_recipe(48, seed=1, ambient=1.0)
+    moved = [layer.ambient for layer in ts.vary(recipe, amount=0.5, seed=2).layers]
+    assert all(0.5 * 1.0 + 0.5 * 0.2 <= value <= 0.5 * 1.0 + 0.5 * 0.9 for value in moved)
+    assert len(set(moved)) == len(moved)
+    far = [layer.ambient for layer in ts.vary(recipe, amount=1.0, seed=2).layers]
+    assert all(0.2 <= value <= 0.9 for value in far)
+    none = ts.random_recipe(48, seed=1, ambient=0.0)
+    assert [layer.ambient for layer in ts.vary(none, amount=1.0, seed=2).layers] == [0.0] * 3
 
 
 def test_named_palettes_and_those_of_pictures():
@@ -90,7 +116,9 @@ def test_named_palettes_and_those_of_pictures():
     picture[:, :20], picture[:, 20:32], picture[:, 32:] = (250, 250, 250), (200, 30, 30), (20, 60, 160)
     palette = ts.palette(picture, 2)
     assert palette.paper * 255 == pytest.approx(np.full(3, 250.0))
-    assert (palette.paper * palette.inks) * 255 == pytest.approx(np.array([[200.0, 30, 30], [20, 60, 160]]), abs=1)
+    assert (palette.paper * palette.inks) * 255 == pytest.approx(
+        np.array([[200.0, 30, 30], [20, 60, 160]]), abs=1
+    )
 
 
 SPOT = [(0.5, 0.5)]
@@ -116,6 +144,8 @@ SPOT = [(0.5, 0.5)]
         ({"move": 0}, "move"),
         ({"filter_radius": -1}, "filter_radius"),
         ({"layers": 0}, "layers"),
+        ({"edge": "hard"}, "edge"),
+        ({"edge": ["soft"]}, "has 2"),
         ({"layers": 9, "palette": "sumi"}, "inks"),
         ({"palette": "mauve"}, "palette"),
         ({"palette": np.zeros((4, 4, 3))}, "colours"),
@@ -125,6 +155,12 @@ SPOT = [(0.5, 0.5)]
         ({"repeat": "rotate", "size": 47}, "even"),
         ({"repeat": "pg", "size": (47, 48)}, "even"),
         ({"size": 4}, "size"),
+        ({"size": 0}, "size"),
+        ({"size": True}, "size"),
+        ({"seed": "x"}, "seed"),
+        ({"iterations": 2.5}, "iterations"),
+        ({"mass": np.nan}, "mass"),
+        ({"ambient": np.inf}, "ambient"),
         ({"size": (48, 48, 3)}, "size"),
         ({"size": "large"}, "size"),
         ({"size": 100_000}, "size"),
@@ -148,9 +184,25 @@ def test_bad_options_are_refused_in_one_sentence(options, text):
 
 @pytest.mark.parametrize(
     "change",
-    [{"size": None}, {"layers": []}, {"layers": [{"ink": "red"}]}, {"layers": 3}, {"colour": 1}, {"base": "3x3:junk"}, {"base": "\x00"},
-     {"paper": [2, 0, 0]}, {"move": "far"}, {"iterations": "many"}],
-)  # fmt: skip
+    [
+        {"size": None},
+        {"layers": []},
+        {"layers": [{"ink": "red"}]},
+        {"layers": 3},
+        {"colour": 1},
+        {"base": "3x3:junk"},
+        {"base": "\x00"},
+        {"paper": [2, 0, 0]},
+        {"move": "far"},
+        {"iterations": "many"},
+        {"iterations": float("inf")},
+        {"size": [float("inf"), 48]},
+        {"move": float("nan")},
+        {"base_strength": float("nan")},
+        {"seed": float("nan")},
+        {"coarse": "yes"},
+    ],
+)
 def test_damaged_recipes_are_refused_in_one_sentence(change):
     record = ts.random_recipe(48).to_dict()
     record.update(change)

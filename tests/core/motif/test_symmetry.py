@@ -8,11 +8,27 @@ import pytest
 import toposeam as ts
 from toposeam.motif.symmetry import GENERATORS, HEXAGONAL, onto_axes, operations, permutation, symmetry
 
-#: How many operations each group has modulo the translations of its cell (centred cells have twice their point group's).
+#: How many operations each group has modulo the translations of its cell (centred cells have twice their
+#: point group's).
 ORDERS = {
-    "p1": 1, "p2": 2, "pm": 2, "pg": 2, "cm": 4, "pmm": 4, "pmg": 4, "pgg": 4, "cmm": 8, "p4": 4, "p4m": 8, "p4g": 8,
-    "p3": 3, "p3m1": 6, "p31m": 6, "p6": 6, "p6m": 12,
-}  # fmt: skip
+    "p1": 1,
+    "p2": 2,
+    "pm": 2,
+    "pg": 2,
+    "cm": 4,
+    "pmm": 4,
+    "pmg": 4,
+    "pgg": 4,
+    "cmm": 8,
+    "p4": 4,
+    "p4m": 8,
+    "p4g": 8,
+    "p3": 3,
+    "p3m1": 6,
+    "p31m": 6,
+    "p6": 6,
+    "p6m": 12,
+}
 ONE_STEP = 1 / 255
 
 
@@ -40,9 +56,11 @@ def test_generators_leave_the_repeated_picture_as_it_is(repeat):
 
 @pytest.mark.parametrize("repeat", HEXAGONAL)
 def test_generators_of_hexagonal_groups_leave_the_repeated_picture_as_it_is(repeat):
-    """On 2n × 2n pixels a tile has lattice node (u, v) in row v and column 2u - v, and turns by 60° take nodes to nodes."""
+    """On 2n × 2n pixels a tile has lattice node (u, v) in row v and column 2u - v, and turns by 60° take
+    nodes to nodes.
+    """
     n = 32
-    picture = ts.repeat(_motif(repeat, n), (2, 2), size=(2 * n, 2 * n))
+    picture = ts.repeat(_motif(repeat, n, edge="soft"), (2, 2), size=(2 * n, 2 * n))
     v, u = np.mgrid[: 4 * n, : 2 * n]
     for (a, b), (c, d), _ in HEXAGONAL[repeat]:
         to_u, to_v = a * u + b * v, c * u + d * v
@@ -56,13 +74,19 @@ def test_hexagonal_tiles_have_true_geometry(repeat):
     from scipy.ndimage import affine_transform
 
     motif = _motif(repeat, 32)
-    size = (832, 480)  # 832 / 480 is √3 within 0.1 %; many pixels per element, so that interpolation costs nothing
+    size = (
+        832,
+        480,
+    )  # 832 / 480 is √3 within 0.1 %; many pixels per element, so that interpolation costs nothing
     pattern = np.tile(motif.resampled(size)[0], (2, 3)).astype(float)
     # A lattice point, which lies a quarter element from the tile's corner, one tile to the right.
     centre = np.array([size[0] / (4 * 32) - 0.5 + size[0] / 2, size[1] / (4 * 32) - 0.5 + 1.5 * size[1]])
     angle = np.deg2rad(60 if repeat in ("p6", "p6m") else 120)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    window = slice(int(centre[0]) - 250, int(centre[0]) + 250), slice(int(centre[1]) - 250, int(centre[1]) + 250)
+    window = (
+        slice(int(centre[0]) - 250, int(centre[0]) + 250),
+        slice(int(centre[1]) - 250, int(centre[1]) + 250),
+    )
     turned = affine_transform(pattern, turn, centre - turn @ centre, order=1)
     # 0.1 % of 250 pixels is a quarter of a pixel, at edges a pixel wide per 15.
     assert np.abs(turned - pattern)[window].max() < 0.04
@@ -76,7 +100,9 @@ def _steps(picture, axis):
 
 @pytest.mark.parametrize("repeat", [r for r in ts.REPEATS if r != "none"])
 def test_no_border_can_be_seen(repeat):
-    """The colour step's 99th percentile across a border is at most that across the most conspicuous line of the same length inside."""
+    """The colour step's 99th percentile across a border is at most that across the most conspicuous line of
+    the same length inside.
+    """
     motif = ts.generate_motif(64, repeat=repeat, seed=3, iterations=24)
     picture = ts.repeat(motif, (3, 3))
     for axis, side in enumerate(motif.densities.shape[1:]):
@@ -100,21 +126,23 @@ def test_borders_of_the_thesis_rules_are_calmer_than_the_inside(repeat):
 
 
 def test_copies_of_reflect_and_rotate_meet_their_images():
-    cell = _motif("reflect").densities
+    cell = _motif("reflect").coverage()
     pattern = ts.repeat_densities(_motif("reflect"), (2, 2))
     assert np.array_equal(pattern[:, :48, 48:], cell[..., ::-1])
     assert np.array_equal(pattern[:, 48:, 48:], cell[..., ::-1, ::-1])
     turned = _motif("rotate")
     pattern = ts.repeat_densities(turned, (2, 2))
-    assert np.array_equal(pattern[:, :48, 48:], turned.densities[..., ::-1, ::-1])
-    assert np.array_equal(pattern[:, 48:, 48:], turned.densities)
+    assert np.array_equal(pattern[:, :48, 48:], turned.coverage()[..., ::-1, ::-1])
+    assert np.array_equal(pattern[:, 48:, 48:], turned.coverage())
 
 
 @pytest.mark.parametrize("repeat", ORDERS)
 def test_permutations_are_permutations_and_orbits_their_cycles(repeat):
     shape = (12, 12)
     for operation in operations(repeat):
-        assert np.array_equal(np.sort(permutation(operation, shape, repeat in HEXAGONAL).ravel()), np.arange(144))
+        assert np.array_equal(
+            np.sort(permutation(operation, shape, repeat in HEXAGONAL).ravel()), np.arange(144)
+        )
     orbits = symmetry(repeat, shape)
     field = np.random.default_rng(0).random(shape)
     mean = orbits.mean(field)
@@ -137,6 +165,9 @@ def test_places_are_moved_onto_mirrors_and_centres(repeat):
         if repeat == "reflect":
             assert 0.0 in place or 1.0 in place
         else:
-            images = [np.array([[a, b], [c, d]]) @ place + np.array([t, u]) / 2 for (a, b), (c, d), (t, u) in operations(repeat)[1:]]
+            images = [
+                np.array([[a, b], [c, d]]) @ place + np.array([t, u]) / 2
+                for (a, b), (c, d), (t, u) in operations(repeat)[1:]
+            ]
             assert any(np.allclose((image - place + 0.5) % 1.0, 0.5, atol=1e-9) for image in images)
     assert moved >= 3

@@ -29,6 +29,22 @@ def test_penalised_resistors_with_masses_converge():
     assert x == pytest.approx(expected * 3.0 / (m @ expected), rel=1e-6)
 
 
+@pytest.mark.parametrize("damping", [0.25, 0.5, 1.0])
+def test_one_step_goes_as_far_as_its_damping_says(damping):
+    """x B^η with B = -∂C/∂x / λm; from equal densities the new ones stand in the ratio of the benefits to the
+    power of η.
+    """
+    benefit = np.array([1.0, 16.0, 81.0])
+    result = oc_step(np.ones(3), -benefit, 1.0, 3.0, 1e-9, 100.0, OCOptions(move=99.0, damping=damping))
+    assert result / result[0] == pytest.approx((benefit / benefit[0]) ** damping, rel=1e-6)
+    assert result.sum() == pytest.approx(3.0)
+
+
+def test_a_variable_of_twice_the_mass_counts_as_of_half_the_benefit():
+    result = oc_step(np.ones(2), -np.ones(2), np.array([1.0, 2.0]), 3.0, 1e-9, 10.0, WIDE)
+    assert result[0] / result[1] == pytest.approx(np.sqrt(2.0), rel=1e-6)
+
+
 def test_the_mass_bound_is_met_from_below():
     rng = np.random.default_rng(0)
     x = rng.uniform(0.1, 0.9, 500)
@@ -51,7 +67,9 @@ def test_a_bound_beyond_reach_gives_the_lightest_design_the_limits_allow():
 
 
 def test_a_bound_that_does_not_bind_gives_the_densest_design():
-    result = oc_step(np.full(4, 0.5), -np.array([1.0, 2.0, 0.0, 3.0]), 1.0, 100.0, 1e-3, 1.0, OCOptions(move=0.2))
+    result = oc_step(
+        np.full(4, 0.5), -np.array([1.0, 2.0, 0.0, 3.0]), 1.0, 100.0, 1e-3, 1.0, OCOptions(move=0.2)
+    )
     assert result == pytest.approx([0.7, 0.7, 0.3, 0.7])
 
 

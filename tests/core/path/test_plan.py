@@ -17,7 +17,9 @@ def dijkstra_cost(cost, start, end):
 def free_line(path, blocked):
     """Whether no sample of a line lies in a blocked pixel."""
     share = np.linspace(0, 1, 400)[:, None]
-    samples = np.concatenate([a + (b - a) * share for a, b in zip(path.points[:-1], path.points[1:], strict=True)])
+    samples = np.concatenate(
+        [a + (b - a) * share for a, b in zip(path.points[:-1], path.points[1:], strict=True)]
+    )
     return not blocked[samples[:, 1].astype(int), samples[:, 0].astype(int)].any()
 
 
@@ -59,6 +61,50 @@ def test_stopovers_are_visited_in_order():
     assert {record.leg for record in found.history} == {1, 2, 3}
 
 
+def test_no_way_squeezes_between_obstacles_that_touch_at_a_corner():
+    wall = np.zeros((24, 24), bool)
+    wall[:12, 12], wall[12:, 13] = True, True  # a wall with a corner, no gap
+    wall[23, 13] = False
+    found = ts.plan_path((24, 24), (4, 10), (20, 10), obstacles=wall)
+    assert found.paths[0].points[:, 1].max() > 22  # through the opening below, not through the corner
+    wall[23, 13] = True
+    with pytest.raises(ts.PathError, match="part the point"):
+        ts.plan_path((24, 24), (4, 10), (20, 10), obstacles=wall)
+
+
+def test_heat_conducts_by_one_over_the_square_of_the_cost():
+    """Two lanes between the same ends; the dearer one is taken once the other is longer by more than its
+    price. With conductivities 1/cost, not its square, the straight lane of cost 2 would be taken too.
+    """
+    cost = np.full((31, 41), np.inf)
+    cost[15, 1:40] = 2.0  # straight: 38 steps of 2
+    cost[1, 1:40] = cost[1:16, 1] = cost[1:16, 39] = 1.0  # round: 66 steps of 1
+    assert ts.plan_path(cost, (1, 15), (39, 15)).paths[0].points[:, 1].min() < 3
+    cost[15, 2:39] = 1.5  # now 57
+    assert ts.plan_path(cost, (1, 15), (39, 15)).paths[0].points[:, 1].min() > 15
+
+
+def test_a_way_that_is_not_drawn_taut_goes_from_pixel_to_pixel():
+    found = ts.plan_path((40, 60), (4, 5), (52, 30), taut=False)
+    steps = np.abs(np.diff(found.paths[0].points, axis=0))
+    assert steps.max() == 1.0
+    taut = ts.plan_path((40, 60), (4, 5), (52, 30))
+    assert len(taut.paths[0].points) < len(found.paths[0].points) / 2
+    assert taut.length < found.length
+
+
+def test_results_show_themselves():
+    found = ts.plan_path((20, 30), [(2, 2), (2, 17)], (27, 10))
+    assert repr(found).startswith("PlannedPath(2 ways of ")
+    assert "\n" not in repr(found)
+    drawn = ts.read_svg(found.to_svg())
+    assert (drawn.width, drawn.height) == (30, 20)
+    assert [line.points.tolist() for line in drawn.polylines] == [
+        line.points.tolist() for line in found.paths
+    ]
+    assert found._repr_svg_() == found.to_svg()
+
+
 def test_several_sources_share_a_sink():
     found = ts.plan_path((40, 60), [(5, 5), (5, 34), (55, 5)], (30, 20))
     assert len(found.paths) == 3
@@ -73,7 +119,7 @@ def test_the_mass_bound_falls_as_the_thesis_has_it():
     for n, record in enumerate(found.history, 1):
         assert record.bound == pytest.approx(max(40 * 60 / n**2, least))
         assert record.mass <= record.bound * (1 + 1e-6)
-    assert [found.history[0].p, found.history[-1].p] == [1.0, options.p]
+    assert [found.history[0].penalty, found.history[-1].penalty] == [1.0, options.penalty]
     assert found.density[20, 0] < 0.01
 
 
@@ -91,6 +137,9 @@ def test_progress_reaches_the_end():
         ({"sinks": (30, 10)}, ts.OptionError, "on an obstacle"),
         ({"sinks": (5, 5)}, ts.OptionError, "same pixel"),
         ({"sinks": []}, ts.OptionError, "no sink"),
+        ({"gather": 1.5}, ts.OptionError, "gather"),
+        ({"p": 3}, ts.OptionError, "does not know p"),
+        ({"options": ts.PathOptions(), "penalty": 2}, ts.OptionError, "beside options"),
         ({"sources": (35, 30)}, ts.PathError, "part the point"),
         ({"stopovers": [(5, 5)]}, ts.OptionError, "leave one out"),
         ({"stopovers": [(9, 9)], "sinks": [(20, 2), (2, 20)]}, ts.OptionError, "one by one"),

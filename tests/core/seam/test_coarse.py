@@ -7,9 +7,9 @@ import pytest
 from shapes import SHAPES
 
 import toposeam as ts
-from toposeam.seam import coarse, find, heat
-from toposeam.seam.find import seam_problem
+from toposeam.seam import coarse, heat, posing
 from toposeam.seam.match_cost import MatchCost
+from toposeam.seam.posing import seam_problem
 
 
 @pytest.fixture
@@ -49,7 +49,8 @@ def test_seams_stay_single_lines_near_the_optimum(shape, crops):
         seam = ts.find_seam(*crops(np.random.default_rng([4, seed]), *size), mask_a, mask_b)
         assert seam.termination == ts.Termination.SINGLE_LINE
         ratios.append(seam.optimum_ratio())
-    # At these limits the coarsest networks have fewer nodes than a seam has pixels; a few percent is what that costs.
+    # At these limits the coarsest networks have fewer nodes than a seam has pixels; a few percent is what
+    # that costs.
     assert np.median(ratios) < 1.05
 
 
@@ -77,7 +78,16 @@ def test_the_match_cost_is_the_same_from_blocks_of_rows(crops, monkeypatch):
     mask_a, mask_b = SHAPES["ring"]()
     pair = crops(np.random.default_rng(5), *mask_a.shape)
     whole = seam_problem(*pair, mask_a, mask_b, "right", MatchCost())[0]
-    monkeypatch.setattr(find, "_BLOCK_PIXELS", 1)
+    monkeypatch.setattr(posing, "_BLOCK_PIXELS", 1)
     problem = seam_problem(*pair, mask_a, mask_b, "right", MatchCost())[0]
     np.testing.assert_array_equal(problem.right, whole.right)
     np.testing.assert_array_equal(problem.down, whole.down)
+
+
+def test_identical_pictures_of_a_large_overlap():
+    # What is merged with a terminal is a node, too, whether free pixels of it are left or not.
+    picture = np.random.default_rng(0).integers(0, 4, (300, 200, 3)).astype(np.uint8)
+    seam = ts.find_seam(picture, picture)
+    assert (np.diff(seam.labels.astype(int), axis=1) >= 0).all()
+    assert seam.labels[:, -1].all()
+    assert not seam.labels[:, 0].any()

@@ -35,7 +35,9 @@ def conductances(structure, seed=0, decades=3):
     return 10 ** np.random.default_rng(seed).uniform(-decades, 0, len(structure.cost))
 
 
-@pytest.mark.parametrize(("height", "width", "side"), [(160, 40, "right"), (40, 160, "bottom"), (40, 160, "top")])
+@pytest.mark.parametrize(
+    ("height", "width", "side"), [(160, 40, "right"), (40, 160, "bottom"), (40, 160, "top")]
+)
 def test_an_overlap_of_160_by_40_has_13000_elements(height, width, side):
     structure = strip(height, width, side)
     assert len(structure.cost) == 13_000
@@ -45,7 +47,9 @@ def test_an_overlap_of_160_by_40_has_13000_elements(height, width, side):
 
 
 def test_the_three_by_three_example_of_the_thesis():
-    """Figure 3.3: 24 elements and 16 nodes, numbered row by row; elements 1-12 lie across, 13-24 along, column by column."""
+    """Figure 3.3: 24 elements and 16 nodes, numbered row by row; elements 1-12 lie across, 13-24 along,
+    column by column.
+    """
     structure = strip(3, 3)
     assert len(structure.cost) == 24
     assert structure.zigzag() == 6  # N_q at the start, in the text to Figure 3.8
@@ -53,17 +57,42 @@ def test_the_three_by_three_example_of_the_thesis():
     assert len(corners) == 16
     # Element 16 joins nodes 2 and 6 and separates P1 and P4, which lie side by side in the first row.
     node = {corner: number for number, corner in enumerate(corners, start=1)}
-    joined = {(node[start], node[end]): (first, second) for start, end, first, second in zip(
-        structure.start, structure.end, structure.first, structure.second, strict=True)}  # fmt: skip
+    joined = {
+        (node[start], node[end]): (first, second)
+        for start, end, first, second in zip(
+            structure.start, structure.end, structure.first, structure.second, strict=True
+        )
+    }
     p1, p4 = 1 * 5 + 1, 1 * 5 + 2  # the window has a margin of one pixel
     assert joined[2, 6] == (p1, p4)
     # Figure 3.6: the outermost elements, and only they, cost M_max.
     outermost = {pair for pair, cost in zip(joined, structure.cost, strict=True) if cost == OUTERMOST}
-    assert outermost == {(1, 2), (2, 3), (3, 4), (13, 14), (14, 15), (15, 16), (1, 5), (5, 9), (9, 13), (4, 8), (8, 12), (12, 16)}
+    assert outermost == {
+        (1, 2),
+        (2, 3),
+        (3, 4),
+        (13, 14),
+        (14, 15),
+        (15, 16),
+        (1, 5),
+        (5, 9),
+        (9, 13),
+        (4, 8),
+        (8, 12),
+        (12, 16),
+    }
 
 
 @pytest.mark.parametrize(
-    ("height", "width", "side"), [(60, 15, "right"), (15, 60, "bottom"), (30, 30, "left"), (2, 9, "right"), (1, 7, "right"), (9, 2, "left")]
+    ("height", "width", "side"),
+    [
+        (60, 15, "right"),
+        (15, 60, "bottom"),
+        (30, 30, "left"),
+        (2, 9, "right"),
+        (1, 7, "right"),
+        (9, 2, "left"),
+    ],
 )
 def test_corners_and_pixels_agree_on_strips(height, width, side):
     structure = strip(height, width, side)
@@ -121,7 +150,9 @@ def test_overlaps_without_exactly_two_ends_are_seen_from_pixels(name):
 
 
 def test_zigzags_count_every_seam():
-    assert shape("ring").zigzag() == 2 * (shape("ring").side.shape[0] + shape("ring").side.shape[1] - 4)  # there and back
+    assert shape("ring").zigzag() == 2 * (
+        shape("ring").side.shape[0] + shape("ring").side.shape[1] - 4
+    )  # there and back
     four = shape("four gaps")
     assert four.zigzag() == 2 * (four.side.shape[0] + four.side.shape[1] - 4)  # two seams in one component
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
 from shapes import SHAPES
 
 import toposeam as ts
+from toposeam.seam.dynamic_programming import _cheapest_crossings
 
 ROBUST = ("heat", "shortest-path", "graph-cut")
 
@@ -72,7 +75,8 @@ def test_every_topology_is_as_good_as_graph_cut(shape, method, crops):
 
 
 @pytest.mark.parametrize(
-    ("shape", "closed"), [("ring", [True]), ("two islands", [True, True]), ("four gaps", [False, False]), ("ell", [False])]
+    ("shape", "closed"),
+    [("ring", [True]), ("two islands", [True, True]), ("four gaps", [False, False]), ("ell", [False])],
 )
 def test_paths_are_open_or_closed_as_the_topology_asks(shape, closed, crops):
     mask_a, mask_b = SHAPES[shape]()
@@ -121,7 +125,12 @@ def test_the_history_records_each_iteration(crops):
     assert [record.stage for record in seam.history] == sorted(record.stage for record in seam.history)
     assert seam.history[-1].objective == pytest.approx(seam.cost, rel=0.05)
     assert seam.history[-1].unknowns < seam.history[0].unknowns
-    assert 0 <= min(frame.right.min() for frame in seam.frames) <= max(frame.right.max() for frame in seam.frames) <= 1
+    assert (
+        0
+        <= min(frame.right.min() for frame in seam.frames)
+        <= max(frame.right.max() for frame in seam.frames)
+        <= 1
+    )
 
 
 def test_progress_rises_to_one(crops):
@@ -135,7 +144,32 @@ def test_progress_rises_to_one(crops):
 def test_dynamic_programming_is_exact_when_the_seam_never_turns_back(crops):
     a, b = crops(np.random.default_rng(15), 30, 3)
     dp, exact = (ts.find_seam(a, b, method=method) for method in ("dp", "shortest-path"))
-    assert dp.cost >= exact.cost - 1e-9
+    assert dp.cost == pytest.approx(exact.cost)  # one free column: there is nothing to turn back to
+
+
+def test_dynamic_programming_pays_for_its_steps():
+    # Interfaces across cost [1, 9] and [9, 1], the one between the rows in the middle column 5: staying
+    # costs 1 + 9, stepping 1 + 5 + 1.
+    crossing, stepping = np.array([[1.0, 9], [9, 1]]), np.array([[100.0, 5, 100]])
+    assert _cheapest_crossings(crossing, stepping).tolist() == [0, 1]
+    stepping[0, 1] = 8.5
+    assert _cheapest_crossings(crossing, stepping).tolist() in ([0, 0], [1, 1])
+    assert _cheapest_crossings(crossing[:, ::-1], np.array([[100.0, 5, 100]])).tolist() == [1, 0]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_dynamic_programming_is_the_best_of_all_monotone_seams(seed):
+    rng = np.random.default_rng(seed)
+    crossing, stepping = rng.random((4, 4)), rng.random((3, 5))
+
+    def total(cut):
+        steps = sum(
+            stepping[row, max(cut[row], cut[row + 1])] for row in range(3) if cut[row] != cut[row + 1]
+        )
+        return crossing[range(4), cut].sum() + steps
+
+    monotone = [cut for cut in product(range(4), repeat=4) if np.abs(np.diff(cut)).max() <= 1]
+    assert tuple(_cheapest_crossings(crossing, stepping)) == min(monotone, key=total)
 
 
 def test_dynamic_programming_refuses_other_shapes_than_strips():
@@ -144,16 +178,19 @@ def test_dynamic_programming_refuses_other_shapes_than_strips():
         ts.find_seam(np.zeros(mask_a.shape), np.zeros(mask_a.shape), mask_a, mask_b, method="dp")
 
 
-@pytest.mark.parametrize(("a", "b", "error", "text"), [
-    (np.zeros((4, 5)), np.zeros((4, 6)), ts.ImageError, "one canvas"),
-    (np.zeros((0, 5)), np.zeros((0, 5)), ts.ImageError, "non-empty"),
-    (np.zeros((4, 5, 3)), np.zeros((4, 5, 4)), ts.ImageError, "channels"),
-    (np.full((4, 5), np.nan), np.zeros((4, 5)), ts.ImageError, "NaN"),
-    (np.zeros((4, 5)), np.full((4, 5), np.inf), ts.ImageError, "infinite"),
-    (np.zeros((4, 5), complex), np.zeros((4, 5), complex), ts.ImageError, "dtype"),
-    (np.zeros(5), np.zeros(5), ts.ImageError, "shape"),
-    (np.array([["x"] * 3]), np.array([["y"] * 3]), ts.ImageError, "dtype"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("a", "b", "error", "text"),
+    [
+        (np.zeros((4, 5)), np.zeros((4, 6)), ts.ImageError, "one canvas"),
+        (np.zeros((0, 5)), np.zeros((0, 5)), ts.ImageError, "non-empty"),
+        (np.zeros((4, 5, 3)), np.zeros((4, 5, 4)), ts.ImageError, "channels"),
+        (np.full((4, 5), np.nan), np.zeros((4, 5)), ts.ImageError, "NaN"),
+        (np.zeros((4, 5)), np.full((4, 5), np.inf), ts.ImageError, "infinite"),
+        (np.zeros((4, 5), complex), np.zeros((4, 5), complex), ts.ImageError, "dtype"),
+        (np.zeros(5), np.zeros(5), ts.ImageError, "shape"),
+        (np.array([["x"] * 3]), np.array([["y"] * 3]), ts.ImageError, "dtype"),
+    ],
+)
 def test_unusable_images_are_refused_in_one_sentence(a, b, error, text):
     with pytest.raises(error, match=text) as caught:
         ts.find_seam(a, b)
@@ -167,16 +204,83 @@ def test_gray_with_colour_is_widened():
     assert ts.find_seam(gray, colour).cost == ts.find_seam(wide, colour).cost
 
 
-@pytest.mark.parametrize(("options", "text"), [
-    ({"method": "magic"}, "choose one of"), ({"side": "up"}, "choose one of"), ({"max_iterations": 0}, "at least 1"),
-    ({"treshold": 0.1}, "its options are"), ({"method": "dp", "tolerance": 0.1}, "takes no options"), ({"tolerance": 2.0}, "tolerance"),
-    ({"weight": np.zeros((20, 10))}, "positive"), ({"avoid": np.zeros((3, 3))}, "per pixel"),
-    ({"core": 0.0, "mask_a": np.ones((20, 10))}, "core"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"method": "magic"}, "choose one of"),
+        ({"side": "up"}, "choose one of"),
+        ({"max_iterations": 0}, "at least 1"),
+        ({"treshold": 0.1}, "its options are"),
+        ({"method": "dp", "tolerance": 0.1}, "takes no options"),
+        ({"tolerance": 2.0}, "tolerance"),
+        ({"weight": np.zeros((20, 10))}, "positive"),
+        ({"avoid": np.zeros((3, 3))}, "per pixel"),
+        ({"core": 0.0, "mask_a": np.ones((20, 10))}, "core"),
+        ({"max_iterations": 2.5}, "whole number"),
+        ({"tolerance": "x"}, "tolerance is 'x'"),
+        ({"method": ["heat"]}, "choose one of"),
+        ({"method": "dp", "options": ts.HeatOptions()}, "takes no options"),
+        ({"options": ts.ThesisOptions()}, "takes HeatOptions"),
+        ({"options": ts.HeatOptions(), "tolerance": 0.1}, "beside options"),
+        ({"gradient": False, "cost": ts.MatchCost()}, "gradient and cost"),
+        ({"gradient": "no"}, "gradient"),
+        ({"cost": "dear"}, "MatchCost"),
+        ({"side": "right", "mask_b": np.ones((20, 10))}, "leave one or the other out"),
+        ({"weight": "heavy"}, "weight"),
+        ({"record_frames": 3}, "record_frames"),
+    ],
+)
 def test_unusable_options_are_refused_in_one_sentence(options, text):
     a = np.random.default_rng(17).random((20, 10))
     with pytest.raises(ts.TopoSeamError, match=text):
         ts.find_seam(a, 1 - a, **options)
+
+
+def test_options_may_be_one_value_or_plain_keywords(crops):
+    a, b = crops(np.random.default_rng(19), 40, 12)
+    rough = ts.find_seam(a, b, options=ts.HeatOptions(tolerance=0.5))
+    assert repr(rough.history) == repr(ts.find_seam(a, b, tolerance=0.5).history)
+    assert rough.settings["tolerance"] == 0.5
+    assert len(rough.history) < len(ts.find_seam(a, b).history)
+
+
+@pytest.mark.parametrize("tolerance", [0.5, 0.1, 1e-2, 1e-3, 1e-6])
+def test_heat_stops_as_soon_as_no_seam_can_be_cheaper_by_more_than_the_tolerance(tolerance, crops):
+    a, b = crops(np.random.default_rng(20), 60, 16)
+    seam = ts.find_seam(a, b, tolerance=tolerance)
+    exact = ts.find_seam(a, b, method="graph-cut").cost
+    assert seam.termination == ts.Termination.SINGLE_LINE
+    flows = np.array([record.compliance for record in seam.history[:-1]])  # no seam costs less than any
+    assert seam.cost <= (1 + tolerance) * flows.max() * (1 + 1e-6)
+    assert flows.max() <= exact * (1 + 1e-6)
+    # With one step less, nothing so good was known.
+    if len(flows) > 1:
+        shorter = ts.find_seam(a, b, tolerance=tolerance, max_iterations=len(flows) - 1)
+        assert shorter.termination == ts.Termination.ITERATIONS
+        assert shorter.cost > (1 + tolerance) * flows[:-1].max() * (1 - 1e-6)
+
+
+def test_settings_say_how_the_patches_lay(crops):
+    a, b = crops(np.random.default_rng(21), 30, 12)
+    assert ts.find_seam(a, b).settings["side"] == "right"
+    assert "core" not in ts.find_seam(a, b, side="left").settings
+    masked = ts.find_seam(a, b, np.arange(12) < np.full((30, 1), 9), np.arange(12) > np.full((30, 1), 2))
+    assert masked.settings["core"] == 0.5
+    assert "side" not in masked.settings
+
+
+def test_masked_arrays_pil_pictures_and_other_axes_are_told_apart(crops):
+    from PIL import Image
+
+    a, b = crops(np.random.default_rng(22), 30, 12)
+    plain = ts.find_seam(a, b)
+    assert ts.find_seam(Image.fromarray(a), Image.fromarray(b)).cost == plain.cost
+    with pytest.raises(ts.ImageError, match="masked array"):
+        ts.find_seam(np.ma.masked_array(a), b)
+    with pytest.raises(ts.ImageError, match=r"\(C, H, W\)"):
+        ts.find_seam(np.zeros((3, 30, 40)), np.zeros((3, 30, 40)))
+    with pytest.raises(ts.ImageError, match="data_range"):
+        ts.find_seam(a.astype(float), b.astype(float))
 
 
 def test_identical_patches_take_the_shortest_way():

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.seam.find import seam_problem
 from toposeam.seam.match_cost import MatchCost
+from toposeam.seam.posing import seam_problem
 
 
 def costs(a, b, **options):
@@ -29,7 +29,9 @@ def test_with_gradient_the_difference_is_divided_by_the_four_gradients_along_the
     b = np.array([[0.1, 0.2, 0.4]])
     right, _ = costs(a, b, epsilon=1e-6, length=1e-9)
     # Central differences inside, one-sided at the ends: |G_A| = .2, .3, .4 and |G_B| = .1, .15, .2.
-    np.testing.assert_allclose(right, [[0.1 / (0.2 + 0.3 + 0.1 + 0.15), 0.2 / (0.3 + 0.4 + 0.15 + 0.2)]], rtol=1e-4)
+    np.testing.assert_allclose(
+        right, [[0.1 / (0.2 + 0.3 + 0.1 + 0.15), 0.2 / (0.3 + 0.4 + 0.15 + 0.2)]], rtol=1e-4
+    )
 
 
 def test_norms_are_euclidean_over_any_number_of_channels():
@@ -68,6 +70,36 @@ def test_weights_multiply_and_excluded_pixels_are_avoided():
     assert not (np.diff(ts.find_seam(a, b, weight=weight).labels, axis=1)[:, 4:]).any()
 
 
+def test_an_interface_takes_the_mean_weight_of_its_two_pixels():
+    rng = np.random.default_rng(3)
+    a, b = rng.random((2, 3, 4))
+    weight = np.array([[1.0, 2.0, 4.0, 8.0]] * 2 + [[10.0] * 4])
+    plain = seam_problem(a, b, None, None, "right", MatchCost())[0]
+    weighed = seam_problem(a, b, None, None, "right", MatchCost(), weight)[0]
+    across, along = weighed.right[1:-1, 1:-1], weighed.down[1:-1, 1:-1]
+    np.testing.assert_allclose(across[:2], [[1.5, 3, 6]] * plain.right[1:3, 1:-1], rtol=1e-6)
+    np.testing.assert_allclose(across[2], 10 * plain.right[3, 1:-1], rtol=1e-6)
+    np.testing.assert_allclose(along[0], [1, 2, 4, 8] * plain.down[1, 1:-1], rtol=1e-6)
+    np.testing.assert_allclose(along[1], [5.5, 6, 7, 9] * plain.down[2, 1:-1], rtol=1e-6)
+
+
+def test_where_the_overlap_is_one_pixel_wide_its_values_count_twice():
+    # a: columns 0-2, b: columns 2-4. Both borders of the one shared column cost what it alone says.
+    mask_a, mask_b = (np.tile(columns, (3, 1)) for columns in ([1, 1, 1, 0, 0], [0, 0, 1, 1, 1]))
+    a, b = np.zeros((3, 5)), np.zeros((3, 5))
+    b[:, 2] = [0.1, 0.2, 0.4]
+    problem, _ = seam_problem(a, b, mask_a, mask_b, "right", MatchCost(gradient=False, length=1e-6))
+    left = 2 - problem.overlap.origin[1]  # the shared column on the window
+    for border in (left - 1, left):
+        np.testing.assert_allclose(problem.right[1:-1, border], [0.2, 0.4, 0.8], atol=2e-6)
+    np.testing.assert_allclose(problem.down[1:-1, left], [0.3, 0.6], atol=2e-6)
+    # And so does its weight.
+    weighed, _ = seam_problem(
+        a, b, mask_a, mask_b, "right", MatchCost(gradient=False, length=1e-6), np.full((3, 5), 3.0)
+    )
+    np.testing.assert_allclose(weighed.right, 3 * problem.right, rtol=1e-6)
+
+
 def test_excluding_a_whole_row_from_side_to_side_says_so():
     a = np.random.default_rng(0).random((9, 9))
     avoid = np.zeros((9, 9), bool)
@@ -76,7 +108,9 @@ def test_excluding_a_whole_row_from_side_to_side_says_so():
         ts.find_seam(a, 1 - a, avoid=avoid)
 
 
-@pytest.mark.parametrize("options", [{"epsilon": 0.0}, {"flat": -1.0}, {"length": 0.0}, {"length": float("nan")}])
+@pytest.mark.parametrize(
+    "options", [{"epsilon": 0.0}, {"flat": -1.0}, {"length": 0.0}, {"length": float("nan")}]
+)
 def test_options_out_of_range_are_refused(options):
     with pytest.raises(ts.OptionError, match=next(iter(options))):
         MatchCost(**options)

@@ -9,10 +9,15 @@ import toposeam as ts
 from toposeam.seam.overlap import FREE, SIDES, A, B, between_masks, side_by_side
 
 
-@pytest.mark.parametrize(("side", "of_a", "of_b"), [
-    ("right", np.s_[:, 0], np.s_[:, -1]), ("left", np.s_[:, -1], np.s_[:, 0]),
-    ("bottom", np.s_[0], np.s_[-1]), ("top", np.s_[-1], np.s_[0]),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("side", "of_a", "of_b"),
+    [
+        ("right", np.s_[:, 0], np.s_[:, -1]),
+        ("left", np.s_[:, -1], np.s_[:, 0]),
+        ("bottom", np.s_[0], np.s_[-1]),
+        ("top", np.s_[-1], np.s_[0]),
+    ],
+)
 def test_the_borders_towards_each_patch_are_fixed_to_it(side, of_a, of_b):
     inner = side_by_side((5, 6), side).side[1:-1, 1:-1]
     assert (inner[of_a] == A).all()
@@ -98,7 +103,12 @@ def test_an_overlap_too_thin_for_a_seam_is_refused(shape):
 
 
 def test_a_single_row_is_cut_once():
-    seam = ts.find_seam(np.array([[0.0, 0.2, 0.9, 0.1]]), np.array([[0.5, 0.2, 0.1, 0.6]]), gradient=False, method="shortest-path")
+    seam = ts.find_seam(
+        np.array([[0.0, 0.2, 0.9, 0.1]]),
+        np.array([[0.5, 0.2, 0.1, 0.6]]),
+        gradient=False,
+        method="shortest-path",
+    )
     np.testing.assert_array_equal(seam.labels, [[False, True, True, True]])
 
 

@@ -1,4 +1,6 @@
-"""Method thesis: the worked example, Algorithm 2 on real crops, every topology, and what happens when it does not get there."""
+"""Method thesis: the worked example, Algorithm 2 on real crops, every topology, and what happens when it does
+not get there.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,9 @@ def ratio(problem, solution):
 
 
 def toy():
-    """Figure 3.6: 3 × 3 pixels, P1 to P9 column by column; cheap elements join nodes 2-6-7-11-15, all others cost ten times as much."""
+    """Figure 3.6: 3 × 3 pixels, P1 to P9 column by column; cheap elements join nodes 2-6-7-11-15, all others
+    cost ten times as much.
+    """
     overlap = side_by_side((3, 3), "right")
     right, down = np.zeros((5, 4), np.float32), np.zeros((4, 5), np.float32)
     right[1:4, 1:3], down[1:3, 1:4] = 1, 1
@@ -57,7 +61,11 @@ def toy():
 def test_the_seam_of_the_toy_problem_runs_through_nodes_2_6_7_11_15(options):
     solution = thesis_path(toy(), ThesisOptions(**options), record_frames=True)
     assert solution.termination == Termination.SINGLE_LINE
-    assert solution.labels[1:4, 1:4].tolist() == [[False, True, True], [False, False, True], [False, False, True]]
+    assert solution.labels[1:4, 1:4].tolist() == [
+        [False, True, True],
+        [False, False, True],
+        [False, False, True],
+    ]
     assert len(solution.history) <= 40  # the thesis needs 26
     # Figure 3.7: element 5 starts at 0.5 and ends at 1, like the whole seam, and everything else at 0.
     assert solution.frames[0].down[1, 2] == 0.5
@@ -71,7 +79,9 @@ def test_the_seam_of_the_toy_problem_runs_through_nodes_2_6_7_11_15(options):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_real_strips_become_a_single_line_close_to_the_optimum(crops, seed):
-    problem = strip_problem(crops, seed, *((80, 20) if seed % 2 else (20, 80)), "right" if seed % 2 else "bottom")
+    problem = strip_problem(
+        crops, seed, *((80, 20) if seed % 2 else (20, 80)), "right" if seed % 2 else "bottom"
+    )
     solution = thesis_path(problem, ThesisOptions())
     assert solution.termination == Termination.SINGLE_LINE
     assert solution.history[-1].stage <= 4
@@ -163,8 +173,31 @@ def test_flux_spread_thinner_than_the_threshold_is_not_called_a_single_line(crop
     assert ratio(problem, solution) <= 1.1
 
 
+def test_n_q_counts_the_elements_of_the_path_and_falls_back_where_heat_is_spread_thin(crops):
+    problem = strip_problem(crops, 3, 60, 15)
+    run = thesis._Run(problem, thesis.ground_structure(problem), ThesisOptions(), False, None)
+    run.flux = np.zeros(1000)
+    run.flux[:40] = 1.0
+    run.flux[40:60] = 0.0099  # below the threshold
+    assert run._n_flux() == 40
+    run.flux[40:60] = 0.0101
+    assert run._n_flux() == 60
+    # A thousand fluxes of 0.009 have Σq² = 0.081, more than the 0 that are counted: C* = 2 Σq².
+    run.flux = np.full(1000, 0.009)
+    assert run._n_flux() == pytest.approx(2 * 0.081)
+    # And counted ones that miss 1 % of Σq² are too few: 1 + 0.02 against 1.
+    run.flux = np.concatenate([[1.0], np.full(250, 0.009)])
+    assert run._n_flux() == pytest.approx(2 * (1 + 250 * 0.009**2))
+
+
 @pytest.mark.parametrize(
-    "options", [{}, {"asymptotes": "moving", "overshoot": 1.5}, {"first_penalty": 3.0, "length_term": 0.0}, {"move": 0.2}]
+    "options",
+    [
+        {},
+        {"asymptotes": "moving", "overshoot": 1.5},
+        {"first_penalty": 3.0, "length_term": 0.0},
+        {"move": 0.2},
+    ],
 )
 def test_compliance_never_runs_away(crops, options):
     for seed in range(20, 23):
@@ -203,7 +236,11 @@ def test_not_solving_again_for_equal_ratios_keeps_the_path_to_rounding(crops, mo
     problem = strip_problem(crops, 11, 120, 30)
     flows = []
     flow = CornerNetwork.flow
-    monkeypatch.setattr(CornerNetwork, "flow", lambda self, conductance: flows.append(len(conductance)) or flow(self, conductance))
+    monkeypatch.setattr(
+        CornerNetwork,
+        "flow",
+        lambda self, conductance: flows.append(len(conductance)) or flow(self, conductance),
+    )
     quick = thesis_path(problem, ThesisOptions())
     spared = len(quick.history) - len(flows)
     assert spared >= 2
@@ -219,7 +256,9 @@ def test_not_solving_again_for_equal_ratios_keeps_the_path_to_rounding(crops, mo
 
 
 def test_leaving_out_dead_elements_keeps_the_path_and_the_seam(crops, monkeypatch):
-    """The first stage decides on the outline: its objective stays within a few percent, and nearly every seam is the same."""
+    """The first stage decides on the outline: its objective stays within a few percent, and nearly every seam
+    is the same.
+    """
     deviations, same = [], 0
     for seed in range(12):
         problem = strip_problem(crops, [12, seed], *((80, 20), (120, 30))[seed % 2])
@@ -227,10 +266,14 @@ def test_leaving_out_dead_elements_keeps_the_path_and_the_seam(crops, monkeypatc
             quick = thesis_path(problem, ThesisOptions())
             patch.setattr(thesis, "_SETTLED", 10**6)
             full = thesis_path(problem, ThesisOptions())
-        mine, theirs = ([record for record in solution.history if record.stage == 1] for solution in (quick, full))
+        mine, theirs = (
+            [record for record in solution.history if record.stage == 1] for solution in (quick, full)
+        )
         assert theirs[-1].unknowns == theirs[0].unknowns
         assert mine[-1].unknowns < 0.5 * mine[0].unknowns
-        deviations += [abs(one.objective / other.objective - 1) for one, other in zip(mine, theirs, strict=False)]
+        deviations += [
+            abs(one.objective / other.objective - 1) for one, other in zip(mine, theirs, strict=False)
+        ]
         same += quick.labels.tobytes() == full.labels.tobytes()
     assert np.median(deviations) < 0.005
     assert max(deviations) < 0.05
@@ -289,11 +332,25 @@ def test_formulation_2_minimises_compliance_and_says_what_came_out(crops):
 @pytest.mark.parametrize(
     "options",
     [
-        {"formulation": 3}, {"penalty": 0.5}, {"first_penalty": float("nan")}, {"exponent": 0}, {"start": 0}, {"start": 1.5},
-        {"least_density": 0.6}, {"least_density": 1e-6}, {"stages": 0}, {"max_iterations": 0}, {"q_threshold": 0.5}, {"move": 0},
-        {"asymptotes": "fixed"}, {"overshoot": 0.5}, {"mass": -1.0}, {"mass": float("inf")}, {"length_term": -1},
+        {"formulation": 3},
+        {"penalty": 0.5},
+        {"first_penalty": float("nan")},
+        {"exponent": 0},
+        {"start": 0},
+        {"start": 1.5},
+        {"least_density": 0.6},
+        {"least_density": 1e-6},
+        {"stages": 0},
+        {"max_iterations": 0},
+        {"q_threshold": 0.5},
+        {"move": 0},
+        {"asymptotes": "fixed"},
+        {"overshoot": 0.5},
+        {"mass": -1.0},
+        {"mass": float("inf")},
+        {"length_term": -1},
     ],
-)  # fmt: skip
+)
 def test_options_out_of_range_are_refused_by_name(options):
     with pytest.raises(OptionError, match=next(iter(options))):
         ThesisOptions(**options)

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import fields, replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from thesis_cases import ell, random_colours, toy, zigzag
 
 import toposeam as ts
+from toposeam.seam.thesis import ThesisOptions
 
 BOTH = pytest.mark.parametrize("method", ["heat", "thesis"])
 
@@ -106,3 +111,25 @@ def test_the_thesis_takes_two_to_four_stages_and_at_most_a_hundred_iterations(ma
     seam = make().find("thesis")
     assert 2 <= seam.history[-1].stage <= 4
     assert len(seam.history) <= 100
+
+
+@pytest.mark.parametrize(("case", "usual", "unlimited"), [(zigzag, 1.03, 7.5), (ell, 1.01, 6.4)])
+def test_the_transcription_depends_on_the_move_limit_as_the_documents_say(case, usual, unlimited):
+    """docs/results.md, to the digits that are stated there."""
+    for move, ratio in ((0.2, usual), (1.0, unlimited)):
+        seam = case().find("thesis", options=ThesisOptions.plain(move=move))
+        assert seam.optimum_ratio() == pytest.approx(ratio, rel=0.02)
+
+
+def test_every_change_to_the_algorithms_can_be_switched_off():
+    """docs/method.md has the same table."""
+    plain, ours = ThesisOptions.plain(), ThesisOptions()
+    changed = {
+        field.name for field in fields(ours) if getattr(plain, field.name) != getattr(ours, field.name)
+    }
+    text = (Path(__file__).parents[3] / "docs" / "method.md").read_text(encoding="utf-8")
+    table = text.partition("| change | option | as written |")[2].partition("\n\n")[0]
+    assert changed == set(re.findall(r"\| `(\w+)`(?: = 1)? \|", table))
+    for name in changed:
+        seam = toy().find("thesis", options=replace(ours, **{name: getattr(plain, name)}))
+        assert seam.optimum_ratio() < 1.3

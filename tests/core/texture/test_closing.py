@@ -11,7 +11,9 @@ from toposeam.texture.mend import _seam_costs
 
 
 def slanted_stripes(size=128, slope=0.04, pitch=14.3, seed=0):
-    """Bright lines that run down and a little to the right, and waver: they never meet their own beginning."""
+    """Bright lines that run down and a little to the right, and waver: they never meet their own
+    beginning.
+    """
     rng = np.random.default_rng(seed)
     y, x = np.mgrid[:size, :size]
     waver = ndimage.gaussian_filter(rng.normal(size=(size, size)), 12) * 20
@@ -37,7 +39,9 @@ def test_lines_that_are_out_of_step_are_sheared_until_they_close(wraps, pitch):
     y, x = np.mgrid[: 192 + 2 * 32, :160]
     # Over 192 rows the lines move by 8 to 12 px, at each column differently.
     drift = 8 + 2 * (1 - np.cos(2 * np.pi * x / 160))
-    grown = np.exp(-np.square((((x - drift * y / 192) / pitch) % 1 - 0.5) / 0.15)).astype(np.float32)[..., np.newaxis]
+    grown = np.exp(-np.square((((x - drift * y / 192) / pitch) % 1 - 0.5) / 0.15)).astype(np.float32)[
+        ..., np.newaxis
+    ]
     closed = _sheared(grown, 192, 32, wraps)
 
     def step(plane):
@@ -56,7 +60,9 @@ def test_bricks_that_repeat_are_broken_less_often_with_a_plan():
 
     def cuts(close):
         """Lines that end at a seam near the border, by steps along them that are rare inside the sample."""
-        made = [ts.synthesize(image, 400, 40, seed=seed, tileable=True, close=close) for seed in range(2)]
+        made = [
+            ts.synthesize(image, 400, patch=40, seed=seed, tileable=True, close=close) for seed in range(2)
+        ]
         rows = [np.roll(one.image.astype(float), 60, axis=0)[:120] for one in made]
         return sum((np.abs(np.diff(part, axis=0)) > rare).sum() for part in rows)
 
@@ -67,8 +73,10 @@ def test_mending_makes_the_seams_better():
     image = skimage.data.brick()[:128, :128]
 
     def total(share):
-        made = ts.synthesize(image, 150, 32, seed=1, mend=share)
-        laid = SimpleNamespace(atlas=made.atlas, features=made.atlas.spread([image[..., np.newaxis] / np.float32(255)]))
+        made = ts.synthesize(image, 150, patch=32, seed=1, mend=share)
+        laid = SimpleNamespace(
+            atlas=made.atlas, features=made.atlas.spread([image[..., np.newaxis] / np.float32(255)])
+        )
         return _seam_costs(laid, made.atlas.index_of(made.exemplar, made.source)).sum(), made.count
 
     (before, patches), (after, more) = total(0), total(1.0)
@@ -78,8 +86,8 @@ def test_mending_makes_the_seams_better():
 
 def test_coordinates_alone_cut_other_pictures_alike(sample):
     first, second = sample(2), sample(3)
-    made = ts.synthesize([first, second], 90, 32, tileable=True)
-    again = ts.apply_coordinates([first, second], made.source, made.exemplar, wraps=(True, True))
+    made = ts.synthesize([first, second], 90, patch=32, tileable=True)
+    again = ts.apply_coordinates([first, second], made.source, made.exemplar, tileable=True)
     np.testing.assert_array_equal(again, made.image)
     with pytest.raises(ts.ImageError, match="point beyond"):
         ts.apply_coordinates([first, second[:20]], made.source, made.exemplar)

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
+from toposeam.texture.lay import PatchPlacer
 
 
 @pytest.mark.parametrize("shape", ["small", "large", "at the corner", "two"])
@@ -52,8 +53,10 @@ def test_a_picture_is_made_to_repeat_and_its_inside_stays(sample, tileable):
     from scipy import ndimage
 
     image = sample(3, (96, 112), channels=3)
-    image = np.clip(image.astype(int) + ndimage.zoom([[0, 90], [90, 180]], (48, 56), order=1)[..., None] // 2, 0, 255).astype(np.uint8)
-    made = ts.make_tileable(image, 12, tileable=tileable)
+    image = np.clip(
+        image.astype(int) + ndimage.zoom([[0, 90], [90, 180]], (48, 56), order=1)[..., None] // 2, 0, 255
+    ).astype(np.uint8)
+    made = ts.make_tileable(image, band=12, tileable=tileable)
     rows = slice(12, -12) if tileable in (True, "y") else slice(None)
     columns = slice(12, -12) if tileable in (True, "x") else slice(None)
     np.testing.assert_array_equal(made.image[rows, columns], image[rows, columns])
@@ -61,7 +64,10 @@ def test_a_picture_is_made_to_repeat_and_its_inside_stays(sample, tileable):
 
         def step(values, axis=axis):
             values = values.astype(float)
-            return np.abs(np.take(values, 0, axis) - np.take(values, -1, axis)).mean() / np.abs(np.diff(values, axis=axis)).mean()
+            return (
+                np.abs(np.take(values, 0, axis) - np.take(values, -1, axis)).mean()
+                / np.abs(np.diff(values, axis=axis)).mean()
+            )
 
         if closes:
             assert step(made.image) < 1.2 < step(image)
@@ -70,7 +76,7 @@ def test_a_picture_is_made_to_repeat_and_its_inside_stays(sample, tileable):
 def test_a_periodic_pattern_that_closes_already_is_left_as_it_is():
     unit = np.random.default_rng(4).integers(0, 256, (16, 16), np.uint8)
     image = np.tile(unit, (6, 6))
-    np.testing.assert_array_equal(ts.make_tileable(image, 16).image, image)
+    np.testing.assert_array_equal(ts.make_tileable(image, band=16).image, image)
 
 
 def test_floats_with_nothing_in_the_hole_are_filled(sample):
@@ -87,7 +93,7 @@ def test_copies_come_only_from_where_they_may(sample):
     hole[40:60, 30:50] = True
     allow = np.zeros(image.shape, bool)
     allow[:, 70:] = True
-    made = ts.fill(image, hole, patch=24, allow=allow)
+    made = ts.fill(image, hole, patch=24, source=allow)
     assert (made.source[made.labels > 0][:, 1] >= 70).all()
 
 
@@ -96,7 +102,7 @@ def test_room_between_the_places_of_the_reduced_search_is_found(sample):
     hole, allow = np.zeros((2, 400, 400), bool)
     hole[200:210, 300:310] = True
     allow[101:129, 51:79] = True
-    made = ts.fill(image, hole, patch=24, band=4, allow=allow)
+    made = ts.fill(image, hole, patch=24, band=4, source=allow)
     copied = made.labels > 0
     assert copied[hole].all()
     assert allow[made.source[copied][:, 0], made.source[copied][:, 1]].all()
@@ -116,21 +122,71 @@ def test_transparent_ground_is_neither_copied_nor_filled(sample):
     assert (made.source[filled][:, 0] >= 30).all()
 
 
+def test_what_may_be_copied_less_what_may_not(sample):
+    image = sample(9, (100, 120))
+    hole, source, avoid = np.zeros((3, 100, 120), bool)
+    hole[40:60, 30:50] = True
+    source[:, 60:] = True
+    avoid[:50] = True
+    made = ts.fill(image, hole, patch=24, source=source, avoid=avoid)
+    place = made.source[made.labels > 0]
+    assert (place[:, 1] >= 60).all()
+    assert (place[:, 0] >= 50).all()
+
+
+def test_a_large_hole_is_filled_from_where_most_is_known():
+    image = np.random.default_rng(10).integers(0, 256, (160, 160), np.uint8)
+    hole = np.zeros(image.shape, bool)
+    hole[40:120, 40:120] = True
+    laid = []
+
+    class Watching(PatchPlacer):
+        def lay(self, top, left, shape, may_show=None):
+            known = (self.canvas.read(top, left, *shape) >= 0).mean()
+            laid.append(known)
+            return super().lay(top, left, shape, may_show)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("toposeam.texture.holed.PatchPlacer", Watching)
+        ts.fill(image, hole, patch=24, band=4)
+    # At a corner of what is left, a window centred on its first pixel is three quarters known; in the middle
+    # of an edge, where a hole filled row by row would go on, it is half known.
+    assert min(laid) == pytest.approx(0.75, abs=0.03)
+
+
 IMAGE = np.random.default_rng(0).integers(0, 256, (64, 64), np.uint8)
 
 
-@pytest.mark.parametrize(("call", "error", "text"), [
-    (lambda: ts.fill(IMAGE, np.zeros((64, 64))), ts.ImageError, "mask is empty"),
-    (lambda: ts.fill(IMAGE, np.ones((64, 64))), ts.ImageError, "nothing is left"),
-    (lambda: ts.fill(IMAGE, np.ones((3, 3))), ts.ImageError, "shape"),
-    (lambda: ts.fill(IMAGE, (np.indices((64, 64)) % 9 == 0).any(axis=0), patch=24), ts.ImageError, "no place"),
-    (lambda: ts.fill(IMAGE, np.eye(64), band=-1), ts.OptionError, "band"),
-    (lambda: ts.make_tileable(IMAGE, 40), ts.OptionError, "band"),
-    (lambda: ts.make_tileable(IMAGE, alpha=np.pad(np.ones((60, 60), np.uint8), 2)), ts.ImageError, "repeats as it is"),
-    (lambda: ts.make_tileable(IMAGE[:20, :20]), ts.ImageError, "needs at least"),
-    (lambda: ts.make_tileable(IMAGE, tileable=False), ts.OptionError, "tileable"),
-    (lambda: ts.make_tileable(np.ones((64, 64))), ts.ImageError, "one value everywhere"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("call", "error", "text"),
+    [
+        (lambda: ts.fill(IMAGE, np.zeros((64, 64))), ts.ImageError, "mask is empty"),
+        (lambda: ts.fill(IMAGE, np.ones((64, 64))), ts.ImageError, "nothing is left"),
+        (lambda: ts.fill(IMAGE, np.ones((3, 3))), ts.ImageError, "shape"),
+        (
+            lambda: ts.fill(IMAGE, (np.indices((64, 64)) % 9 == 0).any(axis=0), patch=24),
+            ts.ImageError,
+            "no place",
+        ),
+        (lambda: ts.fill(IMAGE, np.eye(64), band=-1), ts.OptionError, "band"),
+        (lambda: ts.fill(IMAGE, np.eye(64), band=2.5), ts.OptionError, "band is 2.5"),
+        (lambda: ts.fill(IMAGE, np.eye(64), patch="auto"), ts.OptionError, "patch is 'auto'"),
+        (lambda: ts.fill(IMAGE, np.eye(64), avoid=np.ones((64, 64))), ts.ImageError, "nothing is left"),
+        (lambda: ts.fill(IMAGE, np.eye(64), avoid=np.ones((3, 3))), ts.ImageError, "avoid has shape"),
+        (lambda: ts.fill(IMAGE, np.eye(64), smooth="x"), ts.OptionError, "smooth"),
+        (lambda: ts.make_tileable(IMAGE, band="x"), ts.OptionError, "band is 'x'"),
+        (lambda: ts.make_tileable(IMAGE, seed=-3), ts.OptionError, "seed"),
+        (lambda: ts.make_tileable(IMAGE, band=40), ts.OptionError, "band"),
+        (
+            lambda: ts.make_tileable(IMAGE, alpha=np.pad(np.ones((60, 60), np.uint8), 2)),
+            ts.ImageError,
+            "repeats as it is",
+        ),
+        (lambda: ts.make_tileable(IMAGE[:20, :20]), ts.ImageError, "needs at least"),
+        (lambda: ts.make_tileable(IMAGE, tileable=False), ts.OptionError, "tileable"),
+        (lambda: ts.make_tileable(np.ones((64, 64))), ts.ImageError, "one value everywhere"),
+    ],
+)
 def test_bad_input_is_refused_in_one_sentence(call, error, text):
     with pytest.raises(error, match=text) as caught:
         call()

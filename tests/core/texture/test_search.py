@@ -64,7 +64,9 @@ def test_a_window_at_the_very_corner_of_the_atlas_can_be_refined():
     search, m = PatchSearch(atlas, atlas.spread([image])), atlas.margin
     values = np.zeros((32 + 2 * m, 32 + 2 * m, 1), np.float32)
     last = 400 - 32 + m
-    rows, columns, exact = search.around(last, last, 1, values, np.ones(values.shape[:2], np.float32), (m, m), (32, 32))
+    rows, columns, exact = search.around(
+        last, last, 1, values, np.ones(values.shape[:2], np.float32), (m, m), (32, 32)
+    )
     assert max(rows) == max(columns) == last
     assert np.isfinite(exact).all()
 

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy import ndimage
 
 import toposeam as ts
 
@@ -47,18 +48,29 @@ def test_without_smoothing_every_pixel_is_a_copy_and_with_it_only_pixels_at_seam
     assert not (differs & ~seam).any()
 
 
-@pytest.mark.parametrize(("tileable", "closed"), [(True, (True, True)), ("x", (False, True)), ("y", (True, False))])
+@pytest.mark.parametrize(
+    ("tileable", "closed"), [(True, (True, True)), ("x", (False, True)), ("y", (True, False))]
+)
 def test_tileable_textures_continue_at_the_opposite_border(sample, tileable, closed):
-    steps = np.array([
-        [step_at_border(ts.synthesize(sample(3), (96, 100), patch=32, seed=seed, tileable=tileable).image, axis) for axis in (0, 1)]
-        for seed in range(3)
-    ]).mean(axis=0)  # fmt: skip
+    steps = np.array(
+        [
+            [
+                step_at_border(
+                    ts.synthesize(sample(3), (96, 100), patch=32, seed=seed, tileable=tileable).image, axis
+                )
+                for axis in (0, 1)
+            ]
+            for seed in range(3)
+        ]
+    ).mean(axis=0)
     for step, closes in zip(steps, closed, strict=True):
         assert step < 1.4 if closes else step > 2.5
 
 
 def test_the_same_seed_gives_the_same_bytes_and_another_one_another_texture(sample):
-    first, second, other = (ts.synthesize(sample(4), 80, patch=32, seed=seed, tileable=True) for seed in (5, 5, 6))
+    first, second, other = (
+        ts.synthesize(sample(4), 80, patch=32, seed=seed, tileable=True) for seed in (5, 5, 6)
+    )
     assert first.image.tobytes() == second.image.tobytes()
     assert first.to_svg() == second.to_svg()
     assert (first.image != other.image).mean() > 0.5
@@ -71,13 +83,70 @@ def test_no_source_pixel_shows_much_more_often_than_the_average(sample):
     assert use.max() <= 2.5 * use.mean()
 
 
-def test_neighbouring_patches_do_not_continue_one_copy(sample):
-    source = sample(6, (96, 96))
-    made = ts.synthesize(source, 96, patch=32, smooth=0)
+def largest_copy(made):
+    """Pixels of the largest connected region that shows one place of the exemplar, shifted."""
+    shift = made.source - np.moveaxis(np.indices(made.labels.shape), 0, 2)
+    _, number = np.unique(shift.reshape(-1, 2), axis=0, return_inverse=True)
+    number = number.reshape(made.labels.shape)
+    areas = [np.bincount(ndimage.label(number == one)[0].ravel())[1:].max() for one in np.unique(number)]
+    return max(areas)
+
+
+def test_patches_continue_one_another_up_to_a_limit(sample):
+    source = sample(6, (128, 128))
+    made, free = (
+        ts.synthesize(source, 200, patch=24, smooth=0, mend=0, copy_patches=limit, copy_share=1.0)
+        for limit in (3, np.inf)
+    )
+    assert largest_copy(made) <= 3 * 24**2
+    assert largest_copy(free) > 6 * 24**2
+    # Where two patches adjoin they show different places: what continues has one number.
     shift = made.source - np.moveaxis(np.indices(made.labels.shape), 0, 2)
     borders = made.labels[:, 1:] != made.labels[:, :-1]
     assert borders.any()
     assert (shift[:, 1:] != shift[:, :-1]).any(axis=2)[borders].all()
+
+
+def test_objects_larger_than_the_overlap_stay_whole():
+    """Discs of 22 px on noise: of those that do not touch the border nearly all have the sample's area."""
+    rng = np.random.default_rng(30)
+    y, x = np.mgrid[:160, :160]
+    places = [
+        (30 + 44 * i + rng.integers(-6, 7), 30 + 44 * j + rng.integers(-6, 7))
+        for i in range(3)
+        for j in range(3)
+    ]
+    ring = np.zeros((160, 160), bool)
+    for a, b in places:
+        ring |= np.hypot(y - a, x - b) < 11
+    source = np.where(ring, 230, 90 + rng.integers(0, 30, ring.shape)).astype(np.uint8)
+    whole = total = 0
+    for seed in range(3):
+        made = ts.synthesize(source, 320, patch=40, seed=seed, smooth=0)
+        found, _ = ndimage.label(made.image > 180)
+        for number, box in enumerate(ndimage.find_objects(found), start=1):
+            if any(side.start == 0 or side.stop == 320 for side in box):
+                continue
+            total += 1
+            whole += abs((found[box] == number).sum() / (ring.sum() / 9) - 1) < 0.05
+    assert total > 60
+    assert whole >= 0.9 * total
+
+
+def test_the_same_place_comes_again_at_a_distance_where_there_is_a_choice(sample):
+    source = sample(31, (128, 128))
+
+    def near(variety):
+        """Pixels that also show within 32 px to the right or below, not as part of the same copy."""
+        made = ts.synthesize(source, 300, patch=24, smooth=0, variety=variety)
+        index = made.source[..., 0] * 128 + made.source[..., 1]
+        return sum(
+            (index[dy:, dx:] == index[: 300 - dy, : 300 - dx]).sum()
+            for dy in range(0, 33, 4)
+            for dx in range(4, 33)
+        )
+
+    assert near(0.5) < 0.7 * near(0)
 
 
 def test_further_maps_are_cut_alike(sample):
@@ -116,7 +185,7 @@ def test_only_what_the_mask_allows_is_sampled(sample):
     source = sample(11, (80, 80))
     yy, xx = np.mgrid[:80, :80]
     mask = (yy - 40) ** 2 + (xx - 40) ** 2 < 36**2
-    made = ts.synthesize(source, 100, patch=24, mask=mask, smooth=0)
+    made = ts.synthesize(source, 100, patch=24, source_mask=mask, smooth=0)
     assert mask[made.source[..., 0], made.source[..., 1]].all()
 
 
@@ -144,12 +213,79 @@ def test_a_guide_says_what_goes_where():
 
 
 def test_the_patch_is_chosen_by_the_size_of_the_elements(sample):
-    from scipy import ndimage
-
     fine = sample(15, (192, 192))
     coarse = ndimage.zoom(sample(15, (64, 64)), 3, order=1)
     patches = [ts.synthesize(image, 40, patch=None).settings["patch"] for image in (fine, coarse)]
     assert 8 <= patches[0] < patches[1] <= 64
+
+
+def test_options_come_as_keywords_or_as_one_value(sample):
+    one = ts.synthesize(sample(18), 80, patch=24, options=ts.LayOptions(tolerance=0.5, most=4))
+    two = ts.synthesize(sample(18), 80, patch=24, tolerance=0.5, most=4)
+    np.testing.assert_array_equal(one.source, two.source)
+    assert one.settings == two.settings
+
+
+def test_a_generator_is_a_seed_and_the_result_keeps_a_number(sample):
+    made = ts.synthesize(sample(19), 60, patch=24, seed=np.random.default_rng(1))
+    again = ts.synthesize(sample(19), 60, patch=24, seed=made.settings["seed"])
+    np.testing.assert_array_equal(made.image, again.image)
+    assert ts.synthesize(sample(19), 60, patch=24, seed=None).settings["seed"] >= 0
+
+
+def test_what_counts_as_white_does_not_change_what_is_laid(sample):
+    source = sample(20)
+    made, deep, floats = (
+        ts.synthesize(image, 80, patch=24, smooth=0, data_range=white)
+        for image, white in (
+            (source, None),
+            (source.astype(np.int32) * 10, 2550),
+            (source.astype(np.float64) * 3, 765.0),
+        )
+    )
+    np.testing.assert_array_equal(made.source, deep.source)
+    np.testing.assert_array_equal(deep.image, made.image.astype(np.int32) * 10)
+    np.testing.assert_array_equal(made.source, floats.source)
+    # Lights far above white in a map of floats: said by one value for the picture and one for each map.
+    lights = sample(21, dtype=np.float32) * 40
+    assert ts.synthesize(source, 60, patch=24, maps=[lights], data_range=[None, 1.0]).maps[0].max() > 2
+
+
+def test_an_overlap_may_be_a_share_of_the_patch(sample):
+    made = [ts.synthesize(sample(22), 60, patch=24, overlap=lap) for lap in (0.5, 12)]
+    assert made[0].settings["overlap"] == 12
+    np.testing.assert_array_equal(made[0].source, made[1].source)
+
+
+def test_a_pil_picture_is_a_source_and_a_result_shows_itself(sample):
+    from PIL import Image
+
+    pixels = sample(23, channels=3)
+    made = ts.synthesize(Image.fromarray(pixels), (50, 60), patch=24, tileable="x")
+    np.testing.assert_array_equal(made.image, ts.synthesize(pixels, (50, 60), patch=24, tileable="x").image)
+    assert repr(made) == f"<Synthesis: 60 × 50 px, {made.count} patches of 24 × 24 px>"
+    assert made._repr_png_().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("names", "wraps"),
+    [(("both", True), (True, True)), (("none", False), (False, False)), (("x",), (False, True))],
+)
+def test_the_axes_have_one_set_of_names(sample, names, wraps):
+    for name in names:
+        assert ts.synthesize(sample(24), (60, 70), patch=24, tileable=name).wraps == wraps
+
+
+def test_the_natural_patch_holds_about_four_elements():
+    stripes = np.tile(np.repeat(np.array([0, 255], np.uint8), 6), (240, 20))
+    # Along the stripes nothing changes: four elements would be more than a third of the sample.
+    assert ts.natural_patch(stripes) == 80
+    checks = np.kron(np.indices((20, 20)).sum(axis=0) % 2, np.ones((12, 12))).astype(np.uint8) * 255
+    # The correlation, 1 - 2 × distance / 12, is below 0.2 from 5 px on: 4 elements of 2 × 5 px.
+    assert ts.natural_patch(checks) == 40
+    masked = np.zeros(checks.shape, bool)
+    masked[:100, :100] = True
+    assert 24 <= ts.natural_patch(checks, source_mask=masked) <= 96
 
 
 def test_seams_run_between_patches_and_can_be_read_back(sample):
@@ -179,27 +315,59 @@ FLAT = np.full((64, 64), 7, np.uint8)
 GOOD = np.random.default_rng(0).integers(0, 256, (64, 64), np.uint8)
 
 
-@pytest.mark.parametrize(("change", "error", "text"), [
-    ({"patch": 65}, ts.ImageError, "smaller than a patch"),
-    ({"overlap": 40}, ts.OptionError, "overlap"),
-    ({"overlap": 1}, ts.OptionError, "overlap"),
-    ({"patch": 2}, ts.OptionError, "at least 4"), ({"source": FLAT}, ts.ImageError, "one value everywhere"),
-    ({"mask": np.zeros((64, 64))}, ts.ImageError, "mask"), ({"mask": np.eye(64)}, ts.ImageError, "no place in the mask"),
-    ({"maps": [GOOD[1:]]}, ts.ImageError, "64 × 63 px"), ({"size": 0}, ts.OptionError, "size"), ({"size": (5, -1)}, ts.OptionError, "size"),
-    ({"size": (10**6, 10**6)}, ts.OptionError, "more than"), ({"source": np.zeros((64, 64, 2))}, ts.ImageError, "2 channels"),
-    ({"source": np.zeros((64, 64, 5))}, ts.ImageError, "5 channels"), ({"source": []}, ts.ImageError, "empty list"),
-    ({"source": GOOD.astype(float) * np.nan}, ts.ImageError, "NaN"), ({"weights": [1, 1]}, ts.OptionError, "weights"),
-    ({"weights": [-1]}, ts.OptionError, "weights"),
-    ({"tileable": "z"}, ts.OptionError, "tileable"),
-    ({"smooth": 99}, ts.OptionError, "smooth"),
-    ({"most": 0.5}, ts.OptionError, "most"),
-    ({"tollerance": 1}, ts.OptionError, "not an option"),
-    ({"guide": GOOD}, ts.OptionError, "belong together"),
-    ({"guide": GOOD, "guide_source": GOOD}, ts.ImageError, "guide is"),
-    ({"size": (8, 80), "tileable": True}, ts.OptionError, "at least 16"),
-    ({"source": [GOOD, GOOD.astype(np.uint16)]}, ts.ImageError, "dtype"), ({"alpha": np.ones((3, 3))}, ts.ImageError, "alpha"),
-    ({"source": np.zeros((64, 64), complex)}, ts.ImageError, "dtype"), ({"source": GOOD[0]}, ts.ImageError, "shape"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("change", "error", "text"),
+    [
+        ({"patch": 65}, ts.ImageError, "smaller than a patch"),
+        ({"overlap": 40}, ts.OptionError, "overlap"),
+        ({"overlap": 1}, ts.OptionError, "overlap"),
+        ({"patch": 2}, ts.OptionError, "at least 4"),
+        ({"source": FLAT}, ts.ImageError, "one value everywhere"),
+        ({"source_mask": np.zeros((64, 64))}, ts.ImageError, "mask"),
+        ({"source_mask": np.eye(64)}, ts.ImageError, "no place in the mask"),
+        ({"maps": [GOOD[1:]]}, ts.ImageError, "64 × 63 px"),
+        ({"patch": "auto"}, ts.OptionError, "patch is 'auto'"),
+        ({"patch": float("inf")}, ts.OptionError, "patch is inf"),
+        ({"patch": 24.5}, ts.OptionError, "whole number"),
+        ({"overlap": 0.0}, ts.OptionError, "overlap"),
+        ({"overlap": "25%"}, ts.OptionError, "overlap"),
+        ({"seed": -1}, ts.OptionError, "seed is -1"),
+        ({"seed": 1.5}, ts.OptionError, "seed is 1.5"),
+        ({"tolerance": "x"}, ts.OptionError, "tolerance is 'x'"),
+        ({"candidates": 2.5}, ts.OptionError, "candidates"),
+        ({"method": "magic"}, ts.OptionError, "method"),
+        ({"options": ts.HeatOptions()}, ts.OptionError, "takes LayOptions"),
+        ({"options": ts.LayOptions(), "most": 2.0}, ts.OptionError, "beside options"),
+        ({"source": GOOD.astype(np.int32)}, ts.ImageError, "data_range"),
+        ({"source": GOOD.astype(float)}, ts.ImageError, "data_range"),
+        ({"data_range": [1.0, 1.0]}, ts.OptionError, "data_range has 2 values"),
+        ({"data_range": 0}, ts.OptionError, "data_range"),
+        ({"source": np.ma.masked_less(GOOD, 9)}, ts.ImageError, "masked array"),
+        ({"source": np.zeros((3, 64, 64))}, ts.ImageError, "looks like"),
+        ({"guide": GOOD, "guide_source": GOOD, "guide_weight": 2}, ts.OptionError, "guide_weight"),
+        ({"max_megapixels": "x"}, ts.OptionError, "max_megapixels"),
+        ({"size": 0}, ts.OptionError, "size"),
+        ({"size": (5, -1)}, ts.OptionError, "size"),
+        ({"size": (10**6, 10**6)}, ts.OptionError, "more than"),
+        ({"source": np.zeros((64, 64, 2))}, ts.ImageError, "2 channels"),
+        ({"source": np.zeros((64, 64, 5))}, ts.ImageError, "5 channels"),
+        ({"source": []}, ts.ImageError, "empty list"),
+        ({"source": GOOD.astype(float) * np.nan}, ts.ImageError, "NaN"),
+        ({"weights": [1, 1]}, ts.OptionError, "weights"),
+        ({"weights": [-1]}, ts.OptionError, "weights"),
+        ({"tileable": "z"}, ts.OptionError, "tileable"),
+        ({"smooth": 99}, ts.OptionError, "smooth"),
+        ({"most": 0.5}, ts.OptionError, "most"),
+        ({"tollerance": 1}, ts.OptionError, "does not know tollerance"),
+        ({"guide": GOOD}, ts.OptionError, "belong together"),
+        ({"guide": GOOD, "guide_source": GOOD}, ts.ImageError, "guide is"),
+        ({"size": (8, 80), "tileable": True}, ts.OptionError, "at least 16"),
+        ({"source": [GOOD, GOOD.astype(np.uint16)]}, ts.ImageError, "dtype"),
+        ({"alpha": np.ones((3, 3))}, ts.ImageError, "alpha"),
+        ({"source": np.zeros((64, 64), complex)}, ts.ImageError, "dtype"),
+        ({"source": GOOD[0]}, ts.ImageError, "shape"),
+    ],
+)
 def test_bad_input_is_refused_in_one_sentence(change, error, text):
     arguments = {"source": GOOD, "size": 80, **change}
     with pytest.raises(error, match=text) as caught:

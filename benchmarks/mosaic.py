@@ -1,0 +1,223 @@
+"""Mosaics of photographs against enblend and Multiblend, in one run: processor seconds, peak memory, and what
+is seen at the seams.
+
+    python benchmarks/mosaic.py                       four frames of 3000 × 2000 px (about three minutes)
+    python benchmarks/mosaic.py --work large          5 × 4 frames of 24 megapixels
+    python benchmarks/mosaic.py --only toposeam       without the peers
+
+The peers: ``apt-get install enblend`` (Debian, Ubuntu). Multiblend has no package; built from
+https://horman.net/multiblend/ it is run too when it is on the PATH as ``multiblend``.
+
+The frames overlap by 30 %. Each is exposed up to ±10 % differently, darkens towards its corners by up to
+12 %, and shows some objects that no other frame shows at that place. Every program is a process of its own,
+reads the same TIFF files (RGBA, uncompressed, with places in XPosition and YPosition as Hugin's nona writes
+them) and writes an uncompressed TIFF. Processor time is user and system time of the process, memory its
+largest resident set.
+
+*Step* is, at the pixel pairs across which the shown frame changes, by how much the result's own step differs
+from the scene's, in 8-bit levels; it is known for ours alone, which says where its seams are. *Error* is the
+mean absolute difference to the scene, moved objects left out, after one gain and offset per channel; the
+vignetting that is left dominates it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyvips
+import tifffile
+from scipy import ndimage
+from skimage import data, transform
+
+OVERLAP, EXPOSURE, VIGNETTING, NOISE = 0.30, 0.10, 0.12, 1.5
+OBJECTS = 12  # a frame
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A process that ended."""
+
+    seconds: float
+    megabytes: float
+    code: int
+    said: str
+
+
+def measured(command: list[str], folder: Path) -> Measured:
+    """One process, its processor time and its largest resident set."""
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    with (folder / "said.txt").open("w+b") as said:
+        process = subprocess.Popen(
+            command, cwd=folder, stdout=said, stderr=subprocess.STDOUT, env=environment
+        )
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        said.seek(0)
+        text = said.read().decode(errors="replace")
+    return Measured(usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024, process.returncode, text)
+
+
+def scene(height: int, width: int, rng: np.random.Generator) -> np.ndarray:
+    """A landscape of photographs, (height, width, 3) uint8, with detail at every scale."""
+    photographs = [data.coffee(), data.chelsea(), data.astronaut(), data.rocket()]
+    result = np.zeros((height, width, 3), np.float32)
+    tile = min(height, width) // 2 + 1
+    for top in range(0, height, tile):
+        for left in range(0, width, tile):
+            photograph = photographs[int(rng.integers(len(photographs)))]
+            part = transform.resize(photograph, (tile, tile), order=1).astype(np.float32)
+            part = part[: height - top, : width - left]
+            result[top : top + tile, left : left + tile] = part
+    result = ndimage.gaussian_filter(result, (3, 3, 0))
+    for period in (2, 4, 8, 16, 32):
+        size = (height // period + 2, width // period + 2)
+        coarse = rng.standard_normal(size, np.float32)
+        detail = ndimage.zoom(coarse, period, order=1)[:height, :width] * (0.004 * period**0.6)
+        result += detail[..., None]
+    return np.clip(result * 235 + 10, 0, 255).astype(np.uint8)
+
+
+def make_frames(
+    folder: Path, columns: int, rows: int, width: int, height: int, seed: int
+) -> tuple[np.ndarray, np.ndarray, list[tuple[int, int]]]:
+    """Frames as TIFF files; returns the scene, where no frame has a moved object, and the places."""
+    rng = np.random.default_rng(seed)
+    steps = round(width * (1 - OVERLAP)), round(height * (1 - OVERLAP))
+    total = steps[1] * (rows - 1) + height, steps[0] * (columns - 1) + width
+    truth = scene(*total, rng)
+    still = np.ones(total, bool)
+    y, x = np.mgrid[-1 : 1 : height * 1j, -1 : 1 : width * 1j].astype(np.float32)
+    lens = 1 - VIGNETTING * (x * x + y * y) / 2
+    places = []
+    for row in range(rows):
+        for column in range(columns):
+            left, top = column * steps[0], row * steps[1]
+            part = np.s_[top : top + height, left : left + width]
+            frame = truth[part].astype(np.float32)
+            for _ in range(OBJECTS):
+                radius = int(rng.uniform(0.01, 0.03) * width)
+                cy, cx = int(rng.integers(radius, height - radius)), int(rng.integers(radius, width - radius))
+                box = np.s_[cy - radius : cy + radius, cx - radius : cx + radius]
+                dy, dx = np.mgrid[-radius:radius, -radius:radius]
+                inside = dy * dy + dx * dx < radius * radius
+                frame[box][inside] = rng.uniform(20, 235, 3)
+                still[part][box] &= ~inside
+            gain = 1 + rng.uniform(-EXPOSURE, EXPOSURE)
+            frame *= (lens * gain)[..., None]
+            frame += rng.standard_normal(frame.shape, np.float32) * NOISE
+            pixels = np.clip(np.rint(frame), 0, 255).astype(np.uint8)
+            rgba = np.dstack([pixels, np.full((height, width), 255, np.uint8)])
+            write_tiff(folder / f"frame{len(places):02d}.tif", rgba, (left, top))
+            places.append((left, top))
+    return truth, still, places
+
+
+def write_tiff(path: Path, rgba: np.ndarray, at: tuple[int, int]) -> None:
+    """RGBA with a place, as nona writes it: position × resolution = px."""
+    tifffile.imwrite(
+        path,
+        rgba,
+        photometric="rgb",
+        extrasamples=["unassalpha"],
+        rowsperstrip=64,
+        resolution=(150, 150),
+        resolutionunit="INCH",
+        extratags=[(286 + axis, 5, 1, (at[axis], 150), True) for axis in (0, 1)],
+        metadata=None,
+    )
+
+
+def error_of(result: np.ndarray, truth: np.ndarray, still: np.ndarray) -> float:
+    """Mean absolute difference where nothing moved, after a straight line per channel; 8-bit levels."""
+    height, width = min(len(result), len(truth)), min(result.shape[1], truth.shape[1])
+    part, mask = np.s_[:height:3, :width:3], still[:height:3, :width:3]
+    errors = []
+    for channel in range(3):
+        a, b = (image[part][..., channel][mask].astype(np.float64) for image in (result, truth))
+        slope, base = np.polyfit(a, b, 1)
+        errors.append(np.abs(slope * a + base - b).mean())
+    return float(np.mean(errors))
+
+
+def step_of(result: np.ndarray, labels: np.ndarray, truth: np.ndarray) -> float:
+    """Mean excess step across the seams, 8-bit levels."""
+    steps = []
+    for s, t in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+        divided = labels[s] != labels[t]
+        own = result[..., :3][t][divided].astype(int) - result[..., :3][s][divided]
+        steps.append(np.abs(own - (truth[t][divided].astype(int) - truth[s][divided])).ravel())
+    return float(np.concatenate(steps).mean())
+
+
+def programs(files: list[str]) -> dict[str, list[str]]:
+    ours = [sys.executable, "-m", "toposeam", "stitch", *files, "--force", "--quiet"]
+    both = ["--match-tones", "--blend", "multiband"]
+    plain = ["--compression", "none", "-o", "out.tif"]
+    found = {"toposeam, hard cut": [*ours, *plain], "toposeam, tones + multiband": [*ours, *both, *plain]}
+    if shutil.which("enblend"):
+        found["enblend"] = ["enblend", "--compression=NONE", "-o", "out.tif", *files]
+    if shutil.which("multiblend"):
+        found["multiblend"] = ["multiblend", "--compression=none", "-o", "out.tif", *files]
+    return found
+
+
+def mosaic(columns: int, rows: int, width: int, height: int, only: str, keep: Path | None) -> None:
+    with tempfile.TemporaryDirectory(prefix="mosaic-") as name:
+        folder = keep or Path(name)
+        folder.mkdir(exist_ok=True)
+        truth, still, places = make_frames(folder, columns, rows, width, height, 7)
+        files = [f"frame{index:02d}.tif" for index in range(len(places))]
+        print(f"{len(files)} frames of {width} × {height} px, {truth.shape[1]} × {truth.shape[0]} px in all")
+        print(f"{'':<30}{'s':>8}{'peak MB':>10}{'error':>8}{'step':>8}")
+        found: dict[str, Measured] = {}
+        for program, command in programs(files).items():
+            if not program.startswith(only):
+                continue
+            ran = found[program] = measured(command, folder)
+            if ran.code:
+                print(f"{program:<30} failed: {ran.said.strip()[-300:]}")
+                continue
+            pyvips.cache_set_max(0)  # or it would be the first program's file again
+            result = pyvips.Image.new_from_file(str(folder / "out.tif")).numpy()
+            error = error_of(result, truth, still)
+            line = f"{program:<30}{ran.seconds:>8.2f}{ran.megabytes:>10.0f}{error:>8.2f}"
+            if program.startswith("toposeam"):
+                from PIL import Image
+
+                Image.MAX_IMAGE_PIXELS = None
+                measured([*command, "--labels", "labels.png"], folder)  # again, not measured
+                labels = np.asarray(Image.open(folder / "labels.png"))
+                line += f"{step_of(result, labels, truth):>8.2f}"
+            print(line, flush=True)
+            if keep is not None:
+                shutil.copy(folder / "out.tif", folder / f"{program.replace(' ', '_').replace(',', '')}.tif")
+        for ours in ("toposeam, hard cut", "toposeam, tones + multiband"):
+            for peer in ("enblend", "multiblend"):
+                if ours in found and peer in found:
+                    time = found[ours].seconds / found[peer].seconds
+                    peak = found[ours].megabytes / found[peer].megabytes
+                    print(f"{ours} ÷ {peer}: time {time:.2f}, peak {peak:.2f}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--work", choices=["four", "large"], default="four")
+    parser.add_argument("--only", default="", help="programs whose names begin so")
+    parser.add_argument("--keep", type=Path, help="leave frames and results in this folder")
+    options = parser.parse_args()
+    shape = {"four": (2, 2, 3000, 2000), "large": (5, 4, 6000, 4000)}[options.work]
+    mosaic(*shape, options.only, options.keep)
+
+
+if __name__ == "__main__":
+    main()

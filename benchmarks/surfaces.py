@@ -1,0 +1,261 @@
+"""Surfaces beside PyMaxflow's three-dimensional graph cut, and loops beside cross-fades, in one run.
+
+    python benchmarks/surfaces.py                      quality, sizes and loops: a few minutes
+    python benchmarks/surfaces.py --quality 40 --whole 0   the same volumes with a slab, whatever their size
+    python benchmarks/surfaces.py --large              also up to 150 × 360 × 640 voxels, without PyMaxflow
+
+Volumes are clips of noise that two flows carry across each other; a and b are moments of one clip, far apart.
+Times are processor seconds on one thread of what a method does once the match cost is given. PyMaxflow's is
+that of its ``maxflow()`` alone, without building its graph. Costs are divided by the optimum that it finds.
+Memory is the peak of a process of its own, interpreter and libraries included.
+
+Of loops: the greatest step from frame to frame within the transition, and the step from the last frame to the
+first, each divided by the 95th percentile of the given clip's steps (means of absolute differences); and
+edges: how far the energy of gradients in the transition's frames is from that of the two stretches it is made
+of (0: as many edges as there should be; a cross-fade of unlike frames loses half, a hard cut adds some).
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import resource
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+import toposeam as ts
+from toposeam.heat.threads import one_thread
+from toposeam.volume.heat import SurfaceOptions, heat_surface
+from toposeam.volume.posing import surface_problem
+from toposeam.volume.problem import SurfaceProblem
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "samples"))
+import clips
+
+SIZES = ("16x60x80", "32x90x120", "40x120x160")
+LARGE = ("70x160x240", "100x240x420", "150x360x640")
+Floats = npt.NDArray[np.float32]
+Masks = tuple[npt.NDArray[np.bool_] | None, npt.NDArray[np.bool_] | None]
+
+
+def carried(
+    count: int, height: int, width: int, rng: np.random.Generator, apart: int
+) -> tuple[Floats, Floats]:
+    """Two stretches of a clip of noise, `apart` frames from each other."""
+    textures = [clips.field((2 * height, 2 * width), 1.3, rng) for _ in range(2)]
+    flows = [0.8 + 0.4 * clips.field((2 * height, 2 * width), 2.5, rng)[:height, :width] for _ in range(4)]
+    y, x = np.indices((height, width), float)
+
+    def frame(t: int) -> Floats:
+        one = clips.moved(textures[0], y + flows[0] * t, x + flows[1] * t)
+        other = clips.moved(textures[1], y - flows[2] * t, x + flows[3] * t)
+        return np.clip(0.5 + 0.12 * (one + other), 0, 1).astype(np.float32)
+
+    a, b = (np.stack([frame(t + start) for t in range(count)]) for start in (0, apart))
+    return a, b
+
+
+def strip(shape: tuple[int, ...]) -> Masks:
+    return None, None
+
+
+def ell(shape: tuple[int, ...]) -> Masks:
+    on_a = np.zeros(shape, bool)
+    on_a[: 2 * shape[0] // 3] = on_a[:, : shape[1] // 2] = True
+    return on_a, np.ones(shape, bool)
+
+
+def ring(shape: tuple[int, ...]) -> Masks:
+    _, h, w = shape
+    on_a, on_b = np.ones(shape, bool), np.zeros(shape, bool)
+    on_a[:, 2 * h // 5 : 3 * h // 5, 2 * w // 5 : 3 * w // 5] = False
+    on_b[:, h // 10 : -h // 10, w // 10 : -w // 10] = True
+    return on_a, on_b
+
+
+def islands(shape: tuple[int, ...]) -> Masks:
+    d, h, w = shape
+    on_b = np.zeros(shape, bool)
+    for left in (w // 12, w // 2 + w // 24):
+        on_b[d // 8 : -d // 8, h // 8 : -h // 8, left : left + 3 * w // 8] = True
+    return None, on_b
+
+
+TOPOLOGIES = {"strip": strip, "L": ell, "ring": ring, "islands": islands}
+
+
+def posed(shape: tuple[int, ...], masks: Masks, gradient: bool, seed: int) -> SurfaceProblem:
+    rng = np.random.default_rng(seed)
+    a, b = carried(*shape, rng, 2 * shape[0])
+    axis = 0
+    return surface_problem(a, b, *masks, axis, ts.MatchCost(gradient=gradient))[0]
+
+
+def optimum(problem: SurfaceProblem) -> tuple[float, float]:
+    """The least cost, and the seconds PyMaxflow takes for it."""
+    import maxflow
+
+    network, weight, index = problem.network()
+    n = network.n
+    graph = maxflow.GraphFloat(n, len(weight))
+    graph.add_nodes(n)
+    inner = network.head < n
+    graph.add_edges(network.tail[inner], network.head[inner], weight[inner], weight[inner])
+    ends = [
+        np.bincount(network.tail[network.head == terminal], weight[network.head == terminal], n)
+        for terminal in (n, n + 1)
+    ]
+    graph.add_grid_tedges(np.arange(n), ends[0], ends[1])
+    started = time.process_time()
+    graph.maxflow()
+    seconds = time.process_time() - started
+    labels = np.zeros(problem.overlap.side.shape, bool)
+    labels.ravel()[index] = graph.get_grid_segments(np.arange(n))
+    return problem.cost(labels), seconds
+
+
+def heated(
+    problem: SurfaceProblem, options: SurfaceOptions
+) -> tuple[npt.NDArray[np.bool_], float, float, int]:
+    """Labels, bound, seconds and sweeps of method heat."""
+    started = time.process_time()
+    with one_thread():
+        solution, bound = heat_surface(problem, options)
+    seconds = time.process_time() - started
+    sweeps = 50 * (sum(record.stage == 1 for record in solution.history) - 1)
+    return solution.labels, bound, seconds, sweeps
+
+
+def quality(count: int, whole: int) -> None:
+    print(f"{'':<9}{'volumes':>8}{'÷ optimum':>11}{'worst':>9}{'÷ bound':>9}{'÷ PyMaxflow':>13}{'worst':>8}")
+    rng = np.random.default_rng(0)
+    everything: list[float] = []
+    for name, make in TOPOLOGIES.items():
+        ratios, proven, times = [], [], []
+        for index in range(-(-count // len(TOPOLOGIES))):
+            size = 10 ** rng.uniform(4.05, 5.5)
+            proportion = np.array([1.0, rng.uniform(1.5, 3.5), rng.uniform(1.5, 3.5)])
+            if make is islands:
+                proportion[0] = 2.0  # deep enough for a core
+            shape = tuple(
+                int(side) for side in np.maximum(8, proportion * (size / proportion.prod()) ** (1 / 3))
+            )
+            problem = posed(shape, make(shape), index % 2 == 0, 100 + index)
+            best, cut_time = optimum(problem)
+            labels, bound, seconds, _ = heated(problem, SurfaceOptions(whole=whole))
+            ratios.append(problem.cost(labels) / best)
+            proven.append(problem.cost(labels) / bound if bound else np.nan)
+            times.append(seconds / cut_time)
+        everything += ratios
+        print(
+            f"{name:<9}{len(ratios):>8}{np.median(ratios):>11.5f}{max(ratios):>9.5f}{np.median(proven):>9.4f}"
+            f"{np.median(times):>13.2f}{max(times):>8.2f}",
+            flush=True,
+        )
+    print(f"{'all':<9}{len(everything):>8}{np.median(everything):>11.5f}{max(everything):>9.5f}")
+
+
+def sizes(names: tuple[str, ...], peer: bool) -> list[tuple[float, float]]:
+    print(
+        f"\n{'voxels':<14}{'cost':<8}{'heat, s':>9}{'sweeps':>8}{'PyMaxflow, s':>14}{'heat ÷ it':>11}"
+        f"{'÷ optimum':>11}{'÷ bound':>9}{'peak, MiB':>11}"
+    )
+    measured = []
+    for name in names:
+        shape = tuple(map(int, name.split("x")))
+        for gradient in (False, True) if peer else (False,):
+            with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+                cost, bound, seconds, sweeps, peak = pool.submit(one_size, shape, gradient).result()
+            best, cut_time = np.nan, np.nan
+            if peer:
+                best, cut_time = optimum(posed(shape, (None, None), gradient, 0))
+            print(
+                f"{name:<14}{'(2.4)' if gradient else '(3.22)':<8}{seconds:>9.2f}{sweeps:>8}{cut_time:>14.2f}"
+                f"{seconds / cut_time:>11.2f}{cost / best:>11.5f}"
+                f"{cost / bound if bound else np.nan:>9.4f}{peak:>11.0f}",
+                flush=True,
+            )
+            if not gradient:
+                measured.append((float(np.prod(shape)), seconds))
+    return measured
+
+
+def one_size(shape: tuple[int, int, int], gradient: bool) -> tuple[float, float, float, int, float]:
+    problem = posed(shape, (None, None), gradient, 0)
+    labels, bound, seconds, sweeps = heated(problem, SurfaceOptions())
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return problem.cost(labels), bound, seconds, sweeps, peak
+
+
+def edges(frames: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Energy of the gradients of each frame."""
+    rows, columns = np.diff(frames, axis=1), np.diff(frames, axis=2)
+    return np.square(rows).mean(axis=(1, 2, 3)) + np.square(columns).mean(axis=(1, 2, 3))
+
+
+def loops() -> None:
+    print(
+        f"\n{'clip':<12}{'frames':>7}{'within':>8}{'at the point':>14}{'cut off':>9}{'edges':>8}"
+        f"{'cross-fade':>12}{'÷ it':>7}{'s':>7}"
+    )
+    cases = [(clips.water, seed) for seed in (0, 10, 20)] + [(clips.flames, seed) for seed in (1, 11, 21)]
+    cases += [*((clips.flag, seed) for seed in (2, 12, 22)), (clips.clouds, 4)]
+    within, ghosts = [], []
+    for make, seed in cases:
+        clip = make(seed=seed)
+        started = time.process_time()
+        made = ts.loop(clip, level=make is clips.flag)
+        seconds = time.process_time() - started
+        count, (jump,) = made.transition, made.jumps
+        given = clip.astype(float)
+        ordinary = np.percentile(np.abs(np.diff(given, axis=0)).mean(axis=(1, 2, 3)), 95)
+        closed = np.concatenate([made.frames[-1:], made.frames, made.frames[:1]]).astype(float)
+        steps = np.abs(np.diff(closed, axis=0)).mean(axis=(1, 2, 3))  # steps[0] leads to the first frame
+        a, b = given[jump.leaves :][:count], given[jump.enters :][:count]
+        share = np.linspace(0, 1, count)[:, None, None, None]
+        wanted = (edges(a) + edges(b)) / 2
+        ours = np.abs(edges(made.frames[:count].astype(float)) / wanted - 1).mean()
+        faded = np.abs(edges((1 - share) * a + share * b) / wanted - 1).mean()
+        cut_off = np.abs(given[jump.leaves - 1] - given[jump.enters]).mean() / ordinary
+        within.append(steps[: count + 1].max() / ordinary)
+        ghosts.append(ours / faded)
+        print(
+            f"{f'{make.__name__} {seed}':<12}{len(made.frames):>7}{within[-1]:>8.2f}"
+            f"{steps[0] / ordinary:>14.2f}{cut_off:>9.2f}{ours:>8.3f}{faded:>12.3f}"
+            f"{ghosts[-1]:>7.2f}{seconds:>7.1f}",
+            flush=True,
+        )
+    smooth, clear = sum(value <= 1.1 for value in within), sum(value <= 0.5 for value in ghosts)
+    print(f"within ≤ 1.1: {smooth} of {len(within)}; edges ÷ cross-fade's ≤ 0.5: {clear}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--quality", type=int, default=40, help="how many volumes; 0 leaves them out")
+    parser.add_argument("--whole", type=int, default=SurfaceOptions().whole)
+    parser.add_argument("--sizes", nargs="*", default=SIZES)
+    parser.add_argument("--large", action="store_true")
+    parser.add_argument("--no-loops", action="store_true")
+    options = parser.parse_args()
+    if options.quality:
+        quality(options.quality, options.whole)
+    if options.sizes:
+        measured = sizes(tuple(options.sizes), True)
+        if options.large:
+            measured += sizes(LARGE, False)
+            (few, short), (many, long) = measured[len(options.sizes) - 1], measured[-1]
+            growth = np.log(long / short) / np.log(many / few)
+            print(f"growth from {options.sizes[-1]} to {LARGE[-1]}: exponent {growth:.2f}")
+    if not options.no_loops:
+        loops()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,67 @@
+"""Where the process of the command begins and ends: without a traceback from its first moment to its last,
+whatever signals come and wherever the output goes.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from contextlib import suppress
+
+_LATER = ("SIGINT", "SIGTERM", "SIGHUP")
+
+
+def start() -> None:
+    """Run the command line and end the process."""
+    if signal.getsignal(signal.SIGINT) == signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # while the libraries load it ends us without a word
+    from toposeam_cli.main import main
+
+    if signal.getsignal(signal.SIGINT) == signal.SIG_DFL:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    code: str | int | None = 1
+    try:
+        main(prog_name="toposeam")
+    except SystemExit as end:
+        code = end.code
+    except OSError as error:
+        code = 1
+        _complain(error)
+    except KeyboardInterrupt:
+        code = 130
+    for name in _LATER:  # all is tidied away, and the rest is ours alone
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    sys.exit(code if _flushed() else code or 1)
+
+
+def _flushed() -> bool:
+    """Whether all that was printed has arrived; Python itself would tell it with a traceback."""
+    arrived = True
+    for stream in (sys.stdout, sys.stderr):
+        if stream is None:  # it was closed before we began
+            continue
+        try:
+            stream.flush()
+        except BrokenPipeError:
+            arrived = False
+        except OSError as error:
+            arrived = False
+            if stream is sys.stdout:
+                _complain(error)
+        if not arrived:
+            with suppress(OSError, ValueError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    return arrived
+
+
+def _complain(error: OSError) -> None:
+    reason = (error.strerror or str(error)).lower()
+    with suppress(OSError, ValueError, AttributeError):
+        sys.stderr.write(f"Error: cannot print ({reason}); free some space, or print to another place\n")
+        sys.stderr.flush()
+
+
+if __name__ == "__main__":
+    start()

@@ -1,0 +1,1 @@
+"""Files of jobs and patterns of file names, turned into the words of other commands."""

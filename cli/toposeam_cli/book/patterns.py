@@ -1,0 +1,113 @@
+"""The pages' content of a pattern book: one pattern round a theme, and one product, as jobs for worker
+processes.
+"""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import toposeam as ts
+from toposeam.motif.book import SEASONS, book_recipe
+from toposeam.motif.kinds import measure
+from toposeam.motif.recipe import unpack_base
+from toposeam.motif.sampling import resample
+from toposeam.motif.tiling import period
+from toposeam_cli.figures.products import draw_product, pattern_px
+from toposeam_cli.pictures.colour import to_depth
+from toposeam_cli.pictures.picture import Picture, write_picture
+from toposeam_cli.pictures.printing import Print, printable
+from toposeam_cli.pictures.recipe import read_recipe
+from toposeam_cli.pictures.theme import read_theme
+
+#: Motifs across and down of a swatch: it repeats by translation whatever the rule.
+_SWATCH = 2
+
+
+#: What :func:`draw_pattern` returns, and of which kind it is.
+ROW: dict[str, type] = {
+    "number": int,
+    "kind": str,
+    "season": str,
+    "stroke": float,
+    "likeness": float,
+    "repeat": str,
+    "layers": int,
+    "mass": list,
+    "p": float,
+    "sources": list,
+    "sinks": list,
+    "ambient": float,
+    "iterations": int,
+    "filter": float,
+    "base_strength": float,
+}
+
+
+def draw_pattern(
+    theme: str, seed: int, number: int, size: int, motif: str, swatch: str, force: bool = False
+) -> dict[str, Any]:
+    """Make one pattern: the motif with its recipe, and a swatch that repeats by translation. Returns what was
+    measured.
+    """
+    recipe = book_recipe(_theme(theme), seed, number, size)
+    made = ts.generate_motif(recipe)
+    write_picture(motif, printable(made.image(), None, {**Print().note(), "recipe": recipe.to_dict()}), force)
+    write_picture(
+        swatch, Picture(pixels=to_depth(ts.repeat(made, (_SWATCH, _SWATCH)), np.dtype(np.uint8))), force
+    )
+    # The theme as the plate had it, in the motif's own cell; hexagonal cells are sheared, and show none.
+    upright = made.densities.shape[1:] == recipe.size
+    base = resample(unpack_base(recipe.base), "none", recipe.size) if upright else None
+    character = measure(made.image(), base)
+    first = recipe.layers[0]
+    return {
+        "number": number,
+        "kind": str(character.kind),
+        "season": SEASONS[number % len(SEASONS)],
+        "stroke": round(character.stroke, 4),
+        "likeness": round(character.likeness, 3),
+        "repeat": recipe.repeat,
+        "layers": len(recipe.layers),
+        "mass": [round(layer.mass, 3) for layer in recipe.layers],
+        "p": first.penalty,
+        "sources": [len(layer.sources) for layer in recipe.layers],
+        "sinks": [len(layer.sinks) for layer in recipe.layers],
+        "ambient": round(first.ambient, 2),
+        "iterations": recipe.iterations,
+        "filter": round(recipe.filter_radius, 2),
+        "base_strength": round(recipe.base_strength, 2),
+    }
+
+
+def draw_on_product(
+    motif: str,
+    product: str,
+    output: str,
+    motif_mm: float | None = None,
+    force: bool = True,
+    second: str | None = None,
+) -> None:
+    """Make one mock-up from a motif's recipe, and from a second one's where two are wanted."""
+    across = pattern_px(product, motif_mm)
+    made, pattern = _sharp(motif, across)
+    other = None if second is None else (_sharp(second, across)[1], across)
+    dark = made.inks[int(np.argmin(made.inks.sum(axis=1)))]
+    drawn = draw_product(product, pattern, across, made.paper, dark * made.paper, motif_mm, other)
+    write_picture(output, Picture(pixels=drawn), force=force)
+
+
+def _sharp(motif: str, across: int) -> tuple[ts.Motif, np.ndarray]:
+    """A motif, and a piece of its pattern that repeats by translation, with motifs of that width in px."""
+    made = ts.generate_motif(read_recipe(Path(motif)))
+    height, width = made.densities.shape[1:]
+    size = (max(1, round(across * height / width)), across)
+    return made, to_depth(ts.repeat(made, period(made.repeat), size=size), np.dtype(np.uint8))
+
+
+@functools.lru_cache(maxsize=2)
+def _theme(path: str) -> np.ndarray:
+    return read_theme(Path(path))

@@ -1,0 +1,1 @@
+"""Clips in and out: videos (PyAV), animated pictures (Pillow) and folders of frames. No click in here."""

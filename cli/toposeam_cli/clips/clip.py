@@ -1,0 +1,84 @@
+"""A clip in memory, and the one rate at which its frames follow each other."""
+
+from __future__ import annotations
+
+import bisect
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.errors import ImageError
+
+#: Frames a second where nothing says it: of folders of frames.
+DEFAULT_RATE = Fraction(25)
+#: Frames whose times differ from an even rate by more than this share of a frame do not follow it; formats
+#: round to 1 or 10 ms.
+_UNEVEN = 0.5
+
+Frames = npt.NDArray[np.unsignedinteger]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Clip:
+    """Frames at an even rate."""
+
+    #: (T, H, W) gray or (T, H, W, C) RGB or RGBA, uint8 or uint16.
+    frames: Frames
+    #: Frames a second.
+    rate: Fraction
+    #: Whether it had sound, which is not read.
+    sound: bool = False
+
+    @property
+    def seconds(self) -> float:
+        """How long it is."""
+        return float(len(self.frames) / self.rate)
+
+
+def evenly(
+    frames: list[npt.NDArray[np.uint8]],
+    starts: list[Fraction],
+    last: Fraction,
+    rate: Fraction | None,
+    name: str,
+) -> tuple[Frames, Fraction]:
+    """Frames at an even rate.
+
+    Parameters
+    ----------
+    frames : list of arrays
+    starts : list of Fraction
+        When each is shown, in s, rising.
+    last : Fraction
+        How long the last one is shown.
+    rate : Fraction, optional
+        Frames a second to take, each the one that is shown at that moment; otherwise they must be even.
+    name : str
+        Of the file, for error texts.
+
+    Raises
+    ------
+    ImageError
+        When frames differ in size, or their times are uneven and no rate is given.
+    """
+    shapes = {frame.shape[1::-1] for frame in frames}
+    if len(shapes) > 1:
+        sizes = " and ".join(f"{width} × {height}" for width, height in sorted(shapes))
+        raise ImageError(f"the frames of {name} are {sizes} px; make them all of one size")
+    count = len(frames)
+    if rate is not None:
+        end = starts[-1] + last
+        wanted = [starts[0] + index / rate for index in range(max(1, int((end - starts[0]) * rate)))]
+        return np.stack([frames[bisect.bisect_right(starts, at) - 1] for at in wanted]), rate
+    step = (starts[-1] - starts[0]) / (count - 1) if count > 1 else last
+    if step <= 0:
+        raise ImageError(f"the frames of {name} have no times; say with --fps how many a second are meant")
+    for index, at in enumerate(starts):
+        if abs(at - starts[0] - index * step) > _UNEVEN * step:
+            raise ImageError(
+                f"the frame rate of {name} varies (about {float(1 / step):.3g} a second); say with --fps at "
+                "how many frames a second to read it"
+            )
+    return np.stack(frames), (1 / step).limit_denominator(1001)

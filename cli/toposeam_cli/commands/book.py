@@ -1,0 +1,290 @@
+"""``toposeam book``: hundreds of patterns round a theme, sorted, with contact sheets and mock-ups."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import os
+import time
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+import toposeam as ts
+from toposeam.motif.book import SEASONS, book_recipe, choose
+from toposeam.motif.kinds import Kind
+from toposeam_cli.book.patterns import ROW
+from toposeam_cli.files.interruption import Terminated
+from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_output
+from toposeam_cli.jobs.journal import Journal
+from toposeam_cli.jobs.runner import Job, run
+from toposeam_cli.options import FILE
+from toposeam_cli.pictures.theme import read_theme
+from toposeam_cli.progress import progress_bar
+
+Row = dict[str, Any]
+
+_FOLDERS = ("motifs", "swatches", "products")
+#: The name of the row that knows the pages in the table of results.
+_PAGES = "pages"
+
+
+@click.command()
+@click.argument("theme", type=FILE)
+@click.option(
+    "-n",
+    "--number",
+    type=click.IntRange(1, 10_000),
+    default=400,
+    show_default=True,
+    help="How many patterns.",
+)
+@click.option(
+    "-o", "--output", "folder", type=FILE, required=True, help="Folder of the book; made if it is not there."
+)
+@click.option(
+    "-j",
+    "--jobs",
+    "processes",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="How many at a time.",
+)
+@click.option(
+    "--size",
+    type=click.IntRange(32, 2048),
+    default=128,
+    show_default=True,
+    help="Elements of a motif's side; even.",
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(0),
+    default=0,
+    show_default=True,
+    help="Everything follows from it and the theme.",
+)
+@click.option("--title", help="Of the book.  [default: the theme's name]")
+@click.option("--no-pdf", is_flag=True, help="Write no book.pdf, which needs matplotlib.")
+@click.option("--fresh", is_flag=True, help="Make everything again, also what a former run made.")
+@click.option("--force", is_flag=True, help="Replace files in the folder that no former run made.")
+@click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
+def book(
+    theme: Path,
+    number: int,
+    folder: Path,
+    processes: int,
+    size: int,
+    seed: int,
+    title: str | None,
+    no_pdf: bool,
+    fresh: bool,
+    force: bool,
+    quiet: bool,
+) -> None:
+    """Make a book of patterns round a theme: a logo, a symbol, a photograph.
+
+    \b
+    toposeam book logo.png -n 400 -o mybook -j 4
+
+    The folder gets every motif as PNG with its recipe, patterns.csv, book.html and book.pdf. The same command
+    again goes on after an interruption, and makes nothing twice. What it made may be made again; any other
+    file is replaced only with --force.
+    """  # noqa: D301 - click wants the character
+    if size % 2:
+        raise ts.OptionError(
+            f"--size is {size}; mirrored and turned patterns need an even one, use {size + 1}"
+        )
+    if not no_pdf:
+        from toposeam_cli.book.pdf import require_matplotlib
+
+        require_matplotlib()
+    book_recipe(
+        read_theme(theme), seed, 0, size
+    )  # whatever is wrong with the theme is said before anything is written
+    journal = folder / "book.results.jsonl"
+    _check_folder(folder, theme, journal, force)
+    _make_folder(folder)
+    start = time.monotonic()
+    rows, failed = _run(
+        _pattern_jobs(theme, number, folder, size, seed, force), processes, journal, fresh, quiet, "patterns"
+    )
+    if rows:
+        chosen = choose(rows)
+        _, lost = _run(_product_jobs(chosen, folder, force), processes, journal, fresh, quiet, "mock-ups")
+        failed += lost
+        name = title if title is not None else theme.stem
+        products = [
+            (row, product) for row, product in chosen if (folder / _product_path(row, product)).exists()
+        ]
+        from toposeam_cli.book.html import to_html
+
+        shown = [(row, product, _product_path(row, product)) for row, product in products]
+        pages: dict[str, str | bytes] = {
+            "patterns.csv": _table(rows),
+            "book.html": to_html(name, rows, shown),
+        }
+        if not no_pdf:
+            from toposeam_cli.book.pdf import to_pdf
+
+            pages["book.pdf"] = to_pdf(name, folder, rows, products)
+        with Journal(journal) as table:
+            with all_or_nothing(_made(table), resumed=True, digests=True) as outputs:
+                for page, content in pages.items():
+                    atomic_write(folder / page, content, force)
+            table.add({"name": _PAGES, "status": "done", "made": _made(table) | outputs.made})
+    if not quiet:
+        kinds = Counter(row["kind"] for row in rows)
+        shares = "; ".join(f"{kinds[kind]} {kind.words}" for kind in Kind)
+        click.echo(
+            f"{folder}: {len(rows)} patterns ({shares}) in {time.monotonic() - start:.0f} s; open "
+            f"{folder / 'book.html'}"
+        )
+    if failed:
+        click.get_current_context().exit(1)
+
+
+def _made(table: Journal) -> dict[str, str]:
+    """The pages that a former run made, and their digests."""
+    return dict(table.rows.get(_PAGES, {}).get("made", {}))
+
+
+def _check_folder(folder: Path, theme: Path, journal: Path, force: bool) -> None:
+    """Refuse, before any work is spent on it, a folder with files that are not of a book's making."""
+    inside = any(theme.resolve().parent == (folder / name).resolve() for name in _FOLDERS)
+    if inside:
+        raise ts.OptionError(
+            f"the theme '{theme}' lies where the book's own pictures go; copy it elsewhere, or choose "
+            "another folder"
+        )
+    own: dict[str, str] = {}
+    if journal.is_file():
+        with Journal(journal) as table:
+            own = _made(table)
+    with all_or_nothing(own):
+        for name in ("patterns.csv", "book.html", "book.pdf"):
+            if os.path.lexists(folder / name):
+                check_output(folder / name, force, suffixes=None)
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        for name in _FOLDERS:
+            (folder / name).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ts.OptionError(
+            f"the folder '{folder}' cannot be made ({(error.strerror or str(error)).lower()}); choose "
+            "another place"
+        ) from error
+
+
+def _pattern_jobs(theme: Path, number: int, folder: Path, size: int, seed: int, force: bool) -> list[Job]:
+    jobs = []
+    for index in range(1, number + 1):
+        motif, swatch = (folder / kind / f"{index:04d}.png" for kind in ("motifs", "swatches"))
+        arguments = {
+            "theme": str(theme),
+            "seed": seed,
+            "number": index,
+            "size": size,
+            "motif": str(motif),
+            "swatch": str(swatch),
+        }
+        jobs.append(
+            Job(
+                f"pattern {index:04d}",
+                "toposeam_cli.book.patterns:draw_pattern",
+                arguments,
+                outputs=(motif, swatch),
+                inputs=(theme,),
+                manner={"force": force},
+                remakes=True,
+            )
+        )
+    return jobs
+
+
+def _product_jobs(chosen: Sequence[tuple[Row, str]], folder: Path, force: bool) -> list[Job]:
+    jobs = []
+    for row, product in chosen:
+        motif, output = folder / "motifs" / f"{row['number']:04d}.png", folder / _product_path(row, product)
+        arguments = {"motif": str(motif), "product": product, "output": str(output)}
+        jobs.append(
+            Job(
+                f"{product} {row['season']}",
+                "toposeam_cli.book.patterns:draw_on_product",
+                arguments,
+                outputs=(output,),
+                inputs=(motif,),
+                manner={"force": force},
+                remakes=True,
+            )
+        )
+    return jobs
+
+
+def _product_path(row: Row, product: str) -> str:
+    return f"products/{product}-{row['season']}.png"
+
+
+def _run(
+    jobs: Sequence[Job], processes: int, journal: Path, fresh: bool, quiet: bool, kind: str
+) -> tuple[list[Row], int]:
+    """What the jobs returned, in their order, and how many failed."""
+    results: dict[str, Row] = {}
+    failed = done = 0
+    try:
+        with progress_bar(quiet) as bar:
+            for outcome in run(
+                jobs, processes=processes, journal=journal, resume=not fresh, progress=bar.report
+            ):
+                done += 1
+                if outcome.status == "failed":
+                    failed += 1
+                    bar.say(f"{outcome.job.name}: {outcome.message}")
+                elif kind == "patterns" and not _is_row(outcome.result):
+                    raise ts.OptionError(
+                        f"'{journal}' says of {outcome.job.name} what no book has measured; run it with "
+                        "--fresh"
+                    )
+                else:
+                    results[outcome.job.name] = outcome.result
+    except (KeyboardInterrupt, Terminated):
+        click.echo(f"{done} of {len(jobs)} {kind} are made; run the same again to go on.", err=True)
+        raise
+    return [results[job.name] for job in jobs if job.name in results], failed
+
+
+def _is_row(result: Any) -> bool:
+    """Whether a result is what was measured on a pattern; a table of results can say anything."""
+    return (
+        isinstance(result, dict)
+        and set(result) == set(ROW)
+        and all(type(result[name]) in (kind, int if kind is float else kind) for name, kind in ROW.items())
+        and all(
+            type(value) in (int, float)
+            for values in result.values()
+            if isinstance(values, list)
+            for value in values
+        )
+        and all(math.isfinite(value) for value in result.values() if isinstance(value, float))
+        and result["kind"] in [str(kind) for kind in Kind]
+        and result["season"] in SEASONS
+        and result["number"] >= 1
+    )
+
+
+def _table(rows: Sequence[Row]) -> str:
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(["file", *rows[0]])
+    for row in rows:
+        values = [json.dumps(value) if isinstance(value, list) else value for value in row.values()]
+        writer.writerow([f"motifs/{row['number']:04d}.png", *values])
+    return buffer.getvalue()

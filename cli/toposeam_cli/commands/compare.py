@@ -1,0 +1,110 @@
+"""``toposeam compare``: every method on the same two pictures."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+import toposeam as ts
+from toposeam_cli.options import FILE, placement
+from toposeam_cli.placing import Arrangement, arrange, read_avoid
+from toposeam_cli.whereabouts import Where
+
+
+@click.command()
+@click.argument("first", metavar="A", type=FILE)
+@click.argument("second", metavar="B", type=FILE)
+@placement
+@click.option(
+    "--method",
+    "methods",
+    type=click.Choice(ts.METHODS),
+    multiple=True,
+    help="Only this method; may be repeated.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the table as JSON.")
+def compare(
+    first: Path,
+    second: Path,
+    offset: Any,
+    overlap: Any,
+    side: ts.Side | None,
+    avoid: Path | None,
+    no_gradient: bool,
+    core: float,
+    max_megapixels: float,
+    methods: tuple[ts.Method, ...],
+    as_json: bool,
+) -> None:
+    """Find the seam between A and B with every method: cost, cost ÷ optimum, seconds.
+
+    \b
+    toposeam compare left.png right.png --overlap 25%
+
+    The likeness is the structural similarity, along the seam, of the joined picture and whichever of the two
+    it is more like: 1 where nothing is broken.
+    """  # noqa: D301 - click wants the character
+    pair = arrange(
+        [first, second], Where(offset=offset, overlap=overlap, side=side), max_megapixels=max_megapixels
+    )
+    away = None if avoid is None else read_avoid(avoid, pair.shape, max_megapixels)
+    canvases = _on_canvas(pair, pair.shape)
+    rows: list[dict[str, Any]] = []
+    optimum: float | None = None  # the same for every method, and slow to compute
+    for method in methods or ts.METHODS:
+        row: dict[str, Any] = {"method": method}
+        try:
+            stitched = ts.stitch(pair.layers, method=method, gradient=not no_gradient, core=core, avoid=away)
+            seam = stitched.seams[0]
+        except ts.MissingPackageError as error:
+            row["note"] = str(error)
+        except ts.OverlapError as error:
+            if method != "dp":
+                raise
+            row["note"] = str(error)
+        else:
+            if optimum is None:
+                optimum = seam.cost / seam.optimum_ratio()
+            row |= {
+                "cost": seam.cost,
+                "ratio": seam.cost / optimum,
+                "seconds": seam.seconds,
+                "iterations": len(seam.history),
+            }
+            measured = ts.seam_likeness(seam, *canvases, data_range=pair.layers[0].white)
+            row["likeness"] = None if math.isnan(measured) else measured  # JSON has no NaN
+            if seam.termination == ts.Termination.ITERATIONS:
+                row["note"] = "no single line"
+        rows.append(row)
+    if as_json:
+        click.echo(json.dumps(rows, indent=2))
+        return
+    click.echo(
+        f"{'method':<14}{'cost':>12}{'÷ optimum':>12}{'seconds':>11}{'iterations':>12}{'likeness':>10}"
+    )
+    for row in rows:
+        if "cost" in row:
+            likeness = "–" if row["likeness"] is None else f"{row['likeness']:.4f}"
+            numbers = f"{row['cost']:>12.4f}{row['ratio']:>12.5f}{row['seconds']:>11.4f}"
+            line = f"{row['method']:<14}{numbers}{row['iterations'] or '–':>12}{likeness:>10}"
+            click.echo(f"{line}  {row.get('note', '')}".rstrip())
+        else:
+            click.echo(f"{row['method']:<14}{'–':>12}  {row['note']}")
+
+
+def _on_canvas(pair: Arrangement, shape: tuple[int, int]) -> list[np.ndarray[Any, Any]]:
+    """Both pictures on arrays of the canvas's size, 0 where they have no pixels."""
+    left, top = (min(layer.at[axis] for layer in pair.layers) for axis in (0, 1))
+    placed = []
+    for layer in pair.layers:
+        image = np.atleast_3d(layer.image)
+        whole = np.zeros((*shape, image.shape[2]), image.dtype)
+        y, x = layer.at[1] - top, layer.at[0] - left
+        whole[y : y + image.shape[0], x : x + image.shape[1]] = image
+        placed.append(whole)
+    return placed

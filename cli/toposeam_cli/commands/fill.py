@@ -1,0 +1,118 @@
+"""``toposeam fill``: part of a picture replaced by what the rest of it is like."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+import toposeam as ts
+from toposeam_cli.options import FILE, OUTPUT, Length, LengthType
+from toposeam_cli.pictures.picture import read_white
+from toposeam_cli.progress import share_bar
+from toposeam_cli.texture_files import (
+    PatchType,
+    Results,
+    Search,
+    map_outputs,
+    overlap_of,
+    read_maps,
+    read_sources,
+    result_options,
+    search_options,
+    white_of,
+)
+
+
+@click.command()
+@click.argument("image", type=FILE)
+@click.option(
+    "--mask",
+    type=FILE,
+    required=True,
+    help="A picture of the same size, white where the picture is to be replaced.",
+)
+@click.option(
+    "-o", "--output", type=OUTPUT, required=True, help="The filled picture: .png, .tif, .jpg or .webp."
+)
+@click.option(
+    "--patch",
+    type=PatchType(),
+    default="auto",
+    show_default=True,
+    help="Side of a patch, px; auto: by the picture's own scale.",
+)
+@click.option(
+    "--overlap", type=LengthType(), help="How far patches overlap, px or % of the patch; 25% by default."
+)
+@click.option(
+    "--band",
+    type=int,
+    help="Width of the band round the hole that may change too, px; by default the overlap, with shifts 8.",
+)
+@click.option(
+    "--by",
+    type=click.Choice(ts.BYS),
+    default="auto",
+    show_default=True,
+    help="Continue a texture by patches, or stitch a photograph from shifted copies of itself.",
+)
+@click.option(
+    "--level/--no-level",
+    default=True,
+    show_default=True,
+    help="Level shifted copies so that light runs on; not for normals, heights or masks.",
+)
+@click.option("--from", "source", type=FILE, help="Copy only from where this picture is white.")
+@click.option("--avoid", type=FILE, help="Copy nothing from where this picture is white.")
+@search_options
+@result_options
+def fill(
+    image: Path,
+    mask: Path,
+    output: Path,
+    patch: int | None,
+    overlap: Length | None,
+    band: int | None,
+    by: ts.By,
+    level: bool,
+    source: Path | None,
+    avoid: Path | None,
+    search: Search,
+    results: Results,
+) -> None:
+    """Replace part of IMAGE by what the rest of it is like.
+
+    \b
+    toposeam fill meadow.jpg --mask bin.png -o meadow_clean.png
+    toposeam fill street.jpg --mask car.png --avoid faces.png -o street_clean.png
+    """  # noqa: D301 - click wants the character
+    goes = results.destinations(output, map_outputs(output, search.also))
+    picture = read_sources([image], results.max_megapixels)[0]
+    maps = [given[0] for given in read_maps(search.also, 1, results.max_megapixels)]
+    shape = picture.pixels.shape[:2]
+    hole = read_white(mask, shape, image.name, results.max_pixels)
+    copied, spared = (
+        None if path is None else read_white(path, shape, image.name, results.max_pixels)
+        for path in (source, avoid)
+    )
+    with share_bar(f"filling {image.name}", results.quiet) as progress:
+        made = ts.fill(
+            picture.pixels,
+            hole,
+            by=by,
+            level=level,
+            patch=patch,
+            overlap=overlap_of(overlap),
+            band=band,
+            alpha=picture.alpha,
+            source=copied,
+            avoid=spared,
+            maps=[one.pixels for one in maps],
+            data_range=white_of(picture, *maps),
+            progress=progress,
+            **search.keywords(),
+        )
+    goes.write(made, picture, maps)
+    if not results.quiet:
+        click.echo(f"{output}: {made.settings['pixels']} px replaced by {made.count} {made.settings['by']}")

@@ -1,0 +1,189 @@
+"""``toposeam join``: different motifs that join each other, laid in free arrangement."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+import toposeam as ts
+from toposeam.motif.inked import MAX_PATTERN
+from toposeam_cli.files.writing import check_output
+from toposeam_cli.options import FILE, OUTPUT, FiniteRange, PairType
+from toposeam_cli.pictures.printing import SUFFIXES, ink_names
+from toposeam_cli.pictures.recipe import read_recipe
+from toposeam_cli.print_options import PrintOptions, check_print, print_options, write_print
+from toposeam_cli.progress import share_bar
+
+
+@click.command()
+@click.argument("files", metavar="MOTIF MOTIF...", type=FILE, nargs=-1, required=True)
+@click.option("-o", "--output", type=OUTPUT, required=True, help="The pattern: .png, .tif or .svg.")
+@click.option(
+    "--sheet",
+    type=PairType(cells=True),
+    default="6x6",
+    show_default=True,
+    help="Columns and rows, motifs chosen at random.",
+)
+@click.option(
+    "--grid",
+    help="Instead of --sheet: which motif goes where, like '1 2 1 / 2 1 2'; stages count on between.",
+)
+@click.option(
+    "--weight",
+    type=FiniteRange(0, 1),
+    default=0.5,
+    show_default=True,
+    help="How much the motifs care for each other, w in (4.10).",
+)
+@click.option(
+    "--stages",
+    type=click.IntRange(1, 5),
+    default=2,
+    show_default=True,
+    help="From 2 on new motifs are put between neighbours.",
+)
+@click.option(
+    "--between", type=click.IntRange(1, 5), default=1, show_default=True, help="How many of them between two."
+)
+@click.option(
+    "--reach", type=click.IntRange(1), help="Random neighbours are at most so far apart in the row of motifs."
+)
+@click.option(
+    "--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the random arrangement."
+)
+@click.option("--motif-pixels", type=PairType(), help="Size of one motif in px, WIDTHxHEIGHT.")
+@click.option(
+    "--shared",
+    type=click.IntRange(0, 100),
+    default=1,
+    show_default=True,
+    help="Elements along the border that all motifs have alike; 0 is the thesis's way.",
+)
+@print_options
+@click.option("--force", is_flag=True, help="Replace existing files.")
+@click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
+def join(
+    files: tuple[Path, ...],
+    output: Path,
+    sheet: tuple[int, int],
+    grid: str | None,
+    weight: float,
+    stages: int,
+    between: int,
+    reach: int | None,
+    seed: int,
+    motif_pixels: tuple[int, int] | None,
+    shared: int,
+    ink: PrintOptions,
+    force: bool,
+    quiet: bool,
+) -> None:
+    """Make motifs again so that they join each other, and lay them out.
+
+    \b
+    toposeam join a.png b.png -o mixed.png --sheet 6x6
+    toposeam join a.png b.png c.png -o mixed.png --stages 1 --grid '1 2 3 / 3 1 2'
+
+    Their sources, sinks, masses and strokes come from each file; size, colours and all else from the first.
+    """  # noqa: D301 - click wants the character
+    sheet = sheet[::-1]
+    check_output(output, force, SUFFIXES)
+    if len(files) < 2:
+        raise ts.OptionError("one motif alone joins itself already; name two at least")
+    recipes = _alike([read_recipe(path) for path in files], files)
+    places = None if grid is None else _parse(grid)
+    if places is None and sheet[0] * sheet[1] * math.prod(recipes[0].size) > MAX_PATTERN:
+        raise ts.OptionError(
+            f"a sheet of {sheet[1]} × {sheet[0]} motifs has more than {MAX_PATTERN:,} px; ask for fewer"
+        )
+    paper = ink.over({})
+    cell = paper.laid(recipes[0])[1] if motif_pixels is None else motif_pixels[::-1]
+    if places is not None and places.size * math.prod(cell) > MAX_PATTERN:
+        raise ts.OptionError(f"the pattern would have more than {MAX_PATTERN:,} px; ask for smaller motifs")
+    check_print(output, ink_names(recipes[0]), ink, force)
+    with share_bar(f"joining {len(files)} motifs", quiet) as bar:
+        joined = ts.join_motifs(
+            recipes,
+            weight=weight,
+            stages=stages,
+            between=between,
+            shared=shared,
+            progress=bar,
+        )
+    if places is not None and places.max() > len(joined.motifs):
+        raise ts.OptionError(
+            f"--grid names motif {places.max()}, but with those between there are {len(joined.motifs)}; use "
+            "1 to that"
+        )
+    laid = ts.arrange(joined.motifs, sheet if places is None else places - 1, seed=seed, reach=reach)
+    settings = {
+        "weight": weight,
+        "stages": stages,
+        "between": between,
+        "shared": shared,
+        "reach": reach,
+        "seed": seed,
+        "sheet": list(sheet),
+        "recipes": [recipe.to_dict() for recipe in recipes],
+    }
+    rows, columns = laid.grid.shape
+    height, width = (cell[0] * rows, cell[1] * columns)
+    whole = dataclasses.replace(paper, width_mm=None if paper.width_mm is None else paper.width_mm * columns)
+    extent = write_print(
+        output, laid, lambda: laid.coverage((height, width)), whole, ink, force, note={"join": settings}
+    )
+    if not quiet:
+        steps, lines = joined.mismatch(), joined.visibility()
+        click.echo(
+            f"{output}: {extent}, {len(joined.motifs)} motifs; across borders they step {steps:.2f} times as "
+            f"far as beside them, and borders show {lines:.2f} times as much as inner lines"
+        )
+
+
+def _alike(recipes: list[ts.Recipe], files: tuple[Path, ...]) -> list[ts.Recipe]:
+    """Recipes with everything but what flows where taken from the first."""
+    first = recipes[0]
+    found = []
+    for recipe, path in zip(recipes, files, strict=True):
+        if len(recipe.layers) != len(first.layers):
+            raise ts.OptionError(
+                f"'{path}' has {len(recipe.layers)} layers, '{files[0]}' has {len(first.layers)}; join "
+                "motifs of equally many (--layers)"
+            )
+        layers = tuple(
+            dataclasses.replace(layer, ink=other.ink)
+            for layer, other in zip(recipe.layers, first.layers, strict=True)
+        )
+        found.append(
+            dataclasses.replace(
+                recipe,
+                size=first.size,
+                repeat="translate",
+                paper=first.paper,
+                layers=layers,
+                iterations=first.iterations,
+                move=first.move,
+                filter_radius=first.filter_radius,
+                coarse=first.coarse,
+            )
+        )
+    return found
+
+
+def _parse(grid: str) -> np.ndarray[Any, np.dtype[np.intp]]:
+    """Rows of numbers from 1 on."""
+    try:
+        rows = [[int(word) for word in row.split()] for row in grid.replace(";", "/").split("/")]
+    except ValueError:
+        rows = []
+    if not rows or not rows[0] or len({len(row) for row in rows}) > 1:
+        raise ts.OptionError(f"--grid is {grid!r}; write rows of as many numbers each, like '1 2 1 / 2 1 2'")
+    if min(min(row) for row in rows) < 1:
+        raise ts.OptionError(f"--grid is {grid!r}; motifs are counted from 1")
+    return np.array(rows, np.intp)

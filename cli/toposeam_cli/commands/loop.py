@@ -1,0 +1,155 @@
+"""``toposeam loop``: a clip whose end runs into its beginning."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import click
+
+import toposeam as ts
+from toposeam_cli.clips.clip import Clip
+from toposeam_cli.clips.reading import read_clip
+from toposeam_cli.clips.writing import check_clip_output, folder_for, write_clip
+from toposeam_cli.files.writing import all_or_nothing, check_output, replacing
+from toposeam_cli.options import FILE, OUTPUT, FiniteRange
+from toposeam_cli.pictures.picture import read_white
+from toposeam_cli.progress import share_bar
+
+
+@dataclass(frozen=True, slots=True)
+class Duration:
+    """Frames, or seconds."""
+
+    value: float
+    seconds: bool
+
+    def frames(self, rate: Fraction) -> int:
+        """How many frames at a rate."""
+        return round(self.value * rate) if self.seconds else int(self.value)
+
+
+class DurationType(click.ParamType):  # type: ignore[type-arg]
+    """``N`` frames or ``Ns`` seconds; where a range is meant, also ``N-N``."""
+
+    def __init__(self, ranges: bool = False) -> None:
+        self._ranges = ranges
+        self.name = "FRAMES|SECONDSs" + ("[-…]" if ranges else "")
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Parse the text."""
+        if isinstance(value, Duration | tuple):
+            return value
+        found = [self._one(word) for word in str(value).split("-")]
+        if not 1 <= len(found) <= 1 + self._ranges or None in found:
+            example = "48, 2s or 2s-4s" if self._ranges else "48 or 2.5s"
+            self.fail(f"{value!r} is not a length; write frames or seconds, like {example}", param, ctx)
+        return tuple(found) if self._ranges else found[0]
+
+    @staticmethod
+    def _one(word: str) -> Duration | None:
+        match = re.fullmatch(r"\s*(\d{1,7}(?:\.\d+)?)\s*(s|sec|f)?\s*", word)
+        seconds = match is not None and match[2] in ("s", "sec")
+        if match is None or (not seconds and not float(match[1]).is_integer()):
+            return None
+        return Duration(float(match[1]), seconds)
+
+
+@click.command()
+@click.argument("clip", type=FILE)
+@click.option(
+    "-o",
+    "--output",
+    type=OUTPUT,
+    required=True,
+    help="The loop: .mp4, .mov, .mkv, .webm, .gif, .webp, .png (APNG), or a folder for frames.",
+)
+@click.option("--length", type=DurationType(ranges=True), help="How long the loop is; found by default.")
+@click.option("--start", type=DurationType(), help="Where in the clip it begins; found by default.")
+@click.option(
+    "--transition",
+    type=DurationType(),
+    help="Within how long pixels change over; a quarter of the clip by default, 24 frames at most.",
+)
+@click.option(
+    "--grow", type=DurationType(), help="A longer clip: at least this long, by jumps back and forth."
+)
+@click.option("--level", is_flag=True, help="Even out slow changes of light.")
+@click.option("--still", type=FILE, help="A picture of the frames' size, white where nothing shall move.")
+@click.option(
+    "--fps", type=FiniteRange(0, 1000, min_open=True), help="Read the clip at so many frames a second."
+)
+@click.option("--seed", type=int, default=0, show_default=True, help="Of --grow: decides the order.")
+@click.option("--no-gradient", is_flag=True, help="Match cost without gradients, (3.22) instead of (2.4).")
+@click.option("--mesh", type=OUTPUT, help="Also write the surface in x, y and time: .ply or .stl.")
+@click.option(
+    "--max-megapixels",
+    type=FiniteRange(min=0, min_open=True),
+    default=500.0,
+    show_default=True,
+    help="Refuse clips with more pixels in all their frames.",
+)
+@click.option("--force", is_flag=True, help="Replace existing files.")
+@click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+def loop(clip: Path, output: Path, **given: Any) -> None:
+    """Make CLIP repeat without a visible jump.
+
+    CLIP is a video (with PyAV), a GIF, WebP or APNG, or a folder of frames. Where it comes back best is
+    found; there its end is joined to its beginning along a surface in time and space, so that every pixel
+    changes over when it shows least. Nothing is blended.
+
+    \b
+    toposeam loop waves.mp4 -o waves_loop.mp4 --length 3s-5s --level
+    toposeam loop fire.webp -o fire_loop.gif
+    toposeam loop falls.mp4 -o falls.webp --still rocks.png
+    toposeam loop frames/ -o longer/ --grow 60s
+    """  # noqa: D301 - click wants the character
+    force, quiet = given["force"], given["quiet"]
+    check_clip_output(output, force)
+    if given["mesh"] is not None:
+        check_output(given["mesh"], force, (".ply", ".stl"))
+    max_pixels = round(given["max_megapixels"] * 1e6)
+    rate = None if given["fps"] is None else Fraction(given["fps"]).limit_denominator(1001)
+    read = read_clip(clip, rate, max_pixels)
+    options = _options(read, given)
+    if given["still"] is not None:
+        options["still"] = read_white(given["still"], read.frames.shape[1:3], clip.name, max_pixels)
+    with share_bar(f"looping {clip.name}", quiet) as progress:
+        made = ts.loop(read.frames, progress=progress, **options)
+    with folder_for(output), all_or_nothing():
+        write_clip(output, Clip(frames=made.frames, rate=read.rate), force)
+        if given["mesh"] is not None:
+            with replacing(given["mesh"], force) as temporary:
+                _write_mesh(made.surfaces[0].mesh(), temporary, given["mesh"].suffix.lower())
+    if read.sound and not quiet:
+        click.echo(f"{clip} has sound, which is left out", err=True)
+    if not quiet:
+        count = len(made.frames)
+        click.echo(
+            f"{output}: {count} frames ({float(count / read.rate):.2f} s), "
+            + ", ".join(f"from {jump.leaves} to {jump.enters}" for jump in dict.fromkeys(made.jumps))
+        )
+
+
+def _options(clip: Clip, given: dict[str, Any]) -> dict[str, Any]:
+    """The keywords of :func:`toposeam.loop`, in frames."""
+    options: dict[str, Any] = {
+        name: given[name].frames(clip.rate)
+        for name in ("start", "transition", "grow")
+        if given[name] is not None
+    }
+    if given["length"] is not None:
+        lengths = [part.frames(clip.rate) for part in given["length"]]
+        options["length"] = (lengths[0], lengths[-1])
+    return options | {
+        "level": given["level"],
+        "seed": given["seed"],
+        "gradient": not given["no_gradient"],
+    }
+
+
+def _write_mesh(mesh: ts.Mesh, path: Path, suffix: str) -> None:
+    (mesh.to_ply if suffix == ".ply" else mesh.to_stl)(path)

@@ -1,0 +1,96 @@
+"""``toposeam mockup``: a motif on a tie, a scarf, a cushion, a wall …"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+import numpy as np
+
+import toposeam as ts
+from toposeam.motif.tiling import period, tile
+from toposeam_cli.book.patterns import draw_on_product
+from toposeam_cli.figures.products import PRODUCTS, draw_product
+from toposeam_cli.figures.products import product as product_named
+from toposeam_cli.files.writing import check_output
+from toposeam_cli.options import FILE, OUTPUT, PaperLengthType
+from toposeam_cli.pictures.colour import to_depth, widen
+from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.pictures.recipe import read_settings
+from toposeam_cli.print_options import RepeatType
+
+
+@click.command()
+@click.argument("motif", type=FILE)
+@click.option(
+    "--on",
+    "product",
+    type=click.Choice(PRODUCTS),
+    required=True,
+    help="What the pattern is printed on.",
+)
+@click.option(
+    "--second",
+    type=FILE,
+    help="Another motif: for the lining, collar, border, piping, ribbon, wainscot.",
+)
+@click.option("-o", "--output", type=OUTPUT, required=True, help="The picture: .png, .tif, .jpg or .webp.")
+@click.option(
+    "--motif-width",
+    type=PaperLengthType(),
+    help="Width of one motif on it, like 3cm; by default what is customary.",
+)
+@click.option(
+    "--repeat",
+    "rule",
+    type=RepeatType(),
+    help="For a picture without a recipe: the rule it repeats by.",
+)
+@click.option("--force", is_flag=True, help="Replace existing files.")
+@click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
+def mockup(
+    motif: Path,
+    product: str,
+    second: Path | None,
+    output: Path,
+    motif_width: float | None,
+    rule: str | None,
+    force: bool,
+    quiet: bool,
+) -> None:
+    """Show MOTIF on a product, to scale.
+
+    \b
+    toposeam mockup motif.png --on tie -o tie.png
+    toposeam mockup motif.png --on scarf --motif-width 15cm -o scarf.png
+    toposeam mockup motif.png --on shirt --second collar.png -o shirt.jpg
+    """  # noqa: D301 - click wants the character
+    check_output(output, force)
+    if motif_width is not None and not 2 <= motif_width <= 5000:
+        raise ts.OptionError(f"--motif-width is {motif_width:g} mm; on a {product} use 2 mm to 5 m")
+    if rule is None:
+        read_settings(motif, ", or say with --repeat how this repeats")
+        if second is not None:
+            read_settings(second, "; a second pattern needs one")
+        draw_on_product(
+            str(motif), product, str(output), motif_width, force, None if second is None else str(second)
+        )
+    else:
+        picture = read_picture(motif)
+        pixels = to_depth(widen(picture.pixels), np.dtype(np.uint8))
+        if picture.alpha is not None:  # printed on white
+            opacity = to_depth(picture.alpha, np.dtype(np.float32))[..., np.newaxis]
+            pixels = np.rint(opacity * pixels + (1 - opacity) * 255).astype(np.uint8)
+        pattern = np.moveaxis(tile(np.moveaxis(pixels, 2, 0), rule, period(rule)), 0, 2)
+        drawn = draw_product(
+            product,
+            pattern,
+            pixels.shape[1],
+            np.ones(3),
+            pixels.reshape(-1, 3).min(axis=0) / 255,
+            motif_width,
+        )
+        write_picture(output, Picture(pixels=drawn), force)
+    if not quiet:
+        width = product_named(product).motif_mm if motif_width is None else motif_width
+        click.echo(f"{output}: {product}, one motif {width:g} mm wide")

@@ -1,0 +1,358 @@
+"""``toposeam motif``: invent a motif that repeats."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import click
+
+import toposeam as ts
+from toposeam.motif.palettes import Palette
+from toposeam.motif.recipe import LAWS
+from toposeam_cli.files.writing import atomic_write, check_output
+from toposeam_cli.options import FILE, OUTPUT, FiniteRange, NumbersType, PairType
+from toposeam_cli.pictures.printing import SUFFIXES, Print, describe, ink_names, sheet_coverage
+from toposeam_cli.pictures.recipe import read_recipe, read_settings, read_toml, recipe_from_table, to_toml
+from toposeam_cli.pictures.theme import read_colours, read_theme
+from toposeam_cli.print_options import (
+    PrintOptions,
+    RepeatType,
+    check_print,
+    print_options,
+    renamed,
+    write_print,
+)
+from toposeam_cli.progress import share_bar
+
+#: What may be changed in a recipe that is given: options of a random one that are fields of `Recipe`, or of
+#: each of its layers.
+_OF_RECIPE = (
+    "size",
+    "repeat",
+    "iterations",
+    "move",
+    "filter_radius",
+    "coarse",
+    "base",
+    "base_strength",
+    "base_law",
+)
+_OF_LAYERS = ("mass", "penalty", "ambient")
+
+
+@click.command()
+@click.option("-o", "--output", type=OUTPUT, help="The motif: .png, .tif or .svg.")
+@click.option("--size", type=PairType(), help="Elements of one motif: N, or WIDTHxHEIGHT.  [default: 256]")
+@click.option("--layers", type=click.IntRange(1, 16), help="Number of inks.  [default: 3]")
+@click.option(
+    "--repeat",
+    type=RepeatType(),
+    help="The rule it repeats by; also 'drop 1/3', 'brick 1/4'.  [default: translate]",
+)
+@click.option(
+    "--seed", type=click.IntRange(0), help="Everything that is not given follows from it.  [default: 0]"
+)
+@click.option(
+    "--palette", help="A name, a picture, or colours: '#paper #ink #ink'.  [default: from the seed]"
+)
+@click.option("--base", type=FILE, help="A logo, symbol or photograph that shapes the strokes.")
+@click.option(
+    "--base-strength",
+    type=FiniteRange(-1, 1),
+    help="How strongly it shows; below 0 strokes keep to its dark parts.",
+)
+@click.option(
+    "--base-law",
+    type=click.Choice(LAWS),
+    help="How its brightness conducts: in proportion in the thesis.  [default: contrast]",
+)
+@click.option(
+    "--strengths",
+    type=NumbersType(float),
+    help="Range of the random strengths of sources and sinks: LOW,HIGH.  [default: 0.5,1.5]",
+)
+@click.option(
+    "--mass",
+    type=NumbersType(float),
+    help="Share of the area that is inked; one number, or one per layer: 0.2,0.3.",
+)
+@click.option(
+    "--penalty",
+    type=NumbersType(float),
+    help="Penalty exponent: 1 for ink wash, 3 for distinct strokes.",
+)
+@click.option(
+    "--edge",
+    help="How strokes end in print: crisp, ink (shaded inside) or soft; one, or one per layer.",
+)
+@click.option(
+    "--iterations",
+    type=click.IntRange(1, 10_000),
+    help="Strokes become more distinct with each.  [default: 40]",
+)
+@click.option(
+    "--move", type=FiniteRange(0, 1, min_open=True), help="Largest change of a density in an iteration."
+)
+@click.option("--sources", type=NumbersType(int), help="Number of heat sources, or one number per layer.")
+@click.option("--sinks", type=NumbersType(int), help="Number of heat sinks, or one number per layer.")
+@click.option(
+    "--distance",
+    type=FiniteRange(0, 1, min_open=True),
+    help="From sinks to sources, as a share of the cell.",
+)
+@click.option(
+    "--ambient",
+    type=FiniteRange(0, 1),
+    help="Share of the heat that comes from everywhere; it makes strokes branch.",
+)
+@click.option(
+    "--filter",
+    "filter_radius",
+    type=FiniteRange(0, 10),
+    help="Radius of the filter, in hundredths of the cell.",
+)
+@click.option(
+    "--config", type=FILE, help="TOML file with these options, or a whole recipe; see --show-recipe."
+)
+@click.option(
+    "--like", type=FILE, help="Make the motif in this file again; with --seed or --vary, a relative of it."
+)
+@click.option(
+    "--vary",
+    "amount",
+    type=FiniteRange(0, 1),
+    help="With --like or --config: how far a relative may be, 0 to 1.",
+)
+@click.option("--sheet", type=PairType(cells=True), help="Write COLUMNSxROWS motifs instead of one.")
+@click.option(
+    "--pixels",
+    type=PairType(),
+    help="Size of the whole picture in px, WIDTHxHEIGHT; the columns of --sheet fill its width.",
+)
+@print_options
+@click.option(
+    "--spot-names", help="What the inks are called in separations and layers: 'PANTONE 300 C,Black 6 C'."
+)
+@click.option(
+    "--explore",
+    type=PairType(cells=True),
+    help="A page of COLUMNSxROWS relatives to choose from, as .html; with --like or --config of that one.",
+)
+@click.option("--palettes", is_flag=True, help="Print the palettes that have a name.")
+@click.option("--show-recipe", is_flag=True, help="Print the recipe as TOML; without -o nothing is made.")
+@click.option("--force", is_flag=True, help="Replace existing files.")
+@click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
+def motif(
+    output: Path | None,
+    config: Path | None,
+    like: Path | None,
+    amount: float | None,
+    sheet: tuple[int, int] | None,
+    pixels: tuple[int, int] | None,
+    ink: PrintOptions,
+    spot_names: str | None,
+    edge: str | None,
+    explore: tuple[int, int] | None,
+    palettes: bool,
+    show_recipe: bool,
+    force: bool,
+    quiet: bool,
+    **given: Any,
+) -> None:
+    """Invent a motif by leading heat from sources to sinks, one layer of ink at a time.
+
+    \b
+    toposeam motif -o motif.png --repeat p4m --palette fall --seed 7
+    toposeam motif -o sheet.svg --sheet 4x4 --motif-width 60mm --base logo.png
+    toposeam motif -o sister.png --like motif.png --vary 0.3 --seed 2
+    toposeam motif -o relatives.html --like motif.png --explore 5x4
+    """  # noqa: D301 - click wants the character
+    if palettes:
+        for name, colours in ts.PALETTES.items():
+            click.echo(f"{name:<11} {' '.join(colours)}")
+        return
+    if output is None and not show_recipe:
+        raise click.UsageError("say where the motif goes: -o motif.png, .tif or .svg")
+    if output is not None:
+        check_output(output, force, SUFFIXES if explore is None else (".html",))
+    wanted = {name: value for name, value in given.items() if value is not None}
+    if explore is not None:
+        _explore(output, explore, wanted, (config, like, amount), force, quiet)
+        return
+    recipe, sheet_was = _recipe(wanted, config, like, amount)
+    recipe = renamed(recipe, spot_names, edge)
+    paper = ink.over(sheet_was, counts=None if sheet is None else sheet[::-1], pixels=pixels)
+    if show_recipe:
+        click.echo(to_toml(recipe), nl=False)
+    if output is None:
+        return
+    drawn = output.suffix.lower() == ".svg"
+    paper.check(recipe, drawn)
+    if pixels is not None and (ink.width_mm is not None or drawn):
+        raise ts.OptionError(
+            "--pixels sets the size of a .png or .tif; leave it out with --motif-width and for .svg"
+        )
+    check_print(output, ink_names(recipe), ink, force)
+    with share_bar(f"inventing {output.name}", quiet) as bar:
+        made = ts.generate_motif(recipe, progress=bar)
+    extent = write_print(output, made, lambda: sheet_coverage(made, paper), paper, ink, force)
+    if not quiet:
+        click.echo(f"{output}: {extent}, {describe(made, paper.counts)}", err=show_recipe)
+
+
+def _explore(
+    output: Path | None,
+    counts: tuple[int, int],
+    wanted: dict[str, Any],
+    origin: tuple[Path | None, Path | None, float | None],
+    force: bool,
+    quiet: bool,
+) -> None:
+    """A page of relatives: of a motif that is given, or of other seeds."""
+    if output is None:
+        raise ts.OptionError("--explore makes a page; say where it goes with -o sheet.html")
+    if counts[0] * counts[1] > 200:
+        raise ts.OptionError(
+            f"{counts[0]} × {counts[1]} motifs are too many to choose from; ask for 200 at most"
+        )
+    from toposeam_cli.book.exploring import explore_page
+
+    config, like, amount = origin
+    first = int(wanted.pop("seed", 0))
+    relative = config is not None or like is not None
+    recipes = []
+    for number in range(counts[0] * counts[1]):
+        given = dict(wanted) | ({} if relative and number == 0 else {"seed": first + number})
+        vary = amount if amount is not None else 0.4
+        recipes.append(_recipe(given, config, like, vary if relative and number else None)[0])
+    with share_bar(f"inventing {len(recipes)} motifs", quiet) as bar:
+        page = explore_page(recipes, counts[0], bar)
+    atomic_write(output, page, force)
+    if not quiet:
+        click.echo(f"{output}: {len(recipes)} motifs; open it, and click those to keep")
+
+
+def _recipe(
+    given: dict[str, Any], config: Path | None, like: Path | None, amount: float | None
+) -> tuple[ts.Recipe, dict[str, Any]]:
+    """The recipe of an option list, a file of parameters or another motif; and how that one was printed."""
+    whole: ts.Recipe | None = None
+    printed: dict[str, Any] = {}
+    if config is not None:
+        if like is not None:
+            raise ts.OptionError("--config and --like both say what the motif is; leave one of them out")
+        table = read_toml(config)
+        whole = recipe_from_table(table, config)
+        if whole is None:
+            given = {**_checked(table, config), **given}
+    elif like is not None:
+        whole, printed = read_recipe(like), Print.read(read_settings(like))
+    if isinstance(given.get("palette"), str):
+        given["palette"] = read_colours(given["palette"])
+    if isinstance(given.get("base"), Path):
+        given["base"] = read_theme(given["base"])
+    if whole is not None:
+        return _changed(whole, given, amount), printed
+    if amount is not None:
+        raise ts.OptionError(
+            "--vary needs a motif to begin with; name one with --like, or a recipe with --config"
+        )
+    options: dict[str, Any] = {"repeat": "translate", **given}
+    width, height = options.pop("size", (256, 256))
+    return ts.random_recipe((height, width), **options), printed
+
+
+def _checked(table: Mapping[str, Any], config: Path) -> dict[str, Any]:
+    """Options from a file of parameters, named as on the command line."""
+    names = {parameter.name: parameter for parameter in motif.params}
+    places = {"filter": "filter_radius"}
+    options: dict[str, Any] = {}
+    for key, value in table.items():
+        name = places.get(key, key.replace("-", "_"))
+        parameter = names.get(name)
+        if parameter is None or name in _NOT_IN_FILES:
+            known = sorted(str(known) for known in set(names) - _NOT_IN_FILES)
+            raise ts.OptionError(f"'{config}' has {key!r}, which is no parameter; use {', '.join(known)}")
+        if (
+            name in ("sources", "sinks")
+            and isinstance(value, list)
+            and any(isinstance(place, list) for place in value)
+        ):
+            options[name] = _with_strengths(value)  # places, which only files can hold
+            continue
+        if name == "edge":
+            options[name] = value
+            continue
+        text = value if isinstance(value, list) else str(value)
+        try:
+            options[name] = parameter.type.convert(text, None, None)
+        except (click.BadParameter, TypeError) as error:
+            raise ts.OptionError(
+                f"'{config}' has {key} = {value!r}: {getattr(error, 'message', error)}"
+            ) from error
+    if "base" in options:
+        options["base"] = config.parent / options["base"]
+    if "palette" in options:
+        options["palette"] = read_colours(str(options["palette"]), config.parent)
+    return options
+
+
+_NOT_IN_FILES = {
+    *("output", "config", "like", "amount", "sheet", "pixels", "palettes", "show_recipe", "force", "quiet"),
+    "explore",
+    *("width_mm", "dpi", "levels", "transparent", "separations", "spot_names"),
+}
+
+
+def _with_strengths(places: list[Any]) -> list[Any]:
+    """Places, or those of each layer, every one with a strength: 1 where none is given."""
+    if places and all(isinstance(number, int | float) for number in places):
+        return [*places, 1.0] if len(places) == 2 else places
+    return [_with_strengths(place) if isinstance(place, list) else place for place in places]
+
+
+def _changed(recipe: ts.Recipe, given: dict[str, Any], amount: float | None) -> ts.Recipe:
+    """A whole recipe with what was given changed, then varied."""
+    seed = given.pop("seed", None)
+    palette = given.pop("palette", None)
+    wrong = [name for name in given if name not in (*_OF_RECIPE, *_OF_LAYERS)]
+    if wrong:
+        raise ts.OptionError(
+            f"--{wrong[0]} cannot change a motif that is there; leave it out, or write a recipe with "
+            "--show-recipe and edit that"
+        )
+    if seed is not None or amount is not None:
+        recipe = ts.vary(
+            recipe,
+            amount=1.0 if amount is None else amount,
+            seed=recipe.seed + 1 if seed is None else seed,
+        )
+    layers = [dataclasses.asdict(layer) for layer in recipe.layers]
+    for name in set(given) & set(_OF_LAYERS):
+        value = given.pop(name)
+        values = list(value) if isinstance(value, tuple | list) else [value] * len(layers)
+        if len(values) != len(layers):
+            raise ts.OptionError(
+                f"--{name} has {len(values)} numbers for {len(layers)} layers; give one, or one for each"
+            )
+        for layer, number in zip(layers, values, strict=True):
+            layer[name] = number
+    if palette is not None:
+        colours = palette if isinstance(palette, Palette) else ts.palette(palette, len(layers))
+        if len(colours.inks) < len(layers):
+            raise ts.OptionError(
+                f"the palette has {len(colours.inks)} inks for {len(layers)} layers; name more colours"
+            )
+        for layer, ink in zip(layers, colours.inks, strict=False):
+            layer["ink"] = tuple(ink)
+        given["paper"] = tuple(colours.paper)
+    if "size" in given:
+        given["size"] = given["size"][::-1]
+    if "base" in given:
+        from toposeam.motif.recipe import pack_base
+
+        given = {"base_strength": recipe.base_strength or 0.7, **given, "base": pack_base(given["base"])}
+    return dataclasses.replace(recipe, layers=tuple(ts.LayerRecipe(**layer) for layer in layers), **given)

@@ -1,0 +1,347 @@
+"""``toposeam stitch``: overlapping pictures become one."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+from click.core import ParameterSource
+
+import toposeam as ts
+from toposeam.seam.drawing import draw_seams
+from toposeam_cli.clips.joining import ClipJob, join_clips
+from toposeam_cli.composing import Outputs, check_outputs, crop_of, cropped, write
+from toposeam_cli.figures.search import check_search, draw_search
+from toposeam_cli.options import (
+    FILE,
+    OUTPUT,
+    FiniteRange,
+    Keyed,
+    KeyedFile,
+    OffsetType,
+    PairType,
+    placement,
+    taken,
+)
+from toposeam_cli.pictures.picture import COMPRESSIONS
+from toposeam_cli.placing import Arrangement, arrange, given_seams, read_avoid, saved_layout
+from toposeam_cli.progress import share_bar
+from toposeam_cli.report import describe, describe_alignment, describe_placement, summary_of_all
+from toposeam_cli.whereabouts import ORDERS, Where
+
+#: Below this correlation two pictures hardly show the same.
+_STRANGE = 0.1
+
+
+@click.command()
+@click.argument("first", metavar="A", type=FILE)
+@click.argument("second", metavar="[B]", type=FILE, required=False)
+@click.argument("others", metavar="[C]...", type=FILE, nargs=-1)
+@click.option(
+    "-o",
+    "--output",
+    type=OUTPUT,
+    required=True,
+    help="The joined picture: .png, .tif, .jpg or .webp; .ora keeps the layers.",
+)
+@click.option(
+    "--at",
+    type=OffsetType(),
+    multiple=True,
+    help="Where a picture's upper left corner lies; once for each, in their order.",
+)
+@click.option(
+    "--grid",
+    type=PairType(cells=True),
+    help="With --overlap: the pictures follow each other row by row in so many columns and rows.",
+)
+@click.option("--row", is_flag=True, help="With --overlap: the pictures continue to the right.")
+@click.option("--column", is_flag=True, help="With --overlap: the pictures continue downwards.")
+@click.option(
+    "--order",
+    type=click.Choice(ORDERS),
+    help="With --grid: how the pictures follow each other; rows by default.",
+)
+@placement
+@click.option(
+    "--save-layout",
+    type=OUTPUT,
+    help="Also write where the pictures lie, as a layout (.toml) to give instead.",
+)
+@click.option("--skip-bad", is_flag=True, help="Leave out pictures that cannot be read, and name them.")
+@click.option(
+    "--align", is_flag=True, help="Move the pictures from about where they belong to where they agree."
+)
+@click.option(
+    "--align-radius",
+    type=click.IntRange(min=1),
+    help="With --align: how many px they may be off; 32 by default.",
+)
+@click.option(
+    "--mask-for",
+    "masks",
+    type=KeyedFile(needed=True),
+    multiple=True,
+    help="Picture (number from 0, or name) = where it may show: white.",
+)
+@click.option(
+    "--keep",
+    "keeps",
+    metavar="N=FILE",
+    type=KeyedFile(needed=True),
+    multiple=True,
+    help="Where nothing but picture N may show: white.",
+)
+@click.option("--method", type=click.Choice(ts.METHODS), help="How seams are found; heat by default.")
+@click.option(
+    "--formulation",
+    type=click.IntRange(1, 2),
+    help="With --method thesis: 1 (default), or 2 (unstable, see the docs).",
+)
+@click.option(
+    "--match-tones", is_flag=True, help="First take exposure steps out: one gain per picture and channel."
+)
+@click.option(
+    "--blend",
+    type=click.Choice(ts.BLENDS),
+    default="none",
+    show_default=True,
+    help="What happens across the seams.",
+)
+@click.option(
+    "--blend-width",
+    type=FiniteRange(min=0, min_open=True),
+    help="With --blend feather, multiband, gradient: over how many px.",
+)
+@click.option(
+    "--seam", type=OUTPUT, help="Also write the seams as SVG; edit them and give them back with --use-seam."
+)
+@click.option(
+    "--use-seam",
+    metavar="[N:M=]FILE",
+    type=KeyedFile(needed=False),
+    multiple=True,
+    help="Join along the paths of this SVG instead of searching; 0:1=FILE for one pair of many.",
+)
+@click.option(
+    "--crop",
+    type=click.Choice(["inside", "outside"]),
+    help="The largest rectangle without holes, or all of it; inside for formats without transparency.",
+)
+@click.option("--background", metavar="COLOUR", help="Fill holes with a colour, like white or #20304a.")
+@click.option("--quality", type=click.IntRange(1, 100), help="Of .jpg; 95 by default.")
+@click.option("--compression", type=click.Choice(COMPRESSIONS), help="Of .tif; deflate by default.")
+@click.option(
+    "--labels",
+    type=OUTPUT,
+    help="Also write who shows where: black for A, white for the last, grays between.",
+)
+@click.option("--overlay", type=OUTPUT, help="Also write the joined picture with the seams drawn over it.")
+@click.option(
+    "--history",
+    type=OUTPUT,
+    help="For two pictures: also write how the heat converged: a figure (.png, .svg, .pdf), or "
+    "an animation (.gif, .webp).",
+)
+@click.option(
+    "--json",
+    "as_json",
+    is_flag=True,
+    help="Print costs, optima, ratios, stages, iterations and seconds as JSON.",
+)
+@click.option("--force", is_flag=True, help="Replace existing files.")
+@click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
+def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: Any) -> dict[str, Any]:
+    """Join pictures where they overlap, along seams that nobody sees.
+
+    A is the first picture, or an OpenRaster file (.ora) or layout (.toml, .json) with all of them; later
+    pictures lie on top. Where nobody says where they lie, nor TIFF files as Hugin's nona writes them, that
+    is found out from what they show.
+
+    \b
+    toposeam stitch *.jpg -o all.jpg
+    toposeam stitch left.png right.png --overlap 120 -o joined.png
+    toposeam stitch map1.tif map2.tif --offset 1830,-12 -o map.tif --seam seam.svg
+    toposeam stitch a.jpg b.jpg c.jpg --at 0,0 --at 900,10 --at 450,700 --align -o all.ora
+    toposeam stitch one.mp4 two.mp4 --offset 48,0,0 -o both.mp4   (clips: frames,x,y)
+    """  # noqa: D301 - click wants the character
+    files = [path for path in (first, second, *others) if path is not None]
+    if given["offset"] is not None and len(given["offset"]) == 3:
+        return _stitch_clips(files, given)
+    where, find, out = taken(Where, given), taken(_Find, given), taken(Outputs, given)
+    check_outputs(out)
+    _check_find(find, out)
+    with share_bar("placing", out.quiet) as progress:
+        job = arrange(
+            files,
+            where,
+            masks=given.pop("masks"),
+            keeps=given.pop("keeps"),
+            max_megapixels=find.max_megapixels,
+            skip_bad=given.pop("skip_bad"),
+            progress=progress,
+        )
+    for reason in job.skipped:
+        click.echo(f"left out: {reason}", err=True)
+    if len(job.layers) == 2 and find.use_seam and find.method is not None:
+        raise ts.OptionError("--method finds a seam and --use-seam gives it; leave one of them out")
+    if len(job.layers) > 2 and out.history is not None:
+        raise ts.OptionError(
+            f"--history shows how one seam was found, but there are {len(job.layers)} pictures; leave it out"
+        )
+    aligned = None
+    if find.align:
+        radius = {} if find.align_radius is None else {"radius": find.align_radius}
+        aligned = ts.align(job.layers, **radius)
+        job = dataclasses.replace(job, layers=aligned.layers)
+    crop = crop_of(out, job.layers)
+    warnings = [] if out.quiet else _strangers(job)
+    stitched = _stitched(job, find, out, files)
+    finished, at = cropped(stitched, out.output) if crop == "inside" else (stitched, None)
+    overlay = None if out.overlay is None else draw_seams(stitched.image, stitched.seams)
+    if overlay is not None and at is not None:
+        (height, width), (left, top) = finished.image.shape[:2], at
+        overlay = overlay[top : top + height, left : left + width]
+    # Every result exists before the first file is written.
+    documents: list[tuple[Path, bytes]] = []
+    if out.seam is not None:
+        one = stitched.seams[0] if len(job.layers) == 2 else stitched
+        documents.append((out.seam, one.to_svg().encode()))
+    if out.history is not None:
+        documents.append((out.history, draw_search(stitched.seams[0], out.history.suffix)))
+    if out.save_layout is not None:
+        documents.append((out.save_layout, saved_layout(job, out.save_layout.parent).encode()))
+    height, width = finished.image.shape[:2]
+    text = f"{out.output}: {width} × {height} px, {describe(stitched)}"
+    if at is not None:
+        text += f", cropped to what has no holes, from {at[0]},{at[1]}"
+    lines = [*describe_placement(job.layers, job.placement), *describe_alignment(job.layers, aligned), text]
+    report = (
+        json.dumps(summary_of_all(stitched, job.layers, aligned, job.placement), indent=2)
+        if out.as_json
+        else "\n".join(lines)
+    )
+    write(out, job, finished, documents, overlay)
+    if out.as_json or not out.quiet:
+        click.echo(report)
+    for warning in warnings:
+        click.echo(f"warning: {warning}", err=True)
+    result: dict[str, Any] = json.loads(report) if out.as_json else {"report": report}
+    return result
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Find:
+    """How seams are found, and what happens across them."""
+
+    avoid: Path | None
+    no_gradient: bool
+    core: float
+    max_megapixels: float
+    align: bool
+    align_radius: int | None
+    method: ts.Method | None
+    formulation: int | None
+    match_tones: bool
+    blend: ts.Blend
+    blend_width: float | None
+    use_seam: tuple[Keyed, ...]
+
+
+def _check_find(find: _Find, out: Outputs) -> None:
+    iterates = not find.use_seam and find.method in (None, "heat", "thesis")
+    if out.history is not None:
+        if not iterates:
+            raise ts.OptionError(
+                "--history shows iterations, and only the methods heat and thesis iterate; choose one of "
+                "them or leave it out"
+            )
+        check_search(out.history.suffix)
+    if find.formulation is not None and (find.method != "thesis" or find.use_seam):
+        raise ts.OptionError("--formulation belongs to --method thesis; add that or leave it out")
+    if find.align_radius is not None and not find.align:
+        raise ts.OptionError("--align-radius belongs to --align; add that or leave it out")
+
+
+def _strangers(job: Arrangement) -> list[str]:
+    """A sentence for each two pictures that hardly show the same where they overlap."""
+    if job.placement is not None:
+        return []
+    return [
+        f"{job.layers[i].name} and {job.layers[j].name} hardly show the same where they overlap (correlation "
+        f"{value:.2f}); check where they lie"
+        for (i, j), value in ts.correlations(job.layers).items()
+        if value < _STRANGE
+    ]
+
+
+def _stitched(job: Arrangement, find: _Find, out: Outputs, files: Sequence[Path]) -> ts.Stitched:
+    options: dict[str, Any] = {} if find.formulation is None else {"formulation": find.formulation}
+    try:
+        with share_bar(f"joining {_names(job.layers)}", out.quiet) as progress:
+            return ts.stitch(
+                job.layers,
+                method=find.method or "heat",
+                use_path=given_seams(find.use_seam, job),
+                record_frames=out.history is not None,
+                progress=progress,
+                gradient=not find.no_gradient,
+                core=find.core,
+                match_tones=find.match_tones,
+                blend=find.blend,
+                blend_width=find.blend_width,
+                avoid=None if find.avoid is None else read_avoid(find.avoid, job.shape, find.max_megapixels),
+                **options,
+            )
+    except ts.OverlapError as error:
+        if files[0].suffix.lower() != ".ora":
+            raise
+        hint = "if TopoSeam wrote this file, hide the layers it cut and show its group originals"
+        raise ts.OverlapError(f"{error}; {hint}") from error
+    except ts.PathError as error:
+        one = find.use_seam[0].path if len(find.use_seam) == 1 else None
+        raise error if one is None or str(one) in str(error) else ts.PathError(f"'{one}': {error}") from error
+
+
+def _names(layers: Sequence[ts.Layer]) -> str:
+    return f"{layers[0].name} and {layers[1].name}" if len(layers) == 2 else f"{len(layers)} pictures"
+
+
+def _stitch_clips(files: list[Path], given: dict[str, Any]) -> dict[str, Any]:
+    """Join two clips; of the other options none means anything for them."""
+    context = click.get_current_context()
+    meant = {"first", "second", "output", "offset", "no_gradient", "max_megapixels", "force", "quiet"}
+    for parameter in context.command.params:
+        name = parameter.name or ""
+        if name not in meant and context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+            raise ts.OptionError(
+                f"{parameter.opts[0]} is for pictures, and --offset T,X,Y for clips; leave one out"
+            )
+    if len(files) != 2:
+        raise ts.OptionError(f"--offset T,X,Y joins two clips, but {len(files)} are given; join them in turn")
+    job = ClipJob(
+        first=files[0],
+        second=files[1],
+        output=given["output"],
+        offset=given["offset"],
+        gradient=not given["no_gradient"],
+        max_pixels=round(given["max_megapixels"] * 1e6),
+        force=given["force"],
+    )
+    with share_bar(f"joining {files[0].name} and {files[1].name}", given["quiet"]) as progress:
+        try:
+            told = join_clips(job, progress)
+        except ts.ImageError as error:
+            if "holds one frame" not in str(error):
+                raise
+            raise click.UsageError(
+                f"{error}; three numbers are for clips, and two pictures take X,Y, like 120,-4"
+            ) from error
+    if not given["quiet"]:
+        click.echo(told)
+    return {}

@@ -1,0 +1,227 @@
+"""``toposeam synth``: a large texture from small samples."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+import toposeam as ts
+from toposeam.images import full_scale
+from toposeam_cli.options import FILE, OUTPUT, FiniteRange, Length, LengthType, refuse_besides
+from toposeam_cli.pictures.picture import check_size, read_picture, read_white, write_picture
+from toposeam_cli.progress import share_bar
+from toposeam_cli.texture_files import (
+    Destinations,
+    PatchType,
+    Results,
+    Search,
+    SizeType,
+    alphas,
+    grouped,
+    map_outputs,
+    overlap_of,
+    read_maps,
+    read_sources,
+    result_options,
+    search_options,
+    white_of,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Guided:
+    """What the texture should look like."""
+
+    guide: Path | None
+    guide_source: tuple[Path, ...]
+    guide_weight: float
+
+    def __post_init__(self) -> None:
+        if (self.guide is None) != (not self.guide_source):
+            raise ts.OptionError(
+                "--guide and --guide-source belong together: what is wanted, and what the source stands for; "
+                "give both"
+            )
+
+    def read(self, max_pixels: int) -> dict[str, Any]:
+        """What ``synthesize`` is told."""
+        if self.guide is None:
+            return {}
+        return {
+            "guide": read_picture(self.guide, max_pixels=max_pixels).pixels,
+            "guide_source": [read_picture(path, max_pixels=max_pixels).pixels for path in self.guide_source],
+            "guide_weight": self.guide_weight,
+        }
+
+
+_GUIDE = (
+    click.option(
+        "--guide",
+        type=FILE,
+        help="What the texture should look like, a picture of its size; needs --guide-source.",
+    ),
+    click.option(
+        "--guide-source",
+        type=FILE,
+        multiple=True,
+        help="What the source looks like in the guide's terms; once per source.",
+    ),
+    click.option(
+        "--guide-weight",
+        type=FiniteRange(0, 1),
+        default=0.5,
+        show_default=True,
+        help="How much the guide counts.",
+    ),
+)
+
+
+@click.command()
+@click.argument("sources", metavar="SOURCE...", type=FILE, nargs=-1, required=True)
+@click.option("--size", type=SizeType(), help="Width and height of the texture, px; one number for a square.")
+@click.option("-o", "--output", type=OUTPUT, required=True, help="The texture: .png, .tif, .jpg or .webp.")
+@click.option(
+    "--patch",
+    type=PatchType(),
+    default="auto",
+    show_default=True,
+    help="Side of a patch, px; auto: by the texture's own scale.",
+)
+@click.option(
+    "--overlap", type=LengthType(), help="How far patches overlap, px or % of the patch; 25% by default."
+)
+@click.option(
+    "--tileable",
+    type=click.Choice(ts.TILEABLE),
+    default="none",
+    show_default=True,
+    help="The axes along which the texture repeats.",
+)
+@click.option(
+    "--from",
+    "source",
+    type=FILE,
+    multiple=True,
+    help="Copy only from where this picture is white; once per SOURCE.",
+)
+@click.option("--flatten", is_flag=True, help="Take slow light out of SOURCE first.")
+@click.option(
+    "--level/--no-level",
+    default=None,
+    help="Level light between patches; by default where SOURCE has slow light. Not for normals or heights.",
+)
+@grouped("guided", Guided, _GUIDE)
+@click.option(
+    "--use-coordinates",
+    type=FILE,
+    help="Cut SOURCE as another texture was cut: what its --coordinates wrote.",
+)
+@search_options
+@result_options
+def synth(
+    sources: tuple[Path, ...],
+    size: tuple[int, int] | None,
+    output: Path,
+    patch: int | None,
+    overlap: Length | None,
+    tileable: ts.Tileable,
+    source: tuple[Path, ...],
+    flatten: bool,
+    level: bool | None,
+    guided: Guided,
+    use_coordinates: Path | None,
+    search: Search,
+    results: Results,
+) -> None:
+    """Grow a large texture from a small SOURCE, or from several.
+
+    \b
+    toposeam synth moss.png --size 2048x1024 --tileable both -o moss_large.png
+    toposeam synth wall.png --also wall_normal.png --size 1024 -o large.png
+    """  # noqa: D301 - click wants the character
+    if (size is None) == (use_coordinates is None):
+        raise ts.OptionError(
+            "say how large the texture is with --size, or give the coordinates of another one with "
+            "--use-coordinates"
+        )
+    if size is None or use_coordinates is not None:
+        refuse_besides("--use-coordinates", _CUT_ALIKE, "the coordinates say where each pixel comes from")
+        _cut_alike(sources, output, use_coordinates, tileable, search.smooth, results)
+        return
+    count = len(sources)
+    check_size(output, size[1], size[0])
+    goes = results.destinations(output, map_outputs(output, search.also[::count]))
+    if source and len(source) != count:
+        raise ts.OptionError(
+            f"--from was given {len(source)} times for {count} sources; give one for each, in their order"
+        )
+    pictures = read_sources(sources, results.max_megapixels)
+    maps = read_maps(search.also, count, results.max_megapixels)
+    shapes = [picture.pixels.shape[:2] for picture in pictures]
+    copied = [
+        read_white(path, shape, name.name, results.max_pixels)
+        for path, shape, name in zip(source, shapes, sources, strict=False)
+    ]
+    with share_bar(f"growing {output.name}", results.quiet) as progress:
+        made = ts.synthesize(
+            [picture.pixels for picture in pictures],
+            size,
+            patch=patch,
+            overlap=overlap_of(overlap),
+            tileable=tileable,
+            alpha=alphas(pictures),
+            source_mask=copied or None,
+            flatten=flatten,
+            level=level,
+            maps=[[one.pixels for one in given] for given in maps],
+            data_range=white_of(pictures[0], *(given[0] for given in maps)),
+            max_megapixels=results.max_megapixels,
+            progress=progress,
+            **guided.read(results.max_pixels),
+            **search.keywords(),
+        )
+    goes.write(made, pictures[0], [given[0] for given in maps])
+    if not results.quiet:
+        click.echo(
+            f"{output}: {size[1]} × {size[0]} px, {made.count} patches of {made.patch[1]} × {made.patch[0]} "
+            "px"
+        )
+
+
+#: What may be given beside the coordinates of another texture.
+_CUT_ALIKE = ("sources", "output", "tileable", "smooth", "max_megapixels", "force", "quiet")
+
+
+def _cut_alike(
+    sources: tuple[Path, ...],
+    output: Path,
+    coordinates: Path | None,
+    tileable: ts.Tileable,
+    smooth: int,
+    results: Results,
+) -> None:
+    """Other pictures, cut as a texture was cut before."""
+    goes = Destinations(output=output, force=results.force)
+    pictures = read_sources(sources, results.max_megapixels)
+    given = read_picture(coordinates or Path(), max_pixels=results.max_pixels).pixels
+    if given.ndim != 3 or given.dtype != np.uint16:
+        raise ts.ImageError(
+            f"{coordinates} holds no coordinates; give the 16-bit RGB picture that --coordinates wrote"
+        )
+    column, row, exemplar = np.moveaxis(given.astype(np.int32), 2, 0)
+    place = np.stack([row, column], axis=2)
+    options: dict[str, Any] = {"tileable": tileable, "smooth": smooth}
+    made = ts.apply_coordinates([picture.pixels for picture in pictures], place, exemplar, **options)
+    opacity = None
+    if alphas(pictures) is not None:
+        full = [
+            np.full(one.pixels.shape[:2], full_scale(one.pixels.dtype)) if one.alpha is None else one.alpha
+            for one in pictures
+        ]
+        opacity = ts.apply_coordinates(full, place, exemplar, **options)
+    write_picture(goes.output, dataclasses.replace(pictures[0], pixels=made, alpha=opacity), results.force)

@@ -1,0 +1,78 @@
+"""``toposeam tile``: a picture made to repeat."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+import toposeam as ts
+from toposeam_cli.options import FILE, OUTPUT
+from toposeam_cli.progress import share_bar
+from toposeam_cli.texture_files import (
+    Results,
+    Search,
+    map_outputs,
+    read_maps,
+    read_sources,
+    result_options,
+    search_options,
+    white_of,
+)
+
+
+@click.command()
+@click.argument("image", type=FILE)
+@click.option(
+    "-o", "--output", type=OUTPUT, required=True, help="The picture that repeats: .png, .tif, .jpg or .webp."
+)
+@click.option(
+    "--band",
+    type=int,
+    help="How many px along each border may change; an eighth of the shorter side by default, 48 at most.",
+)
+@click.option(
+    "--tileable",
+    type=click.Choice([name for name in ts.TILEABLE if name != "none"]),
+    default="both",
+    show_default=True,
+    help="The axes to repeat on.",
+)
+@click.option("--preview", type=OUTPUT, help="Also write the picture repeated 3 × 3.")
+@search_options
+@result_options
+def tile(
+    image: Path,
+    output: Path,
+    band: int | None,
+    tileable: ts.Tileable,
+    preview: Path | None,
+    search: Search,
+    results: Results,
+) -> None:
+    """Make IMAGE repeat without a visible border, changing only a band along its borders.
+
+    \b
+    toposeam tile moss.jpg -o moss_tile.png --preview moss_3x3.png
+    toposeam tile frieze.png --tileable x -o frieze_tile.png
+    """  # noqa: D301 - click wants the character
+    goes = results.destinations(output, map_outputs(output, search.also), preview)
+    picture = read_sources([image], results.max_megapixels)[0]
+    maps = [given[0] for given in read_maps(search.also, 1, results.max_megapixels)]
+    with share_bar(f"closing {image.name}", results.quiet) as progress:
+        made = ts.make_tileable(
+            picture.pixels,
+            band=band,
+            tileable=tileable,
+            alpha=picture.alpha,
+            maps=[one.pixels for one in maps],
+            data_range=white_of(picture, *maps),
+            progress=progress,
+            **search.keywords(),
+        )
+    goes.write(made, picture, maps)
+    if not results.quiet:
+        height, width = made.labels.shape
+        click.echo(
+            f"{output}: {width} × {height} px, {made.count} patches in a band of {made.settings['band']} px"
+        )

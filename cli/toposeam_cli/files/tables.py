@@ -1,0 +1,92 @@
+"""Tables in TOML and JSON that people write: read within limits, refused in one sentence that says where."""
+
+from __future__ import annotations
+
+import json
+import stat
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from toposeam.errors import OptionError
+
+#: Longer ones are no tables that anybody has written.
+LARGEST_BYTES = 4 * 2**20
+#: Tables and lists within each other; ours have three.
+_DEEPEST = 20
+
+
+def read_table(path: Path, what: str) -> tuple[Any, str]:
+    """What a file of TOML, or of JSON if it is called ``.json``, holds, and its text.
+
+    Parameters
+    ----------
+    path : Path
+    what : str
+        What it should be, for error texts: "a layout".
+
+    Returns
+    -------
+    (object, str)
+
+    Raises
+    ------
+    OptionError
+        When there is no such regular file, or it is too large, too deep, not UTF-8 or not TOML (JSON).
+    """
+    text = _text(path, what)
+    kind = "JSON" if path.suffix.lower() == ".json" else "TOML"
+    try:
+        table = json.loads(text) if kind == "JSON" else tomllib.loads(text)
+        _check(path, table, 0)
+    except RecursionError as error:
+        raise OptionError(f"'{path}' is nested too deep for {what}; correct it") from error
+    except OptionError:
+        raise
+    except ValueError as error:
+        reason = str(error)
+        if "int_max_str_digits" in reason:
+            reason = "a number in it has thousands of digits"
+        raise OptionError(f"'{path}' is not {kind}: {reason}; correct that place") from error
+    return table, text
+
+
+def _text(path: Path, what: str) -> str:
+    try:
+        state = path.stat()
+        if not stat.S_ISREG(state.st_mode):
+            raise OptionError(f"'{path}' is not a regular file; save {what} to disk, and name that")
+        with path.open("rb") as file:
+            content = file.read(LARGEST_BYTES + 1)
+        if len(content) > LARGEST_BYTES:
+            raise OptionError(
+                f"'{path}' is larger than {LARGEST_BYTES // 2**20} MiB, so it is not {what}; check its name"
+            )
+        return content.decode("utf-8-sig")
+    except FileNotFoundError as error:
+        raise OptionError(f"there is no file '{path}'; check its name and folder") from error
+    except UnicodeDecodeError as error:
+        line = error.object[: error.start].count(b"\n") + 1
+        raise OptionError(f"'{path}' is not UTF-8 (at line {line}); save it as UTF-8") from error
+    except OptionError:
+        raise
+    except (OSError, ValueError) as error:
+        raise OptionError(
+            f"cannot read '{path}' ({getattr(error, 'strerror', None) or error}); check its name and your "
+            "right to read it"
+        ) from error
+
+
+def _check(path: Path, value: Any, depth: int) -> None:
+    """Refuse what is deep, and texts that no file or layer can be called."""
+    if depth > _DEEPEST:
+        raise RecursionError
+    if isinstance(value, str) and "\0" in value:
+        raise OptionError(f"'{path}' has the character NUL in {value[:40]!r}; leave it out")
+    if isinstance(value, dict):
+        for key, item in value.items():
+            _check(path, key, depth)
+            _check(path, item, depth + 1)
+    elif isinstance(value, list):
+        for item in value:
+            _check(path, item, depth + 1)

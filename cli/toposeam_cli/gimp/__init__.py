@@ -1,0 +1,1 @@
+"""GIMP's folders, what is installed there, and why it is not in the menu."""

@@ -1,0 +1,115 @@
+"""The Python that does the work in GIMP: whether it has TopoSeam, and one of its own where there is none."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+
+import toposeam as ts
+from toposeam.errors import OptionError
+from toposeam_cli.files.writing import OutputError
+
+_ASK = (
+    "import importlib.util, toposeam, toposeam_engine;"
+    "print(toposeam.__version__, importlib.util.find_spec('maxflow') is not None)"
+)
+_ASK_S = 60.0
+
+
+def check_python(python: Path) -> list[str]:
+    """What the engine of a Python lacks that the plug-in could offer: methods' names.
+
+    Raises
+    ------
+    OptionError
+        When it is no Python, has no TopoSeam, or another release of it.
+    """
+    try:
+        told = subprocess.run(  # noqa: S603 - what the user named, and no shell
+            [str(python), "-P", "-c", _ASK], capture_output=True, text=True, timeout=_ASK_S, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise OptionError(
+            f"{python} does not run ({type(error).__name__}); give the python of an environment that has "
+            "toposeam"
+        ) from error
+    words = told.stdout.split()
+    if told.returncode != 0 or len(words) != 2:
+        said = (told.stderr.strip().splitlines() or ["it says nothing"])[-1]
+        raise OptionError(
+            f"{python} has no TopoSeam ({said}); give the python of an environment that has it, or let one "
+            "be made: toposeam gimp install --venv"
+        )
+    if words[0] != ts.__version__:
+        raise OptionError(
+            f"{python} has TopoSeam {words[0]}, and this is {ts.__version__}; install the same there"
+        )
+    return [] if words[1] == "True" else ["graph-cut"]
+
+
+def is_temporary(python: Path) -> bool:
+    """Whether an environment will be gone soon: uvx and pipx run throw theirs away."""
+    text = python.as_posix()
+    places = (tempfile.gettempdir(), os.environ.get("TMPDIR", ""))
+    return (
+        "/uv/archive-v" in text
+        or "/uv/builds-v" in text
+        or "/pipx/.cache/" in text
+        or any(place and text.startswith(Path(place).as_posix() + "/") for place in places)
+    )
+
+
+def usual_folder() -> Path:
+    """Where an environment for GIMP is made unless another place is named."""
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / "TopoSeam" / "venv"
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Application Support" / "TopoSeam" / "venv"
+    return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share") / "toposeam" / "venv"
+
+
+def make_environment(folder: Path) -> Path:
+    """Make a virtual environment with the TopoSeam that is running; its Python.
+
+    Raises
+    ------
+    OptionError
+        When the folder holds something else.
+    OutputError
+        When it cannot be made; the text has the last words of what failed.
+    """
+    if folder.exists() and not (folder / "pyvenv.cfg").is_file() and any(folder.iterdir()):
+        raise OptionError(f"{folder} holds something else; name an empty folder, as --venv FOLDER")
+    python = folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
+    steps = (
+        ([sys.executable, "-m", "venv", str(folder)], "apt install python3-venv on Debian and Ubuntu"),
+        (
+            [str(python), "-m", "pip", "install", "--disable-pip-version-check", "--upgrade", requirement()],
+            "see whether the network can be reached",
+        ),
+    )
+    for command, hint in steps:
+        try:
+            ended = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - our own
+        except OSError as error:
+            raise OutputError(f"{command[0]} does not run ({error.strerror}); {hint}") from error
+        if ended.returncode != 0:
+            said = ((ended.stderr or ended.stdout).strip().splitlines() or ["no reason given"])[-1]
+            raise OutputError(f"an environment in {folder} could not be made ({said}); {hint}")
+    return python
+
+
+def requirement() -> str:
+    """What pip has to be told to install this very TopoSeam: where it came from, or its release."""
+    try:
+        told = distribution("toposeam").read_text("direct_url.json")
+    except PackageNotFoundError:
+        told = None
+    if told:
+        return str(json.loads(told)["url"])
+    return f"toposeam=={ts.__version__}"

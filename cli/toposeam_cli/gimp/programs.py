@@ -1,0 +1,69 @@
+"""Which GIMPs there are on this machine, and which profile each reads."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Program:
+    """A GIMP."""
+
+    #: "3.0"
+    version: str
+    #: The program that can be asked without a window; None where only its sandbox is known.
+    console: str | None
+    #: As in :class:`toposeam_cli.gimp.folders.Profile`: "GIMP" or "Flatpak".
+    kind: str = "GIMP"
+
+    @property
+    def is_3(self) -> bool:
+        """Whether TopoSeam works there."""
+        return self.version.startswith("3.")
+
+
+def programs() -> list[Program]:
+    """Every GIMP that is found, the newest first; of each version the first on PATH."""
+    found: dict[str, Program] = {}
+    for folder in _folders():
+        for file in sorted(folder.glob("gimp*")):
+            match = re.fullmatch(r"gimp(-console)?-(\d+\.\d+)(\.exe)?", file.name)
+            if match is None or shutil.which(str(file)) is None:
+                continue
+            version = match[2]
+            known = found.get(version)
+            if known is None or (known.console is None and match[1]):
+                found[version] = Program(version=version, console=str(file) if match[1] else None)
+    return [*sorted(found.values(), key=_order, reverse=True), *_flatpaks()]
+
+
+def _order(program: Program) -> list[int]:
+    return [int(part) for part in program.version.split(".")]
+
+
+def _folders() -> Iterator[Path]:
+    yield from (Path(part) for part in os.environ.get("PATH", "").split(os.pathsep) if part)
+    if sys.platform == "darwin":
+        yield Path("/Applications/GIMP.app/Contents/MacOS")
+    if sys.platform == "win32":
+        yield Path(os.environ.get("PROGRAMFILES", "C:/Program Files")) / "GIMP 3" / "bin"
+        yield Path(os.environ.get("LOCALAPPDATA", "")) / "Programs" / "GIMP 3" / "bin"
+
+
+def _flatpaks() -> Iterator[Program]:
+    flatpak = shutil.which("flatpak")
+    if flatpak is None:
+        return
+    told = subprocess.run(  # noqa: S603 - the system's own
+        [flatpak, "info", "org.gimp.GIMP"], capture_output=True, text=True, check=False
+    )
+    match = re.search(r"Version:\s*(\d+\.\d+)", told.stdout)
+    if told.returncode == 0 and match is not None:
+        yield Program(version=match[1], console=None, kind="Flatpak")

@@ -1,0 +1,126 @@
+"""Where jobs are done: the workers of a Dask cluster, ours or somebody's."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from typing import Any
+
+from toposeam.errors import MissingPackageError, OptionError
+from toposeam_cli.files.interruption import ctrl_c_later
+from toposeam_cli.jobs.workers import Workers
+
+#: Of a local cluster: no pages, of which Dask's own switch leaves some.
+_NO_PAGES: dict[str, list[str]] = {
+    "distributed.scheduler.http.routes": [],
+    "distributed.worker.http.routes": [],
+}
+
+
+class _Dask(Workers):
+    """The workers of a Dask cluster, through its executor."""
+
+    attempts = 4  # a worker that dies takes what waits for it along, so that the innocent are tried again too
+
+    def __init__(self, executor: Executor, count: int) -> None:
+        super().__init__()
+        self._executor, self._count = executor, count
+
+    @property
+    def is_free(self) -> bool:
+        return len(self._running) < self._count
+
+    def _take(self) -> Executor:
+        return self._executor
+
+    def _give_back(self, executor: Executor, died: bool) -> None:
+        pass
+
+
+@contextmanager
+def dask_workers(address: str, count: int) -> Iterator[Workers]:
+    """Workers of the Dask cluster at an address, or of ``local``: one that is made for the block, with
+    `count` processes, which nobody else can use.
+
+    Raises
+    ------
+    MissingPackageError
+        Without ``distributed``, or without ``cryptography`` for a local cluster.
+    OptionError
+        If there is no cluster at the address.
+    """
+    try:
+        import dask
+        from distributed import Client
+    except ImportError as error:
+        raise MissingPackageError(
+            "running on Dask needs distributed; install it with: pip install 'toposeam[dask]'"
+        ) from error
+    # A worker's death is ours to answer: only we know which files it may have left.
+    with dask.config.set({"distributed.scheduler.allowed-failures": 0, **_NO_PAGES}):
+        cluster = _local_cluster(count) if address == "local" else None
+        try:
+            try:
+                client = Client(cluster or address, timeout=10)
+            except (OSError, ValueError, TypeError, TimeoutError) as error:
+                raise OptionError(
+                    f"there is no Dask scheduler at {address!r} that lets us in ({_first_line(error)}); "
+                    "start one, or give its address (and its certificates in Dask's configuration, if it "
+                    "uses TLS), or use --dask local"
+                ) from error
+            with client:
+                threads = sum(client.nthreads().values())
+                if not threads:
+                    raise OptionError(
+                        f"the Dask scheduler at {address!r} has no workers; start some with: dask worker "
+                        f"{address}"
+                    )
+                if client.scheduler.address.startswith("tcp://"):
+                    logging.getLogger(__name__).warning(
+                        "%s does not use TLS: whoever reaches it can run programs there as you. Use a tls:// "
+                        "address outside of networks you trust.",
+                        client.scheduler.address,
+                    )
+                yield _Dask(client.get_executor(pure=False), threads)
+        finally:
+            if cluster is not None:
+                cluster.close()
+
+
+def _local_cluster(count: int) -> Any:
+    """A Dask cluster of processes that speak TLS with a key and a certificate made on the spot: without
+    these, whoever can connect to this machine's ports could run programs as this user.
+    """
+    from distributed import LocalCluster
+    from distributed.security import Security
+
+    try:
+        security = Security.temporary()
+    except ImportError as error:
+        raise MissingPackageError(
+            "a Dask cluster that nobody else can use needs cryptography; install it with: pip install "
+            "'toposeam[dask]'"
+        ) from error
+    try:
+        with ctrl_c_later():
+            return LocalCluster(
+                n_workers=count,
+                threads_per_worker=1,
+                security=security,
+                host="127.0.0.1",
+                dashboard_address=None,
+                scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
+                silence_logs=logging.CRITICAL,
+            )
+    except (RuntimeError, OSError) as error:
+        raise OptionError(
+            f"the local Dask cluster does not start ({_first_line(error)}); run the same again, or without "
+            "--dask"
+        ) from error
+
+
+def _first_line(error: BaseException) -> str:
+    lines = str(error).strip().splitlines()
+    return lines[0] if lines else type(error).__name__

@@ -1,0 +1,181 @@
+"""Where jobs are done: worker processes on this machine, as :mod:`concurrent.futures` knows them."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import signal
+import threading
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from importlib import import_module
+from multiprocessing.connection import Connection
+from typing import Any
+
+from toposeam_cli.files.interruption import Terminated, ctrl_c_later, terminations_raised
+
+#: How long a worker that must end may take to leave a call into compiled code, s.
+_PATIENCE_S = 5.0
+#: The work is parallel already: each worker keeps its libraries to one thread.
+_ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VIPS_CONCURRENCY")
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What a worker is told to do."""
+
+    #: ``module:callable``, and its keyword arguments.
+    function: str
+    arguments: Mapping[str, Any]
+    #: As :func:`toposeam_cli.files.writing.all_or_nothing` has them.
+    own: Mapping[str, str] = field(default_factory=dict)
+    resumed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What a worker says about a job."""
+
+    succeeded: bool
+    seconds: float
+    #: Why it failed, one sentence.
+    message: str = ""
+    #: The value of the function as JSON: what cannot be written down is found out in the worker.
+    result: str = "null"
+    #: The SHA-256 of every file it made, by its real path.
+    made: Mapping[str, str] = field(default_factory=dict)
+
+
+class Workers(ABC):
+    """Some workers, each with one job at a time."""
+
+    #: How often a job is begun whose worker dies.
+    attempts = 2
+
+    def __init__(self) -> None:
+        self._running: dict[Future[Answer], tuple[str, Executor]] = {}
+
+    @property
+    @abstractmethod
+    def is_free(self) -> bool:
+        """Whether another job can begin."""
+
+    def begin(self, name: str, task: Task) -> None:
+        """Give a free worker a job."""
+        executor = self._take()
+        try:
+            future = self._submit(executor, task)
+        except BrokenExecutor:  # its worker died while it had nothing to do
+            self._give_back(executor, died=True)
+            executor = self._take()
+            future = self._submit(executor, task)
+        self._running[future] = name, executor
+
+    def _submit(self, executor: Executor, task: Task) -> Future[Answer]:
+        with ctrl_c_later():  # a terminal sends it to workers too, but it is their parent that answers
+            return executor.submit(answer, task)
+
+    def ended(self, timeout_s: float) -> list[tuple[str, Answer | None]]:
+        """Wait for jobs to end: their names, and what became of them, None where the worker died."""
+        done, _ = wait(self._running, timeout_s, FIRST_COMPLETED)
+        answers: list[tuple[str, Answer | None]] = []
+        for future in done:
+            name, executor = self._running.pop(future)
+            died = future.cancelled() or future.exception() is not None
+            self._give_back(executor, died)
+            answers.append((name, None if died else future.result()))
+        return answers
+
+    @abstractmethod
+    def _take(self) -> Executor:
+        """An executor with a free worker."""
+
+    @abstractmethod
+    def _give_back(self, executor: Executor, died: bool) -> None:
+        """The worker is free, or dead."""
+
+
+def answer(task: Task) -> Answer:
+    """Do one job: call ``module:callable`` with keyword arguments. A failed job leaves no new file behind."""
+    from toposeam.sentence import sentence
+    from toposeam_cli.files.writing import all_or_nothing
+
+    start = time.perf_counter()
+    try:
+        module, _, name = task.function.partition(":")
+        with all_or_nothing(task.own, resumed=task.resumed, digests=True) as outputs:
+            result = json.dumps(getattr(import_module(module), name)(**task.arguments))
+    except Terminated as end:
+        os._exit(int(end.code or 0))  # the executor would take it for the failure of the job
+    except Exception as error:
+        return Answer(False, time.perf_counter() - start, sentence(error))
+    return Answer(True, time.perf_counter() - start, result=result, made=outputs.made)
+
+
+class _Processes(Workers):
+    """Worker processes, each an executor of its own: when one dies, only the job it had is concerned, and
+    another takes its place.
+
+    They are spawned, as libvips does not survive a fork. All hold one end of a pipe into which nobody ever
+    writes: when the other end closes, be it that the run is interrupted or that the parent is gone, they end.
+    """
+
+    def __init__(self, count: int) -> None:
+        super().__init__()
+        self._context = multiprocessing.get_context("spawn")
+        self._ending, self._alive = self._context.Pipe(duplex=False)
+        self._idle: list[Executor] = [self._start() for _ in range(count)]
+
+    @property
+    def is_free(self) -> bool:
+        return bool(self._idle)
+
+    def end(self, now: bool) -> None:
+        """End the workers, `now` or when they have done what they were given."""
+        if now:
+            self._alive.close()
+        for executor in [*self._idle, *(executor for _, executor in self._running.values())]:
+            executor.shutdown(cancel_futures=True)
+        self._alive.close()
+
+    def _take(self) -> Executor:
+        return self._idle.pop()
+
+    def _give_back(self, executor: Executor, died: bool) -> None:
+        self._idle.append(self._start() if died else executor)
+
+    def _start(self) -> Executor:
+        return ProcessPoolExecutor(1, self._context, _prepare, (self._ending,))
+
+
+def _prepare(ending: Connection) -> None:
+    """Make ready a worker process."""
+    for name in _ONE_THREAD:
+        os.environ[name] = "1"  # before the numerics are loaded
+    terminations_raised().__enter__()  # until the process ends
+    threading.Thread(target=_end_with, args=(ending,), daemon=True).start()
+
+
+def _end_with(ending: Connection) -> None:
+    with suppress(OSError):
+        ending.poll(None)
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(_PATIENCE_S)
+    os._exit(128 + signal.SIGTERM)
+
+
+@contextmanager
+def worker_processes(count: int) -> Iterator[Workers]:
+    """Workers on this machine; they end with the block, at once if it is left by an exception."""
+    workers = _Processes(count)
+    try:
+        yield workers
+    except BaseException:
+        workers.end(now=True)
+        raise
+    workers.end(now=False)

@@ -1,0 +1,302 @@
+"""Parameter types and options that several commands share: what reaches a command is already a number, a
+length or a checked path.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from collections.abc import Callable, Collection
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+from click.core import ParameterSource
+
+import toposeam as ts
+from toposeam.errors import OptionError
+
+
+@dataclass(frozen=True, slots=True)
+class Length:
+    """A length in pixels, or as a share of a side."""
+
+    value: float
+    percent: bool
+
+    def pixels(self, whole: int) -> int:
+        """The length in px, given the side it may be a share of."""
+        return round(self.value / 100 * whole) if self.percent else int(self.value)
+
+
+class OffsetType(click.ParamType):  # type: ignore[type-arg]  # generic only since click 8.4
+    """``X,Y`` in whole pixels; for clips ``T,X,Y``, T in frames."""
+
+    name = "X,Y"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int, ...]:
+        """Parse the text."""
+        if isinstance(value, tuple):
+            return value
+        match = re.fullmatch(r"\s*([+-]?\d{1,9})" + 2 * r"(?:\s*,\s*([+-]?\d{1,9}))" + r"?\s*", value)
+        if match is None:
+            self.fail(
+                f"{value!r} is not an offset; write two whole numbers of pixels, like 120,-4", param, ctx
+            )
+        return tuple(int(part) for part in match.groups() if part is not None)
+
+
+class LengthType(click.ParamType):  # type: ignore[type-arg]
+    """``N`` pixels or ``N%``."""
+
+    name = "N[%]"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Length:
+        """Parse the text."""
+        if isinstance(value, Length):
+            return value
+        match = re.fullmatch(r"\s*(\d{1,9}(?:\.\d+)?)\s*(px|%)?\s*", value)
+        percent = match is not None and match[2] == "%"
+        if (
+            match is None
+            or (not percent and not float(match[1]).is_integer())
+            or not 0 < float(match[1]) <= (100 if percent else 1e9)
+        ):
+            self.fail(
+                f"{value!r} is not an overlap; write pixels, like 80, or a share from 0% to 100%, like 25%",
+                param,
+                ctx,
+            )
+        return Length(float(match[1]), percent)
+
+
+class PairType(click.ParamType):  # type: ignore[type-arg]
+    """Two whole numbers ``AxB``, or one for both: WIDTHxHEIGHT, or COLUMNSxROWS of `cells`."""
+
+    def __init__(self, cells: bool = False) -> None:
+        self._example = "columns and rows, like 6x4" if cells else "width and height, like 512x384"
+        self.name = "COLUMNSxROWS" if cells else "N|WIDTHxHEIGHT"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int, int]:
+        """Parse the text."""
+        if isinstance(value, tuple):
+            return value
+        match = re.fullmatch(r"\s*(\d{1,6})(?:\s*[x×]\s*(\d{1,6}))?\s*", str(value))
+        if match is None or int(match[1]) < 1 or (match[2] is not None and int(match[2]) < 1):
+            self.fail(
+                f"{value!r} is not a size; write one whole number above 0, or {self._example}", param, ctx
+            )
+        return int(match[1]), int(match[2] or match[1])
+
+
+class NumbersType(click.ParamType):  # type: ignore[type-arg]
+    """A number, or one per layer with commas between."""
+
+    def __init__(self, kind: type[int] | type[float]) -> None:
+        self.kind = kind
+        self.name = "N[,N...]"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Parse the text."""
+        if isinstance(value, list | tuple):
+            value = ",".join(map(str, value))
+        try:
+            numbers = [self.kind(word) for word in str(value).split(",")]
+        except ValueError:
+            numbers = [math.nan]
+        if not all(math.isfinite(number) for number in numbers):
+            self.fail(
+                f"{value!r} is not a number, nor one per layer; write them like "
+                f"{'2,5' if self.kind is int else '0.2,0.3'}",
+                param,
+                ctx,
+            )
+        return numbers[0] if len(numbers) == 1 else numbers
+
+
+class PaperLengthType(click.ParamType):  # type: ignore[type-arg]
+    """A length on paper, in mm."""
+
+    name = "LENGTH"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Parse the text."""
+        if isinstance(value, float):
+            return value
+        match = re.fullmatch(r"\s*(\d{1,6}(?:\.\d+)?)\s*(mm|cm|m|in)\s*", str(value))
+        if match is None or float(match[1]) == 0:
+            self.fail(f"{value!r} is not a length; write it with its unit, like 80mm, 8cm or 3in", param, ctx)
+        return float(match[1]) * {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}[match[2]]
+
+
+class FiniteRange(click.FloatRange):
+    """A number within bounds; NaN and infinity, which comparisons let through, are none."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Parse the text."""
+        with suppress(TypeError, ValueError, OverflowError):
+            if not math.isfinite(float(value)):
+                self.fail(f"{value!r} is not a finite number", param, ctx)
+        number: float = super().convert(value, param, ctx)
+        return number
+
+
+@dataclass(frozen=True, slots=True)
+class Keyed:
+    """A file, and which picture or pair of pictures it is for."""
+
+    key: str | None
+    path: Path
+
+    def __fspath__(self) -> str:
+        return str(self.path)
+
+
+class KeyedFile(click.Path):
+    """``KEY=FILE``, the key being a number or a name; where it is optional, also ``FILE``."""
+
+    name = "KEY=FILE"
+
+    def __init__(self, needed: bool) -> None:
+        super().__init__()
+        self._needed = needed
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Parse the text; a folder before the key, which relative paths get in a batch, belongs to
+        the file.
+        """
+        if isinstance(value, Keyed):
+            return value
+        before, sign, file = str(value).partition("=")
+        if not self._needed and (not sign or Path(value).exists()):
+            return Keyed(None, Path(value))
+        if not sign or not file or not Path(before).name:
+            self.fail(f"{value!r} does not say for which picture; write it like 0=mask.png", param, ctx)
+        return Keyed(Path(before).name, Path(before).parent / file)
+
+
+class FileType(click.Path):
+    """The name of a file."""
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Refuse what names no file."""
+        if not str(value) or "\0" in str(value):
+            self.fail(f"{str(value)!r} is not the name of a file; write one", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+OptionsT = TypeVar("OptionsT")
+
+
+def taken(kind: type[OptionsT], given: dict[str, Any]) -> OptionsT:
+    """The options of a command that belong together, as one frozen value; they are taken out of the others.
+
+    Parameters
+    ----------
+    kind : type
+        A dataclass whose fields are named like the command's parameters.
+    given : dict
+        What click passed to the command.
+    """
+    names = [field.name for field in dataclasses.fields(kind)]  # type: ignore[arg-type]
+    return kind(**{name: given.pop(name) for name in names})
+
+
+#: Millions of pixels; nobody has more than a million of them.
+MEGAPIXELS = FiniteRange(min=0, max=1e6, min_open=True)
+
+FILE = FileType()
+#: A file that a command makes: ``toposeam batch`` has to know it from those it reads.
+OUTPUT = FileType()
+
+
+def is_output(parameter: click.Parameter) -> bool:
+    """Whether a parameter names a file that the command makes."""
+    return parameter.type is OUTPUT
+
+
+def is_input(parameter: click.Parameter) -> bool:
+    """Whether a parameter names files that the command reads."""
+    return is_path(parameter) and not is_output(parameter)
+
+
+def is_path(parameter: click.Parameter) -> bool:
+    """Whether a parameter names files."""
+    return isinstance(parameter.type, click.Path)
+
+
+def refuse_besides(option: str, allowed: Collection[str], reason: str) -> None:
+    """Refuse options of the running command that were given beside another one and would be ignored.
+
+    Parameters
+    ----------
+    option : str
+        The other one, as it is written.
+    allowed : collection of str
+        Names of parameters that may stand beside it.
+    reason : str
+        Why others cannot.
+
+    Raises
+    ------
+    OptionError
+    """
+    context = click.get_current_context()
+    for parameter in context.command.params:
+        name = str(parameter.name)
+        given = context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+        if given and name not in allowed and max(parameter.opts, key=len) != option:
+            raise OptionError(
+                f"{max(parameter.opts, key=len)} changes nothing with {option}, as {reason}; leave it out"
+            )
+
+
+#: Where two pictures lie, and what a seam between them costs.
+PLACEMENT: tuple[Callable[[Any], Any], ...] = (
+    click.option(
+        "--offset", type=OffsetType(), help="Where B's upper left corner lies in A, in px; may be negative."
+    ),
+    click.option(
+        "--overlap", type=LengthType(), help="Instead of --offset: how far B overlaps A, in px or % of A."
+    ),
+    click.option(
+        "--side",
+        type=click.Choice(ts.SIDES),
+        help="With --overlap: the side of A on which B continues; right by default.",
+    ),
+    click.option("--avoid", type=FILE, help="Image of the canvas's size; no seam touches its white pixels."),
+    click.option(
+        "--no-gradient", is_flag=True, help="Match cost without image gradients, (3.22) instead of (2.4)."
+    ),
+    click.option(
+        "--core",
+        type=FiniteRange(0, 1, min_open=True),
+        default=0.5,
+        show_default=True,
+        help="For a picture inside the others: the share of its depth that must show.",
+    ),
+    click.option(
+        "--max-megapixels",
+        type=MEGAPIXELS,
+        default=500.0,
+        show_default=True,
+        help="Refuse pictures that are larger, each or all together.",
+    ),
+)
+
+
+def placement(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options that say which pictures overlap where."""
+    for option in reversed(PLACEMENT):
+        command = option(command)
+    return command

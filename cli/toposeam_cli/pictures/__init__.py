@@ -1,0 +1,1 @@
+"""Pictures, and the files they live in: formats, colour, layers, layouts, recipes. No click in here."""

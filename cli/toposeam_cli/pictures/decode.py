@@ -1,0 +1,211 @@
+"""An image file to one array of gray or RGB, upright; every unusable file ends in one sentence."""
+
+import os
+import re
+import stat
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from toposeam.errors import ImageError
+from toposeam_cli.pictures.colour import DEPTHS, INTENT
+from toposeam_cli.pictures.libvips import VipsImage, evaluate, load_vips, reason
+
+#: libvips loaders that decode pictures; it also reads tables, drawings and its own dumps.
+_PICTURE_LOADERS = {"png", "jpeg", "tiff", "webp", "gif", "heif", "jxl", "jp2k", "ppm", "openexr"}
+
+#: Pixels per mm that mean "not stated": every writer that has to put something puts 72 per inch.
+UNSTATED_RESOLUTION = 72 / 25.4
+
+#: How the entry of EXIF begins that states the horizontal resolution, in either byte order; libvips makes one
+#: up where there is none.
+_X_RESOLUTION = (b"\x1a\x01\x05\0", b"\x01\x1a\0\x05")
+
+_BLOCKS = ("icc-profile", "exif", "xmp")
+
+#: The XML namespace of a recipe in an XMP packet: it tells how this very picture was made, so that no other
+#: inherits it.
+RECIPE_NAMESPACE = "urn:x-toposeam:1.0:"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Decoded:
+    """What a file holds."""
+
+    #: (H, W) or (H, W, C) ndarray: channels as the file has them once its colours are gray or RGB, alpha
+    #: last; of one of the depths a picture can have.
+    values: np.ndarray
+    #: The profile of `values`, not yet compared with its channels.
+    icc: bytes | None
+    #: Horizontal and vertical, in pixels per mm.
+    resolution: tuple[float, float] | None
+    #: As :class:`toposeam_cli.pictures.picture.Picture` has them.
+    exif: bytes | None
+    xmp: bytes | None
+
+
+def decode(path: Path, max_pixels: int) -> Decoded:
+    """Decode the first page of a file; the rules are those of
+    :func:`toposeam_cli.pictures.picture.read_picture`.
+
+    Raises
+    ------
+    ImageError
+        If there is no such file, or it is no picture, damaged, cut short or larger than `max_pixels`.
+    """
+    _check_input(path)
+    vips = load_vips()
+    try:
+        image = vips.Image.new_from_source(
+            vips.Source.new_from_file(os.fsencode(path)), "", access="sequential", fail_on="error"
+        )
+        _check_header(path, image, max_pixels)
+        resolution = _resolution(image)
+        orientation = image.get("orientation") if "orientation" in image.get_fields() else 1
+        if orientation != 1:
+            image = evaluate(image, image.copy_memory).autorot()  # turning needs the last rows first
+        if orientation in (5, 6, 7, 8) and resolution is not None:
+            resolution = resolution[::-1]  # turned by 90 degrees
+        image = _gray_or_rgb(image)
+        fields = set(image.get_fields())
+        if not any(name.startswith("exif-ifd") for name in fields):
+            fields.discard("exif-data")  # damaged
+        icc, exif, xmp = (image.get(f"{name}-data") if f"{name}-data" in fields else None for name in _BLOCKS)
+        pixels = evaluate(image, image.numpy)
+        return Decoded(_known_depth(pixels), icc, resolution, exif, _xmp(xmp))
+    except vips.Error as error:
+        if "samples out of range" in reason(error):
+            raise ImageError(
+                f"cannot read '{path}': its samples are of a kind libvips does not read, like 64-bit floats; "
+                "export it again with 32 bits"
+            ) from error
+        raise ImageError(
+            f"cannot read '{path}' ({reason(error)}): it is no picture, damaged or of a kind libvips does "
+            "not know; export it again as PNG or TIFF"
+        ) from error
+
+
+def refuse_large(path: Path, width: int, height: int, max_pixels: int) -> None:
+    """Refuse a picture with more pixels than that.
+
+    Raises
+    ------
+    ImageError
+    """
+    if width * height > max_pixels:
+        raise ImageError(
+            f"'{path}' is {width} x {height} pixels, more than the {max_pixels / 1e6:g} megapixels allowed; "
+            "raise --max-megapixels if the file is trusted"
+        )
+
+
+def size_of(path: Path) -> tuple[int, int]:
+    """Width and height of the picture in a file, in px, as its header has them.
+
+    Raises
+    ------
+    ImageError
+        If there is no such file, or it is no picture.
+    """
+    _check_input(path)
+    vips = load_vips()
+    try:
+        image = vips.Image.new_from_source(vips.Source.new_from_file(os.fsencode(path)), "")
+    except vips.Error as error:
+        raise ImageError(
+            f"cannot read '{path}' ({reason(error)}): it is no picture, damaged or of a kind libvips does "
+            "not know; export it again as PNG or TIFF"
+        ) from error
+    return image.width, image.height
+
+
+def _check_input(path: Path) -> None:
+    try:
+        mode = path.stat().st_mode
+        if stat.S_ISDIR(mode):
+            raise ImageError(f"'{path}' is a folder; name a picture inside it")
+        if not stat.S_ISREG(mode):
+            raise ImageError(f"'{path}' is not a regular file; save the picture to disk first")
+        with path.open("rb") as file:
+            if not file.read(1):
+                raise ImageError(f"'{path}' is empty; export the picture again")
+    except ImageError:
+        raise
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise ImageError(f"there is no file '{path}'; check its name and folder") from error
+    except (OSError, ValueError) as error:
+        raise ImageError(
+            f"cannot read '{path}' ({getattr(error, 'strerror', None) or error}); check its name and your "
+            "right to read it"
+        ) from error
+
+
+def _check_header(path: Path, image: VipsImage, max_pixels: int) -> None:
+    loader = image.get("vips-loader").split("load")[0]
+    if loader not in _PICTURE_LOADERS:
+        raise ImageError(
+            f"'{path}' is {loader.upper()}, not a picture made of pixels; export it as PNG or TIFF"
+        )
+    refuse_large(path, image.width, image.height, max_pixels)
+
+
+def _resolution(image: VipsImage) -> tuple[float, float] | None:
+    fields = image.get_fields()
+    resolution = None
+    if (
+        image.xres == image.yres == 1
+        and "exif-data" in fields
+        and any(tag in image.get("exif-data") for tag in _X_RESOLUTION)
+    ):
+        # WebP states it nowhere else, and libvips leaves it there.
+        unit_mm = (
+            10.0
+            if image.get_typeof("exif-ifd0-ResolutionUnit")
+            and image.get("exif-ifd0-ResolutionUnit").startswith("3")
+            else 25.4
+        )
+        try:
+            x, y = (
+                float(Fraction(image.get(f"exif-ifd0-{axis}Resolution").split()[0])) / unit_mm
+                for axis in "XY"
+            )
+        except (ValueError, IndexError, ZeroDivisionError):
+            return None
+        resolution = (x, y)
+    elif "resolution-unit" in fields or image.get("vips-loader").startswith("png"):
+        resolution = (image.xres, image.yres)
+    if resolution is None or not all(0 < value < 1e5 for value in resolution):  # 0, infinite or absurd
+        return None
+    if all(abs(value - UNSTATED_RESOLUTION) < 2e-3 for value in resolution):
+        return None
+    return resolution
+
+
+def _xmp(packet: bytes | None) -> bytes | None:
+    """An XMP packet for a picture that stands upright, and is not what a recipe of ours made."""
+    if packet is None or RECIPE_NAMESPACE.encode() in packet:
+        return None
+    return re.sub(rb"""(tiff:Orientation\s*(?:=\s*["']|>)\s*)[2-8]""", rb"\g<1>1", packet)
+
+
+def _gray_or_rgb(image: VipsImage) -> VipsImage:
+    """Convert what is neither gray nor RGB; a last band of alpha stays."""
+    if image.interpretation in ("lab", "labs"):
+        return image.colourspace("rgb16")
+    if image.interpretation != "cmyk":
+        return image
+    colour = image.extract_band(0, n=image.bands - 1) if image.hasalpha() else image
+    depth = 8 if image.format == "uchar" else 16
+    colour = colour.icc_transform("srgb", embedded=True, input_profile="cmyk", depth=depth, **INTENT)
+    return colour.bandjoin(image.extract_band(image.bands - 1)) if image.hasalpha() else colour
+
+
+def _known_depth(values: np.ndarray) -> np.ndarray:
+    if values.dtype in DEPTHS or np.iscomplexobj(values):
+        return values
+    if np.issubdtype(values.dtype, np.integer):
+        values = values / np.iinfo(values.dtype).max
+    with np.errstate(over="ignore"):  # too large for a float is infinite, which Picture refuses
+        return values.astype(np.float32)

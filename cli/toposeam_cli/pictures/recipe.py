@@ -1,0 +1,139 @@
+"""The recipe inside a file: written with a motif, and read back to make it again.
+
+Pictures carry it in an XMP packet, which PNG and TIFF hold and image editors keep; drawings in
+``<metadata>``. It is JSON in both.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from collections.abc import Mapping
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import toposeam as ts
+from toposeam.errors import ImageError, OptionError
+from toposeam.vector.svg import read_metadata
+from toposeam_cli.files.tables import read_table
+from toposeam_cli.pictures.decode import RECIPE_NAMESPACE
+from toposeam_cli.pictures.libvips import load_vips
+
+_RECIPE = f"{{{RECIPE_NAMESPACE}}}recipe"
+
+
+def to_xmp(settings: Mapping[str, Any]) -> bytes:
+    """An XMP packet with the settings as JSON."""
+    text = escape(json.dumps(dict(settings), allow_nan=False), quote=False)
+    return (
+        '<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?><x:xmpmeta xmlns:x="adobe:ns:meta/">'
+        '<rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">'
+        '<rdf:Description rdf:about="" '
+        f'xmlns:toposeam="{RECIPE_NAMESPACE}"><toposeam:recipe>{text}</toposeam:recipe>'
+        "</rdf:Description></rdf:RDF></x:xmpmeta>"
+        '<?xpacket end="w"?>'
+    ).encode()
+
+
+def read_settings(path: Path, otherwise: str = "") -> dict[str, Any]:
+    """The settings that TopoSeam wrote into a picture or a drawing; `otherwise` ends the sentence that says
+    there are none.
+
+    Raises
+    ------
+    OptionError
+        When there are none, or they are damaged.
+    ImageError
+        When the file cannot be read.
+    """
+    settings = read_metadata(path) if path.suffix.lower() == ".svg" else _from_picture(path)
+    if settings is None or "recipe" not in settings:
+        raise OptionError(
+            f"'{path}' holds no recipe; give a motif that toposeam wrote and no editor stripped{otherwise}"
+        )
+    return settings
+
+
+def read_recipe(path: Path) -> ts.Recipe:
+    """The recipe in a picture or a drawing; raises as :func:`read_settings`."""
+    settings = read_settings(path)
+    try:
+        return ts.Recipe.from_dict(settings["recipe"])
+    except (OptionError, ValueError, TypeError) as error:
+        raise OptionError(f"the recipe in '{path}' is damaged: {error}") from error
+
+
+def _from_picture(path: Path) -> dict[str, Any] | None:
+    vips = load_vips()
+    if path.is_dir():
+        raise ImageError(f"'{path}' is a folder; name a motif inside it")
+    if not path.is_file():
+        raise ImageError(f"there is no file '{path}'; check its name and folder")
+    try:
+        image = vips.Image.new_from_source(vips.Source.new_from_file(os.fsencode(path)), "")
+        packet = bytes(image.get("xmp-data")) if image.get_typeof("xmp-data") else b""
+    except vips.Error as error:
+        raise ImageError(
+            f"'{path}' is not a picture that can be read; give a PNG, TIFF or SVG that toposeam wrote"
+        ) from error
+    if not packet:
+        return None
+    from defusedxml import DefusedXmlException
+    from defusedxml.ElementTree import ParseError, fromstring
+
+    try:
+        text = next((element.text for element in fromstring(packet.strip(b"\x00 ")).iter(_RECIPE)), None)
+        settings = None if text is None else json.loads(text)
+    except (ParseError, DefusedXmlException, ValueError, RecursionError) as error:
+        raise OptionError(
+            f"the recipe in '{path}' is damaged; use a copy that no editor has changed"
+        ) from error
+    return settings if isinstance(settings, dict) else None
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The table in a TOML file.
+
+    Raises
+    ------
+    OptionError
+        When it cannot be read.
+    """
+    table, _ = read_table(path, "a file of parameters")
+    if not isinstance(table, dict):
+        raise OptionError(f"'{path}' is no table of parameters; write it in TOML")
+    return table
+
+
+def to_toml(recipe: ts.Recipe) -> str:
+    """A recipe as TOML, for people to edit."""
+    record = recipe.to_dict()
+    layers = record.pop("layers")
+    lines = [f"{name} = {_value(value)}" for name, value in record.items()]
+    for layer in layers:
+        lines += ["", "[[layers]]", *(f"{name} = {_value(value)}" for name, value in layer.items())]
+    return "\n".join([*lines, ""])
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool | str):
+        return json.dumps(value)  # JSON's texts and truth values are TOML's
+    if isinstance(value, list):
+        return f"[{', '.join(map(_value, value))}]"
+    return repr(value)
+
+
+def recipe_from_table(table: Mapping[str, Any], path: Path) -> ts.Recipe | None:
+    """The whole recipe in a table of parameters, None if it holds options only."""
+    if "layers" not in table or not isinstance(table["layers"], list):
+        return None
+    known = {field.name for field in dataclasses.fields(ts.Recipe)}
+    unknown = set(table) - known
+    if unknown:
+        raise OptionError(
+            f"'{path}' has {min(unknown)!r} beside [[layers]]; with layers written out, use "
+            f"{', '.join(sorted(known))}"
+        )
+    return ts.Recipe.from_dict(table)

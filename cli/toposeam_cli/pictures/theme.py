@@ -1,0 +1,49 @@
+"""Pictures that shape a motif or lend it their colours."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+import toposeam as ts
+from toposeam.motif.palettes import Palette, parse_colour
+from toposeam_cli.pictures.picture import read_picture
+from toposeam_cli.pictures.swatches import read_swatches
+
+#: A theme or a palette is not taken from larger pictures.
+_MAX_PIXELS = 500_000_000
+
+
+def read_colours(text: str, folder: Path = Path()) -> str | Palette | np.ndarray:
+    """What ``--palette`` names: a palette, colours, or a picture."""
+    if "#" in text:
+        colours = np.array([parse_colour(word) for word in text.replace(",", " ").split()])
+        return _palette(colours, repr(text))
+    if Path(text).suffix.lower() in (".gpl", ".ase"):
+        return _palette(read_swatches(folder / text), f"'{text}'")
+    if Path(text).suffix:
+        picture = read_picture(folder / text, _MAX_PIXELS)
+        if picture.alpha is None:
+            return picture.pixels
+        if not picture.covered().any():
+            raise ts.ImageError(
+                f"the palette's picture '{text}' is transparent everywhere; give one with colours"
+            )
+        return np.expand_dims(picture.pixels[picture.covered()], 0)  # a row of what can be seen
+    return text
+
+
+def _palette(colours: np.ndarray, of: str) -> Palette:
+    """The first colour is the paper's, the others are inks."""
+    if len(colours) < 2:
+        raise ts.OptionError(f"the palette {of} has no ink; write the paper's colour and one per layer")
+    return Palette(paper=colours[0], inks=colours[1:])
+
+
+def read_theme(path: Path) -> np.ndarray:
+    """A base image, with its alpha where it has one."""
+    picture = read_picture(path, _MAX_PIXELS)
+    if picture.alpha is None:
+        return picture.pixels
+    return np.concatenate([np.atleast_3d(picture.pixels), picture.alpha[..., None]], axis=2)

@@ -1,0 +1,33 @@
+"""Which commands there are: a new one is a module in :mod:`toposeam_cli.commands` and a line here."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+import click
+
+#: Each command and its first line of help, as its own text has it: loading the commands loads the numerics,
+#: which takes a second.
+COMMANDS = {
+    "stitch": "Join pictures where they overlap, along seams that nobody sees.",
+    "compare": "Find the seam between A and B with every method: cost, cost ÷ optimum, seconds.",
+    "synth": "Grow a large texture from a small SOURCE, or from several.",
+    "tile": "Make IMAGE repeat without a visible border, changing only a band along its borders.",
+    "fill": "Replace part of IMAGE by what the rest of it is like.",
+    "motif": "Invent a motif by leading heat from sources to sinks, one layer of ink at a time.",
+    "repeat": "Lay a motif side by side, mirrored or turned where its rule says so.",
+    "join": "Make motifs again so that they join each other, and lay them out.",
+    "mockup": "Show MOTIF on a product, to scale.",
+    "book": "Make a book of patterns round a theme: a logo, a symbol, a photograph.",
+    "path": "Find a way over MAP by heat: easy where it is bright, none where it is black.",
+    "volume": "Join stacks A and B along the surface that shows least.",
+    "loop": "Make CLIP repeat without a visible jump.",
+    "batch": "Run many jobs: those of a TOML file, or one for each set of pictures that patterns match.",
+    "gimp": "Filters > TopoSeam in GIMP 3.",
+}
+
+
+def load(name: str) -> click.Command:
+    """The command of that name."""
+    command: click.Command = getattr(import_module(f"toposeam_cli.commands.{name}"), name)
+    return command

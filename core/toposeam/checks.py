@@ -1,0 +1,279 @@
+"""What every public function does with what it is given: numbers, choices, seeds, options."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import operator
+from collections.abc import Collection
+from typing import Any, SupportsFloat, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.errors import OptionError
+
+#: A whole number, a generator to draw one from, or None for a new one each time.
+Seed = int | np.random.Generator | None
+
+OptionsT = TypeVar("OptionsT")
+
+
+def check_number(
+    name: str,
+    value: Any,
+    low: float = -math.inf,
+    high: float = math.inf,
+    *,
+    above: bool = False,
+    infinite: bool = False,
+) -> float:
+    """A number in [low, high], or in (low, high] where it must be `above`.
+
+    Parameters
+    ----------
+    name : str
+        What the caller calls it.
+    value : object
+        Anything; int, float and NumPy's scalars are numbers, bool and text are not.
+    low, high : float
+    above : bool
+    infinite : bool
+        Whether ``inf`` is let pass; NaN never is.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    OptionError
+        Names the value and what it must be.
+
+    Examples
+    --------
+    >>> check_number("weight", 1, 0, 1)
+    1.0
+    >>> check_number("weight", "x", 0, 1)
+    Traceback (most recent call last):
+        ...
+    toposeam.errors.OptionError: weight is 'x'; it must be a number between 0 and 1
+    """
+    number = math.nan
+    if isinstance(value, SupportsFloat) and not isinstance(value, bool | np.bool_ | np.ndarray):
+        try:
+            number = float(value)
+        except (OverflowError, TypeError, ValueError):
+            number = math.nan
+    inside = low < number if above else low <= number
+    if inside and number <= high and (infinite or math.isfinite(number)):
+        return number
+    raise OptionError(f"{name} is {shown(value)}; it must be {_wanted('a number', low, high, above)}")
+
+
+def check_whole(name: str, value: Any, low: int, high: int | None = None) -> int:
+    """A whole number in [low, high].
+
+    Raises
+    ------
+    OptionError
+        Also for 2.5, True and "2".
+
+    Examples
+    --------
+    >>> check_whole("max_iterations", np.int64(3), 1)
+    3
+    """
+    number = None
+    if not isinstance(value, bool | np.bool_):
+        try:
+            number = operator.index(value)
+        except TypeError:
+            number = None
+    if number is not None and low <= number and (high is None or number <= high):
+        return number
+    limit = math.inf if high is None else high
+    raise OptionError(f"{name} is {shown(value)}; it must be {_wanted('a whole number', low, limit, False)}")
+
+
+def check_range(low: float, high: float = math.inf, *, above: bool = False, **options: Any) -> None:
+    """Refuse options that are no finite number in [low, high], or in (low, high] where they must be `above`.
+
+    Raises
+    ------
+    OptionError
+        Names the first option that is out of range.
+    """
+    for name, value in options.items():
+        check_number(name, value, low, high, above=above)
+
+
+def check_choice(name: str, value: Any, choices: Collection[Any]) -> None:
+    """Refuse what is not one of some choices.
+
+    Raises
+    ------
+    OptionError
+    """
+    if not isinstance(value, str | int | bool | None) or value not in choices:
+        raise OptionError(f"{name} is {shown(value)}; choose one of {', '.join(map(str, choices))}")
+
+
+def check_kind(name: str, value: Any, kind: type | tuple[type, ...], wanted: str) -> None:
+    """Refuse a value of another class.
+
+    Parameters
+    ----------
+    name : str
+        What the caller calls it.
+    value : object
+    kind : type or tuple of types
+    wanted : str
+        What to pass instead: "a Motif", "a sequence of Layers".
+
+    Raises
+    ------
+    OptionError
+
+    Examples
+    --------
+    >>> check_kind("motif", "x", int, "a Motif")
+    Traceback (most recent call last):
+        ...
+    toposeam.errors.OptionError: motif is 'x'; pass a Motif
+    """
+    if not isinstance(value, kind):
+        raise OptionError(f"{name} is {shown(value)}; pass {wanted}")
+
+
+def check_items(name: str, values: Any, kind: type | tuple[type, ...], wanted: str) -> tuple[Any, ...]:
+    """The items of a sequence, all of one class.
+
+    Raises
+    ------
+    OptionError
+        Also when it is no sequence.
+    """
+    if isinstance(values, str | bytes) or (kind is not object and isinstance(values, kind)):
+        raise OptionError(f"{name} is {shown(values)}; pass {wanted}")
+    try:
+        items = tuple(values)
+    except TypeError as error:
+        raise OptionError(f"{name} is {shown(values)}; pass {wanted}") from error
+    for item in items:
+        if not isinstance(item, kind):
+            raise OptionError(f"{name} holds {shown(item)}; pass {wanted}")
+    return items
+
+
+def check_numbers(name: str, values: Any) -> npt.NDArray[np.float64]:
+    """An array of numbers, of any shape.
+
+    Raises
+    ------
+    OptionError
+        For text, objects and lists of unequal lengths.
+    """
+    try:
+        array = np.asarray(values)
+        if array.dtype.kind in "biuf":
+            return array.astype(np.float64)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise OptionError(f"{name} is {shown(values)}; pass numbers")
+
+
+def check_pair(name: str, value: Any, low: int, high: int | None = None) -> tuple[int, int]:
+    """Two whole numbers in [low, high].
+
+    Raises
+    ------
+    OptionError
+    """
+    try:
+        first, second = value
+    except (TypeError, ValueError) as error:
+        raise OptionError(f"{name} is {shown(value)}; pass two whole numbers") from error
+    return check_whole(name, first, low, high), check_whole(name, second, low, high)
+
+
+def seed_of(seed: Seed) -> int:
+    """The whole number behind a seed: itself, or drawn from a generator, or new.
+
+    Results keep it, so that they can be made again.
+
+    Raises
+    ------
+    OptionError
+        When it is none of these, or negative.
+
+    Examples
+    --------
+    >>> seed_of(7), seed_of(np.random.default_rng(0)) == seed_of(np.random.default_rng(0))
+    (7, True)
+    """
+    if seed is None:
+        seed = np.random.default_rng()
+    if isinstance(seed, np.random.Generator):
+        return int(seed.integers(2**53))
+    try:
+        return check_whole("seed", seed, 0)
+    except OptionError as error:
+        raise OptionError(
+            f"seed is {shown(seed)}; pass a whole number from 0 on, a numpy.random.Generator, or None"
+        ) from error
+
+
+def options_from(
+    kind: type[OptionsT], options: OptionsT | None, given: dict[str, Any], owner: str
+) -> OptionsT:
+    """The options of one call: an instance, or plain keywords, not both.
+
+    Parameters
+    ----------
+    kind : type
+        A dataclass.
+    options : instance of it or None
+    given : dict
+        The keywords.
+    owner : str
+        Whose options they are, for error texts: "method heat".
+
+    Raises
+    ------
+    OptionError
+        For another class, for both at once, and for keywords it does not have.
+    """
+    if options is not None:
+        if not isinstance(options, kind):
+            raise OptionError(f"options is of class {type(options).__name__}; {owner} takes {kind.__name__}")
+        if given:
+            raise OptionError(
+                f"{', '.join(sorted(given))} was given beside options; write it into {kind.__name__}"
+            )
+        return options
+    known = [option.name for option in dataclasses.fields(kind)]  # type: ignore[arg-type]
+    unknown = sorted(set(given) - set(known))
+    if unknown:
+        raise OptionError(f"{owner} does not know {', '.join(unknown)}; its options are {', '.join(known)}")
+    return kind(**given)
+
+
+def _wanted(noun: str, low: float, high: float, above: bool) -> str:
+    if high < math.inf:
+        if low == -math.inf:
+            return f"{noun} of at most {high:g}"
+        return (
+            f"{noun} above {low:g} and at most {high:g}" if above else f"{noun} between {low:g} and {high:g}"
+        )
+    if low == -math.inf:
+        return noun
+    if above and low == 0:
+        return f"a positive {noun.removeprefix('a ')}"
+    return f"{noun} {'above' if above else 'of at least'} {low:g}"
+
+
+def shown(value: Any) -> str:
+    """What was received, on one line and not too long, for error texts."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 60 else f"{text[:57]}…"

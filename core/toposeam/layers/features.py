@@ -1,0 +1,64 @@
+"""Pictures as they are recognised: detail without slow light, and SIFT features of a reduced copy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from toposeam.images import Mask, as_float
+from toposeam.layers.layer import Layer
+
+Floats = npt.NDArray[np.float64]
+
+_REDUCED_PIXELS = 200_000
+_CONTRAST = 0.004  # of features, three times as faint as usual
+_BLUR = 8.0  # px; slower changes are exposure, not content
+_LEAST_CORNER = 0.1  # least of how much a patch changes along its straightest direction, by that across it
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Look:
+    """A picture as it is compared: gray without slow changes, and what is seen of it reduced."""
+
+    detail: npt.NDArray[np.float32]
+    known: Mask
+    scale: int
+    keypoints: Floats  #: (K, 2) x and y at full size
+    descriptors: npt.NDArray[Any] | None
+
+
+def look_at(picture: Layer) -> Look:
+    """Detail and features of a picture."""
+    from skimage import feature
+
+    known = picture.covered
+    gray = as_float(picture.image, picture.name, picture.data_range).mean(axis=2)
+    gray[~known] = 0
+    weight = ndimage.gaussian_filter(known.astype(np.float32), _BLUR)
+    slow = ndimage.gaussian_filter(gray, _BLUR) / np.maximum(weight, 1e-6)
+    detail = np.where(known, gray - slow, np.float32(0)).astype(np.float32)
+    scale = max(1, int(np.ceil(np.sqrt(gray.size / _REDUCED_PIXELS))))
+    rows, columns = (size // scale * scale for size in gray.shape)
+    small = gray[:rows, :columns].reshape(rows // scale, scale, columns // scale, scale).mean(axis=(1, 3))
+    sift: Any = feature.SIFT(c_dog=_CONTRAST)  # type: ignore[no-untyped-call]
+    try:
+        sift.detect_and_extract(small)
+    except (RuntimeError, IndexError, ValueError):  # nothing to be found, or too small to look for anything
+        return Look(detail, known, scale, np.zeros((0, 2)), None)
+    points = (sift.keypoints[:, ::-1] + 0.5) * scale - 0.5
+    return Look(detail, known, scale, points.astype(float), sift.descriptors)
+
+
+def cornered(patch: npt.NDArray[np.float32]) -> bool:
+    """Whether a patch can be told from itself moved in any direction: straight edges alone cannot."""
+    smooth = ndimage.gaussian_filter(patch, 1.5)
+    down, right = np.gradient(smooth)
+    tensor = np.array(
+        [[np.sum(down * down), np.sum(down * right)], [np.sum(down * right), np.sum(right * right)]]
+    )
+    least, most = np.linalg.eigvalsh(tensor)
+    return bool(least > _LEAST_CORNER * most)

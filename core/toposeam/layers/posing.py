@@ -1,0 +1,296 @@
+"""A labelling problem posed: placed layers in; what is allowed where, and the costs, out.
+
+The rules of :mod:`toposeam.seam.overlap` carried over to many layers:
+
+- A layer does not show at its own end, where it has pixels but not the neighbour that another layer has,
+  unless all layers there end.
+- A connected piece of a layer that has no pixel to itself keeps its *core*, the pixels at least ``core``
+  times as deep as its deepest. Where the cores of two layers meet, the later one has it.
+- Where only one of two neighbours is covered by both layers, its values count twice; where neither is,
+  nothing is known and their interface costs 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from toposeam.errors import OptionError
+from toposeam.images import Mask, as_float, widen
+from toposeam.layers.labelling import Labelling, Pair, PairCost
+from toposeam.layers.layer import Box, Extent, Layer, cut
+from toposeam.seam.match_cost import Floats32, MatchCost, match_cost
+from toposeam.seam.overlap import FREE, NONE, A, B, Overlap, neighbours
+from toposeam.seam.problem import M_MAX
+
+#: Costs of pairs whose box holds up to so many pixels are kept; others are computed again where they are
+#: looked at.
+KEPT_PIXELS = 1 << 20
+#: Rows of about so many pixels are computed at once.
+_BLOCK_PIXELS = 1 << 18
+#: Rows of a band that are computed at once.
+_WANTED_ROWS = 48
+#: What forbids an interface; far above what any match cost amounts to.
+_FORBIDDEN = np.float32(M_MAX * 1e3)
+
+
+def pose_labelling(
+    layers: Sequence[Layer],
+    extent: Extent,
+    covered: Sequence[Mask],
+    *,
+    core: float = 0.5,
+    match: MatchCost | None = None,
+    weight: npt.NDArray[Any] | None = None,
+    avoid: Mask | None = None,
+    given: Sequence[tuple[Pair, Mask]] = (),
+) -> Labelling:
+    """The labelling problem of placed layers.
+
+    Parameters
+    ----------
+    layers : sequence of Layer
+    extent : Extent
+        Their canvas.
+    covered : sequence of (h, w) bool arrays
+        Per layer, on its place, where it has pixels it may show (:func:`exclusive_covers`).
+    core, match
+        As for :func:`toposeam.find_seam`.
+    weight, avoid : (H, W) array, optional
+        As for :func:`toposeam.find_seam`, on the canvas.
+    given : sequence of ((int, int), (H, W) bool array)
+        Seams that are known: two layers, and where the second one shows beside the first.
+    """
+    places = [extent.place(layer) for layer in layers]
+    allowed = _away_from_ends(extent.box, places, covered)
+    _keep_cores(extent.box, places, covered, allowed, core)
+    for pair, labels in given:
+        _divide(extent.box, places, allowed, pair, labels)
+    match = MatchCost() if match is None else match
+    context = _Context(layers, places, covered, allowed, match, weight, avoid, extent.box)
+    costs: dict[Pair, PairCost] = {}
+    for i in range(len(layers)):
+        for j in range(i + 1, len(layers)):
+            common = places[i].shared(places[j])
+            if all(common.shape) and _both(places, covered, i, j, common).any():
+                costs[i, j] = LayerPairCost((i, j), context)
+    forbidden = float("inf") if avoid is None else float(_FORBIDDEN)
+    return Labelling(extent.box, places, allowed, costs, forbidden)
+
+
+def _both(places: Sequence[Box], covered: Sequence[Mask], i: int, j: int, box: Box) -> Mask:
+    shared: Mask = cut(covered[i], places[i], box) & cut(covered[j], places[j], box)
+    return shared
+
+
+def _away_from_ends(canvas: Box, places: Sequence[Box], covered: Sequence[Mask]) -> list[Mask]:
+    ground = np.zeros(canvas.shape, bool)
+    for place, cover in zip(places, covered, strict=True):
+        ground[place.slices] |= cover
+    inner, somewhere = [], np.zeros(canvas.shape, bool)
+    for place, cover in zip(places, covered, strict=True):
+        around = place.grown(1)
+        missing = cut(ground, canvas, around) & ~cut(cover, place, around)
+        inner.append(cover & ~neighbours(missing)[1:-1, 1:-1])
+        somewhere[place.slices] |= inner[-1]
+    return [
+        np.where(somewhere[place.slices], away, cover)
+        for place, away, cover in zip(places, inner, covered, strict=True)
+    ]
+
+
+def _keep_cores(
+    canvas: Box, places: Sequence[Box], covered: Sequence[Mask], allowed: list[Mask], core: float
+) -> None:
+    depth = np.zeros(canvas.shape, np.uint16)
+    for place, cover in zip(places, covered, strict=True):
+        depth[place.slices] += cover
+    claimed: Mask | None = None
+    for index in reversed(range(len(places))):
+        place, cover = places[index], covered[index]
+        if cover.all():  # one piece
+            if (depth[place.slices] == 1).any():
+                continue
+            piece, count = cover.astype(np.int32), 1
+        else:
+            piece, count = ndimage.label(cover)
+        alone = np.bincount(piece[depth[place.slices] == 1], minlength=count + 1) > 0
+        alone[0] = True
+        if alone.all():
+            continue
+        deep = ndimage.distance_transform_edt(np.pad(cover, 1))[1:-1, 1:-1]
+        deepest = ndimage.maximum(deep, piece, np.arange(count + 1))
+        middle = ~alone[piece] & (deep >= np.maximum(core * deepest[piece], 2.0)) & allowed[index]
+        if claimed is None:
+            claimed = np.zeros(canvas.shape, bool)
+        middle &= ~claimed[place.slices]
+        claimed[place.slices] |= middle
+        for other, there in enumerate(places):  # no layer but this one is allowed in its core
+            if other != index and all(place.shared(there).shape):
+                allowed[other] &= ~cut(middle, place, there)
+
+
+def _divide(canvas: Box, places: Sequence[Box], allowed: list[Mask], pair: Pair, labels: Mask) -> None:
+    """Forbid each of two layers what a given seam leaves to the other; `labels` on the canvas, True for the
+    second layer.
+    """
+    first, second = pair
+    for index, other, shows in ((first, second, ~labels), (second, first, labels)):
+        place, there = places[index], places[other]
+        taken = cut(shows, canvas, place) & cut(allowed[other], there, place) & allowed[index]
+        allowed[other] &= ~cut(taken, place, there)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Context:
+    layers: Sequence[Layer]
+    places: Sequence[Box]
+    covered: Sequence[Mask]
+    allowed: Sequence[Mask]
+    match: MatchCost
+    weight: npt.NDArray[Any] | None
+    avoid: Mask | None
+    canvas: Box
+
+
+class LayerPairCost:
+    """The match cost of two layers, computed from their pixels where it is looked at."""
+
+    def __init__(self, pair: Pair, context: _Context) -> None:
+        self._pair, self._context = pair, context
+        self._box = context.places[pair[0]].shared(context.places[pair[1]]).grown(1)
+        self._kept: tuple[Floats32, Floats32] | None = None
+
+    @property
+    def box(self) -> Box:
+        """What their places have in common, and one pixel around."""
+        return self._box
+
+    def shared(self, box: Box) -> Mask:
+        """(h, w) bool, where both layers have pixels."""
+        return _both(self._context.places, self._context.covered, *self._pair, box)
+
+    def on(self, box: Box, beside: Mask | None = None) -> tuple[Floats32, Floats32]:
+        """The costs in a box, of large overlaps only those of interfaces of the pixels asked for."""
+        if self.box.shape[0] * self.box.shape[1] > KEPT_PIXELS:
+            common = self.box.shared(box)
+            if min(common.shape) < 2:
+                return _spread(None, common, box)
+            wanted = None if beside is None else beside[common.within(box)]
+            return _spread(self._computed(common, wanted), common, box)
+        if self._kept is None:
+            self._kept = self._computed(self.box)
+        return _spread(self._kept, self.box, box)
+
+    def _computed(self, box: Box, wanted: Mask | None = None) -> tuple[Floats32, Floats32]:
+        """Block by block, so that only a few rows of the layers are held as float32."""
+        height, width = box.shape
+        right, down = np.zeros((height, width - 1), np.float32), np.zeros((height - 1, width), np.float32)
+        step = max(1, _BLOCK_PIXELS // width) if wanted is None else _WANTED_ROWS
+        for start in range(0, height, step):
+            stop = min(start + step, height)
+            first, last = 0, width
+            if wanted is not None:
+                columns = np.flatnonzero(wanted[max(start - 1, 0) : stop + 1].any(axis=0))
+                if not len(columns):
+                    continue
+                first, last = max(int(columns[0]) - 1, 0), min(int(columns[-1]) + 2, width)
+            part = Box(box.top + start, box.left + first, box.top + min(stop + 1, height), box.left + last)
+            across, below = self._block(part)
+            right[start:stop, first : last - 1] = across[: stop - start]
+            down[start:stop, first:last] = below[: stop - start]
+        return right, down
+
+    def _block(self, box: Box) -> tuple[Floats32, Floats32]:
+        context = self._context
+        around = box.grown(1)  # gradients look one pixel farther
+        on_a, on_b = (cut(context.covered[k], context.places[k], around) for k in self._pair)
+        may_a, may_b = (cut(context.allowed[k], context.places[k], around) for k in self._pair)
+        side = np.full(around.shape, NONE, np.uint8)
+        side[may_a], side[may_b] = A, B
+        side[may_a & may_b] = FREE
+        overlap = Overlap(side, on_a & on_b, (around.top, around.left), context.canvas.shape)
+        a, b = widen(*(self._colours(k, around, on) for k, on in zip(self._pair, (on_a, on_b), strict=True)))
+        weight = None
+        if context.weight is not None:
+            weight = cut(context.weight, context.canvas, around).astype(np.float32)
+        right, down = match_cost(a, b, overlap, on_a, on_b, context.match, weight)
+        if context.avoid is not None:
+            away = cut(context.avoid, context.canvas, around)
+            right[(right > 0) & (away[:, 1:] | away[:, :-1])] = _FORBIDDEN
+            down[(down > 0) & (away[1:] | away[:-1])] = _FORBIDDEN
+        return right[1:-1, 1:-1], down[1:-1, 1:-1]
+
+    def _colours(self, index: int, box: Box, present: Mask) -> Floats32:
+        layer = self._context.layers[index]
+        image = cut(layer.image, self._context.places[index], box)
+        image[~present] = 0
+        return as_float(image, layer.name, layer.data_range)
+
+
+def _spread(costs: tuple[Floats32, Floats32] | None, at: Box, box: Box) -> tuple[Floats32, Floats32]:
+    """Costs known in a box as those in another one, 0 beyond."""
+    right_box, down_box = (
+        Box(box.top, box.left, box.bottom, box.right - 1),
+        Box(box.top, box.left, box.bottom - 1, box.right),
+    )
+    if costs is None:
+        return np.zeros(right_box.shape, np.float32), np.zeros(down_box.shape, np.float32)
+    return cut(costs[0], Box(at.top, at.left, at.bottom, at.right - 1), right_box), cut(
+        costs[1], Box(at.top, at.left, at.bottom - 1, at.right), down_box
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TableCost:
+    """The cost of two layers on a reduced canvas, as tables."""
+
+    box: Box
+    right: Floats32
+    down: Floats32
+
+    def on(self, box: Box, beside: Mask | None = None) -> tuple[Floats32, Floats32]:
+        """The costs in a box."""
+        return _spread((self.right, self.down), self.box, box)
+
+    def shared(self, box: Box) -> Mask:
+        """(h, w) bool, the whole of their common box."""
+        inside = self.box.grown(-1)
+        return cut(np.ones(inside.shape, bool), inside, box)
+
+
+def exclusive_covers(layers: Sequence[Layer], places: Sequence[Box], canvas: Extent) -> list[Mask]:
+    """Per layer, on its place, where it has pixels that may show and no other layer must be kept.
+
+    Raises
+    ------
+    OptionError
+        When two layers must both be kept at a pixel, or one is to be kept nowhere that it has pixels.
+    """
+    covered = [layer.covered for layer in layers]
+    if all(layer.keep is None for layer in layers):
+        return covered
+    keeper = np.full(canvas.shape, -1, np.int16)
+    for index, (layer, place) in enumerate(zip(layers, places, strict=True)):
+        if layer.keep is None:
+            continue
+        kept = covered[index] & np.asarray(layer.keep)
+        if not kept.any():
+            raise OptionError(f"{layer.name} is to be kept where it has no pixels; check its keep mask")
+        before = keeper[place.slices][kept]
+        if before.max() >= 0:
+            rival = layers[int(before.max())].name
+            count = np.count_nonzero(before >= 0)
+            raise OptionError(
+                f"{rival} and {layer.name} are both to be kept at {count} pixels; keep only one of them there"
+            )
+        keeper[place.slices][kept] = index
+    return [
+        cover & ((keeper[place.slices] < 0) | (keeper[place.slices] == index))
+        for index, (cover, place) in enumerate(zip(covered, places, strict=True))
+    ]

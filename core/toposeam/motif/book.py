@@ -1,0 +1,154 @@
+"""What a pattern book round a theme consists of (thesis 4.5): the recipe of each pattern, and the product it
+suits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.checks import check_whole
+from toposeam.motif.conduction import nominal_conductivity
+from toposeam.motif.generate import random_recipe
+from toposeam.motif.kinds import Kind
+from toposeam.motif.palettes import Palette, palette
+from toposeam.motif.recipe import Recipe, pack_base, unpack_base
+
+#: The four palettes that divide a book.
+SEASONS = ("spring", "summer", "fall", "winter")
+#: Rules of repetition; those that leave the theme as it is more often than those that fold it.
+_REPEATS = (
+    "translate",
+    "translate",
+    "translate",
+    "rotate",
+    "rotate",
+    "reflect",
+    "p2",
+    "pm",
+    "pg",
+    "pmg",
+    "pgg",
+    "cmm",
+    "p4",
+    "p4m",
+    "p4g",
+    "p6m",
+)
+#: The kinds a product is shown with: a fine pattern for a tie, a bold one for a canvas.
+FITTING: dict[str, tuple[Kind, ...]] = {
+    "tie": (Kind.THIN_HIDDEN, Kind.THIN_CLEAR, Kind.THICK_HIDDEN, Kind.THICK_CLEAR),
+    "scarf": (Kind.THICK_HIDDEN, Kind.THIN_HIDDEN, Kind.THIN_CLEAR, Kind.THICK_CLEAR),
+    "shirt": (Kind.THIN_CLEAR, Kind.THIN_HIDDEN, Kind.THICK_CLEAR, Kind.THICK_HIDDEN),
+    "canvas": (Kind.THICK_CLEAR, Kind.THICK_HIDDEN, Kind.THIN_CLEAR, Kind.THIN_HIDDEN),
+}
+
+
+def book_recipe(theme: npt.ArrayLike, seed: int, number: int, size: int) -> Recipe:
+    """The recipe of one pattern of a book: everything about it is drawn by chance, but the season, which goes
+    by turns.
+
+    Half of the patterns are meant to have thick strokes, and half to show the theme; what came of it is
+    measured.
+
+    Parameters
+    ----------
+    theme : (H, W[, C]) array_like
+    seed : int
+        Of the whole book.
+    number : int
+        Of the pattern, from 1.
+    size : int
+        Elements of a motif's side, even.
+
+    Returns
+    -------
+    Recipe
+
+    Raises
+    ------
+    OptionError, ImageError
+    """
+    check_whole("seed", seed, 0)
+    check_whole("number", number, 0)
+    rng = np.random.default_rng([seed, number])
+    season = palette(SEASONS[number % len(SEASONS)], 6)
+    thick, shown = bool(rng.integers(2)), bool(rng.integers(2))
+    layers = int(rng.integers(2, 4 if shown else 5))  # on one place more inks than three turn black
+    inks = season.inks[rng.permutation(6)[:layers]]
+    repeat = str(rng.choice(_REPEATS[:6] if shown else _REPEATS))
+    strength = float(rng.uniform(0.7, 1.0) if shown else rng.uniform(0.05, 0.35))
+    # Ink goes where the theme has less: a dark sign on light ground is drawn in ink, a light one on dark
+    # ground too.
+    if unpack_base(pack_base(theme)).mean() > 0.5:
+        strength = -strength
+    few, many = (1, 4), (4, 10)
+
+    def spots() -> list[tuple[float, float]]:
+        count = int(rng.integers(*(few if thick else many)))
+        return (
+            _inside(theme, strength, count, rng)
+            if shown
+            else [(float(x), float(y)) for x, y in rng.random((count, 2))]
+        )
+
+    low, high = (0.0, 0.4) if thick else (0.5, 1.0)
+    return random_recipe(
+        size,
+        layers=layers,
+        repeat=repeat,
+        seed=int(rng.integers(2**31)),
+        palette=Palette(paper=season.paper, inks=inks),
+        sources=[spots() for _ in range(layers)],
+        sinks=[spots() for _ in range(layers)],
+        ambient=float(rng.uniform(0.6, 1.0) if shown else rng.uniform(low, high)),
+        mass=[float(rng.uniform(0.2, 0.36) if thick else rng.uniform(0.08, 0.22)) for _ in range(layers)],
+        penalty=float(rng.choice([1.0, 2.0, 3.0, 3.0, 3.0])),
+        iterations=int(rng.integers(20, 51)),
+        filter_radius=float(rng.uniform(1.5, 3.0) if thick else rng.uniform(0.6, 1.2)),
+        base=theme,
+        base_strength=strength,
+    )
+
+
+def _inside(
+    theme: npt.ArrayLike, strength: float, count: int, rng: np.random.Generator
+) -> list[tuple[float, float]]:
+    """Places in [0, 1], the likelier the better the theme conducts there."""
+    base = unpack_base(pack_base(theme))
+    weight = nominal_conductivity(base, strength, base.shape).ravel() ** 4
+    chosen = rng.choice(weight.size, count, p=weight / weight.sum())
+    rows, columns = np.unravel_index(chosen, base.shape)
+    return [
+        (float(x + 0.5) / base.shape[1], float(y + 0.5) / base.shape[0])
+        for x, y in zip(columns, rows, strict=True)
+    ]
+
+
+def choose(rows: Sequence[dict[str, Any]]) -> list[tuple[dict[str, Any], str]]:
+    """For each season and product a pattern of the kind that suits it, a different one for each.
+
+    Parameters
+    ----------
+    rows : sequence of dict
+        With the season, kind, layers and number of each pattern.
+
+    Examples
+    --------
+    >>> rows = [{"season": "fall", "kind": kind, "layers": 2, "number": n} for n, kind in enumerate("AD", 1)]
+    >>> [(row["number"], product) for row, product in choose(rows)]
+    [(2, 'tie'), (1, 'scarf')]
+    """
+    chosen = []
+    for season in SEASONS:
+        left = [row for row in rows if row["season"] == season]
+        for product, kinds in FITTING.items():
+            if left:
+                order = [str(kind) for kind in kinds]
+                best = min(left, key=lambda row: (order.index(row["kind"]), -row["layers"], row["number"]))
+                left.remove(best)
+                chosen.append((best, product))
+    return chosen

@@ -1,0 +1,85 @@
+"""Motifs laid side by side by the rule they were made for."""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+Scalar = TypeVar("Scalar", bound=np.generic)
+
+
+def shift_of(repeat: str) -> tuple[int, Fraction] | None:
+    """Of a rule whose rows (``brick``) or columns (``drop``) are shifted against each other: which axis is
+    shifted along, 1 or 0, and by what share of the cell; None for others.
+
+    Examples
+    --------
+    >>> shift_of("brick"), shift_of("drop 1/3"), shift_of("p4")
+    ((1, Fraction(1, 2)), (0, Fraction(1, 3)), None)
+    """
+    name, _, text = repeat.partition(" ")
+    if name not in ("brick", "drop"):
+        return None
+    match = re.fullmatch(r"(\d{1,2})/(\d{1,2})", text or "1/2")
+    if match is None or not 0 < int(match[1]) < int(match[2]):
+        return None
+    return (1 if name == "brick" else 0), Fraction(int(match[1]), int(match[2]))
+
+
+def period(repeat: str) -> tuple[int, int]:
+    """After how many rows and columns of cells a pattern repeats by translation."""
+    if repeat in ("reflect", "rotate"):
+        return 2, 2
+    shift = shift_of(repeat)
+    if shift is None:
+        return 1, 1
+    axis, share = shift
+    return (share.denominator, 1) if axis == 1 else (1, share.denominator)
+
+
+def copy_at(cell: npt.NDArray[Scalar], repeat: str, row: int, column: int) -> npt.NDArray[Scalar]:
+    """The copy of a cell, (..., h, w), that lies in the given row and column of its pattern."""
+    if repeat == "reflect":
+        return cell[..., :: -1 if row % 2 else 1, :: -1 if column % 2 else 1]
+    if repeat == "rotate" and (row + column) % 2:
+        return cell[..., ::-1, ::-1]
+    shift = shift_of(repeat)
+    if shift is not None:
+        axis, share = shift
+        along = cell.shape[axis - 2]
+        return np.roll(cell, round((row if axis == 1 else column) * share * along) % along, axis=axis - 2)
+    return cell
+
+
+def tile(cell: npt.NDArray[Scalar], repeat: str, counts: tuple[int, int]) -> npt.NDArray[Scalar]:
+    """A pattern of rows × columns cells, (..., rows * h, columns * w)."""
+    rows, columns = counts
+    h, w = cell.shape[-2:]
+    result = np.empty((*cell.shape[:-2], rows * h, columns * w), cell.dtype)
+    for row in range(rows):
+        for column in range(columns):
+            result[..., row * h : (row + 1) * h, column * w : (column + 1) * w] = copy_at(
+                cell, repeat, row, column
+            )
+    return result
+
+
+def extend(cell: npt.NDArray[Scalar], repeat: str, margin: int) -> npt.NDArray[Scalar]:
+    """A cell, (..., h, w), with a margin of its neighbours in the pattern; a motif that does not repeat has
+    mirrored ones.
+    """
+    h, w = cell.shape[-2:]
+    rule = "reflect" if repeat == "none" else repeat
+    up, left = -(-margin // h), -(-margin // w)
+    result = np.empty((*cell.shape[:-2], (2 * up + 1) * h, (2 * left + 1) * w), cell.dtype)
+    for row in range(2 * up + 1):
+        for column in range(2 * left + 1):
+            result[..., row * h : (row + 1) * h, column * w : (column + 1) * w] = copy_at(
+                cell, rule, row - up, column - left
+            )
+    y, x = up * h - margin, left * w - margin
+    return result[..., y : y + h + 2 * margin, x : x + w + 2 * margin]

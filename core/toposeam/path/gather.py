@@ -1,0 +1,131 @@
+r"""Heat led from sources to sinks through an optimised plate (thesis 2.1; Ryu et al., reference 15 there).
+
+The plate is the ground a robot can drive on, its obstacles are insulation. Heat is generated where the robot
+starts (2.1) and leaves by convection where it ends; the material that carries it best (2.7) under a mass
+bound (2.8) is the way. The bound falls with the iterations,
+
+.. math:: M_0(n) = \max\left(\sum V_e / n^2,\; M_{\min}\right) \qquad (2.9), (2.10)
+
+down to the mass of a straight stroke between the ends, and the exponent p of k = k_0 ρ^p (2.6) grows from 1
+when it is there. With p = 1 the optimum is a flux q of least Σ c|q| for conductivities k_0 = 1/c²: heat takes
+the way of least cost, in any direction, not only along the grid. The larger p then gathers it into a line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.checks import check_range, check_whole
+from toposeam.heat.plate import Plate
+from toposeam.optimize.oc import OCOptions, oc_step
+
+Floats = npt.NDArray[np.float64]
+
+#: Conductivity of obstacles and of elements without material, relative to the ground's.
+_INSULATION = 1e-6
+#: Convection of a sink element.
+_CONVECTION = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PathOptions:
+    """How the heat is led.
+
+    Examples
+    --------
+    >>> import numpy as np, toposeam as ts
+    >>> way = ts.plan_path((16, 24), (2, 8), (21, 8), options=ts.PathOptions(gather=10, sharpen=10))
+    >>> len(way.paths)
+    1
+    """
+
+    #: Width of the stroke whose mass M_min is, px.
+    stroke_px: float = 2.0
+    #: Iterations with p = 1 and the falling mass bound.
+    gather: int = 40
+    #: Iterations in which p grows from 1 to its last value.
+    sharpen: int = 30
+    #: Last penalty exponent.
+    penalty: float = 3.0
+    #: Whether the traced way is drawn taut at the end, where a straight line costs no more.
+    taut: bool = True
+
+    def __post_init__(self) -> None:
+        check_range(0, above=True, stroke_px=self.stroke_px)
+        check_whole("gather", self.gather, 1)
+        check_whole("sharpen", self.sharpen, 0)
+        check_range(1, 10, penalty=self.penalty)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PathIteration:
+    """One iteration of the optimisation.
+
+    Examples
+    --------
+    >>> import numpy as np, toposeam as ts
+    >>> way = ts.plan_path((16, 24), (2, 8), (21, 8))
+    >>> way.history[0].leg
+    1
+    """
+
+    #: Which leg between stopovers, from 1.
+    leg: int
+    #: Thermal compliance (2.7).
+    compliance: float
+    #: Mass, and its bound M_0(n) (2.9).
+    mass: float
+    bound: float
+    #: Penalty exponent (2.6).
+    penalty: float
+
+
+def gather(
+    cost: Floats,
+    sources: list[tuple[int, int]],
+    sinks: list[tuple[int, int]],
+    options: PathOptions,
+    leg: int,
+    report: Callable[[float], None],
+) -> tuple[Floats, list[PathIteration]]:
+    """The material at the end of the optimisation, and its history."""
+    free = np.isfinite(cost)
+    heat, convection = np.zeros(cost.shape), np.zeros(cost.shape)
+    for point in sources:
+        heat[point] = 1.0
+    for point in sinks:
+        convection[point] = _CONVECTION
+    plate = Plate(heat, convection)
+    typical = float(np.median(cost[free]))
+    nominal = np.where(free, (typical / np.where(free, cost, 1.0)) ** 2, _INSULATION)
+    volume = float(np.count_nonzero(free))
+    # M_min: a straight stroke from every source to its nearest sink (2.9).
+    ends = np.array(sinks, float)
+    straight = sum(float(np.hypot(*(ends - point).T).min()) for point in np.array(sources, float))
+    least = min(options.stroke_px * straight, volume)
+    density = np.where(free, 1.0, 0.0)
+    nodes = None
+    history = []
+    total = options.gather + options.sharpen
+    for n in range(1, total + 1):
+        grown = max(0, n - options.gather) / max(options.sharpen, 1)
+        p = 1.0 + (options.penalty - 1.0) * min(1.0, 1.5 * grown)
+        bound = max(volume / n**2, least)  # (2.9), (2.10)
+        steady = plate.solve(nominal * (_INSULATION + (1 - _INSULATION) * density**p), nodes)  # (2.6)
+        nodes = steady.nodes
+        sensitivity = -p * nominal * density ** (p - 1) * steady.energy  # ∂Π/∂ρ
+        step = OCOptions(move=1.0 if p == 1.0 else 0.2, damping=1 / (p + 1))
+        moved = oc_step(density[free], sensitivity[free], 1.0, bound, 1e-4, 1.0, step)
+        density = np.zeros(cost.shape)
+        density[free] = moved
+        history.append(
+            PathIteration(
+                leg=leg, compliance=steady.compliance, mass=float(moved.sum()), bound=bound, penalty=p
+            )
+        )
+        report(n / total)
+    return density, history

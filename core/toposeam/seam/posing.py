@@ -1,0 +1,185 @@
+"""A seam problem posed: two patches, their masks and the options of the match cost in; overlap and
+costs out.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.checks import check_choice
+from toposeam.errors import ImageError, OptionError
+from toposeam.images import Image, Mask, as_array, as_float, as_mask, widen
+from toposeam.seam.match_cost import Floats32, MatchCost, match_cost
+from toposeam.seam.overlap import SIDES, Overlap, Side, between_masks, side_by_side
+from toposeam.seam.problem import M_MAX, SeamProblem
+
+#: The match cost is computed from blocks of about so many pixels.
+_BLOCK_PIXELS = 1 << 18
+
+
+def pose(
+    a: npt.ArrayLike,
+    b: npt.ArrayLike,
+    mask_a: npt.ArrayLike | None,
+    mask_b: npt.ArrayLike | None,
+    side: Side | None,
+    gradient: bool | None,
+    cost: MatchCost | None,
+    *,
+    weight: npt.ArrayLike | None,
+    avoid: npt.ArrayLike | None,
+    core: float,
+    data_range: float | None,
+) -> tuple[SeamProblem, Mask, dict[str, Any]]:
+    """The problem, what only ``b`` covers, and the settings, of arguments as :func:`find_seam` takes them.
+
+    Raises
+    ------
+    OptionError
+        For arguments that would be ignored, besides all that :func:`seam_problem` refuses.
+    """
+    if gradient is not None:
+        check_choice("gradient", gradient, (True, False))
+        if cost is not None:
+            raise OptionError(
+                "gradient and cost are both given; write MatchCost(gradient=…) and leave gradient out"
+            )
+    if cost is not None and not isinstance(cost, MatchCost):
+        raise OptionError(f"cost is of class {type(cost).__name__}; pass a MatchCost")
+    masked = mask_a is not None or mask_b is not None
+    if side is not None:
+        check_choice("side", side, SIDES)
+    if side is not None and masked:
+        raise OptionError(
+            f"side is {side!r}, but masks say where each patch continues; leave one or the other out"
+        )
+    match = cost if cost is not None else MatchCost(gradient=gradient is not False)
+    problem, only_b = seam_problem(
+        a, b, mask_a, mask_b, side or "right", match, weight, avoid, core, data_range
+    )
+    place = {"core": core} if masked else {"side": side or "right"}
+    return problem, only_b, {**place, **dataclasses.asdict(match)}
+
+
+def seam_problem(
+    a: npt.ArrayLike,
+    b: npt.ArrayLike,
+    mask_a: npt.ArrayLike | None,
+    mask_b: npt.ArrayLike | None,
+    side: Side,
+    cost: MatchCost,
+    weight: npt.ArrayLike | None = None,
+    avoid: npt.ArrayLike | None = None,
+    core: float = 0.5,
+    data_range: float | None = None,
+) -> tuple[SeamProblem, Mask]:
+    """The problem behind :func:`find_seam`, and the (H, W) mask of the pixels only ``b`` covers.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> problem, only_b = seam_problem(*rng.random((2, 4, 6)), None, None, "right", MatchCost())
+    >>> problem.right.shape, only_b.any()  # one pixel of margin all round
+    ((6, 7), np.False_)
+    """
+    a, b = as_array(a, "a"), as_array(b, "b")
+    shape_a, shape_b = a.shape[:2], b.shape[:2]
+    if shape_a != shape_b:
+        raise ImageError(
+            f"a has {shape_a} pixels and b has {shape_b}; put both on one canvas of the same size "
+            "(toposeam.stitch does)"
+        )
+    canvas = (int(shape_a[0]), int(shape_a[1]))
+    if mask_a is None and mask_b is None:
+        overlap = side_by_side(canvas, side)
+        on_a = on_b = overlap.shared
+        only_b = np.zeros(canvas, bool)
+    else:
+        whole = np.ones(canvas, bool)
+        full_a = whole if mask_a is None else as_mask(mask_a, canvas, "mask_a")
+        full_b = whole if mask_b is None else as_mask(mask_b, canvas, "mask_b")
+        overlap = between_masks(full_a, full_b, core)
+        on_a, on_b = overlap.window(full_a).astype(bool), overlap.window(full_b).astype(bool)
+        only_b = full_b & ~full_a
+    factor = None
+    if weight is not None:
+        factor = overlap.window(as_weights(weight, canvas)).astype(np.float32)
+    right, down = _match_cost(a, b, overlap, on_a, on_b, cost, factor, data_range)
+    forbidden = float("inf")
+    if avoid is not None:
+        forbidden = forbid(right, down, overlap.window(as_mask(avoid, canvas, "avoid")))
+    return SeamProblem(overlap, right, down, forbidden), only_b
+
+
+def forbid(right: npt.NDArray[np.float32], down: npt.NDArray[np.float32], avoid: Mask) -> float:
+    """Raise, in place, the cost of all interfaces of some (h, w) pixels beyond what a seam accepts; returns
+    that cost.
+    """
+    forbidden = np.float32(M_MAX * max(1.0, float(right.max(initial=0)), float(down.max(initial=0))))
+    right[(right > 0) & (avoid[:, 1:] | avoid[:, :-1])] = forbidden
+    down[(down > 0) & (avoid[1:] | avoid[:-1])] = forbidden
+    return float(forbidden)
+
+
+def _match_cost(
+    a: Image,
+    b: Image,
+    overlap: Overlap,
+    on_a: Mask,
+    on_b: Mask,
+    cost: MatchCost,
+    factor: Floats32 | None,
+    data_range: float | None,
+) -> tuple[Floats32, Floats32]:
+    """The match cost, from blocks of rows: only the rows of one block are held as float32 at a time."""
+    h, w = overlap.side.shape
+    right, down = np.empty((h, w - 1), np.float32), np.empty((h - 1, w), np.float32)
+    step = max(1, _BLOCK_PIXELS // w)
+    for start in range(0, h, step):
+        stop = min(start + step, h)
+        # The lower neighbour of the last row, and a row beyond either end for the gradients.
+        low, high = max(start - 1, 0), min(stop + 2, h)
+        rows = slice(low, high)
+        part = Overlap(
+            overlap.side[rows],
+            overlap.shared[rows],
+            (overlap.origin[0] + low, overlap.origin[1]),
+            overlap.canvas,
+        )
+        patch_a, patch_b = widen(
+            _patch(a, part, on_a[rows], "a", data_range), _patch(b, part, on_b[rows], "b", data_range)
+        )
+        beside, below = match_cost(
+            patch_a, patch_b, part, on_a[rows], on_b[rows], cost, None if factor is None else factor[rows]
+        )
+        right[start:stop] = beside[start - low : stop - low]
+        down[start:stop] = below[start - low : stop - low]
+    return right, down
+
+
+def _patch(
+    image: Image, overlap: Overlap, present: Mask, name: str, data_range: float | None
+) -> npt.NDArray[np.float32]:
+    """The window of a patch as float32, zero where it has no pixels (whatever the array holds there)."""
+    window = overlap.window(image)
+    window[~present] = 0
+    return as_float(window, name, data_range)
+
+
+def as_weights(weight: npt.ArrayLike, canvas: tuple[int, int]) -> npt.NDArray[np.float64]:
+    """The factors on the match cost, one positive number per pixel."""
+    try:
+        array = np.asarray(weight, float)
+    except (TypeError, ValueError) as error:
+        raise ImageError(f"weight cannot be read as numbers ({error}); pass one value per pixel") from error
+    if array.shape != canvas:
+        raise ImageError(
+            f"weight has shape {array.shape}, the images have {canvas}; pass one value per pixel"
+        )
+    if not (np.isfinite(array).all() and (array > 0).all()):
+        raise OptionError("weight must be positive everywhere; to keep the seam out of some pixels use avoid")
+    return array

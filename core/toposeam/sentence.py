@@ -1,0 +1,37 @@
+"""What went wrong, as one sentence for the user."""
+
+from __future__ import annotations
+
+import os
+
+from toposeam.errors import TopoSeamError
+
+
+def sentence(error: BaseException) -> str:
+    """What to tell the user about an error, on one line."""
+    if isinstance(error, TopoSeamError):
+        text = str(error)
+    elif callable(format_message := getattr(error, "format_message", None)):  # click's own errors
+        text = str(format_message())
+    elif isinstance(error, MemoryError):
+        text = "the pictures do not fit into memory; use smaller ones, or close other programs"
+    elif isinstance(error, OSError):
+        text = (
+            f"the system refused ({error.strerror or error}); free some space, or check the rights and "
+            "where the output goes"
+        )
+    elif os.environ.get("TOPOSEAM_DEBUG"):
+        raise error
+    else:
+        text = (
+            f"something went wrong inside TopoSeam ({type(error).__name__}: {error}); set "
+            "TOPOSEAM_DEBUG=1 for details and report it"
+        )
+    return printable(text)
+
+
+def printable(text: str) -> str:
+    """The text with escapes for what would break a line or a terminal: file names may hold line breaks and
+    worse.
+    """
+    return "".join(character if character.isprintable() else ascii(character)[1:-1] for character in text)

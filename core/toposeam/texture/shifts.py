@@ -1,0 +1,103 @@
+"""A hole as a stitching problem: the layers are copies of the picture, each shifted as a whole; which shows
+where is found by expansion moves over heat seams, coarse to fine.
+
+Every pixel of the hole, and of a band round it, gets one shift (a shift-map: Pritch et al. 2009,
+doi:10.1109/ICCV.2009.5459159); beyond, the picture shows itself, which is shift 0. A shift-map costs
+
+    Σ_(p,q) |I(p + s_p) - I(p + s_q)| + |I(q + s_p) - I(q + s_q)|  +  Σ_p λ |D(p + s_p) - D̄(p)|
+
+over neighbours p and q: the match cost of the seams, and a data term: D is what the picture is like round a
+pixel (its colour and its contrast, blurred), and D̄ what the surroundings of the hole let expect there: D
+continued into it as a membrane. So a smooth sky is continued, and no object appears in it. The first term
+is a metric, so letting one shift expand over all others is a seam problem
+(``Labelling.expansion`` of :mod:`toposeam.layers.labelling` derives it).
+
+Coarse to fine: at stride f every f-th pixel of the picture blurred over f pixels stands for f × f, but shifts
+stay exact to the pixel. A finer stride decides again only near the seams of the coarser one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy import ndimage
+
+from toposeam.seam.find import Method
+from toposeam.texture.atlas import Floats32
+from toposeam.texture.levelling import membrane
+from toposeam.texture.offsets import Shifts
+from toposeam.texture.shift_moves import Ground, Ints, ShiftMoves
+
+#: Pixels of the region that decides, at the coarsest stride.
+_COARSE = 1500
+#: Sweeps over all shifts at the coarsest stride at most, and over those that show at finer ones.
+_SWEEPS, _FINE_SWEEPS = 3, 1
+
+
+def shift_map(
+    ground: Ground, shifts: Shifts, method: Method, progress: Callable[[float], None] | None = None
+) -> Ints:
+    """The shift of every pixel that costs least.
+
+    Parameters
+    ----------
+    ground : Ground
+    shifts : (K, 2) int array
+    method : str
+        How seams are found.
+    progress : callable, optional
+        Called with the share of the work done.
+
+    Returns
+    -------
+    (H, W) int array
+        Number of the shift at each pixel; -1 where the picture shows itself, and where nothing is allowed.
+    """
+    stride = 1
+    while np.count_nonzero(ground.near) / stride**2 > _COARSE:
+        stride *= 2
+    label = np.full(ground.hole.shape, -1, np.intp)
+    expected, like = _expectation(ground)
+    rows, columns = (np.flatnonzero(ground.near.any(axis=axis)) for axis in (1, 0))
+    box = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+    first, levels = stride, int(np.log2(stride)) + 1
+    for level in range(levels):
+        report = None
+        if progress is not None:
+            report = _part(progress, level / levels, 1 / levels)
+        moves = ShiftMoves(ground, shifts, box, stride, expected, like)
+        if stride == first:
+            moves.begin()
+            moves.sweep(range(len(shifts)), _SWEEPS, method, report)
+        else:
+            moves.refine(label, 2 * stride)
+            moves.sweep(np.unique(moves.label).tolist(), _FINE_SWEEPS, method, report)
+        label = moves.spread(label)
+        stride //= 2
+    return label
+
+
+def _part(progress: Callable[[float], None], start: float, share: float) -> Callable[[float], None]:
+    return lambda part: progress(start + share * part)
+
+
+def _expectation(ground: Ground) -> tuple[Floats32, Floats32]:
+    """What the surroundings let expect at each pixel, (H, W, F + 1), and what each pixel is like: colour and
+    contrast, blurred.
+    """
+    radius = np.sqrt(np.count_nonzero(ground.hole) / np.pi)
+    sigma = float(np.clip(radius / 6, 1.5, 12))
+    known = (ground.present & ~ground.hole).astype(np.float32)
+    share = np.maximum(ndimage.gaussian_filter(known, sigma), 1e-6)
+    steps = np.zeros(known.shape, np.float32)
+    for axis in (0, 1):
+        both = np.minimum(known, np.roll(known, -1, axis))
+        step = np.abs(np.roll(ground.features, -1, axis) - ground.features).sum(axis=2) * both
+        step[(slice(-1, None), slice(None)) if axis == 0 else (slice(None), slice(-1, None))] = 0
+        steps += step
+    planes = [*np.moveaxis(ground.features, 2, 0), 2 * steps]
+    like = np.stack(
+        [ndimage.gaussian_filter(plane * known, sigma) / share for plane in planes], axis=2
+    ).astype(np.float32)
+    return membrane(like, ground.hole | ~ground.present), like

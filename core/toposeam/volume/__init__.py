@@ -1,0 +1,1 @@
+"""Volumes and clips: surfaces between overlapping ones, loops of clips, stacks joined."""

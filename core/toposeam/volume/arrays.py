@@ -1,0 +1,74 @@
+"""Volume and clip arrays on the way in."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.checks import check_whole
+from toposeam.errors import ImageError, OptionError
+from toposeam.images import as_float
+
+Volume = npt.NDArray[Any]
+
+
+def as_volume(volume: Any, name: str, channel_axis: int | None = None) -> Volume:
+    """Voxels with a channel axis at the end, as they are.
+
+    Parameters
+    ----------
+    volume : (D, H, W) or (D, H, W, C) array_like
+    name : str
+        What the caller calls it; used in error texts.
+    channel_axis : int, optional
+        Where the channels of a four-dimensional array are; last by default.
+
+    Returns
+    -------
+    (D, H, W, C) array of bool, integers or floats
+
+    Raises
+    ------
+    ImageError
+        For other shapes, empty or masked arrays, complex or object dtypes.
+    OptionError
+        For an axis that the array does not have, or that leaves fewer than three.
+
+    Examples
+    --------
+    >>> as_volume(np.zeros((3, 4, 5, 6)), "a", channel_axis=0).shape
+    (4, 5, 6, 3)
+    """
+    if isinstance(volume, np.ma.MaskedArray):
+        raise ImageError(
+            f"{name} is a masked array; pass {name}.filled(0), and where it has voxels as a mask"
+        )
+    try:
+        array = np.asarray(volume)
+    except ValueError as error:
+        raise ImageError(f"{name} is no array ({error}); pass (D, H, W) or (D, H, W, C)") from error
+    if array.dtype.kind not in "biuf":
+        raise ImageError(
+            f"{name} is of type {type(volume).__name__} and dtype {array.dtype}; pass integers or floats"
+        )
+    if array.ndim not in (3, 4) or 0 in array.shape:
+        raise ImageError(f"{name} has shape {array.shape}; pass a non-empty (D, H, W) or (D, H, W, C) array")
+    if channel_axis is not None:
+        check_whole("channel_axis", channel_axis, -array.ndim, array.ndim - 1)
+        if array.ndim == 3:
+            raise OptionError(
+                f"channel_axis is {channel_axis}, but {name} has shape {array.shape}, without channels; "
+                "leave it out"
+            )
+        return np.moveaxis(array, channel_axis, -1)
+    return array[..., np.newaxis] if array.ndim == 3 else array
+
+
+def as_shares(volume: Volume, name: str, data_range: float | None) -> npt.NDArray[np.float32]:
+    """A (D, H, W, C) array as float32 shares of white; see :func:`toposeam.images.as_float`."""
+    flat = volume.reshape(volume.shape[0] * volume.shape[1], *volume.shape[2:])
+    # One row of many would look like (C, H, W).
+    tall = flat if len(flat) > 4 else np.concatenate([flat, *[flat[:1]] * 4])
+    return as_float(tall, name, data_range)[: len(flat)].reshape(volume.shape)

@@ -1,0 +1,414 @@
+"""Stacks larger than memory, joined block by block on dask arrays.
+
+A coarse surface decides first. The match cost is read once, block by block, and summed between coarse voxels
+so large that their grid fits into memory; the surface there gives every voxel a first label. Then each block
+lets heat gather in a slab round that surface, with its own border held at the first labels, so that blocks
+agree however many are worked on at once, and in whatever order. A second round does so once more on blocks
+that are shifted by half, which lets the surface go where borders held it.
+"""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from itertools import pairwise, product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.errors import ImageError, MissingPackageError, OverlapError
+from toposeam.heat.grid_flow import HIGH, LOW, Floats32, along
+from toposeam.heat.threads import one_thread
+from toposeam.images import Mask
+from toposeam.seam.match_cost import MatchCost
+from toposeam.seam.overlap import FREE, A, B, Overlap
+from toposeam.volume.heat import SurfaceOptions, heat_surface, spread
+from toposeam.volume.levels import refined
+from toposeam.volume.placing import Places
+from toposeam.volume.posing import face_areas, match_costs
+from toposeam.volume.problem import SurfaceProblem
+
+#: Side of a block, in voxels.
+BLOCK = 160
+#: So many voxels of an array in memory, or mapped, are taken at a time.
+_READ = (64, 256, 256)
+#: Coarse voxels are so large that the grid of the overlap has at most so many.
+_COARSE = 2_000_000
+#: The slab reaches this far beyond the size of a coarse voxel.
+_REACH = 3
+#: The coarse surface's share of the work.
+_COARSE_SHARE = 0.3
+#: Bits of a voxel's state.
+_SHOWS_B, _FIXED = np.uint8(1), np.uint8(2)
+
+_State = npt.NDArray[np.uint8]
+_COARSE_OPTIONS = SurfaceOptions(tolerance=2e-3)
+_BLOCK_OPTIONS = SurfaceOptions(tolerance=2e-3, max_iterations=1000, whole=10**9)
+#: Runs that were interrupted.
+_STOPPED: set[str] = set()
+
+
+def _dask() -> Any:
+    try:
+        import dask.array
+    except ImportError as error:
+        raise MissingPackageError(
+            "joining by blocks needs dask; install it with: pip install 'toposeam[volumes]'"
+        ) from error
+    return dask.array
+
+
+def lazily(stack: Any, name: str) -> Any:
+    """A stack as a dask array (D, H, W, C)."""
+    array = _dask()
+    # In small parts, or what is read for one block would be many times as large as that.
+    parts = (*_READ, -1)[: np.ndim(stack)] if np.ndim(stack) in (3, 4) else "auto"
+    lazy = stack if hasattr(stack, "dask") else array.from_array(stack, chunks=parts)
+    if lazy.ndim not in (3, 4) or 0 in lazy.shape:
+        raise ImageError(f"{name} has shape {lazy.shape}; pass a non-empty (D, H, W) or (D, H, W, C) array")
+    if lazy.dtype.kind not in "biuf":
+        raise ImageError(f"{name} has dtype {lazy.dtype}; pass integers or floats")
+    return lazy[..., np.newaxis] if lazy.ndim == 3 else lazy
+
+
+def labels_by_blocks(
+    a: Any,
+    b: Any,
+    places: Places,
+    cost: MatchCost,
+    spacing: Sequence[float],
+    block: int,
+    data_range: float | None,
+    keep: str | Path | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Any:
+    """Labels of the common box: an array of bool, or a dask array where a folder keeps them.
+
+    Raises
+    ------
+    OverlapError
+        When one stack lies inside the other: what must show of it is decided by depth, which blocks do not
+        know.
+    """
+    array = _dask()
+    ground = _grounds(places)
+    if not {A, B} <= set(ground.values()):
+        raise OverlapError(
+            "one stack does not reach beyond the other, which blocks cannot decide; join NumPy arrays, "
+            "without block"
+        )
+    box = places.overlap
+    one, other = a[places.inside(box, "a")], b[places.inside(box, "b")]
+    shape = one.shape[:3]
+    span = _span(shape)
+    coarse = _coarse_labels(one, other, shape, span, ground, cost, spacing, block, data_range, progress)
+    chunks = tuple(_even(length, block) for length in shape)
+    state = array.map_blocks(
+        _first_state, chunks=chunks, dtype=np.uint8, coarse=coarse, span=span, ground=ground, shape=shape
+    )
+    run = secrets.token_hex(8)
+    settings = {
+        "cost": cost,
+        "spacing": tuple(spacing),
+        "data_range": data_range,
+        "reach": max(span) + _REACH,
+        "run": run,
+    }
+    for shifted in (False, True):
+        cut = tuple(_even(length, block, shifted) for length in shape)
+        depth = dict.fromkeys(range(3), 1)
+        parts = [
+            array.overlap.overlap(
+                part.rechunk((*cut, -1) if part.ndim == 4 else cut),
+                {**depth, 3: 0} if part.ndim == 4 else depth,
+                "none",
+            )
+            for part in (one, other)
+        ]
+        around = array.overlap.overlap(state.rechunk(cut), depth, "none")
+        state = array.map_blocks(
+            _settled,
+            around[..., np.newaxis].rechunk((*around.chunks, 1)),
+            *parts,
+            dtype=np.uint8,
+            chunks=(*cut, (1,)),
+            **settings,
+        )[..., 0]
+    labels = (state & _SHOWS_B).astype(bool)
+    with _Counting(progress, _COARSE_SHARE), _stopped_with(run):
+        if keep is None:
+            return labels.compute()
+        array.to_zarr(labels.rechunk((block,) * 3), str(keep))
+    return array.from_zarr(str(keep))
+
+
+@contextmanager
+def _stopped_with(run: str) -> Iterator[None]:
+    """What interrupts the block also ends, soon, what its threads work on."""
+    try:
+        yield
+    except BaseException:
+        _STOPPED.add(run)
+        raise
+
+
+def _go_on(run: str) -> None:
+    if run in _STOPPED:
+        raise KeyboardInterrupt
+
+
+def assembled(a: Any, b: Any, places: Places, labels: Any) -> Any:
+    """The joined stack, a dask array."""
+    array = _dask()
+    labels = labels if hasattr(labels, "dask") else array.from_array(labels)
+
+    def on_canvas(values: Any, box: tuple[slice, ...], fill: Any) -> Any:
+        around = [(part.start, length - part.stop) for part, length in zip(box, places.canvas, strict=True)]
+        return array.pad(values, around + [(0, 0)] * (values.ndim - 3), constant_values=fill)
+
+    inside_b = on_canvas(array.ones(b.shape[:3], dtype=np.uint8, chunks=b.chunks[:3]), places.box("b"), 0)
+    on_both = on_canvas(array.ones(labels.shape, dtype=np.uint8, chunks=labels.chunks), places.overlap, 0)
+    shows = on_canvas(labels.astype(np.uint8), places.overlap, 0)
+    show_b = array.where(on_both > 0, shows > 0, inside_b > 0)
+    values_a, values_b = on_canvas(a, places.box("a"), 0), on_canvas(b, places.box("b"), 0)
+    return array.where(show_b[..., np.newaxis], values_b, values_a)
+
+
+def _grounds(places: Places) -> dict[tuple[int, bool], int]:
+    """Which stack lies beyond the common box, by axis and whether at the upper end."""
+    found = {}
+    for axis, part in enumerate(places.overlap):
+        for which, label in (("a", A), ("b", B)):
+            reach = places.box(which)[axis]
+            if reach.start < part.start:
+                found[axis, False] = label
+            if reach.stop > part.stop:
+                found[axis, True] = label
+    return found
+
+
+def _span(shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Voxels per coarse voxel along each axis: the longest axes first."""
+    span = [1, 1, 1]
+    while np.prod([-(-length // side) for length, side in zip(shape, span, strict=True)]) > _COARSE:
+        axis = int(np.argmax([length / side for length, side in zip(shape, span, strict=True)]))
+        span[axis] *= 2
+    return tuple(span)
+
+
+class _Counting:
+    """Reports the share of dask's tasks that are done, from some share on."""
+
+    def __init__(self, progress: Callable[[float], None] | None, start: float) -> None:
+        from dask.callbacks import Callback
+
+        self._share = start
+
+        def done(key: Any, result: Any, graph: Any, state: Any, worker: Any) -> None:
+            if progress is not None:
+                finished = len(state["finished"])
+                total = sum(len(state[part]) for part in ("ready", "waiting", "running", "finished"))
+                self._share = max(self._share, start + (1 - start) * finished / max(1, total))
+                progress(self._share)
+
+        self._callback = Callback(posttask=done)
+
+    def __enter__(self) -> None:
+        self._callback.register()
+
+    def __exit__(self, *_: object) -> None:
+        self._callback.unregister()
+
+
+def _even(length: int, block: int, shifted: bool = False) -> tuple[int, ...]:
+    """Chunks of about the same length; shifted, the borders lie in the middle of where they were."""
+    count = -(-length // block)
+    ends = [round(length * index / count) for index in range(count + 1)]
+    if shifted and count > 1:
+        ends = [0, *((low + high) // 2 for low, high in pairwise(ends)), length]
+    return tuple(high - low for low, high in pairwise(ends))
+
+
+def _coarse_labels(
+    a: Any,
+    b: Any,
+    shape: tuple[int, ...],
+    span: tuple[int, ...],
+    ground: dict[tuple[int, bool], int],
+    cost: MatchCost,
+    spacing: Sequence[float],
+    block: int,
+    data_range: float | None,
+    progress: Callable[[float], None] | None,
+) -> Mask:
+    import dask
+
+    coarse = tuple(-(-length // side) for length, side in zip(shape, span, strict=True))
+    costs = tuple(
+        np.zeros([length - (place == axis) for place, length in enumerate(coarse)], np.float32)
+        for axis in range(3)
+    )
+    sides = [max(side, block // side * side) for side in span]
+    corners = list(product(*(range(0, length, side) for length, side in zip(shape, sides, strict=True))))
+    rows: dict[int, list[tuple[int, ...]]] = {}
+    for corner in corners:
+        rows.setdefault(corner[0], []).append(corner)
+    for done, row in enumerate(rows.values()):
+        tasks = []
+        for corner in row:
+            # A voxel below for the gradients; above, the next voxel and one for its gradients.
+            low = [max(0, first - 1) for first in corner]
+            high = [
+                min(length, first + side + 2)
+                for first, side, length in zip(corner, sides, shape, strict=True)
+            ]
+            part = tuple(slice(first, last) for first, last in zip(low, high, strict=True))
+            inner = tuple(first - before for first, before in zip(corner, low, strict=True))
+            tasks.append(
+                dask.delayed(_coarse_costs, pure=False)(
+                    a[part], b[part], inner, tuple(sides), span, cost, tuple(spacing), data_range
+                )
+            )
+        for corner, found in zip(row, dask.compute(*tasks), strict=True):
+            first = [at // side for at, side in zip(corner, span, strict=True)]
+            for axis, values in enumerate(found):
+                room = costs[axis][
+                    tuple(slice(at, at + n) for at, n in zip(first, values.shape, strict=True))
+                ]
+                room += values[tuple(slice(n) for n in room.shape)]
+        if progress is not None:
+            progress(_COARSE_SHARE * (done + 1) / len(rows))
+    side = _sides(coarse, ground, (0, 0, 0), coarse)
+    problem = SurfaceProblem(Overlap(side, np.ones(coarse, bool), (0, 0, 0), coarse), costs)
+    with one_thread():
+        solution, _ = heat_surface(problem, _COARSE_OPTIONS)
+    return solution.labels
+
+
+def _coarse_costs(
+    a: Any,
+    b: Any,
+    inner: tuple[int, ...],
+    sides: tuple[int, ...],
+    span: tuple[int, ...],
+    cost: MatchCost,
+    spacing: Sequence[float],
+    data_range: float | None,
+) -> tuple[Floats32, ...]:
+    """What joins the coarse voxels of a block to each other and to the next ones above."""
+    result = []
+    for axis, fine in enumerate(_costs(a, b, cost, spacing, data_range)):
+        box = tuple(slice(first, first + side) for first, side in zip(inner, sides, strict=True))
+        faces = fine[box][along(axis, slice(span[axis] - 1, None, span[axis]))]
+        across = [1 if place == axis else side for place, side in enumerate(span)]
+        for place, side in enumerate(across):
+            if side > 1:
+                faces = np.add.reduceat(faces, np.arange(0, faces.shape[place], side), axis=place)
+        result.append(faces.astype(np.float32))
+    return tuple(result)
+
+
+def _costs(
+    a: Any, b: Any, cost: MatchCost, spacing: Sequence[float], data_range: float | None
+) -> tuple[Floats32, ...]:
+    shape = a.shape[:3]
+    everywhere = np.ones(shape, bool)
+    overlap = Overlap(np.full(shape, FREE, np.uint8), everywhere, (0, 0, 0), shape)
+    costs = match_costs(np.asarray(a), np.asarray(b), overlap, everywhere, everywhere, cost, None, data_range)
+    for part, area in zip(costs, face_areas(spacing), strict=True):
+        part *= area
+    return costs
+
+
+def _sides(
+    shape: tuple[int, ...], ground: dict[tuple[int, bool], int], start: Sequence[int], whole: tuple[int, ...]
+) -> _State:
+    """`A`, `B` or `FREE` for a part of the common box: voxels at ground which only one stack covers."""
+    touches = np.zeros((2, *shape), bool)
+    for (axis, upper), label in ground.items():
+        at = whole[axis] - 1 - start[axis] if upper else -start[axis]
+        if 0 <= at < shape[axis]:
+            touches[label][along(axis, slice(at, at + 1))] = True
+    side = np.full(shape, FREE, np.uint8)
+    side[touches[A] & ~touches[B]], side[touches[B] & ~touches[A]] = A, B
+    return side
+
+
+def _first_state(
+    coarse: Mask,
+    span: tuple[int, ...],
+    ground: dict[tuple[int, bool], int],
+    shape: tuple[int, ...],
+    block_info: Any = None,
+) -> _State:
+    """The first labels of a block."""
+    place = block_info[None]["array-location"]
+    low = [first // side for (first, _), side in zip(place, span, strict=True)]
+    part = coarse[
+        tuple(slice(at, -(-last // side)) for at, (_, last), side in zip(low, place, span, strict=True))
+    ]
+    whole = tuple(n * side for n, side in zip(part.shape, span, strict=True))
+    fine = refined(part, span, whole)
+    inner = tuple(
+        slice(first - at * side, last - at * side)
+        for at, (first, last), side in zip(low, place, span, strict=True)
+    )
+    state: _State = fine[inner].astype(np.uint8)
+    side = _sides(state.shape, ground, [first for first, _ in place], shape)
+    state[side == A] = _FIXED
+    state[side == B] = _FIXED | _SHOWS_B
+    return state
+
+
+def _settled(
+    state: _State,
+    a: Any,
+    b: Any,
+    cost: MatchCost,
+    spacing: Sequence[float],
+    data_range: float | None,
+    reach: int,
+    run: str,
+    block_info: Any = None,
+) -> _State:
+    """The labels of a block with a voxel around it, without what is around it."""
+    _go_on(run)
+    inner, held = [], (state[..., 0] & _FIXED) > 0
+    labels = (state[..., 0] & _SHOWS_B) > 0
+    location, count = block_info[0]["chunk-location"], block_info[0]["num-chunks"]
+    for axis in range(3):
+        first, last = location[axis] == 0, location[axis] == count[axis] - 1
+        inner.append(slice(0 if first else 1, None if last else -1))
+        if not first:
+            held[along(axis, slice(2))] = True
+        if not last:
+            held[along(axis, slice(-2, None))] = True
+    trimmed = (*inner, slice(None))
+    near = np.zeros(labels.shape, bool)
+    for axis in range(3):
+        differs = labels[along(axis, LOW)] != labels[along(axis, HIGH)]
+        near[along(axis, LOW)] |= differs
+        near[along(axis, HIGH)] |= differs
+    free = spread(near, reach) & ~held
+    if not free.any():
+        return state[trimmed]
+    # Only the slab and a voxel round it are looked at.
+    box = []
+    for axis in range(3):
+        used = np.flatnonzero(free.any(axis=tuple(other for other in range(3) if other != axis)))
+        box.append(slice(max(0, int(used[0]) - 1), int(used[-1]) + 2))
+    here = tuple(box)
+    side = np.where(free[here], FREE, np.where(labels[here], B, A)).astype(np.uint8)
+    overlap = Overlap(side, np.ones(side.shape, bool), (0, 0, 0), side.shape)
+    problem = SurfaceProblem(overlap, _costs(a[here], b[here], cost, spacing, data_range))
+    with one_thread():
+        solution, _ = heat_surface(problem, _BLOCK_OPTIONS, lambda _: _go_on(run))
+    if problem.cost(solution.labels) < problem.cost(labels[here]):
+        changed = labels.copy()
+        changed[here] = problem.complete(solution.labels)
+        labels = changed
+    result: _State = (labels.astype(np.uint8) | (state[..., 0] & _FIXED))[..., np.newaxis]
+    return result[trimmed]

@@ -1,0 +1,171 @@
+"""`find_surface`: the seam of two volumes."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.checks import check_choice, options_from
+from toposeam.errors import OptionError
+from toposeam.heat.threads import one_thread
+from toposeam.seam.graph_cut import least_cut
+from toposeam.seam.match_cost import MatchCost
+from toposeam.seam.solution import Solution
+from toposeam.volume.heat import SurfaceOptions, heat_surface
+from toposeam.volume.posing import surface_problem
+from toposeam.volume.problem import SurfaceProblem
+from toposeam.volume.surface import Surface
+
+SurfaceMethod = Literal["heat", "graph-cut"]
+SURFACE_METHODS: tuple[SurfaceMethod, ...] = get_args(SurfaceMethod)
+
+
+def find_surface(
+    a: npt.ArrayLike,
+    b: npt.ArrayLike,
+    mask_a: npt.ArrayLike | None = None,
+    mask_b: npt.ArrayLike | None = None,
+    *,
+    axis: int | None = None,
+    method: SurfaceMethod = "heat",
+    gradient: bool | None = None,
+    cost: MatchCost | None = None,
+    spacing: Sequence[float] = (1.0, 1.0, 1.0),
+    weight: npt.ArrayLike | None = None,
+    avoid: npt.ArrayLike | None = None,
+    core: float = 0.5,
+    channel_axis: int | None = None,
+    data_range: float | None = None,
+    options: SurfaceOptions | None = None,
+    progress: Callable[[float], None] | None = None,
+    **given: Any,
+) -> Surface:
+    """Find the surface along which two overlapping volumes, or clips, join unnoticed.
+
+    Parameters
+    ----------
+    a, b : (D, H, W) or (D, H, W, C) array_like
+        The volumes on one canvas; integers are scaled to [0, 1], one channel is widened to the other's
+        number. Of a clip axis 0 is time.
+    mask_a, mask_b : (D, H, W) array_like, optional
+        Where each volume has voxels. The overlap is their intersection, and what only one volume covers fixes
+        its side. A mask that is left out covers the whole canvas. With neither, the arrays *are* the overlap.
+    axis : {0, 1, 2}, optional
+        Without masks: the axis along which ``b`` continues, 0 by default. Index 0 there stays ``a``'s, the
+        last one ``b``'s.
+    method : {"heat", "graph-cut"}
+        `heat` lets heat gather on the surface, from coarse to fine; `graph-cut` needs PyMaxflow.
+    gradient : bool, optional
+        Match cost (2.4) with gradients along the three axes, the default, or (3.22) without.
+    cost : MatchCost, optional
+        All options of the match cost, instead of `gradient`.
+    spacing : three positive floats
+        Depth, height and width of a voxel. An interface costs as much as its face is large, so that where
+        slices are far apart the surface runs along them less willingly; for clips the first one says how much
+        a frame counts against a pixel.
+    weight : (D, H, W) array_like, optional
+        A positive factor on the cost of each voxel's interfaces.
+    avoid : (D, H, W) array_like, optional
+        Voxels the surface must not touch.
+    core : float
+        For a volume that lies inside the other, the share of its depth that must show
+        (:mod:`toposeam.seam.overlap`).
+    channel_axis : int, optional
+        Where the channels of four-dimensional arrays are; last by default.
+    data_range : float, optional
+        The value that counts as white, for integers other than uint8 and uint16 and for floats beyond ±2.
+    options : SurfaceOptions, optional
+        Of method heat; or its fields as keywords.
+    progress : callable, optional
+        Called with the share of the work done, in [0, 1].
+
+    Returns
+    -------
+    Surface
+
+    Raises
+    ------
+    ImageError, OverlapError, OptionError, MissingPackageError
+        Their text says what was received and what to do.
+
+    Examples
+    --------
+    Two volumes that agree in one slice only are joined there:
+
+    >>> import numpy as np, toposeam as ts
+    >>> rng = np.random.default_rng(0)
+    >>> a, b = rng.random((2, 9, 20, 20))
+    >>> b[3:5] = a[3:5]
+    >>> surface = ts.find_surface(a, b)
+    >>> surface.labels[3].any(), surface.labels[4].all()
+    (np.False_, np.True_)
+    """
+    check_choice("method", method, SURFACE_METHODS)
+    if gradient is not None:
+        check_choice("gradient", gradient, (True, False))
+        if cost is not None:
+            raise OptionError(
+                "gradient and cost are both given; write MatchCost(gradient=…) and leave gradient out"
+            )
+    if cost is not None and not isinstance(cost, MatchCost):
+        raise OptionError(f"cost is of class {type(cost).__name__}; pass a MatchCost")
+    masked = mask_a is not None or mask_b is not None
+    if axis is not None:
+        check_choice("axis", axis, (0, 1, 2))
+    if axis is not None and masked:
+        raise OptionError(
+            f"axis is {axis!r}, but masks say where each volume continues; leave one or the other out"
+        )
+    if method != "heat" and (options is not None or given):
+        raise OptionError(f"method {method} takes no options; leave {', '.join(given) or 'options'} out")
+    chosen = options_from(SurfaceOptions, options, given, f"method {method}")
+    match = cost if cost is not None else MatchCost(gradient=gradient is not False)
+    where = 0 if axis is None else axis
+    problem, only_b = surface_problem(
+        a, b, mask_a, mask_b, where, match, spacing, weight, avoid, core, channel_axis, data_range
+    )
+    settings: dict[str, Any] = {"core": core} if masked else {"axis": where}
+    settings |= {"spacing": tuple(map(float, spacing)), **dataclasses.asdict(match)}
+    if method == "heat":
+        settings |= dataclasses.asdict(chosen)
+    return solve_surface(problem, only_b, method, chosen, settings, progress)
+
+
+def solve_surface(
+    problem: SurfaceProblem,
+    only_b: npt.NDArray[np.bool_],
+    method: SurfaceMethod,
+    options: SurfaceOptions,
+    settings: dict[str, Any],
+    progress: Callable[[float], None] | None = None,
+) -> Surface:
+    """The frozen surface that a method finds for a problem."""
+    started = time.perf_counter()
+    if method == "heat":
+        with one_thread():
+            solution, bound = heat_surface(problem, options, progress)
+        total = problem.cost(solution.labels)
+    else:
+        network, weight, index = problem.network()
+        labels = problem.complete(np.zeros(problem.overlap.side.shape, bool))
+        labels.ravel()[index] = least_cut(network, weight)
+        solution = Solution(labels=labels, soft=labels.astype(np.float32))
+        bound = total = problem.cost(labels)
+    return Surface(
+        shown=solution.labels,
+        potential=solution.soft,
+        only_b=only_b,
+        cost=total,
+        bound=min(bound, total),
+        method=method,
+        history=solution.history,
+        termination=solution.termination,
+        seconds=time.perf_counter() - started,
+        settings=settings,
+        problem=problem,
+    )

@@ -1,0 +1,96 @@
+"""Two stacks on one canvas: where they lie, and what lies in both."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from toposeam.checks import check_whole
+from toposeam.errors import OptionError, OverlapError
+
+#: How far a stack may lie from another one, in voxels.
+_FARTHEST = 10**8
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """Two boxes on their common canvas, (z, y, x)."""
+
+    size_a: tuple[int, ...]
+    size_b: tuple[int, ...]
+    #: Where each one's first voxel lies.
+    a: tuple[int, ...]
+    b: tuple[int, ...]
+
+    @property
+    def canvas(self) -> tuple[int, ...]:
+        """The size that holds both."""
+        return tuple(
+            max(a + size_a, b + size_b)
+            for a, size_a, b, size_b in zip(self.a, self.size_a, self.b, self.size_b, strict=True)
+        )
+
+    @property
+    def overlap(self) -> tuple[slice, ...]:
+        """The box that both cover."""
+        return tuple(
+            slice(max(a, b), min(a + size_a, b + size_b))
+            for a, size_a, b, size_b in zip(self.a, self.size_a, self.b, self.size_b, strict=True)
+        )
+
+    def inside(self, box: Sequence[slice], which: str) -> tuple[slice, ...]:
+        """A box of the canvas seen from stack "a" or "b"."""
+        start = self.a if which == "a" else self.b
+        return tuple(
+            slice(part.start - first, part.stop - first) for part, first in zip(box, start, strict=True)
+        )
+
+    def box(self, which: str) -> tuple[slice, ...]:
+        """Where a stack lies on the canvas."""
+        start, size = (self.a, self.size_a) if which == "a" else (self.b, self.size_b)
+        return tuple(slice(first, first + length) for first, length in zip(start, size, strict=True))
+
+
+def placed(size_a: Sequence[int], size_b: Sequence[int], offset: Any) -> Places:
+    """Two stacks, the second one at an offset from the first.
+
+    Parameters
+    ----------
+    size_a, size_b : three int
+    offset : three int
+        Where b's first voxel lies in a, (z, y, x); may be negative.
+
+    Raises
+    ------
+    OptionError
+        When the offset is none.
+    OverlapError
+        When nothing lies in both, or too little for a surface.
+
+    Examples
+    --------
+    >>> places = placed((4, 5, 6), (4, 5, 6), (0, -1, 4))
+    >>> places.canvas, places.overlap
+    ((4, 6, 10), (slice(0, 4, None), slice(1, 5, None), slice(4, 6, None)))
+    """
+    try:
+        steps = [check_whole("offset", step, -_FARTHEST, _FARTHEST) for step in offset]
+    except TypeError as error:
+        raise OptionError(f"offset is {offset!r}; pass three whole numbers: z, y, x") from error
+    if len(steps) != 3:
+        raise OptionError(f"offset is {offset!r}; pass three whole numbers: z, y, x")
+    a = tuple(max(0, -step) for step in steps)
+    b = tuple(max(0, step) for step in steps)
+    places = Places(tuple(size_a), tuple(size_b), a, b)
+    for axis, part in zip("zyx", places.overlap, strict=True):
+        if part.stop <= part.start:
+            raise OverlapError(
+                f"at offset {','.join(map(str, steps))} the stacks of {_shown(size_a)} and {_shown(size_b)} "
+                f"voxels do not overlap along {axis}; check the offset (z,y,x, in voxels)"
+            )
+    return places
+
+
+def _shown(size: Sequence[int]) -> str:
+    return "×".join(map(str, size))

@@ -1,0 +1,137 @@
+"""The documentation site: ``make docs`` builds it from the Markdown there is and the docstrings (Sphinx).
+
+The source folder is the checkout, so that links between documents, pictures and files are those that work in
+it; what leads to a file that is no document becomes a download.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+from latex2mathml.converter import convert
+from sphinx.application import Sphinx
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "docs"))
+_PUBLIC = ROOT / "core/toposeam/__init__.pyi"
+
+project = "TopoSeam"
+author = copyright = "The TopoSeam developers"  # noqa: A001 - Sphinx's name
+version = release = re.search(
+    r'__version__ = "([^"]+)"', (ROOT / "core/toposeam/__init__.py").read_text(encoding="utf-8")
+)[1]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_copybutton"]
+root_doc = "docs/index"
+include_patterns = ["*.md", "docs/*.md", "docs/tutorials/*.md", "docs/reference/*.rst", "samples/README.md"]
+exclude_patterns = [".*", "**/.*", "build", "demo", "dist", "tests", "plugin_gimp"]
+source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
+myst_enable_extensions = ["dollarmath", "attrs_inline", "colon_fence"]
+myst_heading_anchors = 4
+napoleon_google_docstring = False
+napoleon_use_rtype = False
+autodoc_default_options = {"members": True, "member-order": "bysource"}
+autodoc_typehints = "none"  # the docstrings say it with shapes and units
+nitpicky = False
+html_theme = "furo"
+html_title = f"TopoSeam {release}"
+html_static_path = ["site"]
+html_css_files = ["site.css"]
+html_show_sourcelink = False
+html_copy_source = False
+html_permalinks = False
+suppress_warnings = ["ref.python"]  # a name that two classes share, like `cost`
+copybutton_prompt_text = "$ "
+
+
+def setup(app: Sphinx) -> None:
+    """Formulas as MathML, which browsers draw by themselves; the reference from what the package offers."""
+    app.add_html_math_renderer("mathml", inline_renderers=(_inline, None), block_renderers=(_block, None))
+    app.connect("builder-inited", lambda app: write_reference(ROOT / "docs/reference"))
+    app.connect("build-finished", _front_door)
+
+
+html_math_renderer = "mathml"
+
+
+def _inline(self: Any, node: Any) -> None:
+    self.body.append(convert(node.astext()))
+    raise _skip()
+
+
+def _block(self: Any, node: Any) -> None:
+    text = node.astext().strip()
+    self.body.append(f'<div class="formula">{convert(text, display="block")}</div>')
+    raise _skip()
+
+
+def _skip() -> Exception:
+    from docutils.nodes import SkipNode
+
+    return SkipNode()
+
+
+def _front_door(app: Sphinx, error: Exception | None) -> None:
+    """``index.html`` at the top leads to the first page."""
+    if error is None and app.builder.format == "html":
+        target = f"{root_doc}.html"
+        (Path(app.outdir) / "index.html").write_text(
+            f'<!doctype html><meta charset="utf-8"><title>TopoSeam</title>'
+            f'<meta http-equiv="refresh" content="0; url={target}"><a href="{target}">TopoSeam</a>\n',
+            encoding="utf-8",
+        )
+
+
+#: A page of the reference each: its name, its heading, and the rooms it holds.
+PAGES = {
+    "seams": ("Seams", ("seam", "optimize")),
+    "layers": ("Stitching", ("layers",)),
+    "textures": ("Textures", ("texture",)),
+    "motifs": ("Motifs and patterns", ("motif",)),
+    "paths": ("Ways", ("path",)),
+    "volumes": ("Volumes", ("volume",)),
+    "vectors": ("Lines and SVG", ("vector",)),
+    "rest": ("Errors, images, display", ()),
+}
+
+
+def offered() -> dict[str, str]:
+    """Every public name, and the module that it comes from."""
+    found = {}
+    for node in ast.parse(_PUBLIC.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.ImportFrom) and node.module:
+            found |= {alias.name: f"toposeam.{node.module}" for alias in node.names}
+    return found
+
+
+def write_reference(folder: Path) -> None:
+    """A page for each room, with all that it offers; pages that would be the same are left alone."""
+    folder.mkdir(exist_ok=True)
+    names = offered()
+    rooms = {room for _, kept in PAGES.values() for room in kept}
+    for page, (title, kept) in PAGES.items():
+        lines = [title, "=" * len(title), "", ".. currentmodule:: toposeam", ""]
+        for name, module in sorted(names.items(), key=lambda pair: (pair[0][0].isupper(), pair[1], pair[0])):
+            room = module.split(".")[1]
+            if room in kept or (not kept and room not in rooms):
+                lines += _entry(name, module)
+        _write(folder / f"{page}.rst", "\n".join(lines))
+    index = ["Reference", "=========", "", "What ``import toposeam as ts`` offers.", ""]
+    index += [".. toctree::", "   :maxdepth: 2", "", *(f"   {page}" for page in PAGES), ""]
+    _write(folder / "index.rst", "\n".join(index))
+
+
+def _entry(name: str, module: str) -> list[str]:
+    if name.isupper():
+        return [f".. autodata:: {module}.{name}", "   :no-value:", ""]
+    if name[0].isupper():
+        return [f".. autoclass:: {name}", ""]
+    return [f".. autofunction:: {name}", ""]
+
+
+def _write(path: Path, text: str) -> None:
+    if not path.exists() or path.read_text(encoding="utf-8") != text:
+        path.write_text(text, encoding="utf-8")

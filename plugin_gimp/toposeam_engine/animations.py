@@ -1,0 +1,32 @@
+"""What the engine can be asked for about animations: a clip that runs into its beginning."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+import toposeam as ts
+from toposeam_engine.layers import colours_of, with_alpha
+from toposeam_engine.serving import Job
+
+
+def loop(job: Job) -> dict[str, Any]:
+    """The frames of a loop, and which frame of the clip it begins with."""
+    frames = []
+    for raster in job.request["layers"]:
+        image, alpha = colours_of(job, raster)
+        if (alpha < alpha.max(initial=0)).any() or not alpha.any():
+            raise ts.ImageError(f"the frame {raster['name']} is transparent in places; fill it first")
+        frames.append(np.asarray(image))
+    clip = np.stack(frames)
+    options = {name: value or None for name, value in job.options.items()}
+    made = ts.loop(
+        clip,
+        length=options["length"],
+        transition=options["transition"],
+        level=bool(options["level"]),
+        data_range=1.0 if clip.dtype.kind == "f" else None,
+        progress=job.progress,
+    )
+    return {"frames": [job.write(with_alpha(frame, None)) for frame in made.frames], "start": made.start}

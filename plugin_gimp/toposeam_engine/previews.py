@@ -1,0 +1,90 @@
+"""What will come of a request, as one small picture: the dialogs show it while options change.
+
+The asker sends reduced pixels and says by how much they are reduced; lengths in px among the options shrink
+alike.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+import toposeam as ts
+from toposeam.images import Image
+from toposeam_engine import motifs, seams, textures
+from toposeam_engine.layers import with_alpha
+from toposeam_engine.serving import Job
+
+#: Options that are lengths, and the least that still means something.
+_LENGTHS = {"blend_width": 1, "patch": 8, "overlap": 2, "band": 4, "width": 16, "height": 16}
+#: Motifs are made at this size at most, and with as many iterations.
+_MOTIF_PX, _MOTIF_ITERATIONS = 96, 30
+
+
+def preview(job: Job) -> dict[str, Any]:
+    """The picture of what an operation would give, (H, W, 4) or (H, W, 2) with opacity last."""
+    options = _reduced(job.options, float(job.request["scale"]))
+    shown = _SHOWN[str(job.request["of"])](
+        dataclasses.replace(job, request={**job.request, "options": options})
+    )
+    return {"picture": job.write(shown)}
+
+
+def _reduced(options: dict[str, Any], scale: float) -> dict[str, Any]:
+    """The options for pixels that were reduced; 0 stays what it stands for."""
+    return {
+        name: max(type(value)(value * scale), _LENGTHS[name]) if value and name in _LENGTHS else value
+        for name, value in options.items()
+    }
+
+
+def _stitch(job: Job) -> Image:
+    _layers, found = seams.stitched(job)
+    return _with_seams(found.image, found.alpha, found.seams)
+
+
+def _patch(job: Job) -> Image:
+    found = ts.stitch(seams.patch_layers(job), progress=job.progress, **seams.blending(job.options))
+    return _with_seams(found.image, found.alpha, found.seams)
+
+
+def _with_seams(image: Image, alpha: Any, found: Sequence[ts.Seam]) -> Image:
+    return with_alpha(ts.draw_seams(image, found), alpha)
+
+
+def _synthesize(job: Job) -> Image:
+    made = textures.synthesized(job)
+    return with_alpha(made.image, made.alpha)
+
+
+def _make_tileable(job: Job) -> Image:
+    made = textures.made_tileable(job)
+    return np.tile(with_alpha(made.image, made.alpha), (2, 2, 1))
+
+
+def _fill(job: Job) -> Image:
+    made, _sample = textures.filled(job)
+    return with_alpha(made.image, made.alpha)
+
+
+def _motif(job: Job) -> Image:
+    options = dict(job.options)
+    options["size"] = min(options["size"], _MOTIF_PX)
+    options["iterations"] = min(options["iterations"], _MOTIF_ITERATIONS)
+    made = motifs.generated(dataclasses.replace(job, request={**job.request, "options": options}))
+    sheet = made if options["repeat"] == "none" else ts.repeat(made, (2, 2))
+    image = sheet.image() if isinstance(sheet, ts.Motif) else sheet
+    return with_alpha(np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8), None)
+
+
+_SHOWN: dict[str, Callable[[Job], Image]] = {
+    "stitch": _stitch,
+    "patch": _patch,
+    "synthesize": _synthesize,
+    "make_tileable": _make_tileable,
+    "fill": _fill,
+    "motif": _motif,
+}

@@ -1,0 +1,134 @@
+"""What the engine can be asked for about seams: functions from a :class:`~toposeam_engine.serving.Job` to
+what goes into the result.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+import toposeam as ts
+from toposeam.layers.layer import Extent
+from toposeam.vector.svg import SvgSeam
+from toposeam_engine.layers import changes_of, layers_of, masks_of, selected_on, with_alpha
+from toposeam_engine.serving import Job
+
+
+def stitch(job: Job) -> dict[str, Any]:
+    """Layers, first the lowest, joined along seams: masks, seams, the layers' places where they were aligned
+    and their pixels in matched tones, and what blending changes.
+    """
+    layers, found = stitched(job)
+    result: dict[str, Any] = {}
+    if job.options.get("align"):
+        result["places"] = [list(layer.at) for layer in layers]
+    if job.options.get("match_tones"):
+        result["pixels"] = [job.write(with_alpha(layer.image, layer.alpha)) for layer in layers]
+    return result | _joined(job, layers, found)
+
+
+def stitched(job: Job) -> tuple[list[ts.Layer], ts.Stitched]:
+    """The layers, aligned and in matched tones as asked for, and what they make."""
+    layers, options = layers_of(job), blending(job.options)
+    if options.pop("align", False):
+        layers = list(ts.align(layers).layers)
+    if options.pop("match_tones", False):
+        layers = list(ts.match_tones(layers))
+    return layers, ts.stitch(layers, avoid=outside(job, layers), progress=job.progress, **options)
+
+
+def patch(job: Job) -> dict[str, Any]:
+    """The second layer, where it is selected, laid on the first within a seam."""
+    layers = patch_layers(job)
+    return _joined(job, layers, ts.stitch(layers, progress=job.progress, **blending(job.options)))
+
+
+def patch_layers(job: Job) -> list[ts.Layer]:
+    """What is below, and the patch where it is selected."""
+    below, above = layers_of(job)
+    selected = selected_on(job, ts.common_canvas([above]))
+    return [below, above if selected is None else dataclasses.replace(above, mask=selected)]
+
+
+def restitch(job: Job) -> dict[str, Any]:
+    """Layers joined along given paths.
+
+    Of two layers the paths say everything. Of more, each pair whose path was touched divides anew what the
+    two of them show.
+    """
+    layers = layers_of(job)
+    canvas = ts.common_canvas(layers)
+    masks = [np.zeros(canvas.shape, bool) for _ in layers]
+    for layer, mask, shown in zip(layers, masks, job.request["shown"], strict=False):
+        mask[canvas.place(layer).slices] = job.read(shown) >= 128
+    seams = [seam for seam in job.request["seams"] if len(layers) == 2 or seam["touched"]]
+    paths = {(int(seam["pair"][0]), int(seam["pair"][1])): _drawing(seam, canvas) for seam in seams}
+    found = ts.restitch(layers, masks, paths, **blending(job.options))
+    return {
+        "masks": masks_of(job, layers, found.masks, canvas),
+        "blended": changes_of(job, layers, found, canvas),
+    }
+
+
+def outside(job: Job, layers: Sequence[ts.Layer]) -> Any:
+    """(H, W) bool on the layers' canvas: what the selection leaves out; None without one."""
+    selected = selected_on(job, ts.common_canvas(layers)) if job.request.get("selection") else None
+    return None if selected is None else ~selected
+
+
+def blending(options: Mapping[str, Any]) -> dict[str, Any]:
+    """The options; a width of 0 means the usual one, and some ways of blending have none."""
+    chosen = dict(options)
+    width = chosen.pop("blend_width", 0)
+    if width and chosen.get("blend") in ("feather", "multiband", "gradient"):
+        chosen["blend_width"] = float(width)
+    return chosen
+
+
+def _joined(job: Job, layers: Sequence[ts.Layer], found: ts.Stitched) -> dict[str, Any]:
+    canvas = ts.common_canvas(layers)
+    return {
+        "masks": masks_of(job, layers, found.masks, canvas),
+        "seams": [
+            {
+                "pair": pair,
+                "name": ts.pair_name(*(found.names[index] for index in pair)),
+                "lines": _lines(seam, found.origin),
+            }
+            for pair, seam in zip(found.pairs, found.seams, strict=True)
+        ],
+        "blended": changes_of(job, layers, found, canvas),
+    }
+
+
+def _drawing(entry: Mapping[str, Any], canvas: Extent) -> SvgSeam:
+    """The lines of a seam, on the canvas."""
+    shift = np.array(canvas.origin, float)
+    lines = tuple(
+        ts.Polyline(np.array(line["points"], float).reshape(-1, 2) - shift, bool(line["closed"]))
+        for line in entry["lines"]
+    )
+    height, width = canvas.shape
+    return SvgSeam(lines, width, height, None, (str(entry["name"]),) * len(lines))
+
+
+def _lines(seam: ts.Seam, origin: tuple[int, int]) -> list[dict[str, Any]]:
+    """The lines of a seam as the asker needs them: exact, as few curves for people to bend, and what each of
+    these stands for.
+    """
+    lines = []
+    for path in seam.paths:
+        line = ts.Polyline(path.points + np.array(origin, float), path.closed)
+        smooth = ts.smooth_path(line)
+        lines.append(
+            {
+                "closed": line.closed,
+                "points": line.points.ravel().tolist(),
+                "curves": smooth.curves.reshape(-1, 8).tolist(),
+                "pieces": [smooth.piece(index).ravel().tolist() for index in range(len(smooth.curves))],
+            }
+        )
+    return lines

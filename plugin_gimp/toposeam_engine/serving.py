@@ -1,0 +1,233 @@
+"""``python -m toposeam_engine FOLDER``: the numerics for programs that cannot load them, like the GIMP
+plug-in.
+
+The folder belongs to one request and holds all of it: ``request.json``, the pixels in raw files beside it,
+and the results. Whoever asks made it, put a nonce into a file called ``toposeam-request`` there, and writes
+the same nonce as the first line on stdin; any other folder is refused and left untouched. The engine speaks
+on stdout, one JSON object a line::
+
+    {"event": "hello", "protocol": 2, "version": "0.2.0"}
+    {"event": "progress", "share": 0.25}
+    {"event": "alive"}                                  every few seconds, so that silence means trouble
+    {"event": "result", "result": {…}}                  or {"event": "error", "message": "what to do"}
+
+Called with ``-`` in place of a folder, it loads its libraries, and waits for the folder's name as the first
+line on stdin: previews come sooner so.
+
+It ends, and takes the folder with it, when its stdin is closed after that line: then whoever asked is gone.
+To cancel, end the process.
+"""
+
+from __future__ import annotations
+
+import hmac
+import json
+import os
+import shutil
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import Any, TextIO
+
+from toposeam.sentence import sentence
+
+#: Raised when requests or results change their meaning.
+PROTOCOL = 2
+#: The file with the nonce in a request's folder; the plug-in writes it.
+MARKER = "toposeam-request"
+_LONGEST_NONCE = 200
+_LONGEST_PATH = 4096
+#: What can be asked for, and the module whose function of that name does it; loaded when it is wanted.
+OPERATIONS = {
+    "stitch": "seams",
+    "restitch": "seams",
+    "patch": "seams",
+    "synthesize": "textures",
+    "make_tileable": "textures",
+    "fill": "textures",
+    "motif": "motifs",
+    "repeat": "motifs",
+    "loop": "animations",
+    "preview": "previews",
+}
+_HEARTBEAT_S = 2.0
+_DTYPES = ("uint8", "uint16", "float32")
+
+
+class Channel:
+    """The line back to the asker; used from several threads."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._lock = threading.Lock()
+        self._share = -1.0
+
+    def send(self, event: str, **fields: Any) -> None:
+        """Say one thing."""
+        with self._lock:
+            self._stream.write(json.dumps({"event": event, **fields}) + "\n")
+            self._stream.flush()
+
+    def progress(self, share: float) -> None:
+        """Say how much is done; steps too small to be seen are left out."""
+        if share >= self._share + 0.002 or share >= 1.0 > self._share:
+            self._share = share
+            self.send("progress", share=round(min(max(share, 0.0), 1.0), 4))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """A request, its pixels, and where results go."""
+
+    folder: Path
+    request: Mapping[str, Any]
+    progress: Callable[[float], None]
+    _written: list[str] = field(default_factory=list)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The options of the operation."""
+        return dict(self.request.get("options", {}))
+
+    def read(self, raster: Mapping[str, Any]) -> Any:
+        """The (H, W) or (H, W, C) pixels of a raster that the request describes, mapped and not loaded,
+        read-only.
+        """
+        import numpy as np
+
+        from toposeam.errors import ImageError
+
+        shape = (int(raster["height"]), int(raster["width"]), int(raster["channels"]))
+        if raster["dtype"] not in _DTYPES:
+            raise ImageError(f"pixels of type {raster['dtype']} were sent; use one of {', '.join(_DTYPES)}")
+        dtype = np.dtype(raster["dtype"])
+        path = self._inside(str(raster["file"]))
+        if 0 in shape or path.stat().st_size != shape[0] * shape[1] * shape[2] * dtype.itemsize:
+            raise ImageError(
+                f"{path.name} has {path.stat().st_size} bytes, which is not {shape} of {dtype}; send it again"
+            )
+        pixels = np.memmap(path, dtype, "r", shape=shape)
+        return pixels if shape[2] > 1 else pixels[..., 0]
+
+    def write(self, pixels: Any) -> dict[str, Any]:
+        """Put (H, W) or (H, W, C) pixels into a file of their own; what describes it in the result."""
+        import numpy as np
+
+        name = f"result-{len(self._written)}.raw"
+        self._written.append(name)
+        array = np.asarray(pixels)
+        with (self.folder / name).open("wb") as file:
+            for top in range(0, array.shape[0], 256):
+                file.write(np.ascontiguousarray(array[top : top + 256]).data)
+        channels = 1 if array.ndim == 2 else array.shape[2]
+        return {
+            "file": name,
+            "width": array.shape[1],
+            "height": array.shape[0],
+            "channels": channels,
+            "dtype": str(array.dtype),
+        }
+
+    def _inside(self, name: str) -> Path:
+        from toposeam.errors import OptionError
+
+        if Path(name).name != name:
+            raise OptionError(f"{name!r} is not the name of a file in the request's folder")
+        return self.folder / name
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Serve one request."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    waits = arguments == ["-"]
+    if not waits and (len(arguments) != 1 or not Path(arguments[0]).is_dir()):
+        print("usage: python -m toposeam_engine FOLDER   (the GIMP plug-in calls it)", file=sys.stderr)  # noqa: T201
+        return 2
+    # What libraries print must not end up between the events.
+    channel = Channel(os.fdopen(os.dup(1), "w", encoding="utf-8"))
+    os.dup2(2, 1)
+    gone = threading.Event()
+    try:
+        channel.send("hello", protocol=PROTOCOL, version=_version())
+        if waits:
+            for module in set(OPERATIONS.values()):
+                import_module(f"toposeam_engine.{module}")
+        folder = Path(os.fsdecode(_first_line(_LONGEST_PATH)) if waits else arguments[0]).resolve()
+        _check_folder(folder)
+        watcher = threading.Thread(target=_end_with_asker, args=(folder, gone), daemon=True)
+        watcher.start()
+        threading.Thread(target=_beat, args=(channel,), daemon=True).start()
+        result = _serve(folder, channel)
+    except Exception as error:
+        if gone.is_set():  # the request was pulled away from under us; the watcher ends this process
+            watcher.join()
+        channel.send("error", message=sentence(error))
+        return 1
+    channel.send("result", result=result)
+    return 0
+
+
+def _check_folder(folder: Path) -> None:
+    """Refuse a folder that whoever asks did not make for this request: it would be removed at the end."""
+    from toposeam.errors import OptionError
+
+    marker = folder / MARKER
+    nonce = b""
+    if marker.is_file() and not marker.is_symlink():
+        with marker.open("rb") as file:
+            nonce = file.read(_LONGEST_NONCE)
+    if not nonce or not hmac.compare_digest(nonce, _first_line()):
+        raise OptionError(
+            f"'{folder}' is no request of TopoSeam's plug-in, and was left untouched; only GIMP calls "
+            "the engine (after an update, run “toposeam gimp install” and start GIMP again)"
+        )
+
+
+def _first_line(longest: int = _LONGEST_NONCE) -> bytes:
+    """What stands on stdin before the first line break or the end; not a byte more is read."""
+    line = b""
+    while len(line) <= longest and (byte := os.read(0, 1)) not in (b"", b"\n"):
+        line += byte
+    return line
+
+
+def _serve(folder: Path, channel: Channel) -> dict[str, Any]:
+    request = json.loads((folder / "request.json").read_text(encoding="utf-8"))
+    from toposeam.errors import OptionError
+
+    if request.get("protocol") != PROTOCOL or request.get("version") != _version():
+        raise OptionError(
+            f"the plug-in is of TopoSeam {request.get('version')} and the installed TopoSeam is "
+            f"{_version()}; run “toposeam gimp install” and start GIMP again"
+        )
+    name = request.get("operation")
+    if name not in OPERATIONS:
+        raise OptionError(f"the engine has no operation {name!r}; it has {', '.join(OPERATIONS)}")
+    operation: Callable[[Job], dict[str, Any]] = getattr(
+        import_module(f"toposeam_engine.{OPERATIONS[name]}"), name
+    )
+    return operation(Job(folder=folder, request=request, progress=channel.progress))
+
+
+def _version() -> str:
+    import toposeam
+
+    return toposeam.__version__
+
+
+def _end_with_asker(folder: Path, gone: threading.Event) -> None:
+    """Wait until stdin is closed; then nobody is left who could use the result, or clean up."""
+    while os.read(0, 4096):  # not through sys.stdin, whose lock would abort the interpreter's end
+        pass
+    gone.set()
+    shutil.rmtree(folder, ignore_errors=True)
+    os._exit(3)
+
+
+def _beat(channel: Channel) -> None:
+    clock = threading.Event()
+    while not clock.wait(_HEARTBEAT_S):
+        channel.send("alive")

@@ -1,0 +1,155 @@
+"""The dialogs: what matters first, the rest under “Advanced”, and beside it what will come of it."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import gi
+
+for _name, _version in (("Gtk", "3.0"), ("Gdk", "3.0"), ("GimpUi", "3.0")):
+    gi.require_version(_name, _version)
+from gi.repository import Gimp, GimpUi, Gio, GLib, GObject, Gtk  # noqa: E402
+
+from toposeam_gimp.engine import missing_methods  # noqa: E402
+from toposeam_gimp.entries import Option, Procedure  # noqa: E402
+from toposeam_gimp.help_page import write_help_page  # noqa: E402
+from toposeam_gimp.preview_pane import PreviewPane  # noqa: E402
+from toposeam_gimp.procedures import PROCEDURES  # noqa: E402
+from toposeam_gimp.texts import _  # noqa: E402
+
+_SPACE = 12
+#: Numbers of so small a range are set with a slider.
+_NARROW = 10
+
+
+class Dialog:
+    """The dialog of an entry."""
+
+    def __init__(
+        self,
+        procedure: Gimp.Procedure,
+        config: Gimp.ProcedureConfig,
+        entry: Procedure,
+        image: Gimp.Image | None,
+        drawables: Sequence[Gimp.Drawable],
+    ) -> None:
+        GimpUi.init("toposeam_gimp")
+        self._config, self._entry = config, entry
+        self._dialog = GimpUi.ProcedureDialog.new(procedure, config, entry.title)
+        self._rows: dict[str, Gtk.Widget] = {}
+        body = Gtk.Box(spacing=2 * _SPACE, border_width=_SPACE)
+        self._pane = None if entry.preview is None else PreviewPane(config, entry, image, drawables)
+        if self._pane is not None:
+            body.pack_start(self._pane.widget, True, True, 0)
+        body.pack_start(self._fields(), self._pane is None, True, 0)
+        self._dialog.get_content_area().pack_start(body, True, True, 0)
+        body.show_all()
+        self._replace_help()
+        config.connect("notify", lambda *_event: self._changed())
+        self._changed()
+
+    def run(self) -> bool:
+        """Ask; whether the answer is OK."""
+        if self._pane is not None:
+            self._pane.start()
+        try:
+            return bool(self._dialog.run())
+        finally:
+            if self._pane is not None:
+                self._pane.close()
+            self._dialog.destroy()
+
+    def _fields(self) -> Gtk.Widget:
+        """All fields, one below the other."""
+        fields = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=6)
+        advanced = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=6, margin_top=6)
+        for option in self._entry.options:
+            self._rows[option.name] = row = self._row(option)
+            (advanced if option.advanced else fields).pack_start(row, False, False, 0)
+        if advanced.get_children():
+            expander = Gtk.Expander(label=_("A_dvanced"), use_underline=True, margin_top=6)
+            expander.add(advanced)
+            fields.pack_start(expander, False, False, 0)
+        return fields
+
+    def _row(self, option: Option) -> Gtk.Widget:
+        """The field of an option, with a box to tick or a button where it has one."""
+        slides = isinstance(option.default, float) and option.high - option.low <= _NARROW
+        kind = GimpUi.SpinScale.__gtype__ if slides else GObject.TYPE_NONE
+        widget = self._dialog.get_widget(option.name, kind)
+        if option.name == "method" and (absent := missing_methods()):
+            widget.get_widget().set_sensitivity(lambda nick, *_data: nick not in absent, None)
+        if option.automatic is None and option.name != "seed":
+            return widget
+        row = Gtk.Box(spacing=_SPACE)
+        row.pack_start(widget, True, True, 0)
+        if option.name == "seed":
+            another = Gtk.Button(label=_("Another"), tooltip_text=_("Draw a seed by chance"))
+            another.connect("clicked", lambda _button: self._draw(option))
+            row.pack_end(another, False, False, 0)
+        else:
+            row.pack_end(self._automatic(option, widget), False, False, 0)
+        return row
+
+    def _automatic(self, option: Option, widget: Gtk.Widget) -> Gtk.Widget:
+        """A box that, ticked, stands for 0."""
+        kind = type(option.default)
+        box = Gtk.CheckButton(label=option.automatic)
+        kept = {"value": kind(option.typical)}
+
+        def follow(*_event: Any) -> None:
+            value = self._config.get_property(option.name)
+            kept["value"] = value or kept["value"]
+            box.set_active(not value)
+            widget.set_sensitive(bool(value))
+
+        def toggled(_box: Gtk.CheckButton) -> None:
+            if box.get_active() == bool(self._config.get_property(option.name)):
+                self._config.set_property(option.name, kind(0) if box.get_active() else kept["value"])
+
+        follow()
+        box.connect("toggled", toggled)
+        self._config.connect(f"notify::{option.name}", follow)
+        return box
+
+    def _draw(self, option: Option) -> None:
+        self._config.set_property(option.name, random.randrange(int(option.high)))  # noqa: S311 - no secret
+
+    def _changed(self) -> None:
+        for option in self._entry.options:
+            if option.applies is not None:
+                name, values = option.applies
+                self._rows[option.name].set_sensitive(self._config.get_property(name) in values)
+        if self._pane is not None:
+            self._pane.changed()
+
+    def _replace_help(self) -> None:
+        """GIMP's own Help looks for pages in its manual."""
+        old = self._dialog.get_widget_for_response(Gtk.ResponseType.HELP)
+        if old is None:
+            return
+        parent = old.get_parent()
+        old.set_no_show_all(True)
+        old.hide()
+        button = Gtk.Button.new_with_mnemonic(_("_Help"))
+        button.connect("clicked", lambda _button: self._help())
+        parent.pack_start(button, False, False, 0)
+        parent.set_child_secondary(button, True)
+        button.show()
+
+    def _help(self) -> None:
+        page = write_help_page(PROCEDURES.values(), Path(GLib.get_tmp_dir()))
+        section = self._entry.name.rpartition("-")[2]
+        with suppress(GLib.Error):
+            Gio.AppInfo.launch_default_for_uri(f"{page.as_uri()}#{section}", None)
+            return
+        text = Gtk.MessageDialog(
+            transient_for=self._dialog, modal=True, buttons=Gtk.ButtonsType.CLOSE, text=self._entry.title
+        )
+        text.format_secondary_text(f"{self._entry.help}\n\n{page}")
+        text.run()
+        text.destroy()

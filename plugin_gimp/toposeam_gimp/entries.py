@@ -1,0 +1,65 @@
+"""GI-free: what a menu entry is, and a field of its dialog."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Option:
+    """A field of a dialog, an argument of a procedure."""
+
+    name: str
+    label: str
+    help: str
+    #: Its type says what the option is: bool, int, float, or one of `choices`.
+    default: bool | int | float | str
+    low: float = 0
+    high: float = 1
+    #: Pairs of what scripts write and what people read.
+    choices: tuple[tuple[str, str], ...] = ()
+    #: Whether it goes to the engine as it is; the others are for the plug-in.
+    engine: bool = True
+    #: What 0 stands for in scripts; people tick a box of this name, and get `typical` when they untick it.
+    automatic: str | None = None
+    typical: float = 1
+    #: Another option, and the values of it with which this one means something; else it is insensitive.
+    applies: tuple[str, tuple[bool | str, ...]] | None = None
+    #: Whether it waits under “Advanced” until somebody looks for it.
+    advanced: bool = False
+
+    @property
+    def title(self) -> str:
+        """The label without mnemonic."""
+        return _plain(self.label)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Procedure:
+    """A menu entry and its procedure."""
+
+    name: str
+    #: Menu entry, with its mnemonic.
+    label: str
+    blurb: str
+    help: str
+    #: Module of this package, and its function.
+    work: str
+    options: tuple[Option, ...] = ()
+    #: When the entry can be used: "layer" when one is selected, "layers" for one or more, "several" for two
+    #: or more, "nothing" always.
+    needs: str = "layer"
+    #: Name and blurb of the layer it returns.
+    returns: tuple[str, str] = ("layer", "The new layer")
+    #: The function of :mod:`toposeam_gimp.scenes` that collects what its preview shows; None without one.
+    preview: str | None = None
+
+    @property
+    def title(self) -> str:
+        """The label without mnemonic and dots; Korean ones write it as “(_S)”."""
+        return _plain(self.label).rstrip(".")
+
+
+def _plain(label: str) -> str:
+    return re.sub(r"\(_\w\)|_", "", label)

@@ -1,0 +1,137 @@
+"""The preview in a dialog: a picture that follows the options."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from gi.repository import GdkPixbuf, Gimp, GLib, Gtk
+
+from toposeam_gimp import scenes
+from toposeam_gimp.entries import Procedure
+from toposeam_gimp.folder import FolderError, RequestFolder
+from toposeam_gimp.layers import RefusedError
+from toposeam_gimp.rehearsal import Picture, Rehearsal
+from toposeam_gimp.texts import _
+
+_SIZE = (300, 260)
+#: People type and drag; the preview waits for a moment of rest.
+_REST_MS = 150
+
+
+class PreviewPane:
+    """A frame with the picture, and a box to switch it off."""
+
+    def __init__(
+        self,
+        config: Gimp.ProcedureConfig,
+        entry: Procedure,
+        image: Gimp.Image | None,
+        drawables: Sequence[Gimp.Drawable],
+    ) -> None:
+        self._config, self._entry, self._image, self._drawables = config, entry, image, drawables
+        self._picture = Gtk.Image()
+        self._text = Gtk.Label(wrap=True, max_width_chars=34, justify=Gtk.Justification.CENTER)
+        self._switch = Gtk.CheckButton.new_with_mnemonic(_("Pre_view"))
+        self._switch.set_active(True)
+        self._switch.connect("toggled", lambda _box: self.changed())
+        self._busy = Gtk.Label()
+        self._stack = Gtk.Stack()
+        for name, widget in (("picture", self._picture), ("text", self._text)):
+            self._stack.add_named(widget, name)
+        frame = Gtk.Frame()
+        frame.add(self._stack)
+        frame.set_size_request(*_SIZE)
+        below = Gtk.Box(spacing=12)
+        below.pack_start(self._switch, False, False, 0)
+        below.pack_start(self._busy, False, False, 0)
+        self.widget = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=6)
+        self.widget.pack_start(frame, True, True, 0)
+        self.widget.pack_start(below, False, False, 0)
+        self._rehearsal = Rehearsal(lambda found: GLib.idle_add(self._show, found))
+        self._folder: RequestFolder | None = None
+        self._scene: tuple[Any, dict[str, Any]] | None = None
+        self._timer = 0
+        self._open = False
+
+    def start(self) -> None:
+        """The dialog is about to appear."""
+        self._open = True
+        self._rehearsal.warm_up()
+        self.changed()
+
+    def close(self) -> None:
+        """The dialog is about to go."""
+        self._open = False
+        if self._timer:
+            GLib.source_remove(self._timer)
+            self._timer = 0
+        self._rehearsal.close()
+        if self._folder is not None:
+            self._folder.__exit__(None, None, None)
+
+    def changed(self) -> None:
+        """What is shown is out of date."""
+        if not self._open:
+            return
+        self._rehearsal.cancel()
+        self._busy.set_text("")
+        if self._timer:
+            GLib.source_remove(self._timer)
+            self._timer = 0
+        if self._switch.get_active():
+            self._busy.set_text(_("drawing …"))
+            self._timer = GLib.timeout_add(_REST_MS, self._ask)
+
+    def _ask(self) -> bool:
+        self._timer = 0
+        options = {option.name: self._config.get_property(option.name) for option in self._entry.options}
+        name = str(self._entry.preview)
+        wanted = scenes.key(name, options)
+        try:
+            folder = self._folder = self._folder or RequestFolder()
+            if self._scene is None or self._scene[0] != wanted:
+                made = scenes.scene(name, folder, self._image, self._drawables, options)
+                self._scene = (wanted, made)
+        except (RefusedError, FolderError) as error:
+            self._show(str(error))
+            return False
+        sent = {
+            option.name.replace("-", "_"): options[option.name]
+            for option in self._entry.options
+            if option.engine
+        }
+        self._rehearsal.show(self._scene[1], sent, folder.path)
+        return False
+
+    def _show(self, found: Picture | str) -> bool:
+        if not self._open:
+            return False
+        self._busy.set_text("")
+        if isinstance(found, str):
+            self._text.set_text(found)
+            self._stack.set_visible_child_name("text")
+            return False
+        pixbuf = _pixbuf(found)
+        width, height = pixbuf.get_width(), pixbuf.get_height()
+        scale = min((_SIZE[0] - 4) / width, (_SIZE[1] - 4) / height, 2.0)
+        size = max(round(width * scale), 1), max(round(height * scale), 1)
+        self._picture.set_from_pixbuf(
+            pixbuf.composite_color_simple(*size, GdkPixbuf.InterpType.BILINEAR, 255, 8, 0x999999, 0x666666)
+        )
+        self._stack.set_visible_child_name("picture")
+        return False
+
+
+def _pixbuf(picture: Picture) -> GdkPixbuf.Pixbuf:
+    """RGBA, or gray and opacity, for the screen."""
+    width, height, channels, content = picture
+    if channels == 2:
+        gray, opacity = content[::2], content[1::2]
+        wide = bytearray(4 * len(gray))
+        wide[0::4] = wide[1::4] = wide[2::4] = gray
+        wide[3::4] = opacity
+        content = bytes(wide)
+    return GdkPixbuf.Pixbuf.new_from_bytes(
+        GLib.Bytes.new(content), GdkPixbuf.Colorspace.RGB, True, 8, width, height, 4 * width
+    )

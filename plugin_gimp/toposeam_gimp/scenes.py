@@ -1,0 +1,166 @@
+"""What the previews show: pixels of the selected layers at a reduced size, in the engine's request."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from gi.repository import Gimp
+
+from toposeam_gimp import pixels
+from toposeam_gimp.folder import RequestFolder
+from toposeam_gimp.layers import RefusedError, chosen_layers, lowest_first
+from toposeam_gimp.pixels import Box
+from toposeam_gimp.texts import _
+
+#: A preview is made of so many pixels at most.
+MOST_PIXELS = 300_000
+#: Textures take longer than seams.
+_MOST_GROWN = 100_000
+
+Scene = dict[str, Any]
+Layers = Sequence[Gimp.Drawable]
+
+
+def scene(name: str, folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
+    """What the engine needs for a preview, but the options.
+
+    Raises
+    ------
+    RefusedError
+        When there is nothing to show; the text says why.
+    """
+    return _SCENES[name](folder, image, drawables, options)
+
+
+def key(name: str, options: Scene) -> tuple[Any, ...]:
+    """What of the options a scene depends on; as long as it stays the same, so do the pixels."""
+    if name == "sample":
+        return options["width"], options["height"]
+    return (options["use-layer"],) if name == "motif" else ()
+
+
+def _stitch(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _options: Scene) -> Scene:
+    layers = lowest_first(image, chosen_layers(image, drawables))
+    if len(layers) < 2:
+        raise RefusedError(_("Select two or more layers."))
+    boxes = [_box(layer) for layer in layers]
+    left, top = min(box[0] for box in boxes), min(box[1] for box in boxes)
+    right, bottom = max(box[0] + box[2] for box in boxes), max(box[1] + box[3] for box in boxes)
+    canvas = (left, top, right - left, bottom - top)
+    scale = _scale(max(_area(canvas), sum(map(_area, boxes))))
+    rasters = [
+        pixels.send_reduced(folder, image, layer, f"layer-{index}", scale)
+        for index, layer in enumerate(layers)
+    ]
+    selection = _selection(folder, image, scale, canvas)
+    return {"of": "stitch", "scale": scale, "layers": rasters, "selection": selection}
+
+
+def _patch(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _options: Scene) -> Scene:
+    (layer,) = chosen_layers(image, drawables)
+    if layer.is_floating_sel() or layer.get_parent() is not None:
+        raise RefusedError(_("There is no preview of a floating selection, nor within a group."))
+    selected = _bounds(image) or _box(layer)
+    margin = max(selected[2:]) // 4
+    around = (selected[0] - margin, selected[1] - margin, selected[2] + 2 * margin, selected[3] + 2 * margin)
+    scale = _scale(_area(around))
+    scratch = image.duplicate()
+    try:
+        for above, copy in zip(image.get_layers(), scratch.get_layers(), strict=True):
+            copy.set_visible(False)
+            if above.get_id() == layer.get_id():
+                break
+        seen = Gimp.Layer.new_from_visible(scratch, scratch, "below")
+        below = pixels.send_reduced(folder, image, seen, "below", scale, around)
+    finally:
+        scratch.delete()
+    patch = pixels.send_reduced(folder, image, layer, "patch", scale, selected)
+    selection = _selection(folder, image, scale, selected)
+    return {"of": "patch", "scale": scale, "layers": [below, patch], "selection": selection}
+
+
+def _sample(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
+    grown = math.sqrt(_MOST_GROWN / max(options["width"] * options["height"], 1))
+    return _texture("synthesize", folder, image, drawables, min(grown, 1.0))
+
+
+def _tile(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _options: Scene) -> Scene:
+    bounds = _bounds(image)
+    if bounds is not None and not pixels.is_rectangle(image, bounds):
+        raise RefusedError(_("The selection is not a rectangle."))
+    return _texture("make_tileable", folder, image, drawables, 1.0, box=bounds, most=_MOST_GROWN)
+
+
+def _hole(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _options: Scene) -> Scene:
+    if _bounds(image) is None:
+        raise RefusedError(_("Nothing is selected; select what is to be replaced and try again."))
+    return _texture("fill", folder, image, drawables, 1.0, most=_MOST_GROWN)
+
+
+def _motif(folder: RequestFolder, image: Gimp.Image | None, drawables: Layers, options: Scene) -> Scene:
+    base = None
+    if options["use-layer"]:
+        if image is None or not drawables:
+            raise RefusedError(_("There is no layer to shape the strokes after."))
+        (layer,) = chosen_layers(image, drawables)
+        base = pixels.send_reduced(folder, image, layer, "base", _scale(_area(_box(layer))))
+    return {"of": "motif", "scale": 1.0, "layer": base}
+
+
+def _texture(
+    of: str,
+    folder: RequestFolder,
+    image: Gimp.Image,
+    drawables: Layers,
+    scale: float,
+    *,
+    box: Box | None = None,
+    most: int = MOST_PIXELS,
+) -> Scene:
+    (layer,) = chosen_layers(image, drawables)
+    scale = min(scale, _scale(_area(box or _box(layer)), most))
+    raster = pixels.send_reduced(folder, image, layer, "layer", scale, box)
+    selection = None if box is not None else _selection(folder, image, scale, _box(layer))
+    return {"of": of, "scale": scale, "layer": raster, "selection": selection}
+
+
+def _selection(folder: RequestFolder, image: Gimp.Image, scale: float, box: Box) -> Scene | None:
+    """What is selected on a box of the canvas; None without a selection."""
+    if _bounds(image) is None:
+        return None
+    width, height = image.get_width(), image.get_height()
+    if box[0] < 0 or box[1] < 0 or box[0] + box[2] > width or box[1] + box[3] > height:
+        raise RefusedError(
+            _("There is no preview for layers that reach over the canvas while something is selected.")
+        )
+    return pixels.send_reduced(folder, image, image.get_selection(), "selection", scale, box)
+
+
+def _bounds(image: Gimp.Image) -> Box | None:
+    _done, something, left, top, right, bottom = Gimp.Selection.bounds(image)
+    return (left, top, right - left, bottom - top) if something else None
+
+
+def _box(layer: Gimp.Layer) -> Box:
+    _nothing, left, top = layer.get_offsets()
+    return left, top, layer.get_width(), layer.get_height()
+
+
+def _area(box: Box) -> int:
+    return box[2] * box[3]
+
+
+def _scale(area: int, most: int = MOST_PIXELS) -> float:
+    return min(1.0, math.sqrt(most / max(area, 1)))
+
+
+_SCENES: dict[str, Callable[..., Scene]] = {
+    "stitch": _stitch,
+    "patch": _patch,
+    "sample": _sample,
+    "tile": _tile,
+    "hole": _hole,
+    "motif": _motif,
+}

@@ -1,0 +1,162 @@
+"""GI-free: the menu entries that join layers."""
+
+from __future__ import annotations
+
+from toposeam_gimp.entries import Option, Procedure
+from toposeam_gimp.texts import _
+
+_METHOD = Option(
+    name="method",
+    label=_("_Method"),
+    default="heat",
+    help=_(
+        "How the seam is found: by heat, by the dissertation's algorithm, or by one of the classical methods"
+    ),
+    choices=(
+        ("heat", _("Heat")),
+        ("thesis", _("Heat, as in the dissertation (slow)")),
+        ("shortest-path", _("Shortest path (exact)")),
+        ("dp", _("Dynamic programming (never turns back)")),
+        ("graph-cut", _("Graph cut (needs PyMaxflow)")),
+    ),
+    advanced=True,
+)
+_GRADIENT = Option(
+    name="gradient",
+    label=_("Compare _gradients too"),
+    default=True,
+    help=_(
+        "Also count how much the pictures differ in their gradients, so that the seam does not cut across "
+        "edges"
+    ),
+    advanced=True,
+)
+_BLEND = Option(
+    name="blend",
+    label=_("_Blend"),
+    default="none",
+    help=_(
+        "What happens across the seams; anything but a hard cut is put into a layer of its own above the "
+        "others"
+    ),
+    choices=(
+        ("none", _("Hard cut")),
+        ("feather", _("Feather along the seam")),
+        ("soft", _("Soft, as the heat flows")),
+        ("multiband", _("Multiband (coarse shades far, detail close)")),
+        ("gradient", _("Gradient domain (no step in tone)")),
+    ),
+)
+_WIDTH = Option(
+    name="blend-width",
+    label=_("Blend _width (px)"),
+    default=0.0,
+    low=0.0,
+    high=512.0,
+    help=_("How far feather, multiband and gradient reach; 0 is the usual width"),
+    automatic=_("Usual width"),
+    typical=16,
+    applies=("blend", ("feather", "multiband", "gradient")),
+)
+_TONES = Option(
+    name="match-tones",
+    label=_("Match _tones first"),
+    default=False,
+    help=_(
+        "Remove a step in exposure or white balance: each layer's copy gets a gain per channel so that the "
+        "overlaps agree"
+    ),
+)
+_ALIGN = Option(
+    name="align",
+    label=_("_Align first"),
+    default=False,
+    help=_(
+        "Move the copies, by up to 32 px, to where their overlaps agree; the layer at the bottom stays where "
+        "it is"
+    ),
+)
+_KEEP = Option(
+    name="keep-layers",
+    label=_("_Keep the selected layers, hidden"),
+    default=True,
+    engine=False,
+    help=_(
+        "Leave the layers you selected where they are, invisible; otherwise the stitched copies replace them"
+    ),
+)
+_MERGE = Option(
+    name="merge",
+    label=_("Merge into one la_yer"),
+    default=False,
+    engine=False,
+    help=_("Make one layer of the result instead of a group of layers with masks"),
+)
+_CORE = Option(
+    name="core",
+    label=_("Core that m_ust show"),
+    default=0.5,
+    low=0.05,
+    high=1.0,
+    help=_(
+        "The share of the patch's depth, from its innermost point outwards, that the seam must leave to the "
+        "patch"
+    ),
+)
+_SHOW = Option(
+    name="show-seam",
+    label=_("Show the s_eam"),
+    default=False,
+    engine=False,
+    help=_("Make the paths of the seams visible; they are in the Paths dialog in any case"),
+)
+
+SEAM_ENTRIES = (
+    Procedure(
+        name="plug-in-toposeam-stitch",
+        label=_("_Stitch Layers..."),
+        work="seams.stitch_layers",
+        needs="several",
+        blurb=_("Join the selected layers where they overlap, along seams that nobody sees"),
+        help=_(
+            "Select two or more layers that overlap; the lowest comes first. A group appears with a copy of "
+            "each layer under a layer mask, opaque and in Normal mode, and two paths per seam. If there is a "
+            "selection, the seams stay within it. Bend a path with the path tool and use Re-stitch from "
+            "Paths to apply it."
+        ),
+        options=(_BLEND, _WIDTH, _ALIGN, _TONES, _SHOW, _MERGE, _KEEP, _METHOD, _GRADIENT),
+        returns=("group", "The group of stitched layers, or the merged layer"),
+        preview="stitch",
+    ),
+    Procedure(
+        name="plug-in-toposeam-restitch",
+        label=_("_Re-stitch from Paths"),
+        work="seams.restitch",
+        needs="layers",
+        blurb=_("Apply the seams of a stitched group again after you have bent their paths"),
+        help=_(
+            "Select a group that Stitch Layers has made, a layer in it, or a patch. Its masks are made anew "
+            "from its paths, or from the path that is selected in the Paths dialog: curves are followed, "
+            "ends that stop short of the overlap's border are extended. What you have not bent gives exactly "
+            "the seam that was found."
+        ),
+        returns=("group", "The group of stitched layers"),
+    ),
+    Procedure(
+        name="plug-in-toposeam-patch",
+        label=_("Stitch Selection as _Patch..."),
+        work="seams.patch_selection",
+        blurb=_(
+            "Lay the selected part of this layer on what is below it, within a closed seam that nobody sees"
+        ),
+        help=_(
+            "Select generously round what you want to lay on the picture below: a face, a cloud, a cloned "
+            "spot. The seam runs within the selection where the two pictures differ least. A floating "
+            "selection, or without any selection the whole layer, is a patch too. The patch becomes a layer "
+            "with a mask, and the seam a path; the layer it was cut from is hidden."
+        ),
+        options=(_BLEND, _WIDTH, _CORE, _SHOW, _METHOD, _GRADIENT),
+        returns=("patch", "The layer with the patch"),
+        preview="patch",
+    ),
+)

@@ -1,0 +1,115 @@
+"""GI-free: what the engine says, in GIMP's words and the user's language.
+
+The engine speaks of masks and pixels as the library does; who sits at GIMP has selections and layers. What is
+not in the table is shown as it came.
+"""
+
+from __future__ import annotations
+
+import re
+
+from toposeam_gimp.texts import _
+
+#: What the engine's sentence holds, and what to say instead; named groups come along.
+_SENTENCES = (
+    (
+        r"(?P<name>.+) \(at -?\d+,-?\d+\): the patches do not overlap",
+        _("“{name}” does not overlap the other layers; move it onto them."),
+    ),
+    (r"the patches do not overlap", _("The layers do not overlap; move one of them onto the other.")),
+    (
+        r"no seam avoids the pixels you excluded",
+        _("The selection leaves the seam no way through the overlap; select more of it, from end to end."),
+    ),
+    (
+        r"nothing divides the patches",
+        _(
+            "Where the layers overlap, one covers all of the other, or is too thin to hold a seam; let each "
+            "reach beyond the other, or one lie well inside the other."
+        ),
+    ),
+    (
+        r"(?:(?P<name>.+): )?the path does not separate the patches",
+        _(
+            "The path does not separate the layers; draw it right across the overlap, from border to border, "
+            "and round every place that only one layer covers."
+        ),
+    ),
+    (
+        r"(?P<name>.+) cannot be aligned: within (?P<radius>\d+) px",
+        _(
+            "“{name}” cannot be aligned: within {radius} px of where it lies it agrees with none of "
+            "the other "
+            "layers. Move it closer to its place, or switch “Align first” off."
+        ),
+    ),
+    (
+        r"nothing is left to copy from: the mask covers the whole picture",
+        _("The selection covers the whole layer; select only what is to be replaced."),
+    ),
+    (
+        r"nothing is left to copy from",
+        _("Around the selection there is nothing to copy from; choose to copy from the whole layer."),
+    ),
+    (
+        r"the mask is empty, or the picture transparent there",
+        _(
+            "The layer is transparent where you have selected, so there is nothing to replace; "
+            "select a part that shows."
+        ),
+    ),
+    (
+        r"no place (?:outside|in) the mask has room for a patch of (?P<width>\d+) × (?P<height>\d+) px",
+        _(
+            "No part of what may be copied has room for a patch of {width} × {height} px; use "
+            "smaller patches."
+        ),
+    ),
+    (
+        r"the (?:source|sample|exemplar) is (?P<width>\d+) × (?P<height>\d+) px, smaller than a "
+        r"patch of (?P<patch>\d+) px",
+        _("The layer is {width} × {height} px, smaller than a patch of {patch} px; use smaller patches."),
+    ),
+    (
+        r"the (?:image|source) is (?P<width>\d+) × (?P<height>\d+) px; to .* at least (?P<least>\d+) px",
+        _("The layer is {width} × {height} px; at least {least} px in each direction are needed."),
+    ),
+    (
+        r"band is .*; for (?P<width>\d+) × (?P<height>\d+) px give a whole number from "
+        r"(?P<least>\d+) to (?P<most>\d+)",
+        _("The band is too wide or too narrow for {width} × {height} px; choose from {least} to {most} px."),
+    ),
+    (
+        r"overlap is .* with patches of (?P<patch>\d+) px; give a whole number from "
+        r"(?P<least>\d+) to (?P<most>\d+)",
+        _("The overlap does not fit patches of {patch} px; choose from {least} to {most} px."),
+    ),
+    (
+        r".* has one value everywhere",
+        _(
+            "The layer has one colour everywhere, so there is nothing to make a texture of; use a "
+            "picture with structure."
+        ),
+    ),
+    (
+        r"nothing of .* may be sampled",
+        _("The layer is transparent wherever it is selected; select a part that shows."),
+    ),
+    (
+        r".*(?:PyMaxflow|maxflow)",
+        _("Graph cut needs PyMaxflow beside TopoSeam, which is not installed there; choose another method."),
+    ),
+    (
+        r".* span .* megapixels|a texture of .* has more than .* megapixels|the pattern would have",
+        _("That would be too large a picture; make a smaller one."),
+    ),
+)
+
+
+def in_gimps_words(message: str) -> str:
+    """An engine's sentence as it makes sense in GIMP."""
+    for pattern, text in _SENTENCES:
+        found = re.match(pattern, message)
+        if found:
+            return text.format(**{name: part or "" for name, part in found.groupdict().items()})
+    return message

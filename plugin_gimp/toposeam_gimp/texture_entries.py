@@ -1,0 +1,164 @@
+"""GI-free: the menu entries that grow textures."""
+
+from __future__ import annotations
+
+from toposeam_gimp.entries import Option, Procedure
+from toposeam_gimp.texts import _
+
+SEED = Option(
+    name="seed",
+    label=_("S_eed"),
+    default=0,
+    low=0,
+    high=2_147_483_647,
+    help=_("The same seed gives the same picture; another one, another picture"),
+)
+_PATCH = Option(
+    name="patch",
+    label=_("_Patch (px)"),
+    default=40,
+    low=0,
+    high=1024,
+    help=_(
+        "Side of the patches that are laid; larger than the elements of the texture. 0 measures the texture"
+    ),
+    automatic=_("By the texture's scale"),
+    typical=40,
+)
+_OVERLAP = Option(
+    name="overlap",
+    label=_("Overl_ap (px)"),
+    default=0,
+    low=0,
+    high=512,
+    help=_("How far neighbouring patches overlap; the seams run there. 0 is a quarter of the patch"),
+    automatic=_("A quarter of the patch"),
+    typical=10,
+    advanced=True,
+)
+_BORDERS = (("both", _("On both axes")), ("x", _("Left and right")), ("y", _("Top and bottom")))
+
+TEXTURE_ENTRIES = (
+    Procedure(
+        name="plug-in-toposeam-synthesize",
+        label=_("S_ynthesize Texture..."),
+        work="textures.synthesize",
+        blurb=_("Grow a texture of any size from this layer, or from the selected part of it"),
+        help=_(
+            "Patches of the layer are laid where they fit best and cut along seams found by heat. With a "
+            "selection, only what is selected is copied; it need not be a rectangle."
+        ),
+        options=(
+            Option(
+                name="width",
+                label=_("_Width (px)"),
+                help=_("Width of the texture"),
+                default=512,
+                low=16,
+                high=65536,
+            ),
+            Option(
+                name="height",
+                label=_("He_ight (px)"),
+                help=_("Height of the texture"),
+                default=512,
+                low=16,
+                high=65536,
+            ),
+            Option(
+                name="tileable",
+                label=_("_Tileable"),
+                help=_("Whether the texture continues at its opposite border"),
+                default="none",
+                choices=(("none", _("No")), *_BORDERS),
+            ),
+            _PATCH,
+            SEED,
+            Option(
+                name="destination",
+                label=_("I_nto"),
+                help=_("Where the texture goes"),
+                default="image",
+                engine=False,
+                choices=(("image", _("A new image")), ("layer", _("A new layer"))),
+            ),
+            _OVERLAP,
+        ),
+        preview="sample",
+    ),
+    Procedure(
+        name="plug-in-toposeam-tile",
+        label=_("Make Seamless _Tile..."),
+        work="textures.make_tileable",
+        blurb=_("Make this layer, or the selected rectangle of it, repeat without a visible border"),
+        help=_(
+            "Only a band along the borders changes: patches of the picture itself are laid over them and cut "
+            "along seams found by heat. The result is a new layer. A selection must be a rectangle."
+        ),
+        options=(
+            Option(
+                name="tileable",
+                label=_("Re_peat"),
+                help=_("Which borders are to match"),
+                default="both",
+                choices=_BORDERS,
+            ),
+            Option(
+                name="band",
+                label=_("_Band (px)"),
+                help=_("How much along each border may change; 0 is an eighth of the shorter side"),
+                default=0,
+                low=0,
+                high=4096,
+                automatic=_("An eighth of the shorter side"),
+                typical=32,
+            ),
+            SEED,
+        ),
+        preview="tile",
+    ),
+    Procedure(
+        name="plug-in-toposeam-fill",
+        label=_("_Fill Selection..."),
+        work="textures.fill",
+        blurb=_("Replace what is selected by what the rest of this layer is like"),
+        help=_(
+            "The hole is filled from outside inwards with patches of the layer, cut along seams found by "
+            "heat that may run through a band round the selection. The result is a new layer that covers "
+            "what was selected."
+        ),
+        options=(
+            Option(
+                name="from",
+                label=_("Copy _from"),
+                help=_("Which part of the layer may be copied into the hole"),
+                default="layer",
+                choices=(("layer", _("The whole layer")), ("around", _("Around the selection"))),
+            ),
+            Option(
+                name="patch",
+                label=_("_Patch (px)"),
+                help=_PATCH.help,
+                default=0,
+                low=0,
+                high=1024,
+                automatic=_("By the picture's scale"),
+                typical=40,
+            ),
+            SEED,
+            _OVERLAP,
+            Option(
+                name="band",
+                label=_("_Band (px)"),
+                default=0,
+                low=0,
+                high=1024,
+                help=_("Width of the band round the selection that may change as well; 0 is the overlap"),
+                automatic=_("As wide as the overlap"),
+                typical=10,
+                advanced=True,
+            ),
+        ),
+        preview="hole",
+    ),
+)

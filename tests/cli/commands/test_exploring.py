@@ -1,0 +1,72 @@
+"""``toposeam motif --explore``: the page, in a real browser where there is one."""
+
+import re
+import shutil
+import subprocess
+from html import unescape
+
+import pytest
+
+import toposeam as ts
+from toposeam_cli.pictures.recipe import read_toml, recipe_from_table, to_toml
+
+SMALL = ("--size", "24", "--layers", "1", "--iterations", "3")
+BROWSER = next((found for name in ("chromium", "google-chrome") if (found := shutil.which(name))), None)
+
+
+@pytest.fixture
+def page(folder, toposeam):
+    ran = toposeam("motif", *SMALL, "--seed", "5", "--repeat", "drop", "--explore", "3x2", "-o", "sheet.html")
+    assert (ran.code, ran.err) == (0, "")
+    return folder / "sheet.html"
+
+
+def seen(path, folder, hash_=""):
+    """The page's elements after its scripts have run."""
+    command = [
+        BROWSER,
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        f"--user-data-dir={folder / 'profile'}",
+    ]
+    line = [*command, "--virtual-time-budget=3000", "--dump-dom", f"file://{path}{hash_}"]
+    ran = subprocess.run(line, capture_output=True, text=True, timeout=120, check=True)
+    return ran.stdout
+
+
+def test_the_page_shows_one_motif_per_seed(page):
+    text = page.read_text()
+    assert text.count('class="card"') == 6
+    assert [int(seed) for seed in re.findall(r"drop, seed (\d+)", text)] == [5, 6, 7, 8, 9, 10]
+    assert "{{" not in text
+
+
+@pytest.mark.skipif(BROWSER is None, reason="there is no Chromium")
+def test_a_click_keeps_a_motif_and_shows_its_recipe(page, tmp_path):
+    clicking = tmp_path / "clicking.html"
+    script = "<script>cards[2].click(); cards[4].click(); cards[4].click();</script></body>"
+    clicking.write_text(page.read_text().replace("</body>", script))
+    elements = seen(clicking, tmp_path)
+    assert re.findall(r'aria-pressed="true" data-number="(\d+)"', elements) == ["3"]
+    (recipe,) = re.findall(r"<textarea[^>]*>(.*?)</textarea>", elements, re.DOTALL)
+    expected = ts.random_recipe(24, layers=1, iterations=3, seed=7, repeat="drop")
+    assert unescape(recipe).strip() == to_toml(expected).strip()
+    assert 'download="motif-3.toml"' in elements
+
+
+@pytest.mark.skipif(BROWSER is None, reason="there is no Chromium")
+def test_the_address_remembers_what_was_kept(page, tmp_path):
+    elements = seen(page, tmp_path, "#keep=1,6")
+    assert re.findall(r'aria-pressed="true" data-number="(\d+)"', elements) == ["1", "6"]
+
+
+def test_going_on_from_one_begins_with_it(page, folder, toposeam):
+    recipe = ts.random_recipe(24, layers=1, iterations=3, seed=7, repeat="drop")
+    (folder / "kept.toml").write_text(to_toml(recipe))
+    ran = toposeam("motif", "--config", "kept.toml", "--explore", "2x2", "--vary", "0.2", "-o", "next.html")
+    assert ran.code == 0
+    assert re.findall(r"seed (\d+)", (folder / "next.html").read_text())[:2] == ["7", "1"]
+    assert recipe_from_table(read_toml(folder / "kept.toml"), folder) == recipe
+    toposeam("motif", "--explore", "2x2", "-o", "next.png").fails("not supported")
+    toposeam("motif", "--explore", "99x99", "-o", "m.html").fails("too many")

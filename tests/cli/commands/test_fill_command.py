@@ -1,0 +1,91 @@
+import numpy as np
+import pytest
+from skimage import data
+
+from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_picture("gravel.png", Picture(pixels=np.ascontiguousarray(data.gravel()[:120, :140])))
+    hole = np.zeros((120, 140), np.uint8)
+    hole[50:80, 40:90] = 255
+    write_picture("hole.png", Picture(pixels=hole))
+    return tmp_path
+
+
+def test_a_hole_is_filled_and_its_surroundings_stay(toposeam):
+    ran = toposeam(
+        "fill",
+        "gravel.png",
+        "--mask",
+        "hole.png",
+        "--band",
+        "6",
+        "--also",
+        "gravel.png",
+        "-o",
+        "full.png",
+        "--labels",
+        "labels.png",
+    )
+    assert ran.code == 0, ran
+    given, made, other, labels = (
+        read_picture(name).pixels for name in ("gravel.png", "full.png", "full_gravel.png", "labels.png")
+    )
+    np.testing.assert_array_equal(made, other)
+    beyond = np.ones(given.shape, bool)
+    beyond[44:86, 34:96] = False
+    np.testing.assert_array_equal(made[beyond], given[beyond])
+    assert (labels[50:80, 40:90] > 0).all()
+
+
+def test_copies_come_from_where_they_are_allowed(toposeam):
+    allow = np.zeros((120, 140), np.uint8)
+    allow[:, 95:] = 255
+    write_picture("allow.png", Picture(pixels=allow))
+    ran = toposeam(
+        "fill",
+        "gravel.png",
+        "--mask",
+        "hole.png",
+        "--from",
+        "allow.png",
+        "--patch",
+        "24",
+        "-o",
+        "o.png",
+        "--coordinates",
+        "from.png",
+        "--labels",
+        "l.png",
+    )
+    assert ran.code == 0, ran
+    laid = read_picture("l.png").pixels > 0
+    assert (read_picture("from.png").pixels[laid][:, 0] >= 95).all()
+
+
+@pytest.mark.parametrize(
+    ("mask", "phrase"),
+    [
+        (np.zeros((120, 140), np.uint8), "mask is empty"),
+        (np.full((120, 140), 255, np.uint8), "nothing is left"),
+        (np.full((12, 14), 255, np.uint8), "12"),
+    ],
+)
+def test_masks_that_leave_nothing_to_do_or_nothing_to_copy_are_refused(toposeam, folder, mask, phrase):
+    write_picture("mask.png", Picture(pixels=mask))
+    toposeam("fill", "gravel.png", "--mask", "mask.png", "-o", "o.png").fails(phrase)
+    assert not (folder / "o.png").exists()
+
+
+def test_where_nothing_is_allowed_the_mask_is_not_blamed(toposeam, folder):
+    mask = np.zeros((120, 140), np.uint8)
+    write_picture("allow.png", Picture(pixels=mask))
+    mask[40:60, 40:60] = 255
+    write_picture("mask.png", Picture(pixels=mask))
+    toposeam("fill", "gravel.png", "--mask", "mask.png", "--from", "allow.png", "-o", "o.png").fails(
+        "outside the mask nothing is allowed"
+    )
+    assert not (folder / "o.png").exists()

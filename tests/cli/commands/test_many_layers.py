@@ -1,0 +1,149 @@
+"""More than two pictures on the command line."""
+
+import json
+
+import numpy as np
+import pytest
+from three_pictures import AT, FILES, assert_joined, crop, shown
+
+import toposeam as ts
+from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+
+
+def test_three_pictures_at_given_places(three, toposeam):
+    ran = toposeam(
+        "stitch",
+        *FILES,
+        *AT,
+        "-o",
+        "out.png",
+        "--labels",
+        "labels.png",
+        "--overlay",
+        "o.png",
+        "--seam",
+        "s.svg",
+    )
+    assert ran.code == 0, ran
+    assert "3 layers, 3 seams" in ran.out
+    assert_joined()
+    assert set(ts.read_svg("s.svg").names) == {"a.png : b.png", "a.png : c.png", "b.png : c.png"}
+    assert read_picture("o.png").pixels.shape == (80, 100, 3)
+
+
+def test_all_seams_of_a_file_are_applied_again(three, toposeam):
+    assert (
+        toposeam("stitch", *FILES, *AT, "-o", "out.png", "--labels", "labels.png", "--seam", "s.svg").code
+        == 0
+    )
+    before = assert_joined()
+    assert (
+        toposeam(
+            "stitch", *FILES, *AT, "-o", "out.png", "--labels", "labels.png", "--use-seam", "s.svg", "--force"
+        ).code
+        == 0
+    )
+    assert (before == assert_joined()).mean() > 0.99
+
+
+@pytest.mark.parametrize("key", ["0:1", "1:0", "a.png:b.png"])
+def test_a_seam_for_one_pair(three, toposeam, key):
+    (three / "given.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="100" height="80"><path d="M50 0 V80"/></svg>'
+    )
+    ran = toposeam(
+        "stitch",
+        *FILES,
+        *AT,
+        "-o",
+        "out.png",
+        "--labels",
+        "labels.png",
+        "--use-seam",
+        f"{key}=given.svg",
+        "--json",
+    )
+    assert ran.code == 0, ran
+    label_map = assert_joined()
+    assert (label_map[6:29, 41:50] == 0).all()
+    assert (label_map[6:29, 50:59] == 1).all()
+    methods = {tuple(seam["between"]): seam["method"] for seam in json.loads(ran.out)["seams"]}
+    assert methods["a.png", "b.png"] == "path"
+    assert methods["a.png", "c.png"] == "heat"
+
+
+def test_masks_by_number_and_by_name(three, toposeam):
+    mask = np.zeros((50, 60), np.uint8)
+    mask[:, 30:] = 255
+    write_picture(three / "right.png", Picture(pixels=mask))
+    keep = np.zeros((50, 60), np.uint8)
+    keep[5:15, 45:58] = 255
+    write_picture(three / "keep.png", Picture(pixels=keep))
+    line = [
+        *FILES,
+        *AT,
+        "-o",
+        "out.png",
+        "--labels",
+        "labels.png",
+        "--mask-for",
+        "c.png=right.png",
+        "--keep",
+        "0=keep.png",
+    ]
+    assert toposeam("stitch", *line).code == 0
+    label_map = shown()
+    assert not (label_map[30:, :50] == 2).any()
+    assert (label_map[5:15, 45:58] == 0).all()
+
+
+def test_alignment_says_what_it_did(three, toposeam):
+    line = [
+        *FILES,
+        "--at",
+        "0,0",
+        "--at",
+        "43,1",
+        "--at",
+        "18,32",
+        "--align",
+        "--align-radius",
+        "8",
+        "-o",
+        "out.png",
+        "--labels",
+        "labels.png",
+    ]
+    ran = toposeam("stitch", *line)
+    assert ran.code == 0, ran
+    assert "b.png: at 40,4, moved by -3,3" in ran.out
+    assert "c.png: at 20,30, moved by 2,-2" in ran.out
+    assert_joined()
+    places = json.loads(toposeam("stitch", *line, "--force", "--json").out)["layers"]
+    assert [place["at"] for place in places] == [[0, 0], [40, 4], [20, 30]]
+    assert places[1]["moved"] == [-3, 3]
+
+
+@pytest.mark.parametrize("blend", ts.BLENDS)
+def test_every_blend(three, toposeam, blend):
+    assert toposeam("stitch", *FILES, *AT, "-o", "out.png", "--blend", blend, "--match-tones").code == 0
+    hard = toposeam("stitch", *FILES, *AT, "-o", "hard.png", "--match-tones")
+    assert hard.code == 0
+    difference = np.abs(read_picture("out.png").pixels.astype(int) - read_picture("hard.png").pixels)
+    assert difference.any() == (blend != "none")
+    assert difference.mean() < 3
+
+
+def test_mixed_depths_and_gray_become_one(three, toposeam):
+    write_picture(three / "b.tif", Picture(pixels=crop("b").astype(np.uint16) * 257))
+    write_picture(three / "c.png", Picture(pixels=crop("c")[..., 1]), force=True)
+    assert (
+        toposeam("stitch", "a.png", "b.tif", "c.png", *AT, "-o", "out.tif", "--labels", "labels.png").code
+        == 0
+    )
+    result = read_picture("out.tif")
+    assert result.pixels.dtype == np.uint16
+    assert result.pixels.shape == (80, 100, 3)
+    place = np.s_[4:54, 40:100]
+    mine = shown()[place] == 1
+    np.testing.assert_array_equal(result.pixels[place][mine], crop("b")[mine].astype(np.uint16) * 257)

@@ -1,0 +1,172 @@
+"""``toposeam stitch``: what it writes besides the picture, and what it tells."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+import toposeam as ts
+from stitching import STRIP, assert_joined, names, shown
+from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+
+
+def test_the_overlay_marks_the_seam_and_nothing_else(folder, toposeam):
+    assert (
+        toposeam("stitch", *STRIP, "-o", "out.png", "--overlay", "overlay.png", "--labels", "labels.png").code
+        == 0
+    )
+    drawn, joined = read_picture("overlay.png").pixels, read_picture("out.png").pixels
+    labels = shown("labels.png")
+    red = (drawn == (230, 30, 40)).all(axis=2)
+    assert red.any(axis=1).all()  # in every row
+    beside = labels[:, 1:] != labels[:, :-1]
+    far = np.ones(labels.shape, bool)
+    for row, column in zip(*np.nonzero(beside), strict=True):
+        far[:, max(column - 4, 0) : column + 6] &= np.abs(np.arange(40) - row)[:, np.newaxis] > 4
+    assert not red[far].any()
+    np.testing.assert_array_equal(drawn[far], joined[far])
+
+
+@pytest.mark.parametrize("kind", ["sixteen bit gray", "float", "transparent"])
+def test_an_overlay_of_any_picture_is_eight_bit_colour(folder, toposeam, photographs, kind):
+    for name, pixels in zip("cd", photographs, strict=True):
+        alpha = None
+        if kind == "sixteen bit gray":
+            pixels = pixels[..., 1].astype(np.uint16) * 257
+        elif kind == "float":
+            pixels = pixels.astype(np.float32) / 200
+        else:
+            alpha = np.full(pixels.shape[:2], 255, np.uint8)
+            alpha[:5] = 0
+        write_picture(f"{name}.tif", Picture(pixels=pixels, alpha=alpha))
+    line = (
+        "stitch",
+        "c.tif",
+        "d.tif",
+        "--overlap",
+        "20",
+        "-o",
+        "out.tif",
+        "--overlay",
+        "overlay.png",
+        "--labels",
+        "labels.png",
+    )
+    assert toposeam(*line).code == 0
+    assert_joined("out.tif", "labels.png", "c.tif", "d.tif", (36, 0))
+    drawn = read_picture("overlay.png").pixels
+    assert drawn.dtype == np.uint8
+    assert drawn.shape == (40, 92, 3)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "magic"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF"), (".PNG", b"\x89PNG")]
+)
+def test_the_history_is_a_figure(folder, toposeam, suffix, magic):
+    pytest.importorskip("matplotlib")
+    assert toposeam("stitch", *STRIP, "-o", "out.png", "--history", f"history{suffix}").code == 0
+    assert (folder / f"history{suffix}").read_bytes().startswith(magic)
+
+
+@pytest.mark.parametrize("where", ["36,0", "30,9"])
+def test_the_thesis_has_a_history_too(folder, toposeam, where):
+    pytest.importorskip("matplotlib")
+    line = (
+        "stitch",
+        "a.png",
+        "b.png",
+        f"--offset={where}",
+        "--method",
+        "thesis",
+        "-o",
+        "out.png",
+        "--history",
+        "history.png",
+    )
+    assert toposeam(*line).code == 0
+    height, width, _ = read_picture("history.png").pixels.shape
+    assert width > 600
+    assert height > 400
+
+
+@pytest.mark.parametrize("method", ts.METHODS)
+def test_json_tells_what_was_found(folder, toposeam, method):
+    if method == "graph-cut":
+        pytest.importorskip("maxflow")
+    ran = toposeam("stitch", *STRIP, "--method", method, "-o", "out.png", "--json")
+    facts = json.loads(ran.out)
+    assert set(facts) == {
+        "method",
+        "cost",
+        "bound",
+        "optimum",
+        "ratio",
+        "stages",
+        "iterations",
+        "termination",
+        "paths",
+        "length_px",
+        "seconds",
+    }
+    assert facts["ratio"] == pytest.approx(facts["cost"] / facts["optimum"])
+    assert facts["ratio"] >= 1 - 1e-6  # single precision costs, added up in another order
+    assert facts["seconds"] > 0
+    assert (facts["paths"], facts["length_px"]) >= (1, 40)
+    iterates = method in ("heat", "thesis")
+    assert (facts["iterations"] > 0, facts["stages"] > 0, facts["termination"] == "direct") == (
+        iterates,
+        iterates,
+        not iterates,
+    )
+    if method in ("shortest-path", "graph-cut"):
+        assert facts["ratio"] == pytest.approx(1)
+
+
+def test_one_line_tells_a_person_what_was_made(folder, toposeam):
+    ran = toposeam("stitch", *STRIP, "-o", "out.png")
+    assert re.fullmatch(
+        r"out\.png: 92 × 40 px, seam of \d+ px by heat in \d+ iterations, cost [\d.]+, \d\.\d\d s\n", ran.out
+    )
+    assert ran.err == ""
+
+
+def test_a_seam_that_did_not_settle_says_so(folder, toposeam, monkeypatch):
+    monkeypatch.setitem(ts.ThesisOptions.__init__.__kwdefaults__, "max_iterations", 2)
+    ran = toposeam("stitch", *STRIP, "--method", "thesis", "-o", "out.png", "--labels", "labels.png")
+    assert ran.code == 0
+    assert "did not settle" in ran.out
+    assert_joined("out.png", "labels.png", "a.png", "b.png", (36, 0))
+
+
+def test_force_replaces_and_only_what_was_named(folder, toposeam):
+    outputs = ["out.png", "seam.svg", "labels.png", "overlay.png", "history.png"]
+    options = [
+        value
+        for pair in zip(["-o", "--seam", "--labels", "--overlay", "--history"], outputs, strict=True)
+        for value in pair
+    ]
+    assert toposeam("stitch", *STRIP, *options).code == 0
+    assert names(folder) == sorted(["a.png", "b.png", *outputs])
+    before = {name: (folder / name).read_bytes() for name in names(folder)}
+    (folder / "bystander.txt").write_text("precious")
+    assert toposeam("stitch", *STRIP, *options, "--force", "--side", "left").code == 0
+    assert names(folder) == sorted(["a.png", "b.png", "bystander.txt", *outputs])
+    assert all((folder / name).read_bytes() != before[name] for name in outputs)
+    assert all((folder / name).read_bytes() == before[name] for name in ("a.png", "b.png"))
+    assert (folder / "bystander.txt").read_text() == "precious"
+
+
+def test_an_input_is_replaced_only_when_asked(folder, toposeam):
+    before = (folder / "a.png").read_bytes()
+    toposeam("stitch", *STRIP, "-o", "a.png").fails("--force")
+    assert (folder / "a.png").read_bytes() == before
+    assert toposeam("stitch", *STRIP, "-o", "a.png", "--force").code == 0
+    assert read_picture("a.png").pixels.shape == (40, 92, 3)
+
+
+def test_the_same_pictures_give_the_same_bytes(folder, toposeam):
+    for name in ("first", "again"):
+        assert toposeam("stitch", *STRIP, "-o", f"{name}.png", "--seam", f"{name}.svg").code == 0
+    for suffix in ("png", "svg"):
+        assert (folder / f"first.{suffix}").read_bytes() == (folder / f"again.{suffix}").read_bytes()

@@ -1,0 +1,223 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from skimage import data
+
+from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+
+ASKED = ("--size", "90x70", "--patch", "32")
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_picture(
+        "moss.png", Picture(pixels=np.ascontiguousarray(data.coffee()[40:104, 10:80]), resolution=(4.0, 4.0))
+    )
+    write_picture(
+        "normal.png",
+        Picture(pixels=np.ascontiguousarray(data.astronaut()[40:104, 10:80]).astype(np.uint16) * 257),
+    )
+    write_picture("gray.tif", Picture(pixels=data.gravel()[:64, :70] / np.float32(255)))
+    return tmp_path
+
+
+def test_a_texture_is_grown_with_all_that_belongs_to_it(toposeam):
+    ran = toposeam(
+        "synth",
+        "moss.png",
+        *ASKED,
+        "--also",
+        "normal.png",
+        "--tileable",
+        "both",
+        "--no-level",
+        "-o",
+        "big.png",
+        "--seams",
+        "seams.svg",
+        "--labels",
+        "labels.png",
+        "--coordinates",
+        "from.png",
+    )
+    assert ran.code == 0, ran
+    big, normal, labels, place = (
+        read_picture(name) for name in ("big.png", "big_normal.png", "labels.png", "from.png")
+    )
+    assert big.pixels.shape == normal.pixels.shape == (70, 90, 3)
+    assert normal.pixels.dtype == np.uint16
+    assert big.resolution == (4.0, 4.0)
+    source, other = read_picture("moss.png").pixels, read_picture("normal.png").pixels
+    column, row, exemplar = np.moveaxis(place.pixels, 2, 0)
+    assert (exemplar == 0).all()
+    # All but the mixed pixels at the seams are copies, from the same place in both maps.
+    for made, given in ((big.pixels, source), (normal.pixels, other)):
+        assert (made == given[row, column]).all(axis=2).mean() > 0.7
+    count = len(np.unique(labels.pixels))
+    assert 4 <= count <= 16
+    assert ran.out == f"big.png: 90 × 70 px, {count} patches of 32 × 32 px\n"
+    # Without mixing at the seams the coordinates alone tell everything; with it the border's wrapping has to
+    # be told as well.
+    again = toposeam(
+        "synth", "moss.png", "--use-coordinates", "from.png", "--tileable", "both", "-o", "alike.png"
+    )
+    assert again.code == 0, again
+    np.testing.assert_array_equal(read_picture("alike.png").pixels, big.pixels)
+    assert (
+        toposeam(
+            "synth",
+            "moss.png",
+            *ASKED,
+            "--also",
+            "normal.png",
+            "--no-level",
+            "--tileable",
+            "both",
+            "-o",
+            "again.png",
+        )
+    ).code == 0
+    np.testing.assert_array_equal(read_picture("again.png").pixels, big.pixels)
+
+
+def test_several_sources_of_unlike_depth_become_one_texture(toposeam):
+    assert toposeam("synth", "moss.png", "gray.tif", *ASKED, "-o", "both.tif").code == 0
+    assert read_picture("both.tif").pixels.dtype == np.float32
+    assert read_picture("both.tif").pixels.shape == (70, 90, 3)
+
+
+def test_an_overlap_may_be_a_share_and_the_same_default_does_for_a_whole_batch(toposeam, folder):
+    alike = ("synth", "moss.png", *ASKED, "--coordinates")
+    assert toposeam(*alike, "a_from.png", "--overlap", "50%", "-o", "a.png").code == 0
+    assert toposeam(*alike, "b_from.png", "--overlap", "16", "-o", "b.png").code == 0
+    np.testing.assert_array_equal(read_picture("a.png").pixels, read_picture("b.png").pixels)
+    (folder / "jobs.toml").write_text(
+        '[defaults]\noverlap = "25%"\n'
+        '[[synth]]\nsources = ["moss.png"]\nsize = "80x60"\npatch = "24"\noutput = "c.png"\n'
+        '[[fill]]\nimage = "moss.png"\nmask = "hole.png"\npatch = "24"\noutput = "d.png"\n',
+        encoding="utf-8",
+    )
+    hole = np.zeros((64, 70), np.uint8)
+    hole[20:30, 20:30] = 255
+    write_picture("hole.png", Picture(pixels=hole))
+    ran = toposeam("batch", "jobs.toml")
+    assert ran.code == 0, ran
+    assert read_picture("c.png").pixels.shape == (60, 80, 3)
+    assert read_picture("d.png").pixels.shape == (64, 70, 3)
+
+
+def test_lights_above_white_in_a_file_of_floats_are_kept(toposeam):
+    write_picture("lights.tif", Picture(pixels=data.gravel()[:64, :70] / np.float32(20)))
+    assert toposeam("synth", "lights.tif", *ASKED, "-o", "o.tif").code == 0
+    assert read_picture("o.tif").pixels.max() > 3
+
+
+def test_how_patches_are_chosen_and_cut_can_be_said(toposeam):
+    ran = toposeam(
+        "synth",
+        "moss.png",
+        *ASKED,
+        "--method",
+        "shortest-path",
+        "--candidates",
+        "1",
+        "--context",
+        "0",
+        "--most",
+        "5",
+        "--variety",
+        "0",
+        "-o",
+        "o.png",
+        "--seams",
+        "seams.svg",
+    )
+    assert ran.code == 0, ran
+    assert '"method": "shortest-path"' in Path("seams.svg").read_text(encoding="utf-8")
+    toposeam("synth", "moss.png", *ASKED, "--method", "magic", "-o", "p.png").fails("magic", 2)
+
+
+def test_light_is_levelled_or_taken_out_when_told(toposeam):
+    for name, words in (("a", ()), ("b", ("--level",)), ("c", ("--no-level",)), ("d", ("--flatten",))):
+        assert toposeam("synth", "moss.png", *ASKED, *words, "-o", f"{name}.png").code == 0
+    a, b, c, d = (read_picture(f"{name}.png").pixels.astype(float) for name in "abcd")
+    np.testing.assert_array_equal(a, b)  # the sample has slow light
+    assert (a != c).any()
+    assert (c != d).any()
+
+
+def test_a_mask_and_a_guide_are_read_from_pictures(toposeam):
+    mask = np.zeros((64, 70), np.uint8)
+    mask[:, :40] = 255
+    write_picture("mask.png", Picture(pixels=mask))
+    assert (
+        toposeam(
+            "synth", "moss.png", *ASKED, "--from", "mask.png", "--coordinates", "from.png", "-o", "a.png"
+        ).code
+        == 0
+    )
+    assert read_picture("from.png").pixels[..., 0].max() < 40
+    write_picture("guide.png", Picture(pixels=np.tile(np.linspace(0, 255, 90).astype(np.uint8), (70, 1))))
+    ran = toposeam(
+        "synth",
+        "gray.tif",
+        *ASKED,
+        "--guide",
+        "guide.png",
+        "--guide-source",
+        "gray.tif",
+        "--guide-weight",
+        "0.9",
+        "-o",
+        "b.png",
+    )
+    assert ran.code == 0, ran
+    made = read_picture("b.png").pixels
+    assert made[:, 45:].mean() > made[:, :45].mean() * 1.1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "phrase", "code"),
+    [
+        (("moss.png", "--size", "90x70", "--patch", "65", "-o", "o.png"), "smaller than a patch", 1),
+        (("moss.png", "--size", "90x70", "--overlap", "40", "-o", "o.png"), "overlap is 40", 1),
+        (("thin.png", "--size", "90x70", "--patch", "auto", "-o", "o.png"), "at least 4 px a side", 1),
+        (("moss.png", "--size", "90x70", "-o", "o.png", "--labels", "l.jpg"), "'.jpg' is not supported", 1),
+        (("moss.png", "--size", "0x70", "-o", "o.png"), "is not a size", 2),
+        (("moss.png", "--size", "big", "-o", "o.png"), "is not a size", 2),
+        (("moss.png", "--size", "100000000x90", "-o", "o.png"), "more than", 1),
+        (("moss.png", "--size", "90", "--patch", "small", "-o", "o.png"), "not a patch size", 2),
+        (("moss.png", "--size", "90", "--weights", "a,b", "-o", "o.png"), "not a list of weights", 2),
+        (("moss.png", "--size", "90", "--weights", "1,2", "-o", "o.png"), "2 weights", 1),
+        (("none.png", "--size", "90", "-o", "o.png"), "none.png", 1),
+        (
+            ("moss.png", "gray.tif", "--size", "90", "--also", "normal.png", "-o", "o.png"),
+            "once for every source",
+            1,
+        ),
+        (("moss.png", "--size", "90", "--also", "small.png", "-o", "o.png"), "map 1 is 8 × 8 px", 1),
+        (
+            ("moss.png", "--size", "90", "--from", "small.png", "-o", "o.png"),
+            "the mask small.png is 8 × 8 px",
+            1,
+        ),
+        (("moss.png", "--size", "90", "--from", "black.png", "-o", "o.png"), "mask is empty", 1),
+        (("moss.png", "--size", "90", "--guide", "black.png", "-o", "o.png"), "belong together", 1),
+        (("moss.png", "-o", "o.png"), "--size", 1),
+        (("moss.png", "--use-coordinates", "moss.png", "-o", "o.png"), "holds no coordinates", 1),
+        (("moss.png", "--use-coordinates", "normal.png", "-o", "o.png"), "point beyond", 1),
+        (("black.png", "--size", "90", "-o", "o.png"), "one value everywhere", 1),
+        (("moss.png", "--size", "90", "-o", "moss.png"), "--force", 1),
+        (("moss.png", "--size", "90", "-o", "o.xyz"), "not supported", 1),
+        (("moss.png", "--size", "90", "-o", "o.png", "--labels", "o.png"), "same name", 1),
+    ],
+)
+def test_bad_input_ends_in_one_sentence_and_leaves_nothing(toposeam, folder, arguments, phrase, code):
+    write_picture("small.png", Picture(pixels=np.zeros((8, 8), np.uint8)))
+    write_picture("thin.png", Picture(pixels=np.arange(300, dtype=np.uint16).reshape(3, 100)))
+    write_picture("black.png", Picture(pixels=np.zeros((64, 70), np.uint8)))
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    toposeam("synth", *arguments).fails(phrase, code)
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before

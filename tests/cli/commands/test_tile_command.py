@@ -1,0 +1,66 @@
+import numpy as np
+import pytest
+from skimage import data
+
+from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_picture(
+        "gravel.png", Picture(pixels=np.ascontiguousarray(data.gravel()[:120, :140]).astype(np.uint16) * 257)
+    )
+    return tmp_path
+
+
+def test_only_the_band_changes_and_the_preview_repeats_the_picture(toposeam):
+    ran = toposeam(
+        "tile",
+        "gravel.png",
+        "--band",
+        "20",
+        "-o",
+        "tile.png",
+        "--preview",
+        "nine.png",
+        "--seams",
+        "seams.svg",
+    )
+    assert ran.code == 0, ran
+    given, made, nine = (read_picture(name).pixels for name in ("gravel.png", "tile.png", "nine.png"))
+    assert made.dtype == np.uint16
+    np.testing.assert_array_equal(made[20:-20, 20:-20], given[20:-20, 20:-20])
+    assert (made != given).mean() > 0.1
+    np.testing.assert_array_equal(nine, np.tile(made, (3, 3)))
+
+
+def test_on_one_axis_the_other_borders_stay(toposeam):
+    assert toposeam("tile", "gravel.png", "--tileable", "x", "--band", "20", "-o", "tile.png").code == 0
+    given, made = read_picture("gravel.png").pixels, read_picture("tile.png").pixels
+    np.testing.assert_array_equal(made[:, 20:-20], given[:, 20:-20])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "phrase"),
+    [
+        (("--band", "50", "-o", "o.png"), "band is 50"),
+        (("--band", "1", "-o", "o.png"), "band is 1"),
+        (("-o", "gravel.png"), "--force"),
+        (("--also", "none.png", "-o", "o.png"), "none.png"),
+        (("-o", "o.png", "--preview", "o.png"), "same name"),
+        (("-o", "o.png", "--seams", "o.png"), "not supported"),
+    ],
+)
+def test_bad_input_ends_in_one_sentence_and_leaves_nothing(toposeam, folder, arguments, phrase):
+    toposeam("tile", "gravel.png", *arguments).fails(phrase)
+    assert [path.name for path in folder.iterdir()] == ["gravel.png"]
+
+
+def test_when_one_of_several_outputs_fails_none_is_left(toposeam, folder):
+    gravel = read_picture("gravel.png").pixels
+    alpha = np.full_like(gravel, 65535)
+    alpha[50:60, 60:70] = 0
+    write_picture("gravel.png", Picture(pixels=gravel, alpha=alpha), force=True)
+    toposeam("tile", "gravel.png", "-o", "o.png", "--preview", "o.jpg").fails("partly transparent")
+    assert [path.name for path in folder.iterdir()] == ["gravel.png"]

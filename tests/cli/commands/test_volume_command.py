@@ -1,0 +1,221 @@
+"""``toposeam volume``: formats in and out, voxel sizes kept, and what is refused."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+tifffile = pytest.importorskip("tifffile")
+zarr = pytest.importorskip("zarr")
+
+SPACING = (2.0, 0.5, 0.25)
+
+
+def stacks(dtype=np.uint16, channels=0):
+    """Two stacks of one another's continuation, b 30 voxels to the right, in (z, y, x[, c])."""
+    rng = np.random.default_rng(0)
+    values = ndimage.gaussian_filter(rng.standard_normal((12, 24, 70)), 1.5)
+    values = (values - values.min()) / np.ptp(values)
+    scale = 1.0 if dtype == np.float32 else np.iinfo(dtype).max
+    whole = (values * scale).astype(dtype)
+    if channels:
+        whole = np.stack([whole // (index + 1) for index in range(channels)], axis=-1)
+    return whole, whole[:, :, :40], whole[:, :, 30:]
+
+
+def save(path, stack, **options):
+    if path.suffix == ".npy":
+        np.save(path, stack)
+    elif path.suffix == ".zarr":
+        group = zarr.open_group(str(path), mode="w", zarr_format=2)
+        group.create_array("0", data=stack)
+        dataset = {"path": "0", "coordinateTransformations": [{"type": "scale", "scale": list(SPACING)}]}
+        axes = [{"name": name, "type": "space"} for name in "zyx"]
+        group.attrs["multiscales"] = [{"version": "0.4", "axes": axes, "datasets": [dataset]}]
+    elif path.name.endswith(".ome.tif"):
+        sizes = {f"PhysicalSize{axis}": side for axis, side in zip("ZYX", SPACING, strict=True)}
+        tifffile.imwrite(path, stack, metadata={"axes": "ZYX", **sizes}, ome=True, **options)
+    else:
+        metadata = {"axes": "ZYX", "spacing": SPACING[0], "unit": "um"}
+        resolution = (1 / SPACING[2], 1 / SPACING[1])
+        tifffile.imwrite(path, stack, imagej=True, metadata=metadata, resolution=resolution)
+    return path
+
+
+def read(path):
+    from toposeam_cli.stacks.reading import read_stack
+
+    stack = read_stack(path)
+    return np.asarray(stack.voxels), stack.spacing
+
+
+@pytest.fixture
+def pair(tmp_path):
+    whole, a, b = stacks()
+    return whole, save(tmp_path / "a.ome.tif", a), save(tmp_path / "b.ome.tif", b)
+
+
+@pytest.mark.parametrize("suffix", [".ome.tif", ".tif", ".zarr", ".npy"])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+def test_stacks_of_every_kind_are_joined_and_keep_depth_and_voxel_size(toposeam, tmp_path, suffix, dtype):
+    whole, a, b = stacks(dtype)
+    files = [save(tmp_path / f"{name}{suffix}", stack) for name, stack in (("a", a), ("b", b))]
+    out = tmp_path / f"joined{suffix}"
+    ran = toposeam("volume", *files, "--offset", "0,0,30", "-o", out)
+    assert ran.code == 0, ran
+    assert "12 × 24 × 70 voxels" in ran.out
+    joined, spacing = read(out)
+    np.testing.assert_array_equal(joined, whole)
+    assert joined.dtype == dtype
+    assert spacing == (None if suffix == ".npy" else pytest.approx(SPACING, rel=1e-4))
+
+
+@pytest.mark.parametrize("suffix", [".ome.tif", ".zarr"])
+def test_from_one_kind_to_another(toposeam, pair, tmp_path, suffix):
+    whole, *files = pair
+    out = tmp_path / f"joined{suffix}"
+    assert toposeam("volume", *files, "--offset", "0,0,30", "-o", out, "--block", "16").code == 0
+    joined, spacing = read(out)
+    np.testing.assert_array_equal(joined, whole)
+    assert spacing == pytest.approx(SPACING)
+
+
+def test_compressed_and_channelled_stacks(toposeam, tmp_path):
+    whole, a, b = stacks(np.uint8, channels=2)
+    files = []
+    for name, stack in (("a", a), ("b", b)):
+        path = tmp_path / f"{name}.ome.tif"
+        tifffile.imwrite(
+            path, np.moveaxis(stack, -1, 0), ome=True, metadata={"axes": "CZYX"}, compression="zlib"
+        )
+        files.append(path)
+    out = tmp_path / "joined.ome.tif"
+    ran = toposeam("volume", *files, "--offset", "0,0,30", "-o", out)
+    assert ran.code == 0, ran
+    np.testing.assert_array_equal(read(out)[0], whole)
+
+
+def test_labels_and_mesh(toposeam, pair, tmp_path):
+    _, *files = pair
+    extra = ["--labels", tmp_path / "labels.tif", "--mesh", tmp_path / "surface.ply"]
+    assert toposeam("volume", *files, "--offset", "0,0,30", "-o", tmp_path / "j.npy", *extra).code == 0
+    labels, spacing = read(tmp_path / "labels.tif")
+    assert labels.shape == (12, 24, 10)
+    assert set(np.unique(labels)) == {0, 255}
+    assert spacing == pytest.approx(SPACING, rel=1e-4)
+    head, _, body = (tmp_path / "surface.ply").read_bytes().partition(b"end_header\n")
+    count = int(head.split(b"element vertex ")[1].split()[0])
+    x = np.frombuffer(body, "<f4", 3 * count).reshape(-1, 3)[:, 0]
+    assert 30 * SPACING[2] <= x.min() <= x.max() <= 40 * SPACING[2]
+
+
+def test_voxels_of_unlike_size(toposeam, tmp_path, pair):
+    _, a, b = pair
+    content = tifffile.imread(b)
+    sizes = {"PhysicalSizeZ": 2.0, "PhysicalSizeY": 0.5, "PhysicalSizeX": 0.5}
+    tifffile.imwrite(b, content, ome=True, metadata={"axes": "ZYX", **sizes})
+    toposeam("volume", a, b, "--offset", "0,0,30", "-o", tmp_path / "j.tif").fails("resample one of them")
+    ran = toposeam("volume", a, b, "--offset", "0,0,30", "-o", tmp_path / "j.tif", "--spacing", "2,0.5,0.25")
+    assert ran.code == 0, ran
+
+
+def test_offsets_outside(toposeam, pair, tmp_path):
+    _, a, b = pair
+    out = tmp_path / "j.tif"
+    toposeam("volume", a, b, "--offset", "0,0,40", "-o", out).fails("do not overlap along x")
+    toposeam("volume", a, b, "--offset", "0,30", "-o", out).fails("is not z,y,x", 2)
+    toposeam("volume", a, b, "--offset", "0,0,30", "-o", out, "--spacing", "0,1,1").fails("is not z,y,x", 2)
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("share", [0.2, 0.9])
+@pytest.mark.parametrize("suffix", [".ome.tif", ".tif", ".npy"])
+def test_truncated_files(toposeam, tmp_path, suffix, share):
+    _, a, b = stacks()
+    files = [save(tmp_path / f"{name}{suffix}", stack) for name, stack in (("a", a), ("b", b))]
+    content = files[1].read_bytes()
+    files[1].write_bytes(content[: int(share * len(content))])
+    ran = toposeam("volume", *files, "--offset", "0,0,30", "-o", tmp_path / "j.npy")
+    assert ran.code == 1, ran
+    ran.is_one_sentence()
+    assert not (tmp_path / "j.npy").exists()
+
+
+def test_what_is_no_stack(toposeam, tmp_path, pair):
+    _, a, _ = pair
+    out = ["-o", tmp_path / "j.tif", "--offset", "0,0,0"]
+    (tmp_path / "text.tif").write_text("not a stack")
+    np.save(tmp_path / "flat.npy", np.zeros((4, 4)))
+    np.save(tmp_path / "long.npy", np.zeros((4, 4, 4), np.int64))
+    tifffile.imwrite(
+        tmp_path / "time.tif", np.zeros((3, 4, 8, 8), np.uint8), imagej=True, metadata={"axes": "TZYX"}
+    )
+    (tmp_path / "empty.zarr").mkdir()
+    (tmp_path / "x.czi").touch()
+    for name, phrase in (
+        ("text.tif", "cannot be read as a stack"),
+        ("flat.npy", "give a stack of slices"),
+        ("long.npy", "save it as uint8"),
+        ("time.tif", "has axes TZYX"),
+        ("empty.zarr", "zarr"),
+        ("x.czi", "is no stack"),
+        ("none.tif", "there is no file"),
+    ):
+        toposeam("volume", a, tmp_path / name, *out).fails(phrase)
+    assert not (tmp_path / "j.tif").exists()
+
+
+def test_without_the_extra(toposeam, pair, tmp_path, monkeypatch):
+    _, a, b = pair
+    monkeypatch.setitem(sys.modules, "tifffile", None)
+    toposeam("volume", a, b, "--offset", "0,0,30", "-o", tmp_path / "j.npy").fails(
+        "pip install 'toposeam[volumes]'"
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", ["whole", "blocks"])
+def test_ctrl_c_leaves_nothing(process, tmp_path, how):
+    rng = np.random.default_rng(0)
+    files = [tmp_path / "a.npy", tmp_path / "b.npy"]
+    for path in files:
+        np.save(path, rng.integers(0, 60000, (80, 160, 160)).astype(np.uint16))
+    blocks = ["--block", "48"] if how == "blocks" else []
+    child = process(
+        "volume", *files, "--offset", "0,0,60", "-o", tmp_path / "j.tif", *blocks, stderr=subprocess.PIPE
+    )
+    while not list(tmp_path.glob(".toposeam-*")) and child.poll() is None:
+        time.sleep(0.05)
+    time.sleep(1)
+    child.send_signal(signal.SIGINT)
+    _, err = child.communicate(timeout=60)
+    assert child.returncode == 130
+    assert b"no file was left unfinished" in err
+    assert sorted(tmp_path.iterdir()) == files
+
+
+def test_existing_outputs_stay(toposeam, pair, tmp_path):
+    _, a, b = pair
+    (tmp_path / "j.zarr").mkdir()
+    (tmp_path / "j.zarr" / ".zattrs").write_text(json.dumps({}))
+    (tmp_path / "j.tif").write_text("mine")
+    for name in ("j.zarr", "j.tif"):
+        toposeam("volume", a, b, "--offset", "0,0,30", "-o", tmp_path / name).fails("--force")
+    assert (tmp_path / "j.tif").read_text() == "mine"
+    toposeam("volume", a, b, "--offset", "0,0,30", "-o", tmp_path / "j.png").fails("use one of")
+    assert toposeam("volume", a, b, "--offset", "0,0,30", "-o", tmp_path / "j.zarr", "--force").code == 0
+    assert not list(tmp_path.glob(".toposeam*"))
+
+
+def test_numpy_files_are_joined_by_blocks_too(toposeam, tmp_path):
+    whole, a, b = stacks(np.float32)
+    files = [save(tmp_path / f"{name}.npy", stack) for name, stack in (("a", a), ("b", b))]
+    ran = toposeam("volume", *files, "--offset", "0,0,30", "-o", tmp_path / "j.npy", "--block", "16")
+    assert ran.code == 0, ran
+    assert "by blocks of 16" in ran.out
+    np.testing.assert_array_equal(np.load(tmp_path / "j.npy"), whole)

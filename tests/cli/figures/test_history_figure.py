@@ -1,0 +1,58 @@
+"""The picture of how the heat converged."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import toposeam as ts
+from toposeam_cli.figures.frames import film_frame
+from toposeam_cli.figures.history import history_figure
+
+
+def found(shape: tuple[int, int], side: ts.Side = "right", **options) -> ts.Seam:
+    a, b = np.random.default_rng(1).random((2, *shape))
+    return ts.find_seam(a, b, side=side, record_frames=True, **options)
+
+
+@pytest.mark.parametrize(
+    ("shape", "side"),
+    [((60, 12), "right"), ((12, 60), "bottom"), ((30, 30), "left"), ((3, 3), "top"), ((2, 2), "right")],
+)
+def test_overlaps_of_every_proportion_make_a_picture(shape, side):
+    picture = Image.open(io.BytesIO(history_figure(found(shape, side))))
+    assert picture.format == "PNG"
+    assert min(picture.size) > 300
+    assert (
+        len(
+            set(
+                picture.convert("L").getdata()
+                if not hasattr(picture, "get_flattened_data")
+                else picture.convert("L").get_flattened_data()
+            )
+        )
+        > 10
+    )
+
+
+@pytest.mark.parametrize("method", ["heat", "thesis"])
+@pytest.mark.parametrize(("suffix", "start"), [(".png", b"\x89PNG"), (".pdf", b"%PDF"), (".svg", b"<?xml")])
+def test_every_format_is_written_the_same_each_time(method, suffix, start):
+    seam = found((40, 12), method=method)
+    document = history_figure(seam, suffix)
+    assert document.startswith(start)
+    assert document == history_figure(seam, suffix)
+
+
+def test_a_frame_shows_the_dense_interfaces_and_no_others():
+    frame = ts.Frame(
+        iteration=1, stage=1, right=np.zeros((4, 4), np.float32), down=np.zeros((3, 5), np.float32)
+    )
+    empty = film_frame(frame)
+    frame.right[:, 1] = 1.0
+    assert (film_frame(frame) != empty).any()
+    frame.right[:, 1] = 0.05
+    np.testing.assert_array_equal(film_frame(frame), empty)

@@ -1,0 +1,197 @@
+"""Jobs on a Dask cluster of worker processes: the same files, and a worker that is killed costs nothing but
+time.
+"""
+
+import http.client
+import os
+import signal
+import socket
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+from contextlib import suppress
+
+import pytest
+
+from toposeam_cli.jobs.dask_workers import dask_workers
+from toposeam_cli.jobs.runner import Job, run
+from toposeam_cli.jobs.workers import Task
+
+distributed = pytest.importorskip("distributed")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore"),  # of distributed about its own sockets, when a worker is killed
+]
+
+COUNT = 16
+
+
+@pytest.fixture
+def functions(tmp_path, monkeypatch):
+    """A module of job functions that workers can import."""
+    folder = tmp_path / "modules"
+    folder.mkdir()
+    (folder / "dask_functions.py").write_text(
+        "import os, time\n"
+        "from toposeam_cli.files.writing import atomic_write\n"
+        "def write(output, seconds):\n"
+        "    time.sleep(seconds)\n"
+        "    atomic_write(output, output)\n"
+        "    return os.getpid()\n"
+    )
+    monkeypatch.syspath_prepend(folder)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")]))
+
+
+def test_one_of_the_workers_is_killed(tmp_path, functions):
+    out = tmp_path / "out"
+    out.mkdir()
+    jobs = [
+        Job(
+            f"{index}",
+            "dask_functions:write",
+            {"output": str(out / f"{index}.txt"), "seconds": 0.3},
+            (out / f"{index}.txt",),
+        )
+        for index in range(COUNT)
+    ]
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+    ) as cluster:
+        outcomes = []
+        for outcome in run(jobs, dask=cluster.scheduler_address, journal=tmp_path / "results.jsonl"):
+            outcomes.append(outcome)
+            if len(outcomes) == 3:
+                victim = outcome.result
+                threading.Timer(
+                    0.1, os.kill, (victim, signal.SIGKILL)
+                ).start()  # in the middle of its next job
+    assert {outcome.status for outcome in outcomes} == {"done"}, [outcome.message for outcome in outcomes]
+    assert sorted(outcome.job.name for outcome in outcomes) == sorted(job.name for job in jobs)
+    assert sorted(path.name for path in out.iterdir()) == sorted(f"{index}.txt" for index in range(COUNT))
+    pids = [outcome.result for outcome in outcomes]
+    assert victim in pids
+    assert len(set(pids)) > 1
+    again = list(run(jobs, journal=tmp_path / "results.jsonl"))
+    assert {outcome.status for outcome in again} == {"skipped"}
+
+
+def test_the_command_makes_the_same_files_on_dask(started, folder, photographs):
+    for name in ("1", "2"):
+        for side in "ab":
+            (folder / f"{side}{name}.png").write_bytes((folder / f"{side}.png").read_bytes())
+    (folder / "a3.png").write_bytes(b"no picture")
+    words = ("batch", "a?.png", "b?.png", "--overlap", "20")
+    ran = started(*words, "-o", "dask/{name}.png", "--dask", "local", "-j", 2)
+    assert (ran.code, ran.out[:16]) == (1, "2 done, 1 failed"), ran
+    assert ran.err.startswith("dask/3.png: cannot read"), ran
+    assert len(ran.err.splitlines()) == 1, ran
+    assert started(*words, "-o", "here/{name}.png").code == 1
+    assert {path.name: path.read_bytes() for path in (folder / "dask").iterdir()} == {
+        path.name: path.read_bytes() for path in (folder / "here").iterdir()
+    }
+
+
+def test_ctrl_c_ends_a_local_cluster(process, folder):
+    for index in range(40):
+        for side in "ab":
+            (folder / f"{side}{index}.png").write_bytes((folder / f"{side}.png").read_bytes())
+    with process(
+        "batch", "a*.png", "b*.png", "--overlap", "20", "-o", "out/{name}.png", "--dask", "local", "-j", 2
+    ) as child:
+        deadline = time.monotonic() + 60
+        while not list(folder.glob("out/*.png")):
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        child.send_signal(signal.SIGINT)
+        assert child.wait(60) == 130
+    assert not list(folder.glob("out/*.part"))
+
+
+SCRIPT = """
+    import sys
+    from distributed import Client, get_client
+    from distributed.security import Security
+
+    how, address = sys.argv[1:]
+    security = Security.temporary() if how == "certificate" else None
+    address = address.replace("tls://", "tcp://") if how == "plain" else address
+    with Client(address, timeout=5, security=security) as client:
+        print("in", client.submit(int, "7").result(timeout=5))
+"""
+
+
+@pytest.mark.parametrize("how", ["plain", "no certificate", "certificate"])
+def test_nobody_else_can_submit_to_a_local_cluster(tmp_path, how):
+    with dask_workers("local", 1) as workers:
+        assert workers.is_free
+        scheduler = distributed.default_client().scheduler.address
+        assert scheduler.startswith("tls://127.0.0.1:")
+        outsider = subprocess.run(
+            [sys.executable, "-c", textwrap.dedent(SCRIPT), how, scheduler],
+            capture_output=True,
+            text=True,
+            timeout=60,
+            cwd=tmp_path,
+        )
+        assert outsider.returncode != 0
+        assert "in 7" not in outsider.stdout
+        workers.begin("seven", Task("json:loads", {"s": "7"}))
+        assert [answer.result for _, answer in workers.ended(30.0)] == ["7"], "it serves its owner"
+
+
+def test_a_local_cluster_shows_nothing_to_whoever_looks():
+    before = set(listening())
+    with dask_workers("local", 1):
+        opened = sorted(set(listening()) - before)
+        assert opened
+        for host, port in opened:
+            assert host == "127.0.0.1"
+            for page in (
+                "/",
+                "/status",
+                "/health",
+                "/metrics",
+                "/info/main/workers.html",
+                "/json/counts.json",
+            ):
+                with suppress(OSError, http.client.HTTPException):
+                    connection = http.client.HTTPConnection(host, port, timeout=5)
+                    connection.request("GET", page)
+                    assert connection.getresponse().status == 404
+        with socket.socket() as probe:
+            assert ("127.0.0.1", 8787) in before or probe.connect_ex(("127.0.0.1", 8787))
+
+
+def listening():
+    """Where this process and its children wait for others to connect."""
+    import psutil
+
+    me = psutil.Process()
+    for process in (me, *me.children(recursive=True)):
+        for connection in process.net_connections():
+            if connection.status == psutil.CONN_LISTEN:
+                yield connection.laddr.ip, connection.laddr.port
+
+
+def test_an_address_without_tls_is_warned_of_once(tmp_path, functions, caplog):
+    jobs = [
+        Job(name, "dask_functions:write", {"output": str(tmp_path / name), "seconds": 0}, (tmp_path / name,))
+        for name in "ab"
+    ]
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None
+    ) as cluster:
+        assert {outcome.status for outcome in run(jobs, dask=cluster.scheduler_address)} == {"done"}
+    assert [record.name for record in caplog.records if "does not use TLS" in record.message] == [
+        "toposeam_cli.jobs.dask_workers"
+    ]
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "tls://127.0.0.1:1", "nowhere://x", "", "a b"])
+def test_an_address_where_nobody_answers_is_one_sentence(toposeam, folder, photographs, address):
+    toposeam("batch", "a.png", "?.png", "--overlap", "20", "-o", "out_{name}.png", "--dask", address).fails(
+        "Dask scheduler"
+    )

@@ -1,0 +1,54 @@
+"""What the tests beside this have in common."""
+
+import numpy as np
+from PIL import ImageCms
+
+from toposeam_cli.pictures.picture import match_pictures, read_picture
+
+PROFILE = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+
+
+STRIP = ("a.png", "b.png", "--overlap", "20")
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def shown(path):
+    """The mask that --labels wrote: True where B shows."""
+    values = read_picture(path).pixels
+    assert values.ndim == 2
+    assert set(np.unique(values)) <= {0, 255}
+    return values == 255
+
+
+def assert_joined(path, labels, first, second, offset):
+    """Every pixel of a written picture is, bit for bit, that of the layer that shows there; nothing is lost
+    and nothing made up.
+    """
+    a, b = match_pictures([read_picture(first), read_picture(second)])
+    result = read_picture(path)
+    left, top = min(0, offset[0]), min(0, offset[1])
+    shape = [
+        max(a.pixels.shape[axis], offset[1 - axis] + b.pixels.shape[axis]) - (top, left)[axis]
+        for axis in (0, 1)
+    ]
+    assert list(result.pixels.shape[:2]) == shape
+    expected = np.zeros(result.pixels.shape, a.pixels.dtype)
+    opacity = np.zeros(shape, a.pixels.dtype)
+    b_shows = shown(labels)
+    for picture, (x, y), shows in ((a, (0, 0), ~b_shows), (b, offset, b_shows)):
+        height, width = picture.pixels.shape[:2]
+        place = np.s_[y - top : y - top + height, x - left : x - left + width]
+        full = np.ones(1, a.pixels.dtype) if a.pixels.dtype == np.float32 else np.iinfo(a.pixels.dtype).max
+        alpha = np.full((height, width), full, a.pixels.dtype) if picture.alpha is None else picture.alpha
+        here = shows[place] & picture.covered()
+        expected[place][here] = picture.pixels[here]
+        opacity[place][here] = alpha[here]
+    assert result.pixels.dtype == expected.dtype
+    np.testing.assert_array_equal(result.pixels, expected)
+    if result.alpha is None:
+        assert (opacity == full).all()
+    else:
+        np.testing.assert_array_equal(result.alpha, opacity)

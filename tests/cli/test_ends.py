@@ -1,0 +1,203 @@
+"""However the command ends, it ends without a traceback and without leftovers: full disks behind stdout,
+Ctrl-C again and again, closed terminals, batches killed at any moment.
+"""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from toposeam_cli.pictures.picture import Picture, write_picture
+
+QUIET = ("Traceback", "resource_tracker", "Exception ignored", "something went wrong", "leaked")
+
+
+def shell(line, folder):
+    script = f'toposeam() {{ "{sys.executable}" -m toposeam_cli "$@"; }}; {line}'
+    return subprocess.run(
+        ["bash", "-c", script], cwd=folder, capture_output=True, text=True, timeout=120, check=False
+    )
+
+
+def assert_quiet(text):
+    for never in QUIET:
+        assert never not in text, text
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize(
+    "line", ["--help", "--version", "stitch --help", "completion bash", "compare a.png b.png --overlap 20"]
+)
+def test_a_full_disk_behind_stdout_is_one_sentence(folder, photographs, line):
+    ran = shell(f"toposeam {line} >/dev/full", folder)
+    assert ran.returncode == 1
+    assert_quiet(ran.stderr)
+    assert ran.stderr.startswith("Error: ")
+    assert ran.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("line", ["--help", "bogus", "stitch a.png b.png --overlap 20 -o x.png"])
+def test_a_full_disk_behind_both_streams_ends_without_a_word(folder, photographs, line):
+    ran = shell(f"toposeam {line} >/dev/full 2>/dev/full; echo $?", folder)
+    assert ran.stdout.strip() in ("1", "2")
+    assert ran.stderr == ""
+
+
+@pytest.fixture
+def many(tmp_path):
+    """A batch of pairs that take a few hundredths of a second each."""
+    rng = np.random.default_rng(1)
+    for index in range(24):
+        for side in "ab":
+            pixels = rng.integers(0, 256, (60, 80, 3)).astype(np.uint8)
+            write_picture(tmp_path / f"{side}{index:02}.png", Picture(pixels=pixels))
+    return tmp_path
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("delay", np.linspace(0.05, 2.5, 12).round(2))
+@pytest.mark.parametrize("what", ["one", "batch"])
+def test_ctrl_c_again_and_again_is_one_ctrl_c(many, delay, what):
+    words = {
+        "one": ["motif", "-o", "m.png", "--size", "512", "--seed", "1"],
+        "batch": ["batch", "a*.png", "b*.png", "--overlap", "40", "-o", "out/{name}.png", "-j", "2"],
+    }[what]
+    child = subprocess.Popen(
+        [sys.executable, "-m", "toposeam_cli", *words],
+        cwd=many,
+        stderr=subprocess.PIPE,
+        text=True,
+        stdout=subprocess.PIPE,
+        start_new_session=True,
+    )
+    time.sleep(delay)
+    for _ in range(6):
+        try:
+            os.killpg(child.pid, signal.SIGINT)
+        except ProcessLookupError:
+            break
+        time.sleep(0.03)
+    _, told = child.communicate(timeout=60)
+    assert child.returncode in (130, -signal.SIGINT, 0)
+    assert_quiet(told)
+    assert not list(many.rglob(".toposeam-*"))
+
+
+# Killed at any moment.
+
+#: The full measure is TOPOSEAM_KILLS=100: about ten minutes each.
+KILLS = int(os.environ.get("TOPOSEAM_KILLS", "12"))
+WAYS = [
+    (number, whom)
+    for whom in ("process", "group", "worker")
+    for number in (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+]
+
+
+def children(pid):
+    """The processes below one, and what they run."""
+    found = {}
+    for task in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            number, parent = int(task.parent.name), int(task.read_text().rpartition(")")[2].split()[1])
+            found.setdefault(parent, []).append((number, (task.parent / "cmdline").read_bytes()))
+        except (OSError, ValueError):
+            continue
+    below, waiting = [], [pid]
+    while waiting:
+        for number, command in found.get(waiting.pop(), ()):
+            below.append((number, command))
+            waiting.append(number)
+    return below
+
+
+def strike(child, number, whom, rng):
+    """Kill somebody; whether there was anybody to kill."""
+    try:
+        if whom == "process":
+            os.kill(child.pid, number)
+        elif whom == "group":
+            os.killpg(child.pid, number)
+        else:
+            workers = [pid for pid, command in children(child.pid) if b"resource_tracker" not in command]
+            os.kill(rng.choice(workers), number)
+    except (ProcessLookupError, IndexError):
+        return False
+    return True
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("where", [["-j", "2"], ["-j", "2", "--dask", "local"]], ids=["workers", "dask"])
+def test_a_batch_that_is_killed_again_and_again_loses_nothing(many, where):
+    if "--dask" in where:
+        pytest.importorskip("distributed")
+    rng = random.Random(7)  # noqa: S311 - no secret
+    words = [sys.executable, "-m", "toposeam_cli", "batch", "a*.png", "b*.png", "--overlap", "40", "-q"]
+    whole = [*words, "-o", "whole/{name}.png", "--labels", "whole/{name}.tif", "--results", "whole.jsonl"]
+    subprocess.run(whole, cwd=many, check=True)
+    expected = {path.name: path.read_bytes() for path in (many / "whole").iterdir()}
+    kills = turns = 0
+    placed = False
+    while kills < KILLS:
+        turns += 1
+        out, table = many / f"out{turns}", many / f"results{turns}.jsonl"
+        outputs = ["-o", f"{out.name}/{{name}}.png", "--labels", f"{out.name}/{{name}}.tif"]
+        line = [*words, *outputs, *where, "--results", table.name]
+        theirs = out / "23.png"  # where somebody else puts a file meanwhile
+        done: dict[str, tuple[int, int]] = {}
+        code = None
+        while code != 0:
+            child = subprocess.Popen(
+                line, cwd=many, stderr=subprocess.PIPE, text=True, start_new_session=True
+            )
+            if kills < KILLS:
+                time.sleep(rng.uniform(0.3, 5.0 if "--dask" in where else 2.5))
+                kills += strike(child, *WAYS[kills % len(WAYS)], rng)
+            _, told = child.communicate(timeout=120)
+            code = child.returncode
+            if WAYS[(kills - 1) % len(WAYS)] != (signal.SIGKILL, "process"):
+                assert_quiet(told)  # else a worker it was starting may say that nobody told it what to do
+            wait_for_the_group(child)
+            states = {path.name: (path.stat().st_mtime_ns, path.stat().st_ino) for path in out.glob("[!.]*")}
+            assert states.items() >= done.items(), "what was done is done again"
+            done = {
+                Path(path).name: states[Path(path).name]
+                for row in rows(table)
+                if row["status"] == "done"
+                for path in row["outputs"]
+            }
+            if not placed and out.is_dir() and not theirs.exists():
+                placed = True
+                theirs.write_bytes(b"precious")
+            elif code == 1 and theirs.exists() and theirs.read_bytes() != expected[theirs.name]:
+                assert theirs.read_bytes() == b"precious"
+                assert "23.png' exists already; pass --force" in told
+                theirs.unlink()
+        assert {path.name: path.read_bytes() for path in out.iterdir()} == expected
+
+
+def rows(table):
+    """What a table of results says, but for a torn last line."""
+    if not table.exists():
+        return []
+    return [json.loads(line) for line in table.read_bytes().rpartition(b"\n")[0].splitlines()]
+
+
+def wait_for_the_group(child):
+    """Wait until the processes below a dead one are gone too."""
+    deadline = time.monotonic() + 30
+    while True:
+        try:
+            os.killpg(child.pid, 0)
+        except ProcessLookupError:
+            return
+        assert time.monotonic() < deadline, "something outlived the batch"
+        time.sleep(0.05)

@@ -1,0 +1,195 @@
+"""Where pictures come to lie, and what is refused before any work."""
+
+import json
+
+import numpy as np
+import pytest
+import tifffile
+from scipy import ndimage
+from skimage import data
+
+import toposeam as ts
+from toposeam.layers.cropping import largest_full
+from toposeam_cli.options import Length
+from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.placing import arrange
+from toposeam_cli.whereabouts import Where
+
+RNG = np.random.default_rng(5)
+
+
+@pytest.fixture
+def unlike(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name, shape in (("a", (40, 60, 3)), ("b", (30, 50, 3))):
+        write_picture(tmp_path / f"{name}.png", Picture(pixels=RNG.integers(0, 256, shape).astype(np.uint8)))
+    return [tmp_path / "a.png", tmp_path / "b.png"]
+
+
+@pytest.mark.parametrize(
+    ("side", "at"), [("right", (45, 0)), ("left", (-35, 0)), ("bottom", (0, 30)), ("top", (0, -20))]
+)
+def test_b_lies_at_its_side_of_a_picture_of_another_size(unlike, side, at):
+    overlap = Length(25, True)  # of A's 60 × 40 px: 15 px across, 10 px down
+    job = arrange(unlike, Where(overlap=overlap, side=side), max_megapixels=1)
+    assert [layer.at for layer in job.layers] == [(0, 0), at]
+
+
+@pytest.mark.parametrize("at", [(-20, -7), (25, -3), (-12, 11)])
+def test_negative_places_move_the_canvas_not_the_pixels(unlike, at):
+    job = arrange(unlike, Where(offset=at), max_megapixels=1)
+    stitched = ts.stitch(job.layers)
+    assert stitched.origin == (min(0, at[0]), min(0, at[1]))
+    for layer, mask in zip(job.layers, stitched.masks, strict=True):
+        x, y = (layer.at[axis] - stitched.origin[axis] for axis in (0, 1))
+        height, width = layer.image.shape[:2]
+        shows = mask[y : y + height, x : x + width]
+        assert mask.sum() == shows.sum() > 0
+        np.testing.assert_array_equal(
+            stitched.image[y : y + height, x : x + width][shows], layer.image[shows]
+        )
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".jpeg"])
+def test_a_picture_with_holes_is_refused_as_jpeg_before_any_seam_is_sought(
+    unlike, toposeam, monkeypatch, suffix
+):
+    monkeypatch.setattr(ts, "stitch", lambda *_, **__: pytest.fail("a seam was sought"))
+    line = ("stitch", *unlike, "--offset", "30,5", "-o", f"out{suffix}", "--crop", "outside")
+    toposeam(*line).fails("cannot hold")
+    assert not list(unlike[0].parent.glob("out*"))
+
+
+# Nobody says where the pictures lie
+
+
+COFFEE = data.coffee()
+PLACES = {"c": (210, 150), "a": (0, 0), "d": (10, 160), "b": (200, 4)}
+
+
+@pytest.fixture
+def crops(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name, (x, y) in PLACES.items():
+        noise = np.random.default_rng(ord(name)).normal(0, 1.5, (220, 300, 3))
+        pixels = np.clip(COFFEE[y : y + 220, x : x + 300] * (0.9 + 0.05 * len(name)) + noise, 0, 255)
+        write_picture(tmp_path / f"{name}.png", Picture(pixels=np.rint(pixels).astype(np.uint8)))
+    return [f"{name}.png" for name in PLACES]
+
+
+def test_places_are_found_and_kept(crops, toposeam):
+    ran = toposeam("stitch", *crops, "-o", "all.png", "--save-layout", "placed.toml", "--json")
+    assert ran.code == 0, ran
+    first = next(iter(PLACES.values()))
+    expected = {f"{name}.png": [x - first[0], y - first[1]] for name, (x, y) in PLACES.items()}
+    told = json.loads(ran.out)["layers"]
+    assert {layer["name"]: layer["at"] for layer in told} == expected
+    assert min(layer["correlation"] for layer in told) > 0.8
+    assert toposeam("stitch", "placed.toml", "-o", "again.png").code == 0
+    np.testing.assert_array_equal(read_picture("again.png").pixels, read_picture("all.png").pixels)
+
+
+def test_a_turned_picture_is_found_kept_and_turned_back(crops, toposeam, tmp_path):
+    turned = ndimage.rotate(COFFEE[80:380, 150:520], 2, reshape=False, order=3)[40:260, 40:330]
+    write_picture(tmp_path / "t.png", Picture(pixels=turned))
+    line = ("a.png", "t.png", "c.png", "b.png")
+    ran = toposeam("stitch", *line, "-o", "all.png", "--save-layout", "placed.toml", "--json")
+    assert ran.code == 0, ran
+    turns = {layer["name"]: layer["turn"] for layer in json.loads(ran.out)["layers"]}
+    assert abs(turns["t.png"]) == pytest.approx(2, abs=0.1)
+    assert max(abs(turns[name]) for name in ("a.png", "b.png", "c.png")) < 0.1
+    assert toposeam("stitch", "placed.toml", "-o", "again.png").code == 0
+    again, first = (read_picture(name).pixels.astype(int) for name in ("again.png", "all.png"))
+    assert again.shape == first.shape
+    assert np.abs(again - first).mean() < 0.1
+
+
+def test_a_stranger_is_named(crops, toposeam, tmp_path):
+    write_picture(tmp_path / "cat.png", Picture(pixels=data.chelsea()[:220, :300].copy()))
+    toposeam("stitch", *crops, "cat.png", "-o", "all.png").fails("cat.png fits none of the other pictures")
+    write_picture(tmp_path / "white.png", Picture(pixels=np.full((220, 300, 3), 255, np.uint8)))
+    toposeam("stitch", *crops, "white.png", "-o", "all.png").fails("white.png fits none")
+
+
+def test_a_grid_in_any_order(crops, toposeam):
+    for order, names in (
+        ("rows", "abdc"),
+        ("columns", "adbc"),
+        ("snake-rows", "abcd"),
+        ("snake-columns", "adcb"),
+    ):
+        files = [f"{name}.png" for name in names]
+        grid = ("--grid", "2x2", "--overlap", "30%", "--order", order)
+        ran = toposeam("stitch", *files, *grid, "--json", "-o", f"{order}.png")
+        assert ran.code == 0, ran
+        places = {layer["name"][0]: layer["at"] for layer in json.loads(ran.out)["layers"]}
+        assert places == {"a": [0, 0], "b": [210, 0], "d": [0, 154], "c": [210, 154]}
+    toposeam("stitch", *crops, "--grid", "3x2", "--overlap", "30%", "-o", "o.png").fails("6 places for 4")
+    toposeam("stitch", *crops, "--row", "-o", "o.png").fails("add --overlap")
+
+
+def test_tiff_files_say_where_they_lie(crops, toposeam):
+    for name, (x, y) in PLACES.items():
+        tifffile.imwrite(
+            f"{name}.tif",
+            read_picture(f"{name}.png").pixels,
+            resolution=(150, 150),
+            resolutionunit="INCH",
+            extratags=[(286, 5, 1, (x, 150), True), (287, 5, 1, (y, 150), True)],
+            metadata=None,
+        )
+    files = [f"{name}.tif" for name in PLACES]
+    ran = toposeam("stitch", *files, "--json", "-o", "all.png")
+    assert ran.code == 0, ran
+    places = [tuple(layer["at"]) for layer in json.loads(ran.out)["layers"]]
+    assert places == list(PLACES.values())
+
+
+def test_a_picture_that_cannot_be_read_is_left_out_when_asked(crops, toposeam, tmp_path):
+    (tmp_path / "bad.png").write_bytes(b"\x89PNG broken")
+    toposeam("stitch", *crops, "bad.png", "-o", "all.png").fails("bad.png")
+    ran = toposeam("stitch", *crops, "bad.png", "-o", "all.png", "--skip-bad")
+    assert ran.code == 0
+    assert "left out: cannot read" in ran.err
+    assert "bad.png" in ran.err
+
+
+def test_strangers_at_given_places_give_a_warning_with_the_number(crops, toposeam, tmp_path):
+    write_picture(tmp_path / "cat.png", Picture(pixels=data.chelsea()[:220, :300].copy()))
+    ran = toposeam("stitch", "a.png", "cat.png", "--offset", "200,0", "-o", "all.png")
+    assert ran.code == 0
+    assert "warning: a.png and cat.png hardly show the same" in ran.err
+    assert toposeam("stitch", "a.png", "b.png", "--offset", "200,4", "-o", "ab.png").err == ""
+
+
+# What a format can hold
+
+
+def test_a_jpeg_is_cropped_to_what_has_no_holes(crops, toposeam):
+    at = ("--at", "0,0", "--at", "200,4")
+    assert toposeam("stitch", "a.png", "b.png", *at, "-o", "ab.jpg", "--labels", "l.png").code == 0
+    assert read_picture("ab.jpg").pixels.shape == (216, 500, 3)
+    assert read_picture("l.png").pixels.shape == (216, 500)
+    line = ("stitch", "a.png", "b.png", *at, "--background", "#2040a0", "-o")
+    assert toposeam(*line, "full.jpg", "--quality", "100").code == 0
+    full = read_picture("full.jpg").pixels
+    assert full.shape == (224, 500, 3)
+    assert np.abs(full[221:, :190].astype(int) - (32, 64, 160)).max() < 12
+    toposeam(*line, "o.png", "--quality", "50").fails("--quality is for .jpg")
+    toposeam("stitch", "a.png", "b.png", *at, "--background", "no", "-o", "o.png").fails("colour's name")
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_largest_rectangle_without_holes(seed):
+    mask = np.random.default_rng(seed).random((9, 13)) > 0.2
+    box = largest_full(mask)
+    best = max(
+        (bottom - top) * (right - left)
+        for top in range(9)
+        for bottom in range(top + 1, 10)
+        for left in range(13)
+        for right in range(left + 1, 14)
+        if mask[top:bottom, left:right].all()
+    )
+    assert mask[box.slices].all()
+    assert box.shape[0] * box.shape[1] == best

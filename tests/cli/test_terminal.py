@@ -1,0 +1,138 @@
+"""Help, version, completion, and what is seen on a terminal and off."""
+
+import os
+import pty
+import subprocess
+import sys
+
+import pytest
+
+import toposeam as ts
+from stitching import STRIP, names
+
+
+@pytest.mark.parametrize(
+    ("shell", "sign"),
+    [("bash", "complete -o nosort"), ("zsh", "#compdef toposeam"), ("fish", "complete --no-files")],
+)
+def test_completion_prints_the_script_of_a_shell(toposeam, shell, sign):
+    ran = toposeam("completion", shell)
+    assert ran.code == 0
+    assert sign in ran.out
+    assert "_TOPOSEAM_COMPLETE" in ran.out
+
+
+def test_the_shell_is_told_commands_options_and_choices(started):
+    told = {}
+    for words in ("toposeam ", "toposeam stitch --me", "toposeam stitch --method h"):
+        env = {
+            "_TOPOSEAM_COMPLETE": "bash_complete",
+            "COMP_WORDS": words,
+            "COMP_CWORD": str(len(words.split(" ")) - 1),
+        }
+        # Completion goes by the name of the program.
+        code = "import sys; sys.argv = ['toposeam']; from toposeam_cli.main import main; main()"
+        done = subprocess.run(
+            [sys.executable, "-c", code], env=os.environ | env, capture_output=True, text=True, check=False
+        )
+        told[words] = done.stdout.split()
+    assert {"plain,compare", "plain,completion", "plain,stitch"} <= set(told["toposeam "])
+    assert told["toposeam stitch --me"] == ["plain,--method"]
+    assert told["toposeam stitch --method h"] == ["plain,heat"]
+
+
+@pytest.mark.parametrize("command", ["stitch", "compare", "completion"])
+@pytest.mark.parametrize("flag", ["-h", "--help"])
+def test_help_shows_an_example(toposeam, command, flag):
+    ran = toposeam(command, flag)
+    assert ran.code == 0
+    assert f"toposeam {command} " in ran.out
+    assert command in toposeam("--help").out
+
+
+def test_the_version_is_the_package_s(toposeam):
+    assert toposeam("--version").out == f"toposeam, version {ts.__version__}\n"
+
+
+def on_terminal(process, *arguments, env=None):
+    """Run with stderr on a terminal; what it wrote there, and on stdout."""
+    ours, theirs = pty.openpty()
+    with process(
+        *arguments,
+        stdout=subprocess.PIPE,
+        stderr=theirs,
+        env=os.environ | {"TERM": "xterm", "COLUMNS": "80"} | (env or {}),
+    ) as child:
+        os.close(theirs)
+        seen = b""
+        while True:
+            try:
+                part = os.read(ours, 4096)
+            except OSError:  # Linux: the other end was closed
+                break
+            if not part:
+                break
+            seen += part
+        out = child.stdout.read()
+    os.close(ours)
+    assert child.returncode == 0
+    return seen.decode(), out.decode()
+
+
+def test_a_bar_on_a_terminal_runs_to_the_end(folder, process):
+    seen, out = on_terminal(process, "stitch", *STRIP, "-o", "out.png")
+    assert "joining a.png and b.png" in seen
+    assert "100%" in seen
+    assert out.startswith("out.png: ")
+
+
+def test_a_direct_method_ends_at_all_of_its_bar_too(folder, process):
+    seen, _ = on_terminal(process, "stitch", *STRIP, "-o", "out.png", "--method", "dp")
+    assert "100%" in seen
+
+
+def test_no_bar_in_a_pipe_and_silence_when_quiet(folder, process, started):
+    ran = started("stitch", *STRIP, "-o", "out.png")
+    assert (ran.code, ran.err) == (0, "")
+    assert "joining" not in ran.out
+    ran = started(
+        "stitch",
+        *STRIP,
+        "-o",
+        "out.png",
+        "--force",
+        "--quiet",
+        "--overlay",
+        "overlay.png",
+        "--history",
+        "history.pdf",
+    )
+    assert ran == type(ran)(0, "", "")
+    assert on_terminal(process, "stitch", *STRIP, "-o", "out.png", "--force", "-q") == ("", "")
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1", "cp949"])
+def test_a_terminal_that_lacks_a_character_does_not_stop_the_work(folder, started, encoding):
+    (folder / "b.png").rename(folder / "☃.png")
+    env = {"PYTHONIOENCODING": encoding, "PYTHONUTF8": "0"}
+    ran = started("stitch", "a.png", "☃.png", "--overlap", "20", "-o", "☃ out.png", env=env)
+    assert (ran.code, ran.err) == (0, "")
+    assert "92" in ran.out
+    ran = started("compare", "a.png", "☃.png", "--overlap", "20", "--method", "dp", env=env)
+    assert (ran.code, ran.err) == (0, "")
+
+
+@pytest.mark.parametrize("stream", ["stdout", "stderr"])
+def test_a_closed_stream_does_not_stop_the_work(folder, stream):
+    number = {"stdout": 1, "stderr": 2}[stream]
+    script = f'exec "$0" -m toposeam_cli stitch a.png b.png --overlap 20 -o out.png {number}>&-'
+    done = subprocess.run(["sh", "-c", script, sys.executable], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert names(folder) == ["a.png", "b.png", "out.png"]
+
+
+def test_the_history_can_be_an_animation(folder, toposeam):
+    assert toposeam("stitch", *STRIP, "-o", "out.png", "--history", "found.GIF").code == 0
+    assert (folder / "found.GIF").read_bytes().startswith(b"GIF89a")
+    assert "found.avi" in toposeam("stitch", *STRIP, "-o", "c.png", "--history", "found.avi").err
+    assert names(folder) == ["a.png", "b.png", "found.GIF", "out.png"]

@@ -1,0 +1,55 @@
+"""Gains: what is protected, and how far they go."""
+
+import numpy as np
+import pytest
+
+import toposeam as ts
+from toposeam.layers.layer import extent_of
+from toposeam.layers.tones import LARGEST_GAIN, WHITE, tone_gains
+
+
+def flat(value, x, shape=(20, 30), dtype=np.uint8):
+    return ts.Layer(np.full(shape, value, dtype), at=(x, 0))
+
+
+def gains(layers):
+    canvas = extent_of(layers)
+    return tone_gains(layers, [canvas.place(layer) for layer in layers])
+
+
+def test_burnt_out_white_stays_white_and_mid_tones_do_not():
+    bright = np.full((40, 60), 200, np.uint8)
+    bright[:10], bright[10:20] = 255, round(255 * (WHITE - 0.05))
+    first, _ = ts.match_tones([ts.Layer(bright), ts.Layer((bright * 0.5).astype(np.uint8), at=(30, 0))])
+    assert (first.image[:10] == 255).all()
+    assert (first.image[10:20] < bright[10, 0] - 20).all()
+    assert (first.image[20:] < 180).all()
+
+
+def test_between_white_and_what_is_below_it_gains_let_go_evenly():
+    ramp = np.tile(np.arange(256, dtype=np.uint8), (40, 1))
+    first, _ = ts.match_tones([ts.Layer(ramp), ts.Layer((ramp * 0.6).astype(np.uint8))])
+    row = first.image[0].astype(int)
+    assert row[-1] == 255
+    assert (np.diff(row) >= 0).all()
+    assert row[200] < 190
+
+
+def test_a_gain_is_never_larger_than_the_limit():
+    dark, light = flat(12, 0), flat(240, 15)
+    found = gains([dark, light])
+    assert found.max() <= LARGEST_GAIN
+    assert found.min() >= 1 / LARGEST_GAIN
+    assert found.max() / found.min() > 2
+
+
+@pytest.mark.parametrize(("dtype", "white"), [(np.uint8, None), (np.uint16, None), (np.uint16, 4095)])
+def test_gains_are_the_same_in_every_depth(dtype, white):
+    full = white or np.iinfo(dtype).max
+    layers = [
+        ts.Layer(np.full((20, 30), round(share * full), dtype), at=(x, 0), data_range=white)
+        for share, x in ((0.4, 0), (0.5, 20))
+    ]
+    first, second = ts.match_tones(layers)
+    assert abs(first.image[0, 0] / full - second.image[0, 0] / full) <= 1.5 / 255
+    assert first.image[0, 0] / full == pytest.approx(np.sqrt(0.4 * 0.5), abs=0.005)

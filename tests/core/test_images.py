@@ -1,0 +1,71 @@
+"""Images on the way in and out: what is silently wrong elsewhere is an error with a remedy here."""
+
+import numpy as np
+import PIL.Image
+import pytest
+
+import toposeam as ts
+from toposeam.display import to_pil, to_png, to_rgba8
+from toposeam.images import as_array, as_float
+from toposeam.saving import save
+
+
+@pytest.mark.parametrize("dtype", [np.int16, np.int32, np.int64, np.uint32, np.int8])
+def test_integers_without_a_known_white_need_their_range(dtype):
+    image = np.array([[0, 100]], dtype)
+    with pytest.raises(ts.ImageError, match="say with data_range= which value is white"):
+        as_float(image, "a")
+    assert as_float(image, data_range=100).ravel().tolist() == [0.0, 1.0]
+
+
+def test_floats_of_bytes_are_not_taken_for_shares():
+    image = np.array([[0.0, 255.0]])
+    with pytest.raises(ts.ImageError, match="a is of floats up to 255, where 1 counts as white"):
+        as_float(image, "a")
+    assert as_float(image, data_range=255).ravel().tolist() == [0.0, 1.0]
+    assert as_float(image, data_range=1).ravel().tolist() == [0.0, 255.0]  # a wide range, kept
+
+
+@pytest.mark.parametrize(
+    ("image", "said"),
+    [
+        (np.zeros((3, 40, 50)), "looks like \\(C, H, W\\)"),
+        (np.ma.masked_array(np.zeros((4, 4)), False), "masked array"),
+        (np.zeros((4, 4), complex), "dtype complex128"),
+        (np.array(["x"]), "pass integers or floats"),
+        ([[1, 2], [3]], "is no array"),
+        (np.zeros((0, 4)), "non-empty"),
+        (np.full((2, 2), np.nan), "NaN"),
+    ],
+)
+def test_what_is_no_image_is_refused(image, said):
+    with pytest.raises(ts.ImageError, match=said):
+        as_float(image, "a")
+
+
+def test_pil_pictures_come_in_with_their_colours():
+    palette = PIL.Image.new("RGB", (4, 3), (200, 10, 20)).convert("P")
+    assert as_array(palette).shape == (3, 4, 3)
+    assert as_array(PIL.Image.new("L", (4, 3), 7)).tolist() == [[7] * 4] * 3
+
+
+def test_results_and_arrays_go_out_as_pil_pictures():
+    assert to_pil(np.zeros((3, 4), np.uint16)).size == (4, 3)
+    seam = ts.find_seam(np.zeros((6, 5)), np.ones((6, 5)))
+    assert to_pil(seam).size == (5, 6)
+    assert to_png(np.zeros((2000, 10, 4), np.uint8)).startswith(b"\x89PNG")
+    assert to_rgba8(np.array([[0.0, 0.5, 9.0]]), np.array([[1.0, 0.5, 0.0]])).tolist() == [
+        [[0, 0, 0, 255], [128, 128, 128, 128], [255, 255, 255, 0]]
+    ]
+    with pytest.raises(ts.OptionError, match="a str is no picture"):
+        to_pil("x")
+
+
+def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
+    target = tmp_path / "seam.svg"
+    save(target, "one")
+    monkeypatch.setattr("os.fsync", lambda _: (_ for _ in ()).throw(OSError("full")))
+    with pytest.raises(OSError, match="full"):
+        save(target, "two")
+    assert target.read_text() == "one"
+    assert [path.name for path in tmp_path.iterdir()] == ["seam.svg"]

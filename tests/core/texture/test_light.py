@@ -1,0 +1,96 @@
+"""Slow light: found, taken out, levelled between patches."""
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+import toposeam as ts
+from toposeam.texture.light import has_slow_light
+
+
+@pytest.fixture
+def lit(sample):
+    """Structure under light that falls off to one side, and the structure itself."""
+    structure = 120 + 0.35 * sample(0, (128, 128), channels=3).astype(float)
+    y, x = np.mgrid[:128, :128] / 128
+    light = (1.15 - 0.7 * x - 0.15 * y)[..., np.newaxis]
+    return np.clip(structure * light, 0, 255).astype(np.uint8), structure
+
+
+def steps_at_seams(made):
+    """99th percentile of steps between copies over that of the steps inside of them."""
+    image, inner, across = made.image.astype(float).mean(axis=2), [], []
+    for axis in (0, 1):
+        steps, seam = np.abs(np.diff(image, axis=axis)), np.diff(made.labels, axis=axis) != 0
+        inner.append(steps[~seam])
+        across.append(steps[seam])
+    return np.percentile(np.concatenate(across), 99) / np.percentile(np.concatenate(inner), 99)
+
+
+def test_slow_light_is_told_from_structure(lit, sample):
+    everywhere = np.ones((128, 128), bool)
+    assert has_slow_light(lit[0] / np.float32(255), everywhere)
+    assert not has_slow_light(sample(1, (128, 128), channels=3) / np.float32(255), everywhere)
+
+
+def test_patches_under_unlike_light_show_no_squares(lit):
+    image, structure = lit
+    made = ts.synthesize(image, 256, patch=32, seed=1)
+    hard = ts.synthesize(image, 256, patch=32, seed=1, level=False)
+    assert made.settings["level"]
+    even = ts.synthesize(structure.astype(np.uint8), 256, patch=32, seed=1)
+    assert not even.settings["level"]
+    assert steps_at_seams(made) <= 1.1 * steps_at_seams(even)
+    assert steps_at_seams(hard) > 1.5 * steps_at_seams(even)
+    # All light is mixed now: without levelling the same copies would show their borders.
+    copies = image[made.source[..., 0], made.source[..., 1]]
+    assert (
+        np.abs(np.diff(copies.astype(float), axis=1)).max()
+        > 1.5 * np.abs(np.diff(made.image.astype(float), axis=1)).max()
+    )
+    assert image.min() <= made.image.min() <= made.image.max() <= image.max()
+    np.testing.assert_array_equal(
+        ts.synthesize(image, 256, patch=32, seed=1, level=False, smooth=0).image,
+        image[hard.source[..., 0], hard.source[..., 1]],
+    )
+
+
+def test_maps_are_cut_alike_and_keep_their_values(lit, sample):
+    other = sample(3, (128, 128), dtype=np.uint16)
+    made = ts.synthesize(lit[0], 150, patch=32, maps=[other], weights=[1, 0], smooth=0)
+    np.testing.assert_array_equal(made.maps[0], other[made.source[..., 0], made.source[..., 1]])
+
+
+def test_flattening_divides_the_light_away(lit):
+    image, structure = lit
+    flat = ts.flatten_light(image)
+    assert flat.dtype == np.uint8
+    slow = [ndimage.gaussian_filter(one.astype(float).mean(axis=2), 16) for one in (image, flat)]
+    assert np.ptp(slow[1]) < 0.15 * np.ptp(slow[0])
+    expected = structure * image.mean() / structure.mean()
+    assert np.abs(flat - expected).mean() < 3
+    made = ts.synthesize(image, 200, patch=32, flatten=True, smooth=0)
+    assert not made.settings["level"]
+    np.testing.assert_array_equal(made.image, flat[made.source[..., 0], made.source[..., 1]])
+
+
+@pytest.mark.parametrize(("option", "value"), [("flatten", "yes"), ("level", 2)])
+def test_wrong_words_are_refused(lit, option, value):
+    with pytest.raises(ts.OptionError, match=option):
+        ts.synthesize(lit[0], 60, patch=24, **{option: value})
+
+
+def test_an_empty_mask_leaves_no_light_to_find(lit):
+    with pytest.raises(ts.ImageError, match="source_mask is empty"):
+        ts.flatten_light(lit[0], source_mask=np.zeros((128, 128)))
+
+
+def test_levelled_copies_stay_in_the_range_of_what_may_be_copied():
+    rng = np.random.default_rng(6)
+    sample = rng.integers(0, 128, (96, 120, 3)).astype(np.uint8)
+    sample[:, :, 1] = np.linspace(20, 127, 96)[:, None].astype(np.uint8)
+    sample[:, 70:] = 250  # not to be copied: neither its pixels nor its light
+    mask = np.zeros((96, 120), bool)
+    mask[2:94, 2:68] = True
+    made = ts.synthesize(sample, (100, 100), patch=20, source_mask=mask, level=True).image
+    assert made.max() <= sample[:, :68].max()

@@ -1,0 +1,62 @@
+"""Few curves along a line of many points."""
+
+import numpy as np
+import pytest
+
+import toposeam as ts
+from toposeam.vector.smooth import FEW_PX, TOLERANCES_PX
+
+
+def wandering(seed=1, height=400, calm=6):
+    """A line of pixel corners from top to bottom, as seams are, that wanders about smoothly."""
+    rng = np.random.default_rng(seed)
+    course = np.convolve(np.cumsum(rng.normal(size=height + 60)), np.hanning(60) / calm, "valid")[:height]
+    x = np.rint(course - course.min()).astype(int)
+    points = [(x[0], 0)]
+    for row in range(height):
+        points += [(x[row], row), (x[row], row + 1)]
+    return ts.Polyline(np.array(points, float))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_curves_stay_close_and_are_few(seed):
+    line = wandering(seed)
+    smooth = ts.smooth_path(line)
+    assert smooth.distance() <= TOLERANCES_PX[-1]
+    assert len(smooth.anchors) <= np.ptp(line.points, axis=0).max() / FEW_PX + 2 < len(line.points) / 20
+    np.testing.assert_array_equal(smooth.anchors[[0, -1]], line.points[[0, -1]])
+
+
+def test_the_pieces_are_the_line():
+    line = wandering()
+    smooth = ts.smooth_path(line)
+    pieces = [smooth.piece(index) for index in range(len(smooth.curves))]
+    for piece, curve, following in zip(pieces, smooth.curves, [*pieces[1:], None], strict=True):
+        np.testing.assert_array_equal(piece[[0, -1]], curve[[0, 3]])
+        assert following is None or (piece[-1] == following[0]).all()
+    points = np.concatenate([pieces[0], *(piece[1:] for piece in pieces[1:])])
+    assert set(map(tuple, line.points)) <= set(map(tuple, points))
+    length = np.hypot(*np.diff(points, axis=0).T).sum()
+    assert length == pytest.approx(line.length)
+
+
+def test_a_closed_line_stays_closed():
+    angle = np.linspace(0, 2 * np.pi, 600, endpoint=False)
+    ring = ts.Polyline(np.column_stack([100 + 80 * np.cos(angle), 90 + 50 * np.sin(angle)]), closed=True)
+    smooth = ts.smooth_path(ring, tolerance=0.5)
+    assert smooth.closed
+    np.testing.assert_array_equal(smooth.curves[0, 0], smooth.curves[-1, 3])
+    assert 2 <= len(smooth.anchors) <= 8
+    assert smooth.distance() <= 0.5
+
+
+@pytest.mark.parametrize("points", [[(0, 0), (0, 1)], [(0, 0), (1, 0), (1, 1)], [(0, 0), (0, 900)]])
+def test_short_and_straight_lines(points):
+    smooth = ts.smooth_path(ts.Polyline(np.array(points, float)))
+    assert smooth.distance() <= 2
+    assert len(smooth.anchors) <= 3
+
+
+def test_a_tolerance_must_be_a_positive_number():
+    with pytest.raises(ts.OptionError, match="tolerance is 'x'"):
+        ts.smooth_path(wandering(), tolerance="x")

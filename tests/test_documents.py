@@ -1,0 +1,103 @@
+"""The documents: links lead somewhere, pictures are not older than the code, commands and code run."""
+
+import json
+import re
+import shlex
+import subprocess
+import sys
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parents[1]
+DOCUMENTS = sorted(
+    path
+    for path in [*HERE.glob("*.md"), *HERE.glob("docs/**/*.md"), *HERE.glob("*/README.md")]
+    if not {"build", ".venv"} & set(path.relative_to(HERE).parts)
+)
+LINK = re.compile(r"\]\((?!https?:|mailto:)([^)\s]*)\)")
+HEADING = re.compile(r"^#+ +(.+)$", re.MULTILINE)
+FENCE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
+TUTORIALS = sorted(HERE.glob("docs/tutorials/*.md"))
+
+
+def script(name):
+    spec = spec_from_file_location(Path(name).stem, HERE / name)
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def anchors(text):
+    """The anchors of a document, as GitHub makes them."""
+    headings = HEADING.findall(FENCE.sub("", text))
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.relative_to(HERE).as_posix())
+def test_links_lead_somewhere(document):
+    text = FENCE.sub("", document.read_text(encoding="utf-8"))
+    dead = []
+    for link in LINK.findall(text):
+        name, _, anchor = link.partition("#")
+        target = document.parent / name if name else document
+        if not target.exists() or (
+            anchor and target.suffix == ".md" and anchor not in anchors(target.read_text(encoding="utf-8"))
+        ):
+            dead.append(link)
+    assert not dead
+
+
+def test_every_document_is_in_the_navigation_of_the_site():
+    index = (HERE / "docs/index.md").read_text(encoding="utf-8")
+    listed = set(re.findall(r"^[\w./]+$", index, re.MULTILINE))
+    pages = {path.relative_to(HERE / "docs").with_suffix("").as_posix() for path in HERE.glob("docs/**/*.md")}
+    assert pages - {"index"} <= listed
+
+
+def test_every_picture_is_shown_and_made_by_a_script():
+    made = script("docs/made.py")
+    drawn = {name for which in made.SCRIPTS for name in made.pictures(which)}
+    there = {path.name for path in (HERE / "docs/figures").iterdir()} - {"made.json"}
+    assert there - drawn == set(), "add the script that draws it to docs/made.py"
+    shown = "".join(path.read_text(encoding="utf-8") for path in DOCUMENTS)
+    assert not {name for name in there if f"figures/{name}" not in shown}
+
+
+@pytest.mark.parametrize("name", sorted(script("docs/made.py").SCRIPTS))
+def test_no_picture_is_older_than_the_code_it_shows(name):
+    made = script("docs/made.py")
+    stored = json.loads(made.TABLE.read_text(encoding="utf-8"))[name]
+    remedy = f"run python docs/{name}, look at the pictures, then: python docs/made.py {name}"
+    assert stored["pictures"] == made.pictures(name), f"pictures changed by something else; {remedy}"
+    assert stored["code"] == made.fingerprint(name), f"the code has changed since; {remedy}"
+
+
+@pytest.fixture
+def beside_the_samples(tmp_path, monkeypatch):
+    (tmp_path / "samples").symlink_to(HERE / "samples")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tutorial", TUTORIALS, ids=lambda path: path.stem)
+def test_what_a_tutorial_says_can_be_done(tutorial, beside_the_samples):
+    text = tutorial.read_text(encoding="utf-8")
+    for language, code in re.findall(r"^```(sh|python)\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
+        if language == "python":
+            continue
+        for line in code.splitlines():
+            command, *words = shlex.split(line)
+            assert command == "toposeam"
+            ran = subprocess.run(
+                [sys.executable, "-m", "toposeam", *words], capture_output=True, text=True, check=False
+            )
+            assert ran.returncode == 0, f"{line}\n{ran.stderr}"
+            for option in ("-o", "--overlay", "--seam", "--preview"):
+                if option in words:
+                    assert Path(words[words.index(option) + 1]).stat().st_size > 0
+    names = {}
+    for code in re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
+        exec(compile(code, tutorial.name, "exec"), names)  # noqa: S102 - our own document

@@ -1,0 +1,127 @@
+"""What is shipped: the version, wheel and source archive, the text on a package index, the release."""
+
+import re
+import subprocess
+import sys
+import tarfile
+import tomllib
+import zipfile
+from datetime import date
+from email.parser import BytesParser
+from html.parser import HTMLParser
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parents[1]
+MARKDOWN_LINK = re.compile(r"\]\((?!https?:|#)([^)#\s]+)")
+
+
+def script(name):
+    spec = spec_from_file_location(Path(name).stem, HERE / name)
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """The names in the wheel and in the source archive (without its first folder), and the metadata."""
+    folder = tmp_path_factory.mktemp("dist")
+    subprocess.run(
+        [sys.executable, "-m", "build", "--no-isolation", "--outdir", folder, HERE],
+        check=True,
+        capture_output=True,
+    )
+    (wheel,) = folder.glob("*.whl")
+    (archive,) = folder.glob("*.tar.gz")
+    with zipfile.ZipFile(wheel) as file:
+        inside = set(file.namelist())
+        (metadata,) = (name for name in inside if name.endswith(".dist-info/METADATA"))
+        message = BytesParser().parsebytes(file.read(metadata))
+    with tarfile.open(archive) as file:
+        source = {name.partition("/")[2] for name in file.getnames()}
+    return inside, source, message
+
+
+def test_the_version_is_the_same_wherever_it_is_said():
+    assert len(set(script("tools/release.py").stated_versions().values())) == 1
+
+
+def test_a_release_dates_the_newest_version_and_no_other():
+    dated = script("tools/release.py").dated
+    text = "# Changelog\n\n## 0.3.0 (unreleased)\n\n- a\n\n## 0.2.0 (2026-11-21)\n"
+    assert dated(text, date(2027, 1, 2)) == text.replace("unreleased", "2027-01-02")
+    with pytest.raises(ValueError, match="no unreleased version"):
+        dated(text.replace("unreleased", "2027-01-01"), date(2027, 1, 2))
+    with pytest.raises(ValueError, match="is not newer"):
+        dated(text.replace("0.2.0", "0.3.0"), date(2027, 1, 2))
+
+
+@pytest.mark.slow
+def test_the_wheel_holds_the_four_packages_and_nothing_else(built):
+    inside, _, _ = built
+    assert {name.split("/")[0] for name in inside if ".dist-info/" not in name} == {
+        "toposeam",
+        "toposeam_cli",
+        "toposeam_engine",
+        "toposeam_gimp",
+    }
+    assert not [name for name in inside if name.endswith((".po", ".pyc"))]
+    assert "toposeam_gimp/locale/ko/LC_MESSAGES/toposeam_gimp.mo" in inside
+    assert "toposeam/py.typed" in inside
+    python = {
+        path.relative_to(root).as_posix()
+        for root in (HERE / "core", HERE / "cli", HERE / "plugin_gimp")
+        for path in root.glob("toposeam*/**/*.py")
+    }
+    assert python <= inside
+
+
+@pytest.mark.slow
+def test_the_source_archive_holds_the_documents_with_their_pictures_and_the_tests(built):
+    _, source, _ = built
+    for document in [*sorted(HERE.glob("docs/**/*.md")), HERE / "README.md", HERE / "samples/README.md"]:
+        assert document.relative_to(HERE).as_posix() in source
+        for link in MARKDOWN_LINK.findall(document.read_text(encoding="utf-8")):
+            target = (document.parent / link).resolve().relative_to(HERE)
+            assert target.as_posix() in source or any(
+                name.startswith(f"{target.as_posix()}/") for name in source
+            ), f"{document.name}: {link}"
+    assert {"tests/test_house.py", "CITATION.cff", "SECURITY.md", "LICENSE", "samples/demo.py"} <= source
+
+
+@pytest.mark.slow
+def test_the_readme_renders_on_a_package_index_and_points_at_nothing_that_is_not_there(built):
+    from readme_renderer import markdown
+
+    _, _, message = built
+    assert message["Description-Content-Type"] == "text/markdown"
+    html = markdown.render(message.get_payload())
+    assert html is not None
+
+    targets = []
+
+    class Targets(HTMLParser):
+        def handle_starttag(self, tag, attrs):
+            targets.extend(value for name, value in attrs if name in ("href", "src"))
+
+    Targets().feed(html)
+    assert not [target for target in targets if not target.startswith(("https://", "#"))]
+    assert "<h2" in html
+    assert "docs/stitching.md" in html  # as words: that is where the source archive has it
+
+
+def test_the_installation_is_told_truly():
+    project = tomllib.loads((HERE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert all(re.search(r">=\d", wanted) for wanted in project["dependencies"])
+    assert not [wanted for wanted in project["dependencies"] if "maxflow" in wanted.lower()]
+    for extra in ("test", "bench"):
+        (maxflow,) = (w for w in project["optional-dependencies"][extra] if w.startswith("PyMaxflow"))
+        assert "python_version < '3.14'" in maxflow
+    lowest = project["requires-python"].removeprefix(">=")
+    pythons = [line.rpartition(" ")[2] for line in project["classifiers"] if "Python :: 3." in line]
+    assert pythons[0] == lowest
+    workflow = (HERE / ".github/workflows/ci.yml").read_text(encoding="utf-8")
+    assert all(f'"{python}"' in workflow for python in pythons)

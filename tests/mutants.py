@@ -27,8 +27,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
 
-from coverage import CoverageData
-
 ROOT = Path(__file__).parents[1]
 SOURCES = ("core/toposeam", "cli/toposeam_cli", "plugin_gimp/toposeam_engine")
 COPIED = (
@@ -238,6 +236,8 @@ def covering_tests(cache: Path) -> dict[str, dict[int, list[str]]]:
             "--cov-report=",
         ]
         subprocess.run(command, cwd=ROOT, env={**os.environ, "COVERAGE_FILE": str(data_file)}, check=True)
+    from coverage import CoverageData  # of make check-deep alone
+
     data = CoverageData(str(data_file))
     data.read()
     found: dict[str, dict[int, list[str]]] = {}

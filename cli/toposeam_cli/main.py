@@ -13,7 +13,7 @@ from click.shell_completion import CompletionItem, get_completion_class
 from toposeam.sentence import sentence
 from toposeam_cli import shells
 from toposeam_cli.files.interruption import terminations_raised
-from toposeam_cli.registry import COMMANDS, load
+from toposeam_cli.registry import COMMANDS, CONTEXT, load
 
 
 class Commands(click.Group):
@@ -78,7 +78,7 @@ def _never_fail_to_print() -> None:
             reconfigure(errors="backslashreplace")
 
 
-@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=Commands, context_settings=CONTEXT)
 @click.version_option(package_name="toposeam", prog_name="toposeam")
 def main() -> None:
     """Join images along seams that heat finds."""

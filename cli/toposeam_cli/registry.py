@@ -27,7 +27,12 @@ COMMANDS = {
 }
 
 
+#: Of every command, also when it is used without the group: click keeps the first help option it has made.
+CONTEXT = {"help_option_names": ["-h", "--help"]}
+
+
 def load(name: str) -> click.Command:
     """The command of that name."""
     command: click.Command = getattr(import_module(f"toposeam_cli.commands.{name}"), name)
+    command.context_settings |= CONTEXT
     return command

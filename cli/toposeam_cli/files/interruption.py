@@ -66,17 +66,28 @@ def ctrl_c_later() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield  # Windows
         return
-    from multiprocessing import resource_tracker
-
-    hang_up = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # which it would die of, and others complain about
-    resource_tracker.ensure_running()  # here, as it would unblock Ctrl-C
-    signal.signal(signal.SIGHUP, hang_up)
+    start_resource_tracker()  # here, as it would unblock Ctrl-C
     with uninterrupted():
         before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
         try:
             yield
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def start_resource_tracker() -> None:
+    """Start the process that looks after what :mod:`multiprocessing` shares, if it does not run yet, such that a
+    closed terminal spares it: when it dies, everybody complains. To be called before anything is shared.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        return  # Windows has none
+    from multiprocessing import resource_tracker
+
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGHUP,))  # which the new process inherits
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager

@@ -11,13 +11,18 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib import import_module
 from multiprocessing.connection import Connection
 from typing import Any
 
-from toposeam_cli.files.interruption import Terminated, ctrl_c_later, terminations_raised
+from toposeam_cli.files.interruption import (
+    Terminated,
+    ctrl_c_later,
+    start_resource_tracker,
+    terminations_raised,
+)
 
 #: How long a worker that must end may take to leave a call into compiled code, s.
 _PATIENCE_S = 5.0
@@ -127,6 +132,7 @@ class _Processes(Workers):
 
     def __init__(self, count: int) -> None:
         super().__init__()
+        start_resource_tracker()
         self._context = multiprocessing.get_context("spawn")
         self._ending, self._alive = self._context.Pipe(duplex=False)
         self._idle: list[Executor] = [self._start() for _ in range(count)]
@@ -153,11 +159,15 @@ class _Processes(Workers):
         return ProcessPoolExecutor(1, self._context, _prepare, (self._ending,))
 
 
+#: What a worker process is in until it ends; without a name it would be left at once.
+_until_the_end = ExitStack()
+
+
 def _prepare(ending: Connection) -> None:
     """Make ready a worker process."""
     for name in _ONE_THREAD:
         os.environ[name] = "1"  # before the numerics are loaded
-    terminations_raised().__enter__()  # until the process ends
+    _until_the_end.enter_context(terminations_raised())
     threading.Thread(target=_end_with, args=(ending,), daemon=True).start()
 
 

@@ -24,7 +24,7 @@ JOBS = """
     import os, signal, time
     from pathlib import Path
     from toposeam.errors import ImageError
-    from toposeam_cli.files.writing import atomic_write
+    from toposeam_cli.files.writing import atomic_write, replacing
 
     def write(output, text="", seconds=0.0, force=False):
         time.sleep(seconds)
@@ -50,6 +50,12 @@ JOBS = """
             os.kill(os.getpid(), signal.SIGKILL)
         atomic_write(output, "finished")
         atomic_write(other, "finished")
+
+    def write_slowly(output, begun):
+        with replacing(Path(output)) as temporary:
+            temporary.write_text("half")
+            Path(begun).touch()
+            time.sleep(60)
 
     def nothing():
         pass
@@ -373,3 +379,29 @@ def test_the_time_left_comes_from_the_work_that_is_done(monkeypatch):
     tally.begin(jobs[5])
     tally.report()
     assert (reports[-1].share, reports[-1].remaining_s) == pytest.approx((11 / 12, 1.0))
+
+
+def test_workers_that_are_ended_tidy_away_what_they_were_writing(functions, tmp_path):
+    output, begun = tmp_path / "one.txt", tmp_path / "begun"
+
+    def end(progress):
+        if begun.exists():
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        list(run([writing(output, function="write_slowly", begun=str(begun))], progress=end))
+    assert not list(tmp_path.glob(".toposeam-*"))
+    assert not output.exists()
+
+
+def test_a_closed_terminal_spares_the_process_that_looks_after_what_is_shared(functions, tmp_path):
+    code = """
+        import os, signal, sys
+        from multiprocessing import resource_tracker
+        from toposeam_cli.jobs.workers import worker_processes
+
+        with worker_processes(1):
+            os.kill(resource_tracker._resource_tracker._pid, signal.SIGHUP)
+    """
+    ran = subprocess.run([sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True)
+    assert (ran.returncode, ran.stderr) == (0, "")

@@ -76,8 +76,9 @@ def ctrl_c_later() -> Iterator[None]:
 
 
 def start_resource_tracker() -> None:
-    """Start the process that looks after what :mod:`multiprocessing` shares, if it does not run yet, such that a
-    closed terminal spares it: when it dies, everybody complains. To be called before anything is shared.
+    """Start the process that looks after what :mod:`multiprocessing` shares, if it does not run yet, such
+    that a closed terminal spares it: when it dies, everybody complains. To be called before anything is
+    shared.
     """
     if not hasattr(signal, "pthread_sigmask"):
         return  # Windows has none

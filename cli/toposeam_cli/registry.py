@@ -34,5 +34,5 @@ CONTEXT = {"help_option_names": ["-h", "--help"]}
 def load(name: str) -> click.Command:
     """The command of that name."""
     command: click.Command = getattr(import_module(f"toposeam_cli.commands.{name}"), name)
-    command.context_settings |= CONTEXT
+    command.context_settings.update(CONTEXT)
     return command

@@ -4,15 +4,16 @@ import os
 
 import pytest
 
-import toposeam_cli.files.writing as writing
-from toposeam_cli.files.writing import all_or_nothing, atomic_write, remove_stale, replacing
+import toposeam_cli.files.temporary as temporary_files
+from toposeam_cli.files.temporary import remove_stale
+from toposeam_cli.files.writing import all_or_nothing, atomic_write, replacing
 from toposeam_gimp import engine
 
 
 @pytest.fixture
 def like_windows(monkeypatch):
     """No fcntl, no user numbers."""
-    monkeypatch.setattr(writing, "fcntl", None)
+    monkeypatch.setattr(temporary_files, "fcntl", None)
     monkeypatch.delattr(os, "getuid")
 
 

@@ -81,7 +81,7 @@ def fill(job: Job) -> dict[str, Any]:
 def filled(job: Job) -> tuple[ts.Synthesis, Sample]:
     """The whole layer with its hole filled, and the layer as it was."""
     sample, options = _sample(job), _usual(job.options, "patch", "overlap", "band")
-    if sample.selected is None:
+    if sample.selected is None or not sample.selected.any():
         raise ts.OptionError("nothing is selected; select what is to be replaced")
     source = _around(sample.selected) if options.pop("from", "layer") == "around" else None
     made = ts.fill(

@@ -453,7 +453,8 @@ def copy_checkout(copy: Path) -> None:
     for name in COPIED:
         source = ROOT / name
         if source.is_dir():
-            shutil.copytree(source, copy / name, ignore=shutil.ignore_patterns("__pycache__", "figures"))
+            left_out = ("__pycache__", "figures") if name == "docs" else ("__pycache__",)
+            shutil.copytree(source, copy / name, ignore=shutil.ignore_patterns(*left_out))
         else:
             shutil.copy(source, copy / name)
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from toposeam.errors import TopoSeamError
 
@@ -35,7 +36,12 @@ def speaking(command: click.Command) -> click.Command:
             said = _said_by_core(error)
             if context is None or not said:
                 raise
-            text = str(error).replace(said, retold(said, command, context.params))
+            given = {
+                name: value
+                for name, value in context.params.items()
+                if context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+            }
+            text = str(error).replace(said, retold(said, command, given))
             raise type(error)(text) from error
 
     call.speaks = True  # type: ignore[attr-defined]
@@ -51,16 +57,22 @@ def retold(text: str, command: click.Command, given: Mapping[str, Any]) -> str:
     text : str
     command : click.Command
     given : mapping
-        The values of its parameters.
+        The values of the parameters that were given.
     """
     for pattern, words in _SAID.get(command.name or "", ()):
         text = re.sub(pattern, partial(_put, words, given), text)
-    names = {parameter.name: parameter for parameter in command.params if parameter.name}
+    known = {each.name: each for each in command.params if each.name is not None}
+
+    def called(found: re.Match[str]) -> str:
+        words = [word for word in found.groups() if word]
+        if not any(word in given for word in words):  # it came from elsewhere, such as a recipe
+            return found[0]
+        return " and ".join(_called(known, word, given) for word in words)
+
     text = re.sub(
-        r"^([a-z]\w*)(?: and ([a-z]\w*))?(?= (?:is|are|has|have|says?|span|belongs?)\b)",
-        lambda found: " and ".join(_called(names, word, given) for word in found.groups() if word),
-        text,
+        r"^([a-z]\w*)(?: and ([a-z]\w*))?(?= (?:is|are|has|have|says?|span|belongs?)\b)", called, text
     )
+    names = {name: parameter for name, parameter in known.items() if name in given}
     return re.sub(r"\b([a-z]\w*)=(?:'([^']*)'|([\w.]+))", lambda found: _option_and_value(names, found), text)
 
 
@@ -127,7 +139,7 @@ def _map(found: re.Match[str], given: Mapping[str, Any]) -> str | None:
     """A further map's files, one for each source."""
     count = max(len(_sources(given)), 1)
     first = (int(found[1]) - 1) * count
-    return " or ".join(path.name for path in given["also"][first : first + count]) or None
+    return " or ".join(path.name for path in given.get("also", ())[first : first + count]) or None
 
 
 def _source(found: re.Match[str], given: Mapping[str, Any]) -> str | None:

@@ -184,6 +184,8 @@ def test_a_batch_that_is_killed_again_and_again_loses_nothing(many, where):
             if not placed and out.is_dir() and not theirs.exists():
                 placed = True
                 theirs.write_bytes(b"precious")
+            elif code == 1 and "cluster does not start" in told:
+                pass  # it was struck while it started
             elif code == 1 and theirs.exists() and theirs.read_bytes() != expected[theirs.name]:
                 assert theirs.read_bytes() == b"precious"
                 assert "23.png' exists already; pass --force" in told

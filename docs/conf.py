@@ -51,6 +51,7 @@ def setup(app: Sphinx) -> None:
     """Formulas as MathML, which browsers draw by themselves; the reference from what the package offers."""
     app.add_html_math_renderer("mathml", inline_renderers=(_inline, None), block_renderers=(_block, None))
     app.connect("builder-inited", lambda app: write_reference(ROOT / "docs/reference"))
+    app.connect("html-page-context", _finish)
     app.connect("build-finished", _front_door)
 
 
@@ -72,6 +73,16 @@ def _skip() -> Exception:
     from docutils.nodes import SkipNode
 
     return SkipNode()
+
+
+def _finish(app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: Any) -> None:
+    """A click on a picture shows it at its full size, unless it leads elsewhere; no dash where nothing follows."""
+    if "body" not in context:
+        return
+    parts = re.split(r"(<a [^>]*>.*?</a>)", re.sub(r"\s–\s*(?=</p>)", "", context["body"]), flags=re.DOTALL)
+    picture = re.compile(r'<img [^>]*src="([^"]+)"[^>]*>')
+    parts[::2] = [picture.sub(r'<a class="picture" href="\1">\g<0></a>', part) for part in parts[::2]]
+    context["body"] = "".join(parts)
 
 
 def _front_door(app: Sphinx, error: Exception | None) -> None:

@@ -76,7 +76,7 @@ def _skip() -> Exception:
 
 
 def _finish(app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: Any) -> None:
-    """A click on a picture shows it at its full size, unless it leads elsewhere; no dash where nothing follows."""
+    """A click on a picture shows it in full, unless it leads elsewhere; no dash where nothing follows."""
     if "body" not in context:
         return
     parts = re.split(r"(<a [^>]*>.*?</a>)", re.sub(r"\s–\s*(?=</p>)", "", context["body"]), flags=re.DOTALL)

@@ -120,5 +120,6 @@ def _options(command: click.Command, context: click.Context) -> list[str]:
 
 def _roff(text: str) -> str:
     text = text.replace("\\", r"\e").replace("-", r"\-").replace("|", r"|\:")  # a line may end there
-    text = re.sub(r"[^\x00-\x7f]", lambda found: rf"\[u{ord(found[0]):04X}]", text)  # older groff reads Latin-1
+    # Older groff reads Latin-1.
+    text = re.sub(r"[^\x00-\x7f]", lambda found: rf"\[u{ord(found[0]):04X}]", text)
     return rf"\&{text}" if text.startswith((".", "'")) else text

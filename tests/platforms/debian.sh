@@ -49,7 +49,7 @@ inside() { # NETWORK (yes or no) COMMAND…
 }
 
 as_user() { # NETWORK COMMAND, in the copied checkout, under nohup
-    inside "$1" su maker -s /bin/sh -c "cd '$place' && SSL_CERT_FILE=/etc/ssl/trusted.crt PIP_CERT=/etc/ssl/trusted.crt nohup nice sh -c '$2' </dev/null"
+    inside "$1" su maker -s /bin/sh -c "cd '$place' && SSL_CERT_FILE=/etc/ssl/trusted.crt PIP_CERT=/etc/ssl/trusted.crt nohup sh -c '$2' </dev/null"
 }
 
 mkdir -p "$cache"

@@ -156,6 +156,7 @@ def test_a_browser_shows_every_page_on_a_desk_and_on_a_telephone_and_finds_words
                 "--headless",
                 "--no-sandbox",
                 "--disable-gpu",
+                "--disable-dev-shm-usage",  # which is small in containers
                 f"--user-data-dir={tmp_path}",
                 "--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1",
                 "--window-size=1500,1000",

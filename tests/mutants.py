@@ -54,13 +54,15 @@ EQUAL = Path(__file__).with_name("mutants_equal.toml")
 #: Tests run for one mutation at most; a line of common code is executed by hundreds.
 MOST_TESTS = 60
 #: Processor time after which no further test is begun for a mutation, and the time after which it hangs.
-BUDGET_S, LIMIT_S = 20, 600
+BUDGET_S, LIMIT_S = 8, 600
 #: What most tests load.
 PRELOADED = (
     *("numpy", "numpy.testing", "scipy.ndimage", "scipy.sparse.linalg", "scipy.sparse.csgraph", "scipy.fft"),
     *("scipy.optimize", "scipy.interpolate", "scipy.cluster.vq", "qdldl", "PIL.Image", "pyvips", "click"),
     *("skimage.measure", "skimage.filters", "skimage.metrics", "click.testing"),
 )
+
+PASSED = (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED)
 
 _FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+::.*?)(?: - .*)?$", re.MULTILINE)
 _COMPARED = {
@@ -396,8 +398,7 @@ class Trial:
             os.killpg(self._process, signal.SIGKILL)
             os.waitpid(self._process, 0)
         self._path.write_bytes(self._original)
-        passed = (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED)
-        return bool(ended) and os.WIFEXITED(status) and os.WEXITSTATUS(status) in passed
+        return bool(ended) and os.WIFEXITED(status) and os.WEXITSTATUS(status) in PASSED
 
     def noticed_by(self) -> str:
         """The test that failed, or how else the tests ended; of the last trial in that copy."""
@@ -411,7 +412,7 @@ def _run_tests(tests: list[str], copy: Path) -> None:
     code = 1
     try:
         os.setsid()
-        resource.setrlimit(resource.RLIMIT_CPU, (3 * BUDGET_S, 3 * BUDGET_S))
+        resource.setrlimit(resource.RLIMIT_CPU, (5 * BUDGET_S, 5 * BUDGET_S))
         log = os.open(copy / "log", os.O_RDWR | os.O_CREAT | os.O_TRUNC)
         for stream in range(3):
             os.dup2(log, stream)
@@ -419,10 +420,16 @@ def _run_tests(tests: list[str], copy: Path) -> None:
         sys.path[:] = [*rooms, *(place for place in sys.path if not place.startswith(str(ROOT / "tests")))]
         os.environ["PYTHONPATH"] = os.pathsep.join(rooms)
         os.chdir(copy)
-        budget = _Budget()
         words = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-m", "not slow"]
-        code = int(pytest.main([*words, *tests], plugins=[budget]))
-        code = 0 if budget.spent and code == pytest.ExitCode.INTERRUPTED else code
+        files = list(dict.fromkeys(test.partition("::")[0] for test in tests))
+        for file in files:  # one after the other: what is not needed is not even collected
+            budget = _Budget()
+            its = [test for test in tests if test.partition("::")[0] == file]
+            code = int(pytest.main([*words, *its], plugins=[budget]))
+            if budget.spent and code == pytest.ExitCode.INTERRUPTED:
+                code = 0
+            if budget.spent or code not in PASSED:
+                break
     finally:
         os._exit(code)
 

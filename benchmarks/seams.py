@@ -28,15 +28,12 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import importlib.metadata
 import multiprocessing
-import platform
 import statistics
 import time
 from collections import defaultdict
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
-from datetime import date
 from pathlib import Path
 
 import cv2
@@ -47,6 +44,7 @@ from skimage import data
 from skimage.graph import route_through_array
 
 import toposeam as ts
+from stamp import stamp
 from toposeam.heat.threads import one_thread
 from toposeam.seam import exact
 from toposeam.seam.dynamic_programming import dp_labels
@@ -320,12 +318,7 @@ def main() -> None:
     options = parser.parse_args()
     cv2.setNumThreads(1)
     sizes = options.sizes or (SIZES if options.all else SIZES[:5])
-    packages = ("numpy", "scipy", "scikit-image", "PyMaxflow", "opencv-python-headless")
-    versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in packages)
-    print(
-        f"{date.today()}: toposeam {ts.__version__}, Python {platform.python_version()}, {versions}; "
-        f"{platform.machine()}\n"
-    )
+    print(stamp())
     if options.irregular:
         irregular(options.seeds)
         return

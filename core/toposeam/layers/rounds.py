@@ -324,7 +324,7 @@ class Rounds:
             potential[here][free] = np.asarray(solution.soft, np.float32)[common.within(box)][free]
             found[pair] = Seam(
                 _shown=shown,
-                _potential=potential,
+                _potential=None if solution.contracted else potential,
                 only_b=self.label_map == pair[1],
                 cost=problem.cost(shown),
                 history=solution.history,

@@ -55,6 +55,19 @@ def test_seams_stay_single_lines_near_the_optimum(shape, crops):
     assert np.median(ratios) < 1.05
 
 
+@pytest.mark.parametrize("shape", [None, *SHAPES])
+def test_a_large_overlap_is_as_soft_as_one_that_is_solved_whole(shape, crops, monkeypatch):
+    mask_a, mask_b = SHAPES[shape]() if shape else (None, None)
+    size = mask_a.shape if shape else (160, 40)
+    a, b = crops(np.random.default_rng(5), *size)
+    whole = ts.find_seam(a, b, mask_a, mask_b)
+    monkeypatch.setattr(heat, "WHOLE_NODES", 400)
+    contracted = ts.find_seam(a, b, mask_a, mask_b)
+    assert contracted.history[0].unknowns < whole.history[0].unknowns
+    assert contracted.labels.tobytes() == whole.labels.tobytes()
+    assert np.abs(whole.soft - contracted.soft).mean() < 0.3 * np.abs(whole.soft - whole.labels).mean()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", [None, *SHAPES])
 def test_large_overlaps_of_every_topology(shape):

@@ -35,7 +35,7 @@ from toposeam.seam.heat import HeatOptions
 from toposeam.seam.overlap import FREE
 from toposeam.seam.seam import Seam
 from toposeam.seam.solution import Solution
-from toposeam.seam.thesis import ThesisOptions
+from toposeam.seam.thesis_options import ThesisOptions
 
 #: A move counts when it lowers the cost of its region by this share.
 _LEAST_GAIN = 1e-7

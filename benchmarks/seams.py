@@ -54,7 +54,8 @@ from toposeam.seam.heat import HeatOptions, heat_path
 from toposeam.seam.overlap import FREE
 from toposeam.seam.posing import seam_problem
 from toposeam.seam.problem import SeamProblem
-from toposeam.seam.thesis import ThesisOptions, thesis_path
+from toposeam.seam.thesis import thesis_path
+from toposeam.seam.thesis_options import ThesisOptions
 
 PHOTOGRAPHS = ("brick", "grass", "gravel", "coffee", "chelsea", "astronaut", "rocket")
 SIZES = ("80x20", "160x40", "320x80", "640x160", "1000x250", "2000x500", "4000x1000")

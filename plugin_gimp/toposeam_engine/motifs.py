@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 import toposeam as ts
+from toposeam.colours import to_hex
 from toposeam.motif.inked import MAX_PATTERN
 from toposeam.motif.tiling import tile
 from toposeam_engine.serving import Job
@@ -17,8 +18,8 @@ def motif(job: Job) -> dict[str, Any]:
     """Layers of ink: a density per ink, the inks' and the paper's colours, and the recipe."""
     made = generated(job)
     return {
-        "inks": [_hexadecimal(ink) for ink in made.inks],
-        "paper": _hexadecimal(made.paper),
+        "inks": [to_hex(ink) for ink in made.inks],
+        "paper": to_hex(made.paper),
         "densities": [job.write(density) for density in made.coverage()],
         "recipe": made.recipe.to_dict(),
     }
@@ -47,7 +48,7 @@ def repeat(job: Job) -> dict[str, Any]:
     name = str(job.options.get("palette", "own"))
     if name != "own":
         chosen = ts.palette(name, len(densities))
-        result |= {"inks": [_hexadecimal(ink) for ink in chosen.inks], "paper": _hexadecimal(chosen.paper)}
+        result |= {"inks": [to_hex(ink) for ink in chosen.inks], "paper": to_hex(chosen.paper)}
     return result
 
 
@@ -68,7 +69,3 @@ def repeated(job: Job) -> tuple[list[npt.NDArray[Any]], str]:
         laid.append(tile(cell, rule, (rows, columns)))
         job.progress(index / len(cells))
     return laid, rule
-
-
-def _hexadecimal(colour: npt.NDArray[np.float64]) -> str:
-    return "#" + "".join(f"{round(float(part) * 255):02x}" for part in colour)

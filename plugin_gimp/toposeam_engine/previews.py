@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 import toposeam as ts
+from toposeam.colours import parse_colour
 from toposeam.images import Image
 from toposeam.motif.mixing import mix
-from toposeam.motif.palettes import parse_colour
 from toposeam_engine import motifs, seams, textures
 from toposeam_engine.layers import layers_of, with_alpha
 from toposeam_engine.serving import Job

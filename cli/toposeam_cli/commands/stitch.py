@@ -15,6 +15,7 @@ from click.core import ParameterSource
 import toposeam as ts
 from toposeam.seam.drawing import draw_seams
 from toposeam_cli.clips.joining import ClipJob, join_clips
+from toposeam_cli.clips.reading import OneFrameError
 from toposeam_cli.composing import Outputs, check_outputs, crop_of, cropped, write
 from toposeam_cli.figures.search import check_search, draw_search
 from toposeam_cli.options import (
@@ -25,7 +26,9 @@ from toposeam_cli.options import (
     KeyedFile,
     OffsetType,
     PairType,
+    force_option,
     placement,
+    quiet_option,
     taken,
 )
 from toposeam_cli.pictures.picture import COMPRESSIONS
@@ -154,8 +157,8 @@ _STRANGE = 0.1
     is_flag=True,
     help="Print costs, optima, ratios, stages, iterations and seconds as JSON.",
 )
-@click.option("--force", is_flag=True, help="Replace existing files.")
-@click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
+@force_option
+@quiet_option
 def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: Any) -> dict[str, Any]:
     """Join pictures where they overlap, along seams that nobody sees.
 
@@ -336,9 +339,7 @@ def _stitch_clips(files: list[Path], given: dict[str, Any]) -> dict[str, Any]:
     with share_bar(f"joining {files[0].name} and {files[1].name}", given["quiet"]) as progress:
         try:
             told = join_clips(job, progress)
-        except ts.ImageError as error:
-            if "holds one frame" not in str(error):
-                raise
+        except OneFrameError as error:
             raise click.UsageError(
                 f"{error}; three numbers are for clips, and two pictures take X,Y, like 120,-4"
             ) from error

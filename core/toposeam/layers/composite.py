@@ -28,7 +28,7 @@ from toposeam.saving import save
 from toposeam.seam.drawing import draw_seams
 from toposeam.seam.find import Method, find_seam, method_options
 from toposeam.seam.heat import HeatOptions
-from toposeam.seam.match_cost import MatchCost
+from toposeam.seam.match_cost import MatchCost, match_options
 from toposeam.seam.posing import as_weights
 from toposeam.seam.seam import Seam, apply_paths
 from toposeam.seam.thesis import ThesisOptions
@@ -203,8 +203,7 @@ def stitch(
     """
     layers = check_layers(layers)
     check_whole("max_rounds", max_rounds, 0)
-    if cost is not None and gradient is not None:
-        raise OptionError("gradient was given beside cost; write it into MatchCost")
+    match = match_options(gradient, cost)
     chosen = method_options(method, keywords) if options is None else options
     if options is not None:
         _check_options(method, options, keywords)
@@ -219,7 +218,6 @@ def stitch(
     canvas = common_canvas(layers, max_megapixels=max_megapixels)
     if match_tones:
         layers = matched(layers)
-    match = cost if cost is not None else MatchCost(gradient=gradient is not False)
     factor = None if weight is None else as_weights(weight, canvas.shape)
     away = None if avoid is None else as_mask(avoid, canvas.shape, "avoid")
     steps = _Steps(
@@ -249,11 +247,40 @@ def stitch(
         moves, rounds = best_rounds(labelling, order, method, given, max_rounds, progress)
         label_map = moves.label_map
         seams = moves.seams(paths, {"core": core, **dataclasses.asdict(match)}, potentials=blend == "soft")
-    image, alpha = paint(layers, steps.places, label_map, canvas.box, channels)
     placed = Placed(layers=layers, places=steps.places, covered=steps.covered, label_map=label_map)
-    blend_seams(placed, seams.items(), image, alpha, blend, blend_width)
+    stitched = composed(placed, canvas, seams, blend, blend_width, rounds)
     if progress is not None:
         progress(1.0)
+    return stitched
+
+
+def composed(
+    placed: Placed,
+    canvas: Extent,
+    seams: Mapping[Pair, Seam],
+    blend: Blend,
+    blend_width: float | None,
+    rounds: int = 0,
+    *,
+    potentials: bool = True,
+) -> Stitched:
+    """The picture of layers of which it is known where each shows, mixed across its seams.
+
+    Parameters
+    ----------
+    placed : Placed
+    canvas : Extent
+    seams : mapping from pairs of layers to Seam
+    blend, blend_width
+        As for :func:`stitch`.
+    rounds : int
+        How often the seams were improved.
+    potentials : bool
+        Whether the seams have label potentials to blend by.
+    """
+    layers, label_map = placed.layers, placed.label_map
+    image, alpha = paint(layers, placed.places, label_map, canvas.box, channel_count(layers))
+    blend_seams(placed, seams.items() if potentials else (), image, alpha, blend, blend_width)
     return Stitched(
         image=image,
         alpha=None if bool((alpha == full_scale(image.dtype)).all()) else alpha,
@@ -313,9 +340,9 @@ class _Steps:
 def moved_seam(seam: Seam, box: Box, canvas: Extent, shows: Mask) -> Seam:
     """A seam on a box of the canvas as one on the canvas."""
     overlap = seam.problem.overlap
-    origin = overlap.origin[0] + box.top, overlap.origin[1] + box.left
+    start = overlap.start[0] + box.top, overlap.start[1] + box.left
     problem = dataclasses.replace(
-        seam.problem, overlap=dataclasses.replace(overlap, origin=origin, canvas=canvas.shape)
+        seam.problem, overlap=dataclasses.replace(overlap, start=start, canvas=canvas.shape)
     )
     return dataclasses.replace(seam, problem=problem, only_b=shows)
 

@@ -1,6 +1,7 @@
 """A labelling problem posed: placed layers in; what is allowed where, and the costs, out.
 
-The rules of :mod:`toposeam.seam.overlap` carried over to many layers:
+The rules of :mod:`toposeam.seam.overlap`, whose `at_its_end` and `cores` state them for one patch, for many
+layers:
 
 - A layer does not show at its own end, where it has pixels but not the neighbour that another layer has,
   unless all layers there end.
@@ -25,7 +26,8 @@ from toposeam.images import Mask, as_float, widen
 from toposeam.layers.labelling import Labelling, Pair, PairCost
 from toposeam.layers.layer import Box, Extent, Layer, cut
 from toposeam.seam.match_cost import Floats32, MatchCost, match_cost
-from toposeam.seam.overlap import FREE, NONE, A, B, Overlap, neighbours
+from toposeam.seam.overlap import FREE, NONE, A, B, Overlap, at_its_end, cores
+from toposeam.seam.posing import forbid
 from toposeam.seam.problem import M_MAX
 
 #: Costs of pairs whose box holds up to so many pixels are kept; others are computed again where they are
@@ -36,7 +38,7 @@ _BLOCK_PIXELS = 1 << 18
 #: Rows of a band that are computed at once.
 _WANTED_ROWS = 48
 #: What forbids an interface; far above what any match cost amounts to.
-_FORBIDDEN = np.float32(M_MAX * 1e3)
+_FORBIDDEN = float(np.float32(M_MAX * 1e3))
 
 
 def pose_labelling(
@@ -79,7 +81,7 @@ def pose_labelling(
             common = places[i].shared(places[j])
             if all(common.shape) and _both(places, covered, i, j, common).any():
                 costs[i, j] = LayerPairCost((i, j), context)
-    forbidden = float("inf") if avoid is None else float(_FORBIDDEN)
+    forbidden = float("inf") if avoid is None else _FORBIDDEN
     return Labelling(extent.box, places, allowed, costs, forbidden)
 
 
@@ -95,8 +97,8 @@ def _away_from_ends(canvas: Box, places: Sequence[Box], covered: Sequence[Mask])
     inner, somewhere = [], np.zeros(canvas.shape, bool)
     for place, cover in zip(places, covered, strict=True):
         around = place.grown(1)
-        missing = cut(ground, canvas, around) & ~cut(cover, place, around)
-        inner.append(cover & ~neighbours(missing)[1:-1, 1:-1])
+        ends = at_its_end(cut(cover, place, around), cut(ground, canvas, around))
+        inner.append(cover & ~ends[1:-1, 1:-1])
         somewhere[place.slices] |= inner[-1]
     return [
         np.where(somewhere[place.slices], away, cover)
@@ -123,9 +125,7 @@ def _keep_cores(
         alone[0] = True
         if alone.all():
             continue
-        deep = ndimage.distance_transform_edt(np.pad(cover, 1))[1:-1, 1:-1]
-        deepest = ndimage.maximum(deep, piece, np.arange(count + 1))
-        middle = ~alone[piece] & (deep >= np.maximum(core * deepest[piece], 2.0)) & allowed[index]
+        middle = cores(cover, piece, ~alone, core) & allowed[index]
         if claimed is None:
             claimed = np.zeros(canvas.shape, bool)
         middle &= ~claimed[place.slices]
@@ -222,8 +222,7 @@ class LayerPairCost:
         right, down = match_cost(a, b, overlap, on_a, on_b, context.match, weight)
         if context.avoid is not None:
             away = cut(context.avoid, context.canvas, around)
-            right[(right > 0) & (away[:, 1:] | away[:, :-1])] = _FORBIDDEN
-            down[(down > 0) & (away[1:] | away[:-1])] = _FORBIDDEN
+            forbid((down, right), away, _FORBIDDEN)
         return right[1:-1, 1:-1], down[1:-1, 1:-1]
 
     def _colours(self, index: int, box: Box, present: Mask) -> Floats32:

@@ -108,7 +108,7 @@ class Seam:
     @cached_property
     def paths(self) -> list[Polyline]:
         """The seam as lines through pixel corners, ``b`` to the right of the direction of travel."""
-        top, left = self.problem.overlap.origin
+        top, left = self.problem.overlap.start
         shift = np.array([left, top], float)
         traced = trace_boundary(self.problem.complete(self._shown), self.problem.seam_ground)
         return [Polyline(points=line.points + shift, closed=line.closed) for line in traced]
@@ -279,7 +279,7 @@ def apply_paths(
             f"the path belongs to a canvas of {drawing.width:g} × {drawing.height:g} px, but the patches "
             f"make one of {width} × {height}; place them as when it was exported"
         )
-    top, left = problem.overlap.origin
+    top, left = problem.overlap.start
     lines = [
         dataclasses.replace(line, points=line.points - np.array([left, top], float))
         for line in drawing.polylines

@@ -15,11 +15,10 @@ make; without it (``--nearby``) tests are looked for by their names.
 from __future__ import annotations
 
 import argparse
-import ast
 import contextlib
+import dataclasses
 import importlib
 import os
-import random
 import re
 import resource
 import shutil
@@ -30,13 +29,12 @@ import tempfile
 import time
 import tomllib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
-SOURCES = ("core/toposeam", "cli/toposeam_cli", "plugin_gimp/toposeam_engine")
+from mutations import ROOT, SOURCES, Mutation, chosen
+
 COPIED = (
     "core",
     "cli",
@@ -53,188 +51,17 @@ EQUAL = Path(__file__).with_name("mutants_equal.toml")
 #: Tests run for one mutation at most; a line of common code is executed by hundreds.
 MOST_TESTS = 60
 #: Processor time after which no further test is begun for a mutation, and the time after which it hangs.
-BUDGET_S, LIMIT_S = 20, 600
+BUDGET_S, LIMIT_S = 8, 600
 #: What most tests load.
 PRELOADED = (
     *("numpy", "numpy.testing", "scipy.ndimage", "scipy.sparse.linalg", "scipy.sparse.csgraph", "scipy.fft"),
     *("scipy.optimize", "scipy.interpolate", "scipy.cluster.vq", "qdldl", "PIL.Image", "pyvips", "click"),
-    *("skimage.measure", "skimage.filters", "skimage.metrics", "click.testing", "hypothesis"),
+    *("skimage.measure", "skimage.filters", "skimage.metrics", "click.testing"),
 )
 
+PASSED = (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED)
+
 _FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+::.*?)(?: - .*)?$", re.MULTILINE)
-_COMPARED = {
-    "<": "<=",
-    "<=": "<",
-    ">": ">=",
-    ">=": ">",
-    "==": "!=",
-    "!=": "==",
-    "is": "is not",
-    "is not": "is",
-    "in": "not in",
-    "not in": "in",
-}
-_OPERATORS = {
-    ast.Lt: "<",
-    ast.LtE: "<=",
-    ast.Gt: ">",
-    ast.GtE: ">=",
-    ast.Eq: "==",
-    ast.NotEq: "!=",
-    ast.Is: "is",
-    ast.IsNot: "is not",
-    ast.In: "in",
-    ast.NotIn: "not in",
-    ast.Add: "+",
-    ast.Sub: "-",
-    ast.Mult: "*",
-    ast.Div: "/",
-    ast.FloorDiv: "//",
-    ast.BitAnd: "&",
-    ast.BitOr: "|",
-    ast.Mod: "%",
-    ast.Pow: "**",
-}
-_SWAPPED = {"+": "-", "-": "+", "*": "/", "/": "*", "&": "|", "|": "&", "//": "*", "%": "+", "**": "*"}
-_CALLS = {
-    "min": "max",
-    "max": "min",
-    "any": "all",
-    "all": "any",
-    "minimum": "maximum",
-    "maximum": "minimum",
-    "argmin": "argmax",
-    "argmax": "argmin",
-    "floor": "ceil",
-    "ceil": "floor",
-}
-
-
-@dataclass(frozen=True, slots=True)
-class Mutation:
-    """One changed expression."""
-
-    file: str
-    line: int
-    start: int
-    end: int
-    before: str
-    after: str
-
-    @property
-    def name(self) -> str:
-        return f"{self.file}:{self.line}: {self.before!r} → {self.after!r}"
-
-
-def mutations_of(path: Path) -> list[Mutation]:
-    """Every mutation of a file, in the order of its text."""
-    text = path.read_text(encoding="utf-8")
-    name = path.relative_to(ROOT).as_posix()
-    begin = [0]
-    for line in text.splitlines(keepends=True):
-        begin.append(begin[-1] + len(line.encode()))
-    raw = text.encode()
-    found: list[Mutation] = []
-
-    def place(node: ast.expr | ast.stmt) -> tuple[int, int]:
-        return begin[node.lineno - 1] + node.col_offset, begin[node.end_lineno - 1] + node.end_col_offset  # type: ignore[operator]
-
-    def add(node: ast.expr | ast.stmt, start: int, end: int, after: str) -> None:
-        before = raw[start:end].decode()
-        if before != after:
-            found.append(Mutation(name, node.lineno, start, end, before, after))
-
-    def between(node: ast.expr, left: ast.expr, right: ast.expr, operator: str, after: str) -> None:
-        start, end = place(left)[1], place(right)[0]
-        gap = raw[start:end].decode()
-        if gap.count(operator) == 1 and "#" not in gap:
-            at = start + len(gap[: gap.index(operator)].encode())
-            add(node, at, at + len(operator), after)
-
-    tree = ast.parse(text)
-    skipped = {id(child) for node in ast.walk(tree) if _says_only(node) for child in ast.walk(node)}
-    for node in ast.walk(tree):
-        if id(node) in skipped:
-            continue
-        if isinstance(node, ast.Compare) and len(node.ops) == 1:
-            operator = _OPERATORS[type(node.ops[0])]
-            between(node, node.left, node.comparators[0], operator, _COMPARED[operator])
-        elif isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
-            operator = _OPERATORS[type(node.op)]
-            if not _is_text(node.left):
-                between(node, node.left, node.right, operator, _SWAPPED[operator])
-        elif isinstance(node, ast.BoolOp):
-            operator, other = ("and", "or") if isinstance(node.op, ast.And) else ("or", "and")
-            if len(node.values) == 2:
-                between(node, node.values[0], node.values[1], operator, other)
-        elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not | ast.Invert | ast.USub):
-            start, _ = place(node)
-            add(node, start, place(node.operand)[0], "")
-        elif (
-            isinstance(node, ast.Constant)
-            and isinstance(node.value, int | float)
-            and not isinstance(node.value, bool)
-        ):
-            start, end = place(node)
-            add(node, start, end, repr(node.value + 1 if isinstance(node.value, int) else node.value * 2))
-        elif isinstance(node, ast.Constant) and isinstance(node.value, bool):
-            start, end = place(node)
-            add(node, start, end, repr(not node.value))
-        elif isinstance(node, ast.Call):
-            called = node.func
-            word = (
-                called.attr
-                if isinstance(called, ast.Attribute)
-                else called.id
-                if isinstance(called, ast.Name)
-                else ""
-            )
-            if word in _CALLS:
-                _, end = place(called)
-                add(node, end - len(word), end, _CALLS[word])
-        elif isinstance(node, ast.If | ast.IfExp):
-            start, end = place(node.test)
-            add(node.test, start, end, f"not ({raw[start:end].decode()})")
-        elif isinstance(node, ast.AugAssign) or (
-            isinstance(node, ast.Expr) and isinstance(node.value, ast.Call)
-        ):
-            start, end = place(node)
-            add(node, start, end, "pass")
-    return found
-
-
-def _says_only(node: ast.AST) -> bool:
-    """Whether a node is about texts, types or options, not about what is computed."""
-    if isinstance(node, ast.Raise | ast.JoinedStr | ast.AnnAssign) and not (
-        isinstance(node, ast.AnnAssign) and node.value
-    ):
-        return True
-    if isinstance(node, ast.FunctionDef) and node.name in ("__repr__", "__str__"):
-        return True
-    if isinstance(node, ast.FunctionDef):
-        return False
-    if (
-        isinstance(node, ast.Call)
-        and isinstance(node.func, ast.Attribute)
-        and node.func.attr in ("option", "argument", "command", "echo")
-    ):
-        return True
-    return isinstance(node, ast.arg | ast.Import | ast.ImportFrom | ast.Subscript) and isinstance(
-        getattr(node, "ctx", None), ast.Store
-    )
-
-
-def _is_text(node: ast.expr) -> bool:
-    return isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Constant) and isinstance(node.value, str))
-
-
-def _parses(mutation: Mutation) -> bool:
-    raw = (ROOT / mutation.file).read_bytes()
-    try:
-        ast.parse(raw[: mutation.start] + mutation.after.encode() + raw[mutation.end :])
-    except SyntaxError:
-        return False
-    return True
 
 
 def covering_tests(cache: Path, jobs: int) -> dict[str, dict[int, list[str]]]:
@@ -303,34 +130,6 @@ def nearest(tests: list[str], file: str) -> list[str]:
     return taken
 
 
-def chosen(count: int, seed: int, only: str, tests: dict[str, dict[int, list[str]]] | None) -> list[Mutation]:
-    """Some mutations, with a map those of executed lines, spread over the files by their square roots, so
-    that no room is left out.
-    """
-    rng = random.Random(seed)  # noqa: S311
-    pool: dict[str, list[Mutation]] = {}
-    for source in SOURCES:
-        for path in sorted((ROOT / source).rglob("*.py")):
-            name = path.relative_to(ROOT).as_posix()
-            if name.startswith(only):
-                executed = [
-                    mutation
-                    for mutation in mutations_of(path)
-                    if tests is None or mutation.line in tests.get(name, {})
-                ]
-                if executed:
-                    pool[name] = executed
-    names = sorted(pool)
-    weights = [len(pool[name]) ** 0.5 for name in names]
-    drawn: dict[str, Mutation] = {}
-    most = sum(map(len, pool.values()))
-    while len(drawn) < min(count, most):
-        mutation = rng.choice(pool[rng.choices(names, weights)[0]])
-        if _parses(mutation):
-            drawn[mutation.name] = mutation
-    return list(drawn.values())
-
-
 def nearby_tests(file: str) -> list[str]:
     """Where a file's tests are looked for without a map: its examples, its own test files, those that name
     it, its room.
@@ -376,7 +175,7 @@ class Trial:
     """The tests in a copy of the checkout that has a mutation, in a process of its own."""
 
     def __init__(self, mutation: Mutation, tests: list[str], copy: Path) -> None:
-        self.mutation, self.copy = mutation, copy
+        self.mutation, self.copy, self.tests = mutation, copy, tests
         self._path = copy / mutation.file
         self._original = self._path.read_bytes()
         changed = self._original[: mutation.start] + mutation.after.encode() + self._original[mutation.end :]
@@ -395,8 +194,13 @@ class Trial:
             os.killpg(self._process, signal.SIGKILL)
             os.waitpid(self._process, 0)
         self._path.write_bytes(self._original)
-        passed = (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED)
-        return bool(ended) and os.WIFEXITED(status) and os.WEXITSTATUS(status) in passed
+        return bool(ended) and os.WIFEXITED(status) and os.WEXITSTATUS(status) in PASSED
+
+    def noticed_by(self) -> str:
+        """The test that failed, or how else the tests ended; of the last trial in that copy."""
+        said = (self.copy / "log").read_text(encoding="utf-8", errors="replace").splitlines()
+        failed = [line for line in said if line.startswith(("FAILED", "ERROR"))]
+        return failed[0][:160] if failed else "not one: they hung, or died"
 
 
 def _run_tests(tests: list[str], copy: Path) -> None:
@@ -404,26 +208,32 @@ def _run_tests(tests: list[str], copy: Path) -> None:
     code = 1
     try:
         os.setsid()
-        resource.setrlimit(resource.RLIMIT_CPU, (3 * BUDGET_S, 3 * BUDGET_S))
-        silent = os.open(os.devnull, os.O_RDWR)
+        resource.setrlimit(resource.RLIMIT_CPU, (5 * BUDGET_S, 5 * BUDGET_S))
+        log = os.open(copy / "log", os.O_RDWR | os.O_CREAT | os.O_TRUNC)
         for stream in range(3):
-            os.dup2(silent, stream)
+            os.dup2(log, stream)
         rooms = [str(copy / room) for room in ("core", "cli", "plugin_gimp")]
         sys.path[:] = [*rooms, *(place for place in sys.path if not place.startswith(str(ROOT / "tests")))]
         os.environ["PYTHONPATH"] = os.pathsep.join(rooms)
         os.chdir(copy)
-        budget = _Budget()
         words = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-m", "not slow"]
-        code = int(pytest.main([*words, *tests], plugins=[budget]))
-        code = 0 if budget.spent and code == pytest.ExitCode.INTERRUPTED else code
+        files = list(dict.fromkeys(test.partition("::")[0] for test in tests))
+        for file in files:  # one after the other: what is not needed is not even collected
+            budget = _Budget()
+            its = [test for test in tests if test.partition("::")[0] == file]
+            code = int(pytest.main([*words, *its], plugins=[budget]))
+            if budget.spent and code == pytest.ExitCode.INTERRUPTED:
+                code = 0
+            if budget.spent or code not in PASSED:
+                break
     finally:
         os._exit(code)
 
 
 def run_all(
     mutations: list[Mutation], tests_of: Callable[[Mutation], list[str]], jobs: int
-) -> Iterator[tuple[Mutation, bool]]:
-    """Every mutation, and whether it survived, as soon as that is known."""
+) -> Iterator[tuple[Trial, bool]]:
+    """Every mutation's trial, and whether it survived, as soon as that is known."""
     for name in PRELOADED:  # what all tests load is loaded once
         with contextlib.suppress(ImportError):
             importlib.import_module(name)
@@ -434,6 +244,13 @@ def run_all(
         copies = [Path(scratch) / str(number) for number in range(jobs)]
         for copy in copies:
             copy_checkout(copy)
+        unchanged = Trial(
+            dataclasses.replace(waiting[-1], start=0, end=0, after=""), tests_of(waiting[-1]), copies[0]
+        )
+        while (passed := unchanged.survived()) is None:
+            time.sleep(0.05)
+        if not passed:
+            raise SystemExit(f"tests fail without any mutation: {unchanged.noticed_by()}")
         while waiting or running:
             while waiting and copies:
                 mutation = waiting.pop()
@@ -444,7 +261,7 @@ def run_all(
                 if survived is not None:
                     running.remove(trial)
                     copies.append(trial.copy)
-                    yield trial.mutation, survived
+                    yield trial, survived
 
 
 def copy_checkout(copy: Path) -> None:
@@ -493,13 +310,15 @@ def main() -> int:
         return nearest(tests[mutation.file][mutation.line], mutation.file)
 
     counted = lost = 0
-    for mutation, survived in run_all(mutations, tests_of, options.jobs):
+    for trial, survived in run_all(mutations, tests_of, options.jobs):
+        mutation = trial.mutation
         line = lines[mutation.file][mutation.line - 1].strip()
         why = equal.get((mutation.file, line, mutation.after))
         counted += why is None
         lost += survived and why is None
-        if survived and why is None:
-            print(f"survived  {mutation.name}\n          {line}", flush=True)
+        if why is None:
+            said = line if survived else trial.noticed_by()
+            print(f"{'survived' if survived else 'noticed '}  {mutation.name}\n          {said}", flush=True)
     share = 1 - lost / max(counted, 1)
     print(
         f"{counted - lost} of {counted} mutations noticed ({share:.0%}); {len(mutations) - counted} change "

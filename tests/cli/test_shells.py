@@ -2,11 +2,13 @@
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 
 import pytest
 
+from toposeam_cli import registry
 from toposeam_cli.main import main
 from toposeam_cli.registry import COMMANDS
 from toposeam_cli.shells import manual
@@ -54,6 +56,24 @@ def test_the_manual_page_has_every_command_and_every_option(toposeam):
         assert f"\n.SS toposeam {name} " in ran.out
     for option in ("--overlap", "--tileable", "--palette", "--gimp-version"):
         assert option.replace("-", r"\-") in ran.out
+    assert ran.out.isascii()
+
+
+def test_making_the_manual_page_leaves_the_commands_as_they_are(toposeam):
+    command = registry.load("tile")
+    command._help_option = None  # as in a new process
+    toposeam("manual")
+    assert toposeam("tile", "-h").code == 0
+
+
+@pytest.mark.skipif(shutil.which("groff") is None, reason="there is no groff")
+def test_groff_sets_the_manual_page_without_a_warning(toposeam):
+    page = toposeam("manual").out
+    done = subprocess.run(
+        ["groff", "-man", "-ww", "-Tutf8", "-P-c"], input=page, capture_output=True, text=True, check=True
+    )
+    assert done.stderr == ""
+    assert "cost ÷ optimum" in " ".join(done.stdout.split())
 
 
 def test_text_cannot_be_mistaken_for_formatting():

@@ -31,7 +31,7 @@ from toposeam.seam.heat import HeatOptions
 from toposeam.seam.match_cost import MatchCost, match_options
 from toposeam.seam.posing import as_weights
 from toposeam.seam.seam import Seam, apply_paths
-from toposeam.seam.thesis import ThesisOptions
+from toposeam.seam.thesis_options import ThesisOptions
 from toposeam.vector.svg import SvgSeam, write_svg
 
 #: Swap rounds at most; three are typical.

@@ -35,7 +35,7 @@ from toposeam.seam.heat import HeatOptions
 from toposeam.seam.overlap import FREE
 from toposeam.seam.seam import Seam
 from toposeam.seam.solution import Solution
-from toposeam.seam.thesis import ThesisOptions
+from toposeam.seam.thesis_options import ThesisOptions
 
 #: A move counts when it lowers the cost of its region by this share.
 _LEAST_GAIN = 1e-7
@@ -324,7 +324,7 @@ class Rounds:
             potential[here][free] = np.asarray(solution.soft, np.float32)[common.within(box)][free]
             found[pair] = Seam(
                 _shown=shown,
-                _potential=potential,
+                _potential=None if solution.contracted else potential,
                 only_b=self.label_map == pair[1],
                 cost=problem.cost(shown),
                 history=solution.history,

@@ -18,6 +18,7 @@ from toposeam.optimize.history import Frame, Iteration, Termination
 from toposeam.saving import save
 from toposeam.seam.apply import labels_from_paths
 from toposeam.seam.exact import exact_labels
+from toposeam.seam.heat import potential_beside
 from toposeam.seam.match_cost import MatchCost
 from toposeam.seam.overlap import Side
 from toposeam.seam.posing import pose
@@ -48,8 +49,9 @@ class Seam:
 
     #: (h, w) bool on the problem's window, True where ``b`` shows.
     _shown: Mask
-    #: (h, w) float32 in [0, 1] on the problem's window, the label potential.
-    _potential: npt.NDArray[np.float32]
+    #: (h, w) float32 in [0, 1] on the problem's window, the label potential; None where heat is asked for it
+    #: only when somebody wants it.
+    _potential: npt.NDArray[np.float32] | None
     #: (H, W) bool, what shows ``b`` outside of the overlap.
     only_b: Mask
     #: Σ M over the interfaces the seam cuts; comparable across methods for the same patches and cost options.
@@ -100,10 +102,16 @@ class Seam:
         """(H, W) float32 in [0, 1]: 0 where ``a`` shows, 1 where ``b`` shows, between them the label
         potential before the seam was decided.
 
-        On an overlap so large that it starts out contracted, what coarser networks had decided has one value
-        per region.
+        On an overlap too large to be solved whole it is that of a band of some thirty pixels on either side
+        of the seam, which is solved when this is read first.
         """
-        return self.problem.on_canvas(self._potential, self.only_b).astype(np.float32, copy=False)
+        return self.problem.on_canvas(potential_on_window(self), self.only_b).astype(np.float32, copy=False)
+
+    @cached_property
+    def _window_potential(self) -> npt.NDArray[np.float32]:
+        if self._potential is None:
+            return potential_beside(self.problem, self._shown)
+        return self._potential
 
     @cached_property
     def paths(self) -> list[Polyline]:
@@ -301,7 +309,7 @@ def seam_of(
     problem.check(solution.labels)
     return Seam(
         _shown=problem.complete(solution.labels).astype(bool, copy=False),
-        _potential=problem.complete(solution.soft),
+        _potential=None if solution.contracted else problem.complete(solution.soft),
         only_b=only_b,
         cost=problem.cost(solution.labels),
         bound=solution.bound,
@@ -319,4 +327,4 @@ def potential_on_window(seam: Seam) -> npt.NDArray[np.float32]:
     """The label potential on the window of the seam's problem, (h, w) float32; ``Seam.soft`` is as large as
     the canvas.
     """
-    return seam._potential
+    return seam._window_potential

@@ -20,6 +20,7 @@ from toposeam_cli.files.writing import all_or_nothing, atomic_write, replacing
 from toposeam_cli.jobs.workers import Task, answer
 from toposeam_cli.pictures.libvips import evaluate, load_vips
 
+pytestmark = pytest.mark.usefixtures("hangups_arrive")
 SIGNALS = [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, Terminated), (signal.SIGHUP, Terminated)]
 
 

@@ -138,7 +138,8 @@ def strike(child, number, whom, rng):
         elif whom == "group":
             os.killpg(child.pid, number)
         else:
-            workers = [pid for pid, command in children(child.pid) if b"resource_tracker" not in command]
+            # By what they run: what has been forked and not yet begun may be the resource tracker.
+            workers = [pid for pid, command in children(child.pid) if b"spawn_main" in command]
             os.kill(rng.choice(workers), number)
     except (ProcessLookupError, IndexError):
         return False

@@ -371,6 +371,28 @@ def test_workers_that_are_ended_tidy_away_what_they_were_writing(functions, tmp_
     assert not output.exists()
 
 
+@pytest.mark.slow
+def test_a_worker_whose_parent_is_gone_before_it_is_ready_is_quiet():
+    code = """
+        from concurrent.futures.process import BrokenProcessPool
+        from multiprocessing import get_context
+        from concurrent.futures import ProcessPoolExecutor
+        from toposeam_cli.jobs.workers import _prepare
+
+        if __name__ == "__main__":
+            context = get_context("spawn")
+            for _ in range(10):
+                ending, alive = context.Pipe(duplex=False)
+                alive.close()
+                try:
+                    ProcessPoolExecutor(1, context, _prepare, (ending,)).submit(print).result()
+                except BrokenProcessPool:
+                    continue
+    """
+    ran = subprocess.run([sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True)
+    assert (ran.returncode, ran.stderr) == (0, "")
+
+
 def test_a_closed_terminal_spares_the_process_that_looks_after_what_is_shared(functions, tmp_path):
     code = """
         import os, signal, sys

@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -18,6 +19,8 @@ Value = TypeVar("Value")
 
 #: How often a waiting main thread looks for signals, s; only Windows needs it.
 _LOOK_EVERY_S = 0.2
+#: When an interruption that nobody could hear is told again, s.
+_AGAIN_S = 0.02
 #: How long the first signal has to take effect before another one is heard, s.
 _DEAF_S = 5.0
 
@@ -31,18 +34,35 @@ def terminations_raised() -> Iterator[None]:
     """Raise :class:`Terminated` in the main thread on ``kill`` and when the terminal closes, and
     KeyboardInterrupt on Ctrl-C, unless somebody handles that already. While one of them takes effect, which
     means that things are tidied away, others are ignored for some seconds.
+
+    Where Python swallows exceptions (in callbacks of weak references, which importing has, and in
+    finalizers) they are raised again a moment later.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    last = -math.inf
+    last, latest, within = -math.inf, 0, True
 
     def end(number: int, frame: FrameType | None) -> None:
-        nonlocal last
+        nonlocal last, latest
         if time.monotonic() - last < _DEAF_S:
             return
-        last = time.monotonic()
+        last, latest = time.monotonic(), number
         raise KeyboardInterrupt if number == signal.SIGINT else Terminated(128 + number)
+
+    def swallowed(unraisable: Any) -> None:
+        nonlocal last
+        if latest and issubclass(unraisable.exc_type, KeyboardInterrupt | Terminated):
+            last = -math.inf
+            timer = threading.Timer(_AGAIN_S, again)
+            timer.daemon = True
+            timer.start()
+        else:
+            told(unraisable)
+
+    def again() -> None:
+        if within:
+            os.kill(os.getpid(), latest)
 
     usual = {"SIGINT": signal.default_int_handler, "SIGTERM": signal.SIG_DFL, "SIGHUP": signal.SIG_DFL}
     handlers = {
@@ -50,12 +70,15 @@ def terminations_raised() -> Iterator[None]:
         for name, handler in usual.items()
         if hasattr(signal, name) and signal.getsignal(getattr(signal, name)) == handler
     }
+    told, sys.unraisablehook = sys.unraisablehook, swallowed
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     try:
         yield
     finally:
+        within = False
         for number, handler in before.items():
             signal.signal(number, handler)
+        sys.unraisablehook = told
 
 
 @contextmanager

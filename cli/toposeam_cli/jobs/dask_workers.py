@@ -115,7 +115,7 @@ def _local_cluster(count: int) -> Any:
                 scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
                 silence_logs=logging.CRITICAL,
             )
-    except (RuntimeError, OSError) as error:
+    except Exception as error:  # whatever Dask raises when its processes end while they start
         raise OptionError(
             f"the local Dask cluster does not start ({_first_line(error)}); run the same again, or without "
             "--dask"

@@ -7,6 +7,7 @@ import shutil
 import signal
 import sys
 import threading
+import weakref
 from contextlib import suppress
 from contextvars import copy_context
 
@@ -52,6 +53,45 @@ def test_a_signal_while_nothing_of_libvips_runs_tidies_too(tmp_path, number, err
     with pytest.raises(error):
         write_for_ever()
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("number", "error"), SIGNALS)
+def test_a_signal_where_python_swallows_exceptions_is_told_again(number, error, capsys):
+    class Referred:
+        pass
+
+    class Finalized:
+        def __del__(self):
+            signal.raise_signal(number)
+
+    def swallow(how):
+        with terminations_raised():
+            if how == "finalizer":
+                Finalized()
+            else:
+                referred = Referred()
+                kept = weakref.ref(referred, lambda _: signal.raise_signal(number))
+                del referred
+                assert kept() is None
+            while True:
+                sum(range(1000))
+
+    for how in ("finalizer", "weak reference"):
+        with pytest.raises(error):
+            swallow(how)
+    assert capsys.readouterr().err == ""
+
+
+def test_other_exceptions_that_python_swallows_are_told_as_ever(monkeypatch):
+    class Finalized:
+        def __del__(self):
+            raise LookupError
+
+    told = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda unraisable: told.append(unraisable.exc_type))
+    with terminations_raised():
+        Finalized()
+    assert told == [LookupError]
 
 
 def test_the_exit_code_is_that_of_the_signal():

@@ -1,5 +1,6 @@
 """What the documents say is what the code does: tables of numbers are made again and compared."""
 
+import re
 import shutil
 import subprocess
 import sys
@@ -29,3 +30,66 @@ def test_the_gallery_has_the_numbers_of_today(tmp_path):
     )
     subprocess.run([sys.executable, "-c", script, str(tmp_path)], cwd=HERE / "docs", check=True, timeout=600)
     assert (tmp_path / "gallery.md").read_text(encoding="utf-8") == before
+
+
+def rows(text):
+    """The lines of a table of benchmarks/quality.py: the variant's name, and its columns."""
+    names = "heat|thesis(?:, [^\n]*?)?"
+    return {
+        name: columns.split() for name, columns in re.findall(rf"^({names})  +(\S.*)$", text, re.MULTILINE)
+    }
+
+
+def variants():
+    """What docs/results.md says of the variants of the thesis's method."""
+    text = (HERE / "docs" / "results.md").read_text(encoding="utf-8")
+    return text.partition("## Variants of the thesis's method")[2].partition("\n## ")[0]
+
+
+def measured(*words):
+    script = HERE / "benchmarks" / "quality.py"
+    ran = subprocess.run(
+        [sys.executable, script, *words], capture_output=True, text=True, check=True, cwd=HERE
+    )
+    return rows(ran.stdout)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+def test_the_results_have_the_thesiss_own_cases_as_they_are_today():
+    stated = rows(variants().partition("--cases")[2])
+    today = measured("--cases")
+    assert set(stated) == set(today)
+    for name, columns in today.items():
+        for was, now in zip(stated[name], columns, strict=True):
+            assert was.endswith("*") == now.endswith("*"), name
+            assert float(was.rstrip("*")) == pytest.approx(float(now.rstrip("*")), rel=0.01), name
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_the_results_have_the_variants_as_they_are_today():
+    stated = rows(variants().partition("--cases")[0])
+    today = measured()
+    assert set(stated) == set(today)
+    for name, columns in today.items():
+        single, staged, _, median, worst, broke, _ = columns
+        told = stated[name]
+        for was, now in zip(told[:2], (single, staged), strict=True):
+            assert float(was.rstrip("%")) == pytest.approx(float(now.rstrip("%")), abs=4), name
+        assert float(told[3]) == pytest.approx(float(median), abs=0.01), name
+        assert float(told[4]) == pytest.approx(float(worst), rel=0.1), name
+        assert told[5] == broke, name
+
+
+def test_the_sentences_on_the_variants_follow_from_their_table():
+    text = " ".join(variants().split())
+    stated = rows(variants().partition("--cases")[0])
+    usual, unlimited = (stated[f"thesis, plain, move ≤ {move}"] for move in ("0.2", "1"))
+    assert f"cost {float(usual[3]) - 1:.0%}".replace("%", " %") in text
+    assert f"(worst {float(usual[4]) - 1:.0%})".replace("%", " %") in text
+    assert f"it is {float(unlimited[3]) - 1:.0%}".replace("%", " %") in text
+    assert (usual[0], unlimited[0]) == ("95%", "90%")  # "one strip in twenty", "one in ten"
+    assert "one strip in twenty keeps several lines" in text
+    cases = rows(variants().partition("--cases")[2])["thesis, plain, move ≤ 1"]
+    assert f"with 1 it costs {float(cases[1]):.1f} and {float(cases[3]):.1f} times as much" in text

@@ -133,3 +133,12 @@ def test_every_change_to_the_algorithms_can_be_switched_off():
     for name in changed:
         seam = toy().find("thesis", options=replace(ours, **{name: getattr(plain, name)}))
         assert seam.optimum_ratio() < 1.3
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_hardening_changes_no_seam(seed):
+    """As docs/method.md says of it."""
+    a, b = np.random.default_rng(seed).random((2, 20, 8))
+    soft, hard = (ts.find_seam(a, b, method="thesis", harden=harden) for harden in (False, True))
+    assert np.array_equal(soft.labels, hard.labels)
+    assert len(hard.history) > len(soft.history)

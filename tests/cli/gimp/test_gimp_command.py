@@ -264,7 +264,7 @@ def test_the_main_file_can_be_run_whatever_the_package_says(home, monkeypatch):
 
     def unpacked(*arguments, **options):
         folder = copied(*arguments, **options)
-        for path in folder.rglob("*.py"):  # as a wheel has them
+        for path in Path(folder).rglob("*.py"):  # as a wheel has them
             path.chmod(0o644)
         return folder
 

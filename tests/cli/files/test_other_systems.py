@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-import toposeam_cli.files.writing as writing
-from toposeam_cli.files.writing import all_or_nothing, atomic_write, remove_stale, replacing
+import toposeam_cli.files.temporary as temporary_files
+from toposeam_cli.files.temporary import remove_stale
+from toposeam_cli.files.writing import all_or_nothing, atomic_write, replacing
 from toposeam_cli.gimp import environment, programs
 from toposeam_gimp import engine
 
@@ -31,7 +32,7 @@ start()
 @pytest.fixture
 def like_windows(monkeypatch):
     """No fcntl, no user numbers."""
-    monkeypatch.setattr(writing, "fcntl", None)
+    monkeypatch.setattr(temporary_files, "fcntl", None)
     monkeypatch.delattr(os, "getuid")
 
 

@@ -9,7 +9,7 @@ from skimage import data
 
 import toposeam as ts
 from toposeam.layers.posing import exclusive_covers, pose_labelling
-from toposeam.layers.rounds import _beside_steps
+from toposeam.layers.rounds import _beside_steps, best_rounds
 
 PHOTOGRAPHS = (data.coffee(), data.chelsea(), data.astronaut(), data.rocket())
 
@@ -249,3 +249,11 @@ def test_beside_a_step_are_both_pixels_of_a_pair_that_differs_by_more(step, colu
         found = _beside_steps(values.T if turned else values, step)
         assert np.flatnonzero(found.all(axis=1 if turned else 0)).tolist() == columns
         assert found.sum() == 3 * len(columns)
+
+
+def test_rounds_divide_pairs_anew_and_keep_how_sure_they_were():
+    layers = pile(1, alike=True)
+    moves, rounds = best_rounds(labelling_of(layers), range(len(layers)), "heat", {}, 3, None)
+    assert 1 <= rounds <= 3
+    assert moves.solved
+    assert all(0 <= first < second < len(layers) for first, second in moves.solved)

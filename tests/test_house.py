@@ -60,11 +60,24 @@ ARROWS = {
     "toposeam_cli.report": CLI_CORE,
     "toposeam_cli.whereabouts": CLI_CORE | {"toposeam_cli.pictures", "toposeam_cli.options"},
     "toposeam_cli.placing": CLI_CORE
-    | {"toposeam_cli.pictures", "toposeam_cli.options", "toposeam_cli.whereabouts"},
+    | {
+        "toposeam_cli.files",
+        "toposeam_cli.pictures",
+        "toposeam_cli.options",
+        "toposeam_cli.whereabouts",
+    },
     "toposeam_cli.composing": CLI_CORE
     | {
         "toposeam.layers",
         "toposeam_cli.figures",
+        "toposeam_cli.files",
+        "toposeam_cli.pictures",
+        "toposeam_cli.placing",
+    },
+    "toposeam_cli.large": CLI_CORE
+    | {
+        "toposeam.layers",
+        "toposeam_cli.composing",
         "toposeam_cli.files",
         "toposeam_cli.pictures",
         "toposeam_cli.placing",

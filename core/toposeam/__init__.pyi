@@ -8,10 +8,11 @@ from .errors import (
     SolverError,
     TopoSeamError,
 )
-from .images import MAX_PIXELS
+from .images import MAX_PIXELS, Windows
 from .layers.align import Aligned, align, correlations
 from .layers.blend import BLENDS, Blend
 from .layers.composite import Stitched, pair_name, stitch
+from .layers.composition import Composition, compose
 from .layers.layer import Layer, common_canvas
 from .layers.overlapping import overlapping
 from .layers.placing import Placement, find_places
@@ -78,6 +79,7 @@ __all__ = [
     "Arrangement",
     "Blend",
     "By",
+    "Composition",
     "Frame",
     "HeatOptions",
     "ImageError",
@@ -120,6 +122,7 @@ __all__ = [
     "ThesisOptions",
     "Tileable",
     "TopoSeamError",
+    "Windows",
     "align",
     "apply_coordinates",
     "apply_paths",
@@ -127,6 +130,7 @@ __all__ = [
     "border_mismatch",
     "border_visibility",
     "common_canvas",
+    "compose",
     "correlations",
     "draw_seams",
     "draw_svg",

@@ -74,8 +74,8 @@ class Outputs:
 
     def claim(self, output: _Prepared) -> None:
         """Make the empty temporary file, safe from :func:`remove_stale`."""
-        _tidy_once(output.target.parent)
-        self._open.enter_context(_claimed(output.temporary))
+        tidy_once(output.target.parent)
+        self._open.enter_context(claimed(output.temporary))
 
     def complete(self, output: _Prepared) -> None:
         """The temporary file holds all it should."""
@@ -139,7 +139,7 @@ class Outputs:
                 return
             force = self._is_own(output.target)
         if force and output.target.exists():
-            output.backup = _temporary_beside(output.target)
+            output.backup = temporary_beside(output.target)
             try:
                 os.link(output.target, output.backup)
             except OSError:  # no hard links here
@@ -204,7 +204,7 @@ def check_output(
         raise
     except (OSError, ValueError) as error:
         raise OptionError(
-            f"cannot write '{path}' ({_reason(error)}); choose another name or folder"
+            f"cannot write '{path}' ({reason(error)}); choose another name or folder"
         ) from error
     return path
 
@@ -250,7 +250,7 @@ def replacing(path: Path, force: bool = False) -> Iterator[Path]:
         return
     with _failures_told(path):
         target = _target(path)
-        output = _Prepared(path, target, _temporary_beside(target), force)
+        output = _Prepared(path, target, temporary_beside(target), force)
         try:
             outputs.claim(output)
             yield output.temporary
@@ -323,16 +323,27 @@ def _remove_if_stale(path: Path) -> None:
         if locked is None:
             locked = time.time() - state.st_mtime > _ABANDONED_S
         if locked and fcntl is not None:
-            path.unlink()
+            _remove(path)
     if locked and fcntl is None:  # an open file cannot be removed there, which is why this one was closed
-        path.unlink()
+        _remove(path)
+
+
+def _remove(path: Path) -> None:
+    path.unlink()
+    shutil.rmtree(folder_of(path), ignore_errors=True)
+
+
+def folder_of(temporary: Path) -> Path:
+    """Where files lie that belong to a temporary one."""
+    return temporary.with_name(f"{temporary.name}.d")
 
 
 #: Folders where the leftovers of killed commands have been looked for by this process.
 _tidied: set[Path] = set()
 
 
-def _tidy_once(folder: Path) -> None:
+def tidy_once(folder: Path) -> None:
+    """Remove what killed commands left in a folder, once a process."""
     if folder not in _tidied:
         _tidied.add(folder)
         remove_stale(folder)
@@ -357,7 +368,7 @@ def _lock(descriptor: int) -> bool | None:
 
 
 @contextmanager
-def _claimed(path: Path) -> Iterator[None]:
+def claimed(path: Path) -> Iterator[None]:
     """Create an empty file that :func:`remove_stale` leaves alone within the block."""
     while True:
         descriptor = _create(path)
@@ -385,7 +396,7 @@ def _failures_told(path: Path) -> Iterator[None]:
         raise _already_exists(path) from error
     except OSError as error:
         raise OutputError(
-            f"cannot write '{path}' ({_reason(error)}); free some space or choose another folder"
+            f"cannot write '{path}' ({reason(error)}); free some space or choose another folder"
         ) from error
 
 
@@ -429,7 +440,8 @@ def _digest(path: Path) -> str:
         return secrets.token_hex()
 
 
-def _temporary_beside(target: Path) -> Path:
+def temporary_beside(target: Path) -> Path:
+    """A name in the same folder that only we use."""
     return target.with_name(f"{_TEMPORARY}{secrets.token_hex(8)}{_UNFINISHED}")
 
 
@@ -441,7 +453,8 @@ def _target(path: Path) -> Path:
     return Path(os.path.realpath(path))
 
 
-def _reason(error: Exception) -> str:
+def reason(error: Exception) -> str:
+    """What the system says of a failure."""
     return (getattr(error, "strerror", None) or str(error)).lower()
 
 

@@ -12,10 +12,12 @@ from scipy import ndimage
 from toposeam.checks import check_items
 from toposeam.errors import OptionError, PathError
 from toposeam.images import as_mask, full_scale
-from toposeam.layers.blend import Blend, Placed, blend_seams, check_blend
-from toposeam.layers.composite import Stitched, moved_seam, pair_name, stitch
+from toposeam.layers.blend import Blend, Blender, Placed, check_blend
+from toposeam.layers.composite import Stitched, pair_name, stitch
+from toposeam.layers.composition import moved_seam
 from toposeam.layers.labelling import Pair
 from toposeam.layers.layer import MAX_MEGAPIXELS, Extent, Layer, check_layers, common_canvas
+from toposeam.layers.maps import blocks
 from toposeam.layers.painting import LabelMap, channel_count, paint
 from toposeam.seam.apply import labels_from_paths
 from toposeam.seam.overlap import FREE, NONE, A, B
@@ -91,7 +93,11 @@ def restitch(
         seams[pair] = _divide(layers, canvas, label_map, pair, drawing)
     image, alpha = paint(layers, places, label_map, canvas.box, channel_count(layers))
     placed = Placed(layers=layers, places=places, covered=covered, label_map=label_map)
-    blend_seams(placed, (), image, alpha, "feather" if blend == "soft" else blend, blend_width)
+    blender = Blender(placed, lambda: (), "feather" if blend == "soft" else blend, blend_width)
+    if blend == "gradient":
+        blender.spread(image)
+    for tile in blocks(canvas.box):
+        blender.blend(tile, image[tile.slices], alpha[tile.slices])
     return Stitched(
         image=image,
         alpha=None if bool((alpha == full_scale(image.dtype)).all()) else alpha,
@@ -131,7 +137,7 @@ def _divide(
     box = canvas.place(Layer(joined.image, at=joined.origin))
     for index, mask in zip(pair, joined.masks, strict=True):
         label_map[box.slices][mask] = index
-    return moved_seam(joined.seams[0], box, canvas, label_map == pair[1])
+    return moved_seam(joined.seams[0], box, canvas, label_map, pair[1])
 
 
 def _with_kernel(both: Sequence[Layer], drawing: SvgSeam, canvas: Extent) -> list[Layer]:

@@ -6,7 +6,7 @@ from scipy.sparse.linalg import lsmr
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers import blend as blend_module
+from toposeam.layers import composition
 from toposeam.layers.gradient import correction
 from toposeam.layers.layer import Box
 from toposeam.layers.multiband import expand, reduce
@@ -101,7 +101,7 @@ def test_far_from_the_seam_every_pixel_is_its_layer_s(kind):
 def test_tiles_leave_no_trace(kind, monkeypatch):
     gains = ((1.1, 1.1, 1.1), (0.9, 0.9, 0.9), (1, 1, 1))
     whole = ts.stitch(crops(gains, dtype=np.float32), blend=kind, max_rounds=0).image
-    monkeypatch.setattr(blend_module, "_TILE", 64)
+    monkeypatch.setattr(composition, "BLOCK", 64)
     np.testing.assert_allclose(
         ts.stitch(crops(gains, dtype=np.float32), blend=kind, max_rounds=0).image, whole, rtol=0, atol=2e-6
     )

@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: test-gimp-all help demo test test-lowest docs release gimp test-gimp gimp-figures bench-gimp translations plugin-zip check check-deep lint format bench bench-all figures clean
+.PHONY: browser test-gimp-all help demo test test-lowest docs release gimp test-gimp gimp-figures bench-gimp translations plugin-zip check check-deep lint format bench bench-all figures clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
@@ -36,6 +36,9 @@ test-lowest:  ## the quick core tests with the lowest version of everything that
 	$(VENV)-lowest/bin/python -m pip --disable-pip-version-check install --quiet uv
 	$(VENV)-lowest/bin/uv pip install --quiet --python $(VENV)-lowest/bin/python --resolution lowest-direct --editable '.[test]'
 	$(ONE_THREAD) $(VENV)-lowest/bin/python -m pytest tests/core -n auto --dist worksteal -m 'not slow' -q
+
+browser:  ## provide Chromium for the tests of pages, where apt-get can; they are skipped without it
+	@command -v chromium >/dev/null || { apt-get update -q && apt-get install -q -y --no-install-recommends chromium; } >/dev/null 2>&1 || echo "no Chromium here, so that its tests are skipped"
 
 gimp:  ## provide GIMP 3 for the tests: the system's, or Debian's in a folder of its own
 	PYTHON=$(BIN)/python tests/gimp/gimp3.sh provide

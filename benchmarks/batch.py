@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from skimage import data
 
+from stamp import stamp
 from toposeam_cli.jobs.runner import Job, run
 from toposeam_cli.pictures.picture import Picture, write_picture
 
@@ -81,4 +82,5 @@ def jobs(folder: Path, count: int) -> list[Job]:
 
 
 if __name__ == "__main__":
+    print(stamp())
     main(int(sys.argv[1]) if len(sys.argv) > 1 else 200)

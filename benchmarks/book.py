@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
+from stamp import stamp
 from toposeam_cli.pictures.picture import Picture, write_picture
 
 
@@ -105,4 +106,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    print(stamp())
     main()

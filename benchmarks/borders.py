@@ -15,6 +15,7 @@ from itertools import combinations
 import numpy as np
 
 import toposeam as ts
+from stamp import stamp
 from toposeam.motif.tiling import period
 
 
@@ -64,4 +65,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    print(stamp())
     main()

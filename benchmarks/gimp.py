@@ -21,6 +21,7 @@ from pictures import photograph
 from running import Gimp, descendants
 
 import toposeam as ts
+from stamp import stamp
 from toposeam_gimp.rehearsal import Rehearsal
 
 WIDTH, HEIGHT, OVERLAP = 4000, 3000, 1000
@@ -202,4 +203,5 @@ class Peak:
 
 
 if __name__ == "__main__":
+    print(stamp())
     main()

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from stamp import stamp
 from toposeam_cli.pictures.picture import Picture, write_picture
 
 
@@ -84,6 +85,7 @@ def wide(rng: np.random.Generator, height: int, width: int, step: int) -> tuple[
 
 
 if __name__ == "__main__":
+    print(stamp())
     main(
         int(sys.argv[1]) if len(sys.argv) > 1 else 10_000,
         int(sys.argv[2]) if len(sys.argv) > 2 else 1_000,

@@ -37,6 +37,8 @@ import tifffile
 from scipy import ndimage
 from skimage import data, transform
 
+from stamp import stamp
+
 OVERLAP, EXPOSURE, VIGNETTING, NOISE = 0.30, 0.10, 0.12, 1.5
 OBJECTS = 12  # a frame
 LARGE_SCENE = 4096
@@ -266,4 +268,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    print(stamp())
     main()

@@ -17,6 +17,7 @@ from scipy import ndimage
 from skimage.graph import MCP_Geometric
 
 import toposeam as ts
+from stamp import stamp
 
 Point = tuple[int, int]
 
@@ -72,4 +73,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    print(stamp())
     main()

@@ -33,6 +33,7 @@ from scipy.sparse import coo_array  # noqa: E402
 from scipy.sparse.linalg import spsolve  # noqa: E402
 
 import toposeam as ts  # noqa: E402
+from stamp import stamp  # noqa: E402
 from toposeam.heat.plate import CONDUCTION, Plate  # noqa: E402
 from toposeam.motif.conduction import VOID  # noqa: E402
 from toposeam.motif.layer import THINNEST, TOLERANCE, optimise_layer, problem_at  # noqa: E402
@@ -256,4 +257,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    print(stamp())
     main()

@@ -20,6 +20,7 @@ import numpy as np
 
 import toposeam as ts
 from seams import PHOTOGRAPHS, crops
+from stamp import stamp
 from toposeam.errors import SolverError
 
 SIZES = ((60, 15), (80, 20), (120, 30), (160, 40), (240, 60), (320, 80))
@@ -107,4 +108,5 @@ def cases(variants: list[str]) -> None:
 
 
 if __name__ == "__main__":
+    print(stamp())
     main()

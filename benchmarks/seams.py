@@ -28,15 +28,12 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import importlib.metadata
 import multiprocessing
-import platform
 import statistics
 import time
 from collections import defaultdict
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
-from datetime import date
 from pathlib import Path
 
 import cv2
@@ -47,6 +44,7 @@ from skimage import data
 from skimage.graph import route_through_array
 
 import toposeam as ts
+from stamp import stamp
 from toposeam.heat.threads import one_thread
 from toposeam.seam import exact
 from toposeam.seam.dynamic_programming import dp_labels
@@ -56,7 +54,8 @@ from toposeam.seam.heat import HeatOptions, heat_path
 from toposeam.seam.overlap import FREE
 from toposeam.seam.posing import seam_problem
 from toposeam.seam.problem import SeamProblem
-from toposeam.seam.thesis import ThesisOptions, thesis_path
+from toposeam.seam.thesis import thesis_path
+from toposeam.seam.thesis_options import ThesisOptions
 
 PHOTOGRAPHS = ("brick", "grass", "gravel", "coffee", "chelsea", "astronaut", "rocket")
 SIZES = ("80x20", "160x40", "320x80", "640x160", "1000x250", "2000x500", "4000x1000")
@@ -319,12 +318,7 @@ def main() -> None:
     options = parser.parse_args()
     cv2.setNumThreads(1)
     sizes = options.sizes or (SIZES if options.all else SIZES[:5])
-    packages = ("numpy", "scipy", "scikit-image", "PyMaxflow", "opencv-python-headless")
-    versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in packages)
-    print(
-        f"{date.today()}: toposeam {ts.__version__}, Python {platform.python_version()}, {versions}; "
-        f"{platform.machine()}\n"
-    )
+    print(stamp())
     if options.irregular:
         irregular(options.seeds)
         return

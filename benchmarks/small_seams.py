@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 import toposeam as ts
 from seams import PHOTOGRAPHS, crops
+from stamp import stamp
 from toposeam.heat.threads import one_thread
 from toposeam.seam import overlap, problem
 from toposeam.seam.graph_cut import graph_cut_labels
@@ -93,4 +94,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    print(stamp())
     main()

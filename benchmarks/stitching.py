@@ -29,6 +29,7 @@ from PIL import Image
 from skimage import data
 
 import toposeam as ts
+from stamp import stamp
 
 PHOTOGRAPHS = ("coffee", "chelsea", "astronaut", "rocket", "retina", "hubble_deep_field")
 EXPOSURE, NOISE = 0.10, 1.5
@@ -209,4 +210,5 @@ def sheet(rows: list, path: Path) -> None:
 
 
 if __name__ == "__main__":
+    print(stamp())
     main()

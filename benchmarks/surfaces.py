@@ -37,6 +37,8 @@ from toposeam.volume.problem import SurfaceProblem
 sys.path.insert(0, str(Path(__file__).parents[1] / "samples"))
 import clips
 
+from stamp import stamp
+
 SIZES = ("16x60x80", "32x90x120", "40x120x160")
 LARGE = ("70x160x240", "100x240x420", "150x360x640")
 Floats = npt.NDArray[np.float32]
@@ -258,4 +260,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    print(stamp())
     main()

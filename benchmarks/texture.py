@@ -35,6 +35,7 @@ from PIL import Image
 from scipy.spatial import cKDTree
 
 import toposeam as ts
+from stamp import stamp
 
 SAMPLES = Path(__file__).resolve().parent.parent / "samples"
 SIZE, SOURCE = 512, 192
@@ -330,4 +331,5 @@ def tiling() -> None:
 
 
 if __name__ == "__main__":
+    print(stamp())
     main()

@@ -25,6 +25,7 @@ from PIL import Image, ImageDraw
 from skimage.restoration import inpaint_biharmonic
 
 import toposeam as ts
+from stamp import stamp
 
 Case = tuple[np.ndarray, np.ndarray]
 
@@ -205,4 +206,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    print(stamp())
     main()

@@ -15,6 +15,8 @@ import skimage.data
 from PIL import Image, ImageDraw, ImageFont
 from scipy import ndimage
 
+from stamp import stamp
+
 SAMPLES = Path(__file__).resolve().parent.parent / "samples"
 SIDE = 192
 
@@ -271,4 +273,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    print(stamp())
     main()

@@ -25,6 +25,7 @@ from scipy import ndimage, sparse
 from scipy.sparse.csgraph import connected_components
 
 import toposeam as ts
+from stamp import stamp
 from texture import gmic, gray, swd8
 from texture_samples import SIDE, Sample, samples
 
@@ -199,4 +200,5 @@ def table(rows: list[tuple[Sample, list[np.ndarray]]], side: int = 208, gap: int
 
 
 if __name__ == "__main__":
+    print(stamp())
     main()

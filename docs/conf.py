@@ -7,6 +7,7 @@ it; what leads to a file that is no document becomes a download.
 from __future__ import annotations
 
 import ast
+import json
 import re
 import sys
 from pathlib import Path
@@ -17,6 +18,7 @@ from sphinx.application import Sphinx
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "docs"))
+_MADE = json.loads((ROOT / "docs/figures/made.json").read_text(encoding="utf-8"))
 _PUBLIC = ROOT / "core/toposeam/__init__.pyi"
 
 project = "TopoSeam"
@@ -51,6 +53,7 @@ def setup(app: Sphinx) -> None:
     """Formulas as MathML, which browsers draw by themselves; the reference from what the package offers."""
     app.add_html_math_renderer("mathml", inline_renderers=(_inline, None), block_renderers=(_block, None))
     app.connect("builder-inited", lambda app: write_reference(ROOT / "docs/reference"))
+    app.connect("html-page-context", _finish)
     app.connect("build-finished", _front_door)
 
 
@@ -72,6 +75,28 @@ def _skip() -> Exception:
     from docutils.nodes import SkipNode
 
     return SkipNode()
+
+
+def _finish(app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: Any) -> None:
+    """A click on a picture shows it in full, unless it leads elsewhere, and its title says what drew it; no
+    dash where nothing follows.
+    """
+    if "body" not in context:
+        return
+    body = re.sub(r"\s–\s*(?=</p>)", "", context["body"])
+    body = re.sub(r'<img (?=[^>]*src="[^"]*/([^"/]+)")', _with_title, body)
+    parts = re.split(r"(<a [^>]*>.*?</a>)", body, flags=re.DOTALL)
+    picture = re.compile(r'<img [^>]*src="([^"]+)"[^>]*>')
+    parts[::2] = [picture.sub(r'<a class="picture" href="\1">\g<0></a>', part) for part in parts[::2]]
+    context["body"] = "".join(parts)
+
+
+def _with_title(found: re.Match[str]) -> str:
+    """The beginning of an ``img`` whose picture is one of ``figures/made.json``."""
+    for script, made in _MADE.items():
+        if found[1] in made["pictures"]:
+            return f'{found[0]}title="docs/{script} at commit {made["commit"]}" '
+    return found[0]
 
 
 def _front_door(app: Sphinx, error: Exception | None) -> None:

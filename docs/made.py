@@ -75,7 +75,22 @@ def _code(path: Path) -> bytes:
             node, clean=False
         ):
             node.body = node.body[1:]
-    return ast.dump(tree).encode()
+    return _dumped(tree).encode()
+
+
+def _dumped(node: Any) -> str:
+    """What ``ast.dump`` of Python 3.11 gives, whichever Python reads the code; later ones leave more out."""
+    if isinstance(node, list):
+        return f"[{', '.join(map(_dumped, node))}]"
+    if not isinstance(node, ast.AST):
+        return repr(node)
+    fields = {name: getattr(node, name, None) for name in node._fields if name != "type_params"}
+    kept = [f"{name}={_dumped(value)}" for name, value in fields.items() if not _left_out(node, name, value)]
+    return f"{type(node).__name__}({', '.join(kept)})"
+
+
+def _left_out(node: ast.AST, name: str, value: object) -> bool:
+    return value is None and (not isinstance(node, ast.Constant) or name == "kind")
 
 
 def pictures(script: str) -> dict[str, str]:

@@ -4,9 +4,11 @@ it.
 A mutation changes one operator, constant, condition, bound or call of a line that the quick tests execute,
 draws of which follow from a seed; then only the tests that execute the line are run, in a copy of the
 checkout. What survives is printed. Mutations that change no behaviour are listed with the reason in
-``mutants_equal.toml`` and do not count.
+``mutants_equal.toml`` and do not count. Which tests execute a line, a map says that takes several minutes to
+make; without it (``--nearby``) tests are looked for by their names.
 
     python tests/mutants.py --count 120 --seed 1 -j 2
+    python tests/mutants.py --nearby --seed 2 --count 60
     python tests/mutants.py --only core/toposeam/seam --count 40
 """
 
@@ -14,18 +16,25 @@ from __future__ import annotations
 
 import argparse
 import ast
+import contextlib
+import dataclasses
+import importlib
 import os
 import random
+import re
+import resource
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 import tomllib
-from collections import defaultdict
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from queue import SimpleQueue
+
+import pytest
 
 ROOT = Path(__file__).parents[1]
 SOURCES = ("core/toposeam", "cli/toposeam_cli", "plugin_gimp/toposeam_engine")
@@ -42,11 +51,20 @@ COPIED = (
     "CHANGELOG.md",
 )
 EQUAL = Path(__file__).with_name("mutants_equal.toml")
-#: Tests run for one mutation at most, the quickest to name first; a line of common code is executed by
-#: hundreds.
+#: Tests run for one mutation at most; a line of common code is executed by hundreds.
 MOST_TESTS = 60
-LIMIT_S = 300
+#: Processor time after which no further test is begun for a mutation, and the time after which it hangs.
+BUDGET_S, LIMIT_S = 8, 600
+#: What most tests load.
+PRELOADED = (
+    *("numpy", "numpy.testing", "scipy.ndimage", "scipy.sparse.linalg", "scipy.sparse.csgraph", "scipy.fft"),
+    *("scipy.optimize", "scipy.interpolate", "scipy.cluster.vq", "qdldl", "PIL.Image", "pyvips", "click"),
+    *("skimage.measure", "skimage.filters", "skimage.metrics", "click.testing"),
+)
 
+PASSED = (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED)
+
+_FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+::.*?)(?: - .*)?$", re.MULTILINE)
 _COMPARED = {
     "<": "<=",
     "<=": "<",
@@ -213,9 +231,18 @@ def _is_text(node: ast.expr) -> bool:
     return isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Constant) and isinstance(node.value, str))
 
 
-def covering_tests(cache: Path) -> dict[str, dict[int, list[str]]]:
-    """Per file and line, the quick tests that execute it; measured once and kept."""
-    data_file = cache / "coverage"
+def _parses(mutation: Mutation) -> bool:
+    raw = (ROOT / mutation.file).read_bytes()
+    try:
+        ast.parse(raw[: mutation.start] + mutation.after.encode() + raw[mutation.end :])
+    except SyntaxError:
+        return False
+    return True
+
+
+def covering_tests(cache: Path, jobs: int) -> dict[str, dict[int, list[str]]]:
+    """Per file and line, the quick tests that execute it and pass; measured once and kept."""
+    data_file, failed_file = cache / "coverage", cache / "failed"
     if not data_file.exists():
         cache.mkdir(parents=True, exist_ok=True)
         command = [
@@ -225,17 +252,25 @@ def covering_tests(cache: Path) -> dict[str, dict[int, list[str]]]:
             "tests",
             "-q",
             "-n",
-            "2",
+            str(jobs),
             "-m",
             "not slow",
             "-p",
             "no:cacheprovider",
+            "-rfE",
             "--ignore=tests/gimp",
             *(f"--cov={source}" for source in SOURCES),
             "--cov-context=test",
             "--cov-report=",
         ]
-        subprocess.run(command, cwd=ROOT, env={**os.environ, "COVERAGE_FILE": str(data_file)}, check=True)
+        environment = {**os.environ, "COVERAGE_FILE": str(data_file)}
+        ended = subprocess.run(
+            command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True, check=False
+        )
+        failed_file.write_text("".join(f"{name}\n" for name in _FAILED.findall(ended.stdout)))
+    failed = set(failed_file.read_text().splitlines()) if failed_file.exists() else set()
+    for name in sorted(failed):
+        print(f"left out, as it fails without any mutation: {name}", flush=True)
     from coverage import CoverageData  # of make check-deep alone
 
     data = CoverageData(str(data_file))
@@ -243,7 +278,7 @@ def covering_tests(cache: Path) -> dict[str, dict[int, list[str]]]:
     found: dict[str, dict[int, list[str]]] = {}
     for file in data.measured_files():
         lines = {
-            line: sorted({context.partition("|")[0] for context in contexts} - {""})
+            line: sorted({context.partition("|")[0] for context in contexts} - {""} - failed)
             for line, contexts in data.contexts_by_lineno(file).items()
         }
         found[Path(file).relative_to(ROOT).as_posix()] = {
@@ -252,9 +287,28 @@ def covering_tests(cache: Path) -> dict[str, dict[int, list[str]]]:
     return found
 
 
-def chosen(count: int, seed: int, only: str, tests: dict[str, dict[int, list[str]]]) -> list[Mutation]:
-    """Some mutations of executed lines, spread over the files by their square roots, so that no room is left
-    out.
+def nearest(tests: list[str], file: str) -> list[str]:
+    """At most `MOST_TESTS` of the tests: those of the file's own test file first, then those of its room,
+    then some of all others.
+    """
+    source = Path(file)
+    room = source.parent.name
+
+    def group(test: str) -> int:
+        path = Path(test.partition("::")[0])
+        return 0 if path.stem == f"test_{source.stem}" else 1 if path.parent.name == room else 2
+
+    taken: list[str] = []
+    for wanted in range(3):
+        near = [test for test in tests if group(test) == wanted]
+        step = max(1, len(near) // max(1, MOST_TESTS - len(taken)))
+        taken += near[::step][: MOST_TESTS - len(taken)]
+    return taken
+
+
+def chosen(count: int, seed: int, only: str, tests: dict[str, dict[int, list[str]]] | None) -> list[Mutation]:
+    """Some mutations, with a map those of executed lines, spread over the files by their square roots, so
+    that no room is left out.
     """
     rng = random.Random(seed)  # noqa: S311
     pool: dict[str, list[Mutation]] = {}
@@ -263,7 +317,9 @@ def chosen(count: int, seed: int, only: str, tests: dict[str, dict[int, list[str
             name = path.relative_to(ROOT).as_posix()
             if name.startswith(only):
                 executed = [
-                    mutation for mutation in mutations_of(path) if mutation.line in tests.get(name, {})
+                    mutation
+                    for mutation in mutations_of(path)
+                    if tests is None or mutation.line in tests.get(name, {})
                 ]
                 if executed:
                     pool[name] = executed
@@ -273,51 +329,155 @@ def chosen(count: int, seed: int, only: str, tests: dict[str, dict[int, list[str
     most = sum(map(len, pool.values()))
     while len(drawn) < min(count, most):
         mutation = rng.choice(pool[rng.choices(names, weights)[0]])
-        drawn[mutation.name] = mutation
+        if _parses(mutation):
+            drawn[mutation.name] = mutation
     return list(drawn.values())
 
 
-def survives(mutation: Mutation, tests: list[str], copy: Path) -> bool:
-    """Whether the tests pass in a copy of the checkout that has the mutation."""
-    path = copy / mutation.file
-    original = path.read_bytes()
-    changed = original[: mutation.start] + mutation.after.encode() + original[mutation.end :]
+def nearby_tests(file: str) -> list[str]:
+    """Where a file's tests are looked for without a map: its examples, its own test files, those that name
+    it, its room.
+    """
+    source = Path(file)
+    within = ROOT / "tests" / ("core" if file.startswith("core/") else "cli")
+    room = within / source.parent.name
+    files = sorted(room.rglob("test_*.py")) if room.is_dir() else []
+    files += sorted(within.glob("test_*.py"))
+    files += sorted(path for path in within.rglob("test_*.py") if path not in files)
+    if file.startswith("plugin_gimp/"):
+        files = [ROOT / "tests/cli/test_engine.py", ROOT / "tests/gimp/test_free_half.py"]
+    named = re.compile(rf"[.\"]{re.escape(source.stem)}( import|\")")
+
+    def group(path: Path) -> int:
+        if path.stem.startswith(f"test_{source.stem}"):
+            return 0
+        if named.search(path.read_text(encoding="utf-8")):
+            return 1
+        return 2 if path.parent == room or not room.is_dir() else 3
+
+    groups = {path: group(path) for path in files}
+    ordered = sorted((path for path in files if groups[path] < 3), key=groups.__getitem__)
+    examples = [file] if file.startswith("core/") else []
+    return [*examples, *(path.relative_to(ROOT).as_posix() for path in ordered)]
+
+
+class _Budget:
+    """Ends a run of tests between two of them, once they took all the time they have."""
+
+    def __init__(self) -> None:
+        self.spent = False
+
+    def pytest_runtest_logfinish(self, nodeid: str) -> None:
+        self.spent = self.spent or time.process_time() > BUDGET_S
+
+    def pytest_runtest_setup(self, item: pytest.Item) -> None:
+        if self.spent:
+            item.session.shouldstop = "the budget is spent"
+
+
+class Trial:
+    """The tests in a copy of the checkout that has a mutation, in a process of its own."""
+
+    def __init__(self, mutation: Mutation, tests: list[str], copy: Path) -> None:
+        self.mutation, self.copy, self.tests = mutation, copy, tests
+        self._path = copy / mutation.file
+        self._original = self._path.read_bytes()
+        changed = self._original[: mutation.start] + mutation.after.encode() + self._original[mutation.end :]
+        self._path.write_bytes(changed)
+        self._until = time.monotonic() + LIMIT_S
+        self._process = os.fork()
+        if not self._process:
+            _run_tests(tests, copy)
+
+    def survived(self) -> bool | None:
+        """Whether no test noticed; None while they run."""
+        ended, status = os.waitpid(self._process, os.WNOHANG)
+        if not ended:
+            if time.monotonic() < self._until:
+                return None
+            os.killpg(self._process, signal.SIGKILL)
+            os.waitpid(self._process, 0)
+        self._path.write_bytes(self._original)
+        return bool(ended) and os.WIFEXITED(status) and os.WEXITSTATUS(status) in PASSED
+
+    def noticed_by(self) -> str:
+        """The test that failed, or how else the tests ended; of the last trial in that copy."""
+        said = (self.copy / "log").read_text(encoding="utf-8", errors="replace").splitlines()
+        failed = [line for line in said if line.startswith(("FAILED", "ERROR"))]
+        return failed[0][:160] if failed else "not one: they hung, or died"
+
+
+def _run_tests(tests: list[str], copy: Path) -> None:
+    """In a forked process, which ends here."""
+    code = 1
     try:
-        ast.parse(changed)
-    except SyntaxError:
-        return False
-    path.write_bytes(changed)
-    command = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-x",
-        "-q",
-        "-p",
-        "no:cacheprovider",
-        "-p",
-        "no:xdist",
-        "-m",
-        "not slow",
-        *tests,
-    ]
-    paths = os.pathsep.join(str(copy / room) for room in ("core", "cli", "plugin_gimp"))
-    environment = {
-        **os.environ,
-        "PYTHONPATH": paths,
-        "PYTHONDONTWRITEBYTECODE": "1",
-        "OPENBLAS_NUM_THREADS": "1",
-        "OMP_NUM_THREADS": "1",
-    }
-    try:
-        ended = subprocess.run(
-            command, cwd=copy, env=environment, capture_output=True, timeout=LIMIT_S, check=False
-        )
-        return ended.returncode == 0
-    except subprocess.TimeoutExpired:
-        return False
+        os.setsid()
+        resource.setrlimit(resource.RLIMIT_CPU, (5 * BUDGET_S, 5 * BUDGET_S))
+        log = os.open(copy / "log", os.O_RDWR | os.O_CREAT | os.O_TRUNC)
+        for stream in range(3):
+            os.dup2(log, stream)
+        rooms = [str(copy / room) for room in ("core", "cli", "plugin_gimp")]
+        sys.path[:] = [*rooms, *(place for place in sys.path if not place.startswith(str(ROOT / "tests")))]
+        os.environ["PYTHONPATH"] = os.pathsep.join(rooms)
+        os.chdir(copy)
+        words = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-m", "not slow"]
+        files = list(dict.fromkeys(test.partition("::")[0] for test in tests))
+        for file in files:  # one after the other: what is not needed is not even collected
+            budget = _Budget()
+            its = [test for test in tests if test.partition("::")[0] == file]
+            code = int(pytest.main([*words, *its], plugins=[budget]))
+            if budget.spent and code == pytest.ExitCode.INTERRUPTED:
+                code = 0
+            if budget.spent or code not in PASSED:
+                break
     finally:
-        path.write_bytes(original)
+        os._exit(code)
+
+
+def run_all(
+    mutations: list[Mutation], tests_of: Callable[[Mutation], list[str]], jobs: int
+) -> Iterator[tuple[Trial, bool]]:
+    """Every mutation's trial, and whether it survived, as soon as that is known."""
+    for name in PRELOADED:  # what all tests load is loaded once
+        with contextlib.suppress(ImportError):
+            importlib.import_module(name)
+    os.environ |= {"PYTHONDONTWRITEBYTECODE": "1", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    waiting = mutations[::-1]
+    running: list[Trial] = []
+    with tempfile.TemporaryDirectory(prefix="toposeam-mutants-") as scratch:
+        copies = [Path(scratch) / str(number) for number in range(jobs)]
+        for copy in copies:
+            copy_checkout(copy)
+        unchanged = Trial(
+            dataclasses.replace(waiting[-1], start=0, end=0, after=""), tests_of(waiting[-1]), copies[0]
+        )
+        while (passed := unchanged.survived()) is None:
+            time.sleep(0.05)
+        if not passed:
+            raise SystemExit(f"tests fail without any mutation: {unchanged.noticed_by()}")
+        while waiting or running:
+            while waiting and copies:
+                mutation = waiting.pop()
+                running.append(Trial(mutation, tests_of(mutation), copies.pop()))
+            time.sleep(0.05)
+            for trial in list(running):
+                survived = trial.survived()
+                if survived is not None:
+                    running.remove(trial)
+                    copies.append(trial.copy)
+                    yield trial, survived
+
+
+def copy_checkout(copy: Path) -> None:
+    """What tests need, in another folder."""
+    copy.mkdir()
+    for name in COPIED:
+        source = ROOT / name
+        if source.is_dir():
+            left_out = ("__pycache__", "figures") if name == "docs" else ("__pycache__",)
+            shutil.copytree(source, copy / name, ignore=shutil.ignore_patterns(*left_out))
+        else:
+            shutil.copy(source, copy / name)
 
 
 def main() -> int:
@@ -328,55 +488,41 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=120)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="", help="paths that begin so")
+    parser.add_argument("--nearby", action="store_true", help="look for tests nearby, without the map")
+    parser.add_argument("--again", type=Path, help="run only what a former run printed as survived")
     parser.add_argument("--least", type=float, default=0.9, help="share that must be noticed")
     parser.add_argument("--cache", type=Path, default=ROOT / "build" / "mutants")
     parser.add_argument("-j", "--jobs", type=int, default=2)
     options = parser.parse_args()
-    tests = covering_tests(options.cache)
+    tests = None if options.nearby else covering_tests(options.cache, options.jobs)
     mutations = chosen(options.count, options.seed, options.only, tests)
+    if options.again is not None:
+        before = options.again.read_text(encoding="utf-8")
+        mutations = [mutation for mutation in mutations if f"survived  {mutation.name}\n" in before]
     equal = {
         (entry["file"], entry["before"], entry["after"]): entry["why"]
-        for entry in tomllib.loads(EQUAL.read_text()).get("equal", [])
+        for entry in tomllib.loads(EQUAL.read_text(encoding="utf-8")).get("equal", [])
     }
     lines = {
         name: (ROOT / name).read_text(encoding="utf-8").splitlines()
         for name in {mutation.file for mutation in mutations}
     }
-    copies: SimpleQueue[Path] = SimpleQueue()
-    with tempfile.TemporaryDirectory(prefix="toposeam-mutants-") as scratch:
-        for number in range(options.jobs):
-            copy = Path(scratch) / str(number)
-            copy.mkdir()
-            for name in COPIED:
-                source = ROOT / name
-                if source.is_dir():
-                    shutil.copytree(
-                        source, copy / name, ignore=shutil.ignore_patterns("__pycache__", "figures")
-                    )
-                else:
-                    shutil.copy(source, copy / name)
-            copies.put(copy)
 
-        def run(mutation: Mutation) -> bool:
-            copy = copies.get()
-            try:
-                names = tests[mutation.file][mutation.line]
-                step = max(1, len(names) // MOST_TESTS)
-                return survives(mutation, names[::step][:MOST_TESTS], copy)
-            finally:
-                copies.put(copy)
+    def tests_of(mutation: Mutation) -> list[str]:
+        if tests is None:
+            return nearby_tests(mutation.file)
+        return nearest(tests[mutation.file][mutation.line], mutation.file)
 
-        survivors: dict[str, list[Mutation]] = defaultdict(list)
-        counted = 0
-        with ThreadPoolExecutor(options.jobs) as pool:
-            for mutation, survived in zip(mutations, pool.map(run, mutations), strict=True):
-                line = lines[mutation.file][mutation.line - 1].strip()
-                why = equal.get((mutation.file, line, mutation.after))
-                counted += why is None
-                if survived and why is None:
-                    survivors[mutation.file].append(mutation)
-                    print(f"survived  {mutation.name}\n          {line}", flush=True)
-    lost = sum(map(len, survivors.values()))
+    counted = lost = 0
+    for trial, survived in run_all(mutations, tests_of, options.jobs):
+        mutation = trial.mutation
+        line = lines[mutation.file][mutation.line - 1].strip()
+        why = equal.get((mutation.file, line, mutation.after))
+        counted += why is None
+        lost += survived and why is None
+        if why is None:
+            said = line if survived else trial.noticed_by()
+            print(f"{'survived' if survived else 'noticed '}  {mutation.name}\n          {said}", flush=True)
     share = 1 - lost / max(counted, 1)
     print(
         f"{counted - lost} of {counted} mutations noticed ({share:.0%}); {len(mutations) - counted} change "

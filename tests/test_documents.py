@@ -8,7 +8,10 @@ import sys
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
+import click
 import pytest
+
+from toposeam_cli.main import main
 
 HERE = Path(__file__).parents[1]
 DOCUMENTS = sorted(
@@ -72,6 +75,34 @@ def test_no_picture_is_older_than_the_code_it_shows(name):
     remedy = f"run python docs/{name}, look at the pictures, then: python docs/made.py {name}"
     assert stored["pictures"] == made.pictures(name), f"pictures changed by something else; {remedy}"
     assert stored["code"] == made.fingerprint(name), f"the code has changed since; {remedy}"
+
+
+def commands(text):
+    """What follows ``toposeam`` in the lines of a document's blocks of commands."""
+    for code in re.findall(r"^ *```(?:sh|console|)\n(.*?)^ *```", text, re.MULTILINE | re.DOTALL):
+        for line in code.replace("\\\n", " ").splitlines():
+            if re.match(r"(\$ )?(\S*/)?toposeam \w", line):
+                yield shlex.split(line.removeprefix("$ "), comments=True)[1:]
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.relative_to(HERE).as_posix())
+def test_every_command_in_a_document_is_one_that_there_is(document):
+    """With its options and their values; whether its files are there is not asked."""
+    for words in commands(document.read_text(encoding="utf-8")):
+        command, said = main, []
+        while isinstance(command, click.Group):
+            command = command.get_command(click.Context(command), words[0])
+            assert command is not None, words
+            said.append(words.pop(0))
+        command.make_context(" ".join(said), list(words))
+
+
+def test_every_measurement_names_the_commit_that_was_measured():
+    sections = (HERE / "docs/results.md").read_text(encoding="utf-8").split("\n## ")[1:]
+    named = re.compile(r"\bat commit `?[0-9a-f]{8}\b", re.IGNORECASE)
+    assert not [text.splitlines()[0] for text in sections if not named.search(text)]
+    scripts = [path for path in HERE.glob("benchmarks/*.py") if "__main__" in path.read_text("utf-8")]
+    assert not [path.name for path in scripts if "print(stamp())" not in path.read_text(encoding="utf-8")]
 
 
 @pytest.fixture

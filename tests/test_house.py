@@ -19,7 +19,7 @@ PACKAGES = {
 
 #: Each room, and the rooms its modules may import; within a room everything may import everything that
 #: does not make a circle. A room is a folder, or a module beside the folders; "toposeam" is the public face.
-BASE = {"toposeam.errors", "toposeam.checks", "toposeam.images"}
+BASE = {"toposeam.errors", "toposeam.checks", "toposeam.images", "toposeam.colours"}
 BELOW = BASE | {
     "toposeam.saving",
     "toposeam.display",
@@ -35,6 +35,7 @@ ARROWS = {
     "toposeam.sentence": {"toposeam.errors"},
     "toposeam.checks": {"toposeam.errors"},
     "toposeam.images": {"toposeam.errors", "toposeam.checks"},
+    "toposeam.colours": {"toposeam.errors"},
     "toposeam.saving": set(),
     "toposeam.display": BASE,
     "toposeam.heat": {"toposeam.errors", "toposeam.checks"},

@@ -123,5 +123,23 @@ def test_the_installation_is_told_truly():
     lowest = project["requires-python"].removeprefix(">=")
     pythons = [line.rpartition(" ")[2] for line in project["classifiers"] if "Python :: 3." in line]
     assert pythons[0] == lowest
-    workflow = (HERE / ".github/workflows/ci.yml").read_text(encoding="utf-8")
-    assert all(f'"{python}"' in workflow for python in pythons)
+
+
+def test_public_ci_is_valid_and_asks_for_what_there_is():
+    yaml = pytest.importorskip("yaml")
+    for path in HERE.glob(".github/**/*.yml"):
+        assert isinstance(yaml.safe_load(path.read_text(encoding="utf-8")), dict), path.name
+    jobs = yaml.safe_load((HERE / ".github/workflows/ci.yml").read_text(encoding="utf-8"))["jobs"]
+    assert {"quick", "newest", "full", "gimp"} <= set(jobs)
+    matrix = jobs["quick"]["strategy"]["matrix"]
+    project = tomllib.loads((HERE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    classifiers = (line.rpartition(" ")[2] for line in project["classifiers"])
+    assert matrix["python"] == [version for version in classifiers if version.startswith("3.")]
+    assert matrix["os"] == ["ubuntu-latest", "windows-latest", "macos-latest"]
+    runs = [step["run"] for job in jobs.values() for step in job["steps"] if "run" in step]
+    targets = set(re.findall(r"^([a-z-]+):", (HERE / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+    wanted = {word for run in runs for word in run.partition("make ")[2].split()}
+    assert wanted
+    assert wanted <= targets
+    extras = {extra for run in runs for extra in re.findall(r"\[([a-z,]+)\]", run)}
+    assert extras <= set(project["optional-dependencies"])

@@ -115,6 +115,14 @@ def test_the_site_asks_nothing_of_the_network(site):
     assert not {name: links for name, links in found.items() if links}
 
 
+def test_every_figure_tells_what_drew_it_at_which_commit(site):
+    text = "".join(path.read_text(encoding="utf-8") for path in pages(site))
+    figures = re.findall(r'<img ([^>]*src="[^"]*(?:fig-|page-|patterns-|texture-)[^>]*)>', text)
+    assert len(figures) > 30
+    told = re.compile(r'title="docs/\w+\.py at commit [0-9a-f]{12}"')
+    assert not [figure for figure in figures if not told.search(figure)]
+
+
 def test_every_public_name_is_in_the_reference(site):
     import toposeam as ts
 
@@ -148,6 +156,7 @@ def test_a_browser_shows_every_page_on_a_desk_and_on_a_telephone_and_finds_words
                 "--headless",
                 "--no-sandbox",
                 "--disable-gpu",
+                "--disable-dev-shm-usage",  # which is small in containers
                 f"--user-data-dir={tmp_path}",
                 "--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1",
                 "--window-size=1500,1000",

@@ -5,9 +5,10 @@ length or a checked path.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import re
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -88,7 +89,7 @@ class PairType(click.ParamType):  # type: ignore[type-arg]
         """Parse the text."""
         if isinstance(value, tuple):
             return value
-        match = re.fullmatch(r"\s*(\d{1,6})(?:\s*[x×]\s*(\d{1,6}))?\s*", str(value))
+        match = re.fullmatch(r"\s*(\d{1,9})(?:\s*[xX×]\s*(\d{1,9}))?\s*", str(value))
         if match is None or int(match[1]) < 1 or (match[2] is not None and int(match[2]) < 1):
             self.fail(
                 f"{value!r} is not a size; write one whole number above 0, or {self._example}", param, ctx
@@ -211,6 +212,46 @@ def taken(kind: type[OptionsT], given: dict[str, Any]) -> OptionsT:
     names = [field.name for field in dataclasses.fields(kind)]  # type: ignore[arg-type]
     return kind(**{name: given.pop(name) for name in names})
 
+
+def grouped(
+    name: str, kind: type[Any], options: Sequence[Callable[[Any], Any]]
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Options that reach a command as one frozen value.
+
+    Parameters
+    ----------
+    name : str
+        The command's parameter.
+    kind : type
+        A dataclass whose fields are called as the options.
+    options : sequence of click options
+    """
+
+    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        @functools.wraps(command)
+        def call(**given: Any) -> Any:
+            return command(**{name: taken(kind, given)}, **given)
+
+        with_options: Callable[..., Any] = call
+        for option in reversed(options):
+            with_options = option(with_options)
+        return with_options
+
+    return decorate
+
+
+#: What every command says alike.
+force_option = click.option("--force", is_flag=True, help="Replace existing files.")
+quiet_option = click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
+jobs_option = click.option(
+    "-j",
+    "--jobs",
+    "processes",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="How many at a time.",
+)
 
 #: Millions of pixels; nobody has more than a million of them.
 MEGAPIXELS = FiniteRange(min=0, max=1e6, min_open=True)

@@ -57,6 +57,8 @@ def manual(group: click.Group, prog_name: str, version: str) -> str:
     first, rest = _description(group)
     lines = [
         f'.TH {prog_name.upper()} 1 "" "{prog_name} {version}" "User Commands"',
+        ".nh",
+        ".ad l",
         ".SH NAME",
         rf"{prog_name} \- {_roff(first)}",
         ".SH SYNOPSIS",
@@ -117,5 +119,7 @@ def _options(command: click.Command, context: click.Context) -> list[str]:
 
 
 def _roff(text: str) -> str:
-    text = text.replace("\\", r"\e").replace("-", r"\-")
+    text = text.replace("\\", r"\e").replace("-", r"\-").replace("|", r"|\:")  # a line may end there
+    # Older groff reads Latin-1.
+    text = re.sub(r"[^\x00-\x7f]", lambda found: rf"\[u{ord(found[0]):04X}]", text)
     return rf"\&{text}" if text.startswith((".", "'")) else text

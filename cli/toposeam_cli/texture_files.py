@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,25 +15,18 @@ import numpy.typing as npt
 
 import toposeam as ts
 from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_output
-from toposeam_cli.options import FILE, MEGAPIXELS, OUTPUT, FiniteRange, Length
+from toposeam_cli.options import (
+    FILE,
+    MEGAPIXELS,
+    OUTPUT,
+    FiniteRange,
+    Length,
+    LengthType,
+    force_option,
+    grouped,
+    quiet_option,
+)
 from toposeam_cli.pictures.picture import Picture, match_pictures, read_picture, write_picture
-
-
-class SizeType(click.ParamType):  # type: ignore[type-arg]  # generic only since click 8.4
-    """``WxH`` in whole pixels, or one number for a square; (height, width) in Python."""
-
-    name = "WxH"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[int, int]:
-        """Parse the text."""
-        if isinstance(value, tuple):
-            return value
-        match = re.fullmatch(r"\s*(\d{1,9})(?:\s*[x×]\s*(\d{1,9}))?\s*", value, re.IGNORECASE)
-        if match is None or 0 in (int(match[1]), int(match[2] or match[1])):
-            self.fail(f"{value!r} is not a size; write width and height in pixels, like 1024x512", param, ctx)
-        return int(match[2] or match[1]), int(match[1])
 
 
 class PatchType(click.ParamType):  # type: ignore[type-arg]
@@ -66,6 +58,29 @@ class WeightsType(click.ParamType):  # type: ignore[type-arg]
             return tuple(float(part) for part in value.split(","))
         except ValueError:
             self.fail(f"{value!r} is not a list of weights; write numbers, like 1,0.5", param, ctx)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Patches:
+    """How large patches are, and how far they overlap."""
+
+    patch: int | None
+    overlap: Length | None
+
+    def keywords(self) -> dict[str, Any]:
+        """What ``synthesize`` and ``fill`` are told.
+
+        Raises
+        ------
+        OptionError
+            For an overlap of 100 %.
+        """
+        overlap: float | None = None
+        if self.overlap is not None:
+            if self.overlap.percent and self.overlap.value >= 100:
+                raise ts.OptionError("overlap is 100%; of a patch give less, usually 25%")
+            overlap = self.overlap.value / 100 if self.overlap.percent else int(self.overlap.value)
+        return {"patch": self.patch, "overlap": overlap}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,6 +139,19 @@ class Results:
         """Of any picture that is read."""
         return round(self.max_megapixels * 1e6)
 
+
+_PATCHES: tuple[Callable[[Any], Any], ...] = (
+    click.option(
+        "--patch",
+        type=PatchType(),
+        default="auto",
+        show_default=True,
+        help="Side of a patch, px; auto: by the picture's own scale.",
+    ),
+    click.option(
+        "--overlap", type=LengthType(), help="How far patches overlap, px or % of the patch; 25% by default."
+    ),
+)
 
 _SEARCH: tuple[Callable[[Any], Any], ...] = (
     click.option(
@@ -211,41 +239,14 @@ _RESULTS: tuple[Callable[[Any], Any], ...] = (
         show_default=True,
         help="Refuse larger pictures; the search for patches takes about 30 bytes a pixel.",
     ),
-    click.option("--force", is_flag=True, help="Replace existing files."),
-    click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors."),
+    force_option,
+    quiet_option,
 )
 
 
-def grouped(
-    name: str, kind: type[Any], options: Sequence[Callable[[Any], Any]]
-) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Options that reach a command as one frozen value.
-
-    Parameters
-    ----------
-    name : str
-        The command's parameter.
-    kind : type
-        A dataclass whose fields are called as the options.
-    options : sequence of click options
-    """
-    fields = [field.name for field in dataclasses.fields(kind)]
-
-    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
-        @functools.wraps(command)
-        def call(**given: Any) -> Any:
-            value = kind(**{field: given.pop(field) for field in fields})
-            return command(**given, **{name: value})
-
-        with_options: Callable[..., Any] = call
-        for option in reversed(options):
-            with_options = option(with_options)
-        return with_options
-
-    return decorate
-
-
-#: Add the options that say how patches are chosen (``search``), and what else is written (``results``).
+#: Add the options that say how large patches are (``patches``), how they are chosen (``search``), and what
+#: else is written (``results``).
+patch_options = grouped("patches", Patches, _PATCHES)
 search_options = grouped("search", Search, _SEARCH)
 result_options = grouped("results", Results, _RESULTS)
 
@@ -347,19 +348,10 @@ def alphas(pictures: Sequence[Picture]) -> list[Any] | None:
     )
 
 
-def overlap_of(overlap: Length | None) -> float | None:
-    """An overlap as the core wants it: px, or a share of the patch below 1.
-
-    Raises
-    ------
-    OptionError
-        For 100 %.
-    """
-    if overlap is None or not overlap.percent:
-        return None if overlap is None else int(overlap.value)
-    if overlap.value >= 100:
-        raise ts.OptionError("overlap is 100%; of a patch give less, usually 25%")
-    return overlap.value / 100
+def read_one(image: Path, search: Search, results: Results) -> tuple[Picture, list[Picture]]:
+    """One picture and its further maps."""
+    maps = read_maps(search.also, 1, results.max_megapixels)
+    return read_sources([image], results.max_megapixels)[0], [given[0] for given in maps]
 
 
 def white_of(*pictures: Picture) -> list[float | None]:

@@ -42,7 +42,7 @@ from .seam.likeness import seam_likeness
 from .seam.match_cost import MatchCost
 from .seam.overlap import SIDES, Side
 from .seam.seam import Seam, apply_paths
-from .seam.thesis import ThesisOptions
+from .seam.thesis_options import ThesisOptions
 from .texture.fill import BYS, By, fill
 from .texture.lay import LayOptions
 from .texture.light import flatten_light

@@ -185,8 +185,8 @@ def full_scale(dtype: np.dtype[Any]) -> Any:
     return dtype.type(np.iinfo(dtype).max if np.issubdtype(dtype, np.integer) else 1)
 
 
-def as_mask(mask: npt.ArrayLike, shape: tuple[int, int], name: str) -> Mask:
-    """The mask as an (H, W) bool array of the given shape, True where it is not zero.
+def as_mask(mask: npt.ArrayLike, shape: tuple[int, ...], name: str) -> Mask:
+    """The mask as a bool array of the given shape, (H, W) or (D, H, W), True where it is not zero.
 
     Raises
     ------
@@ -196,10 +196,28 @@ def as_mask(mask: npt.ArrayLike, shape: tuple[int, int], name: str) -> Mask:
     try:
         array = np.asarray(mask)
     except ValueError as error:
-        raise ImageError(f"{name} is no array ({error}); pass one value per pixel") from error
-    if array.shape != shape:
-        raise ImageError(f"{name} has shape {array.shape}, the images have {shape}; pass one value per pixel")
+        raise ImageError(f"{name} is no array ({error}); pass one value per {unit_of(shape)}") from error
+    check_shape(array, shape, name)
     return array if array.dtype == bool else array != 0
+
+
+def check_shape(array: npt.NDArray[Any], shape: tuple[int, ...], name: str) -> None:
+    """Refuse an array that has not one value per pixel of (H, W) images, or voxel of (D, H, W) volumes.
+
+    Raises
+    ------
+    ImageError
+    """
+    if array.shape != shape:
+        whole = "volumes" if len(shape) == 3 else "images"
+        raise ImageError(
+            f"{name} has shape {array.shape}, the {whole} have {shape}; pass one value per {unit_of(shape)}"
+        )
+
+
+def unit_of(shape: tuple[int, ...]) -> str:
+    """What one value of (H, W), or of (D, H, W), belongs to."""
+    return "voxel" if len(shape) == 3 else "pixel"
 
 
 def widen(

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 import toposeam as ts
+from toposeam.colours import to_hex
 from toposeam.motif.inked import MAX_PATTERN
 from toposeam.motif.tiling import tile
 from toposeam_engine.serving import Job
@@ -17,8 +17,8 @@ def motif(job: Job) -> dict[str, Any]:
     """Layers of ink: a density per ink, the inks' and the paper's colours, and the recipe."""
     made = generated(job)
     return {
-        "inks": [_hexadecimal(ink) for ink in made.inks],
-        "paper": _hexadecimal(made.paper),
+        "inks": [to_hex(ink) for ink in made.inks],
+        "paper": to_hex(made.paper),
         "densities": [job.write(density) for density in made.coverage()],
         "recipe": made.recipe.to_dict(),
     }
@@ -53,7 +53,3 @@ def repeat(job: Job) -> dict[str, Any]:
         written.append(job.write(tile(cell, str(job.request["repeat"]), (rows, columns))))
         job.progress(index / len(cells))
     return {"densities": written}
-
-
-def _hexadecimal(colour: npt.NDArray[np.float64]) -> str:
-    return "#" + "".join(f"{round(float(part) * 255):02x}" for part in colour)

@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 
@@ -54,6 +55,17 @@ def test_the_manual_page_has_every_command_and_every_option(toposeam):
         assert f"\n.SS toposeam {name} " in ran.out
     for option in ("--overlap", "--tileable", "--palette", "--gimp-version"):
         assert option.replace("-", r"\-") in ran.out
+    assert ran.out.isascii()
+
+
+@pytest.mark.skipif(shutil.which("groff") is None, reason="there is no groff")
+def test_groff_sets_the_manual_page_without_a_warning(toposeam):
+    page = toposeam("manual").out
+    done = subprocess.run(
+        ["groff", "-man", "-ww", "-Tutf8", "-P-c"], input=page, capture_output=True, text=True, check=True
+    )
+    assert done.stderr == ""
+    assert "cost ÷ optimum" in " ".join(done.stdout.split())
 
 
 def test_text_cannot_be_mistaken_for_formatting():

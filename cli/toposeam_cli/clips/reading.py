@@ -23,6 +23,10 @@ FRAMES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp")
 _Frame = npt.NDArray[np.uint8]
 
 
+class OneFrameError(ImageError):
+    """A picture where a clip was wanted."""
+
+
 def read_clip(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
     """Read a video, an animated picture, or a folder of frames.
 
@@ -37,6 +41,8 @@ def read_clip(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
 
     Raises
     ------
+    OneFrameError
+        For a picture that does not move.
     ImageError
         If there is no such file, or it is no clip, damaged, cut short or too large, or its frames are of
         unlike size or follow each other unevenly.
@@ -120,7 +126,7 @@ def _read_animated(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
             raise
         raise ImageError(f"{path} is damaged or cut short ({error}); copy or save it again") from error
     if len(frames) < 2:
-        raise ImageError(f"{path} holds one frame; a clip needs several")
+        raise OneFrameError(f"{path} holds one frame; a clip needs several")
     if wide and all((frame[..., 3] == 255).all() for frame in frames):
         frames = [np.ascontiguousarray(frame[..., :3]) for frame in frames]
     stacked, even = evenly(frames, starts, shown, rate, str(path))

@@ -18,7 +18,7 @@ from toposeam_cli.batch.running import commands_with_outputs
 from toposeam_cli.files.interruption import Terminated
 from toposeam_cli.jobs.journal import Journal
 from toposeam_cli.jobs.runner import Job, check, finished, run
-from toposeam_cli.options import FILE, is_input, is_output
+from toposeam_cli.options import FILE, force_option, is_input, is_output, jobs_option, quiet_option
 from toposeam_cli.progress import progress_bar
 
 #: Options that say how a command does its work, not what it makes.
@@ -36,15 +36,7 @@ _MANNER = ("force", "quiet")
 @click.option(
     "--command", "name", default="stitch", show_default=True, help="With patterns: the command to run."
 )
-@click.option(
-    "-j",
-    "--jobs",
-    "processes",
-    type=click.IntRange(min=1),
-    default=1,
-    show_default=True,
-    help="How many at a time.",
-)
+@jobs_option
 @click.option(
     "--dask",
     metavar="ADDRESS|local",
@@ -60,8 +52,8 @@ _MANNER = ("force", "quiet")
     "--fresh", is_flag=True, help="Do everything again, also what the table of results says is done."
 )
 @click.option("-n", "--dry-run", is_flag=True, help="Print what would be run, and run nothing.")
-@click.option("--force", is_flag=True, help="Replace existing files.")
-@click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
+@force_option
+@quiet_option
 def batch(
     words: tuple[str, ...],
     name: str,

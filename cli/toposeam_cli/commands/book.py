@@ -23,7 +23,7 @@ from toposeam_cli.files.interruption import Terminated
 from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_output
 from toposeam_cli.jobs.journal import Journal
 from toposeam_cli.jobs.runner import Job, run
-from toposeam_cli.options import FILE
+from toposeam_cli.options import FILE, jobs_option, quiet_option
 from toposeam_cli.pictures.theme import read_theme
 from toposeam_cli.progress import progress_bar
 
@@ -47,15 +47,7 @@ _PAGES = "pages"
 @click.option(
     "-o", "--output", "folder", type=FILE, required=True, help="Folder of the book; made if it is not there."
 )
-@click.option(
-    "-j",
-    "--jobs",
-    "processes",
-    type=click.IntRange(min=1),
-    default=1,
-    show_default=True,
-    help="How many at a time.",
-)
+@jobs_option
 @click.option(
     "--size",
     type=click.IntRange(32, 2048),
@@ -74,7 +66,7 @@ _PAGES = "pages"
 @click.option("--no-pdf", is_flag=True, help="Write no book.pdf, which needs matplotlib.")
 @click.option("--fresh", is_flag=True, help="Make everything again, also what a former run made.")
 @click.option("--force", is_flag=True, help="Replace files in the folder that no former run made.")
-@click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
+@quiet_option
 def book(
     theme: Path,
     number: int,

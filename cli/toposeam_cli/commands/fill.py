@@ -7,17 +7,16 @@ from pathlib import Path
 import click
 
 import toposeam as ts
-from toposeam_cli.options import FILE, OUTPUT, Length, LengthType
+from toposeam_cli.options import FILE, OUTPUT
 from toposeam_cli.pictures.picture import read_white
 from toposeam_cli.progress import share_bar
 from toposeam_cli.texture_files import (
-    PatchType,
+    Patches,
     Results,
     Search,
     map_outputs,
-    overlap_of,
-    read_maps,
-    read_sources,
+    patch_options,
+    read_one,
     result_options,
     search_options,
     white_of,
@@ -35,16 +34,7 @@ from toposeam_cli.texture_files import (
 @click.option(
     "-o", "--output", type=OUTPUT, required=True, help="The filled picture: .png, .tif, .jpg or .webp."
 )
-@click.option(
-    "--patch",
-    type=PatchType(),
-    default="auto",
-    show_default=True,
-    help="Side of a patch, px; auto: by the picture's own scale.",
-)
-@click.option(
-    "--overlap", type=LengthType(), help="How far patches overlap, px or % of the patch; 25% by default."
-)
+@patch_options
 @click.option(
     "--band",
     type=int,
@@ -71,8 +61,7 @@ def fill(
     image: Path,
     mask: Path,
     output: Path,
-    patch: int | None,
-    overlap: Length | None,
+    patches: Patches,
     band: int | None,
     by: ts.By,
     level: bool,
@@ -88,8 +77,7 @@ def fill(
     toposeam fill street.jpg --mask car.png --avoid faces.png -o street_clean.png
     """  # noqa: D301 - click wants the character
     goes = results.destinations(output, map_outputs(output, search.also))
-    picture = read_sources([image], results.max_megapixels)[0]
-    maps = [given[0] for given in read_maps(search.also, 1, results.max_megapixels)]
+    picture, maps = read_one(image, search, results)
     shape = picture.pixels.shape[:2]
     hole = read_white(mask, shape, image.name, results.max_pixels)
     copied, spared = (
@@ -102,8 +90,6 @@ def fill(
             hole,
             by=by,
             level=level,
-            patch=patch,
-            overlap=overlap_of(overlap),
             band=band,
             alpha=picture.alpha,
             source=copied,
@@ -111,6 +97,7 @@ def fill(
             maps=[one.pixels for one in maps],
             data_range=white_of(picture, *maps),
             progress=progress,
+            **patches.keywords(),
             **search.keywords(),
         )
     goes.write(made, picture, maps)

@@ -13,7 +13,7 @@ import numpy as np
 import toposeam as ts
 from toposeam.motif.inked import MAX_PATTERN
 from toposeam_cli.files.writing import check_output
-from toposeam_cli.options import FILE, OUTPUT, FiniteRange, PairType
+from toposeam_cli.options import FILE, OUTPUT, FiniteRange, PairType, force_option, quiet_option
 from toposeam_cli.pictures.printing import SUFFIXES, ink_names
 from toposeam_cli.pictures.recipe import read_recipe
 from toposeam_cli.print_options import PrintOptions, check_print, print_options, write_print
@@ -66,8 +66,8 @@ from toposeam_cli.progress import share_bar
     help="Elements along the border that all motifs have alike; 0 is the thesis's way.",
 )
 @print_options
-@click.option("--force", is_flag=True, help="Replace existing files.")
-@click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
+@force_option
+@quiet_option
 def join(
     files: tuple[Path, ...],
     output: Path,

@@ -15,7 +15,7 @@ from toposeam_cli.clips.clip import Clip
 from toposeam_cli.clips.reading import read_clip
 from toposeam_cli.clips.writing import check_clip_output, folder_for, write_clip
 from toposeam_cli.files.writing import all_or_nothing, check_output, replacing
-from toposeam_cli.options import FILE, OUTPUT, FiniteRange
+from toposeam_cli.options import FILE, OUTPUT, FiniteRange, force_option, quiet_option
 from toposeam_cli.pictures.picture import read_white
 from toposeam_cli.progress import share_bar
 
@@ -92,8 +92,8 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
     show_default=True,
     help="Refuse clips with more pixels in all their frames.",
 )
-@click.option("--force", is_flag=True, help="Replace existing files.")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+@force_option
+@quiet_option
 def loop(clip: Path, output: Path, **given: Any) -> None:
     """Make CLIP repeat without a visible jump.
 

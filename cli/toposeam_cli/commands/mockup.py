@@ -13,7 +13,7 @@ from toposeam_cli.book.patterns import draw_on_product
 from toposeam_cli.figures.products import PRODUCTS, draw_product
 from toposeam_cli.figures.products import product as product_named
 from toposeam_cli.files.writing import check_output
-from toposeam_cli.options import FILE, OUTPUT, PaperLengthType
+from toposeam_cli.options import FILE, OUTPUT, PaperLengthType, force_option, quiet_option
 from toposeam_cli.pictures.colour import to_depth, widen
 from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
 from toposeam_cli.pictures.recipe import read_settings
@@ -46,8 +46,8 @@ from toposeam_cli.print_options import RepeatType
     type=RepeatType(),
     help="For a picture without a recipe: the rule it repeats by.",
 )
-@click.option("--force", is_flag=True, help="Replace existing files.")
-@click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
+@force_option
+@quiet_option
 def mockup(
     motif: Path,
     product: str,

@@ -13,7 +13,7 @@ import toposeam as ts
 from toposeam.motif.palettes import Palette
 from toposeam.motif.recipe import LAWS
 from toposeam_cli.files.writing import atomic_write, check_output
-from toposeam_cli.options import FILE, OUTPUT, FiniteRange, NumbersType, PairType
+from toposeam_cli.options import FILE, OUTPUT, FiniteRange, NumbersType, PairType, force_option, quiet_option
 from toposeam_cli.pictures.printing import SUFFIXES, Print, describe, ink_names, sheet_coverage
 from toposeam_cli.pictures.recipe import read_recipe, read_settings, read_toml, recipe_from_table, to_toml
 from toposeam_cli.pictures.theme import read_colours, read_theme
@@ -143,8 +143,8 @@ _OF_LAYERS = ("mass", "penalty", "ambient")
 )
 @click.option("--palettes", is_flag=True, help="Print the palettes that have a name.")
 @click.option("--show-recipe", is_flag=True, help="Print the recipe as TOML; without -o nothing is made.")
-@click.option("--force", is_flag=True, help="Replace existing files.")
-@click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
+@force_option
+@quiet_option
 def motif(
     output: Path | None,
     config: Path | None,

@@ -9,7 +9,7 @@ import numpy as np
 
 import toposeam as ts
 from toposeam_cli.files.writing import atomic_write, check_output
-from toposeam_cli.options import FILE, OUTPUT, FiniteRange, OffsetType
+from toposeam_cli.options import FILE, OUTPUT, FiniteRange, OffsetType, force_option, quiet_option
 from toposeam_cli.pictures.colour import to_depth
 from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
 from toposeam_cli.progress import share_bar
@@ -53,8 +53,8 @@ _SUFFIXES = (".svg", ".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp")
     help="Pixels at most this bright are obstacles, 0 to 1; so are transparent ones.",
 )
 @click.option("-o", "--output", type=OUTPUT, help="The ways: .svg, or drawn on the map as .png, .tif, .jpg.")
-@click.option("--force", is_flag=True, help="Replace existing files.")
-@click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
+@force_option
+@quiet_option
 def path(
     ground: Path,
     sources: tuple[tuple[int, int], ...],

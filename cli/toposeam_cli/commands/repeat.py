@@ -14,7 +14,7 @@ from toposeam.motif.inked import MAX_PATTERN
 from toposeam.motif.kaleidoscope import GROUPS
 from toposeam.motif.tiling import tile
 from toposeam_cli.files.writing import check_output
-from toposeam_cli.options import FILE, OUTPUT, OffsetType, PairType
+from toposeam_cli.options import FILE, OUTPUT, OffsetType, PairType, force_option, quiet_option
 from toposeam_cli.pictures.colour import to_depth
 from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
 from toposeam_cli.pictures.printing import SUFFIXES, Print, describe, ink_names, sheet_coverage
@@ -42,8 +42,8 @@ from toposeam_cli.progress import share_bar
 )
 @click.option("--at", type=OffsetType(), help="With --cell: what of the picture is in the middle.")
 @print_options
-@click.option("--force", is_flag=True, help="Replace existing files.")
-@click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
+@force_option
+@quiet_option
 def repeat(
     picture: Path,
     counts: tuple[int, int],

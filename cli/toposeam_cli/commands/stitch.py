@@ -16,6 +16,7 @@ import toposeam as ts
 from toposeam.layers.composite import stitched as ts_stitched
 from toposeam.seam.drawing import draw_seams
 from toposeam_cli.clips.joining import ClipJob, join_clips
+from toposeam_cli.clips.reading import OneFrameError
 from toposeam_cli.composing import Outputs, check_outputs, crop_of, cropped, write
 from toposeam_cli.figures.search import check_search, draw_search
 from toposeam_cli.files.scratch import Scratch, scratch
@@ -28,7 +29,9 @@ from toposeam_cli.options import (
     KeyedFile,
     OffsetType,
     PairType,
+    force_option,
     placement,
+    quiet_option,
     taken,
 )
 from toposeam_cli.pictures.picture import COMPRESSIONS
@@ -158,8 +161,8 @@ _STRANGE = 0.1
     is_flag=True,
     help="Print costs, optima, ratios, stages, iterations and seconds as JSON.",
 )
-@click.option("--force", is_flag=True, help="Replace existing files.")
-@click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
+@force_option
+@quiet_option
 def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: Any) -> dict[str, Any]:
     """Join pictures where they overlap, along seams that nobody sees.
 
@@ -388,9 +391,7 @@ def _stitch_clips(files: list[Path], given: dict[str, Any]) -> dict[str, Any]:
     with share_bar(f"joining {files[0].name} and {files[1].name}", given["quiet"]) as progress:
         try:
             told = join_clips(job, progress)
-        except ts.ImageError as error:
-            if "holds one frame" not in str(error):
-                raise
+        except OneFrameError as error:
             raise click.UsageError(
                 f"{error}; three numbers are for clips, and two pictures take X,Y, like 120,-4"
             ) from error

@@ -12,19 +12,17 @@ import numpy as np
 
 import toposeam as ts
 from toposeam.images import full_scale
-from toposeam_cli.options import FILE, OUTPUT, FiniteRange, Length, LengthType, refuse_besides
+from toposeam_cli.options import FILE, OUTPUT, FiniteRange, PairType, grouped, refuse_besides
 from toposeam_cli.pictures.picture import check_size, read_picture, read_white, write_picture
 from toposeam_cli.progress import share_bar
 from toposeam_cli.texture_files import (
     Destinations,
-    PatchType,
+    Patches,
     Results,
     Search,
-    SizeType,
     alphas,
-    grouped,
     map_outputs,
-    overlap_of,
+    patch_options,
     read_maps,
     read_sources,
     result_options,
@@ -83,18 +81,9 @@ _GUIDE = (
 
 @click.command()
 @click.argument("sources", metavar="SOURCE...", type=FILE, nargs=-1, required=True)
-@click.option("--size", type=SizeType(), help="Width and height of the texture, px; one number for a square.")
+@click.option("--size", type=PairType(), help="Width and height of the texture, px; one number for a square.")
 @click.option("-o", "--output", type=OUTPUT, required=True, help="The texture: .png, .tif, .jpg or .webp.")
-@click.option(
-    "--patch",
-    type=PatchType(),
-    default="auto",
-    show_default=True,
-    help="Side of a patch, px; auto: by the texture's own scale.",
-)
-@click.option(
-    "--overlap", type=LengthType(), help="How far patches overlap, px or % of the patch; 25% by default."
-)
+@patch_options
 @click.option(
     "--tileable",
     type=click.Choice(ts.TILEABLE),
@@ -127,8 +116,7 @@ def synth(
     sources: tuple[Path, ...],
     size: tuple[int, int] | None,
     output: Path,
-    patch: int | None,
-    overlap: Length | None,
+    patches: Patches,
     tileable: ts.Tileable,
     source: tuple[Path, ...],
     flatten: bool,
@@ -154,7 +142,7 @@ def synth(
         _cut_alike(sources, output, use_coordinates, tileable, search.smooth, results)
         return
     count = len(sources)
-    check_size(output, size[1], size[0])
+    check_size(output, *size)
     goes = results.destinations(output, map_outputs(output, search.also[::count]))
     if source and len(source) != count:
         raise ts.OptionError(
@@ -170,9 +158,7 @@ def synth(
     with share_bar(f"growing {output.name}", results.quiet) as progress:
         made = ts.synthesize(
             [picture.pixels for picture in pictures],
-            size,
-            patch=patch,
-            overlap=overlap_of(overlap),
+            size[::-1],
             tileable=tileable,
             alpha=alphas(pictures),
             source_mask=copied or None,
@@ -183,12 +169,13 @@ def synth(
             max_megapixels=results.max_megapixels,
             progress=progress,
             **guided.read(results.max_pixels),
+            **patches.keywords(),
             **search.keywords(),
         )
     goes.write(made, pictures[0], [given[0] for given in maps])
     if not results.quiet:
         click.echo(
-            f"{output}: {size[1]} × {size[0]} px, {made.count} patches of {made.patch[1]} × {made.patch[0]} "
+            f"{output}: {size[0]} × {size[1]} px, {made.count} patches of {made.patch[1]} × {made.patch[0]} "
             "px"
         )
 

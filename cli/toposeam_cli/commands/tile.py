@@ -13,8 +13,7 @@ from toposeam_cli.texture_files import (
     Results,
     Search,
     map_outputs,
-    read_maps,
-    read_sources,
+    read_one,
     result_options,
     search_options,
     white_of,
@@ -57,8 +56,7 @@ def tile(
     toposeam tile frieze.png --tileable x -o frieze_tile.png
     """  # noqa: D301 - click wants the character
     goes = results.destinations(output, map_outputs(output, search.also), preview)
-    picture = read_sources([image], results.max_megapixels)[0]
-    maps = [given[0] for given in read_maps(search.also, 1, results.max_megapixels)]
+    picture, maps = read_one(image, search, results)
     with share_bar(f"closing {image.name}", results.quiet) as progress:
         made = ts.make_tileable(
             picture.pixels,

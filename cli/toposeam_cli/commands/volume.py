@@ -12,7 +12,7 @@ import numpy as np
 
 import toposeam as ts
 from toposeam_cli.files.writing import all_or_nothing, check_output, replacing
-from toposeam_cli.options import FILE, OUTPUT, FiniteRange
+from toposeam_cli.options import FILE, OUTPUT, FiniteRange, force_option, quiet_option
 from toposeam_cli.progress import share_bar
 from toposeam_cli.stacks.reading import read_stack
 from toposeam_cli.stacks.stack import Stack, common_spacing
@@ -64,8 +64,8 @@ class TripleType(click.ParamType):  # type: ignore[type-arg]
     type=FiniteRange(0, min_open=True),
     help="The value that counts as white; the depth's greatest by default, of floats the stacks' own.",
 )
-@click.option("--force", is_flag=True, help="Replace existing files.")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+@force_option
+@quiet_option
 def volume(a: Path, b: Path, output: Path, **given: Any) -> None:
     """Join stacks A and B along the surface that shows least.
 

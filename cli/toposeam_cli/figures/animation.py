@@ -56,7 +56,7 @@ def animate(seam: ts.Seam, suffix: str) -> bytes:
 
 def _with_sides(picture: npt.NDArray[np.uint8], seam: ts.Seam) -> npt.NDArray[np.uint8]:
     """The last frame with the two sides tinted, so that one sees which is which."""
-    top, left = seam.problem.overlap.origin
+    top, left = seam.problem.overlap.start
     height, width = seam.problem.overlap.side.shape
     rows = top + np.linspace(0, height - 1, picture.shape[0]).round().astype(int)
     columns = left + np.linspace(0, width - 1, picture.shape[1]).round().astype(int)

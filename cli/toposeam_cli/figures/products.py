@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
+from toposeam.colours import parse_colour, to_hex
 from toposeam.errors import OptionError
 from toposeam_cli.figures.cloth import Piece, lay
 from toposeam_cli.pictures.libvips import load_vips, to_vips
@@ -131,7 +132,7 @@ def draw_product(
     swatches: list[tuple[np.ndarray, float] | None]
     swatches = [None, _swatch(shown, pattern, motif_px / wide)]
     swatches.append(None if second is None else _swatch(shown, second[0], second[1] / wide))
-    colours = {"{paper}": _hex(paper), "{ink}": _hex(ink)}
+    colours = {"{paper}": to_hex(paper), "{ink}": to_hex(ink)}
     picture = _rendered(shown, shown.ground, colours)[..., :3].copy()
     folds = _folds(shown, picture.shape[:2])
     for place in shown.pieces:
@@ -155,7 +156,7 @@ def _folds(shown: Product, shape: tuple[int, ...]) -> np.ndarray:
         return np.zeros(shape)
     share = _FINE if "url(#fine)" in shown.folds else _WIDE
     drawing = shown.folds.replace('filter="url(#fine)"', "").replace('filter="url(#wide)"', "")
-    height = 2.0 * (_rendered(shown, drawing, {}, _LEVEL)[..., 0] - int(_LEVEL[1:3], 16) / 255)
+    height = 2.0 * (_rendered(shown, drawing, {}, _LEVEL)[..., 0] - parse_colour(_LEVEL)[0])
     blurred: np.ndarray = gaussian_filter(height, share * _LONGER_PX)
     return blurred
 
@@ -215,9 +216,4 @@ def _rendered(shown: Product, drawing: str, fill: dict[str, str], ground: str | 
 
 def _plain(colour: str, colours: dict[str, str]) -> np.ndarray:
     """One colour as a pattern."""
-    text = colours.get(colour, colour).removeprefix("#")
-    return np.array([[[int(text[at : at + 2], 16) / 255 for at in (0, 2, 4)]]], np.float32)
-
-
-def _hex(colour: np.ndarray) -> str:
-    return "#" + "".join(f"{round(255 * float(value)):02x}" for value in np.clip(colour, 0, 1))
+    return np.array([[parse_colour(colours.get(colour, colour))]], np.float32)

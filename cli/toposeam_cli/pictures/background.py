@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 import toposeam as ts
+from toposeam.colours import LUMA
 from toposeam.images import full_scale
 
 
@@ -44,7 +45,7 @@ def on_background(
     full = float(full_scale(image.dtype))
     below = np.asarray(colour, np.float32) / 255 * full
     if image.ndim == 2:
-        below = below @ np.array([0.299, 0.587, 0.114], np.float32)
+        below = below @ LUMA.astype(np.float32)
     result = np.empty_like(image)
     for start in range(0, len(image), 256):
         rows = slice(start, start + 256)

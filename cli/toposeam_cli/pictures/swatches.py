@@ -9,12 +9,11 @@ from pathlib import Path
 import numpy as np
 
 import toposeam as ts
+from toposeam.colours import LUMA
 
 #: Files of swatches are not larger.
 _LARGEST_BYTES = 1_000_000
 _COLOUR = 0x0001
-#: Where a palette's colours lie in the luminance of sRGB.
-_LUMA = np.array([0.2126, 0.7152, 0.0722])
 
 
 def read_swatches(path: Path) -> np.ndarray:
@@ -43,7 +42,7 @@ def read_swatches(path: Path) -> np.ndarray:
     if not colours:
         raise ts.OptionError(f"'{path}' has no colours in RGB, gray or CMYK; export it again")
     found = np.clip(np.array(colours), 0.0, 1.0)
-    lightest = int(np.argmax(found @ _LUMA))
+    lightest = int(np.argmax(found @ LUMA))
     return np.concatenate([found[lightest : lightest + 1], np.delete(found, lightest, axis=0)])
 
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 import toposeam as ts
-from toposeam.motif.palettes import Palette, parse_colour
+from toposeam.colours import parse_colour
+from toposeam.motif.palettes import Palette
 from toposeam_cli.pictures.picture import read_picture
 from toposeam_cli.pictures.swatches import read_swatches
 

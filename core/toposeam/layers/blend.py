@@ -263,7 +263,7 @@ class _Soft:
         result = {k: (shows == k).astype(np.float32) for k in index}
         for (i, j), seam in self._seams.items():
             problem = seam.problem
-            top, left = problem.overlap.origin
+            top, left = problem.overlap.start
             potential = potential_on_window(seam)
             at = Box(top, left, top + potential.shape[0], left + potential.shape[1])
             common = at.shared(box)

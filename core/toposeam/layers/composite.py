@@ -24,7 +24,7 @@ from toposeam.seam.find import Method
 from toposeam.seam.heat import HeatOptions
 from toposeam.seam.match_cost import MatchCost
 from toposeam.seam.seam import Seam
-from toposeam.seam.thesis import ThesisOptions
+from toposeam.seam.thesis_options import ThesisOptions
 from toposeam.vector.svg import SvgSeam, write_svg
 
 

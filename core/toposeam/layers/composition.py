@@ -30,10 +30,10 @@ from toposeam.layers.tones import match_tones as matched
 from toposeam.optimize.history import Termination
 from toposeam.seam.find import Method, find_seam, method_options
 from toposeam.seam.heat import HeatOptions
-from toposeam.seam.match_cost import MatchCost
+from toposeam.seam.match_cost import MatchCost, match_options
 from toposeam.seam.posing import as_weights
 from toposeam.seam.seam import Seam, apply_paths
-from toposeam.seam.thesis import ThesisOptions
+from toposeam.seam.thesis_options import ThesisOptions
 from toposeam.vector.polyline import Polyline
 from toposeam.vector.svg import SvgSeam
 
@@ -235,8 +235,7 @@ def compose(
     """
     layers = check_layers(layers)
     check_whole("max_rounds", max_rounds, 0)
-    if cost is not None and gradient is not None:
-        raise OptionError("gradient was given beside cost; write it into MatchCost")
+    match = match_options(gradient, cost)
     chosen = method_options(method, keywords) if options is None else options
     if options is not None:
         _check_options(method, options, keywords)
@@ -251,7 +250,6 @@ def compose(
     canvas = common_canvas(layers, max_megapixels=max_megapixels)
     if match_tones:
         layers = matched(layers)
-    match = cost if cost is not None else MatchCost(gradient=gradient is not False)
     factor = None if weight is None else as_weights(weight, canvas.shape)
     away = None if avoid is None else as_mask(avoid, canvas.shape, "avoid")
     common = {"cost": match, "core": core, "data_range": layers[0].data_range}
@@ -368,9 +366,9 @@ class _Steps:
 def moved_seam(seam: Seam, box: Box, canvas: Extent, label_map: LabelMap, index: int) -> Seam:
     """A seam on a box of the canvas as one on the canvas; `index` is the number of its second layer."""
     overlap = seam.problem.overlap
-    origin = overlap.origin[0] + box.top, overlap.origin[1] + box.left
+    start = overlap.start[0] + box.top, overlap.start[1] + box.left
     problem = dataclasses.replace(
-        seam.problem, overlap=dataclasses.replace(overlap, origin=origin, canvas=canvas.shape)
+        seam.problem, overlap=dataclasses.replace(overlap, start=start, canvas=canvas.shape)
     )
     return dataclasses.replace(seam, problem=problem, _only_b=lambda: dense(label_map) == index)
 

@@ -1,6 +1,7 @@
 """A labelling problem posed: placed layers in; what is allowed where, and the costs, out.
 
-The rules of :mod:`toposeam.seam.overlap` carried over to many layers:
+The rules of :mod:`toposeam.seam.overlap`, whose `at_its_end` and `cores` state them for one patch, for many
+layers:
 
 - A layer does not show at its own end, where it has pixels but not the neighbour that another layer has,
   unless all layers there end.
@@ -27,7 +28,8 @@ from toposeam.layers.labelling import Labelling, Pair, PairCost
 from toposeam.layers.layer import Box, Extent, Layer, cut
 from toposeam.layers.maps import all_of, blocks, cover_of, dense, ground, made_map, new_map, uniform
 from toposeam.seam.match_cost import Floats32, MatchCost, match_cost
-from toposeam.seam.overlap import FREE, NONE, A, B, Overlap, neighbours
+from toposeam.seam.overlap import FREE, NONE, A, B, Overlap, at_its_end, cores
+from toposeam.seam.posing import forbid
 from toposeam.seam.problem import M_MAX
 
 #: Costs of pairs whose box holds up to so many pixels are kept; others are computed again where they are
@@ -38,7 +40,7 @@ _BLOCK_PIXELS = 1 << 18
 #: Rows of a band that are computed at once.
 _WANTED_ROWS = 48
 #: What forbids an interface; far above what any match cost amounts to.
-_FORBIDDEN = np.float32(M_MAX * 1e3)
+_FORBIDDEN = float(np.float32(M_MAX * 1e3))
 
 
 def pose_labelling(
@@ -80,7 +82,7 @@ def pose_labelling(
         for j in range(i + 1, len(layers)):
             if meets(places, covered, i, j):
                 costs[i, j] = LayerPairCost((i, j), context)
-    forbidden = float("inf") if avoid is None else float(_FORBIDDEN)
+    forbidden = float("inf") if avoid is None else _FORBIDDEN
     return Labelling(extent.box, places, allowed, costs, forbidden)
 
 
@@ -121,8 +123,7 @@ def _without_ends(index: int, places: Sequence[Box], covered: Sequence[Mask]) ->
             return True
         around = around.moved(*place[:2])
         here = cut(cover, place, around)
-        missing = ground(places, covered, around) & ~here
-        away: Mask = (here & ~neighbours(missing))[1:-1, 1:-1]
+        away: Mask = (here & ~at_its_end(here, ground(places, covered, around)))[1:-1, 1:-1]
         return away
 
     return made_map(place.shape, bool, values)
@@ -143,9 +144,7 @@ def _keep_cores(
         alone[0] = True
         if alone.all():
             continue
-        deep = ndimage.distance_transform_edt(np.pad(cover, 1))[1:-1, 1:-1]
-        deepest = ndimage.maximum(deep, piece, np.arange(count + 1))
-        middle = ~alone[piece] & (deep >= np.maximum(core * deepest[piece], 2.0)) & dense(allowed[index])
+        middle = cores(cover, piece, ~alone, core) & dense(allowed[index])
         if claimed is None:
             claimed = new_map(canvas.shape, False, bool)
         before = claimed[place.slices]
@@ -258,8 +257,7 @@ class LayerPairCost:
         right, down = match_cost(a, b, overlap, on_a, on_b, context.match, weight)
         if context.avoid is not None:
             away = cut(context.avoid, context.canvas, around)
-            right[(right > 0) & (away[:, 1:] | away[:, :-1])] = _FORBIDDEN
-            down[(down > 0) & (away[1:] | away[:-1])] = _FORBIDDEN
+            forbid((down, right), away, _FORBIDDEN)
         return right[1:-1, 1:-1], down[1:-1, 1:-1]
 
     def _colours(self, index: int, box: Box, present: Mask) -> Floats32:

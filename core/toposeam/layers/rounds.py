@@ -37,7 +37,7 @@ from toposeam.seam.heat import HeatOptions
 from toposeam.seam.overlap import FREE
 from toposeam.seam.seam import Seam
 from toposeam.seam.solution import Solution
-from toposeam.seam.thesis import ThesisOptions
+from toposeam.seam.thesis_options import ThesisOptions
 
 #: A move counts when it lowers the cost of its region by this share.
 _LEAST_GAIN = 1e-7
@@ -312,7 +312,9 @@ class Rounds:
             self._flows[pair] = box, np.flatnonzero(undecided)
         if self._undecided is not None or not self._keeps:
             nothing = np.zeros((0, 0), bool)
-            solution = dataclasses.replace(solution, labels=nothing, soft=nothing.astype(np.float32))
+            solution = dataclasses.replace(
+                solution, labels=nothing, soft=nothing.astype(np.float32), contracted=True
+            )
             box = Box(box.top, box.left, box.top, box.left)
         self.solved[pair] = box, solution
 
@@ -380,7 +382,7 @@ class Rounds:
         label_map = self.label_map
         return Seam(
             _shown=shown,
-            _potential=potential,
+            _potential=None if solution.contracted else potential,
             _only_b=lambda: dense(label_map) == pair[1],
             cost=problem.cost(shown),
             history=solution.history,

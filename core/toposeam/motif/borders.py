@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import check_pair
+from toposeam.colours import LUMA
 from toposeam.errors import ImageError
 from toposeam.images import as_float
 
@@ -67,9 +68,7 @@ def border_visibility(pattern: npt.ArrayLike, cell: tuple[int, int]) -> float:
             f"the pattern has {values.shape[0]} × {values.shape[1]} px, which is no whole number of cells of "
             f"{rows} × {columns}; give whole cells"
         )
-    luminance = (
-        values[..., 0] if values.shape[2] < 3 else values[..., :3] @ np.array([0.2126, 0.7152, 0.0722])
-    )
+    luminance = values[..., 0] if values.shape[2] < 3 else values[..., :3] @ LUMA
     return max(_visibility(luminance, rows), _visibility(luminance.T, columns))
 
 

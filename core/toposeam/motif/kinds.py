@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from toposeam.colours import LUMA
 from toposeam.errors import ImageError
 from toposeam.images import as_float
 
@@ -25,7 +26,6 @@ CLEAR = 0.55
 #: Standard deviation of the widest blur before brightnesses are compared, as a share of the motif's shorter
 #: side.
 _WIDEST_BLUR = 0.03
-_LUMA = np.array([0.2126, 0.7152, 0.0722])
 
 
 class Kind(StrEnum):
@@ -115,7 +115,7 @@ def measure(image: npt.ArrayLike, base: npt.ArrayLike | None = None) -> Characte
 
 def _brightness(image: npt.NDArray[np.float32]) -> Floats:
     values = image.astype(np.float64)
-    brightness: Floats = values[..., 0] if values.shape[2] < 3 else values[..., :3] @ _LUMA
+    brightness: Floats = values[..., 0] if values.shape[2] < 3 else values[..., :3] @ LUMA
     return brightness
 
 

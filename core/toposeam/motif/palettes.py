@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import check_whole
+from toposeam.colours import LUMA, parse_colour
 from toposeam.errors import OptionError
 from toposeam.heat.threads import one_thread
 from toposeam.images import as_float
@@ -47,29 +48,6 @@ class Palette:
     paper: Floats
     #: (n, 3)
     inks: Floats
-
-
-def parse_colour(text: str) -> tuple[float, float, float]:
-    """The colour of ``#rrggbb`` or ``#rgb``, sRGB in [0, 1].
-
-    Raises
-    ------
-    OptionError
-
-    Examples
-    --------
-    >>> parse_colour("#f80") == parse_colour("#ff8800")
-    True
-    """
-    digits = text.removeprefix("#")
-    if len(digits) == 3:
-        digits = "".join(2 * digit for digit in digits)
-    try:
-        if len(digits) != 6 or not digits.isalnum():
-            raise ValueError
-        return int(digits[:2], 16) / 255, int(digits[2:4], 16) / 255, int(digits[4:], 16) / 255
-    except ValueError:
-        raise OptionError(f"colour {text!r} cannot be read; write it as #rrggbb") from None
 
 
 def palette(source: str | npt.ArrayLike, n: int) -> Palette:
@@ -121,7 +99,7 @@ def _from_picture(source: npt.ArrayLike, n: int) -> Palette:
             "use fewer layers"
         )
     centres, sizes = _cluster(pixels, n + 1)
-    lightest = int(np.argmax(centres @ np.array([0.2126, 0.7152, 0.0722])))
+    lightest = int(np.argmax(centres @ LUMA))
     paper = centres[lightest]
     rest = np.delete(np.arange(n + 1), lightest)
     rest = rest[np.argsort(-sizes[rest], kind="stable")]

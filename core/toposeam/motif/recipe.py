@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import check_choice, check_number, check_pair, check_range, check_whole
+from toposeam.colours import LUMA
 from toposeam.errors import OptionError
 from toposeam.images import as_float
 from toposeam.motif.edges import EDGES
@@ -226,9 +227,7 @@ def pack_base(image: npt.ArrayLike) -> str:
     if array.shape[2] in (2, 4):  # on white where it is transparent
         alpha = np.clip(array[..., -1:], 0.0, 1.0)
         array = array[..., :-1] * alpha + (1.0 - alpha)
-    gray = (
-        array @ np.array([0.2126, 0.7152, 0.0722], np.float32) if array.shape[2] == 3 else array.mean(axis=2)
-    )
+    gray = array @ LUMA.astype(np.float32) if array.shape[2] == 3 else array.mean(axis=2)
     step = max(1.0, max(gray.shape) / _BASE_SIZE)
     if step > 1:
         from toposeam.motif.sampling import resample

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from toposeam.checks import check_kind, check_range, check_whole, options_from
+from toposeam.colours import to_hex
 from toposeam.errors import OptionError
 from toposeam.motif.edges import SMOOTHING, fineness, shading
 from toposeam.motif.tiling import extend, period, tile
@@ -158,7 +159,7 @@ def draw_svg(
         if chosen.transparent
         else (
             f'<rect x="{-margin}" y="{-margin}" width="{across * width + 2 * margin}" '
-            f'height="{down * height + 2 * margin}" fill="{_colour(motif.paper)}"/>'
+            f'height="{down * height + 2 * margin}" fill="{to_hex(motif.paper)}"/>'
         )
     )
     lines = [
@@ -246,20 +247,16 @@ def _layer(
     ]
     if typical[0] > 0:  # the thin haze where no contour is
         across, down = (size // fine + MARGIN_PX for size in (smooth.shape[1], smooth.shape[0]))
-        colour = _colour(1.0 - typical[0] * (1.0 - ink))
+        colour = to_hex(1.0 - typical[0] * (1.0 - ink))
         lines.append(
             f'<rect x="{-MARGIN_PX}" y="{-MARGIN_PX}" width="{across}" height="{down}" fill="{colour}"/>'
         )
     for level, threshold in enumerate(bands.thresholds, 1):
         data = contour_beyond(smooth, float(threshold)).data(1 / fine)
         if data:
-            colour = _colour(1.0 - typical[level] * (1.0 - ink))
+            colour = to_hex(1.0 - typical[level] * (1.0 - ink))
             lines.append(f'<path fill="{colour}" fill-rule="evenodd" d="{data}"/>')
     return [*lines, "</g>"]
-
-
-def _colour(rgb: Floats) -> str:
-    return "#" + "".join(f"{round(255 * min(max(float(value), 0.0), 1.0)):02x}" for value in rgb)
 
 
 def _number(value: float) -> str:

@@ -66,6 +66,20 @@ class _Level:
 def restrict(grid: CutGrid) -> tuple[Network, Floats, Floats, _Ints32]:
     """The network of the free pixels without those that coarser networks show to be decided.
 
+    *A worked example.* One row of eight free pixels between ground of a alone and of b alone. Interfaces
+    cost ::
+
+        a 9 p0 9 p1 5 p2 9 p3 1 p4 9 p5 5 p6 9 p7 9 b
+
+    Each pixel merges with the neighbour it costs most to divide from: four pairs, and between them only what
+    they have to pay, 9 | 5 | 1 | 5 | 9. There most of the heat's difference falls at the 1. The two pairs
+    beside it are opened (were five pixels the most, per interface of the seam); the outer ones lie on the
+    cold and on the hot side of that flow, and become part of these terminals. Left are the pixels p2 to p5 ::
+
+        cold 5 p2 9 p3 1 p4 9 p5 5 hot
+
+    with the same costs as before: whatever is chosen among them costs what it costs on the whole row.
+
     Parameters
     ----------
     grid : CutGrid

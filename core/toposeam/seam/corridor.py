@@ -56,7 +56,7 @@ def best_nearby(problem: SeamProblem, labels: Mask, open_pixels: Mask) -> Mask:
         box = around[0].start - 1, around[0].stop + 1, around[1].start - 1, around[1].stop + 1
         here = slice(*box[:2]), slice(*box[2:])
         piece = component[here] == index
-        seam = _beside_seam(best[here], piece, problem.overlap.side[here] != NONE)
+        seam = beside_seam(best[here], piece, problem.overlap.side[here] != NONE)
         zone = grown(seam, SEAM_CELLS) | flows[here]
         found = shortest_path(problem, here, piece, cut_cost(problem, here, piece, best[here]), zone)
         if found is None:
@@ -82,7 +82,7 @@ def grown(places: Mask, cells: int) -> Mask:
     return wide
 
 
-def _beside_seam(labels: Mask, piece: Mask, covered: Mask) -> Mask:
+def beside_seam(labels: Mask, piece: Mask, covered: Mask) -> Mask:
     """Pixels of a piece that the labels divide from a covered neighbour."""
     beside = np.zeros(labels.shape, bool)
     for s, t in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
@@ -104,7 +104,7 @@ def _apart(problem: SeamProblem, best: Mask, box: _Box, near: Mask) -> tuple[Mas
     """
     free = np.zeros(best.shape, bool)
     free[box] = near
-    narrowed = _keeping(problem, free, best)
+    narrowed = keeping(problem, free, best)
     component, count = ndimage.label(near)
     top, left = box[0].start, box[1].start
     parted = True
@@ -125,7 +125,7 @@ def _apart(problem: SeamProblem, best: Mask, box: _Box, near: Mask) -> tuple[Mas
     return best, parted
 
 
-def _keeping(problem: SeamProblem, free: Mask, labels: Mask) -> SeamProblem:
+def keeping(problem: SeamProblem, free: Mask, labels: Mask) -> SeamProblem:
     """The problem in which only some free pixels still are; the others keep their labels."""
     side = problem.overlap.side
     kept = np.where((side == FREE) & ~free, labels, side).astype(np.uint8)
@@ -153,7 +153,7 @@ def _closed(
             break
         opened, whole = np.zeros(labels.shape, bool), labels.copy()
         opened[box], whole[box] = piece & ~across, best
-        found = shortest_path(_keeping(problem, opened, whole), box, opened[box], zone=zone)
+        found = shortest_path(keeping(problem, opened, whole), box, opened[box], zone=zone)
         if found is None:
             break
         done = best = np.where(opened[box], found, best)

@@ -24,7 +24,8 @@ from toposeam.seam.posing import pose
 from toposeam.seam.problem import SeamProblem
 from toposeam.seam.seam import Seam, seam_of
 from toposeam.seam.solution import Solution
-from toposeam.seam.thesis import ThesisOptions, thesis_path
+from toposeam.seam.thesis import thesis_path
+from toposeam.seam.thesis_options import ThesisOptions
 
 Method = Literal["heat", "thesis", "shortest-path", "dp", "graph-cut"]
 METHODS: tuple[Method, ...] = get_args(Method)

@@ -30,11 +30,12 @@ from toposeam.checks import check_range, check_whole
 from toposeam.errors import SolverError
 from toposeam.heat.network import Floats, Ints, Network
 from toposeam.heat.primal_dual import PrimalDual
+from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
 from toposeam.optimize.history import Frame, Iteration, Termination
 from toposeam.seam.coarse import WHOLE_NODES, restrict
-from toposeam.seam.corridor import best_nearby, grown
-from toposeam.seam.overlap import FREE
+from toposeam.seam.corridor import beside_seam, best_nearby, grown, keeping
+from toposeam.seam.overlap import FREE, NONE
 from toposeam.seam.problem import SeamProblem
 from toposeam.seam.solution import Solution
 
@@ -42,6 +43,8 @@ from toposeam.seam.solution import Solution
 FLUX_THRESHOLD = 0.01
 #: ``soft`` is the last potential whose cost exceeded what is proven by this share.
 _SOFT = 0.1
+#: In large overlaps it is sought within so many cells (of 8 px) of the seam, in steps at most.
+_SOFT_CELLS, _SOFT_STEPS = 4, 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,8 +90,9 @@ def heat_path(
     -------
     Solution
         ``soft`` is the label potential of the last step before the seam was proven within 10 %; where the
-        overlap was contracted first, it varies only between the pixels that were left to choose from. The
-        last record of the history is the seam itself, all heat on one line.
+        overlap was contracted first, it varies only between the pixels that were left to choose from, and
+        :func:`potential_beside` has a better one. The last record of the history is the seam itself, all heat
+        on one line.
     """
     network, cost, multiplicity, node_of_pixel = _network(problem)
     history: list[Iteration] = []
@@ -139,7 +143,7 @@ def heat_path(
     labels = hot[node_of_pixel]
     potential = np.clip(soft, 0.0, 1.0).astype(np.float32)[node_of_pixel]
     if _is_large(problem) and not problem.tied:
-        labels, potential = _opened_again(problem, labels, potential, node_of_pixel)
+        labels = _opened_again(problem, labels, node_of_pixel)
     if history:
         least = problem.total(labels)
         used = len(problem.crossed(labels))
@@ -167,36 +171,70 @@ def heat_path(
         bound=bound,
         labels=labels,
         soft=potential,
+        contracted=_is_large(problem),
         history=tuple(history),
         frames=tuple(frames),
         termination=termination,
     )
 
 
+def potential_beside(problem: SeamProblem, labels: Mask) -> npt.NDArray[np.float32]:
+    """The label potential of an overlap too large to be solved whole: the heat of the last step before the
+    seam is proven within 10 %, in a band of some thirty pixels on either side of it.
+
+    Parameters
+    ----------
+    problem : SeamProblem
+    labels : (h, w) bool array
+        What shows ``b``; beyond the band that is the potential.
+
+    Returns
+    -------
+    (h, w) float32 array in [0, 1]
+    """
+    free = problem.overlap.side == FREE
+    labels = problem.complete(labels).astype(bool, copy=False)
+    band = grown(beside_seam(labels, free, problem.overlap.side != NONE), _SOFT_CELLS) & free
+    network, cost, _, node_of_pixel = _pixel_network(keeping(problem, band, labels))
+    potential: npt.NDArray[np.float32] = labels.astype(np.float32)
+    if not network.n:
+        return potential
+    with one_thread():
+        state = PrimalDual(network, cost)
+        soft = state.potential
+        for _ in range(_SOFT_STEPS):
+            if float(state.cost @ np.abs(state.jump)) <= (1 + _SOFT) * state.bound:
+                break
+            soft = state.potential
+            try:
+                state.step()
+            except SolverError:
+                break
+    potential[band] = np.clip(soft, 0.0, 1.0)[node_of_pixel[band]]
+    return potential
+
+
 def _is_large(problem: SeamProblem) -> bool:
     return int(np.count_nonzero(problem.overlap.side == FREE)) > WHOLE_NODES
 
 
-def _opened_again(
-    problem: SeamProblem, labels: Mask, potential: npt.NDArray[np.float32], node_of_pixel: Ints
-) -> tuple[Mask, npt.NDArray[np.float32]]:
-    """The best seam near the one that the heat found, and the label potential: where the seam has moved, its
-    labels.
-    """
+def _opened_again(problem: SeamProblem, labels: Mask, node_of_pixel: Ints) -> Mask:
+    """The best seam near the one that the heat found."""
     free = problem.overlap.side == FREE
     alone = np.bincount(node_of_pixel[free], minlength=int(node_of_pixel.max()) + 1) == 1
-    near = best_nearby(problem, labels, alone[node_of_pixel] & free)
-    moved = (near != labels) & free
-    return near, np.where(grown(moved, 1), near, potential).astype(np.float32)
+    return best_nearby(problem, labels, alone[node_of_pixel] & free)
 
 
 def _network(problem: SeamProblem) -> tuple[Network, Floats, Floats, Ints]:
     """The network to solve, the cost of its elements and the number of interfaces each stands for; (h, w)
     node of every free pixel.
     """
+    return restrict(problem.grid) if _is_large(problem) else _pixel_network(problem)
+
+
+def _pixel_network(problem: SeamProblem) -> tuple[Network, Floats, Floats, Ints]:
+    """As :func:`_network`, every free pixel a node."""
     side = problem.overlap.side
-    if _is_large(problem):
-        return restrict(problem.grid)
     if problem.tied:
         network, cost, pixels = problem.grid.network(problem.grid.free)
     else:

@@ -67,7 +67,7 @@ def seam_likeness(
             f"a has shape {first.shape[:2]}, b {second.shape[:2]} and the seam's canvas {seam.labels.shape}; "
             "pass the pictures it was found in"
         )
-    top, left = seam.problem.overlap.origin
+    top, left = seam.problem.overlap.start
     height, width = seam.problem.overlap.side.shape
     box = np.s_[max(top, 0) : top + height, max(left, 0) : left + width]
     first, second, labels = first[box], second[box], seam.labels[box]

@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import check_choice, check_range
+from toposeam.errors import OptionError
 from toposeam.images import Mask
 from toposeam.seam.overlap import FREE, NONE, Overlap
 
@@ -61,6 +62,32 @@ class MatchCost:
         check_choice("gradient", self.gradient, (True, False))
         check_range(0, above=True, epsilon=self.epsilon, length=self.length)
         check_range(0, flat=self.flat)
+
+
+def match_options(gradient: bool | None, cost: MatchCost | None) -> MatchCost:
+    """The options of the match cost, of which a caller gave one or none.
+
+    Raises
+    ------
+    OptionError
+        When both are given, or one is of another kind.
+
+    Examples
+    --------
+    >>> match_options(False, None).gradient, match_options(None, MatchCost(flat=0.5)).flat
+    (False, 0.5)
+    """
+    if gradient is not None:
+        check_choice("gradient", gradient, (True, False))
+        if cost is not None:
+            raise OptionError(
+                "gradient and cost are both given; write MatchCost(gradient=…) and leave gradient out"
+            )
+    if cost is None:
+        return MatchCost(gradient=gradient is not False)
+    if not isinstance(cost, MatchCost):
+        raise OptionError(f"cost is of class {type(cost).__name__}; pass a MatchCost")
+    return cost
 
 
 def match_cost(

@@ -58,15 +58,15 @@ class Overlap:
         `A`, `B`, `FREE` or `NONE` per pixel of the window.
     shared : (h, w) bool array
         Where both patches have pixels. Both arrays become read-only: overlaps of one shape share them.
-    origin : (int, int)
-        Row and column of the window's first pixel on the canvas; the margin may start at -1.
+    start : (int, int)
+        Index of the window's first pixel on the canvas, (row, column); the margin may start at -1.
     canvas : (int, int)
         Height and width of the canvas.
     """
 
     side: npt.NDArray[np.uint8]
     shared: Mask
-    origin: tuple[int, ...]
+    start: tuple[int, ...]
     canvas: tuple[int, ...]
 
     def __post_init__(self) -> None:
@@ -77,10 +77,10 @@ class Overlap:
     def inside(self) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
         """Slices (of the canvas, of the window) that cover their common pixels."""
         on_canvas, on_window = [], []
-        for start, length, limit in zip(self.origin, self.side.shape, self.canvas, strict=True):
-            first, last = max(start, 0), min(start + length, limit)
+        for begin, length, limit in zip(self.start, self.side.shape, self.canvas, strict=True):
+            first, last = max(begin, 0), min(begin + length, limit)
             on_canvas.append(slice(first, last))
-            on_window.append(slice(first - start, last - start))
+            on_window.append(slice(first - begin, last - begin))
         return tuple(on_canvas), tuple(on_window)
 
     def window(self, array: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -170,13 +170,13 @@ def _between_masks(mask_a: Mask, mask_b: Mask, core: float) -> Overlap:
         )
     axes = range(shared.ndim)
     used = [np.flatnonzero(shared.any(axis=tuple(other for other in axes if other != axis))) for axis in axes]
-    origin = tuple(int(places[0]) - 1 for places in used)
-    size = tuple(int(places[-1]) + 2 - first for places, first in zip(used, origin, strict=True))
-    frame = Overlap(np.zeros(size, np.uint8), np.zeros(size, bool), origin, mask_a.shape)
+    start = tuple(int(places[0]) - 1 for places in used)
+    size = tuple(int(places[-1]) + 2 - first for places, first in zip(used, start, strict=True))
+    frame = Overlap(np.zeros(size, np.uint8), np.zeros(size, bool), start, mask_a.shape)
     on_a, on_b = frame.window(mask_a).astype(bool), frame.window(mask_b).astype(bool)
     shared = on_a & on_b
     side = _sides(shared, on_a & ~shared, on_b & ~shared, core)
-    overlap = Overlap(side, shared, origin, frame.canvas)
+    overlap = Overlap(side, shared, start, frame.canvas)
     if not ((side[shared] == A).any() and (side[shared] == B).any()) and not (side == FREE).any():
         raise OverlapError(
             "nothing divides the patches: wherever they overlap both cover the same ground, or one is too "
@@ -195,32 +195,62 @@ def neighbours(mask: Mask) -> Mask:
     return result
 
 
+def at_its_end(covered: Mask, ground: Mask) -> Mask:
+    """Where a patch ends: pixels of it beside ground that it does not cover.
+
+    Examples
+    --------
+    >>> at_its_end(np.array([[True, True, False]]), np.array([[True, True, True]]))
+    array([[False,  True, False]])
+    """
+    return covered & neighbours(ground & ~covered)
+
+
+def cores(covered: Mask, piece: npt.NDArray[np.int32], inside: npt.NDArray[np.bool_], share: float) -> Mask:
+    """The cores of those pieces of a patch that lie wholly inside others: what must show of them.
+
+    Parameters
+    ----------
+    covered : (H, W) bool array
+    piece : (H, W) int array
+        The number of the piece that each of its pixels belongs to; 0 for all others.
+    inside : (n + 1,) bool array
+        Per piece, whether it lies inside; that of number 0 is False.
+    share : float in (0, 1]
+        A core's pixels are at least this share as deep as the deepest, and 2 px.
+
+    Examples
+    --------
+    >>> disc = np.pad(np.ones((5, 5), np.int32), 1)
+    >>> [int(cores(disc > 0, disc, np.array([False, True]), share).sum()) for share in (0.5, 1.0)]
+    [9, 1]
+    """
+    depth = ndimage.distance_transform_edt(np.pad(covered, 1))[(slice(1, -1),) * covered.ndim]
+    deepest = ndimage.maximum(depth, piece, np.arange(len(inside)))
+    found: Mask = inside[piece] & (depth >= np.maximum(share * deepest[piece], 2.0))
+    return found
+
+
 def _sides(shared: Mask, ground_a: Mask, ground_b: Mask, core: float) -> npt.NDArray[np.uint8]:
     side = np.full(shared.shape, NONE, np.uint8)
     side[ground_a], side[ground_b] = A, B
-    touches_a, touches_b = neighbours(ground_a) & shared, neighbours(ground_b) & shared
+    # Beside ground of a alone b ends, and the other way round.
+    touches_a, touches_b = at_its_end(shared, shared | ground_a), at_its_end(shared, shared | ground_b)
     side[shared] = FREE
     side[touches_a & ~touches_b], side[touches_b & ~touches_a] = A, B
-    component, count = ndimage.label(shared, ndimage.generate_binary_structure(shared.ndim, 1))
+    piece, count = ndimage.label(shared, ndimage.generate_binary_structure(shared.ndim, 1))
     if count == 0:
         return side
-    has_a = np.bincount(component[touches_a], minlength=count + 1) > 0
-    has_b = np.bincount(component[touches_b], minlength=count + 1) > 0
+    has_a = np.bincount(piece[touches_a], minlength=count + 1) > 0
+    has_b = np.bincount(piece[touches_b], minlength=count + 1) > 0
     both = has_a & has_b
     both[0] = True
     if both.all():
         return side
-    deepest_first = ndimage.distance_transform_edt(shared)
-    for index in np.flatnonzero(~both):
-        pixels = component == index
-        if not has_a[index] and not has_b[index]:
-            side[pixels] = A
-            continue
-        outer, inner = (A, B) if has_a[index] else (B, A)
-        depth = np.where(pixels, deepest_first, 0.0)
-        middle = pixels & (depth >= max(core * depth.max(), 2.0))
-        if middle.any():
-            side[middle] = inner
-        else:
-            side[pixels] = outer
+    middle = cores(shared, piece, has_a != has_b, core)
+    without = ~both
+    without[piece[middle]] = False
+    outer = np.where(has_b & ~has_a, np.uint8(B), np.uint8(A))
+    side[without[piece]] = outer[piece[without[piece]]]
+    side[middle] = np.where(has_a, np.uint8(B), np.uint8(A))[piece[middle]]
     return side

@@ -5,6 +5,7 @@ costs out.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,9 @@ import numpy.typing as npt
 
 from toposeam.checks import check_choice
 from toposeam.errors import ImageError, OptionError
-from toposeam.images import Image, Mask, as_array, as_float, as_mask, widen
-from toposeam.seam.match_cost import Floats32, MatchCost, match_cost
+from toposeam.heat.grid_flow import HIGH, LOW, along
+from toposeam.images import Image, Mask, as_array, as_float, as_mask, check_shape, unit_of, widen
+from toposeam.seam.match_cost import Floats32, MatchCost, match_cost, match_options
 from toposeam.seam.overlap import SIDES, Overlap, Side, between_masks, side_by_side
 from toposeam.seam.problem import M_MAX, SeamProblem
 
@@ -42,14 +44,7 @@ def pose(
     OptionError
         For arguments that would be ignored, besides all that :func:`seam_problem` refuses.
     """
-    if gradient is not None:
-        check_choice("gradient", gradient, (True, False))
-        if cost is not None:
-            raise OptionError(
-                "gradient and cost are both given; write MatchCost(gradient=…) and leave gradient out"
-            )
-    if cost is not None and not isinstance(cost, MatchCost):
-        raise OptionError(f"cost is of class {type(cost).__name__}; pass a MatchCost")
+    match = match_options(gradient, cost)
     masked = mask_a is not None or mask_b is not None
     if side is not None:
         check_choice("side", side, SIDES)
@@ -57,7 +52,6 @@ def pose(
         raise OptionError(
             f"side is {side!r}, but masks say where each patch continues; leave one or the other out"
         )
-    match = cost if cost is not None else MatchCost(gradient=gradient is not False)
     problem, only_b = seam_problem(
         a, b, mask_a, mask_b, side or "right", match, weight, avoid, core, data_range
     )
@@ -111,18 +105,40 @@ def seam_problem(
     right, down = _match_cost(a, b, overlap, on_a, on_b, cost, factor, data_range)
     forbidden = float("inf")
     if avoid is not None:
-        forbidden = forbid(right, down, overlap.window(as_mask(avoid, canvas, "avoid")))
+        forbidden = forbid((down, right), overlap.window(as_mask(avoid, canvas, "avoid")))
     return SeamProblem(overlap, right, down, forbidden), only_b
 
 
-def forbid(right: npt.NDArray[np.float32], down: npt.NDArray[np.float32], avoid: Mask) -> float:
-    """Raise, in place, the cost of all interfaces of some (h, w) pixels beyond what a seam accepts; returns
-    that cost.
+def forbid(costs: Sequence[Floats32], avoid: Mask, forbidden: float | None = None) -> float:
+    """Raise, in place, the cost of all interfaces of some pixels, or voxels, beyond what a seam accepts.
+
+    Parameters
+    ----------
+    costs : sequence of float32 arrays
+        The costs along each axis of `avoid`; an interface that costs nothing is none.
+    avoid : (h, w) or (d, h, w) bool array
+    forbidden : float, optional
+        What they shall cost; by default far more than all others.
+
+    Returns
+    -------
+    float
+        What they cost now.
+
+    Examples
+    --------
+    >>> down, right = np.ones((1, 3), np.float32), np.ones((2, 2), np.float32)
+    >>> forbid((down, right), np.array([[True, False, False], [False, False, False]]), 9.0)
+    9.0
+    >>> down, right
+    (array([[9., 1., 1.]], dtype=float32), array([[9., 1.],
+           [1., 1.]], dtype=float32))
     """
-    forbidden = np.float32(M_MAX * max(1.0, float(right.max(initial=0)), float(down.max(initial=0))))
-    right[(right > 0) & (avoid[:, 1:] | avoid[:, :-1])] = forbidden
-    down[(down > 0) & (avoid[1:] | avoid[:-1])] = forbidden
-    return float(forbidden)
+    if forbidden is None:
+        forbidden = float(np.float32(M_MAX * max(1.0, *(float(values.max(initial=0)) for values in costs))))
+    for axis, values in enumerate(costs):
+        values[(values > 0) & (avoid[along(axis, LOW)] | avoid[along(axis, HIGH)])] = forbidden
+    return forbidden
 
 
 def _match_cost(
@@ -147,7 +163,7 @@ def _match_cost(
         part = Overlap(
             overlap.side[rows],
             overlap.shared[rows],
-            (overlap.origin[0] + low, overlap.origin[1]),
+            (overlap.start[0] + low, overlap.start[1]),
             overlap.canvas,
         )
         patch_a, patch_b = widen(
@@ -170,16 +186,26 @@ def _patch(
     return as_float(window, name, data_range)
 
 
-def as_weights(weight: npt.ArrayLike, canvas: tuple[int, int]) -> npt.NDArray[np.float64]:
-    """The factors on the match cost, one positive number per pixel."""
+def as_weights(weight: npt.ArrayLike, shape: tuple[int, ...]) -> npt.NDArray[np.float64]:
+    """The factors on the match cost, one positive number per pixel, or voxel, of the canvas.
+
+    Raises
+    ------
+    ImageError
+        When they are no numbers, or of another shape.
+    OptionError
+        When one is not positive and finite.
+    """
     try:
         array = np.asarray(weight, float)
     except (TypeError, ValueError) as error:
-        raise ImageError(f"weight cannot be read as numbers ({error}); pass one value per pixel") from error
-    if array.shape != canvas:
         raise ImageError(
-            f"weight has shape {array.shape}, the images have {canvas}; pass one value per pixel"
-        )
+            f"weight cannot be read as numbers ({error}); pass one value per {unit_of(shape)}"
+        ) from error
+    check_shape(array, shape, "weight")
     if not (np.isfinite(array).all() and (array > 0).all()):
-        raise OptionError("weight must be positive everywhere; to keep the seam out of some pixels use avoid")
+        what, where = ("surface", "voxels") if len(shape) == 3 else ("seam", "pixels")
+        raise OptionError(
+            f"weight must be positive everywhere; to keep the {what} out of some {where} use avoid"
+        )
     return array

@@ -19,6 +19,7 @@ from toposeam.optimize.history import Frame, Iteration, Termination
 from toposeam.saving import save
 from toposeam.seam.apply import labels_from_paths
 from toposeam.seam.exact import exact_labels
+from toposeam.seam.heat import potential_beside
 from toposeam.seam.match_cost import MatchCost
 from toposeam.seam.overlap import Side
 from toposeam.seam.posing import pose
@@ -49,8 +50,9 @@ class Seam:
 
     #: (h, w) bool on the problem's window, True where ``b`` shows.
     _shown: Mask
-    #: (h, w) float32 in [0, 1] on the problem's window, the label potential.
-    _potential: npt.NDArray[np.float32]
+    #: (h, w) float32 in [0, 1] on the problem's window, the label potential; None where heat is asked for it
+    #: only when somebody wants it.
+    _potential: npt.NDArray[np.float32] | None
     #: (H, W) bool, what shows ``b`` outside of the overlap, or what makes it.
     _only_b: Mask | Callable[[], Mask]
     #: Σ M over the interfaces the seam cuts; comparable across methods for the same patches and cost options.
@@ -106,15 +108,21 @@ class Seam:
         """(H, W) float32 in [0, 1]: 0 where ``a`` shows, 1 where ``b`` shows, between them the label
         potential before the seam was decided.
 
-        On an overlap so large that it starts out contracted, what coarser networks had decided has one value
-        per region.
+        On an overlap too large to be solved whole it is that of a band of some thirty pixels on either side
+        of the seam, which is solved when this is read first.
         """
-        return self.problem.on_canvas(self._potential, self.only_b).astype(np.float32, copy=False)
+        return self.problem.on_canvas(potential_on_window(self), self.only_b).astype(np.float32, copy=False)
+
+    @cached_property
+    def _window_potential(self) -> npt.NDArray[np.float32]:
+        if self._potential is None:
+            return potential_beside(self.problem, self._shown)
+        return self._potential
 
     @cached_property
     def paths(self) -> list[Polyline]:
         """The seam as lines through pixel corners, ``b`` to the right of the direction of travel."""
-        top, left = self.problem.overlap.origin
+        top, left = self.problem.overlap.start
         shift = np.array([left, top], float)
         traced = trace_boundary(self.problem.complete(self._shown), self.problem.seam_ground)
         return [Polyline(points=line.points + shift, closed=line.closed) for line in traced]
@@ -285,7 +293,7 @@ def apply_paths(
             f"the path belongs to a canvas of {drawing.width:g} × {drawing.height:g} px, but the patches "
             f"make one of {width} × {height}; place them as when it was exported"
         )
-    top, left = problem.overlap.origin
+    top, left = problem.overlap.start
     lines = [
         dataclasses.replace(line, points=line.points - np.array([left, top], float))
         for line in drawing.polylines
@@ -307,7 +315,7 @@ def seam_of(
     problem.check(solution.labels)
     return Seam(
         _shown=problem.complete(solution.labels).astype(bool, copy=False),
-        _potential=problem.complete(solution.soft),
+        _potential=None if solution.contracted else problem.complete(solution.soft),
         _only_b=only_b,
         cost=problem.cost(solution.labels),
         bound=solution.bound,
@@ -325,4 +333,4 @@ def potential_on_window(seam: Seam) -> npt.NDArray[np.float32]:
     """The label potential on the window of the seam's problem, (h, w) float32; ``Seam.soft`` is as large as
     the canvas.
     """
-    return seam._potential
+    return seam._window_potential

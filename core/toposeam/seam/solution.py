@@ -17,6 +17,8 @@ class Solution:
 
     labels: Mask
     soft: npt.NDArray[np.float32]
+    #: Whether `soft` varies only between the pixels that coarser networks left to choose from.
+    contracted: bool = False
     history: tuple[Iteration, ...] = ()
     frames: tuple[Frame, ...] = ()
     termination: Termination = Termination.DIRECT

@@ -12,7 +12,7 @@ from __future__ import annotations
 import secrets
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from itertools import pairwise, product
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -20,32 +20,33 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.errors import ImageError, MissingPackageError, OverlapError
-from toposeam.heat.grid_flow import HIGH, LOW, Floats32, along
+from toposeam.heat.grid_flow import HIGH, LOW, along
 from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
 from toposeam.seam.match_cost import MatchCost
 from toposeam.seam.overlap import FREE, A, B, Overlap
+from toposeam.volume.block_surface import (
+    COARSE_SHARE,
+    block_costs,
+    block_sides,
+    coarse_labels,
+    coarse_span,
+)
 from toposeam.volume.heat import SurfaceOptions, heat_surface, spread
 from toposeam.volume.levels import refined
 from toposeam.volume.placing import Places
-from toposeam.volume.posing import face_areas, match_costs
 from toposeam.volume.problem import SurfaceProblem
 
 #: Side of a block, in voxels.
 BLOCK = 160
 #: So many voxels of an array in memory, or mapped, are taken at a time.
 _READ = (64, 256, 256)
-#: Coarse voxels are so large that the grid of the overlap has at most so many.
-_COARSE = 2_000_000
 #: The slab reaches this far beyond the size of a coarse voxel.
 _REACH = 3
-#: The coarse surface's share of the work.
-_COARSE_SHARE = 0.3
 #: Bits of a voxel's state.
 _SHOWS_B, _FIXED = np.uint8(1), np.uint8(2)
 
 _State = npt.NDArray[np.uint8]
-_COARSE_OPTIONS = SurfaceOptions(tolerance=2e-3)
 _BLOCK_OPTIONS = SurfaceOptions(tolerance=2e-3, max_iterations=1000, whole=10**9)
 #: Runs that were interrupted.
 _STOPPED: set[str] = set()
@@ -103,8 +104,8 @@ def labels_by_blocks(
     box = places.overlap
     one, other = a[places.inside(box, "a")], b[places.inside(box, "b")]
     shape = one.shape[:3]
-    span = _span(shape)
-    coarse = _coarse_labels(one, other, shape, span, ground, cost, spacing, block, data_range, progress)
+    span = coarse_span(shape)
+    coarse = coarse_labels(one, other, shape, span, ground, cost, spacing, block, data_range, progress)
     chunks = tuple(_even(length, block) for length in shape)
     state = array.map_blocks(
         _first_state, chunks=chunks, dtype=np.uint8, coarse=coarse, span=span, ground=ground, shape=shape
@@ -138,7 +139,7 @@ def labels_by_blocks(
             **settings,
         )[..., 0]
     labels = (state & _SHOWS_B).astype(bool)
-    with _Counting(progress, _COARSE_SHARE), _stopped_with(run):
+    with _Counting(progress, COARSE_SHARE), _stopped_with(run):
         if keep is None:
             return labels.compute()
         array.to_zarr(labels.rechunk((block,) * 3), str(keep))
@@ -190,15 +191,6 @@ def _grounds(places: Places) -> dict[tuple[int, bool], int]:
     return found
 
 
-def _span(shape: tuple[int, ...]) -> tuple[int, ...]:
-    """Voxels per coarse voxel along each axis: the longest axes first."""
-    span = [1, 1, 1]
-    while np.prod([-(-length // side) for length, side in zip(shape, span, strict=True)]) > _COARSE:
-        axis = int(np.argmax([length / side for length, side in zip(shape, span, strict=True)]))
-        span[axis] *= 2
-    return tuple(span)
-
-
 class _Counting:
     """Reports the share of dask's tasks that are done, from some share on."""
 
@@ -232,111 +224,6 @@ def _even(length: int, block: int, shifted: bool = False) -> tuple[int, ...]:
     return tuple(high - low for low, high in pairwise(ends))
 
 
-def _coarse_labels(
-    a: Any,
-    b: Any,
-    shape: tuple[int, ...],
-    span: tuple[int, ...],
-    ground: dict[tuple[int, bool], int],
-    cost: MatchCost,
-    spacing: Sequence[float],
-    block: int,
-    data_range: float | None,
-    progress: Callable[[float], None] | None,
-) -> Mask:
-    import dask
-
-    coarse = tuple(-(-length // side) for length, side in zip(shape, span, strict=True))
-    costs = tuple(
-        np.zeros([length - (place == axis) for place, length in enumerate(coarse)], np.float32)
-        for axis in range(3)
-    )
-    sides = [max(side, block // side * side) for side in span]
-    corners = list(product(*(range(0, length, side) for length, side in zip(shape, sides, strict=True))))
-    rows: dict[int, list[tuple[int, ...]]] = {}
-    for corner in corners:
-        rows.setdefault(corner[0], []).append(corner)
-    for done, row in enumerate(rows.values()):
-        tasks = []
-        for corner in row:
-            # A voxel below for the gradients; above, the next voxel and one for its gradients.
-            low = [max(0, first - 1) for first in corner]
-            high = [
-                min(length, first + side + 2)
-                for first, side, length in zip(corner, sides, shape, strict=True)
-            ]
-            part = tuple(slice(first, last) for first, last in zip(low, high, strict=True))
-            inner = tuple(first - before for first, before in zip(corner, low, strict=True))
-            tasks.append(
-                dask.delayed(_coarse_costs, pure=False)(
-                    a[part], b[part], inner, tuple(sides), span, cost, tuple(spacing), data_range
-                )
-            )
-        for corner, found in zip(row, dask.compute(*tasks), strict=True):
-            first = [at // side for at, side in zip(corner, span, strict=True)]
-            for axis, values in enumerate(found):
-                room = costs[axis][
-                    tuple(slice(at, at + n) for at, n in zip(first, values.shape, strict=True))
-                ]
-                room += values[tuple(slice(n) for n in room.shape)]
-        if progress is not None:
-            progress(_COARSE_SHARE * (done + 1) / len(rows))
-    side = _sides(coarse, ground, (0, 0, 0), coarse)
-    problem = SurfaceProblem(Overlap(side, np.ones(coarse, bool), (0, 0, 0), coarse), costs)
-    with one_thread():
-        solution, _ = heat_surface(problem, _COARSE_OPTIONS)
-    return solution.labels
-
-
-def _coarse_costs(
-    a: Any,
-    b: Any,
-    inner: tuple[int, ...],
-    sides: tuple[int, ...],
-    span: tuple[int, ...],
-    cost: MatchCost,
-    spacing: Sequence[float],
-    data_range: float | None,
-) -> tuple[Floats32, ...]:
-    """What joins the coarse voxels of a block to each other and to the next ones above."""
-    result = []
-    for axis, fine in enumerate(_costs(a, b, cost, spacing, data_range)):
-        box = tuple(slice(first, first + side) for first, side in zip(inner, sides, strict=True))
-        faces = fine[box][along(axis, slice(span[axis] - 1, None, span[axis]))]
-        across = [1 if place == axis else side for place, side in enumerate(span)]
-        for place, side in enumerate(across):
-            if side > 1:
-                faces = np.add.reduceat(faces, np.arange(0, faces.shape[place], side), axis=place)
-        result.append(faces.astype(np.float32))
-    return tuple(result)
-
-
-def _costs(
-    a: Any, b: Any, cost: MatchCost, spacing: Sequence[float], data_range: float | None
-) -> tuple[Floats32, ...]:
-    shape = a.shape[:3]
-    everywhere = np.ones(shape, bool)
-    overlap = Overlap(np.full(shape, FREE, np.uint8), everywhere, (0, 0, 0), shape)
-    costs = match_costs(np.asarray(a), np.asarray(b), overlap, everywhere, everywhere, cost, None, data_range)
-    for part, area in zip(costs, face_areas(spacing), strict=True):
-        part *= area
-    return costs
-
-
-def _sides(
-    shape: tuple[int, ...], ground: dict[tuple[int, bool], int], start: Sequence[int], whole: tuple[int, ...]
-) -> _State:
-    """`A`, `B` or `FREE` for a part of the common box: voxels at ground which only one stack covers."""
-    touches = np.zeros((2, *shape), bool)
-    for (axis, upper), label in ground.items():
-        at = whole[axis] - 1 - start[axis] if upper else -start[axis]
-        if 0 <= at < shape[axis]:
-            touches[label][along(axis, slice(at, at + 1))] = True
-    side = np.full(shape, FREE, np.uint8)
-    side[touches[A] & ~touches[B]], side[touches[B] & ~touches[A]] = A, B
-    return side
-
-
 def _first_state(
     coarse: Mask,
     span: tuple[int, ...],
@@ -357,7 +244,7 @@ def _first_state(
         for at, (first, last), side in zip(low, place, span, strict=True)
     )
     state: _State = fine[inner].astype(np.uint8)
-    side = _sides(state.shape, ground, [first for first, _ in place], shape)
+    side = block_sides(state.shape, ground, [first for first, _ in place], shape)
     state[side == A] = _FIXED
     state[side == B] = _FIXED | _SHOWS_B
     return state
@@ -403,7 +290,7 @@ def _settled(
     here = tuple(box)
     side = np.where(free[here], FREE, np.where(labels[here], B, A)).astype(np.uint8)
     overlap = Overlap(side, np.ones(side.shape, bool), (0, 0, 0), side.shape)
-    problem = SurfaceProblem(overlap, _costs(a[here], b[here], cost, spacing, data_range))
+    problem = SurfaceProblem(overlap, block_costs(a[here], b[here], cost, spacing, data_range))
     with one_thread():
         solution, _ = heat_surface(problem, _BLOCK_OPTIONS, lambda _: _go_on(run))
     if problem.cost(solution.labels) < problem.cost(labels[here]):

@@ -14,7 +14,7 @@ from toposeam.checks import check_choice, options_from
 from toposeam.errors import OptionError
 from toposeam.heat.threads import one_thread
 from toposeam.seam.graph_cut import least_cut
-from toposeam.seam.match_cost import MatchCost
+from toposeam.seam.match_cost import MatchCost, match_options
 from toposeam.seam.solution import Solution
 from toposeam.volume.heat import SurfaceOptions, heat_surface
 from toposeam.volume.posing import surface_problem
@@ -106,14 +106,7 @@ def find_surface(
     (np.False_, np.True_)
     """
     check_choice("method", method, SURFACE_METHODS)
-    if gradient is not None:
-        check_choice("gradient", gradient, (True, False))
-        if cost is not None:
-            raise OptionError(
-                "gradient and cost are both given; write MatchCost(gradient=…) and leave gradient out"
-            )
-    if cost is not None and not isinstance(cost, MatchCost):
-        raise OptionError(f"cost is of class {type(cost).__name__}; pass a MatchCost")
+    match = match_options(gradient, cost)
     masked = mask_a is not None or mask_b is not None
     if axis is not None:
         check_choice("axis", axis, (0, 1, 2))
@@ -124,7 +117,6 @@ def find_surface(
     if method != "heat" and (options is not None or given):
         raise OptionError(f"method {method} takes no options; leave {', '.join(given) or 'options'} out")
     chosen = options_from(SurfaceOptions, options, given, f"method {method}")
-    match = cost if cost is not None else MatchCost(gradient=gradient is not False)
     where = 0 if axis is None else axis
     problem, only_b = surface_problem(
         a, b, mask_a, mask_b, where, match, spacing, weight, avoid, core, channel_axis, data_range

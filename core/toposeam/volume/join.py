@@ -12,9 +12,9 @@ import numpy as np
 
 from toposeam.checks import check_number, check_numbers, check_whole
 from toposeam.display import to_png
-from toposeam.errors import ImageError, OptionError
+from toposeam.errors import ImageError
 from toposeam.images import Mask
-from toposeam.seam.match_cost import MatchCost
+from toposeam.seam.match_cost import MatchCost, match_options
 from toposeam.volume.arrays import Volume, as_volume
 from toposeam.volume.find import find_surface
 from toposeam.volume.heat import SurfaceOptions
@@ -140,11 +140,7 @@ def join_volumes(
         raise ImageError(f"a has dtype {one.dtype} and b has {other.dtype}; convert one of them")
     if one.shape[3] != other.shape[3]:
         raise ImageError(f"a has {one.shape[3]} channels and b has {other.shape[3]}; give both equally many")
-    if cost is not None and gradient is not None:
-        raise OptionError(
-            "gradient and cost are both given; write MatchCost(gradient=…) and leave gradient out"
-        )
-    match = cost if cost is not None else MatchCost(gradient=gradient is not False)
+    match = match_options(gradient, cost)
     places = placed(one.shape[:3], other.shape[:3], offset)
     settings: dict[str, Any] = {
         "offset": tuple(int(step) for step in offset),

@@ -11,11 +11,11 @@ import numpy.typing as npt
 
 from toposeam.checks import check_choice, check_number
 from toposeam.errors import ImageError, OptionError, OverlapError
-from toposeam.heat.grid_flow import HIGH, LOW, Floats32, along
-from toposeam.images import Mask
+from toposeam.heat.grid_flow import Floats32, along
+from toposeam.images import Mask, as_mask
 from toposeam.seam.match_cost import MatchCost, match_cost
 from toposeam.seam.overlap import FREE, A, B, Overlap, between_masks
-from toposeam.seam.problem import M_MAX
+from toposeam.seam.posing import as_weights, forbid
 from toposeam.volume.arrays import Volume, as_shares, as_volume
 from toposeam.volume.problem import SurfaceProblem
 
@@ -59,11 +59,13 @@ def surface_problem(
         on_a = on_b = overlap.shared
         only_b = np.zeros(canvas, bool)
     else:
-        full_a, full_b = _mask(mask_a, canvas, "mask_a"), _mask(mask_b, canvas, "mask_b")
+        whole = np.ones(canvas, bool)
+        full_a = whole if mask_a is None else as_mask(mask_a, canvas, "mask_a")
+        full_b = whole if mask_b is None else as_mask(mask_b, canvas, "mask_b")
         overlap = between_masks(full_a, full_b, core)
         on_a, on_b = overlap.window(full_a).astype(bool), overlap.window(full_b).astype(bool)
         only_b = full_b & ~full_a
-    factor = None if weight is None else overlap.window(_weights(weight, canvas)).astype(np.float32)
+    factor = None if weight is None else overlap.window(as_weights(weight, canvas)).astype(np.float32)
     costs = match_costs(
         overlap.window(volume_a), overlap.window(volume_b), overlap, on_a, on_b, cost, factor, data_range
     )
@@ -71,7 +73,7 @@ def surface_problem(
         part *= area
     forbidden = float("inf")
     if avoid is not None:
-        forbidden = _forbid(costs, overlap.window(_mask(avoid, canvas, "avoid")))
+        forbidden = forbid(costs, overlap.window(as_mask(avoid, canvas, "avoid")))
     return SurfaceProblem(overlap, costs, forbidden), only_b
 
 
@@ -169,40 +171,3 @@ def _shares(volume: Volume, present: Mask, name: str, data_range: float | None) 
     if not present.all():
         volume = np.where(present[..., np.newaxis], volume, volume.dtype.type(0))
     return as_shares(volume, name, data_range)
-
-
-def _forbid(costs: tuple[Floats32, ...], avoid: Mask) -> float:
-    """Raise, in place, the cost of all interfaces of some voxels beyond what a surface accepts; returns that
-    cost.
-    """
-    forbidden = np.float32(M_MAX * max(1.0, *(float(part.max(initial=0)) for part in costs)))
-    for axis, part in enumerate(costs):
-        part[(part > 0) & (avoid[along(axis, LOW)] | avoid[along(axis, HIGH)])] = forbidden
-    return float(forbidden)
-
-
-def _mask(mask: npt.ArrayLike | None, shape: tuple[int, ...], name: str) -> Mask:
-    if mask is None:
-        return np.ones(shape, bool)
-    array = np.asarray(mask)
-    if array.shape != shape:
-        raise ImageError(
-            f"{name} has shape {array.shape}, the volumes have {shape}; pass one value per voxel"
-        )
-    return array if array.dtype == bool else array != 0
-
-
-def _weights(weight: npt.ArrayLike, shape: tuple[int, ...]) -> npt.NDArray[np.float64]:
-    try:
-        array = np.asarray(weight, float)
-    except (TypeError, ValueError) as error:
-        raise ImageError(f"weight cannot be read as numbers ({error}); pass one value per voxel") from error
-    if array.shape != shape:
-        raise ImageError(
-            f"weight has shape {array.shape}, the volumes have {shape}; pass one value per voxel"
-        )
-    if not (np.isfinite(array).all() and (array > 0).all()):
-        raise OptionError(
-            "weight must be positive everywhere; to keep the surface out of some voxels use avoid"
-        )
-    return array

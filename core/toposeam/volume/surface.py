@@ -115,6 +115,6 @@ class Surface:
         check_number("smooth", smooth, 0, 100)
         overlap = self.problem.overlap
         inside = overlap.inside[1]
-        start = np.maximum(overlap.origin, 0)
+        start = np.maximum(overlap.start, 0)
         shared = ndimage.binary_dilation(overlap.shared)[inside]
         return mesh_of(self.shown[inside], self.settings["spacing"], smooth, start, shared)

@@ -28,6 +28,7 @@ def seen(path, folder, hash_=""):
         "--headless",
         "--no-sandbox",
         "--disable-gpu",
+        "--disable-dev-shm-usage",
         f"--user-data-dir={folder / 'profile'}",
     ]
     line = [*command, "--virtual-time-budget=3000", "--dump-dom", f"file://{path}{hash_}"]

@@ -247,4 +247,7 @@ def test_clips_that_cannot_be_joined(toposeam, clip, tmp_path):
     toposeam("stitch", clip, "--offset", "8,0,0", *out).fails("joins two clips")
     toposeam("stitch", clip, clip, "--offset", "8,0,0", "--align", *out).fails("--align is for pictures")
     toposeam("compare", clip, clip, "--offset", "8,0,0").fails("is for two clips")
+    still = tmp_path / "still.png"
+    Image.fromarray(frames()[0]).save(still)
+    toposeam("stitch", still, clip, "--offset", "8,0,0", *out).fails("two pictures take X,Y", 2)
     assert not (tmp_path / "o.webp").exists()

@@ -1,12 +1,31 @@
 """What is written for systems that the tests do not run on, taken on this one by its other branches."""
 
 import os
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
 import toposeam_cli.files.writing as writing
 from toposeam_cli.files.writing import all_or_nothing, atomic_write, remove_stale, replacing
+from toposeam_cli.gimp import environment, programs
 from toposeam_gimp import engine
+
+SAMPLES = Path(__file__).parents[3] / "samples"
+
+#: The program in a Python that lacks what Windows lacks; what it imports may not need it either.
+WITHOUT_UNIX = """
+import os, signal, sys
+for name in ("pthread_sigmask", "SIGHUP", "SIGKILL"):
+    delattr(signal, name)
+for name in ("getuid", "geteuid", "fork"):
+    delattr(os, name)
+sys.modules["fcntl"] = None
+sys.argv[0] = "toposeam"
+from toposeam_cli.__main__ import start
+start()
+"""
 
 
 @pytest.fixture
@@ -49,3 +68,71 @@ def test_the_engine_is_looked_for_where_windows_has_programs(tmp_path, monkeypat
     places = list(engine._usual_places(tmp_path))
     assert places
     assert all(place.parts[-2:] == ("Scripts", "python.exe") for place in places)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "words",
+    [
+        "stitch SAMPLES/grass_a.png SAMPLES/grass_b.png --overlap 40 -o out.png",
+        "batch SAMPLES/grass_a*.png SAMPLES/grass_b*.png --overlap 40 -q -o out.png -j 2",
+        "tile SAMPLES/gravel.png -q -o out.png",
+        "motif --size 32 --iterations 3 -o out.png",
+    ],
+    ids=lambda words: words.split()[0],
+)
+def test_commands_run_without_what_only_unix_has(tmp_path, words):
+    words = words.replace("SAMPLES", str(SAMPLES)).split()
+    ran = subprocess.run(
+        [sys.executable, "-c", WITHOUT_UNIX, *words],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (ran.returncode, ran.stderr) == (0, "")
+    assert (tmp_path / "out.png").stat().st_size > 0
+    assert not list(tmp_path.glob(".toposeam-*"))
+
+
+@pytest.mark.parametrize(
+    ("platform", "expected"),
+    [
+        ("win32", "local/TopoSeam/venv"),
+        ("darwin", "Library/Application Support/TopoSeam/venv"),
+        ("linux", "data/toposeam/venv"),
+    ],
+)
+def test_an_environment_for_gimp_is_made_where_each_system_keeps_data(
+    tmp_path, monkeypatch, platform, expected
+):
+    monkeypatch.setattr(sys, "platform", platform)
+    monkeypatch.setattr(Path, "home", lambda: tmp_path)
+    monkeypatch.setenv("LOCALAPPDATA", str(tmp_path / "local"))
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    assert environment.usual_folder() == tmp_path / expected
+
+
+@pytest.mark.parametrize(("platform", "python"), [("win32", "Scripts/python.exe"), ("darwin", "bin/python")])
+def test_the_python_of_a_made_environment_is_named_as_the_system_does(
+    tmp_path, monkeypatch, platform, python
+):
+    ran = []
+    monkeypatch.setattr(sys, "platform", platform)
+    monkeypatch.setattr(
+        environment.subprocess,
+        "run",
+        lambda command, **_: ran.append(command) or subprocess.CompletedProcess(command, 0),
+    )
+    assert environment.make_environment(tmp_path / "venv") == tmp_path / "venv" / python
+    assert ran[1][0] == str(tmp_path / "venv" / python)
+
+
+@pytest.mark.parametrize(
+    ("platform", "place"),
+    [("win32", "programs/GIMP 3/bin"), ("darwin", "/Applications/GIMP.app/Contents/MacOS")],
+)
+def test_gimp_is_looked_for_where_it_is_installed_besides_path(tmp_path, monkeypatch, platform, place):
+    monkeypatch.setattr(sys, "platform", platform)
+    monkeypatch.setenv("PROGRAMFILES", str(tmp_path / "programs"))
+    assert tmp_path / place in list(programs._folders())

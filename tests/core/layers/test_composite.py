@@ -336,7 +336,7 @@ ERRORS = {
     "gradient and cost": (
         lambda: ts.stitch([crop(0, 0), crop(20, 0)], cost=ts.MatchCost(), gradient=False),
         ts.OptionError,
-        "write it into MatchCost",
+        "leave gradient out",
     ),
     "two ways": (
         lambda: ts.stitch([crop(0, 0), crop(20, 0)], options=ts.HeatOptions(), tolerance=0.1),

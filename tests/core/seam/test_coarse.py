@@ -8,6 +8,7 @@ from shapes import SHAPES
 
 import toposeam as ts
 from toposeam.seam import coarse, heat, posing
+from toposeam.seam.grid import CutGrid
 from toposeam.seam.match_cost import MatchCost
 from toposeam.seam.posing import seam_problem
 
@@ -54,6 +55,19 @@ def test_seams_stay_single_lines_near_the_optimum(shape, crops):
     assert np.median(ratios) < 1.05
 
 
+@pytest.mark.parametrize("shape", [None, *SHAPES])
+def test_a_large_overlap_is_as_soft_as_one_that_is_solved_whole(shape, crops, monkeypatch):
+    mask_a, mask_b = SHAPES[shape]() if shape else (None, None)
+    size = mask_a.shape if shape else (160, 40)
+    a, b = crops(np.random.default_rng(5), *size)
+    whole = ts.find_seam(a, b, mask_a, mask_b)
+    monkeypatch.setattr(heat, "WHOLE_NODES", 400)
+    contracted = ts.find_seam(a, b, mask_a, mask_b)
+    assert contracted.history[0].unknowns < whole.history[0].unknowns
+    assert contracted.labels.tobytes() == whole.labels.tobytes()
+    assert np.abs(whole.soft - contracted.soft).mean() < 0.3 * np.abs(whole.soft - whole.labels).mean()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", [None, *SHAPES])
 def test_large_overlaps_of_every_topology(shape):
@@ -91,3 +105,18 @@ def test_identical_pictures_of_a_large_overlap():
     assert (np.diff(seam.labels.astype(int), axis=1) >= 0).all()
     assert seam.labels[:, -1].all()
     assert not seam.labels[:, 0].any()
+
+
+def test_a_row_keeps_the_pixels_beside_its_cheapest_interface(monkeypatch):
+    """The worked example of `restrict`."""
+    monkeypatch.setattr(coarse, "OPENED_NODES_LAST", 5)
+    ends = np.zeros((2, 1, 8), np.float32)
+    ends[0, 0, 0] = ends[1, 0, -1] = 9
+    costs = np.float32([[9, 5, 9, 1, 9, 5, 9]])
+    grid = CutGrid(costs, np.zeros((0, 8), np.float32), *ends, np.ones((1, 8), bool))
+    network, weight, multiplicity, node_of_pixel = coarse.restrict(grid)
+    assert network.n == 4
+    assert node_of_pixel.tolist() == [[4, 4, 0, 1, 2, 3, 5, 5]]  # 4 is cold, 5 hot
+    elements = zip(network.tail.tolist(), network.head.tolist(), weight.tolist(), strict=True)
+    assert sorted(elements) == [(0, 1, 9), (0, 4, 5), (1, 2, 1), (2, 3, 9), (3, 5, 5)]
+    assert multiplicity.tolist() == [1] * 5

@@ -89,7 +89,7 @@ def test_where_the_overlap_is_one_pixel_wide_its_values_count_twice():
     a, b = np.zeros((3, 5)), np.zeros((3, 5))
     b[:, 2] = [0.1, 0.2, 0.4]
     problem, _ = seam_problem(a, b, mask_a, mask_b, "right", MatchCost(gradient=False, length=1e-6))
-    left = 2 - problem.overlap.origin[1]  # the shared column on the window
+    left = 2 - problem.overlap.start[1]  # the shared column on the window
     for border in (left - 1, left):
         np.testing.assert_allclose(problem.right[1:-1, border], [0.2, 0.4, 0.8], atol=2e-6)
     np.testing.assert_allclose(problem.down[1:-1, left], [0.3, 0.6], atol=2e-6)

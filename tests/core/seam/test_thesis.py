@@ -18,7 +18,8 @@ from toposeam.seam.exact import exact_labels
 from toposeam.seam.match_cost import MatchCost, match_cost
 from toposeam.seam.overlap import A, B, between_masks, side_by_side
 from toposeam.seam.problem import M_MAX, SeamProblem
-from toposeam.seam.thesis import ThesisOptions, thesis_path
+from toposeam.seam.thesis import thesis_path
+from toposeam.seam.thesis_options import ThesisOptions
 
 SIZES = ((60, 15), (80, 20), (120, 30), (160, 40), (240, 60), (320, 80))
 

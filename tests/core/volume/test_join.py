@@ -6,7 +6,8 @@ from scipy import ndimage
 
 import toposeam as ts
 from toposeam.seam.overlap import Overlap
-from toposeam.volume.blocks import _even, _span
+from toposeam.volume.block_surface import coarse_span
+from toposeam.volume.blocks import _even
 from toposeam.volume.placing import placed
 from toposeam.volume.posing import surface_problem
 from toposeam.volume.problem import SurfaceProblem
@@ -65,9 +66,9 @@ def test_blocks_find_nearly_the_surface_of_the_whole():
 
 
 def test_coarse_voxels_and_a_second_round_hardly_cost_anything(monkeypatch):
-    monkeypatch.setattr("toposeam.volume.blocks._COARSE", 8000)
+    monkeypatch.setattr("toposeam.volume.block_surface._COARSE", 8000)
     a, b, offset = stacks(seed=1)
-    assert _span((30, 40, 24)) == (2, 2, 1)
+    assert coarse_span((30, 40, 24)) == (2, 2, 1)
     whole = ts.join_volumes(a, b, offset=offset)
     blocks = ts.join_volumes(a, b, offset=offset, block=20)
     assert cost_of(blocks.labels, a, b, offset) <= 1.03 * cost_of(whole.labels, a, b, offset)

@@ -86,10 +86,12 @@ def arrange(
     skip_bad: bool = False,
     progress: Callable[[float], None] | None = None,
     scratch: Scratch | None = None,
+    alone: bool = False,
 ) -> Arrangement:
     """Read pictures, or the layers of one OpenRaster file or layout, and place them.
 
-    With `scratch` the pixels of many pictures wait there instead of in memory.
+    With `scratch` the pixels of many pictures wait there instead of in memory. One picture `alone` may be
+    given, and pictures of which nobody says where they lie then lie at 0,0.
 
     Raises
     ------
@@ -103,7 +105,7 @@ def arrange(
     limit = round(max_megapixels * 1e6)
     skipped: list[str] = []
     keep = None if scratch is None or not _many(files) else partial(store, scratch=scratch)
-    sources = _sources(files, where, limit, skipped if skip_bad else None, keep)
+    sources = _sources(files, where, limit, skipped if skip_bad else None, keep, 1 if alone else 2)
     pictures = match_pictures([source.picture for source in sources], keep)
     layers = [
         ts.Layer(
@@ -119,6 +121,8 @@ def arrange(
         places: list[tuple[float, float]] | None = [source.at or (0, 0) for source in sources]
     else:
         places = places_of([source.file or Path() for source in sources], pictures, where)
+        if places is None and alone:
+            places = [(0, 0) for _ in sources]
     placement = None
     if places is None:
         placement = ts.find_places(layers, progress=progress)
@@ -128,7 +132,7 @@ def arrange(
             ts.placed(layer, at=place, turn=source.turn, scale=source.scale)
             for layer, place, source in zip(layers, places, sources, strict=True)
         ]
-    if len(layers) == 2:
+    if len(layers) == 2 and not alone:
         _check_touching(*layers)
     upright = [
         picture if layer.image is picture.pixels else replace(picture, pixels=layer.image, alpha=layer.alpha)
@@ -216,6 +220,7 @@ def _sources(
     limit: int,
     skipped: list[str] | None,
     keep: Callable[[Picture], Picture] | None,
+    least: int,
 ) -> list[_Source]:
     """The pictures; `at` is set when the file itself says where they lie."""
     kind = files[0].suffix.lower()
@@ -256,7 +261,7 @@ def _sources(
                 "so add or show some"
             )
         return sources
-    if len(files) == 1:
+    if len(files) < least:
         raise ts.OptionError(
             f"'{files[0]}' is only one picture; give at least two, an OpenRaster file (.ora) or a layout "
             "(.toml, .json)"
@@ -278,7 +283,7 @@ def _sources(
             skipped.append(str(error))
             continue
         sources.append(_Source(picture=picture, at=None, name=path.name, file=path))
-    if len(sources) < 2:
+    if len(sources) < least:
         raise ts.ImageError(
             f"only {len(sources)} of {len(files)} pictures can be read: {(skipped or [''])[0]}"
         )

@@ -11,8 +11,9 @@ from .errors import (
 from .images import MAX_PIXELS, Windows
 from .layers.align import Aligned, align, correlations
 from .layers.blend import BLENDS, Blend
+from .layers.compose import compose
 from .layers.composite import Stitched, pair_name, stitch
-from .layers.composition import Composition, compose
+from .layers.composition import Composition
 from .layers.layer import Layer, common_canvas
 from .layers.overlapping import overlapping
 from .layers.placing import Placement, find_places

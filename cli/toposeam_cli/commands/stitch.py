@@ -38,7 +38,7 @@ from toposeam_cli.pictures.picture import COMPRESSIONS
 from toposeam_cli.placing import Arrangement, arrange, given_seams, read_avoid, saved_layout
 from toposeam_cli.progress import share_bar
 from toposeam_cli.report import describe, describe_alignment, describe_placement, summary_of_all
-from toposeam_cli.whereabouts import ORDERS, Where
+from toposeam_cli.whereabouts import ORDERS, Where, width_round
 
 #: Below this correlation two pictures hardly show the same.
 _STRANGE = 0.1
@@ -123,6 +123,13 @@ _STRANGE = 0.1
     "--blend-width",
     type=FiniteRange(min=0, min_open=True),
     help="With --blend feather, multiband, gradient: over how many px.",
+)
+@click.option(
+    "--wrap",
+    type=click.IntRange(min=0),
+    is_flag=False,
+    flag_value=0,
+    help="A panorama that goes all the way round: its width in px, or as Hugin's nona wrote it.",
 )
 @click.option(
     "--seam", type=OUTPUT, help="Also write the seams as SVG; edit them and give them back with --use-seam."
@@ -214,7 +221,11 @@ def _stitch(
         radius = {} if find.align_radius is None else {"radius": find.align_radius}
         aligned = ts.align(job.layers, **radius)
         job = dataclasses.replace(job, layers=aligned.layers)
-    crop = crop_of(out, job.layers)
+    find = dataclasses.replace(find, wrap=width_round(find.wrap, files))
+    if find.wrap is None:
+        crop = crop_of(out, job.layers)
+    else:
+        crop = out.crop or ("outside" if out.has_alpha or out.background is not None else "inside")
     warnings = [] if out.quiet else _strangers(job)
     if job.stored:
         return _stitch_large(job, find, out, files, crop, store, [*warnings], aligned)
@@ -268,6 +279,7 @@ class _Find:
     blend: ts.Blend
     blend_width: float | None
     use_seam: tuple[Keyed, ...]
+    wrap: int | None
 
 
 def _by_windows(out: Outputs, find: _Find) -> bool:
@@ -347,6 +359,7 @@ def _composed(job: Arrangement, find: _Find, out: Outputs, files: Sequence[Path]
                 gradient=not find.no_gradient,
                 core=find.core,
                 match_tones=find.match_tones,
+                wrap=find.wrap,
                 blend=find.blend,
                 blend_width=find.blend_width,
                 max_megapixels=max(find.max_megapixels, ts.MAX_PIXELS / 1e6),

@@ -14,7 +14,8 @@ import numpy.typing as npt
 from toposeam.display import to_png
 from toposeam.images import Image, Mask, full_scale
 from toposeam.layers.blend import Blend
-from toposeam.layers.composition import MAX_ROUNDS, Composition, Outline, compose
+from toposeam.layers.compose import MAX_ROUNDS, compose
+from toposeam.layers.composition import Composition, Outline
 from toposeam.layers.labelling import Pair
 from toposeam.layers.layer import MAX_MEGAPIXELS, Layer
 from toposeam.layers.painting import LabelMap
@@ -145,6 +146,7 @@ def stitch(
     max_rounds: int = MAX_ROUNDS,
     options: HeatOptions | ThesisOptions | None = None,
     max_megapixels: float = MAX_MEGAPIXELS,
+    wrap: int | None = None,
     record_frames: bool = False,
     progress: Callable[[float], None] | None = None,
     **keywords: Any,
@@ -180,6 +182,10 @@ def stitch(
         Swap rounds at most; 0 leaves the seams as they were found one after another.
     max_megapixels : float
         Refuse a larger canvas.
+    wrap : int, optional
+        The canvas goes round, as a panorama of 360° does, and is so many px wide: what reaches over the right
+        edge lies at the left one, and seams and blending know it. For the blends "none", "feather" and
+        "multiband".
     record_frames : bool
         For two layers: keep the densities of every iteration in ``Seam.frames``.
     progress : callable, optional
@@ -217,6 +223,7 @@ def stitch(
         max_rounds=max_rounds,
         options=options,
         max_megapixels=max_megapixels,
+        wrap=wrap,
         record_frames=record_frames,
         progress=progress,
         **keywords,

@@ -14,11 +14,11 @@ from toposeam.errors import OptionError, PathError
 from toposeam.images import as_mask, full_scale
 from toposeam.layers.blend import Blend, Blender, Placed, check_blend
 from toposeam.layers.composite import Stitched, pair_name, stitch
-from toposeam.layers.composition import moved_seam
 from toposeam.layers.labelling import Pair
 from toposeam.layers.layer import MAX_MEGAPIXELS, Extent, Layer, check_layers, common_canvas
 from toposeam.layers.maps import blocks
 from toposeam.layers.painting import LabelMap, channel_count, paint
+from toposeam.layers.steps import moved_seam
 from toposeam.seam.apply import labels_from_paths
 from toposeam.seam.overlap import FREE, NONE, A, B
 from toposeam.seam.seam import Seam

@@ -8,6 +8,7 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 PLUG_IN = "toposeam_gimp"
+_KINDS = (".py", ".mo", ".png", ".svg")
 
 
 def make_zip(target: Path) -> Path:
@@ -15,7 +16,7 @@ def make_zip(target: Path) -> Path:
     target.parent.mkdir(parents=True, exist_ok=True)
     with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
         for path in sorted((HERE / PLUG_IN).rglob("*")):
-            if path.is_file() and path.suffix in (".py", ".mo") and "__pycache__" not in path.parts:
+            if path.is_file() and path.suffix in _KINDS and "__pycache__" not in path.parts:
                 entry = zipfile.ZipInfo(path.relative_to(HERE).as_posix(), (2026, 1, 1, 0, 0, 0))
                 entry.external_attr = (0o755 if path.stem == PLUG_IN else 0o644) << 16
                 entry.create_system = 3  # Unix: otherwise the rights are not looked at

@@ -89,6 +89,8 @@ ARROWS = {
     | {"toposeam_cli.files", "toposeam_cli.pictures", "toposeam_cli.options"},
     "toposeam_cli.print_options": CLI_CORE
     | {"toposeam_cli.files", "toposeam_cli.pictures", "toposeam_cli.options", "toposeam.motif"},
+    "toposeam_cli.motif_options": CLI_CORE
+    | {"toposeam_cli.options", "toposeam_cli.print_options", "toposeam.motif"},
     "toposeam_cli.batch": CLI_CORE | {"toposeam_cli.files", "toposeam_cli.options", "toposeam_cli.registry"},
     "toposeam_cli.book": CLI_CORE | {"toposeam_cli.figures", "toposeam_cli.pictures", "toposeam.motif"},
     "toposeam_cli.__main__": {"toposeam_cli.main"},

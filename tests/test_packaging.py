@@ -70,6 +70,7 @@ def test_the_wheel_holds_the_four_packages_and_nothing_else(built):
     }
     assert not [name for name in inside if name.endswith((".po", ".pyc"))]
     assert "toposeam_gimp/locale/ko/LC_MESSAGES/toposeam_gimp.mo" in inside
+    assert "toposeam_gimp/pictures/rule-p4m.png" in inside
     assert "toposeam/py.typed" in inside
     python = {
         path.relative_to(root).as_posix()

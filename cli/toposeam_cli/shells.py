@@ -53,7 +53,7 @@ class PowershellComplete(ShellComplete):
 
 def manual(group: click.Group, prog_name: str, version: str) -> str:
     """The manual page of a command and all below it, for ``man`` (roff)."""
-    context = click.Context(group, info_name=prog_name)
+    context = click.Context(group, info_name=prog_name, **group.context_settings)
     first, rest = _description(group)
     lines = [
         f'.TH {prog_name.upper()} 1 "" "{prog_name} {version}" "User Commands"',

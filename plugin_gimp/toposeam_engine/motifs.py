@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 import toposeam as ts
 from toposeam.colours import to_hex
@@ -30,8 +31,9 @@ def generated(job: Job) -> ts.Motif:
     size = options.pop("size")
     if not options["mass"]:
         del options["mass"]  # then the seed decides, as for the palette
-    if options["palette"] == "random":
-        del options["palette"]
+    for name, drawn in (("palette", "random"), ("edge", "auto")):
+        if options.get(name) == drawn:
+            del options[name]
     if job.request.get("layer") is None:
         del options["base_strength"]
     else:
@@ -40,16 +42,30 @@ def generated(job: Job) -> ts.Motif:
 
 
 def repeat(job: Job) -> dict[str, Any]:
-    """Densities laid side by side by a rule."""
+    """Densities laid side by side by a rule, which one, and the colours where a palette was asked for."""
+    densities, rule = repeated(job)
+    result = {"densities": [job.write(density) for density in densities], "repeat": rule}
+    name = str(job.options.get("palette", "own"))
+    if name != "own":
+        chosen = ts.palette(name, len(densities))
+        result |= {"inks": [to_hex(ink) for ink in chosen.inks], "paper": to_hex(chosen.paper)}
+    return result
+
+
+def repeated(job: Job) -> tuple[list[npt.NDArray[Any]], str]:
+    """The pattern's densities, and the rule they were laid by."""
     rows, columns = int(job.options["rows"]), int(job.options["columns"])
+    rule = str(job.options.get("repeat", "own"))
+    if rule == "own":
+        rule = str(job.request["repeat"])
     cells = [job.read(raster) for raster in job.request["densities"]]
     height, width = cells[0].shape
     if rows * columns * height * width > MAX_PATTERN:
         raise ts.OptionError(
             f"the pattern would have {columns * width:,} × {rows * height:,} pixels; ask for fewer motifs"
         )
-    written = []
+    laid = []
     for index, cell in enumerate(cells, start=1):
-        written.append(job.write(tile(cell, str(job.request["repeat"]), (rows, columns))))
+        laid.append(tile(cell, rule, (rows, columns)))
         job.progress(index / len(cells))
-    return {"densities": written}
+    return laid, rule

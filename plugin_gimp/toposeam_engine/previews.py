@@ -13,9 +13,11 @@ from typing import Any
 import numpy as np
 
 import toposeam as ts
+from toposeam.colours import parse_colour
 from toposeam.images import Image
+from toposeam.motif.mixing import mix
 from toposeam_engine import motifs, seams, textures
-from toposeam_engine.layers import with_alpha
+from toposeam_engine.layers import layers_of, with_alpha
 from toposeam_engine.serving import Job
 
 #: Options that are lengths, and the least that still means something.
@@ -42,7 +44,7 @@ def _reduced(options: dict[str, Any], scale: float) -> dict[str, Any]:
 
 
 def _stitch(job: Job) -> Image:
-    _layers, found = seams.stitched(job)
+    _layers, found = seams.stitched(job, layers_of(job))
     return _with_seams(found.image, found.alpha, found.seams)
 
 
@@ -66,8 +68,8 @@ def _make_tileable(job: Job) -> Image:
 
 
 def _fill(job: Job) -> Image:
-    made, _sample = textures.filled(job)
-    return with_alpha(made.image, made.alpha)
+    image, alpha, _sample = textures.filled(job)
+    return with_alpha(image, alpha)
 
 
 def _motif(job: Job) -> Image:
@@ -80,6 +82,19 @@ def _motif(job: Job) -> Image:
     return with_alpha(np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8), None)
 
 
+def _repeat(job: Job) -> Image:
+    densities, _rule = motifs.repeated(job)
+    name = str(job.options.get("palette", "own"))
+    if name == "own":
+        inks = np.array([parse_colour(ink) for ink in job.request["inks"]])
+        paper = np.array(parse_colour(str(job.request["paper"])))
+    else:
+        chosen = ts.palette(name, len(densities))
+        inks, paper = chosen.inks, chosen.paper
+    image = mix(np.stack(densities) / np.float32(255), inks, paper)
+    return with_alpha(np.rint(image * 255).astype(np.uint8), None)
+
+
 _SHOWN: dict[str, Callable[[Job], Image]] = {
     "stitch": _stitch,
     "patch": _patch,
@@ -87,4 +102,5 @@ _SHOWN: dict[str, Callable[[Job], Image]] = {
     "make_tileable": _make_tileable,
     "fill": _fill,
     "motif": _motif,
+    "repeat": _repeat,
 }

@@ -16,28 +16,57 @@ from toposeam.vector.svg import SvgSeam
 from toposeam_engine.layers import changes_of, layers_of, masks_of, selected_on, with_alpha
 from toposeam_engine.serving import Job
 
+#: The share of the work that finding places takes, about.
+_FINDING = 0.5
+
 
 def stitch(job: Job) -> dict[str, Any]:
-    """Layers, first the lowest, joined along seams: masks, seams, the layers' places where they were aligned
-    and their pixels in matched tones, and what blending changes.
+    """Layers, first the lowest, joined along seams: masks, seams, the layers' places where these were sought,
+    their pixels where they have others now, and what blending changes.
     """
-    layers, found = stitched(job)
+    given = layers_of(job)
+    layers, found = stitched(job, given)
     result: dict[str, Any] = {}
-    if job.options.get("align"):
+    if job.options.get("places", "given") != "given":
         result["places"] = [list(layer.at) for layer in layers]
-    if job.options.get("match_tones"):
-        result["pixels"] = [job.write(with_alpha(layer.image, layer.alpha)) for layer in layers]
+    if any(layer.image is not old.image for layer, old in zip(layers, given, strict=True)):
+        result["pixels"] = [
+            None if layer.image is old.image else job.write(with_alpha(layer.image, layer.alpha))
+            for layer, old in zip(layers, given, strict=True)
+        ]
     return result | _joined(job, layers, found)
 
 
-def stitched(job: Job) -> tuple[list[ts.Layer], ts.Stitched]:
-    """The layers, aligned and in matched tones as asked for, and what they make."""
-    layers, options = layers_of(job), blending(job.options)
-    if options.pop("align", False):
-        layers = list(ts.align(layers).layers)
+def stitched(job: Job, layers: Sequence[ts.Layer]) -> tuple[list[ts.Layer], ts.Stitched]:
+    """The layers, in the places and tones asked for, and what they make."""
+    options, start = blending(job.options), 0.0
+    places = options.pop("places", "given")
+    if places == "near":
+        layers = ts.align(layers).layers
+    elif places == "anywhere":
+        start = _FINDING
+        layers = _on_canvas(
+            ts.find_places(layers, progress=lambda share: job.progress(share * start)).layers, layers[0].at
+        )
+    elif places != "given":
+        raise ts.OptionError(f"places is {places!r}; give 'given', 'near' or 'anywhere'")
     if options.pop("match_tones", False):
-        layers = list(ts.match_tones(layers))
-    return layers, ts.stitch(layers, avoid=outside(job, layers), progress=job.progress, **options)
+        layers = ts.match_tones(layers)
+
+    def report(share: float) -> None:
+        job.progress(start + (1 - start) * share)
+
+    return list(layers), ts.stitch(layers, avoid=outside(job, layers), progress=report, **options)
+
+
+def _on_canvas(layers: Sequence[ts.Layer], first: tuple[int, int]) -> list[ts.Layer]:
+    """Layers moved together so that the first one lies where it lay, or as near to that as leaves nothing to
+    the left of the asker's canvas or above it.
+    """
+    shift = [max(first[axis], -min(layer.at[axis] for layer in layers)) for axis in (0, 1)]
+    return [
+        dataclasses.replace(layer, at=(layer.at[0] + shift[0], layer.at[1] + shift[1])) for layer in layers
+    ]
 
 
 def patch(job: Job) -> dict[str, Any]:

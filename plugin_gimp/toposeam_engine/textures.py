@@ -61,39 +61,86 @@ def made_tileable(job: Job) -> ts.Synthesis:
 
 def fill(job: Job) -> dict[str, Any]:
     """What replaces the selected part of a layer, transparent where the layer stays as it is."""
-    made, sample = filled(job)
-    changed = (
-        (made.image != sample.image) if made.image.ndim == 2 else (made.image != sample.image).any(axis=2)
-    )
+    image, alpha, sample = filled(job)
+    changed = (image != sample.image) if image.ndim == 2 else (image != sample.image).any(axis=2)
     changed |= np.asarray(sample.selected)
-    if made.alpha is not None:
-        changed &= made.alpha > 0
+    if alpha is not None:
+        changed &= alpha > 0
     rows, columns = (np.flatnonzero(changed.any(axis=axis)) for axis in (1, 0))
     box = np.s_[int(rows[0]) : int(rows[-1]) + 1, int(columns[0]) : int(columns[-1]) + 1]
-    shown = np.broadcast_to(full_scale(made.image.dtype), changed.shape) if made.alpha is None else made.alpha
-    raster = job.write(
-        with_alpha(made.image[box], np.where(changed[box], shown[box], made.image.dtype.type(0)))
-    )
+    shown = np.broadcast_to(full_scale(image.dtype), changed.shape) if alpha is None else alpha
+    raster = job.write(with_alpha(image[box], np.where(changed[box], shown[box], image.dtype.type(0))))
     x, y = place_of(job.request["layer"])
     return {"picture": {**raster, "at": [x + int(columns[0]), y + int(rows[0])]}}
 
 
-def filled(job: Job) -> tuple[ts.Synthesis, Sample]:
-    """The whole layer with its hole filled, and the layer as it was."""
+def filled(job: Job) -> tuple[Image, npt.NDArray[Any] | None, Sample]:
+    """The whole layer with its hole filled, its opacity, and the layer as it was.
+
+    What may be copied is asked for by the option ``from``: `layer`, `around` the selection, or `other`, the
+    request's ``source``, which is another picture, or a mask that is white where the layer may be copied.
+    """
     sample, options = _sample(job), _usual(job.options, "patch", "overlap", "band")
     if sample.selected is None:
         raise ts.OptionError("nothing is selected; select what is to be replaced")
-    source = _around(sample.selected) if options.pop("from", "layer") == "around" else None
-    made = ts.fill(
+    where, image, alpha, hole, source = (
+        options.pop("from", "layer"),
         sample.image,
+        sample.alpha,
         sample.selected,
+        None,
+    )
+    if where == "around":
+        source = _around(hole)
+    elif where == "other" and job.request["source"]["channels"] == 1:
+        source = _white_of(job, hole.shape)
+    elif where == "other":
+        image, alpha, hole, source = _beside(sample, *colours_of(job, job.request["source"]))
+    made = ts.fill(
+        image,
+        hole,
         source=source,
-        alpha=sample.alpha,
-        data_range=_white(sample.image),
+        alpha=alpha,
+        data_range=_white(image),
         progress=job.progress,
         **options,
     )
-    return made, sample
+    own = tuple(slice(length) for length in sample.selected.shape)
+    shown = None if made.alpha is None or sample.alpha is None else made.alpha[own]
+    return made.image[own], shown, sample
+
+
+def _white_of(job: Job, shape: tuple[int, ...]) -> Mask:
+    """(H, W) bool on the layer: where the request's source, a mask, is white."""
+    raster, (x, y) = job.request["source"], place_of(job.request["layer"])
+    white, (left, top) = job.read(raster) >= 128, place_of(raster)
+    result = np.zeros(shape, bool)
+    rows, columns = (
+        slice(max(start, 0), max(min(start + length, limit), 0))
+        for start, length, limit in zip((top - y, left - x), white.shape, shape, strict=True)
+    )
+    result[rows, columns] = white[
+        rows.start - (top - y) : rows.stop - (top - y), columns.start - (left - x) : columns.stop - (left - x)
+    ]
+    return result
+
+
+def _beside(
+    sample: Sample, other: Image, opacity: npt.NDArray[Any]
+) -> tuple[Image, npt.NDArray[Any], Mask, Mask]:
+    """A picture that holds the sample and, to the right of it, another one; its opacity, the hole in it, and
+    the other one's place in it, which may be copied.
+    """
+    (height, width), (tall, wide) = sample.image.shape[:2], other.shape[:2]
+    shape = max(height, tall), width + wide
+    own, there = np.s_[:height, :width], np.s_[:tall, width:]
+    image = np.zeros((*shape, *sample.image.shape[2:]), sample.image.dtype)
+    alpha, hole, source = np.zeros(shape, image.dtype), np.zeros(shape, bool), np.zeros(shape, bool)
+    image[own], image[there] = sample.image, other
+    alpha[own] = full_scale(image.dtype) if sample.alpha is None else sample.alpha
+    alpha[there], source[there] = opacity, True
+    hole[own] = np.asarray(sample.selected)
+    return image, alpha, hole, source
 
 
 def _sample(job: Job) -> Sample:

@@ -17,11 +17,14 @@ from gi.repository import Gimp, GimpUi, Gio, GLib, GObject, Gtk  # noqa: E402
 from toposeam_gimp.engine import missing_methods  # noqa: E402
 from toposeam_gimp.entries import Option, Procedure  # noqa: E402
 from toposeam_gimp.help_page import write_help_page  # noqa: E402
+from toposeam_gimp.picture_choice import PictureChoice, picture  # noqa: E402
 from toposeam_gimp.preview_pane import PreviewPane  # noqa: E402
 from toposeam_gimp.procedures import PROCEDURES  # noqa: E402
 from toposeam_gimp.texts import _  # noqa: E402
 
 _SPACE = 12
+#: Side of the dice on its button, px.
+_DICE = 20
 #: Numbers of so small a range are set with a slider.
 _NARROW = 10
 
@@ -81,6 +84,8 @@ class Dialog:
         slides = isinstance(option.default, float) and option.high - option.low <= _NARROW
         kind = GimpUi.SpinScale.__gtype__ if slides else GObject.TYPE_NONE
         widget = self._dialog.get_widget(option.name, kind)
+        if option.pictures:
+            _replace(widget, PictureChoice(self._config, option).widget)
         if option.name == "method" and (absent := missing_methods()):
             widget.get_widget().set_sensitivity(lambda nick, *_data: nick not in absent, None)
         if option.automatic is None and option.name != "seed":
@@ -88,7 +93,9 @@ class Dialog:
         row = Gtk.Box(spacing=_SPACE)
         row.pack_start(widget, True, True, 0)
         if option.name == "seed":
-            another = Gtk.Button(label=_("Another"), tooltip_text=_("Draw a seed by chance"))
+            another = Gtk.Button(tooltip_text=_("Draw another seed by chance"))
+            another.set_image(picture("dice", _DICE))
+            another.get_accessible().set_name(_("Draw another seed by chance"))
             another.connect("clicked", lambda _button: self._draw(option))
             row.pack_end(another, False, False, 0)
         else:
@@ -97,7 +104,7 @@ class Dialog:
 
     def _automatic(self, option: Option, widget: Gtk.Widget) -> Gtk.Widget:
         """A box that, ticked, stands for 0."""
-        kind = type(option.default)
+        kind = int if isinstance(option.default, int) else float
         box = Gtk.CheckButton(label=option.automatic)
         kept = {"value": kind(option.typical)}
 
@@ -153,3 +160,12 @@ class Dialog:
         text.format_secondary_text(f"{self._entry.help}\n\n{page}")
         text.run()
         text.destroy()
+
+
+def _replace(row: Gtk.Widget, field: Gtk.Widget) -> None:
+    """Put another field into a row of GIMP's, so that its label stays in line with the others."""
+    old = row.get_widget()
+    old.set_no_show_all(True)
+    old.hide()
+    row.attach(field, 1, 0, 1, 1)
+    row.get_label().set_mnemonic_widget(field)

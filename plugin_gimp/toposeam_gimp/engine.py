@@ -23,6 +23,7 @@ from typing import IO, Any
 from toposeam_gimp import __version__
 from toposeam_gimp.folder import RequestFolder
 from toposeam_gimp.sentences import in_gimps_words
+from toposeam_gimp.texts import _
 
 PROTOCOL = 2
 #: The engine speaks every two seconds; this long a silence means that it hangs.
@@ -46,7 +47,7 @@ _FOREIGN = (
     "__PYVENV_LAUNCHER__",
 )
 
-_INSTALL = "Run “toposeam gimp install” in a terminal, as the README of TopoSeam says, then try again."
+_INSTALL = _("Run “toposeam gimp install” in a terminal, as the README of TopoSeam says, then try again.")
 
 
 class EngineError(Exception):
@@ -79,9 +80,8 @@ def find_python(environment: Mapping[str, str] | None = None, home: Path | None 
     told = environment.get("TOPOSEAM_PYTHON")
     if told:
         if shutil.which(told) is None:
-            raise EngineError(
-                f"TOPOSEAM_PYTHON is {told}, but that is not a program; correct it or unset it."
-            )
+            text = _("TOPOSEAM_PYTHON is {python}, but that is not a program; correct it or unset it.")
+            raise EngineError(text.format(python=told))
         return told
     try:
         recorded = str(json.loads(settings_file().read_text(encoding="utf-8"))["python"])
@@ -89,12 +89,13 @@ def find_python(environment: Mapping[str, str] | None = None, home: Path | None 
         recorded = ""
     if recorded:
         if shutil.which(recorded) is None:
-            raise EngineError(f"TopoSeam's engine {recorded} is gone. {_INSTALL}")
+            gone = _("TopoSeam's engine {python} is gone.").format(python=recorded)
+            raise EngineError(f"{gone} {_INSTALL}")
         return recorded
     for place in _usual_places(Path.home() if home is None else home):
         if place.exists():
             return str(place)
-    raise EngineError(f"TopoSeam's engine is not installed for GIMP. {_INSTALL}")
+    raise EngineError(_("TopoSeam's engine is not installed for GIMP.") + f" {_INSTALL}")
 
 
 def _usual_places(home: Path) -> Iterator[Path]:
@@ -189,9 +190,9 @@ def start(
             creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
         )
     except OSError as error:
-        raise EngineError(
-            f"TopoSeam's engine {python[0]} does not start ({error.strerror}). {_INSTALL}"
-        ) from error
+        text = _("TopoSeam's engine {python} does not start ({reason}).")
+        said = text.format(python=python[0], reason=error.strerror)
+        raise EngineError(f"{said} {_INSTALL}") from error
 
 
 def end(process: subprocess.Popen[bytes]) -> None:
@@ -230,8 +231,10 @@ def _listen(
             line = lines.get(timeout=silence_s)
         except queue.Empty:
             raise EngineError(
-                f"TopoSeam's engine has not moved for {silence_s:.0f} s and was stopped; nothing was "
-                "changed. Try again."
+                _(
+                    "TopoSeam's engine has not moved for {seconds} s and was stopped; nothing was changed. "
+                    "Try again."
+                ).format(seconds=round(silence_s))
             ) from None
         if line is None:
             raise EngineError(_obituary(process, log, greeted))
@@ -245,8 +248,10 @@ def _listen(
             greeted = True
             if (event.get("protocol"), event.get("version")) != (PROTOCOL, __version__):
                 raise EngineError(
-                    f"the plug-in is of TopoSeam {__version__} and the installed TopoSeam is "
-                    f"{event.get('version')}; run “toposeam gimp install” and start GIMP again."
+                    _(
+                        "The plug-in is of TopoSeam {own} and the installed TopoSeam is {other}; run "
+                        "“toposeam gimp install” and start GIMP again."
+                    ).format(own=__version__, other=event.get("version"))
                 )
         elif kind == "progress":
             progress(float(event["share"]))
@@ -272,12 +277,13 @@ def _obituary(process: subprocess.Popen[bytes], log: Path, greeted: bool) -> str
         for line in (log.read_text(encoding="utf-8", errors="replace") if log.exists() else "").splitlines()
         if line.strip()
     ][-1:]
-    last = f" Its last words: {said[0][:300]}" if said else ""
+    last = " " + _("Its last words: {words}").format(words=said[0][:300]) if said else ""
     if not greeted:
-        return f"TopoSeam's engine does not start.{last} {_INSTALL}"
+        return _("TopoSeam's engine does not start.") + f"{last} {_INSTALL}"
     if code in (-9, 137):
-        return (
-            "TopoSeam's engine was killed, perhaps because memory ran out; nothing was changed. Close "
-            "other pictures and try again."
+        return _(
+            "TopoSeam's engine was killed, perhaps because memory ran out; nothing was changed. Close other "
+            "pictures and try again."
         )
-    return f"TopoSeam's engine ended unexpectedly (code {code}); nothing was changed.{last}"
+    ended = _("TopoSeam's engine ended unexpectedly (code {code}); nothing was changed.")
+    return ended.format(code=code) + last

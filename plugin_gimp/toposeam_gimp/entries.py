@@ -13,8 +13,8 @@ class Option:
     name: str
     label: str
     help: str
-    #: Its type says what the option is: bool, int, float, or one of `choices`.
-    default: bool | int | float | str
+    #: Its type says what the option is: bool, int, float, one of `choices`; None a layer, mask or channel.
+    default: bool | int | float | str | None
     low: float = 0
     high: float = 1
     #: Pairs of what scripts write and what people read.
@@ -28,6 +28,8 @@ class Option:
     applies: tuple[str, tuple[bool | str, ...]] | None = None
     #: Whether it waits under “Advanced” until somebody looks for it.
     advanced: bool = False
+    #: How the names of the files in ``pictures`` begin that show the choices; "" where words do.
+    pictures: str = ""
 
     @property
     def title(self) -> str:

@@ -13,6 +13,8 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+from toposeam_gimp.texts import _
+
 _PREFIX = "toposeam-request-"
 _SIGN_OF_LIFE = "alive"
 #: Holds the nonce by which the engine knows a request folder that the plug-in made; no other is touched.
@@ -60,11 +62,12 @@ class RequestFolder:
 
 def too_small(folder: Path, needed: int | None = None) -> str:
     """What to tell the user when the temporary folder is full."""
-    size = "" if needed is None else f"; {max(needed >> 20, 1)} MiB are needed"
-    return (
-        f"there is no space left in the temporary folder {folder}{size}. Free some, or start GIMP with "
+    size = "" if needed is None else " " + _("{size} MiB are needed.").format(size=max(needed >> 20, 1))
+    text = _(
+        "There is no space left in the temporary folder {folder}.{size} Free some, or start GIMP with "
         "TMPDIR set to a larger folder."
     )
+    return text.format(folder=folder, size=size)
 
 
 def is_full(error: OSError) -> bool:

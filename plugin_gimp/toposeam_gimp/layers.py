@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -60,6 +60,17 @@ def lowest_first(image: Gimp.Image, layers: Sequence[Gimp.Layer]) -> list[Gimp.L
 
     visit(image.get_layers(), False)
     return ordered[::-1]
+
+
+def check_selection(image: Gimp.Image, options: Mapping[str, Any]) -> None:
+    """Refuse a selection, which says where seams may run, while it is not known where the layers will be."""
+    if options["places"] == "anywhere" and not Gimp.Selection.is_empty(image):
+        raise RefusedError(
+            _(
+                "A selection says where the seams may run, but where the layers belong is not known yet. "
+                "Choose Select → None, or leave the layers where they lie."
+            )
+        )
 
 
 @contextmanager

@@ -6,39 +6,47 @@ from toposeam_gimp.entries import Option, Procedure
 from toposeam_gimp.texts import _
 from toposeam_gimp.texture_entries import SEED
 
-#: Wallpaper groups, and palettes; the same as core's (a test compares them).
+#: The rules that lay any motif side by side, and the wallpaper groups; core's (a test compares them). What
+#: stands before the colon is enough beside a picture.
+_RULES = (
+    ("reflect", _("Reflection: every other copy mirrored")),
+    ("translate", _("Translation: all copies alike")),
+    ("rotate", _("Rotation: every other copy by half a turn")),
+    ("drop", _("Half-drop: columns shifted by half")),
+    ("brick", _("Brick: rows shifted by half")),
+)
 _GROUPS = (
-    "p1",
-    "p2",
-    "pm",
-    "pg",
-    "cm",
-    "pmm",
-    "pmg",
-    "pgg",
-    "cmm",
-    "p4",
-    "p4m",
-    "p4g",
-    "p3",
-    "p3m1",
-    "p31m",
-    "p6",
-    "p6m",
+    ("p1", _("p1: no symmetry")),
+    ("p2", _("p2: half turns")),
+    ("pm", _("pm: mirrors")),
+    ("pg", _("pg: glides")),
+    ("cm", _("cm: mirrors and glides")),
+    ("pmm", _("pmm: mirrors both ways")),
+    ("pmg", _("pmg: mirrors and half turns")),
+    ("pgg", _("pgg: glides and half turns")),
+    ("cmm", _("cmm: mirrors both ways, staggered")),
+    ("p4", _("p4: quarter turns")),
+    ("p4m", _("p4m: quarter turns and mirrors")),
+    ("p4g", _("p4g: quarter turns and glides")),
+    ("p3", _("p3: third turns")),
+    ("p3m1", _("p3m1: third turns, all on mirrors")),
+    ("p31m", _("p31m: third turns, some on mirrors")),
+    ("p6", _("p6: sixth turns")),
+    ("p6m", _("p6m: sixth turns and mirrors")),
 )
 _PALETTES = (
-    "spring",
-    "summer",
-    "fall",
-    "winter",
-    "indigo",
-    "sumi",
-    "terracotta",
-    "botanic",
-    "sea",
-    "plum",
-    "saffron",
-    "night",
+    ("spring", _("Spring")),
+    ("summer", _("Summer")),
+    ("fall", _("Fall")),
+    ("winter", _("Winter")),
+    ("indigo", _("Indigo")),
+    ("sumi", _("Sumi")),
+    ("terracotta", _("Terracotta")),
+    ("botanic", _("Botanic")),
+    ("sea", _("Sea")),
+    ("plum", _("Plum")),
+    ("saffron", _("Saffron")),
+    ("night", _("Night")),
 )
 
 MOTIF_ENTRIES = (
@@ -69,15 +77,8 @@ MOTIF_ENTRIES = (
                 label=_("Repeats _by"),
                 help=_("The rule by which copies of the motif join"),
                 default="translate",
-                choices=(
-                    ("none", _("Nothing")),
-                    ("reflect", _("Reflection")),
-                    ("translate", _("Translation")),
-                    ("rotate", _("Half turns")),
-                    ("drop", _("Half-drop (columns shifted by half)")),
-                    ("brick", _("Brick (rows shifted by half)")),
-                    *((group, group) for group in _GROUPS),
-                ),
+                choices=(("none", _("Nothing: it stays alone")), *_RULES, *_GROUPS),
+                pictures="rule",
             ),
             Option(
                 name="layers",
@@ -92,10 +93,8 @@ MOTIF_ENTRIES = (
                 label=_("_Palette"),
                 help=_("The colours of paper and inks"),
                 default="random",
-                choices=(
-                    ("random", _("From the seed")),
-                    *((name, name.capitalize()) for name in _PALETTES),
-                ),
+                choices=(("random", _("From the seed")), *_PALETTES),
+                pictures="palette",
             ),
             Option(
                 name="mass",
@@ -106,6 +105,20 @@ MOTIF_ENTRIES = (
                 high=0.9,
                 automatic=_("From the seed"),
                 typical=0.25,
+            ),
+            Option(
+                name="edge",
+                label=_("Ho_w strokes end"),
+                default="auto",
+                choices=(
+                    ("auto", _("As fits them")),
+                    ("crisp", _("Crisp")),
+                    ("ink", _("Crisp, shading inside")),
+                    ("soft", _("Soft")),
+                ),
+                help=_(
+                    "How strokes end on the paper; what fits is soft for ink wash, and crisp for the others"
+                ),
             ),
             Option(
                 name="penalty",
@@ -154,7 +167,7 @@ MOTIF_ENTRIES = (
         blurb=_("Lay copies of a motif side by side by its own rule"),
         help=_(
             "Works on an image that Generate Motif has made, in the colours and with the masks that it "
-            "has now. The result is a new image."
+            "has now, or in the colours of a palette. The result is a new image."
         ),
         options=(
             Option(
@@ -173,7 +186,24 @@ MOTIF_ENTRIES = (
                 low=1,
                 high=200,
             ),
+            Option(
+                name="repeat",
+                label=_("Repeat _by"),
+                help=_("The rule by which copies join; only by the motif's own do strokes run on everywhere"),
+                default="own",
+                choices=(("own", _("The motif's own rule")), *_RULES),
+                pictures="rule",
+            ),
+            Option(
+                name="palette",
+                label=_("_Palette"),
+                help=_("The colours of paper and inks"),
+                default="own",
+                choices=(("own", _("The colours it has")), *_PALETTES),
+                pictures="palette",
+            ),
         ),
         returns=("layer", "The group of inks"),
+        preview="pattern",
     ),
 )

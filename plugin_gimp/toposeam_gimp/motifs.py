@@ -8,7 +8,7 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from gi.repository import Gegl, Gimp
+from gi.repository import Babl, Gegl, Gimp
 
 from toposeam_gimp import engine, pixels
 from toposeam_gimp.call import Call
@@ -44,34 +44,44 @@ def generate(call: Call) -> Gimp.Layer:
 
 def repeat(call: Call) -> Gimp.Layer:
     """A pattern of motifs in a new image."""
-    group, memory = _motif(call)
-    inks = [layer for layer in reversed(group.get_children()) if layer.get_mask() is not None]
-    size = {(ink.get_width(), ink.get_height()) for ink in inks}
-    if not inks or len(size) > 1:
-        raise RefusedError(
-            _("The layers of ink have no masks, or masks of different sizes; generate the motif again.")
-        )
-    ((width, height),) = size
+    group, memory = motif_of(call.image, call.drawables)
+    inks = inks_of(group)
+    width, height = inks[0].get_width(), inks[0].get_height()
     needed = width * height * 4 * len(inks) * (1 + call.options["rows"] * call.options["columns"])
     with RequestFolder(needed=needed) as folder:
         densities = [pixels.send_density(folder, ink, f"ink-{index}") for index, ink in enumerate(inks)]
-        request = {
-            "operation": "repeat",
-            "densities": densities,
-            "repeat": memory["repeat"],
-            "options": call.for_engine,
-        }
-        answer = engine.ask(folder, request, Gimp.progress_update)
-        paper = group.get_children()[-1]
-        return _image_of(
-            call, folder, answer["densities"], [_colour(ink) for ink in inks], _colour(paper), memory
+        request = {"operation": "repeat", "densities": densities, "repeat": memory["repeat"]}
+        answer = engine.ask(folder, {**request, "options": call.for_engine}, Gimp.progress_update)
+        colours, paper = [_colour(ink) for ink in inks], _colour(group.get_children()[-1])
+        if call.options["palette"] != "own":
+            colours = [Gegl.Color.new(ink) for ink in answer["inks"]]
+            paper = Gegl.Color.new(answer["paper"])
+        memory = {**memory, "repeat": answer["repeat"]}
+        return _image_of(call, folder, answer["densities"], colours, paper, memory)
+
+
+def inks_of(group: Gimp.GroupLayer) -> list[Gimp.Layer]:
+    """The layers of ink, the first one printed first."""
+    inks = [layer for layer in reversed(group.get_children()) if layer.get_mask() is not None]
+    if not inks or len({(ink.get_width(), ink.get_height()) for ink in inks}) > 1:
+        raise RefusedError(
+            _("The layers of ink have no masks, or masks of different sizes; generate the motif again.")
         )
+    return inks
 
 
-def _motif(call: Call) -> tuple[Gimp.GroupLayer, dict[str, Any]]:
+def colours_of(group: Gimp.GroupLayer) -> dict[str, Any]:
+    """The colours of inks and paper as a request for a preview has them."""
+    return {
+        "inks": [_hexadecimal(_colour(ink)) for ink in inks_of(group)],
+        "paper": _hexadecimal(_colour(group.get_children()[-1])),
+    }
+
+
+def motif_of(image: Gimp.Image, drawables: Sequence[Gimp.Drawable]) -> tuple[Gimp.GroupLayer, dict[str, Any]]:
     """The group of inks that is meant, and what it remembers."""
     item: Any
-    for item in [*chosen_layers(call.image, call.drawables), *call.image.get_layers()]:
+    for item in [*chosen_layers(image, drawables), *image.get_layers()]:
         while item is not None:
             parasite = item.get_parasite(PARASITE)
             if parasite is not None:
@@ -136,3 +146,8 @@ def _solid(
 
 def _colour(layer: Gimp.Layer) -> Gegl.Color:
     return layer.get_pixel(layer.get_width() // 2, layer.get_height() // 2)
+
+
+def _hexadecimal(colour: Gegl.Color) -> str:
+    content: bytes = colour.get_bytes(Babl.format("R'G'B' u8")).get_data()
+    return "#" + content.hex()

@@ -135,6 +135,20 @@ def send_mask(folder: RequestFolder, layer: Gimp.Layer, name: str) -> dict[str, 
     )
 
 
+def send_channel(folder: RequestFolder, channel: Gimp.Channel, name: str) -> dict[str, Any]:
+    """Write a channel or a mask, with its place."""
+    box = (0, 0, channel.get_width(), channel.get_height())
+    raster = _send(folder, channel, f"{name}.raw", Format.MASK_U8.value, "uint8", 1, box)
+    return {**raster, "at": list(place_of(channel))}
+
+
+def place_of(drawable: Gimp.Drawable) -> tuple[int, int]:
+    """Where a layer, a mask or a channel lies on the canvas."""
+    owner = Gimp.Layer.from_mask(drawable) if isinstance(drawable, Gimp.LayerMask) else drawable
+    _nothing, left, top = owner.get_offsets()
+    return left, top
+
+
 def send_selection(folder: RequestFolder, image: Gimp.Image) -> dict[str, Any] | None:
     """Write the selection into the folder, cut to its bounds; None if there is none."""
     _, something, left, top, right, bottom = Gimp.Selection.bounds(image)
@@ -172,18 +186,18 @@ def send_reduced(
     box: Box | None = None,
 ) -> dict[str, Any]:
     """Write what is seen of a layer, or what a box of the canvas cuts out of it, at a reduced size, in 8
-    bits; or, of a selection, all of it on the box.
+    bits; or, of a selection, a mask or a channel, as much as lies on the box.
     """
     if not isinstance(drawable, Gimp.Layer):
-        return _send_reduced(folder, drawable, name, scale, box, Format.MASK_U8.value, 1)
+        return _send_reduced(folder, drawable, name, scale, box, Format.MASK_U8.value, 1, place_of(drawable))
     with as_seen(image, drawable) as seen:
         gray = image.get_base_type() == Gimp.ImageBaseType.GRAY
         format_name = color_format(image, drawable, "uint8")
-        raster = _send_reduced(folder, seen, name, scale, box, format_name, 2 if gray else 4)
+        place, channels = place_of(seen), 2 if gray else 4
+        raster = _send_reduced(folder, seen, name, scale, box, format_name, channels, place)
         mask = seen.get_mask()
         if mask is not None and seen.get_apply_mask():
-            _nothing, left, top = seen.get_offsets()
-            own = None if box is None else (box[0] - left, box[1] - top, *box[2:])
+            own = None if box is None else (box[0] - place[0], box[1] - place[1], *box[2:])
             raster["mask"] = _send_reduced(folder, mask, f"{name}-mask", scale, own, Format.MASK_U8.value, 1)
     return raster
 
@@ -196,8 +210,9 @@ def _send_reduced(
     box: Box | None,
     format_name: str,
     channels: int,
+    place: tuple[int, int] = (0, 0),
 ) -> dict[str, Any]:
-    _nothing, left, top = drawable.get_offsets() if isinstance(drawable, Gimp.Layer) else (True, 0, 0)
+    left, top = place
     part = _common((left, top, drawable.get_width(), drawable.get_height()), box) or (left, top, 1, 1)
     x, y = round((part[0] - left) * scale), round((part[1] - top) * scale)
     width, height = max(round(part[2] * scale), 1), max(round(part[3] * scale), 1)
@@ -304,9 +319,12 @@ def receive_colors(
 def replaced(
     folder: RequestFolder, image: Gimp.Image, layer: Gimp.Layer, raster: dict[str, Any]
 ) -> Gimp.Layer:
-    """The layer with new pixels; a group or a text becomes an ordinary layer in its place."""
+    """The layer with new pixels; a group, a text, or a layer of another size becomes an ordinary layer in its
+    place.
+    """
     fresh = layer
-    if layer.is_group() or layer.is_text_layer():
+    resized = (raster["width"], raster["height"]) != (layer.get_width(), layer.get_height())
+    if resized or layer.is_group() or layer.is_text_layer():
         fresh = new_layer(image, layer.get_name(), raster)
         image.insert_layer(fresh, layer.get_parent(), image.get_item_position(layer))
         fresh.set_offsets(*list(layer.get_offsets())[1:])

@@ -61,7 +61,9 @@ class TopoSeam(Gimp.PlugIn):  # type: ignore[misc]
 
 def _add(procedure: Gimp.Procedure, option: Option) -> None:
     value, text = option.default, (option.name, option.label, option.help)
-    if isinstance(value, bool):
+    if value is None:
+        procedure.add_drawable_argument(*text, True, _READ_WRITE)
+    elif isinstance(value, bool):
         procedure.add_boolean_argument(*text, value, _READ_WRITE)
     elif isinstance(value, int):
         procedure.add_int_argument(*text, int(option.low), int(option.high), value, _READ_WRITE)

@@ -10,14 +10,16 @@ from gi.repository import Gimp
 
 from toposeam_gimp import pixels
 from toposeam_gimp.folder import RequestFolder
-from toposeam_gimp.layers import RefusedError, chosen_layers, lowest_first
+from toposeam_gimp.layers import RefusedError, check_selection, chosen_layers, lowest_first
+from toposeam_gimp.motifs import colours_of, inks_of, motif_of
 from toposeam_gimp.pixels import Box
 from toposeam_gimp.texts import _
+from toposeam_gimp.textures import send_source
 
 #: A preview is made of so many pixels at most.
 MOST_PIXELS = 300_000
-#: Textures take longer than seams.
-_MOST_GROWN = 100_000
+#: What takes longer than seams has fewer, so that a preview takes a second at most (benchmarks/gimp.py).
+_MOST_PLACED, _MOST_TILED, _MOST_GROWN = 120_000, 100_000, 40_000
 
 Scene = dict[str, Any]
 Layers = Sequence[Gimp.Drawable]
@@ -38,18 +40,26 @@ def key(name: str, options: Scene) -> tuple[Any, ...]:
     """What of the options a scene depends on; as long as it stays the same, so do the pixels."""
     if name == "sample":
         return options["width"], options["height"]
+    if name == "stitch":
+        return (options["places"] == "anywhere",)
+    if name == "pattern":
+        return options["rows"], options["columns"]
+    if name == "hole":
+        return options["from"] == "other", options["source"] and options["source"].get_id()
     return (options["use-layer"],) if name == "motif" else ()
 
 
-def _stitch(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _options: Scene) -> Scene:
+def _stitch(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
     layers = lowest_first(image, chosen_layers(image, drawables))
     if len(layers) < 2:
         raise RefusedError(_("Select two or more layers."))
+    check_selection(image, options)
     boxes = [_box(layer) for layer in layers]
     left, top = min(box[0] for box in boxes), min(box[1] for box in boxes)
     right, bottom = max(box[0] + box[2] for box in boxes), max(box[1] + box[3] for box in boxes)
     canvas = (left, top, right - left, bottom - top)
-    scale = _scale(max(_area(canvas), sum(map(_area, boxes))))
+    most = _MOST_PLACED if options["places"] == "anywhere" else MOST_PIXELS
+    scale = _scale(max(_area(canvas), sum(map(_area, boxes))), most)
     rasters = [
         pixels.send_reduced(folder, image, layer, f"layer-{index}", scale)
         for index, layer in enumerate(layers)
@@ -90,13 +100,14 @@ def _tile(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _options:
     bounds = _bounds(image)
     if bounds is not None and not pixels.is_rectangle(image, bounds):
         raise RefusedError(_("The selection is not a rectangle."))
-    return _texture("make_tileable", folder, image, drawables, 1.0, box=bounds, most=_MOST_GROWN)
+    return _texture("make_tileable", folder, image, drawables, 1.0, box=bounds, most=_MOST_TILED)
 
 
-def _hole(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _options: Scene) -> Scene:
+def _hole(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
     if _bounds(image) is None:
         raise RefusedError(_("Nothing is selected; select what is to be replaced and try again."))
-    return _texture("fill", folder, image, drawables, 1.0, most=_MOST_GROWN)
+    made = _texture("fill", folder, image, drawables, 1.0, most=_MOST_GROWN)
+    return {**made, "source": send_source(folder, image, drawables[0], options, made["scale"])}
 
 
 def _motif(folder: RequestFolder, image: Gimp.Image | None, drawables: Layers, options: Scene) -> Scene:
@@ -107,6 +118,18 @@ def _motif(folder: RequestFolder, image: Gimp.Image | None, drawables: Layers, o
         (layer,) = chosen_layers(image, drawables)
         base = pixels.send_reduced(folder, image, layer, "base", _scale(_area(_box(layer))))
     return {"of": "motif", "scale": 1.0, "layer": base}
+
+
+def _pattern(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
+    group, memory = motif_of(image, drawables)
+    inks = inks_of(group)
+    scale = _scale(_area(_box(inks[0])) * options["rows"] * options["columns"])
+    densities = [
+        pixels.send_reduced(folder, image, ink.get_mask(), f"ink-{index}", scale)
+        for index, ink in enumerate(inks)
+    ]
+    about = {"repeat": memory["repeat"], **colours_of(group)}
+    return {"of": "repeat", "scale": 1.0, "densities": densities, **about}
 
 
 def _texture(
@@ -163,4 +186,5 @@ _SCENES: dict[str, Callable[..., Scene]] = {
     "tile": _tile,
     "hole": _hole,
     "motif": _motif,
+    "pattern": _pattern,
 }

@@ -67,13 +67,19 @@ _TONES = Option(
         "overlaps agree"
     ),
 )
-_ALIGN = Option(
-    name="align",
-    label=_("_Align first"),
-    default=False,
+_PLACES = Option(
+    name="places",
+    label=_("_Positions"),
+    default="given",
     help=_(
-        "Move the copies, by up to 32 px, to where their overlaps agree; the layer at the bottom stays where "
-        "it is"
+        "Whether the copies move. Aligned, they go by up to 32 px to where their overlaps agree. Found out, "
+        "they may lie anywhere, and be turned by up to 3° and scaled by up to 3 %; the canvas grows if need "
+        "be. The lowest layer stays as it is"
+    ),
+    choices=(
+        ("given", _("As the layers lie")),
+        ("near", _("Align them (within 32 px)")),
+        ("anywhere", _("Find out where they belong")),
     ),
 )
 _KEEP = Option(
@@ -119,12 +125,12 @@ SEAM_ENTRIES = (
         needs="several",
         blurb=_("Join the selected layers where they overlap, along seams that nobody sees"),
         help=_(
-            "Select two or more layers that overlap; the lowest comes first. A group appears with a copy of "
-            "each layer under a layer mask, opaque and in Normal mode, and two paths per seam. If there is a "
-            "selection, the seams stay within it. Bend a path with the path tool and use Re-stitch from "
-            "Paths to apply it."
+            "Select two or more layers that overlap, or would: where they belong can be found out. A group "
+            "appears with a copy of each layer under a layer mask, opaque and in Normal mode, and two paths "
+            "per seam. If there is a selection, the seams stay within it. Bend a path with the path tool and "
+            "use Re-stitch from Paths to apply it."
         ),
-        options=(_BLEND, _WIDTH, _ALIGN, _TONES, _SHOW, _MERGE, _KEEP, _METHOD, _GRADIENT),
+        options=(_BLEND, _WIDTH, _PLACES, _TONES, _SHOW, _MERGE, _KEEP, _METHOD, _GRADIENT),
         returns=("group", "The group of stitched layers, or the merged layer"),
         preview="stitch",
     ),

@@ -17,6 +17,7 @@ from toposeam_gimp.call import Call, renamed
 from toposeam_gimp.folder import RequestFolder
 from toposeam_gimp.layers import (
     RefusedError,
+    check_selection,
     chosen_layers,
     draw_seam,
     lines_to_apply,
@@ -43,6 +44,7 @@ def stitch_layers(call: Call) -> Gimp.Layer:
                 "again."
             )
         )
+    check_selection(image, options)
     with _request(image, layers) as (folder, rasters):
         request = {
             "layers": rasters,
@@ -57,12 +59,14 @@ def stitch_layers(call: Call) -> Gimp.Layer:
             undone.append(lambda: image.remove_layer(group))
             copies = [plain_copy(image, layer, group, 0) for layer in layers]
             for index, (layer, copy) in enumerate(zip(layers, copies, strict=True)):
-                if answer.get("pixels"):
+                if answer.get("pixels") and answer["pixels"][index]:
                     copy = copies[index] = pixels.replaced(folder, image, copy, answer["pixels"][index])
                 if answer.get("places"):
                     copy.set_offsets(*answer["places"][index])
                 _put_mask(folder, copy, answer["masks"][index])
                 copy.set_name(layer.get_name())
+            if options["places"] == "anywhere":
+                _hold_all(image, copies, undone)
             blended = _put_blended(folder, image, group, answer)
             seams = _draw_seams(call, answer, undone)
             remember(
@@ -83,6 +87,17 @@ def stitch_layers(call: Call) -> Gimp.Layer:
                 image.remove_layer(layer)
             image.set_selected_layers([result])
     return result
+
+
+def _hold_all(image: Gimp.Image, layers: Sequence[Gimp.Layer], undone: list[Callable[[], Any]]) -> None:
+    """Let the canvas grow to the right and downwards until it holds all layers."""
+    width, height = image.get_width(), image.get_height()
+    corners = [list(layer.get_offsets())[1:] for layer in layers]
+    right = max(x + layer.get_width() for layer, (x, _y) in zip(layers, corners, strict=True))
+    bottom = max(y + layer.get_height() for layer, (_x, y) in zip(layers, corners, strict=True))
+    if right > width or bottom > height:
+        image.resize(max(width, right), max(height, bottom), 0, 0)
+        undone.append(lambda: image.resize(width, height, 0, 0))
 
 
 def restitch(call: Call) -> Gimp.Layer:

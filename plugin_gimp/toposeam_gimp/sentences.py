@@ -38,9 +38,37 @@ _SENTENCES = (
     (
         r"(?P<name>.+) cannot be aligned: within (?P<radius>\d+) px",
         _(
-            "“{name}” cannot be aligned: within {radius} px of where it lies it agrees with none of "
-            "the other "
-            "layers. Move it closer to its place, or switch “Align first” off."
+            "“{name}” cannot be aligned: within {radius} px of where it lies it agrees with none of the "
+            "other layers. Move it closer to its place, or let “Positions” find out where it belongs."
+        ),
+    ),
+    (
+        r"(?P<name>.+) fits none of the other pictures",
+        _(
+            "“{name}” shows nothing that the other layers show too, so where it belongs cannot be found out. "
+            "Select the others without it, or lay it where it belongs and switch “Positions” back."
+        ),
+    ),
+    (
+        r"(?P<name>.+) and (?P<others>.+) show something else than the other pictures",
+        _(
+            "“{name}” and {others} show something else than the other layers; select the layers that belong "
+            "together."
+        ),
+    ),
+    (
+        r"(?P<name>.+) and (?P<other>.+) do not fit where the other pictures place them: (?P<off>[\d.]+) px",
+        _(
+            "“{name}” and “{other}” do not fit on each other: {off} px are left between them. Moving and "
+            "turning do not undo a lens or a change of perspective; lay the layers by hand, and switch "
+            "“Positions” back."
+        ),
+    ),
+    (
+        r"(?P<name>.+) cannot be placed exactly",
+        _(
+            "“{name}” shares too little with the other layers to be placed exactly; lay it by hand, and "
+            "switch “Positions” back."
         ),
     ),
     (
@@ -98,6 +126,33 @@ _SENTENCES = (
     (
         r".*(?:PyMaxflow|maxflow)",
         _("Graph cut needs PyMaxflow beside TopoSeam, which is not installed there; choose another method."),
+    ),
+    (
+        r"the clip has (?P<count>\d+) frames; from frame .* use a length of at most (?P<most>-?\d+)",
+        _(
+            "The animation has {count} frames, too few for such a loop; ask for fewer frames or a shorter "
+            "transition."
+        ),
+    ),
+    (
+        r"a loop of at most (?P<most>\d+) frames is shorter than its transition of (?P<transition>\d+)",
+        _("The transition takes {transition} frames, and the loop has {most}; use a shorter transition."),
+    ),
+    (
+        r"transition is (?P<transition>\d+) frames, and the clip has (?P<count>\d+)"
+        r": .* at most (?P<most>\d+)",
+        _("The transition takes {transition} of {count} frames; use {most} at most."),
+    ),
+    (
+        r"the frame (?P<name>.+) is transparent in places",
+        _(
+            "“{name}” is transparent in places; put it on a background first (Filters → Animation → "
+            "Unoptimize)."
+        ),
+    ),
+    (
+        r"repeat (?P<rule>.+) needs even sizes, this cell is .*; use \d+ × (?P<size>\d+)",
+        _("This rule needs an even size; use {size} px."),
     ),
     (
         r".* span .* megapixels|a texture of .* has more than .* megapixels|the pattern would have",

@@ -121,7 +121,7 @@ TEXTURE_ENTRIES = (
         name="plug-in-toposeam-fill",
         label=_("_Fill Selection..."),
         work="textures.fill",
-        blurb=_("Replace what is selected by what the rest of this layer is like"),
+        blurb=_("Replace what is selected by what the rest of this layer, or another one, is like"),
         help=_(
             "The hole is filled from outside inwards with patches of the layer, cut along seams found by "
             "heat that may run through a band round the selection. The result is a new layer that covers "
@@ -131,9 +131,24 @@ TEXTURE_ENTRIES = (
             Option(
                 name="from",
                 label=_("Copy _from"),
-                help=_("Which part of the layer may be copied into the hole"),
+                help=_("What may be copied into the hole"),
                 default="layer",
-                choices=(("layer", _("The whole layer")), ("around", _("Around the selection"))),
+                choices=(
+                    ("layer", _("The whole layer")),
+                    ("around", _("Around the selection")),
+                    ("other", _("Another layer, a mask or a channel")),
+                ),
+            ),
+            Option(
+                name="source",
+                label=_("So_urce"),
+                help=_(
+                    "Another layer of this image, which is copied from; or a mask or channel: where that is "
+                    "white, this layer may be copied"
+                ),
+                default=None,
+                engine=False,
+                applies=("from", ("other",)),
             ),
             Option(
                 name="patch",

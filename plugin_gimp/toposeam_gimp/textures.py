@@ -4,6 +4,7 @@ back.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from gi.repository import Gimp
@@ -60,8 +61,29 @@ def fill(call: Call) -> Gimp.Layer:
         request = _sample(call, folder, layer)
         if request["selection"] is None:
             raise RefusedError(_("Nothing is selected; select what is to be replaced and try again."))
+        request["source"] = send_source(folder, call.image, layer, call.options)
         picture = engine.ask(folder, {"operation": "fill", **request}, Gimp.progress_update)["picture"]
         return _add(call, folder, layer, picture, _("Fill of {name}").format(name=layer.get_name()))
+
+
+def send_source(
+    folder: RequestFolder,
+    image: Gimp.Image,
+    layer: Gimp.Layer,
+    options: Mapping[str, Any],
+    scale: float | None = None,
+) -> dict[str, Any] | None:
+    """What is to be copied into a hole if that is not the layer itself: another layer, or a mask."""
+    if options["from"] != "other":
+        return None
+    source = options["source"]
+    if source is None or source.get_image().get_id() != image.get_id() or source.get_id() == layer.get_id():
+        raise RefusedError(_("Choose another layer of this image, a mask or a channel to copy from."))
+    if scale is not None:
+        return pixels.send_reduced(folder, image, source, "source", scale)
+    if isinstance(source, Gimp.Layer):
+        return pixels.send_whole(folder, image, source, "source")
+    return pixels.send_channel(folder, source, "source")
 
 
 def _sample(

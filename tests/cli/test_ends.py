@@ -69,14 +69,23 @@ def test_ctrl_c_again_and_again_is_one_ctrl_c(many, delay, what):
         "one": ["motif", "-o", "m.png", "--size", "512", "--seed", "1"],
         "batch": ["batch", "a*.png", "b*.png", "--overlap", "40", "-o", "out/{name}.png", "-j", "2"],
     }[what]
+    # What comes before the first line of ours, which sets the signal aside, is Python's to answer.
+    begin = """if True:
+        import signal
+        from toposeam_cli import __main__
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        print("begun", flush=True)
+        __main__.start()
+    """
     child = subprocess.Popen(
-        [sys.executable, "-m", "toposeam_cli", *words],
+        [sys.executable, "-c", begin, *words],
         cwd=many,
         stderr=subprocess.PIPE,
         text=True,
         stdout=subprocess.PIPE,
         start_new_session=True,
     )
+    assert child.stdout.readline() == "begun\n"
     time.sleep(delay)
     for _ in range(6):
         try:

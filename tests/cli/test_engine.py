@@ -9,6 +9,7 @@ import time
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 import toposeam as ts
 from toposeam_engine.serving import MARKER, PROTOCOL
@@ -319,10 +320,25 @@ def test_aligned_layers_come_with_their_places(request_folder):
         np.dstack([part, np.full(part.shape[:2], 255, np.uint8)]) for part in (whole[:, :100], whole[:, 60:])
     ]
     layers = [request_folder.raster("a", parts[0]), request_folder.raster("b", parts[1], (63, -5))]
-    result = result_of(request_folder.ask(operation="stitch", layers=layers, options={"align": True}))
+    result = result_of(request_folder.ask(operation="stitch", layers=layers, options={"places": "near"}))
     assert result["places"] == [[0, 0], [60, 0]]
     shown = [request_folder.pixels(raster) > 0 for raster in result["masks"]]
     assert (shown[0].sum() + shown[1].sum()) == 120 * 180
+
+
+def test_layers_that_lie_anywhere_are_put_where_they_belong(request_folder):
+    rng = np.random.default_rng(4)
+    whole = ndimage.gaussian_filter(rng.random((160, 260, 3)), (2, 2, 0))
+    whole = (255 * (whole - whole.min()) / np.ptp(whole)).astype(np.uint8)
+    whole = np.dstack([whole, np.full(whole.shape[:2], 255, np.uint8)])
+    parts = whole[20:, 90:], whole[:, :160]
+    layers = [request_folder.raster("a", parts[0], (30, 40)), request_folder.raster("b", parts[1], (500, 7))]
+    result = result_of(request_folder.ask(operation="stitch", layers=layers, options={"places": "anywhere"}))
+    assert result["places"] == [[90, 40], [0, 20]]  # the first would have lain at 30, the other then at -60
+    assert "pixels" not in result  # nothing was turned
+    layers[1] = request_folder.raster("c", np.full_like(parts[1], 90), (0, 0))
+    refused = request_folder.ask(operation="stitch", layers=layers, options={"places": "anywhere"})
+    assert "fits none of the other pictures" in message_of(refused)
 
 
 def test_a_patch_is_divided_anew_by_its_path(request_folder, pair):

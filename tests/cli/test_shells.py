@@ -8,6 +8,7 @@ import sys
 
 import pytest
 
+from toposeam_cli import registry
 from toposeam_cli.main import main
 from toposeam_cli.registry import COMMANDS
 from toposeam_cli.shells import manual
@@ -56,6 +57,13 @@ def test_the_manual_page_has_every_command_and_every_option(toposeam):
     for option in ("--overlap", "--tileable", "--palette", "--gimp-version"):
         assert option.replace("-", r"\-") in ran.out
     assert ran.out.isascii()
+
+
+def test_making_the_manual_page_leaves_the_commands_as_they_are(toposeam):
+    command = registry.load("tile")
+    command._help_option = None  # as in a new process
+    toposeam("manual")
+    assert toposeam("tile", "-h").code == 0
 
 
 @pytest.mark.skipif(shutil.which("groff") is None, reason="there is no groff")

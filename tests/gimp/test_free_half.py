@@ -9,6 +9,7 @@ import os
 import queue
 import re
 import string
+import subprocess
 import sys
 import time
 from collections import Counter
@@ -16,10 +17,13 @@ from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 import toposeam as ts
 import toposeam_gimp
+from toposeam.motif.edges import EDGES
 from toposeam_engine.serving import MARKER, OPERATIONS, PROTOCOL
 from toposeam_gimp import choosing, curves, engine, folder, help_page, rehearsal, sentences
 from toposeam_gimp.call import Call
@@ -51,6 +55,29 @@ def test_the_tables_offer_what_core_has():
     assert sorted(choices("stitch", "blend")) == sorted(ts.BLENDS)
     assert sorted(choices("motif", "repeat")) == sorted(ts.REPEATS)
     assert sorted(choices("motif", "palette")) == sorted(["random", *ts.PALETTES])
+    assert sorted(choices("motif", "edge")) == sorted(["auto", *EDGES])
+    assert sorted(choices("repeat", "palette")) == sorted(["own", *ts.PALETTES])
+    assert set(choices("repeat", "repeat")) < {"own", *ts.REPEATS}
+
+
+def test_every_rule_and_palette_has_its_picture():
+    wanted = {f"rule-{rule}.png" for rule in ts.REPEATS} | {f"palette-{name}.png" for name in ts.PALETTES}
+    assert {file.name for file in (PLUG_IN / "pictures").glob("*.png")} == wanted
+    assert (PLUG_IN / "pictures" / "dice-symbolic.svg").is_file()
+    for entry in PROCEDURES.values():
+        for option in entry.options:
+            if option.pictures:
+                shown = {nick for nick, _ in option.choices} - {"own", "random"}
+                assert {f"{option.pictures}-{nick}.png" for nick in shown} <= wanted
+
+
+def test_pictures_are_those_that_the_script_draws(tmp_path):
+    subprocess.run([sys.executable, PLUG_IN.parent / "make_pictures.py", tmp_path], check=True, timeout=300)
+    for file in (PLUG_IN / "pictures").glob("*.png"):
+        drawn, kept = (
+            np.asarray(Image.open(one).convert("RGB"), int) for one in (tmp_path / file.name, file)
+        )
+        assert np.abs(drawn - kept).mean() < 3, file.name
 
 
 @pytest.mark.parametrize("entry", PROCEDURES.values(), ids=PROCEDURES)
@@ -60,7 +87,9 @@ def test_every_entry_is_complete(entry):
     for option in entry.options:
         assert option.label
         assert option.help
-        if isinstance(option.default, str):
+        if option.default is None:
+            assert not option.engine
+        elif isinstance(option.default, str):
             assert option.default in [nick for nick, _ in option.choices]
         elif not isinstance(option.default, bool):
             assert option.low <= option.default <= option.high
@@ -112,6 +141,15 @@ def test_what_an_option_depends_on_is_there(entry):
         (
             "the source is 96 × 80 px, smaller than a patch of 400 px; use a patch of 80 px or less",
             "The layer is 96 × 80 px, smaller than a patch of 400 px; use smaller patches.",
+        ),
+        (
+            "b fits none of the other pictures (it has nothing in common, 0.5 is needed); leave it out",
+            "“b” shows nothing that the other layers show too, so where it belongs cannot be found out. "
+            "Select the others without it, or lay it where it belongs and switch “Positions” back.",
+        ),
+        (
+            "transition is 20 frames, and the clip has 12: end and beginning: use at most 6",
+            "The transition takes 20 of 12 frames; use 6 at most.",
         ),
         ("something new; do this", "something new; do this"),
     ],
@@ -199,7 +237,14 @@ def test_options_for_the_engine_leave_out_the_plug_ins_own():
     entry = PROCEDURES["plug-in-toposeam-stitch"]
     options = {option.name: option.default for option in entry.options}
     call = Call(image=None, drawables=[], options=options, entry=entry, interactive=False)
-    assert sorted(call.for_engine) == ["align", "blend", "blend_width", "gradient", "match_tones", "method"]
+    assert sorted(call.for_engine) == [
+        "blend",
+        "blend_width",
+        "gradient",
+        "match_tones",
+        "method",
+        "places",
+    ]
 
 
 # Lines and strokes.
@@ -350,7 +395,7 @@ def test_crashed_folders_go_and_living_ones_stay(own_temporary_folder):
 def test_too_little_space_is_told_before_anything_is_written(own_temporary_folder):
     with pytest.raises(
         folder.FolderError,
-        match=r"there is no space left in the temporary folder .* MiB are needed\. Free some",
+        match=r"There is no space left in the temporary folder .* MiB are needed\. Free some",
     ):
         folder.RequestFolder(needed=2**60)
     assert not list(own_temporary_folder.iterdir())

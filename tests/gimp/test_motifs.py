@@ -86,6 +86,34 @@ layer.fill(Gimp.FillType.FOREGROUND)
     gimp.delete(image=pattern)
 
 
+def test_a_pattern_by_another_rule_in_the_colours_of_a_palette(gimp, generate):
+    number, group = generate({**SMALL, "repeat": "translate", "layers": 2, "seed": 1, "palette": "sea"})
+    options = {"rows": 1, "columns": 2, "repeat": "reflect", "palette": "plum"}
+    result = succeeded(gimp.run(procedure=REPEAT, image=number, layers=[group], options=options))
+    pattern = gimp.python(code="answer = item(number).get_image().get_id()", number=result["layer"])
+    shown = gimp.projection(pattern, "R'G'B'A u8")[..., :3]
+    np.testing.assert_array_equal(shown, shown[:, ::-1])
+    motif = ts.generate_motif(
+        48, iterations=6, layers=2, seed=1, palette="plum", penalty=3.0, repeat="translate"
+    )
+    expected = motif.image()
+    assert np.abs(shown[:, :48] / 255 - expected).max() <= 2 / 255
+    gimp.delete(image=pattern)
+
+
+def test_strokes_end_as_they_are_told_to(gimp, generate):
+    shares = []
+    for edge in ("soft", "crisp"):
+        number, _ = generate({**SMALL, "layers": 1, "edge": edge, "penalty": 1.5})
+        mask = gimp.python(
+            code="answer = item(number).get_mask().get_id()",
+            number=gimp.tree(image=number)["layers"][0]["children"][0]["id"],
+        )
+        density = gimp.pixels(mask, "Y float")[0][..., 0]
+        shares.append(((density > 0.1) & (density < 0.9)).mean())
+    assert shares[1] < 0.7 * shares[0]
+
+
 def test_a_rule_that_needs_an_even_cell(gimp, image, tmp_path):
     write_png(tmp_path / "any.png", photograph(20, 20))
     refused(gimp, image([tmp_path / "any.png"]), "even", MOTIF, {**SMALL, "size": 49, "repeat": "rotate"})

@@ -7,7 +7,7 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 from inside import cli, covers_once, mask_of, refused, succeeded
-from pictures import crops, photograph
+from pictures import crops, photograph, write_png
 from running import needs_gimp
 
 import toposeam as ts
@@ -438,3 +438,42 @@ def test_a_stitched_file_is_saved_with_its_seams(gimp, image, still_life, tmp_pa
     exact = np.array(memory["seams"][0]["lines"][0]["points"]).reshape(-1, 2)
     assert (exact == np.round(exact)).all()
     assert len(exact) > len(memory["seams"][0]["lines"][0]["stroke"]) / 6 > 2
+
+
+def test_layers_that_lie_anywhere_are_put_where_they_belong(gimp, image, tmp_path):
+    whole = photograph(160, 300, seed=3)
+    write_png(tmp_path / "left.png", whole[:, :180])
+    write_png(tmp_path / "right.png", whole[8:, 120:])
+    loaded = image([tmp_path / "left.png", tmp_path / "right.png"], offsets=[[0, 0], [4, 90]])
+    gimp.python(code="image_of(number).resize(200, 200, 0, 0)", number=loaded["image"])
+    result = succeeded(gimp.stitch(loaded, {"places": "anywhere"}))
+    after = gimp.tree(image=loaded["image"])
+    assert after["size"] == [300, 200]  # grown to the right, not cropped below
+    group = next(layer for layer in after["layers"] if layer["id"] == result["layer"])
+    assert [child["offsets"] for child in group["children"]] == [[120, 8], [0, 0]]
+    shown = gimp.projection(loaded["image"], "R'G'B'A u8")
+    np.testing.assert_array_equal(shown[8:160, :, :3], whole[8:])
+
+
+def test_a_turned_layer_is_turned_back(gimp, image, tmp_path):
+    whole = photograph(160, 300, seed=3)
+    write_png(tmp_path / "left.png", whole[:, :180])
+    write_png(tmp_path / "right.png", whole[:, 110:])
+    loaded = image([tmp_path / "left.png", tmp_path / "right.png"])
+    code = "item(number).transform_rotate(0.02, True, 0, 0)"
+    gimp.python(code=code, number=loaded["layers"][1])
+    succeeded(gimp.stitch(loaded, {"places": "anywhere"}))
+    shown = gimp.projection(loaded["image"], "R'G'B'A u8")[10:150, 10:280, :3].astype(int)
+    assert np.abs(shown - whole[10:150, 10:280]).mean() < 0.2 * whole.std()
+
+
+def test_layers_that_have_nothing_in_common(gimp, image, tmp_path):
+    for name, seed in (("a", 1), ("b", 2)):
+        write_png(tmp_path / f"{name}.png", photograph(120, 150, seed=seed))
+    loaded = image([tmp_path / "a.png", tmp_path / "b.png"])
+    refused(gimp, loaded, "shows nothing that the other layers show", options={"places": "anywhere"})
+    gimp.python(
+        code="image_of(number).select_rectangle(Gimp.ChannelOps.REPLACE, 0, 0, 50, 50)",
+        number=loaded["image"],
+    )
+    refused(gimp, loaded, "Select → None", options={"places": "anywhere"})

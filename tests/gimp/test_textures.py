@@ -144,6 +144,71 @@ open(file, "wb").write(image.get_selection().get_buffer().get(box, 1.0, "Y u8", 
     assert made.shape[1] < 80
 
 
+SELECT = "image_of(number).select_rectangle(Gimp.ChannelOps.REPLACE, 40, 30, 24, 20)"
+
+
+def test_a_hole_is_filled_from_another_layer(gimp, image, tmp_path):
+    pixels = photograph(80, 100, seed=5) // 2
+    write_png(tmp_path / "dark.png", pixels)
+    write_png(tmp_path / "light.png", 128 + photograph(60, 70, seed=6) // 2)
+    loaded = image([tmp_path / "dark.png", tmp_path / "light.png"], offsets=[[3, 2], [9, 9]])
+    gimp.python(code=SELECT, number=loaded["image"])
+    fill(gimp, loaded, loaded["layers"][1])
+    filled = gimp.pixels(gimp.tree(image=loaded["image"])["layers"][1]["id"], "R'G'B'A u8")[0]
+    assert filled[6:-6, 6:-6, :3].min() >= 128  # but for the band round the hole
+    filled = filled[filled[..., 3] > 0]
+    assert len(filled) >= 24 * 20
+
+
+def test_a_hole_is_filled_from_where_a_mask_is_white(gimp, image, tmp_path):
+    pixels = photograph(96, 120, seed=6) // 2
+    pixels[:, 70:] |= 128
+    write_png(tmp_path / "any.png", pixels)
+    loaded = image([tmp_path / "any.png"])
+    make = """
+image, layer = image_of(number), item(layer)
+image.select_rectangle(Gimp.ChannelOps.REPLACE, 70, 0, 50, 96)
+if kind == "mask":
+    mask = layer.create_mask(Gimp.AddMaskType.SELECTION)
+    layer.add_mask(mask)
+    layer.set_apply_mask(False)
+else:
+    mask = Gimp.Selection.save(image)
+answer = mask.get_id()
+"""
+    for kind in ("channel", "mask"):
+        mask = gimp.python(code=make, number=loaded["image"], layer=loaded["layers"][0], kind=kind)
+        gimp.python(code=SELECT.replace("40, 30", "20, 30"), number=loaded["image"])
+        fill(gimp, loaded, mask)
+        filled = gimp.pixels(gimp.tree(image=loaded["image"])["layers"][0]["id"], "R'G'B'A u8")[0]
+        assert filled[6:-6, 6:-6, :3].min() >= 128
+        gimp.python(
+            code="image_of(number).remove_layer(image_of(number).get_layers()[0])", number=loaded["image"]
+        )
+
+
+def fill(gimp, loaded, source):
+    code = """
+procedure = Gimp.get_pdb().lookup_procedure(name)
+config = procedure.create_config()
+config.set_property("image", image_of(number))
+config.set_core_object_array("drawables", [item(layer)])
+for key, value in (("from", "other"), ("source", item(source)), ("patch", 16)):
+    config.set_property(key, value)
+result = procedure.run(config)
+answer = [result.index(0).value_nick, Gimp.get_pdb().get_last_error()]
+"""
+    asked = {"number": loaded["image"], "layer": loaded["layers"][0], "source": source}
+    status, message = gimp.python(code=code, name=FILL, **asked)
+    assert status == "success", message
+
+
+def test_filling_from_another_layer_that_is_not_told(gimp, image, sample):
+    loaded = image([sample[1]])
+    gimp.python(code=SELECT, number=loaded["image"])
+    refused(gimp, loaded, "Choose another layer", FILL, {"from": "other"})
+
+
 def test_filling_without_a_selection(gimp, image, sample):
     refused(gimp, image([sample[1]]), "select what is to be replaced", FILL)
 

@@ -126,7 +126,7 @@ def test_a_full_disk(real_gimp, tmp_path, samples):
         refused(
             gimp,
             loaded,
-            f"no space left in the temporary folder {small / 'tmp'}; 3 MiB are needed. Free some",
+            f"no space left in the temporary folder {small / 'tmp'}. 3 MiB are needed. Free some",
         )
         subprocess.run(["mount", "-o", "remount,size=100m", str(small / "tmp")], check=True)
         succeeded(gimp.stitch(loaded))

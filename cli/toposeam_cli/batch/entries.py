@@ -111,7 +111,12 @@ def parse_patterns(command: click.Command, words: Sequence[str], folder: Path) -
     click.UsageError
         If they are not words of that command.
     """
-    context = click.Context(command, parent=click.get_current_context(silent=True), info_name=command.name)
+    context = click.Context(
+        command,
+        parent=click.get_current_context(silent=True),
+        info_name=command.name,
+        **command.context_settings,
+    )
     try:
         settings, rest, _ = command.make_parser(context).parse_args(list(words))
     except click.UsageError as error:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-import toposeam as ts
 from toposeam.motif.book import SEASONS
 from toposeam.motif.kinds import Kind
 from toposeam_cli.book.html import caption
@@ -22,24 +23,15 @@ _WIDTH_MM, _HEIGHT_MM, _MARGIN_MM = 210.0, 297.0, 16.0
 _COLUMNS, _ROWS = 4, 5
 _INK, _SOFT = "#2b2926", "#7b756c"
 _PAPER = "#faf8f4"
+#: px per inch of a page, and the quality of its JPEG: text of 5 pt is sharp in print.
+_DPI, _QUALITY = 300, 90
+#: Fonts that systems have, for titles beyond ASCII.
+_FONTS = (
+    *("NotoSansCJK-Regular.ttc", "DejaVuSans.ttf", "NotoSans-Regular.ttf", "arial.ttf", "Arial.ttf"),
+    *("malgun.ttf", "AppleSDGothicNeo.ttc"),
+)
 #: px of a mock-up on the page.
 _PRODUCT_PX = 700
-
-
-def require_matplotlib() -> None:
-    """Refuse before any work what cannot be written.
-
-    Raises
-    ------
-    MissingPackageError
-    """
-    try:
-        import matplotlib as mpl
-    except ImportError as error:
-        raise ts.MissingPackageError(
-            "book.pdf needs matplotlib; install it with: pip install 'toposeam[plot]', or pass --no-pdf"
-        ) from error
-    assert mpl  # noqa: S101
 
 
 def to_pdf(title: str, folder: Path, rows: Sequence[Row], products: Sequence[tuple[Row, str]]) -> bytes:
@@ -54,51 +46,87 @@ def to_pdf(title: str, folder: Path, rows: Sequence[Row], products: Sequence[tup
         As :func:`toposeam_cli.book.patterns.draw_pattern` returns them.
     products : sequence of (row, product)
     """
-    import matplotlib as mpl
-    from matplotlib.backends.backend_pdf import PdfPages
-
+    ordered = [
+        row
+        for kind in Kind
+        for season in SEASONS
+        for row in rows
+        if (row["kind"], row["season"]) == (str(kind), season)
+    ]
     buffer = io.BytesIO()
-    style = {**mpl.rcParamsDefault, "backend": "agg", "font.family": "serif", "pdf.fonttype": 42}
-    about = {"Title": f"{title}: pattern book", "CreationDate": None, "ModDate": None}
-    with mpl.rc_context(style), PdfPages(buffer, metadata=about) as pdf:
-        ordered = [
-            row
-            for kind in Kind
-            for season in SEASONS
-            for row in rows
-            if (row["kind"], row["season"]) == (str(kind), season)
-        ]
-        for page in (_cover(title, folder, rows), _kinds(folder, rows), *_products(folder, products)):
-            pdf.savefig(page.figure)
-        for kind in Kind:
-            members = [row for row in ordered if row["kind"] == str(kind)]
-            for start in range(0, len(members), _COLUMNS * _ROWS):
-                pdf.savefig(
-                    _sheet(folder, f"{kind}: {kind.words}", members[start : start + _COLUMNS * _ROWS]).figure
-                )
+    for count, page in enumerate(_pages(title, folder, rows, ordered, products)):
+        # Page by page: a book of thousands of patterns has hundreds. No dates, which nobody asked for.
+        page.image.save(
+            buffer,
+            "PDF",
+            append=count > 0,
+            resolution=_DPI,
+            quality=_QUALITY,
+            title=f"{title}: pattern book",
+            creationDate=None,
+            modDate=None,
+        )
     return buffer.getvalue()
+
+
+def _pages(
+    title: str,
+    folder: Path,
+    rows: Sequence[Row],
+    ordered: Sequence[Row],
+    products: Sequence[tuple[Row, str]],
+) -> Iterator[_Page]:
+    yield _cover(title, folder, rows)
+    yield _kinds(folder, rows)
+    yield from _products(folder, products)
+    for kind in Kind:
+        members = [row for row in ordered if row["kind"] == str(kind)]
+        for start in range(0, len(members), _COLUMNS * _ROWS):
+            yield _sheet(folder, f"{kind}: {kind.words}", members[start : start + _COLUMNS * _ROWS])
 
 
 class _Page:
     """An A4 page measured in mm from its upper left corner."""
 
     def __init__(self) -> None:
-        from matplotlib.figure import Figure
+        from PIL import Image, ImageDraw
 
-        self.figure = Figure(figsize=(_WIDTH_MM / 25.4, _HEIGHT_MM / 25.4), facecolor=_PAPER)
+        self.image = Image.new("RGB", (_px(_WIDTH_MM), _px(_HEIGHT_MM)), _PAPER)
+        self._draw = ImageDraw.Draw(self.image)
 
-    def words(self, text: str, x: float, y: float, size: float, colour: str = _INK, **options: Any) -> None:
-        place = {"ha": "left", "va": "top"} | options
-        self.figure.text(
-            x / _WIDTH_MM, 1 - y / _HEIGHT_MM, text.replace("$", r"\$"), fontsize=size, color=colour, **place
-        )
+    def words(self, text: str, x: float, y: float, size: float, colour: str = _INK) -> None:
+        """Lines of text, `size` in points."""
+        side = size / 72 * _DPI
+        text = text.replace("–", "-")
+        self._draw.multiline_text((_px(x), _px(y)), text, colour, _font(text, side), spacing=0.35 * side)
 
     def picture(self, pixels: np.ndarray, x: float, y: float, width: float, height: float) -> None:
-        axes = self.figure.add_axes(
-            (x / _WIDTH_MM, 1 - (y + height) / _HEIGHT_MM, width / _WIDTH_MM, height / _HEIGHT_MM)
-        )
-        axes.imshow(pixels, interpolation="none", aspect="auto")
-        axes.axis("off")
+        """A picture that fills a rectangle."""
+        from PIL import Image
+
+        left, top = _px(x), _px(y)
+        size = _px(x + width) - left, _px(y + height) - top
+        shown = Image.fromarray(pixels).convert("RGB").resize(size, Image.Resampling.LANCZOS)
+        self.image.paste(shown, (left, top))
+
+
+def _font(text: str, side: float) -> Any:
+    """Pillow's own font, which has ASCII; for other texts one of the system's or matplotlib's, where they
+    are.
+    """
+    from PIL import ImageFont
+
+    if not text.isascii():
+        places = [] if (spec := find_spec("matplotlib")) is None else spec.submodule_search_locations or []
+        own = [str(Path(place) / "mpl-data/fonts/ttf/DejaVuSans.ttf") for place in places]
+        for name in (*_FONTS, *own):
+            with suppress(OSError):
+                return ImageFont.truetype(name, side)
+    return ImageFont.load_default(side)
+
+
+def _px(length_mm: float) -> int:
+    return round(length_mm / 25.4 * _DPI)
 
 
 def _swatch(folder: Path, row: Row, shape: tuple[float, float]) -> np.ndarray:
@@ -115,7 +143,7 @@ def _cover(title: str, folder: Path, rows: Sequence[Row]) -> _Page:
     for index, row in enumerate(shown):
         page.picture(_swatch(folder, row, (1, 1)), (index % 7) * step, 87 + (index // 7) * step, step, step)
     page.words(title, _MARGIN_MM, 34, 34)
-    page.words(f"a book of {len(rows)} patterns", _MARGIN_MM, 56, 14, _SOFT, style="italic")
+    page.words(f"a book of {len(rows)} patterns", _MARGIN_MM, 56, 14, _SOFT)
     return page
 
 
@@ -125,7 +153,7 @@ def _kinds(folder: Path, rows: Sequence[Row]) -> _Page:
     page.words("Kinds and seasons", _MARGIN_MM, 18, 18)
     step = (_WIDTH_MM - 2 * _MARGIN_MM) / 4
     for column, season in enumerate(SEASONS):
-        page.words(season, _MARGIN_MM + column * step, 36, 10, _SOFT, style="italic")
+        page.words(season, _MARGIN_MM + column * step, 36, 10, _SOFT)
     for line, kind in enumerate(Kind):
         y = 43 + line * (step + 14)
         for column, season in enumerate(SEASONS):
@@ -179,7 +207,7 @@ def _sheet(folder: Path, heading: str, rows: Sequence[Row]) -> _Page:
         side = step_x - 4
         page.picture(_swatch(folder, row, (1.26, 1.5)), x, y, side, side * 0.84)
         page.words(f"{row['number']}  {row['season']}", x, y + side * 0.84 + 1, 6.5)
-        page.words(_wrapped(caption(row), 44), x, y + side * 0.84 + 4, 5.0, _SOFT, linespacing=1.25)
+        page.words(_wrapped(caption(row), 44), x, y + side * 0.84 + 4, 5.0, _SOFT)
     return page
 
 

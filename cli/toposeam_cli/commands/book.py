@@ -63,7 +63,7 @@ _PAGES = "pages"
     help="Everything follows from it and the theme.",
 )
 @click.option("--title", help="Of the book.  [default: the theme's name]")
-@click.option("--no-pdf", is_flag=True, help="Write no book.pdf, which needs matplotlib.")
+@click.option("--no-pdf", is_flag=True, help="Write no book.pdf.")
 @click.option("--fresh", is_flag=True, help="Make everything again, also what a former run made.")
 @click.option("--force", is_flag=True, help="Replace files in the folder that no former run made.")
 @quiet_option
@@ -93,10 +93,6 @@ def book(
         raise ts.OptionError(
             f"--size is {size}; mirrored and turned patterns need an even one, use {size + 1}"
         )
-    if not no_pdf:
-        from toposeam_cli.book.pdf import require_matplotlib
-
-        require_matplotlib()
     book_recipe(
         read_theme(theme), seed, 0, size
     )  # whatever is wrong with the theme is said before anything is written

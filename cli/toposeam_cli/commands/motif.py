@@ -11,15 +11,14 @@ import click
 
 import toposeam as ts
 from toposeam.motif.palettes import Palette
-from toposeam.motif.recipe import LAWS
 from toposeam_cli.files.writing import atomic_write, check_output
-from toposeam_cli.options import FILE, OUTPUT, FiniteRange, NumbersType, PairType, force_option, quiet_option
+from toposeam_cli.motif_options import Beginning, Wanted, beginning_options, recipe_options
+from toposeam_cli.options import OUTPUT, PairType, force_option, quiet_option
 from toposeam_cli.pictures.printing import SUFFIXES, Print, describe, ink_names, sheet_coverage
 from toposeam_cli.pictures.recipe import read_recipe, read_settings, read_toml, recipe_from_table, to_toml
 from toposeam_cli.pictures.theme import read_colours, read_theme
 from toposeam_cli.print_options import (
     PrintOptions,
-    RepeatType,
     check_print,
     print_options,
     renamed,
@@ -45,87 +44,12 @@ _OF_LAYERS = ("mass", "penalty", "ambient")
 
 @click.command()
 @click.option("-o", "--output", type=OUTPUT, help="The motif: .png, .tif or .svg.")
-@click.option("--size", type=PairType(), help="Elements of one motif: N, or WIDTHxHEIGHT.  [default: 256]")
-@click.option("--layers", type=click.IntRange(1, 16), help="Number of inks.  [default: 3]")
-@click.option(
-    "--repeat",
-    type=RepeatType(),
-    help="The rule it repeats by; also 'drop 1/3', 'brick 1/4'.  [default: translate]",
-)
-@click.option(
-    "--seed", type=click.IntRange(0), help="Everything that is not given follows from it.  [default: 0]"
-)
-@click.option(
-    "--palette", help="A name, a picture, or colours: '#paper #ink #ink'.  [default: from the seed]"
-)
-@click.option("--base", type=FILE, help="A logo, symbol or photograph that shapes the strokes.")
-@click.option(
-    "--base-strength",
-    type=FiniteRange(-1, 1),
-    help="How strongly it shows; below 0 strokes keep to its dark parts.",
-)
-@click.option(
-    "--base-law",
-    type=click.Choice(LAWS),
-    help="How its brightness conducts: in proportion in the thesis.  [default: contrast]",
-)
-@click.option(
-    "--strengths",
-    type=NumbersType(float),
-    help="Range of the random strengths of sources and sinks: LOW,HIGH.  [default: 0.5,1.5]",
-)
-@click.option(
-    "--mass",
-    type=NumbersType(float),
-    help="Share of the area that is inked; one number, or one per layer: 0.2,0.3.",
-)
-@click.option(
-    "--penalty",
-    type=NumbersType(float),
-    help="Penalty exponent: 1 for ink wash, 3 for distinct strokes.",
-)
+@recipe_options
 @click.option(
     "--edge",
     help="How strokes end in print: crisp, ink (shaded inside) or soft; one, or one per layer.",
 )
-@click.option(
-    "--iterations",
-    type=click.IntRange(1, 10_000),
-    help="Strokes become more distinct with each.  [default: 40]",
-)
-@click.option(
-    "--move", type=FiniteRange(0, 1, min_open=True), help="Largest change of a density in an iteration."
-)
-@click.option("--sources", type=NumbersType(int), help="Number of heat sources, or one number per layer.")
-@click.option("--sinks", type=NumbersType(int), help="Number of heat sinks, or one number per layer.")
-@click.option(
-    "--distance",
-    type=FiniteRange(0, 1, min_open=True),
-    help="From sinks to sources, as a share of the cell.",
-)
-@click.option(
-    "--ambient",
-    type=FiniteRange(0, 1),
-    help="Share of the heat that comes from everywhere; it makes strokes branch.",
-)
-@click.option(
-    "--filter",
-    "filter_radius",
-    type=FiniteRange(0, 10),
-    help="Radius of the filter, in hundredths of the cell.",
-)
-@click.option(
-    "--config", type=FILE, help="TOML file with these options, or a whole recipe; see --show-recipe."
-)
-@click.option(
-    "--like", type=FILE, help="Make the motif in this file again; with --seed or --vary, a relative of it."
-)
-@click.option(
-    "--vary",
-    "amount",
-    type=FiniteRange(0, 1),
-    help="With --like or --config: how far a relative may be, 0 to 1.",
-)
+@beginning_options
 @click.option("--sheet", type=PairType(cells=True), help="Write COLUMNSxROWS motifs instead of one.")
 @click.option(
     "--pixels",
@@ -147,9 +71,8 @@ _OF_LAYERS = ("mass", "penalty", "ambient")
 @quiet_option
 def motif(
     output: Path | None,
-    config: Path | None,
-    like: Path | None,
-    amount: float | None,
+    wanted: Wanted,
+    beginning: Beginning,
     sheet: tuple[int, int] | None,
     pixels: tuple[int, int] | None,
     ink: PrintOptions,
@@ -160,7 +83,6 @@ def motif(
     show_recipe: bool,
     force: bool,
     quiet: bool,
-    **given: Any,
 ) -> None:
     """Invent a motif by leading heat from sources to sinks, one layer of ink at a time.
 
@@ -178,11 +100,10 @@ def motif(
         raise click.UsageError("say where the motif goes: -o motif.png, .tif or .svg")
     if output is not None:
         check_output(output, force, SUFFIXES if explore is None else (".html",))
-    wanted = {name: value for name, value in given.items() if value is not None}
     if explore is not None:
-        _explore(output, explore, wanted, (config, like, amount), force, quiet)
+        _explore(output, explore, wanted.given(), beginning, force, quiet)
         return
-    recipe, sheet_was = _recipe(wanted, config, like, amount)
+    recipe, sheet_was = _recipe(wanted.given(), beginning)
     recipe = renamed(recipe, spot_names, edge)
     paper = ink.over(sheet_was, counts=None if sheet is None else sheet[::-1], pixels=pixels)
     if show_recipe:
@@ -207,7 +128,7 @@ def _explore(
     output: Path | None,
     counts: tuple[int, int],
     wanted: dict[str, Any],
-    origin: tuple[Path | None, Path | None, float | None],
+    beginning: Beginning,
     force: bool,
     quiet: bool,
 ) -> None:
@@ -220,14 +141,15 @@ def _explore(
         )
     from toposeam_cli.book.exploring import explore_page
 
-    config, like, amount = origin
     first = int(wanted.pop("seed", 0))
-    relative = config is not None or like is not None
+    relative = beginning.config is not None or beginning.like is not None
     recipes = []
     for number in range(counts[0] * counts[1]):
         given = dict(wanted) | ({} if relative and number == 0 else {"seed": first + number})
-        vary = amount if amount is not None else 0.4
-        recipes.append(_recipe(given, config, like, vary if relative and number else None)[0])
+        amount = None
+        if relative and number:
+            amount = 0.4 if beginning.amount is None else beginning.amount
+        recipes.append(_recipe(given, dataclasses.replace(beginning, amount=amount))[0])
     with share_bar(f"inventing {len(recipes)} motifs", quiet) as bar:
         page = explore_page(recipes, counts[0], bar)
     atomic_write(output, page, force)
@@ -235,10 +157,9 @@ def _explore(
         click.echo(f"{output}: {len(recipes)} motifs; open it, and click those to keep")
 
 
-def _recipe(
-    given: dict[str, Any], config: Path | None, like: Path | None, amount: float | None
-) -> tuple[ts.Recipe, dict[str, Any]]:
+def _recipe(given: dict[str, Any], beginning: Beginning) -> tuple[ts.Recipe, dict[str, Any]]:
     """The recipe of an option list, a file of parameters or another motif; and how that one was printed."""
+    config, like, amount = beginning.config, beginning.like, beginning.amount
     whole: ts.Recipe | None = None
     printed: dict[str, Any] = {}
     if config is not None:

@@ -168,7 +168,10 @@ def _prepare(ending: Connection) -> None:
     for name in _ONE_THREAD:
         os.environ[name] = "1"  # before the numerics are loaded
     _until_the_end.enter_context(terminations_raised())
-    threading.Thread(target=_end_with, args=(ending,), daemon=True).start()
+    try:
+        threading.Thread(target=_end_with, args=(ending,), daemon=True).start()
+    except Terminated as end:
+        os._exit(int(end.code or 0))  # the executor would tell of it with a traceback
 
 
 def _end_with(ending: Connection) -> None:

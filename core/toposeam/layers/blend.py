@@ -30,7 +30,7 @@ from toposeam.images import Image, Mask, as_float, full_scale
 from toposeam.layers.gradient import correction
 from toposeam.layers.layer import Box, Layer, cut
 from toposeam.layers.maps import uniform
-from toposeam.layers.multiband import expand, gaussian, multiband
+from toposeam.layers.multiband import multiband
 from toposeam.layers.painting import LabelMap
 from toposeam.seam.seam import Seam, potential_on_window
 
@@ -190,7 +190,13 @@ def _colours(placed: Placed, index: int, box: Box, channels: int) -> tuple[Float
     image = cut(placed.layers[index].image, place, box)
     image[~present] = 0
     values = as_float(image, placed.layers[index].name, placed.layers[index].data_range)
-    return np.ascontiguousarray(np.broadcast_to(values, (*values.shape[:2], channels))), present
+    return np.broadcast_to(values, (*values.shape[:2], channels)), present
+
+
+def _planes(placed: Placed, index: int, box: Box, channels: int) -> tuple[Floats32, Mask]:
+    """As :func:`_colours`, one plane after the other, (C, h, w)."""
+    values, present = _colours(placed, index, box, channels)
+    return np.ascontiguousarray(np.moveaxis(values, 2, 0)), present
 
 
 def _channels(placed: Placed) -> int:
@@ -286,28 +292,22 @@ class _Multiband:
 
     def mix(self, box: Box, shows: LabelMap, index: list[int]) -> tuple[Floats32, None, Mask]:
         index = [k for k in index if (shows == k).any()]
-        images, present = zip(
-            *(_colours(self._placed, k, box, _channels(self._placed)) for k in index), strict=True
-        )
+        channels = _channels(self._placed)
         masks = [shows == k for k in index]
-        mixed = np.zeros_like(images[0])
-        for image, mask in zip(images, masks, strict=True):
-            np.copyto(mixed, image, where=mask[..., np.newaxis])
-        known = [here & (shows >= 0) for here in present]
-        differences = [
-            np.where(here[..., np.newaxis], image - mixed, np.float32(0))
-            for image, here in zip(images, known, strict=True)
-        ]
-        mixed += multiband(differences, known, masks, self._levels)
-        own = np.zeros(box.shape, np.float32)
-        total = np.zeros(box.shape, np.float32)
-        for mask in masks:
-            share = gaussian(mask[..., np.newaxis].astype(np.float32), self._levels)[-1]
-            for _ in range(self._levels):
-                share = expand(share)
-            own[mask] = share[..., 0][mask]
-            total += share[..., 0]
-        return mixed, None, own < (1 - _SETTLED) * total
+        differences, known = [], []
+        mixed = np.zeros((channels, *box.shape), np.float32)
+        for k, mask in zip(index, masks, strict=True):
+            planes, present = _planes(self._placed, k, box, channels)
+            np.copyto(mixed, planes, where=mask)
+            differences.append(planes)
+            known.append(present & (shows >= 0))
+        for planes, here in zip(differences, known, strict=True):
+            planes -= mixed
+            if not here.all():
+                planes *= here
+        mixture, share = multiband(differences, known, masks, self._levels)
+        mixed += mixture
+        return np.moveaxis(mixed, 0, 2), None, share < 1 - _SETTLED
 
 
 def _spread(placed: Placed, image: Image, width: float | None) -> None:

@@ -75,7 +75,8 @@ def test_views_are_blended_where_their_tags_say(strip, toposeam):
     error = np.abs(result.pixels - strip[18:124, 10:290])
     assert known.mean() > 0.9
     assert error[known].mean() < 6
-    assert tifffile.TiffFile("out.tif").pages[0].compression.name == "LZW"
+    with tifffile.TiffFile("out.tif") as file:
+        assert file.pages[0].compression.name == "LZW"
     before = result.pixels
     ran = toposeam("enblend", "-l", "1", "-f200x86+60+30", "-oout.tif", *FILES)  # replaces it
     assert ran.code == 0, ran

@@ -170,5 +170,5 @@ def _continued(planes: Floats32, known: Mask, weights: list[Floats32] | None) ->
 
 def _ratio(sums: Floats32, weights: Floats32) -> Floats32:
     """Means from sums; 0 where next to nothing was summed."""
-    result: Floats32 = sums / np.maximum(weights, np.float32(1e-3))
+    result: Floats32 = np.divide(sums, np.maximum(weights, np.float32(1e-3)), dtype=np.float32)
     return result

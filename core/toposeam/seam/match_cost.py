@@ -185,11 +185,13 @@ def _pair(axis: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
 
 def _norm(planes: Floats32) -> Floats32:
     if len(planes) == 1:
-        return np.abs(planes[0])
-    total = np.square(planes[0])
+        only: Floats32 = np.abs(planes[0])
+        return only
+    total: Floats32 = np.square(planes[0])
     for plane in planes[1:]:
         total += np.square(plane)
-    return np.sqrt(total, out=total)
+    np.sqrt(total, out=total)
+    return total
 
 
 def _gradient(planes: Floats32, present: Mask, axis: int) -> Floats32:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from toposeam_cli.files.writing import OutputError, claimed, reason, temporary_beside, tidy_once
+from toposeam_cli.files.temporary import claimed, remove, temporary_beside, tidy_once
+from toposeam_cli.files.writing import OutputError, reason
 
 
 class Scratch:
@@ -25,7 +26,7 @@ class Scratch:
         path = temporary_beside(self._folder / "scratch")
         with self.failures_told():
             tidy_once(self._folder)
-            self._open.callback(_removed, path)
+            self._open.callback(remove, path)
             self._open.enter_context(claimed(path))
         return path
 
@@ -48,8 +49,3 @@ def scratch(folder: Path) -> Iterator[Scratch]:
     """A folder for temporary files, which are gone after the block."""
     with ExitStack() as open_files:
         yield Scratch(folder.resolve(), open_files)
-
-
-def _removed(path: Path) -> None:
-    with suppress(OSError):
-        path.unlink()

@@ -3,19 +3,10 @@
 from __future__ import annotations
 
 import os
-import shutil
-from contextlib import suppress
 from pathlib import Path
 
 from toposeam.errors import OptionError
-from toposeam_cli.files.writing import (
-    OutputError,
-    check_output,
-    claimed,
-    folder_of,
-    replacing,
-    temporary_beside,
-)
+from toposeam_cli.files.writing import OutputError, all_or_nothing, check_output, replacing
 from toposeam_cli.pictures.libvips import evaluate, load_vips, reason
 from toposeam_cli.pictures.picture import Picture, vips_image
 
@@ -56,26 +47,22 @@ def write_deep_zoom(path: Path, picture: Picture, force: bool, quality: int | No
         image = image.cast("uchar", shift=True) if picture.pixels.dtype == "uint16" else (image * 255).rint()
         image = image.cast("uchar")
     suffix = ".png" if picture.alpha is not None else f".jpg[Q={quality or _QUALITY}]"
-    temporary = temporary_beside(path.resolve())
-    folder, target = folder_of(temporary), tiles_of(path.resolve())
-    with claimed(temporary):
+    with (
+        all_or_nothing(),
+        replacing(tiles_of(path), force, folder=True) as tiles,
+        replacing(path, force) as file,
+    ):
         try:
-            folder.mkdir()
-            base = folder / "picture"
+            base = tiles / "picture"
             evaluate(image, lambda: image.dzsave(os.fsdecode(base), suffix=suffix))
-            (folder / "picture_files" / "vips-properties.xml").unlink(missing_ok=True)
-            with replacing(path, force) as file:
-                file.write_bytes(base.with_suffix(".dzi").read_bytes())
-            if force and target.is_dir():
-                target.rename(folder / "before")
-            (folder / "picture_files").rename(target)
-        except (vips.Error, OSError) as error:
-            if isinstance(error, OutputError):
-                raise
+        except vips.Error as error:
             raise OutputError(
                 f"cannot write '{path}' ({reason(error)}); free some space or choose another folder"
             ) from error
-        finally:
-            shutil.rmtree(folder, ignore_errors=True)
-            with suppress(OSError):
-                temporary.unlink()
+        made = tiles / "picture_files"
+        (made / "vips-properties.xml").unlink(missing_ok=True)
+        file.write_bytes(base.with_suffix(".dzi").read_bytes())
+        base.with_suffix(".dzi").unlink()
+        for level in made.iterdir():
+            level.rename(tiles / level.name)
+        made.rmdir()

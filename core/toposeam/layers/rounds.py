@@ -229,7 +229,7 @@ class Rounds:
     def _meetings(self) -> list[Box]:
         """Boxes round the places where three layers or more meet, none of which overlap."""
         found: list[tuple[int, int]] = []
-        for block in several(self.label_map, self._labelling.canvas):
+        for block in several(self.label_map, Box(0, 0, *self.label_map.shape)):
             labels = self.label_map[block.slices]
             edge = (labels[:-1, :-1] != labels[1:, :-1]) | (labels[:-1, 1:] != labels[1:, 1:])
             edge &= (labels[:-1, :-1] != labels[:-1, 1:]) | (labels[1:, :-1] != labels[1:, 1:])

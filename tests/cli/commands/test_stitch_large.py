@@ -14,6 +14,7 @@ from stitching import PROFILE, names
 from toposeam.layers import composition, maps, posing, rounds
 from toposeam_cli import large, placing
 from toposeam_cli.files import scratch
+from toposeam_cli.files.temporary import remove_stale
 from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
 
 
@@ -163,9 +164,5 @@ def test_a_disk_that_fills_up_meanwhile_leaves_nothing(three, toposeam, stored, 
 def test_what_a_killed_command_left_is_removed(three, toposeam):
     left = three / ".toposeam-0123456789abcdef.part"
     left.write_bytes(b"pixels")
-    (three / f"{left.name}.d").mkdir()
-    (three / f"{left.name}.d" / "picture.dzi").write_text("half")
-    from toposeam_cli.files.writing import remove_stale
-
     remove_stale(three)
     assert names(three) == sorted(FILES)

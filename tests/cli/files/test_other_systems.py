@@ -83,7 +83,7 @@ def test_the_engine_is_looked_for_where_windows_has_programs(tmp_path, monkeypat
     ids=lambda words: words.split()[0],
 )
 def test_commands_run_without_what_only_unix_has(tmp_path, words):
-    words = words.replace("SAMPLES", str(SAMPLES)).split()
+    words = [word.replace("SAMPLES", str(SAMPLES)) for word in words.split()]
     ran = subprocess.run(
         [sys.executable, "-c", WITHOUT_UNIX, *words],
         cwd=tmp_path,

@@ -9,7 +9,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import Seed, check_items, check_pair, check_range, check_whole, seed_of
+from toposeam.checks import (
+    Seed,
+    check_choice,
+    check_items,
+    check_numbers,
+    check_pair,
+    check_range,
+    check_whole,
+    seed_of,
+)
+from toposeam.checks import shown as shown_value
 from toposeam.errors import OptionError
 from toposeam.heat.threads import one_thread
 from toposeam.motif.conduction import nominal_conductivity
@@ -17,7 +27,7 @@ from toposeam.motif.hexagonal import tile_size, to_tile
 from toposeam.motif.layer import Step, optimise_layer, plan
 from toposeam.motif.motif import Motif
 from toposeam.motif.palettes import PALETTES, Palette, palette
-from toposeam.motif.recipe import LARGEST, SMALLEST, LayerRecipe, Point, Recipe, pack_base, unpack_base
+from toposeam.motif.recipe import LARGEST, LAWS, SMALLEST, LayerRecipe, Point, Recipe, pack_base, unpack_base
 from toposeam.motif.symmetry import HEXAGONAL, check_repeat, onto_axes
 
 #: How far apart random spots keep, as a share of what an even spread allows.
@@ -197,9 +207,12 @@ def random_recipe(
     seed = seed_of(seed)
     rng = np.random.default_rng(seed)
     inks = _inks(palette, layers, rng)
-    if np.shape(strengths) != (2,) or not 0 < strengths[0] <= strengths[1]:
-        raise OptionError(f"strengths is {strengths}; give a low and a high one, both above 0")
-    low, high = strengths
+    low_and_high = check_numbers("strengths", strengths)
+    if low_and_high.shape != (2,) or not 0 < low_and_high[0] <= low_and_high[1] < np.inf:
+        raise OptionError(f"strengths is {shown_value(strengths)}; give a low and a high one, both above 0")
+    low, high = low_and_high.tolist()
+    check_range(-1, 1, base_strength=base_strength)
+    check_choice("base_law", base_law, LAWS)
     packed = "" if base is None else pack_base(base)
     shown = _shown(packed, base_strength, base_law) if packed and repeat not in HEXAGONAL else None
     recipes = []

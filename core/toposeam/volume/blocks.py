@@ -65,6 +65,13 @@ def _dask() -> Any:
 def lazily(stack: Any, name: str) -> Any:
     """A stack as a dask array (D, H, W, C)."""
     array = _dask()
+    if not all(hasattr(stack, attribute) for attribute in ("shape", "dtype", "ndim")):
+        try:
+            stack = np.asarray(stack)
+        except (TypeError, ValueError, OverflowError) as error:
+            raise ImageError(f"{name} is no array of numbers; pass (D, H, W) or (D, H, W, C)") from error
+        if stack.dtype.kind not in "biuf":
+            raise ImageError(f"{name} has dtype {stack.dtype}; pass integers or floats")
     # In small parts, or what is read for one block would be many times as large as that.
     parts = (*_READ, -1)[: np.ndim(stack)] if np.ndim(stack) in (3, 4) else "auto"
     lazy = stack if hasattr(stack, "dask") else array.from_array(stack, chunks=parts)

@@ -13,6 +13,19 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+@pytest.fixture
+def hangups_arrive():
+    """``nohup`` lets the tests ignore a closed terminal, and with them what they start: not while they send
+    that signal themselves.
+    """
+    if not hasattr(signal, "SIGHUP"):
+        yield
+        return
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item):
     """Skip what wants PyMaxflow where it is not installed: it has no wheels for Python 3.14, ARM and musl."""

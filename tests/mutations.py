@@ -170,9 +170,7 @@ def _says_only(node: ast.AST) -> bool:
         and node.func.attr in ("option", "argument", "command", "echo")
     ):
         return True
-    return isinstance(node, ast.arg | ast.Import | ast.ImportFrom | ast.Subscript) and isinstance(
-        getattr(node, "ctx", None), ast.Store
-    )
+    return isinstance(node, ast.arg | ast.Import | ast.ImportFrom)
 
 
 def _is_text(node: ast.expr) -> bool:

@@ -235,6 +235,12 @@ def test_a_file_that_may_not_be_read(toposeam, inputs, here):
     toposeam("stitch", "locked.png", inputs / "b.png", *IN.split()).fails("your right to read it")
 
 
+def test_rights_are_not_asked_about_before_a_file_is_read(toposeam, inputs, here, monkeypatch):
+    """They may change until then, and click would put the answer in words of its own."""
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    assert toposeam("stitch", inputs / "a.png", inputs / "b.png", *IN.split()).code == 0
+
+
 @pytest.mark.parametrize("name", ["two\nlines.png", "\x1b[31mred.png", "\udcff.png"])
 def test_a_hostile_name_stays_on_its_line(toposeam, inputs, here, name):
     ran = toposeam("stitch", inputs / "a.png", f"{inputs}/{name}", *IN.split())

@@ -16,6 +16,7 @@ import pytest
 
 from toposeam_cli.pictures.picture import Picture, write_picture
 
+pytestmark = pytest.mark.usefixtures("hangups_arrive")
 QUIET = ("Traceback", "resource_tracker", "Exception ignored", "something went wrong", "leaked")
 
 

@@ -16,6 +16,8 @@ from PIL import Image
 from toposeam_cli.files import writing as output
 from toposeam_cli.pictures.picture import Picture, write_picture
 
+pytestmark = pytest.mark.usefixtures("hangups_arrive")
+
 
 def fail_with(error):
     def fail(*arguments, **options):

@@ -6,7 +6,7 @@ import pytest
 
 import toposeam as ts
 from toposeam.display import to_pil, to_png, to_rgba8
-from toposeam.images import as_array, as_float
+from toposeam.images import as_array, as_float, as_mask
 from toposeam.saving import save
 
 
@@ -69,3 +69,19 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
         save(target, "two")
     assert target.read_text() == "one"
     assert [path.name for path in tmp_path.iterdir()] == ["seam.svg"]
+
+
+def test_a_mask_is_true_wherever_it_is_not_zero():
+    assert as_mask([[-1, 0], [2, 255]], (2, 2), "mask").tolist() == [[True, False], [True, True]]
+    assert as_mask(np.array([[-0.5, 0.0]]), (1, 2), "mask").tolist() == [[True, False]]
+    given = np.array([[True, False]])
+    assert as_mask(given, (1, 2), "mask") is given
+
+
+@pytest.mark.parametrize(
+    ("shape", "text"),
+    [((2, 3), "the images have \\(2, 3\\); pass one value per pixel"), ((2, 3, 4), "volumes .* per voxel")],
+)
+def test_a_mask_of_another_shape_is_refused(shape, text):
+    with pytest.raises(ts.ImageError, match=text):
+        as_mask(np.zeros((2, 2)), shape, "mask")

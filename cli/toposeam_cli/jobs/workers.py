@@ -11,7 +11,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib import import_module
 from multiprocessing.connection import Connection
@@ -113,7 +113,10 @@ def answer(task: Task) -> Answer:
     start = time.perf_counter()
     try:
         module, _, name = task.function.partition(":")
-        with all_or_nothing(task.own, resumed=task.resumed, digests=True) as outputs:
+        with (
+            terminations_raised(),
+            all_or_nothing(task.own, resumed=task.resumed, digests=True) as outputs,
+        ):
             result = json.dumps(getattr(import_module(module), name)(**task.arguments))
     except Terminated as end:
         os._exit(int(end.code or 0))  # the executor would take it for the failure of the job
@@ -159,19 +162,13 @@ class _Processes(Workers):
         return ProcessPoolExecutor(1, self._context, _prepare, (self._ending,))
 
 
-#: What a worker process is in until it ends; without a name it would be left at once.
-_until_the_end = ExitStack()
-
-
 def _prepare(ending: Connection) -> None:
-    """Make ready a worker process."""
+    """Make ready a worker process. But for its jobs it has nothing to tidy, and a signal ends it at once: of
+    an exception in here the executor would tell with a traceback.
+    """
     for name in _ONE_THREAD:
         os.environ[name] = "1"  # before the numerics are loaded
-    _until_the_end.enter_context(terminations_raised())
-    try:
-        threading.Thread(target=_end_with, args=(ending,), daemon=True).start()
-    except Terminated as end:
-        os._exit(int(end.code or 0))  # the executor would tell of it with a traceback
+    threading.Thread(target=_end_with, args=(ending,), daemon=True).start()
 
 
 def _end_with(ending: Connection) -> None:

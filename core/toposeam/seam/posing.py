@@ -5,7 +5,7 @@ costs out.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -88,17 +88,7 @@ def seam_problem(
             "(toposeam.stitch does)"
         )
     canvas = (int(shape_a[0]), int(shape_a[1]))
-    if mask_a is None and mask_b is None:
-        overlap = side_by_side(canvas, side)
-        on_a = on_b = overlap.shared
-        only_b = np.zeros(canvas, bool)
-    else:
-        whole = np.ones(canvas, bool)
-        full_a = whole if mask_a is None else as_mask(mask_a, canvas, "mask_a")
-        full_b = whole if mask_b is None else as_mask(mask_b, canvas, "mask_b")
-        overlap = between_masks(full_a, full_b, core)
-        on_a, on_b = overlap.window(full_a).astype(bool), overlap.window(full_b).astype(bool)
-        only_b = full_b & ~full_a
+    overlap, on_a, on_b, only_b = placed(canvas, mask_a, mask_b, core, lambda: side_by_side(canvas, side))
     factor = None
     if weight is not None:
         factor = overlap.window(as_weights(weight, canvas)).astype(np.float32)
@@ -107,6 +97,37 @@ def seam_problem(
     if avoid is not None:
         forbidden = forbid((down, right), overlap.window(as_mask(avoid, canvas, "avoid")))
     return SeamProblem(overlap, right, down, forbidden), only_b
+
+
+def placed(
+    canvas: tuple[int, ...],
+    mask_a: npt.ArrayLike | None,
+    mask_b: npt.ArrayLike | None,
+    core: float,
+    unmasked: Callable[[], Overlap],
+) -> tuple[Overlap, Mask, Mask, Mask]:
+    """The overlap of two patches, or volumes; where each has pixels on its window; and what only ``b`` covers
+    of the canvas.
+
+    Parameters
+    ----------
+    canvas : shape of both
+    mask_a, mask_b : arrays of that shape, optional
+        Where each has pixels; everywhere where one of them is not given.
+    core : float
+        As for :func:`toposeam.find_seam`.
+    unmasked : callable
+        The overlap where neither is given.
+    """
+    if mask_a is None and mask_b is None:
+        overlap = unmasked()
+        return overlap, overlap.shared, overlap.shared, np.zeros(canvas, bool)
+    whole = np.ones(canvas, bool)
+    full_a = whole if mask_a is None else as_mask(mask_a, canvas, "mask_a")
+    full_b = whole if mask_b is None else as_mask(mask_b, canvas, "mask_b")
+    overlap = between_masks(full_a, full_b, core)
+    on_a, on_b = overlap.window(full_a).astype(bool), overlap.window(full_b).astype(bool)
+    return overlap, on_a, on_b, full_b & ~full_a
 
 
 def forbid(costs: Sequence[Floats32], avoid: Mask, forbidden: float | None = None) -> float:

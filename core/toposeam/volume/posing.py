@@ -14,8 +14,8 @@ from toposeam.errors import ImageError, OptionError, OverlapError
 from toposeam.heat.grid_flow import Floats32, along
 from toposeam.images import Mask, as_mask
 from toposeam.seam.match_cost import MatchCost, match_cost
-from toposeam.seam.overlap import FREE, A, B, Overlap, between_masks
-from toposeam.seam.posing import as_weights, forbid
+from toposeam.seam.overlap import FREE, A, B, Overlap
+from toposeam.seam.posing import as_weights, forbid, placed
 from toposeam.volume.arrays import Volume, as_shares, as_volume
 from toposeam.volume.problem import SurfaceProblem
 
@@ -54,17 +54,7 @@ def surface_problem(
             f"a has {volume_a.shape[3]} channels and b has {volume_b.shape[3]}; convert them to the same "
             "number, or one of them to gray"
         )
-    if mask_a is None and mask_b is None:
-        overlap = end_to_end(canvas, axis)
-        on_a = on_b = overlap.shared
-        only_b = np.zeros(canvas, bool)
-    else:
-        whole = np.ones(canvas, bool)
-        full_a = whole if mask_a is None else as_mask(mask_a, canvas, "mask_a")
-        full_b = whole if mask_b is None else as_mask(mask_b, canvas, "mask_b")
-        overlap = between_masks(full_a, full_b, core)
-        on_a, on_b = overlap.window(full_a).astype(bool), overlap.window(full_b).astype(bool)
-        only_b = full_b & ~full_a
+    overlap, on_a, on_b, only_b = placed(canvas, mask_a, mask_b, core, lambda: end_to_end(canvas, axis))
     factor = None if weight is None else overlap.window(as_weights(weight, canvas)).astype(np.float32)
     costs = match_costs(
         overlap.window(volume_a), overlap.window(volume_b), overlap, on_a, on_b, cost, factor, data_range

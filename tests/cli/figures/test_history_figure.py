@@ -56,3 +56,10 @@ def test_a_frame_shows_the_dense_interfaces_and_no_others():
     assert (film_frame(frame) != empty).any()
     frame.right[:, 1] = 0.05
     np.testing.assert_array_equal(film_frame(frame), empty)
+
+
+@pytest.mark.parametrize("shape", [(60, 12), (12, 60)])
+def test_the_film_strip_stands_in_the_middle(shape):
+    picture = Image.open(io.BytesIO(history_figure(found(shape), frames=3, curves=False)))
+    inked = np.flatnonzero((np.asarray(picture.convert("RGB")).min(axis=2) < 250).any(axis=0))
+    assert abs(int(inked[0]) - (picture.width - 1 - int(inked[-1]))) <= 2

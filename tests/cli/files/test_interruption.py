@@ -13,6 +13,7 @@ from toposeam_cli.files.interruption import Terminated, interruptible, terminati
 from toposeam_cli.files.writing import lock, remove_stale, replacing
 from toposeam_cli.pictures.libvips import evaluate, load_vips
 
+pytestmark = pytest.mark.usefixtures("hangups_arrive")
 SIGNALS = [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, Terminated), (signal.SIGHUP, Terminated)]
 
 

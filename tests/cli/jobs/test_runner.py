@@ -18,7 +18,7 @@ import pytest
 
 from toposeam.errors import OptionError
 from toposeam_cli.files.writing import OutputError
-from toposeam_cli.jobs.runner import Job, Outcome, Progress, _Tally, run
+from toposeam_cli.jobs.runner import Job, Progress, run
 
 JOBS = """
     import os, signal, time
@@ -358,29 +358,6 @@ def test_progress_is_reported_from_beginning_to_end(tmp_path, functions):
     assert [report.share for report in reports] == sorted(report.share for report in reports)
 
 
-def test_the_time_left_comes_from_the_work_that_is_done(monkeypatch):
-    now = 0.0
-    monkeypatch.setattr(time, "monotonic", lambda: now)
-    jobs = [Job(f"{index}", "m:f", {}, weight=weight) for index, weight in enumerate((4, 4, 1, 1, 1, 1))]
-    reports = []
-    tally = _Tally(jobs, reports.append)
-    tally.begin(jobs[0])
-    tally.begin(jobs[1])
-    now = 4.0
-    tally.end(Outcome(jobs[0], "done", 4.0))
-    tally.begin(jobs[2])
-    now = 4.5
-    tally.report()  # two at a time: half of job 2 is left, jobs 3 to 5 wait, and job 1 is about to end
-    assert (reports[-1].share, reports[-1].remaining_s) == pytest.approx((4 / 12, (0.5 + 3) / 2))
-    tally.end(Outcome(jobs[1], "failed", 0.1, "what fails at once says nothing of the others"))
-    tally.end(Outcome(jobs[2], "done", 1.0))
-    for job in jobs[3:5]:
-        tally.end(Outcome(job, "skipped", 9.0))
-    tally.begin(jobs[5])
-    tally.report()
-    assert (reports[-1].share, reports[-1].remaining_s) == pytest.approx((11 / 12, 1.0))
-
-
 def test_workers_that_are_ended_tidy_away_what_they_were_writing(functions, tmp_path):
     output, begun = tmp_path / "one.txt", tmp_path / "begun"
 
@@ -392,6 +369,28 @@ def test_workers_that_are_ended_tidy_away_what_they_were_writing(functions, tmp_
         list(run([writing(output, function="write_slowly", begun=str(begun))], progress=end))
     assert not list(tmp_path.glob(".toposeam-*"))
     assert not output.exists()
+
+
+@pytest.mark.slow
+def test_a_worker_whose_parent_is_gone_before_it_is_ready_is_quiet():
+    code = """
+        from concurrent.futures.process import BrokenProcessPool
+        from multiprocessing import get_context
+        from concurrent.futures import ProcessPoolExecutor
+        from toposeam_cli.jobs.workers import _prepare
+
+        if __name__ == "__main__":
+            context = get_context("spawn")
+            for _ in range(10):
+                ending, alive = context.Pipe(duplex=False)
+                alive.close()
+                try:
+                    ProcessPoolExecutor(1, context, _prepare, (ending,)).submit(print).result()
+                except BrokenProcessPool:
+                    continue
+    """
+    ran = subprocess.run([sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True)
+    assert (ran.returncode, ran.stderr) == (0, "")
 
 
 def test_a_closed_terminal_spares_the_process_that_looks_after_what_is_shared(functions, tmp_path):

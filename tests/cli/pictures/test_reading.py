@@ -9,7 +9,8 @@ import tifffile
 from picture_samples import DEPTHS, fails, names, sample, smooth
 from PIL import Image, ImageOps
 
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+import toposeam as ts
+from toposeam_cli.pictures.picture import Picture, read_picture, read_white, write_picture
 
 CMYK = pyvips.Image.profile_load("cmyk")
 
@@ -241,3 +242,20 @@ def test_a_file_that_changed_is_read_anew(tmp_path):
     for level in (10, 200):
         write_picture(tmp_path / "in.png", Picture(pixels=np.full((3, 3), level, np.uint8)), force=True)
         assert (read_picture(tmp_path / "in.png").pixels == level).all()
+
+
+def test_a_mask_is_white_from_half_of_full_scale_on_and_not_where_it_is_transparent(tmp_path):
+    path = tmp_path / "mask.png"
+    write_picture(path, Picture(pixels=np.array([[0, 127, 128, 255]], np.uint8)))
+    assert read_white(path, (1, 4), "a.png", 100).tolist() == [[False, False, True, True]]
+    write_picture(path, Picture(pixels=np.array([[32767, 32768]], np.uint16)), force=True)
+    assert read_white(path, (1, 2), "a.png", 100).tolist() == [[False, True]]
+    # Colours count by the mean of their channels: 382 of 3 × 255 is less than half, 383 is more.
+    colours = np.array([[[255, 127, 0], [255, 128, 0]]], np.uint8)
+    write_picture(path, Picture(pixels=colours), force=True)
+    assert read_white(path, (1, 2), "a.png", 100).tolist() == [[False, True]]
+    pixels, alpha = np.full((1, 2), 255, np.uint8), np.array([[0, 255]], np.uint8)
+    write_picture(path, Picture(pixels=pixels, alpha=alpha), force=True)
+    assert read_white(path, (1, 2), "a.png", 100).tolist() == [[False, True]]
+    with pytest.raises(ts.ImageError, match=r"the mask mask\.png is 2 × 1 px, but a\.png is 1 × 2 px"):
+        read_white(path, (2, 1), "a.png", 100)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.motif.layer import optimise_layer, plan, problem_at
+from toposeam.motif.layer import finer_temperature, optimise_layer, plan, problem_at
 from toposeam.motif.recipe import pack_base, unpack_base
 
 EXACT = {"tolerance": 1e-12, "max_iterations": 300}
@@ -160,3 +160,9 @@ def test_the_thesis_s_law_conducts_in_proportion_to_brightness():
     assert made.base_law == "brightness"
     with pytest.raises(ts.OptionError, match="base_law"):
         ts.random_recipe(16, base=brightness, base_law="thesis")
+
+
+def test_a_finer_plate_begins_with_temperatures_between_those_of_the_coarser_one():
+    y, x = np.mgrid[:4, :6].astype(float)
+    fine_y, fine_x = np.mgrid[:7, :11] / 2
+    np.testing.assert_array_equal(finer_temperature(3 * x + 5 * y, (6, 10)), 3 * fine_x + 5 * fine_y)

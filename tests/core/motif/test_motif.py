@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
+from toposeam.motif.generate import _spread
 from toposeam.motif.symmetry import HEXAGONAL
 
 QUICK = {"size": 48, "layers": 2, "iterations": 6}
@@ -220,3 +221,11 @@ def test_arrangements_of_nothing_are_refused():
         motif.image((0, 5))
     with pytest.raises(ts.OptionError, match="recipe"):
         ts.generate_motif(motif.recipe, layers=2)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_places_keep_out_of_what_a_base_image_blocks(axis):
+    shown = np.ones((6, 10))
+    (shown if axis else shown.T)[:2] = 0  # the upper third, or the left fifth
+    places = _spread(12, np.random.default_rng(0), 1.0, shown)
+    assert (places[:, axis] >= (2 / 6 if axis else 2 / 10)).all()

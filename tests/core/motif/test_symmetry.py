@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.motif.symmetry import GENERATORS, HEXAGONAL, onto_axes, operations, permutation, symmetry
+from toposeam.heat.plate_joints import Joint
+from toposeam.motif.symmetry import GENERATORS, HEXAGONAL, joint, onto_axes, operations, permutation, symmetry
 
 #: How many operations each group has modulo the translations of its cell (centred cells have twice their
 #: point group's).
@@ -171,3 +172,17 @@ def test_places_are_moved_onto_mirrors_and_centres(repeat):
             ]
             assert any(np.allclose((image - place + 0.5) % 1.0, 0.5, atol=1e-9) for image in images)
     assert moved >= 3
+
+
+@pytest.mark.parametrize(
+    ("repeat", "expected"),
+    [
+        ("none", Joint.FREE),
+        ("reflect", Joint.FREE),
+        ("rotate", Joint.ROTATE),
+        ("translate", Joint.TRANSLATE),
+        ("p4m", Joint.TRANSLATE),
+    ],
+)
+def test_each_rule_joins_the_plate_s_border_in_its_way(repeat, expected):
+    assert joint(repeat) is expected

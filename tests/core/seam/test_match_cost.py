@@ -114,3 +114,15 @@ def test_excluding_a_whole_row_from_side_to_side_says_so():
 def test_options_out_of_range_are_refused(options):
     with pytest.raises(ts.OptionError, match=next(iter(options))):
         MatchCost(**options)
+
+
+def test_a_corner_that_only_one_interface_meets_has_its_own_values_twice():
+    """One shared pixel with a's ground on its left and b's above: no interface on its other sides."""
+    on_a, on_b = np.zeros((2, 3, 3), bool)
+    on_a[1, 0] = on_a[1, 1] = on_b[0, 1] = on_b[1, 1] = True
+    a, b = np.zeros((2, 3, 3))
+    b[1, 1] = 0.4
+    b[0, 1] = a[1, 0] = 0.9  # what only one of them covers counts for nothing
+    problem, _ = seam_problem(a, b, on_a, on_b, "right", MatchCost(gradient=False, length=1e-6))
+    assert problem.right[problem.right > 0] == pytest.approx([0.8], abs=1e-5)
+    assert problem.down[problem.down > 0] == pytest.approx([0.8], abs=1e-5)

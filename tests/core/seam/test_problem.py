@@ -65,3 +65,12 @@ def test_every_exact_method_and_heat_give_the_pixels_to_whom_they_cost_less(tied
         heat_path(swapped, HeatOptions()).labels,
     ):
         np.testing.assert_array_equal(labels[1:3, 2:4], expected[1:3, 2:4])
+
+
+def test_only_pixels_that_pay_beside_other_layers_are_tied(tied):
+    paying = np.zeros_like(tied.showing_a)
+    paying[1, 2] = 3
+    problem = dataclasses.replace(tied, showing_a=paying, showing_b=np.zeros_like(paying))
+    assert len(problem.element_cost) == len(tied.pattern.place) + 1
+    assert problem.element_cost[-1] == 3
+    assert len(tied.element_cost) == len(tied.pattern.place) + 8

@@ -156,3 +156,9 @@ def test_bad_input_is_one_sentence(change, text):
     given = {"frames": np.random.default_rng(0).random((24, 4, 4)), **change}
     with pytest.raises(ts.TopoSeamError, match=text):
         ts.loop(given.pop("frames"), **given)
+
+
+def test_a_walk_that_no_cheap_jump_closes_takes_a_dear_one_as_long_as_a_transition():
+    home = Jump(8, 4, 9.0)
+    walk = closed_walk([Jump(6, 4, 1.0), Jump(12, 9, 3.0), home], 4, 4, np.random.default_rng(0))
+    assert walk[0] == home

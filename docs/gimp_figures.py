@@ -326,9 +326,8 @@ def rules(screen: Screen, dialog: str, target: Path) -> None:
     file = target / "gimp-dialog-rules.png"
     screen.shoot(file)
     image = pyvips.Image.new_from_file(str(file))[:3]
-    image = image.crop(
-        box[0], box[1], min(box[2] + 60, image.width - box[0]), min(box[3] + 200, image.height - box[1])
-    )
+    size = min(box[2] + 240, image.width - box[0]), min(box[3], image.height - box[1])
+    image = image.crop(*box[:2], *size)
     image.resize(0.75).copy_memory().write_to_file(str(file), palette=True, Q=80, compression=9)
     screen.do("key", "Escape")
     time.sleep(1)

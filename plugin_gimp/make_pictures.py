@@ -108,7 +108,7 @@ def best_place(group: list[Any], around: list[np.ndarray], rule: str) -> tuple[n
     if rule in ("none", "translate", "p1", "drop", "brick", "reflect", "rotate"):
         return np.array([0.5, 0.5]), 0.7
     places = (np.indices((24, 24)).reshape(2, -1).T + 0.5) / 24
-    steps = np.array([step for step in around if np.abs(step).max() < 2.5])
+    steps = np.array([step for step in around if np.abs(step).max() < 3.6])
     images = [(places @ matrix.T + shift)[:, np.newaxis] + steps for matrix, shift in group]
     away = np.sort(np.hypot(*np.moveaxis(np.concatenate(images, axis=1) - places[:, np.newaxis], 2, 0)))[:, 1]
     best = int(np.argmax(np.round(away, 9)))

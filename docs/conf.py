@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 import json
+import posixpath
 import re
 import sys
 from pathlib import Path
@@ -95,7 +96,7 @@ def _with_title(found: re.Match[str]) -> str:
     """The beginning of an ``img`` whose picture is one of ``figures/made.json``."""
     for script, made in _MADE.items():
         if found[1] in made["pictures"]:
-            return f'{found[0]}title="docs/{script} at commit {made["commit"]}" '
+            return f'{found[0]}title="{posixpath.normpath(f"docs/{script}")} at commit {made["commit"]}" '
     return found[0]
 
 

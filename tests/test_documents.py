@@ -72,7 +72,7 @@ def test_every_picture_is_shown_and_made_by_a_script():
 def test_no_picture_is_older_than_the_code_it_shows(name):
     made = script("docs/made.py")
     stored = json.loads(made.TABLE.read_text(encoding="utf-8"))[name]
-    remedy = f"run python docs/{name}, look at the pictures, then: python docs/made.py {name}"
+    remedy = f"run docs/{name}, look at the pictures, then: python docs/made.py {name}"
     assert stored["pictures"] == made.pictures(name), f"pictures changed by something else; {remedy}"
     assert stored["code"] == made.fingerprint(name), f"the code has changed since; {remedy}"
 

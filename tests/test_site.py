@@ -119,7 +119,7 @@ def test_every_figure_tells_what_drew_it_at_which_commit(site):
     text = "".join(path.read_text(encoding="utf-8") for path in pages(site))
     figures = re.findall(r'<img ([^>]*src="[^"]*(?:fig-|page-|patterns-|texture-)[^>]*)>', text)
     assert len(figures) > 30
-    told = re.compile(r'title="docs/\w+\.py at commit [0-9a-f]{12}"')
+    told = re.compile(r'title="[\w/]+\.py at commit [0-9a-f]{12}"')
     assert not [figure for figure in figures if not told.search(figure)]
 
 

@@ -6,6 +6,8 @@ from importlib import import_module
 
 import click
 
+from toposeam_cli.wording import speaking
+
 #: Each command and its first line of help, as its own text has it: loading the commands loads the numerics,
 #: which takes a second.
 COMMANDS = {
@@ -35,4 +37,4 @@ def load(name: str) -> click.Command:
     """The command of that name."""
     command: click.Command = getattr(import_module(f"toposeam_cli.commands.{name}"), name)
     command.context_settings.update(CONTEXT)
-    return command
+    return speaking(command)

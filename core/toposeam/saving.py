@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import os
-import tempfile
+import secrets
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
+
+fcntl: Any = None
+with suppress(ImportError):  # there is none on Windows
+    import fcntl
 
 
 def save(path: str | Path, content: str | bytes) -> None:
@@ -23,17 +28,19 @@ def save(path: str | Path, content: str | bytes) -> None:
         When it cannot be written; what was there is still there.
     """
     target = Path(os.path.realpath(path))
-    handle, name = tempfile.mkstemp(prefix=".toposeam-", suffix=".part", dir=target.parent)
-    temporary = Path(name)
+    temporary = target.with_name(f".toposeam-{secrets.token_hex(8)}.part")
     try:
-        with os.fdopen(handle, "wb") as file:
+        with temporary.open("xb") as file:
+            if fcntl is not None:
+                with suppress(OSError):  # where there are locks, they tell the command line that it is in use
+                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             file.write(content.encode() if isinstance(content, str) else content)
             file.flush()
             os.fsync(file.fileno())
-        mask = os.umask(0)
-        os.umask(mask)
-        temporary.chmod(0o666 & ~mask)  # mkstemp's are for the owner alone
-        temporary.replace(target)
+            if fcntl is not None:
+                temporary.replace(target)
+        if fcntl is None:  # an open file cannot be renamed there
+            temporary.replace(target)
     except BaseException:
         with suppress(OSError):
             temporary.unlink()

@@ -81,7 +81,7 @@ def filled(job: Job) -> tuple[Image, npt.NDArray[Any] | None, Sample]:
     request's ``source``, which is another picture, or a mask that is white where the layer may be copied.
     """
     sample, options = _sample(job), _usual(job.options, "patch", "overlap", "band")
-    if sample.selected is None:
+    if sample.selected is None or not sample.selected.any():
         raise ts.OptionError("nothing is selected; select what is to be replaced")
     where, image, alpha, hole, source = (
         options.pop("from", "layer"),

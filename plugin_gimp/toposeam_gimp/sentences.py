@@ -158,6 +158,56 @@ _SENTENCES = (
         r".* span .* megapixels|a texture of .* has more than .* megapixels|the pattern would have",
         _("That would be too large a picture; make a smaller one."),
     ),
+    (
+        r".+ \(at -?\d+,-?\d+\): nothing divides the patches",
+        _(
+            "Where the layers overlap, one covers all of the other, or is too thin to hold a seam; let each "
+            "reach beyond the other, or one lie well inside the other."
+        ),
+    ),
+    (
+        r"(?:image|source|frames) has NaN or infinite values",
+        _("The layer holds pixels that are no numbers, or infinite; replace these first."),
+    ),
+    (
+        r"(?P<name>.+) has NaN or infinite values",
+        _("“{name}” holds pixels that are no numbers, or infinite; replace these first."),
+    ),
+    (
+        r"(?:nowhere is the picture opaque and free|no place that shows has room) for a patch of "
+        r"(?P<width>\d+) × (?P<height>\d+) px",
+        _(
+            "No part of the layer that is opaque has room for a patch of {width} × {height} px; fill its "
+            "holes first, or use smaller patches."
+        ),
+    ),
+    (
+        r"(?:image|source) is transparent everywhere",
+        _("The layer is transparent everywhere; choose one that shows something."),
+    ),
+    (
+        r"the image is transparent all along its borders",
+        _(
+            "The layer is transparent all along its borders, so it repeats as it is; crop it to what it "
+            "shows first."
+        ),
+    ),
+    (
+        r"(?:.+: )?method dp handles only",
+        _("Dynamic programming joins only layers that lie side by side; choose another method."),
+    ),
+    (
+        r"patch is \d+; it must be a whole number of at least (?P<least>\d+)",
+        _("The patches are too small; use patches of at least {least} px."),
+    ),
+    (
+        r"1 layer was given",
+        _("Select at least two layers."),
+    ),
+    (
+        r"something went wrong inside TopoSeam \((?P<what>.*)\); set TOPOSEAM_DEBUG",
+        _("Something went wrong inside TopoSeam ({what}). Nothing was changed; please report it."),
+    ),
 )
 
 

@@ -108,6 +108,8 @@ def _read_animated(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
         with Image.open(path) as picture:
             count = getattr(picture, "n_frames", 1)
             _check_size(path, count, picture.width, picture.height, max_pixels)
+            if count < 2:
+                raise OneFrameError(f"{path} holds one frame; a clip needs several")
             wide = picture.mode in ("RGBA", "LA", "PA") or "transparency" in picture.info
             for frame in ImageSequence.Iterator(picture):
                 pixels = np.asarray(frame.convert("RGBA" if wide else "RGB"))
@@ -117,7 +119,7 @@ def _read_animated(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
                 frames.append(pixels)
     except Image.DecompressionBombError as error:
         raise ImageError(
-            f"{path} is larger than any animation that is read ({error}); make it smaller first"
+            f"{path} has more pixels than any animation that is read; make it smaller first"
         ) from error
     except UnidentifiedImageError as error:
         raise ImageError(f"{path} is no picture that can be read; save it again") from error

@@ -186,4 +186,9 @@ def _parse(grid: str) -> np.ndarray[Any, np.dtype[np.intp]]:
         raise ts.OptionError(f"--grid is {grid!r}; write rows of as many numbers each, like '1 2 1 / 2 1 2'")
     if min(min(row) for row in rows) < 1:
         raise ts.OptionError(f"--grid is {grid!r}; motifs are counted from 1")
+    if max(max(row) for row in rows) > np.iinfo(np.int32).max:
+        raise ts.OptionError(
+            f"--grid has a number of {len(str(max(max(row) for row in rows)))} digits; "
+            "motifs are counted from 1"
+        )
     return np.array(rows, np.intp)

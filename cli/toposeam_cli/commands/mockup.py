@@ -15,7 +15,7 @@ from toposeam_cli.figures.products import product as product_named
 from toposeam_cli.files.writing import check_output
 from toposeam_cli.options import FILE, OUTPUT, PaperLengthType, force_option, quiet_option
 from toposeam_cli.pictures.colour import to_depth, widen
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.pictures.picture import MAX_MOTIF, Picture, read_within, write_picture
 from toposeam_cli.pictures.recipe import read_settings
 from toposeam_cli.print_options import RepeatType
 
@@ -76,7 +76,7 @@ def mockup(
             str(motif), product, str(output), motif_width, force, None if second is None else str(second)
         )
     else:
-        picture = read_picture(motif)
+        picture = read_within(motif, MAX_MOTIF)
         pixels = to_depth(widen(picture.pixels), np.dtype(np.uint8))
         if picture.alpha is not None:  # printed on white
             opacity = to_depth(picture.alpha, np.dtype(np.float32))[..., np.newaxis]

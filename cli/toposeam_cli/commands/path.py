@@ -11,7 +11,7 @@ import toposeam as ts
 from toposeam_cli.files.writing import atomic_write, check_output
 from toposeam_cli.options import FILE, OUTPUT, FiniteRange, OffsetType, force_option, quiet_option
 from toposeam_cli.pictures.colour import to_depth
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.pictures.picture import Picture, read_within, write_picture
 from toposeam_cli.progress import share_bar
 
 #: Maps of more pixels are refused: heat is led for 70 iterations.
@@ -74,7 +74,7 @@ def path(
     """  # noqa: D301 - click wants the character
     if output is not None:
         check_output(output, force, _SUFFIXES)
-    picture = read_picture(ground, _MAX_PIXELS)
+    picture = read_within(ground, _MAX_PIXELS)
     brightness = _brightness(picture)
     cost = np.where(brightness > wall, steepest + (1 - steepest) * brightness, np.inf)
     with share_bar(f"leading heat over {ground.name}", quiet) as bar:

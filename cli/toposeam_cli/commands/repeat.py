@@ -16,7 +16,7 @@ from toposeam.motif.tiling import tile
 from toposeam_cli.files.writing import check_output
 from toposeam_cli.options import FILE, OUTPUT, OffsetType, PairType, force_option, quiet_option
 from toposeam_cli.pictures.colour import to_depth
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.pictures.picture import MAX_MOTIF, Picture, read_within, write_picture
 from toposeam_cli.pictures.printing import SUFFIXES, Print, describe, ink_names, sheet_coverage
 from toposeam_cli.pictures.recipe import read_recipe, read_settings, to_xmp
 from toposeam_cli.print_options import PrintOptions, RepeatType, check_print, print_options, write_print
@@ -123,8 +123,15 @@ def _copied(
     at: tuple[int, int] | None,
 ) -> tuple[Picture, str]:
     """A sheet of copies of a picture, and the rule it is laid by."""
-    motif = read_picture(path)
     settings = None
+    if cell is None and rule is None:
+        settings = read_settings(path, ", or say how to arrange this with --repeat")
+    if cell is not None and counts[0] * counts[1] * cell[0] * cell[1] > MAX_PATTERN:
+        raise ts.OptionError(
+            f"the sheet would have {counts[1] * cell[0]:,} × {counts[0] * cell[1]:,} px, {MAX_PATTERN:,} in "
+            "all at most; ask for fewer motifs, or smaller ones with --cell"
+        )
+    motif = read_within(path, MAX_MOTIF)
     if cell is not None:
         if rule not in GROUPS:
             raise ts.OptionError(
@@ -133,9 +140,11 @@ def _copied(
         shown, rule = f"a kaleidoscope by {rule}", rule
         motif = _kaleidoscope(motif, rule, cell, at)
     elif rule is None:
-        settings = read_settings(path, ", or say how to arrange this with --repeat")
         recipe = read_recipe(path)
-        if Print(**Print.read(settings)).laid(recipe) != ((1, 1), motif.pixels.shape[:2]):
+        if settings is not None and Print(**Print.read(settings)).laid(recipe) != (
+            (1, 1),
+            motif.pixels.shape[:2],
+        ):
             raise ts.OptionError(
                 f"'{path}' is not one whole motif; give one, or say how to arrange this with --repeat "
                 "translate"

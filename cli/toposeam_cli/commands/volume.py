@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import click
 import numpy as np
 
 import toposeam as ts
+from toposeam_cli.files.temporary import claimed_folder, temporary_beside
 from toposeam_cli.files.writing import all_or_nothing, check_output, replacing
 from toposeam_cli.options import FILE, OUTPUT, FiniteRange, force_option, quiet_option
 from toposeam_cli.progress import share_bar
@@ -86,7 +86,7 @@ def volume(a: Path, b: Path, output: Path, **given: Any) -> None:
     spacing, _ = common_spacing(first, second, given["spacing"])
     sides = spacing or (1.0, 1.0, 1.0)
     block = given["block"] or (160 if _common_voxels(first, second, given["offset"]) > _WHOLE else None)
-    with tempfile.TemporaryDirectory(dir=output.absolute().parent, prefix=".toposeam-") as folder:
+    with claimed_folder(temporary_beside(output.absolute())) as folder:
         with share_bar(f"joining {a.name} and {b.name}", quiet) as progress:
             made = ts.join_volumes(
                 first.voxels if block else np.asarray(first.voxels),
@@ -96,7 +96,7 @@ def volume(a: Path, b: Path, output: Path, **given: Any) -> None:
                 gradient=not given["no_gradient"],
                 data_range=_white(first, second, given["white"]),
                 block=block,
-                keep=Path(folder) / "labels.zarr" if block else None,
+                keep=folder / "labels.zarr" if block else None,
                 progress=progress,
             )
         with all_or_nothing():

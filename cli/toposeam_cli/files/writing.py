@@ -6,33 +6,30 @@ from __future__ import annotations
 
 import hashlib
 import os
-import re
 import secrets
 import shutil
 import stat
 import tempfile
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from toposeam.errors import OptionError, TopoSeamError
 from toposeam_cli.files.interruption import uninterrupted
-
-fcntl: Any = None
-with suppress(ImportError):  # there is none on Windows
-    import fcntl
+from toposeam_cli.files.temporary import (
+    claimed,
+    claimed_folder,
+    create,
+    not_needed,
+    remove,
+    temporary_beside,
+    tidy_once,
+)
 
 #: The extensions :func:`toposeam_cli.pictures.picture.write_picture` writes.
 PICTURE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp")
-
-_TEMPORARY, _UNFINISHED = ".toposeam-", ".part"
-_OURS = re.compile(r"\.toposeam-[0-9a-f]{16}\.part")
-#: Where a file system has no locks, temporary files untouched for so long have lost their writer, s.
-_ABANDONED_S = 24 * 3600.0
 
 
 class OutputError(TopoSeamError, OSError):
@@ -47,6 +44,7 @@ class _Prepared:
     target: Path
     temporary: Path
     force: bool
+    is_folder: bool = False
     #: What it replaces, kept until all outputs have their names.
     backup: Path | None = None
     #: Of the temporary file, by which the output is known to be ours.
@@ -73,17 +71,19 @@ class Outputs:
         return self.resumed or self._is_own(target)
 
     def claim(self, output: _Prepared) -> None:
-        """Make the empty temporary file, safe from :func:`remove_stale`."""
-        _tidy_once(output.target.parent)
-        self._open.enter_context(_claimed(output.temporary))
+        """Make the empty temporary file or folder, safe from whoever tidies up."""
+        tidy_once(output.target.parent)
+        claim = claimed_folder if output.is_folder else claimed
+        self._open.enter_context(claim(output.temporary))
 
     def complete(self, output: _Prepared) -> None:
-        """The temporary file holds all it should."""
+        """The temporary file or folder holds all it should."""
         with suppress(OSError):
             shutil.copymode(output.target, output.temporary)  # of what it will replace, if anything
-        with output.temporary.open("rb+") as file:
-            os.fsync(file.fileno())
-            output.inode = os.fstat(file.fileno()).st_ino
+        if not output.is_folder:
+            with output.temporary.open("rb+") as file:
+                os.fsync(file.fileno())
+        output.inode = output.temporary.stat().st_ino
         self._prepared.append(output)
 
     @property
@@ -107,21 +107,22 @@ class Outputs:
                     with suppress(OSError):
                         _take_back(output)
                 raise
+            for output in begun:
+                if output.backup is not None:
+                    not_needed(output.backup)
 
     def close(self) -> None:
         """Remove what is left of temporary files."""
         for output in self._prepared:
             for path in (output.temporary, output.backup):
                 if path is not None:
-                    with suppress(OSError):
-                        path.unlink()
+                    remove(path)
         self._open.close()
 
     def forget(self, *outputs: _Prepared) -> None:
         """Remove the temporary files of outputs that will not be."""
         for output in outputs:
-            with suppress(OSError):
-                output.temporary.unlink()
+            remove(output.temporary)
             if output in self._prepared:
                 self._prepared.remove(output)
 
@@ -138,8 +139,11 @@ class Outputs:
             if self.resumed and _digest(output.target) == _digest(output.temporary):
                 return
             force = self._is_own(output.target)
+        if output.is_folder:
+            _put_folder(output, force)
+            return
         if force and output.target.exists():
-            output.backup = _temporary_beside(output.target)
+            output.backup = temporary_beside(output.target)
             try:
                 os.link(output.target, output.backup)
             except OSError:  # no hard links here
@@ -194,8 +198,7 @@ def check_output(
                     f"cannot write '{path}': that name is taken by something other than a file; choose "
                     "another name"
                 )
-            outputs = _outputs.get()
-            if not force and not (outputs is not None and outputs.may_replace(target)):
+            if not force and not is_expected(path):
                 raise _already_exists(path)
         # Only creating a file tells: access rights say nothing of read-only mounts, quotas, or what root may
         # do.
@@ -207,6 +210,12 @@ def check_output(
             f"cannot write '{path}' ({_reason(error)}); choose another name or folder"
         ) from error
     return path
+
+
+def is_expected(path: Path) -> bool:
+    """Whether an output may be there already though nobody forces it: a former try of this job left it."""
+    outputs = _outputs.get()
+    return outputs is not None and outputs.may_replace(_target(path))
 
 
 def atomic_write(path: str | Path, content: bytes | str, force: bool = False) -> None:
@@ -234,7 +243,7 @@ def atomic_write(path: str | Path, content: bytes | str, force: bool = False) ->
 
 
 @contextmanager
-def replacing(path: Path, force: bool = False) -> Iterator[Path]:
+def replacing(path: Path, force: bool = False, *, folder: bool = False) -> Iterator[Path]:
     """Yield an empty temporary file in the folder of `path`; on success it takes that name, on any failure it
     is removed.
 
@@ -242,15 +251,17 @@ def replacing(path: Path, force: bool = False) -> Iterator[Path]:
     `force` a file that appears under that name meanwhile is not overwritten either. A symbolic link keeps
     pointing where it did, and its target is replaced. An :class:`OSError` within the block is a failure to
     write, and leaves as :class:`OutputError`.
+
+    With `folder` it is a folder; what `force` then replaces is for the caller to check.
     """
     outputs = _outputs.get()
     if outputs is None:
-        with all_or_nothing(), replacing(path, force) as temporary:
+        with all_or_nothing(), replacing(path, force, folder=folder) as temporary:
             yield temporary
         return
     with _failures_told(path):
         target = _target(path)
-        output = _Prepared(path, target, _temporary_beside(target), force)
+        output = _Prepared(path, target, temporary_beside(target), force, folder)
         try:
             outputs.claim(output)
             yield output.temporary
@@ -293,86 +304,23 @@ def all_or_nothing(
             raise
         return
     outputs = Outputs(dict(own or {}), resumed)
-    token = _outputs.set(outputs)
     try:
+        _outputs.set(outputs)
         yield outputs
         outputs.commit(digests)
     finally:
-        _outputs.reset(token)
-        with uninterrupted():
-            outputs.close()
+        try:
+            _leave(outputs)
+        finally:  # even if interrupted just there; what is cut short here `remove_unfinished` does
+            with uninterrupted():
+                _leave(outputs)
+                outputs.close()
 
 
-def remove_stale(folder: Path) -> None:
-    """Remove the temporary files in a folder whose writers are gone: regular files of this user, called as
-    only we call them, that nobody has locked.
-    """
-    with suppress(OSError), os.scandir(folder) as entries:
-        for entry in entries:
-            if _OURS.fullmatch(entry.name):
-                with suppress(OSError):
-                    _remove_if_stale(folder / entry.name)
-
-
-def _remove_if_stale(path: Path) -> None:
-    state = path.lstat()
-    if not stat.S_ISREG(state.st_mode) or (hasattr(os, "getuid") and state.st_uid != os.getuid()):
-        return
-    with path.open("rb+") as file:
-        locked = _lock(file.fileno())
-        if locked is None:
-            locked = time.time() - state.st_mtime > _ABANDONED_S
-        if locked and fcntl is not None:
-            path.unlink()
-    if locked and fcntl is None:  # an open file cannot be removed there, which is why this one was closed
-        path.unlink()
-
-
-#: Folders where the leftovers of killed commands have been looked for by this process.
-_tidied: set[Path] = set()
-
-
-def _tidy_once(folder: Path) -> None:
-    if folder not in _tidied:
-        _tidied.add(folder)
-        remove_stale(folder)
-
-
-def lock(descriptor: int) -> bool:
-    """Claim an open file until it is closed, or its process ends: False if another process has claimed it."""
-    return _lock(descriptor) is not False
-
-
-def _lock(descriptor: int) -> bool | None:
-    """As :func:`lock`; None where the file system has no locks."""
-    if fcntl is None:
-        return True  # Windows does not let anybody remove or replace an open file
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    except OSError:
-        return None
-    return True
-
-
-@contextmanager
-def _claimed(path: Path) -> Iterator[None]:
-    """Create an empty file that :func:`remove_stale` leaves alone within the block."""
-    while True:
-        descriptor = _create(path)
-        lock(descriptor)
-        with suppress(OSError):
-            if path.stat().st_ino == os.fstat(descriptor).st_ino:
-                break
-        os.close(descriptor)  # somebody who tidied up was faster than the lock
-    try:
-        if fcntl is None:
-            os.close(descriptor)  # an open file cannot be renamed either
-        yield
-    finally:
-        if fcntl is not None:
-            os.close(descriptor)
+def _leave(outputs: Outputs) -> None:
+    """What is written from now on is not of that block."""
+    if _outputs.get() is outputs:
+        _outputs.set(None)
 
 
 @contextmanager
@@ -400,7 +348,7 @@ def _rename(temporary: Path, target: Path, force: bool) -> None:
     except (
         OSError
     ):  # no hard links here (FAT, some network drives): claim the name, then replace what is ours
-        os.close(_create(target))
+        os.close(create(target))
         try:
             temporary.replace(target)
         except BaseException:
@@ -408,33 +356,50 @@ def _rename(temporary: Path, target: Path, force: bool) -> None:
             raise
 
 
+def _put_folder(output: _Prepared, force: bool) -> None:
+    if os.path.lexists(output.target):
+        if not force:
+            raise FileExistsError
+        # No temporary name: nobody who tidies up may take it for something unfinished.
+        output.backup = output.target.with_name(f".toposeam-{secrets.token_hex(8)}.old")
+        output.target.rename(output.backup)
+    try:
+        output.temporary.rename(output.target)
+    except BaseException:
+        if output.backup is not None:
+            output.backup.rename(output.target)
+        raise
+
+
 def _take_back(output: _Prepared) -> None:
     """Undo what :func:`_rename` may have done, unless somebody else has been there since."""
     if output.inode is None or output.target.stat().st_ino != output.inode:
         return
-    if output.backup is not None:
+    if output.is_folder:
+        remove(output.target)
+        if output.backup is not None:
+            output.backup.rename(output.target)
+    elif output.backup is not None:
         output.backup.replace(output.target)
     else:
         output.target.unlink()
 
 
 def _digest(path: Path) -> str:
-    """SHA-256 of a file's content; one of its own kind for what is no file, equal to no other."""
+    """SHA-256 of a file's content, or of a folder's files; one of its own kind for what is neither, equal to
+    no other.
+    """
     try:
+        if path.is_dir() and not path.is_symlink():
+            files = sorted(each for each in path.rglob("*") if not each.is_dir())
+            told = "".join(f"{each.relative_to(path)}\0{_digest(each)}\0" for each in files)
+            return hashlib.sha256(os.fsencode(told)).hexdigest()
         if not path.is_file():
             return secrets.token_hex()
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError:
         return secrets.token_hex()
-
-
-def _temporary_beside(target: Path) -> Path:
-    return target.with_name(f"{_TEMPORARY}{secrets.token_hex(8)}{_UNFINISHED}")
-
-
-def _create(path: Path) -> int:
-    return os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
 
 
 def _target(path: Path) -> Path:

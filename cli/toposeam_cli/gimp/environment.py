@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -57,9 +58,8 @@ def is_temporary(python: Path) -> bool:
     text = python.as_posix()
     places = (tempfile.gettempdir(), os.environ.get("TMPDIR", ""))
     return (
-        "/uv/archive-v" in text
-        or "/uv/builds-v" in text
-        or "/pipx/.cache/" in text
+        re.search(r"/uv/(cache/)?(archive|builds|environments)-v\d", text) is not None
+        or re.search(r"/(\.cache/pipx|Library/Caches/pipx|pipx/(\.cache|Cache))/", text) is not None
         or any(place and text.startswith(Path(place).as_posix() + "/") for place in places)
     )
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from toposeam.errors import MissingPackageError, OptionError
-from toposeam_cli.files.interruption import ctrl_c_later
+from toposeam_cli.files.interruption import ctrl_c_later, start_resource_tracker
 from toposeam_cli.jobs.workers import Workers
 
 #: Of a local cluster: no pages, of which Dask's own switch leaves some.
@@ -51,6 +51,7 @@ def dask_workers(address: str, count: int) -> Iterator[Workers]:
     OptionError
         If there is no cluster at the address.
     """
+    start_resource_tracker()
     try:
         import dask
         from distributed import Client

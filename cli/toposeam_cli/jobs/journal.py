@@ -13,7 +13,8 @@ from types import TracebackType
 from typing import Any, Self
 
 from toposeam.errors import OptionError
-from toposeam_cli.files.writing import OutputError, check_output, lock, replacing
+from toposeam_cli.files.temporary import lock
+from toposeam_cli.files.writing import OutputError, check_output, replacing
 
 Row = dict[str, Any]
 

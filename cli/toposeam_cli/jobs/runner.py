@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from toposeam.errors import OptionError
-from toposeam_cli.files.writing import remove_stale
+from toposeam_cli.files.temporary import remove_stale
 from toposeam_cli.jobs.dask_workers import dask_workers
 from toposeam_cli.jobs.journal import Journal, Row
 from toposeam_cli.jobs.workers import Answer, Task, worker_processes
@@ -213,6 +213,7 @@ def _run(
     with ExitStack() as stack:
         table = None if journal is None else stack.enter_context(Journal(journal))
         _tidy(*jobs)
+        stack.callback(_tidy, *jobs)  # again when the workers are gone, however they ended
         tally = _Tally(jobs, progress)
         waiting: deque[Job] = deque()
         outcomes: list[Outcome] = []

@@ -23,6 +23,7 @@ from toposeam_cli.files.interruption import (
     start_resource_tracker,
     terminations_raised,
 )
+from toposeam_cli.files.temporary import remove_unfinished
 
 #: How long a worker that must end may take to leave a call into compiled code, s.
 _PATIENCE_S = 5.0
@@ -119,6 +120,7 @@ def answer(task: Task) -> Answer:
         ):
             result = json.dumps(getattr(import_module(module), name)(**task.arguments))
     except Terminated as end:
+        remove_unfinished()  # whatever block the signal kept from its end
         os._exit(int(end.code or 0))  # the executor would take it for the failure of the job
     except Exception as error:
         return Answer(False, time.perf_counter() - start, sentence(error))
@@ -176,6 +178,7 @@ def _end_with(ending: Connection) -> None:
         ending.poll(None)
     os.kill(os.getpid(), signal.SIGTERM)
     time.sleep(_PATIENCE_S)
+    remove_unfinished()
     os._exit(128 + signal.SIGTERM)
 
 

@@ -87,17 +87,18 @@ def decode(path: Path, max_pixels: int) -> Decoded:
         ) from error
 
 
-def refuse_large(path: Path, width: int, height: int, max_pixels: int) -> None:
-    """Refuse a picture with more pixels than that.
+def refuse_large(path: Path, width: int, height: int, max_pixels: int, raisable: bool = True) -> None:
+    """Refuse a picture with more pixels than that; `raisable` says whether ``--max-megapixels`` allows more.
 
     Raises
     ------
     ImageError
     """
     if width * height > max_pixels:
+        remedy = "raise --max-megapixels if the file is trusted" if raisable else "make it smaller first"
         raise ImageError(
             f"'{path}' is {width} x {height} pixels, more than the {max_pixels / 1e6:g} megapixels allowed; "
-            "raise --max-megapixels if the file is trusted"
+            f"{remedy}"
         )
 
 

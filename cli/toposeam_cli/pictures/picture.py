@@ -31,6 +31,8 @@ from toposeam_cli.pictures.libvips import (
 
 #: Pictures with more pixels are refused unless the user asks: 500 megapixels are 3 GB as 16-bit RGB.
 MAX_PIXELS = 500_000_000
+#: What becomes a motif, a palette or a theme is not taken from larger pictures; no option allows more.
+MAX_MOTIF = 64_000_000
 
 #: A classic TIFF ends at 4 GiB, and what does not compress may grow.
 _BIGTIFF_BYTES = 3_500_000_000
@@ -140,11 +142,15 @@ def read_white(path: Path, shape: tuple[int, int], of: str, max_pixels: int) -> 
     ImageError
         When it is not of that shape, or as :func:`read_picture` raises it.
     """
-    mask = read_picture(path, max_pixels=max_pixels)
-    height, width = mask.pixels.shape[:2]
-    if (height, width) != shape:
+    size = size_of(path)
+    refuse_large(path, *size, max_pixels)
+    height, width = shape
+    if sorted(size) == sorted(shape):  # it may lie on its side, which only decoding tells
+        mask = read_picture(path, max_pixels=max_pixels)
+        size = mask.pixels.shape[1], mask.pixels.shape[0]
+    if size != (width, height):
         raise ImageError(
-            f"the mask {path.name} is {width} × {height} px, but {of} is {shape[1]} × {shape[0]} px; make it "
+            f"the mask {path.name} is {size[0]} × {size[1]} px, but {of} is {width} × {height} px; make it "
             "that size"
         )
     gray = mask.pixels if mask.pixels.ndim == 2 else mask.pixels.mean(axis=2)
@@ -190,6 +196,17 @@ def read_picture(path: str | Path, max_pixels: int = MAX_PIXELS) -> Picture:
         xmp=file.xmp,
         source=path,
     )
+
+
+def read_within(path: Path, max_pixels: int) -> Picture:
+    """:func:`read_picture` for a command whose limit no option raises.
+
+    Raises
+    ------
+    ImageError
+    """
+    refuse_large(path, *size_of(path), max_pixels, raisable=False)
+    return read_picture(path, max_pixels)
 
 
 def check_together(paths: Sequence[Path], max_pixels: int) -> None:

@@ -9,11 +9,8 @@ import numpy as np
 import toposeam as ts
 from toposeam.colours import parse_colour
 from toposeam.motif.palettes import Palette
-from toposeam_cli.pictures.picture import read_picture
+from toposeam_cli.pictures.picture import MAX_MOTIF, read_within
 from toposeam_cli.pictures.swatches import read_swatches
-
-#: A theme or a palette is not taken from larger pictures.
-_MAX_PIXELS = 500_000_000
 
 
 def read_colours(text: str, folder: Path = Path()) -> str | Palette | np.ndarray:
@@ -24,7 +21,7 @@ def read_colours(text: str, folder: Path = Path()) -> str | Palette | np.ndarray
     if Path(text).suffix.lower() in (".gpl", ".ase"):
         return _palette(read_swatches(folder / text), f"'{text}'")
     if Path(text).suffix:
-        picture = read_picture(folder / text, _MAX_PIXELS)
+        picture = read_within(folder / text, MAX_MOTIF)
         if picture.alpha is None:
             return picture.pixels
         if not picture.covered().any():
@@ -44,7 +41,7 @@ def _palette(colours: np.ndarray, of: str) -> Palette:
 
 def read_theme(path: Path) -> np.ndarray:
     """A base image, with its alpha where it has one."""
-    picture = read_picture(path, _MAX_PIXELS)
+    picture = read_within(path, MAX_MOTIF)
     if picture.alpha is None:
         return picture.pixels
     return np.concatenate([np.atleast_3d(picture.pixels), picture.alpha[..., None]], axis=2)

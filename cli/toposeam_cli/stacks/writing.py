@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import shutil
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 
 from toposeam.errors import OptionError
-from toposeam_cli.files.writing import check_output, replacing
+from toposeam_cli.files.writing import check_output, is_expected, replacing
 from toposeam_cli.stacks.reading import needs
 from toposeam_cli.stacks.stack import SUFFIXES
 
 #: So many slices are computed at a time.
 _SLICES = 16
+#: One of these is in every folder that zarr has made.
+_ZARR = (".zarray", ".zgroup", "zarr.json")
 #: ImageJ's own TIFF ends here.
 _IMAGEJ_BYTES = 4_000_000_000
 
@@ -33,8 +35,10 @@ def check_stack_output(path: Path, force: bool) -> Path:
             raise OptionError(
                 f"there is no folder '{path.absolute().parent}'; create it or choose another one"
             )
-        if path.exists() and not force:
+        if os.path.lexists(path) and not (force or is_expected(path)):
             raise OptionError(f"'{path}' exists already; pass --force to replace it, or choose another name")
+        if os.path.lexists(path) and not any((path / name).is_file() for name in _ZARR):
+            raise OptionError(f"'{path}' is no zarr array or group, and is left alone; choose another name")
         return path
     if path.suffix.lower() != ".npy":
         needs("tifffile", path)
@@ -69,7 +73,8 @@ def write_stack(
     """
     check_stack_output(path, force)
     if path.suffix.lower() == ".zarr":
-        _write_zarr(path, voxels, spacing, progress)
+        with replacing(path, force, folder=True) as temporary:
+            _write_zarr(temporary, voxels, spacing, progress)
         return
     with replacing(path, force) as temporary:
         if path.suffix.lower() == ".npy":
@@ -141,33 +146,25 @@ def _write_tiff(
 
 
 def _write_zarr(
-    path: Path,
+    folder: Path,
     voxels: Any,
     spacing: tuple[float, float, float] | None,
     progress: Callable[[float], None] | None,
 ) -> None:
-    zarr = needs("zarr", path)
-    temporary = path.absolute().with_name(f".toposeam-{path.name}.part")
-    shutil.rmtree(temporary, ignore_errors=True)
-    try:
-        group = zarr.open_group(str(temporary), mode="w", zarr_format=2)
-        chunks = tuple(
-            min(length, side) for length, side in zip(voxels.shape, (_SLICES, 256, 256, 8), strict=False)
-        )
-        array = group.create_array("0", shape=voxels.shape, dtype=voxels.dtype, chunks=chunks)
-        start = 0
-        for slab in _slabs(voxels, progress):
-            array[start : start + len(slab)] = slab
-            start += len(slab)
-        names = "zyxc"[: voxels.ndim]
-        axes = [{"name": name, "type": "channel" if name == "c" else "space"} for name in names]
-        for axis in axes[:3]:
-            axis["unit"] = "micrometer"
-        scale = [*(spacing or (1.0, 1.0, 1.0)), 1.0][: voxels.ndim]
-        dataset = {"path": "0", "coordinateTransformations": [{"type": "scale", "scale": scale}]}
-        group.attrs["multiscales"] = [{"version": "0.4", "axes": axes, "datasets": [dataset]}]
-        if path.exists():
-            shutil.rmtree(path)
-        temporary.replace(path)
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+    zarr = needs("zarr", folder)
+    group = zarr.open_group(str(folder), mode="w", zarr_format=2)
+    chunks = tuple(
+        min(length, side) for length, side in zip(voxels.shape, (_SLICES, 256, 256, 8), strict=False)
+    )
+    array = group.create_array("0", shape=voxels.shape, dtype=voxels.dtype, chunks=chunks)
+    start = 0
+    for slab in _slabs(voxels, progress):
+        array[start : start + len(slab)] = slab
+        start += len(slab)
+    names = "zyxc"[: voxels.ndim]
+    axes = [{"name": name, "type": "channel" if name == "c" else "space"} for name in names]
+    for axis in axes[:3]:
+        axis["unit"] = "micrometer"
+    scale = [*(spacing or (1.0, 1.0, 1.0)), 1.0][: voxels.ndim]
+    dataset = {"path": "0", "coordinateTransformations": [{"type": "scale", "scale": scale}]}
+    group.attrs["multiscales"] = [{"version": "0.4", "axes": axes, "datasets": [dataset]}]

@@ -394,9 +394,11 @@ def _order(layers: Sequence[Layer], places: Sequence[Box], covered: Sequence[Mas
         index = next((k for k in waiting if any(_meet(places, covered, k, j) for j in order)), None)
         if index is None:
             x, y = layers[waiting[0]].at
+            hidden = any(each.alpha is not None or each.mask is not None for each in layers)
             raise OverlapError(
                 f"{layers[waiting[0]].name} (at {x},{y}): the patches do not overlap: no pixel of it is "
-                "covered by another one; move it, or check the places and the masks"
+                "covered by another one; move it, or check where they lie"
+                f"{' and what is transparent or masked' if hidden else ''}"
             )
         waiting.remove(index)
         order.append(index)

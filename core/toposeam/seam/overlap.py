@@ -165,8 +165,8 @@ def _between_masks(mask_a: Mask, mask_b: Mask, core: float) -> Overlap:
     shared = mask_a & mask_b
     if not shared.any():
         raise OverlapError(
-            "the patches do not overlap: no pixel is covered by both; move one of them, or check the offset "
-            "and the masks"
+            "the patches do not overlap: no pixel is covered by both; move one of them, or check where they "
+            "lie"
         )
     axes = range(shared.ndim)
     used = [np.flatnonzero(shared.any(axis=tuple(other for other in axes if other != axis))) for axis in axes]

@@ -141,9 +141,13 @@ def read_sources(
         present.append(np.ones(picture.shape[:2], bool) if a is None else a > 0)
         usable.append(present[-1] if m is None else present[-1] & m)
     if not any(pixels.any() for pixels in usable):
+        if all(m is None for m in masks):
+            raise ImageError(f"{name} is transparent everywhere; give one that shows something")
+        if not any(m is not None and m.any() for m in masks):
+            raise ImageError(f"nothing of {name} may be sampled: its mask is empty; paint it white somewhere")
         raise ImageError(
-            f"nothing of {name} may be sampled: its mask is empty, or it is transparent everywhere; paint "
-            "the mask white somewhere"
+            f"nothing of {name} may be sampled: wherever its mask is white it is transparent; paint white "
+            "what shows something"
         )
     has_alpha = any(
         a is not None and (a[pixels] < full_scale(a.dtype)).any()
@@ -223,8 +227,7 @@ def _weights(weights: Sequence[float] | None, count: int) -> list[float]:
     found = [check_number("one of the weights", weight, 0) for weight in _several(weights, "weights")]
     if len(found) != count:
         raise OptionError(
-            f"{len(found)} weights were given for {count} maps; give one for the picture and one for each "
-            "further map"
+            f"{len(found)} weights were given for the picture and {count - 1} further maps; give one for each"
         )
     if not any(found):
         raise OptionError(
@@ -241,8 +244,8 @@ def _white(data_range: DataRange, count: int) -> list[float | None]:
         given = _several(data_range, "data_range")
     if len(given) != count:
         raise OptionError(
-            f"data_range has {len(given)} values for {count} maps; give one for the picture and one for each "
-            "further map"
+            f"data_range has {len(given)} values for the picture and {count - 1} further maps; give one for "
+            "each"
         )
     return [None if one is None else check_number("data_range", one, 0, above=True) for one in given]
 

@@ -155,9 +155,12 @@ def synthesize(
     placer = PatchPlacer(atlas, features, canvas, chosen, np.random.default_rng(seed), height * width, given)
     shape = rows[0], columns[0]
     if not placer.search.room(shape).any():
+        where, remedy = (
+            ("in the mask", " or a larger mask") if source_mask is not None else ("that shows", "")
+        )
         raise ImageError(
-            f"no place in the mask has room for a patch of {shape[1]} × {shape[0]} px; use smaller patches "
-            "or a larger mask"
+            f"no place {where} has room for a patch of {shape[1]} × {shape[0]} px; use smaller patches"
+            f"{remedy}"
         )
     lay_all(placer, side, overlap, 0, report.stage(report.done, 0.9))
     mend(placer, shape, round(chosen.mend * len(rows[1]) * len(columns[1])), report.stage(0.9, 1.0))

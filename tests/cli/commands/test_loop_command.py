@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 from scipy import ndimage
 
+from toposeam_cli.clips.reading import read_clip
 from toposeam_cli.pictures.picture import read_picture
 
 
@@ -251,3 +252,10 @@ def test_clips_that_cannot_be_joined(toposeam, clip, tmp_path):
     Image.fromarray(frames()[0]).save(still)
     toposeam("stitch", still, clip, "--offset", "8,0,0", *out).fails("two pictures take X,Y", 2)
     assert not (tmp_path / "o.webp").exists()
+
+
+def test_the_last_frame_of_a_video_is_shown_as_long_as_the_others(video):
+    path = video(clip=frames(10))
+    doubled = read_clip(path, Fraction(50), 10**9)
+    assert (len(doubled.frames), doubled.rate) == (20, 50)
+    assert len(read_clip(path, None, 10**9).frames) == 10

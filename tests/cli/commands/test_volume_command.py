@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from toposeam.errors import OptionError
+
 tifffile = pytest.importorskip("tifffile")
 zarr = pytest.importorskip("zarr")
 
@@ -202,7 +204,7 @@ def test_ctrl_c_leaves_nothing(process, tmp_path, how):
 def test_existing_outputs_stay(toposeam, pair, tmp_path):
     _, a, b = pair
     (tmp_path / "j.zarr").mkdir()
-    (tmp_path / "j.zarr" / ".zattrs").write_text(json.dumps({}))
+    (tmp_path / "j.zarr" / ".zgroup").write_text(json.dumps({}))
     (tmp_path / "j.tif").write_text("mine")
     for name in ("j.zarr", "j.tif"):
         toposeam("volume", a, b, "--offset", "0,0,30", "-o", tmp_path / name).fails("--force")
@@ -219,3 +221,59 @@ def test_numpy_files_are_joined_by_blocks_too(toposeam, tmp_path):
     assert ran.code == 0, ran
     assert "by blocks of 16" in ran.out
     np.testing.assert_array_equal(np.load(tmp_path / "j.npy"), whole)
+
+
+def test_a_folder_that_is_no_zarr_is_not_replaced_by_force(toposeam, pair, tmp_path):
+    _, a, b = pair
+    (tmp_path / "album.zarr").mkdir()
+    (tmp_path / "album.zarr" / "precious.txt").write_text("mine")
+    (tmp_path / "file.zarr").write_text("mine")
+    for name in ("album.zarr", "file.zarr"):
+        ran = toposeam("volume", a, b, "--offset", "0,0,30", "-o", tmp_path / name, "--force")
+        ran.fails("is left alone")
+    assert (tmp_path / "album.zarr" / "precious.txt").read_text() == "mine"
+    assert (tmp_path / "file.zarr").read_text() == "mine"
+
+
+def test_a_zarr_is_as_it_was_when_another_output_fails(toposeam, pair, tmp_path, monkeypatch):
+    from toposeam.volume.mesh import Mesh
+
+    _, a, b = pair
+    save(tmp_path / "j.zarr", np.arange(24, dtype=np.uint8).reshape(2, 3, 4))
+    before = read(tmp_path / "j.zarr")[0]
+
+    def full(self, path):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Mesh, "to_ply", full)
+    words = ["volume", a, b, "--offset", "0,0,30", "-o", tmp_path / "j.zarr", "--mesh", tmp_path / "m.ply"]
+    toposeam(*words, "--force").fails("no space left")
+    np.testing.assert_array_equal(read(tmp_path / "j.zarr")[0], before)
+    assert not list(tmp_path.glob(".toposeam*"))
+    monkeypatch.undo()
+    assert toposeam(*words, "--force").code == 0
+    assert read(tmp_path / "j.zarr")[0].shape == (12, 24, 70)
+    assert not list(tmp_path.glob(".toposeam*"))
+
+
+def test_a_zarr_may_replace_its_own_input(toposeam, tmp_path):
+    whole, a, b = stacks(np.uint8)
+    files = [save(tmp_path / f"{name}.zarr", stack) for name, stack in (("a", a), ("b", b))]
+    ran = toposeam(
+        "volume", *files, "--offset", "0,0,30", "-o", files[0], "--mesh", tmp_path / "m.ply", "--force"
+    )
+    assert ran.code == 0, ran
+    np.testing.assert_array_equal(read(files[0])[0], whole)
+
+
+def test_a_second_try_of_a_killed_job_finds_its_zarr(tmp_path):
+    from toposeam_cli.files.writing import all_or_nothing
+    from toposeam_cli.stacks.writing import write_stack
+
+    whole = stacks(np.uint8)[0]
+    write_stack(tmp_path / "j.zarr", whole, None)
+    with all_or_nothing(resumed=True):
+        write_stack(tmp_path / "j.zarr", whole, None)
+    with pytest.raises(OptionError, match="exists already"), all_or_nothing(resumed=True):
+        write_stack(tmp_path / "j.zarr", whole + 1, None)
+    np.testing.assert_array_equal(read(tmp_path / "j.zarr")[0], whole)

@@ -3,14 +3,21 @@ exception.
 """
 
 import os
+import shutil
 import signal
+import sys
 import threading
+from contextlib import suppress
+from contextvars import copy_context
 
 import numpy as np
 import pytest
 
+from toposeam import saving
 from toposeam_cli.files.interruption import Terminated, interruptible, terminations_raised
-from toposeam_cli.files.writing import lock, remove_stale, replacing
+from toposeam_cli.files.temporary import claimed_folder, lock, remove_stale, remove_unfinished
+from toposeam_cli.files.writing import all_or_nothing, atomic_write, replacing
+from toposeam_cli.jobs.workers import Task, answer
 from toposeam_cli.pictures.libvips import evaluate, load_vips
 
 pytestmark = pytest.mark.usefixtures("hangups_arrive")
@@ -103,3 +110,153 @@ def test_pixels_computed_in_a_thread_are_the_same():
     pixels = np.arange(60, dtype=np.uint8).reshape(4, 5, 3)
     image = load_vips().Image.new_from_array(pixels)
     assert np.array_equal(evaluate(image, image.numpy), pixels)
+
+
+#: Of so many steps one is tried; 1 tries all, which takes minutes.
+STRIDE = int(os.environ.get("TOPOSEAM_STRIDE", "7"))
+#: Files that an interruption kept from being closed are closed by whoever collects them.
+unclosed = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+
+
+class AtStep:
+    """A signal at one step of our own code that writes, and of what it is in."""
+
+    WHERE = ("files/writing.py", "files/temporary.py", "jobs/workers.py", "contextlib.py", "saving.py")
+
+    def __init__(self, step, number=signal.SIGTERM):
+        self.left, self.number = step, number
+
+    def trace(self, frame, event, arg):
+        if not frame.f_code.co_filename.endswith(self.WHERE):
+            return None
+        frame.f_trace_opcodes = True
+        if event == "opcode":
+            self.left -= 1
+            if self.left == 0:
+                sys.settrace(None)
+                signal.raise_signal(self.number)
+        return self.trace
+
+    @property
+    def came(self):
+        return self.left <= 0
+
+    def __enter__(self):
+        sys.settrace(self.trace)
+        return self
+
+    def __exit__(self, *_):
+        sys.settrace(None)
+
+
+def contents(folder):
+    assert not [path for path in folder.glob(".*") if path.is_dir()]
+    return {
+        path.relative_to(folder).as_posix(): path.read_text() for path in folder.rglob("*") if path.is_file()
+    }
+
+
+def write_a_file_and_a_folder(folder, force):
+    with all_or_nothing():
+        with replacing(folder / "a", force) as temporary:
+            temporary.write_text("new")
+        with replacing(folder / "b", force, folder=True) as temporary:
+            (temporary / "in").write_text("new")
+
+
+OLD, NEW = {"a": "old", "b/in": "old"}, {"a": "new", "b/in": "new"}
+
+
+@unclosed
+@pytest.mark.slow
+@pytest.mark.parametrize("force", [False, True], ids=["new", "replaced"])
+def test_at_whatever_step_a_command_is_interrupted_nothing_unfinished_is_left(tmp_path, force):
+    before = OLD if force else {}
+    step, outcomes = 0, []
+    while not outcomes or outcomes[-1][0]:
+        step += STRIDE
+        folder = tmp_path / f"{step}"
+        folder.mkdir()
+        if force:
+            (folder / "b").mkdir()
+            for name, text in OLD.items():
+                (folder / name).write_text(text)
+        with suppress(Terminated), terminations_raised(), AtStep(step) as signalled:
+            copy_context().run(write_a_file_and_a_folder, folder, force)
+        remove_unfinished()  # as at the end of the process
+        outcomes.append((signalled.came, contents(folder)))
+        assert outcomes[-1][1] in (before, NEW), f"at step {step}"
+        shutil.rmtree(folder)
+    assert step > 500
+    assert outcomes[-1] == (False, NEW)
+    assert (True, before) in outcomes
+
+
+def job_of_a_worker(folder):
+    atomic_write(f"{folder}/a", "new")
+    atomic_write(f"{folder}/b", "new")
+
+
+@unclosed
+@pytest.mark.slow
+def test_at_whatever_step_a_worker_is_ended_it_tidies_before_it_goes(tmp_path, monkeypatch):
+    class Gone(BaseException):
+        pass
+
+    seen = []
+
+    def gone(code):
+        seen.append(contents(folder))  # nothing more would happen in a process that has ended
+        raise Gone
+
+    monkeypatch.setattr(os, "_exit", gone)
+    monkeypatch.setitem(sys.modules, "job_of_a_worker", sys.modules[__name__])
+    step, came = 0, True
+    while came:
+        step += STRIDE
+        folder = tmp_path / f"{step}"
+        folder.mkdir()
+        task = Task("job_of_a_worker:job_of_a_worker", {"folder": str(folder)})
+        with suppress(Gone, Terminated), terminations_raised(), AtStep(step) as signalled:
+            copy_context().run(answer, task)
+        came = signalled.came
+        if came and seen:
+            assert seen.pop() in ({}, {"a": "new", "b": "new"}), f"at step {step}"
+        remove_unfinished()
+        shutil.rmtree(folder)
+    assert step > 500
+
+
+def test_a_child_that_is_forked_leaves_the_files_of_its_parent(tmp_path):
+    with replacing(tmp_path / "out") as temporary:
+        child = os.fork()
+        if not child:
+            remove_unfinished()
+            os._exit(0)
+        os.waitpid(child, 0)
+        assert temporary.exists()
+
+
+def test_folders_whose_writers_are_gone_are_stale_too(tmp_path):
+    (tmp_path / f".toposeam-{'a' * 16}.part" / "deep").mkdir(parents=True)
+    with claimed_folder(tmp_path / f".toposeam-{'b' * 16}.part") as ours:
+        remove_stale(tmp_path)
+        assert list(tmp_path.iterdir()) == [ours]
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_core_writes_itself_is_claimed_while_it_is_written_and_known_when_it_is_left(
+    tmp_path, monkeypatch
+):
+    met = []
+
+    def tidied_meanwhile(descriptor):
+        met.extend(tmp_path.iterdir())
+        remove_stale(tmp_path)
+
+    monkeypatch.setattr(os, "fsync", tidied_meanwhile)
+    saving.save(tmp_path / "drawing.svg", "<svg/>")
+    assert [path.name for path in tmp_path.iterdir()] == ["drawing.svg"]
+    met[0].write_text("left by somebody who was killed")
+    remove_stale(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["drawing.svg"]

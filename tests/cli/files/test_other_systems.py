@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-import toposeam_cli.files.writing as writing
-from toposeam_cli.files.writing import all_or_nothing, atomic_write, remove_stale, replacing
+import toposeam_cli.files.temporary as temporary_files
+from toposeam_cli.files.temporary import remove_stale
+from toposeam_cli.files.writing import all_or_nothing, atomic_write, replacing
 from toposeam_cli.gimp import environment, programs
 from toposeam_gimp import engine
 
@@ -31,7 +32,7 @@ start()
 @pytest.fixture
 def like_windows(monkeypatch):
     """No fcntl, no user numbers."""
-    monkeypatch.setattr(writing, "fcntl", None)
+    monkeypatch.setattr(temporary_files, "fcntl", None)
     monkeypatch.delattr(os, "getuid")
 
 
@@ -82,7 +83,7 @@ def test_the_engine_is_looked_for_where_windows_has_programs(tmp_path, monkeypat
     ids=lambda words: words.split()[0],
 )
 def test_commands_run_without_what_only_unix_has(tmp_path, words):
-    words = words.replace("SAMPLES", str(SAMPLES)).split()
+    words = [word.replace("SAMPLES", str(SAMPLES)) for word in words.split()]
     ran = subprocess.run(
         [sys.executable, "-c", WITHOUT_UNIX, *words],
         cwd=tmp_path,

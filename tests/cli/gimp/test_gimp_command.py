@@ -257,3 +257,17 @@ def test_a_profile_is_not_taken_for_a_plug_ins_folder(toposeam, tmp_path):
         "a GIMP profile, where GIMP looks for no plug-ins"
     )
     assert not (tmp_path / "3.0" / "toposeam_gimp").exists()
+
+
+def test_the_main_file_can_be_run_whatever_the_package_says(home, monkeypatch):
+    copied = gimp_folders.shutil.copytree
+
+    def unpacked(*arguments, **options):
+        folder = copied(*arguments, **options)
+        for path in Path(folder).rglob("*.py"):  # as a wheel has them
+            path.chmod(0o644)
+        return folder
+
+    monkeypatch.setattr(gimp_folders.shutil, "copytree", unpacked)
+    run("install")
+    assert (plug_in(home, "3.0") / "toposeam_gimp.py").stat().st_mode & 0o111 == 0o111

@@ -91,7 +91,12 @@ def test_what_the_engine_lacks_is_noted(home):
     ("python", "temporary"),
     [
         ("/home/me/.cache/uv/archive-v0/Xy/bin/python", True),
+        ("C:/Users/me/AppData/Local/uv/cache/archive-v0/Xy/Scripts/python.exe", True),
+        ("/home/me/.cache/uv/environments-v2/abc/bin/python", True),
         ("/home/me/.local/pipx/.cache/abc/bin/python", True),
+        ("/home/me/.cache/pipx/abc/bin/python", True),
+        ("/Users/me/Library/Caches/pipx/abc/bin/python", True),
+        ("C:/Users/me/AppData/Local/pipx/pipx/Cache/abc/Scripts/python.exe", True),
         ("/home/me/.local/share/pipx/venvs/toposeam/bin/python", False),
         ("/usr/bin/python3", False),
     ],

@@ -10,7 +10,7 @@ import pytest
 from toposeam.errors import OptionError, SolverError
 from toposeam.heat.plate import CONDUCTION, Plate
 from toposeam.heat.plate_joints import Groups, Joint, Shift
-from toposeam.heat.plate_multigrid import DirectSolver
+from toposeam.heat.plate_multigrid import DirectSolver, coarsen
 
 JOINTS = [*Joint, Shift(1, Fraction(1, 2)), Shift(0, Fraction(1, 2))]
 EXACT = {"tolerance": 1e-12, "max_iterations": 300}
@@ -142,3 +142,13 @@ def test_the_direct_solver_knows_singular_plates():
 def test_plates_without_a_solution_are_refused(heat, sinks, text):
     with pytest.raises(OptionError, match=text):
         Plate(np.full((8, 8), heat), np.full((8, 8), sinks), "translate")
+
+
+@pytest.mark.parametrize("shape", [(9, 4), (4, 9), (9, 3), (6, 4), (5, 7)])
+def test_a_coarser_plate_counts_what_is_beyond_an_odd_border_as_nothing(shape):
+    elements = np.random.default_rng(0).random((1, *shape))
+    patterns = np.random.default_rng(1).random((10, 1))
+    padded = np.pad(elements, ((0, 0), (0, shape[0] % 2), (0, shape[1] % 2)))
+    found = coarsen(elements, patterns)
+    assert found.shape == (10, -(-shape[0] // 2), -(-shape[1] // 2))
+    np.testing.assert_array_equal(found, coarsen(padded, patterns))

@@ -9,6 +9,7 @@ from skimage import data
 
 import toposeam as ts
 from toposeam.layers.posing import exclusive_covers, pose_labelling
+from toposeam.layers.rounds import _beside_steps, best_rounds
 
 PHOTOGRAPHS = (data.coffee(), data.chelsea(), data.astronaut(), data.rocket())
 
@@ -239,3 +240,20 @@ def test_a_given_seam_of_one_pair_is_followed_and_the_others_found():
     assert given.cost > 0
     with pytest.raises(ts.OptionError, match="choose two different ones from 0 to 2"):
         ts.stitch(layers, use_path={(0, 3): ts.read_svg(svg)})
+
+
+@pytest.mark.parametrize(("step", "columns"), [(0, [1, 2, 3, 4]), (1, [3, 4])])
+def test_beside_a_step_are_both_pixels_of_a_pair_that_differs_by_more(step, columns):
+    values = np.tile(np.array([5, 5, 6, 6, 9, 9], np.int16), (3, 1))
+    for turned in (False, True):
+        found = _beside_steps(values.T if turned else values, step)
+        assert np.flatnonzero(found.all(axis=1 if turned else 0)).tolist() == columns
+        assert found.sum() == 3 * len(columns)
+
+
+def test_rounds_divide_pairs_anew_and_keep_how_sure_they_were():
+    layers = pile(1, alike=True)
+    moves, rounds = best_rounds(labelling_of(layers), range(len(layers)), "heat", {}, 3, None)
+    assert 1 <= rounds <= 3
+    assert moves.solved
+    assert all(0 <= first < second < len(layers) for first, second in moves.solved)

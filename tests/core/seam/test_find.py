@@ -176,6 +176,11 @@ def test_dynamic_programming_refuses_other_shapes_than_strips():
     mask_a, mask_b = SHAPES["ell"]()
     with pytest.raises(ts.OverlapError, match="rectangular"):
         ts.find_seam(np.zeros(mask_a.shape), np.zeros(mask_a.shape), mask_a, mask_b, method="dp")
+    holed = np.ones((2, 12, 12), bool)
+    holed[0, :, -2:] = holed[1, :, :2] = False
+    holed[0, 5:7, 5:7] = False  # here only b shows
+    with pytest.raises(ts.OverlapError, match="rectangular"):
+        ts.find_seam(np.zeros((12, 12)), np.zeros((12, 12)), *holed, method="dp")
 
 
 @pytest.mark.parametrize(

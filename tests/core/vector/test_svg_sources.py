@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 from svg_documents import GIMP_3_0, document, one, path
+from svgelements import Path
 
 from toposeam.errors import PathError
 from toposeam.vector import svg_document, svg_shapes
@@ -194,3 +195,13 @@ def test_importing_svg_loads_no_parser():
         ).stdout.strip()
         == "[]"
     )
+
+
+def test_each_subpath_with_curves_has_its_own_points():
+    data = "M 0 0 L 4 0 C 5 0 6 1 6 2 M 10 10 L 14 10 C 15 10 16 11 16 12 L 16 20 z"
+    lines = svg_shapes._flatten(Path(data), np.eye(3), svg_shapes.Budget())
+    assert [closed for _, closed in lines] == [False, True]
+    firsts = [points[0].tolist() for points, _ in lines]
+    assert firsts == [[0, 0], [10, 10]]
+    assert (lines[1][0] >= 10).all()
+    assert np.abs(np.diff(lines[1][0], axis=0)).sum(axis=1).min() > 0  # no point twice

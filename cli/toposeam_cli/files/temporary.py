@@ -1,0 +1,176 @@
+"""Files and folders under names that only we use: claimed by a lock while somebody writes them, and removed
+when their writer is interrupted, ends, or is gone.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import re
+import secrets
+import shutil
+import stat
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+fcntl: Any = None
+with suppress(ImportError):  # there is none on Windows
+    import fcntl
+
+_OURS = re.compile(r"\.toposeam-[0-9a-f]{16}\.part")
+#: Where a file system has no locks, what is untouched for so long has lost its writer, s.
+_ABANDONED_S = 24 * 3600.0
+
+#: What there is under temporary names, and the process that made it (a fork does not own it).
+_unfinished: dict[Path, int] = {}
+#: Folders where the leftovers of killed commands have been looked for by this process.
+_tidied: set[Path] = set()
+
+
+def temporary_beside(target: Path) -> Path:
+    """A new temporary name in the folder of `target`; what is there goes with the process at the latest."""
+    path = target.with_name(f".toposeam-{secrets.token_hex(8)}.part")
+    not_needed(path)
+    return path
+
+
+def not_needed(path: Path) -> None:
+    """Whatever happens, what is there goes with the process."""
+    _unfinished[path] = os.getpid()
+
+
+def remove(path: Path) -> None:
+    """Remove a file or folder, if it is there and that can be."""
+    with suppress(OSError):
+        if stat.S_ISDIR(path.lstat().st_mode):
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink()
+    _unfinished.pop(path, None)
+
+
+@atexit.register
+def remove_unfinished() -> None:
+    """Remove what this process has under temporary names, at whatever step it was interrupted. To be called
+    before it ends without Python's leave.
+    """
+    for path, owner in list(_unfinished.items()):
+        if owner == os.getpid():
+            remove(path)
+
+
+@contextmanager
+def claimed(path: Path) -> Iterator[None]:
+    """Create an empty file that :func:`remove_stale` leaves alone within the block."""
+    while True:
+        descriptor = create(path)
+        if _is_claimed(path, descriptor):
+            break
+    try:
+        if fcntl is None:
+            os.close(descriptor)  # an open file cannot be renamed either
+        yield
+    finally:
+        if fcntl is not None:
+            os.close(descriptor)
+
+
+@contextmanager
+def claimed_folder(path: Path) -> Iterator[Path]:
+    """Make a folder that :func:`remove_stale` leaves alone within the block, and that is gone after it unless
+    it has another name by then.
+    """
+    descriptor = -1
+    try:
+        while True:
+            path.mkdir()
+            if fcntl is None:
+                break  # Windows opens no folders
+            descriptor = os.open(path, os.O_RDONLY)
+            if _is_claimed(path, descriptor):
+                break
+        yield path
+    finally:
+        remove(path)
+        if descriptor >= 0:
+            os.close(descriptor)
+
+
+def _is_claimed(path: Path, descriptor: int) -> bool:
+    """Claim what has just been made; False, and closed, when somebody who tidied up was faster."""
+    lock(descriptor)
+    with suppress(OSError):
+        if path.stat().st_ino == os.fstat(descriptor).st_ino:
+            return True
+    os.close(descriptor)
+    return False
+
+
+def create(path: Path) -> int:
+    """Open a new file.
+
+    Raises
+    ------
+    FileExistsError
+    """
+    return os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
+
+
+def tidy_once(folder: Path) -> None:
+    """:func:`remove_stale`, once a process."""
+    if folder not in _tidied:
+        _tidied.add(folder)
+        remove_stale(folder)
+
+
+def remove_stale(folder: Path) -> None:
+    """Remove what is temporary in a folder and whose writers are gone: files and folders of this user, called
+    as only we call them, that nobody has locked.
+    """
+    with suppress(OSError), os.scandir(folder) as entries:
+        for entry in entries:
+            if _OURS.fullmatch(entry.name):
+                with suppress(OSError):
+                    _remove_if_stale(folder / entry.name)
+
+
+def _remove_if_stale(path: Path) -> None:
+    state = path.lstat()
+    is_folder = stat.S_ISDIR(state.st_mode)
+    if not (is_folder or stat.S_ISREG(state.st_mode)):
+        return
+    if hasattr(os, "getuid") and state.st_uid != os.getuid():
+        return
+    is_old = time.time() - state.st_mtime > _ABANDONED_S
+    if fcntl is None:
+        if is_old or not is_folder:  # an open file cannot be removed there, what is in an open folder can
+            remove(path)
+        return
+    descriptor = os.open(path, (os.O_RDONLY if is_folder else os.O_RDWR) | os.O_NOFOLLOW)
+    try:
+        locked = _lock(descriptor)
+        if is_old if locked is None else locked:
+            remove(path)
+    finally:
+        os.close(descriptor)
+
+
+def lock(descriptor: int) -> bool:
+    """Claim an open file until it is closed, or its process ends: False if another process has claimed it."""
+    return _lock(descriptor) is not False
+
+
+def _lock(descriptor: int) -> bool | None:
+    """As :func:`lock`; None where the file system has no locks."""
+    if fcntl is None:
+        return True  # Windows does not let anybody remove or replace an open file
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return None
+    return True

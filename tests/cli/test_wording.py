@@ -1,0 +1,111 @@
+"""What core says of its parameters reaches the user as the files and options they have written."""
+
+import re
+
+import numpy as np
+import pytest
+
+from toposeam_cli.pictures.picture import Picture, write_picture
+
+#: What only who writes Python knows.
+PYTHON = re.compile(
+    r"\b(?:map \d|patch [ab]\b|exemplar|array|dtype|max_megapixels|data_range|source_mask|mask_[ab])|\w=|'x'"
+)
+
+
+@pytest.fixture
+def some(folder, photographs):
+    """Pictures with little to go on, beside a.png and b.png of 56 × 40 px or so."""
+    rng = np.random.default_rng(0)
+    noise = rng.integers(0, 256, (60, 80, 3)).astype(np.uint8)
+    clear = np.zeros((60, 80), np.uint8)
+    write_picture(folder / "noise.png", Picture(pixels=noise))
+    write_picture(folder / "more.png", Picture(pixels=noise[::-1].copy()))
+    write_picture(folder / "small.png", Picture(pixels=noise[:30, :30].copy()))
+    write_picture(folder / "dot.png", Picture(pixels=noise[:2, :2].copy()))
+    write_picture(folder / "plain.png", Picture(pixels=np.full_like(noise, 9)))
+    write_picture(folder / "clear.png", Picture(pixels=noise, alpha=clear))
+    write_picture(folder / "white.png", Picture(pixels=np.full_like(clear, 255)))
+    write_picture(folder / "black.png", Picture(pixels=clear))
+    thread = clear.copy()
+    thread[30] = 255
+    write_picture(folder / "thread.png", Picture(pixels=thread))
+    hole = clear.copy()
+    hole[20:40, 20:40] = 255
+    write_picture(folder / "hole.png", Picture(pixels=hole))
+    (folder / "short.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="120" height="60" viewBox="0 0 120 60">'
+        '<path d="M 60 -1 L 60 30 L 130 30"/></svg>'
+    )
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (
+            "fill noise.png --mask hole.png --also small.png",
+            "small.png is 30 × 30 px, but noise.png 80 × 60 px",
+        ),
+        ("tile noise.png --also small.png", "small.png is 30 × 30 px, but noise.png 80 × 60 px"),
+        (
+            "synth noise.png more.png --size 64 --also noise.png --also small.png",
+            "noise.png or small.png is 30 × 30 px, but more.png 80 × 60 px",
+        ),
+        ("tile plain.png", "plain.png has one value everywhere"),
+        ("synth plain.png --size 64", "plain.png has one value everywhere"),
+        ("tile noise.png --band 1", "--band is 1; for 80 × 60 px"),
+        ("synth noise.png --size 64 --patch 2", "--patch is 2; it must be"),
+        ("synth noise.png --size 64 --patch 9 --overlap 9", "--overlap is 9 with patches of 9 px"),
+        ("synth dot.png --size 64", "dot.png is 2 × 2 px"),
+        ("synth small.png --size 64 --patch 31", "small.png is 30 × 30 px, smaller than a patch of 31 px"),
+        (
+            "synth noise.png --size 64 --from black.png",
+            "nothing of noise.png may be sampled: --from is empty",
+        ),
+        ("synth noise.png --size 64 --from thread.png --patch 16", "no place in --from has room"),
+        ("synth clear.png --size 64", "clear.png is transparent everywhere"),
+        ("synth noise.png --size 64 --weights 1,1", "2 --weights for the picture and 0 further maps"),
+        ("fill noise.png --mask black.png", "black.png is empty"),
+        ("fill noise.png --mask white.png", "white.png covers the whole picture"),
+        (
+            "fill noise.png --mask hole.png --by shifts --patch 8",
+            "--patch and --overlap say how large patches are; leave them out with --by shifts",
+        ),
+        (
+            "stitch noise.png more.png dot.png --at 0,0 --at 40,0 --at 500,0",
+            "dot.png (at 500,0): the pictures do",
+        ),
+        ("compare noise.png more.png --offset 0,0", "nothing divides the pictures"),
+        (
+            "stitch noise.png more.png --offset 0,0 --use-seam short.svg",
+            "nothing divides the pictures",
+        ),
+        (
+            "stitch noise.png more.png --overlap 40 --use-seam short.svg",
+            "the path does not separate the pictures",
+        ),
+        ("stitch noise.png more.png --overlap 40 --use-seam short.svg", ".png the path leaves its ground"),
+        ("motif --size 32 --strengths 2,1", "--strengths is"),
+        ("loop noise.png", "noise.png holds one frame"),
+    ],
+)
+def test_files_and_options_are_called_as_they_were_given(toposeam, some, words, told):
+    output = [] if words.startswith("compare") else ["-o", "o.gif" if words.startswith("loop") else "o.png"]
+    ran = toposeam(*words.split(), *output)
+    ran.fails(told)
+    assert not PYTHON.search(ran.err), ran.err
+    if "--from" not in words and "mask" not in words:
+        assert "mask" not in ran.err
+
+
+def test_jobs_of_a_batch_speak_so_too(toposeam, some):
+    (some / "jobs.toml").write_text("[[tile]]\nimage = 'noise.png'\noutput = 'o.png'\nband = 1\n")
+    ran = toposeam("batch", "jobs.toml")
+    assert "o.png: --band is 1; for 80 × 60 px" in ran.err
+
+
+def test_what_the_command_line_says_itself_stays(toposeam, some):
+    toposeam("fill", "noise.png", "--mask", "small.png", "-o", "o.png").fails(
+        "the mask small.png is 30 × 30 px, but noise.png is 80 × 60 px"
+    )

@@ -1,0 +1,146 @@
+"""What the engine cannot do with somebody's layers, and how GIMP says it: never in the words of the library
+or of the command line.
+"""
+
+import gettext
+import re
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import toposeam_gimp
+from toposeam.errors import TopoSeamError
+from toposeam.sentence import sentence
+from toposeam_engine.serving import OPERATIONS, Job
+from toposeam_gimp import sentences
+
+KOREAN = gettext.translation("toposeam_gimp", Path(toposeam_gimp.__file__).parent / "locale", ["ko"])
+#: What who sits at GIMP has never written: options, arrays, masks, patches that are layers.
+FOREIGN = re.compile(
+    r"--|\w=|\bmasks?\b|\balpha\b|\barray|\bdtype|exemplar|\bsource\b|\bimage (?:is|has)\b|\bpass\b|TOPOSEAM"
+    r"|\bpatches (?:do not|on opposite)|divides the patches|pip |paint "
+)
+
+
+class Engine:
+    """Operations in this process, on layers of our own."""
+
+    def __init__(self, folder):
+        self.folder, self.count = folder, 0
+        self.rng = np.random.default_rng(0)
+
+    def raster(self, pixels, at=(0, 0), name="sky"):
+        self.count += 1
+        file = self.folder / f"{self.count}.raw"
+        np.ascontiguousarray(pixels).tofile(file)
+        channels = 1 if pixels.ndim == 2 else pixels.shape[2]
+        height, width = pixels.shape[:2]
+        size = {"width": width, "height": height, "channels": channels, "dtype": str(pixels.dtype)}
+        return {"file": file.name, "name": name, "at": list(at), **size}
+
+    def layer(self, kind, at=(0, 0), name="sky"):
+        height, width = {"dot": (1, 1), "thin": (3, 40)}.get(kind, (50, 60))
+        pixels = self.rng.integers(0, 256, (height, width, 4)).astype(np.uint8)
+        pixels[..., 3] = 255
+        if kind == "plain":
+            pixels[..., :3] = 7
+        elif kind == "clear":
+            pixels[..., 3] = 0
+        elif kind == "holed":
+            pixels[..., 3] = self.rng.integers(0, 2, (height, width)) * 255
+        elif kind == "framed":
+            pixels[..., 3] = np.pad(np.full((48, 58), 255), 1)
+        elif kind == "no numbers":
+            pixels = (pixels / 255).astype(np.float32)
+            pixels[3, 3, 0] = np.nan
+        return self.raster(pixels, at, name)
+
+    def selection(self, kind, shape=(50, 60)):
+        selected = np.zeros(shape, np.uint8)
+        if kind == "all":
+            selected[:] = 255
+        elif kind == "middle":
+            selected[20:30, 20:30] = 255
+        return self.raster(selected)
+
+    def says(self, operation, request):
+        """What GIMP shows of an operation that does not work; None where it does."""
+        job = Job(folder=self.folder, request=request, progress=lambda share: None)
+        work = getattr(import_module(f"toposeam_engine.{OPERATIONS[operation]}"), operation)
+        try:
+            work(job)
+        except TopoSeamError as error:
+            return sentences.in_gimps_words(sentence(error))
+        return None
+
+
+@pytest.fixture
+def engine(tmp_path):
+    return Engine(tmp_path)
+
+
+def assert_gimps(shown):
+    assert shown is not None
+    assert not FOREIGN.search(shown), shown
+
+
+@pytest.mark.parametrize(
+    ("kinds", "places", "options"),
+    [
+        (["any", "any"], [(0, 0), (300, 0)], {}),
+        (["any", "any"], [(0, 0), (0, 0)], {}),
+        (["any", "any", "any"], [(0, 0), (20, 0), (300, 0)], {}),
+        (["any", "clear"], [(0, 0), (20, 0)], {}),
+        (["no numbers", "no numbers"], [(0, 0), (20, 0)], {}),
+        (["any", "any"], [(0, 0), (20, 12)], {"method": "dp"}),
+        (["any"], [(0, 0)], {}),
+        (["dot", "dot"], [(0, 0), (0, 0)], {}),
+    ],
+)
+def test_layers_that_cannot_be_stitched(engine, kinds, places, options):
+    layers = [
+        engine.layer(kind, at, name)
+        for kind, at, name in zip(kinds, places, ("sea", "sky", "sand"), strict=False)
+    ]
+    assert_gimps(engine.says("stitch", {"layers": layers, "options": options}))
+
+
+@pytest.mark.parametrize("kind", ["any", "clear", "dot"])
+@pytest.mark.parametrize("at", [(0, 0), (300, 0), (-59, 0)])
+def test_patches_that_do_not_lie_well(engine, kind, at):
+    layers = [engine.layer("any", name="sea"), engine.layer(kind, at)]
+    for method in ("heat", "dp"):
+        shown = engine.says("patch", {"layers": layers, "options": {"method": method}})
+        assert shown is None or not FOREIGN.search(shown), shown
+
+
+@pytest.mark.parametrize("operation", ["synthesize", "make_tileable", "fill"])
+@pytest.mark.parametrize("kind", ["any", "dot", "thin", "plain", "clear", "holed", "framed", "no numbers"])
+@pytest.mark.parametrize("selected", [None, "nothing", "middle", "all"])
+def test_textures_of_all_sorts_of_layers(engine, operation, kind, selected):
+    layer = engine.layer(kind)
+    selection = selected and engine.selection(selected, (layer["height"], layer["width"]))
+    size = {"synthesize": {"width": 40, "height": 40}, "fill": {"from": "around"}}.get(operation, {})
+    tried = {
+        "synthesize": [{}, {"patch": 2}, {"patch": 400}, {"patch": 20, "overlap": 30}, {"patch": 40}],
+        "make_tileable": [{}, {"band": 1}, {"band": 400}],
+        "fill": [{}, {"patch": 2}, {"patch": 400}, {"patch": 20, "overlap": 30}, {"band": 500}],
+    }[operation]
+    for options in tried:
+        shown = engine.says(operation, {"layer": layer, "selection": selection, "options": size | options})
+        assert shown is None or not FOREIGN.search(shown), shown
+    if kind in ("dot", "plain", "clear", "no numbers"):
+        assert shown
+
+
+def test_even_what_should_not_happen_names_no_remedy_of_the_command_line():
+    shown = sentences.in_gimps_words(sentence(IndexError("index 3 is out of bounds")))
+    assert "IndexError: index 3 is out of bounds" in shown
+    assert_gimps(shown)
+
+
+def test_every_sentence_is_korean_too():
+    for _, text in sentences._SENTENCES:
+        assert KOREAN.gettext(text) != text, text

@@ -122,11 +122,21 @@ class PreviewPane:
         if dots == 1:
             self._picture.set_from_pixbuf(checked)
         else:  # a pixbuf would be shown at the scale of an ordinary screen, and blurred
-            _done, content = checked.save_to_bufferv("png", [], [])
+            _done, content = _squared(checked).save_to_bufferv("png", [], [])
             self._picture.set_from_gicon(Gio.BytesIcon.new(GLib.Bytes.new(content)), Gtk.IconSize.DIALOG)
             self._picture.set_pixel_size(max(size) // dots)
         self._stack.set_visible_child_name("picture")
         return False
+
+
+def _squared(pixbuf: GdkPixbuf.Pixbuf) -> GdkPixbuf.Pixbuf:
+    """In the middle of a transparent square: icons are laid out as squares."""
+    width, height = pixbuf.get_width(), pixbuf.get_height()
+    side = max(width, height)
+    square = GdkPixbuf.Pixbuf.new(GdkPixbuf.Colorspace.RGB, True, 8, side, side)
+    square.fill(0)
+    pixbuf.copy_area(0, 0, width, height, square, (side - width) // 2, (side - height) // 2)
+    return square
 
 
 def _pixbuf(picture: Picture) -> GdkPixbuf.Pixbuf:

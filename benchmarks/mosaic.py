@@ -41,6 +41,7 @@ from stamp import stamp
 
 OVERLAP, EXPOSURE, VIGNETTING, NOISE = 0.30, 0.10, 0.12, 1.5
 OBJECTS = 12  # a frame
+LARGE_SCENE = 4096
 
 
 @dataclass(frozen=True)
@@ -122,13 +123,58 @@ def make_frames(
     return truth, still, places
 
 
+def make_large(
+    folder: Path, columns: int, rows: int, width: int, height: int, seed: int
+) -> tuple[tuple[int, int], list[tuple[int, int]]]:
+    """Frames of a scene larger than memory: one of 4096 × 4096 px and its mirror images, side by side.
+    Returns the height and width of all, and the places.
+    """
+    rng = np.random.default_rng(seed)
+    steps = round(width * (1 - OVERLAP)), round(height * (1 - OVERLAP))
+    total = steps[1] * (rows - 1) + height, steps[0] * (columns - 1) + width
+    part = scene(LARGE_SCENE, LARGE_SCENE, rng)
+    noise = rng.normal(0, NOISE, (257, width + 300, 3)).astype(np.float32)
+    across = np.linspace(-1, 1, width, dtype=np.float32) ** 2
+    places = []
+    for index in range(columns * rows):
+        row, column = divmod(index, columns)
+        left, top = column * steps[0], row * steps[1]
+        at = np.arange(left, left + width) % (2 * LARGE_SCENE)
+        at = np.minimum(at, 2 * LARGE_SCENE - 1 - at)
+        gain = rng.uniform(1 - EXPOSURE, 1 + EXPOSURE)
+        shift = int(rng.integers(300))
+        spots = [
+            (int(rng.integers(height)), int(rng.integers(width)), int(rng.uniform(0.01, 0.03) * width))
+            for _ in range(OBJECTS)
+        ]
+        colours = rng.uniform(20, 235, (OBJECTS, 3)).astype(np.float32)
+        frame = np.empty((height, width, 3), np.uint8)
+        for start in range(0, height, 256):
+            stop = min(start + 256, height)
+            down = np.arange(top + start, top + stop) % (2 * LARGE_SCENE)
+            down = np.minimum(down, 2 * LARGE_SCENE - 1 - down)
+            values = part[down][:, at].astype(np.float32)
+            y = np.arange(start, stop)
+            for (cy, cx, radius), colour in zip(spots, colours, strict=True):
+                reach = np.sqrt(np.maximum(radius**2 - (y - cy) ** 2, 0)).astype(int)
+                for line, wide in enumerate(reach.tolist()):
+                    values[line, max(cx - wide, 0) : cx + wide] = colour
+            lens = gain * (1 - VIGNETTING * (across + ((2 * y[:, np.newaxis] / height - 1) ** 2)) / 2)
+            values *= lens.astype(np.float32)[..., np.newaxis]
+            values += noise[: stop - start, shift : shift + width]
+            frame[start:stop] = np.clip(np.rint(values), 0, 255)
+        write_tiff(folder / f"frame{index:02d}.tif", frame, (left, top))
+        places.append((left, top))
+    return total, places
+
+
 def write_tiff(path: Path, rgba: np.ndarray, at: tuple[int, int]) -> None:
     """RGBA with a place, as nona writes it: position × resolution = px."""
     tifffile.imwrite(
         path,
         rgba,
         photometric="rgb",
-        extrasamples=["unassalpha"],
+        extrasamples=["unassalpha"] if rgba.shape[2] == 4 else None,
         rowsperstrip=64,
         resolution=(150, 150),
         resolutionunit="INCH",

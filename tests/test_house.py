@@ -62,7 +62,12 @@ ARROWS = {
     "toposeam_cli.report": CLI_CORE,
     "toposeam_cli.whereabouts": CLI_CORE | {"toposeam_cli.pictures", "toposeam_cli.options"},
     "toposeam_cli.placing": CLI_CORE
-    | {"toposeam_cli.pictures", "toposeam_cli.options", "toposeam_cli.whereabouts"},
+    | {
+        "toposeam_cli.files",
+        "toposeam_cli.pictures",
+        "toposeam_cli.options",
+        "toposeam_cli.whereabouts",
+    },
     "toposeam_cli.composing": CLI_CORE
     | {
         "toposeam.layers",
@@ -71,6 +76,15 @@ ARROWS = {
         "toposeam_cli.pictures",
         "toposeam_cli.placing",
     },
+    "toposeam_cli.large": CLI_CORE
+    | {
+        "toposeam.layers",
+        "toposeam_cli.composing",
+        "toposeam_cli.files",
+        "toposeam_cli.pictures",
+        "toposeam_cli.placing",
+    },
+    "toposeam_cli.enblend_line": CLI_CORE,
     "toposeam_cli.shells": {"toposeam_cli"},
     "toposeam_cli.texture_files": CLI_CORE
     | {"toposeam_cli.files", "toposeam_cli.pictures", "toposeam_cli.options"},

@@ -14,9 +14,12 @@ import numpy.typing as npt
 import toposeam as ts
 from toposeam.images import full_scale
 from toposeam.layers.cropping import largest_full
+from toposeam.layers.layer import Box, extent_of
+from toposeam.layers.maps import all_of, any_of, blocks, cover_of, new_map
 from toposeam_cli.figures.search import SUFFIXES as SEARCH_SUFFIXES
 from toposeam_cli.files.writing import PICTURE_SUFFIXES, all_or_nothing, atomic_write, check_output
 from toposeam_cli.pictures.background import colour_of, on_background
+from toposeam_cli.pictures.deep_zoom import check_deep_zoom, write_deep_zoom
 from toposeam_cli.pictures.openraster import write_ora
 from toposeam_cli.pictures.picture import Picture, write_picture
 from toposeam_cli.placing import Arrangement
@@ -31,6 +34,7 @@ class Outputs:
     background: str | None
     quality: int | None
     compression: str | None
+    pyramid: bool
     seam: Path | None
     labels: Path | None
     overlay: Path | None
@@ -61,14 +65,22 @@ def write(
         if out.output.suffix.lower() == ".ora":
             write_ora(out.output, finished, job.pictures, job.layers, out.force)
         else:
-            picture = dataclasses.replace(job.pictures[0], pixels=image, alpha=alpha)
-            write_picture(out.output, picture, out.force, quality=out.quality, compression=out.compression)
+            write_composite(out, dataclasses.replace(job.pictures[0], pixels=image, alpha=alpha))
         for path, document in documents:
             atomic_write(path, document, out.force)
         if out.labels is not None:
             write_picture(out.labels, Picture(pixels=_labels(finished)), out.force)
         if out.overlay is not None and overlay is not None:
             write_picture(out.overlay, Picture(pixels=overlay), out.force)
+
+
+def write_composite(out: Outputs, picture: Picture) -> None:
+    """Write the joined picture itself."""
+    if out.output.suffix.lower() == ".dzi":
+        write_deep_zoom(out.output, picture, out.force, out.quality)
+        return
+    options: dict[str, Any] = {"quality": out.quality, "compression": out.compression, "pyramid": out.pyramid}
+    write_picture(out.output, picture, out.force, **options)
 
 
 def _labels(stitched: ts.Stitched) -> Any:
@@ -80,7 +92,9 @@ def _labels(stitched: ts.Stitched) -> Any:
 def check_outputs(out: Outputs) -> None:
     """Refuse outputs that cannot be written, before any work is spent on them."""
     suffix = out.output.suffix.lower()
-    check_output(out.output, out.force, (*PICTURE_SUFFIXES, ".ora"))
+    check_output(out.output, out.force, (*PICTURE_SUFFIXES, ".ora", ".dzi"))
+    if suffix == ".dzi":
+        check_deep_zoom(out.output, out.force)
     for path, suffixes in (
         (out.seam, (".svg",)),
         (out.history, SEARCH_SUFFIXES),
@@ -97,7 +111,9 @@ def check_outputs(out: Outputs) -> None:
         raise ts.OptionError("two outputs have the same name; give each a name of its own")
     if suffix == ".ora" and (out.crop is not None or out.background is not None):
         raise ts.OptionError("--crop and --background are for pictures; an .ora file keeps all of the layers")
-    if out.quality is not None and suffix not in (".jpg", ".jpeg"):
+    if out.pyramid and suffix not in (".tif", ".tiff"):
+        raise ts.OptionError(f"--pyramid is for .tif, not for {suffix}; leave it out, or write .tif or .dzi")
+    if out.quality is not None and suffix not in (".jpg", ".jpeg", ".dzi"):
         raise ts.OptionError(f"--quality is for .jpg, and {suffix} loses nothing; leave it out")
     if out.compression is not None and suffix not in (".tif", ".tiff"):
         raise ts.OptionError(f"--compression is for .tif, not for {suffix}; leave it out")
@@ -114,14 +130,14 @@ def crop_of(out: Outputs, layers: Sequence[ts.Layer]) -> str:
     if out.has_alpha or out.background is not None:
         return "outside"
     opaque = _opaque(layers)
-    if opaque.all():
+    if all_of(opaque):
         return "outside"
     if out.crop == "outside":
         raise ts.ImageError(
             f"'{out.output}' cannot be written: the picture is partly transparent, which "
             f"{out.output.suffix} cannot hold; use .png or .tif, or add --background or --crop inside"
         )
-    if not opaque.any():
+    if not any_of(opaque):
         raise ts.ImageError(
             f"'{out.output}' cannot be written: the picture is transparent everywhere, which "
             f"{out.output.suffix} cannot hold; use .png or .tif, or add --background"
@@ -131,13 +147,18 @@ def crop_of(out: Outputs, layers: Sequence[ts.Layer]) -> str:
 
 def _opaque(layers: Sequence[ts.Layer]) -> npt.NDArray[np.bool_]:
     """(H, W) bool: where some layer is opaque."""
-    canvas = ts.common_canvas(layers)
-    opaque = np.zeros(canvas.shape, bool)
+    canvas = extent_of(layers)
+    opaque = new_map(canvas.shape, False, bool)
     for layer in layers:
-        full = full_scale(layer.image.dtype)
-        opaque[canvas.place(layer).slices] |= (
-            layer.covered if layer.alpha is None else layer.covered & (layer.alpha >= full)
-        )
+        place, full, cover = canvas.place(layer), full_scale(layer.image.dtype), cover_of(layer)
+        for box in blocks(Box(0, 0, *place.shape)):
+            here = (
+                cover[box.slices]
+                if layer.alpha is None
+                else cover[box.slices] & (layer.alpha[box.slices] >= full)
+            )
+            at = box.moved(*place[:2]).slices
+            opaque[at] = opaque[at] | here
     return opaque
 
 

@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 import toposeam as ts
+from toposeam_cli.files.scratch import Scratch
 from toposeam_cli.options import Keyed
+from toposeam_cli.pictures.decode import size_of
 from toposeam_cli.pictures.layout import LayoutLayer, layout_text, read_layout
 from toposeam_cli.pictures.openraster import read_ora
 from toposeam_cli.pictures.picture import Picture, check_together, match_pictures, read_picture, read_white
+from toposeam_cli.pictures.stored import store
 from toposeam_cli.whereabouts import Where, places_of
+
+#: Pictures with more pixels together wait in files.
+STORED_PIXELS = 64_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,6 +35,8 @@ class Arrangement:
     files: tuple[Path, ...] = ()
     #: What was found, where nobody said where the pictures lie.
     placement: ts.Placement | None = None
+    #: Whether the pixels wait in files.
+    stored: bool = False
     #: Pictures that could not be read, each with the reason.
     skipped: tuple[str, ...] = ()
 
@@ -75,8 +85,13 @@ def arrange(
     max_megapixels: float,
     skip_bad: bool = False,
     progress: Callable[[float], None] | None = None,
+    scratch: Scratch | None = None,
+    alone: bool = False,
 ) -> Arrangement:
     """Read pictures, or the layers of one OpenRaster file or layout, and place them.
+
+    With `scratch` the pixels of many pictures wait there instead of in memory. One picture `alone` may be
+    given, and pictures of which nobody says where they lie then lie at 0,0.
 
     Raises
     ------
@@ -89,8 +104,9 @@ def arrange(
     """
     limit = round(max_megapixels * 1e6)
     skipped: list[str] = []
-    sources = _sources(files, where, limit, skipped if skip_bad else None)
-    pictures = match_pictures([source.picture for source in sources])
+    keep = None if scratch is None or not _many(files) else partial(store, scratch=scratch)
+    sources = _sources(files, where, limit, skipped if skip_bad else None, keep, 1 if alone else 2)
+    pictures = match_pictures([source.picture for source in sources], keep)
     layers = [
         ts.Layer(
             picture.pixels,
@@ -105,6 +121,8 @@ def arrange(
         places: list[tuple[float, float]] | None = [source.at or (0, 0) for source in sources]
     else:
         places = places_of([source.file or Path() for source in sources], pictures, where)
+        if places is None and alone:
+            places = [(0, 0) for _ in sources]
     placement = None
     if places is None:
         placement = ts.find_places(layers, progress=progress)
@@ -114,7 +132,7 @@ def arrange(
             ts.placed(layer, at=place, turn=source.turn, scale=source.scale)
             for layer, place, source in zip(layers, places, sources, strict=True)
         ]
-    if len(layers) == 2:
+    if len(layers) == 2 and not alone:
         _check_touching(*layers)
     upright = [
         picture if layer.image is picture.pixels else replace(picture, pixels=layer.image, alpha=layer.alpha)
@@ -126,7 +144,22 @@ def arrange(
         files=tuple(source.file for source in sources if source.file is not None),
         placement=placement,
         skipped=tuple(skipped),
+        stored=keep is not None,
     )
+
+
+def _many(files: Sequence[Path]) -> bool:
+    """Whether the pictures have so many pixels that they had better not wait in memory."""
+    if len(files) == 1 and files[0].suffix.lower() == ".ora":
+        return False
+    if len(files) == 1 and files[0].suffix.lower() in (".toml", ".json"):
+        files = [layer.file for layer in read_layout(files[0])]
+    total = 0
+    for path in files:
+        with suppress(ts.ImageError):  # whoever reads it says what is wrong
+            width, height = size_of(path)
+            total += width * height
+    return total > STORED_PIXELS
 
 
 def _masked(
@@ -181,9 +214,21 @@ def read_avoid(path: Path, shape: tuple[int, int], max_megapixels: float) -> npt
     return read_white(path, shape, "the canvas", round(max_megapixels * 1e6))
 
 
-def _sources(files: Sequence[Path], where: Where, limit: int, skipped: list[str] | None) -> list[_Source]:
+def _sources(
+    files: Sequence[Path],
+    where: Where,
+    limit: int,
+    skipped: list[str] | None,
+    keep: Callable[[Picture], Picture] | None,
+    least: int,
+) -> list[_Source]:
     """The pictures; `at` is set when the file itself says where they lie."""
     kind = files[0].suffix.lower()
+
+    def kept(path: Path) -> Picture:
+        picture = read_picture(path, max_pixels=limit)
+        return picture if keep is None else keep(picture)
+
     if len(files) == 1 and kind in (".ora", ".toml", ".json"):
         if where.at or where.offset is not None or where.overlap is not None or where.arranged:
             raise ts.OptionError(
@@ -199,7 +244,7 @@ def _sources(files: Sequence[Path], where: Where, limit: int, skipped: list[str]
             check_together([layer.file for layer in placed], limit)
             sources = [
                 _Source(
-                    picture=read_picture(layer.file, max_pixels=limit),
+                    picture=kept(layer.file),
                     at=layer.at,
                     name=layer.name,
                     mask=layer.mask,
@@ -216,7 +261,7 @@ def _sources(files: Sequence[Path], where: Where, limit: int, skipped: list[str]
                 "so add or show some"
             )
         return sources
-    if len(files) == 1:
+    if len(files) < least:
         raise ts.OptionError(
             f"'{files[0]}' is only one picture; give at least two, an OpenRaster file (.ora) or a layout "
             "(.toml, .json)"
@@ -231,14 +276,14 @@ def _sources(files: Sequence[Path], where: Where, limit: int, skipped: list[str]
     sources = []
     for path in files:
         try:
-            picture = read_picture(path, max_pixels=limit)
+            picture = kept(path)
         except ts.ImageError as error:
             if skipped is None:
                 raise
             skipped.append(str(error))
             continue
         sources.append(_Source(picture=picture, at=None, name=path.name, file=path))
-    if len(sources) < 2:
+    if len(sources) < least:
         raise ts.ImageError(
             f"only {len(sources)} of {len(files)} pictures can be read: {(skipped or [''])[0]}"
         )

@@ -12,6 +12,7 @@ from toposeam_cli.wording import speaking
 #: which takes a second.
 COMMANDS = {
     "stitch": "Join pictures where they overlap, along seams that nobody sees.",
+    "enblend": "Blend pictures that Hugin's nona has placed: in enblend's place, with its options.",
     "compare": "Find the seam between A and B with every method: cost, cost ÷ optimum, seconds.",
     "synth": "Grow a large texture from a small SOURCE, or from several.",
     "tile": "Make IMAGE repeat without a visible border, changing only a band along its borders.",

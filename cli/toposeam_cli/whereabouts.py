@@ -9,7 +9,7 @@ from pathlib import Path
 import toposeam as ts
 from toposeam_cli.options import Length
 from toposeam_cli.pictures.picture import Picture
-from toposeam_cli.pictures.tiff_place import tiff_place
+from toposeam_cli.pictures.tiff_place import tiff_canvas, tiff_place
 
 #: How pictures of a grid follow each other.
 ORDERS = ("rows", "columns", "snake-rows", "snake-columns")
@@ -77,6 +77,22 @@ def places_of(
     if where.overlap is not None:
         return [(0, 0), _shifted(pictures[0], pictures[1], where.overlap, where.side or "right")]
     return _of_tiffs(files, pictures)
+
+
+def width_round(wrap: int | None, files: Sequence[Path]) -> int | None:
+    """How wide a panorama is that goes round; 0 means as the first file says.
+
+    Raises
+    ------
+    OptionError
+        When it does not say it.
+    """
+    if wrap != 0:
+        return wrap
+    canvas = tiff_canvas(files[0])
+    if canvas is None:
+        raise ts.OptionError(f"'{files[0]}' does not say how wide the panorama is; give it, like --wrap 8000")
+    return canvas[0]
 
 
 def _of_tiffs(files: Sequence[Path], pictures: Sequence[Picture]) -> list[tuple[float, float]] | None:

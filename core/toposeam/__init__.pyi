@@ -8,10 +8,12 @@ from .errors import (
     SolverError,
     TopoSeamError,
 )
-from .images import MAX_PIXELS
+from .images import MAX_PIXELS, Windows
 from .layers.align import Aligned, align, correlations
 from .layers.blend import BLENDS, Blend
+from .layers.compose import compose
 from .layers.composite import Stitched, pair_name, stitch
+from .layers.composition import Composition
 from .layers.layer import Layer, common_canvas
 from .layers.overlapping import overlapping
 from .layers.placing import Placement, find_places
@@ -78,6 +80,7 @@ __all__ = [
     "Arrangement",
     "Blend",
     "By",
+    "Composition",
     "Frame",
     "HeatOptions",
     "ImageError",
@@ -120,6 +123,7 @@ __all__ = [
     "ThesisOptions",
     "Tileable",
     "TopoSeamError",
+    "Windows",
     "align",
     "apply_coordinates",
     "apply_paths",
@@ -127,6 +131,7 @@ __all__ = [
     "border_mismatch",
     "border_visibility",
     "common_canvas",
+    "compose",
     "correlations",
     "draw_seams",
     "draw_svg",

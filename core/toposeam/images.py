@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,49 @@ LARGEST = 1e12
 _NOMINAL = 2.0
 #: An array with at most four rows and more channels than this has its axes in another order.
 _MOST_CHANNELS = 16
+
+
+class Windows(ABC):
+    """An image that is read where it is looked at: larger than memory, on disk, or computed.
+
+    It reads like an array, by rows and columns, and every window is an array. :class:`toposeam.Layer` takes
+    it for its image and its opacity. A subclass says how a window is made.
+
+    Parameters
+    ----------
+    shape : (int, int) or (int, int, int)
+    dtype : dtype
+
+    Examples
+    --------
+    >>> class Ramp(Windows):
+    ...     def read(self, rows, columns):
+    ...         return np.add.outer(np.r_[rows], np.r_[columns]).astype(self.dtype)
+    >>> Ramp((60000, 90000), np.uint32)[1000:1002, 5:8].tolist()
+    [[1005, 1006, 1007], [1006, 1007, 1008]]
+    """
+
+    def __init__(self, shape: tuple[int, ...], dtype: npt.DTypeLike) -> None:
+        self.shape, self.dtype = tuple(shape), np.dtype(dtype)
+
+    @property
+    def ndim(self) -> int:
+        """2, or 3 with channels."""
+        return len(self.shape)
+
+    @abstractmethod
+    def read(self, rows: slice, columns: slice) -> Image:
+        """The pixels of some rows and columns, (h, w) or (h, w, C), which the caller may write to; the slices
+        have whole bounds within the image, and perhaps a step.
+        """
+
+    def __getitem__(self, key: tuple[slice, slice]) -> Image:
+        rows, columns = (slice(*part.indices(side)) for part, side in zip(key, self.shape[:2], strict=True))
+        return self.read(rows, columns)
+
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> Image:
+        whole = self[:, :]
+        return whole if dtype is None else whole.astype(dtype)
 
 
 def as_array(image: Any, name: str = "image") -> Image:

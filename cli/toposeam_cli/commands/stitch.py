@@ -13,11 +13,14 @@ import click
 from click.core import ParameterSource
 
 import toposeam as ts
+from toposeam.layers.composite import stitched as ts_stitched
 from toposeam.seam.drawing import draw_seams
 from toposeam_cli.clips.joining import ClipJob, join_clips
 from toposeam_cli.clips.reading import OneFrameError
 from toposeam_cli.composing import Outputs, check_outputs, crop_of, cropped, write
 from toposeam_cli.figures.search import check_search, draw_search
+from toposeam_cli.files.scratch import Scratch, scratch
+from toposeam_cli.large import describe_large, make, summary_of_large, write_large
 from toposeam_cli.options import (
     FILE,
     OUTPUT,
@@ -35,7 +38,7 @@ from toposeam_cli.pictures.picture import COMPRESSIONS
 from toposeam_cli.placing import Arrangement, arrange, given_seams, read_avoid, saved_layout
 from toposeam_cli.progress import share_bar
 from toposeam_cli.report import describe, describe_alignment, describe_placement, summary_of_all
-from toposeam_cli.whereabouts import ORDERS, Where
+from toposeam_cli.whereabouts import ORDERS, Where, width_round
 
 #: Below this correlation two pictures hardly show the same.
 _STRANGE = 0.1
@@ -50,7 +53,7 @@ _STRANGE = 0.1
     "--output",
     type=OUTPUT,
     required=True,
-    help="The joined picture: .png, .tif, .jpg or .webp; .ora keeps the layers.",
+    help="The joined picture: .png, .tif, .jpg, .webp or .dzi; .ora keeps the layers.",
 )
 @click.option(
     "--at",
@@ -122,6 +125,13 @@ _STRANGE = 0.1
     help="With --blend feather, multiband, gradient: over how many px.",
 )
 @click.option(
+    "--wrap",
+    type=click.IntRange(min=0),
+    is_flag=False,
+    flag_value=0,
+    help="A panorama that goes all the way round: its width in px, or as Hugin's nona wrote it.",
+)
+@click.option(
     "--seam", type=OUTPUT, help="Also write the seams as SVG; edit them and give them back with --use-seam."
 )
 @click.option(
@@ -139,6 +149,7 @@ _STRANGE = 0.1
 @click.option("--background", metavar="COLOUR", help="Fill holes with a colour, like white or #20304a.")
 @click.option("--quality", type=click.IntRange(1, 100), help="Of .jpg; 95 by default.")
 @click.option("--compression", type=click.Choice(COMPRESSIONS), help="Of .tif; deflate by default.")
+@click.option("--pyramid", is_flag=True, help="Write .tif in tiles and at every size; .dzi always is.")
 @click.option(
     "--labels",
     type=OUTPUT,
@@ -179,6 +190,13 @@ def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: 
     where, find, out = taken(Where, given), taken(_Find, given), taken(Outputs, given)
     check_outputs(out)
     _check_find(find, out)
+    with scratch(out.output.parent) as files_of_pixels:
+        return _stitch(files, where, find, out, given, files_of_pixels)
+
+
+def _stitch(
+    files: Sequence[Path], where: Where, find: _Find, out: Outputs, given: dict[str, Any], store: Scratch
+) -> dict[str, Any]:
     with share_bar("placing", out.quiet) as progress:
         job = arrange(
             files,
@@ -188,6 +206,7 @@ def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: 
             max_megapixels=find.max_megapixels,
             skip_bad=given.pop("skip_bad"),
             progress=progress,
+            scratch=store if _by_windows(out, find) else None,
         )
     for reason in job.skipped:
         click.echo(f"left out: {reason}", err=True)
@@ -202,9 +221,15 @@ def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: 
         radius = {} if find.align_radius is None else {"radius": find.align_radius}
         aligned = ts.align(job.layers, **radius)
         job = dataclasses.replace(job, layers=aligned.layers)
-    crop = crop_of(out, job.layers)
+    find = dataclasses.replace(find, wrap=width_round(find.wrap, files))
+    if find.wrap is None:
+        crop = crop_of(out, job.layers)
+    else:
+        crop = out.crop or ("outside" if out.has_alpha or out.background is not None else "inside")
     warnings = [] if out.quiet else _strangers(job)
-    stitched = _stitched(job, find, out, files)
+    if job.stored:
+        return _stitch_large(job, find, out, files, crop, store, [*warnings], aligned)
+    stitched = ts_stitched(_composed(job, find, out, files))
     finished, at = cropped(stitched, out.output) if crop == "inside" else (stitched, None)
     overlay = None if out.overlay is None else draw_seams(stitched.image, stitched.seams)
     if overlay is not None and at is not None:
@@ -254,6 +279,44 @@ class _Find:
     blend: ts.Blend
     blend_width: float | None
     use_seam: tuple[Keyed, ...]
+    wrap: int | None
+
+
+def _by_windows(out: Outputs, find: _Find) -> bool:
+    """Whether the result can be made window by window."""
+    return out.output.suffix.lower() != ".ora" and find.blend != "gradient" and out.history is None
+
+
+def _stitch_large(
+    job: Arrangement,
+    find: _Find,
+    out: Outputs,
+    files: Sequence[Path],
+    crop: str,
+    store: Scratch,
+    warnings: Sequence[str],
+    aligned: ts.Aligned | None,
+) -> dict[str, Any]:
+    """The same for pictures larger than memory."""
+    composed = _composed(job, find, out, files)
+    with share_bar("writing", out.quiet) as progress:
+        large = make(composed, job, out, crop, store, progress)
+    documents: list[tuple[Path, bytes]] = []
+    if out.save_layout is not None:
+        documents.append((out.save_layout, saved_layout(job, out.save_layout.parent).encode()))
+    write_large(out, composed, large, documents)
+    height, width = large.picture.pixels.shape[:2]
+    text = f"{out.output}: {width} × {height} px, {describe_large(composed, large)}"
+    if large.at is not None:
+        text += f", cropped to what has no holes, from {large.at[0]},{large.at[1]}"
+    lines = [*describe_placement(job.layers, job.placement), *describe_alignment(job.layers, aligned), text]
+    report = json.dumps(summary_of_large(composed, large), indent=2) if out.as_json else "\n".join(lines)
+    if out.as_json or not out.quiet:
+        click.echo(report)
+    for warning in warnings:
+        click.echo(f"warning: {warning}", err=True)
+    result: dict[str, Any] = json.loads(report) if out.as_json else {"report": report}
+    return result
 
 
 def _check_find(find: _Find, out: Outputs) -> None:
@@ -283,11 +346,11 @@ def _strangers(job: Arrangement) -> list[str]:
     ]
 
 
-def _stitched(job: Arrangement, find: _Find, out: Outputs, files: Sequence[Path]) -> ts.Stitched:
+def _composed(job: Arrangement, find: _Find, out: Outputs, files: Sequence[Path]) -> ts.Composition:
     options: dict[str, Any] = {} if find.formulation is None else {"formulation": find.formulation}
     try:
         with share_bar(f"joining {_names(job.layers)}", out.quiet) as progress:
-            return ts.stitch(
+            return ts.compose(
                 job.layers,
                 method=find.method or "heat",
                 use_path=given_seams(find.use_seam, job),
@@ -296,8 +359,10 @@ def _stitched(job: Arrangement, find: _Find, out: Outputs, files: Sequence[Path]
                 gradient=not find.no_gradient,
                 core=find.core,
                 match_tones=find.match_tones,
+                wrap=find.wrap,
                 blend=find.blend,
                 blend_width=find.blend_width,
+                max_megapixels=max(find.max_megapixels, ts.MAX_PIXELS / 1e6),
                 avoid=None if find.avoid is None else read_avoid(find.avoid, job.shape, find.max_megapixels),
                 **options,
             )

@@ -207,7 +207,7 @@ def check_output(
         raise
     except (OSError, ValueError) as error:
         raise OptionError(
-            f"cannot write '{path}' ({_reason(error)}); choose another name or folder"
+            f"cannot write '{path}' ({reason(error)}); choose another name or folder"
         ) from error
     return path
 
@@ -333,7 +333,7 @@ def _failures_told(path: Path) -> Iterator[None]:
         raise _already_exists(path) from error
     except OSError as error:
         raise OutputError(
-            f"cannot write '{path}' ({_reason(error)}); free some space or choose another folder"
+            f"cannot write '{path}' ({reason(error)}); free some space or choose another folder"
         ) from error
 
 
@@ -406,7 +406,8 @@ def _target(path: Path) -> Path:
     return Path(os.path.realpath(path))
 
 
-def _reason(error: Exception) -> str:
+def reason(error: Exception) -> str:
+    """What the system says of a failure."""
     return (getattr(error, "strerror", None) or str(error)).lower()
 
 

@@ -2,6 +2,7 @@
 
 import functools
 import logging
+import os
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from toposeam.errors import MissingPackageError
 from toposeam_cli.files.interruption import interruptible
+from toposeam_cli.pictures.raw import Stored
 
 #: A ``pyvips.Image``; pyvips carries no types.
 VipsImage = Any
@@ -22,6 +24,12 @@ _INTERPRETATIONS = {
     (np.dtype(np.uint16), 3): "rgb16",
     (np.dtype(np.float32), 1): "b-w",
     (np.dtype(np.float32), 3): "scrgb",
+}
+
+_RAW_FORMATS = {
+    np.dtype(np.uint8): "uchar",
+    np.dtype(np.uint16): "ushort",
+    np.dtype(np.float32): "float",
 }
 
 
@@ -44,13 +52,21 @@ def load_vips() -> Any:
     return pyvips
 
 
-def channels(pixels: np.ndarray) -> int:
+def channels(pixels: np.ndarray | Stored) -> int:
     """The number of channels: 1 for ``(H, W)``, else the last axis."""
     return 1 if pixels.ndim == 2 else pixels.shape[2]
 
 
-def to_vips(pixels: np.ndarray) -> VipsImage:
-    """A libvips image over the memory of a gray or RGB array."""
+def to_vips(pixels: np.ndarray | Stored) -> VipsImage:
+    """A libvips image over the memory of a gray or RGB array, or over a file of raw values."""
+    if isinstance(pixels, Stored):
+        height, width, bands = pixels.file_shape
+        image = load_vips().Image.rawload(
+            os.fsdecode(pixels.path), width, height, bands, format=_RAW_FORMATS[pixels.dtype]
+        )
+        (top, left), (high, wide) = pixels.corner, pixels.shape[:2]
+        image = image.extract_band(pixels.bands[0], n=channels(pixels)).crop(left, top, wide, high)
+        return image.copy(interpretation=_INTERPRETATIONS[pixels.dtype, channels(pixels)])
     image = load_vips().Image.new_from_array(np.ascontiguousarray(pixels))
     return image.copy(interpretation=_INTERPRETATIONS[pixels.dtype, channels(pixels)])
 

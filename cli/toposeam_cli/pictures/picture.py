@@ -6,8 +6,9 @@ far as libvips has a place for them in the format: no EXIF in TIFF, no blocks ab
 thumbnail does not: it shows the source, not what was made of it.
 """
 
+import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -110,7 +111,9 @@ class Picture:
                 f"{shape[:2]}"
             )
         if dtype == np.float32 and not all(
-            np.isfinite(values).all() for values in (self.pixels, self.alpha) if values is not None
+            np.isfinite(values).all()
+            for values in (self.pixels, self.alpha)
+            if isinstance(values, np.ndarray)
         ):
             raise ImageError(f"{name} contains NaN or infinite values; replace them with numbers first")
         if self.resolution is not None and not all(0 < value < np.inf for value in self.resolution):
@@ -259,6 +262,7 @@ def write_picture(
     *,
     quality: int | None = None,
     compression: str | None = None,
+    pyramid: bool = False,
 ) -> None:
     """Write a picture in the format its extension names, completely or not at all.
 
@@ -282,6 +286,8 @@ def write_picture(
         Of JPEG, 1 to 100; 95 by default.
     compression : str, optional
         Of TIFF, one of `COMPRESSIONS`; deflate by default.
+    pyramid : bool
+        Of TIFF: in tiles, with the picture at half the size, a quarter and so on behind it.
 
     Raises
     ------
@@ -297,15 +303,18 @@ def write_picture(
     picture = _fit(path, picture, kind)
     options = dict(kind.options)
     if kind is _TIFF:
-        size = picture.pixels.nbytes + (0 if picture.alpha is None else picture.alpha.nbytes)
-        options["bigtiff"] = size > _BIGTIFF_BYTES
+        bands = channels(picture.pixels) + (picture.alpha is not None)
+        size = math.prod(picture.pixels.shape[:2]) * bands * picture.pixels.dtype.itemsize
+        options["bigtiff"] = size > (_BIGTIFF_BYTES // 2 if pyramid else _BIGTIFF_BYTES)
+        if pyramid:
+            options |= {"pyramid": True, "tile": True, "tile_width": 256, "tile_height": 256}
         options["compression"] = compression or "deflate"
         # The floating point predictor packs better, but many readers lack it.
         options["predictor"] = "none" if picture.pixels.dtype == np.float32 else "horizontal"
     if kind is _JPEG and quality is not None:
         options["Q"] = quality
     vips = load_vips()
-    image = _vips_image(picture)
+    image = vips_image(picture)
     with replacing(path, force) as temporary:
         try:
             evaluate(image, lambda: getattr(image, kind.saver)(os.fsencode(temporary), **options))
@@ -317,12 +326,14 @@ def write_picture(
 
 def encode_png(picture: Picture) -> bytes:
     """The bytes of the PNG that :func:`write_picture` would write."""
-    image = _vips_image(_fit(Path("picture.png"), picture, _PNG))
+    image = vips_image(_fit(Path("picture.png"), picture, _PNG))
     content: bytes = evaluate(image, lambda: image.pngsave_buffer(**_PNG.options))
     return content
 
 
-def match_pictures(pictures: Sequence[Picture]) -> list[Picture]:
+def match_pictures(
+    pictures: Sequence[Picture], keep: Callable[[Picture], Picture] | None = None
+) -> list[Picture]:
     """Give pictures the same channels, depth and colour profile, so that their pixels can be compared.
 
     - Gray next to RGB becomes RGB.
@@ -335,6 +346,8 @@ def match_pictures(pictures: Sequence[Picture]) -> list[Picture]:
     ----------
     pictures : sequence of Picture
         Of any sizes.
+    keep : callable, optional
+        What becomes of a picture whose pixels were converted, before the next one is.
 
     Returns
     -------
@@ -351,15 +364,22 @@ def match_pictures(pictures: Sequence[Picture]) -> list[Picture]:
     n_channels = max(channels(picture.pixels) for picture in pictures)
     dtype = max((picture.pixels.dtype for picture in pictures), key=DEPTHS.index)
     icc = next(picture.icc for picture in pictures if channels(picture.pixels) == n_channels)
-    return [_convert(picture, dtype, icc, n_channels) for picture in pictures]
+    matched = []
+    for picture in pictures:
+        converted = _convert(picture, dtype, icc, n_channels)
+        changed = keep is not None and converted.pixels is not picture.pixels
+        matched.append(keep(converted) if keep is not None and changed else converted)
+    return matched
 
 
 def _convert(picture: Picture, dtype: np.dtype, icc: bytes | None, n_channels: int) -> Picture:
+    if picture.pixels.dtype == dtype and picture.icc == icc and channels(picture.pixels) == n_channels:
+        return picture
     try:
-        pixels = convert_profile(to_depth(picture.pixels, dtype), picture.icc, icc, n_channels)
+        pixels = convert_profile(to_depth(np.asarray(picture.pixels), dtype), picture.icc, icc, n_channels)
     except ImageError as error:
         raise ImageError(f"'{picture.source}': {error}" if picture.source else str(error)) from error
-    alpha = None if picture.alpha is None else to_depth(picture.alpha, dtype)
+    alpha = None if picture.alpha is None else to_depth(np.asarray(picture.alpha), dtype)
     return replace(picture, pixels=pixels, alpha=alpha, icc=icc)
 
 
@@ -397,7 +417,8 @@ def _fit(path: Path, picture: Picture, kind: _Format) -> Picture:
     return _convert(picture, dtype, picture.icc, channels(picture.pixels))
 
 
-def _vips_image(picture: Picture) -> VipsImage:
+def vips_image(picture: Picture) -> VipsImage:
+    """The picture as libvips writes it, with its metadata."""
     image = to_vips(picture.pixels)
     if picture.alpha is not None:
         image = image.bandjoin(to_vips(picture.alpha))

@@ -16,7 +16,7 @@ Work is done in tiles, so that memory does not grow with the picture but with ``
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
@@ -29,7 +29,8 @@ from toposeam.errors import OptionError
 from toposeam.images import Image, Mask, as_float, full_scale
 from toposeam.layers.gradient import correction
 from toposeam.layers.layer import Box, Layer, cut
-from toposeam.layers.multiband import expand, gaussian, multiband
+from toposeam.layers.maps import uniform
+from toposeam.layers.multiband import multiband
 from toposeam.layers.painting import LabelMap
 from toposeam.seam.seam import Seam, potential_on_window
 
@@ -41,7 +42,6 @@ WIDTHS: dict[Blend, float | None] = {"feather": 7.0, "multiband": 32.0, "gradien
 #: Widths that make sense: beyond, tiles would no longer bound the memory.
 WIDEST = 512.0
 
-_TILE = 1024
 _SETTLED = 1e-3  # shares below this count as none
 
 Floats32 = npt.NDArray[np.float32]
@@ -85,66 +85,93 @@ def check_blend(blend: str, width: float | None) -> None:
         raise OptionError(f"blend_width is {width:g} px; choose 1 to {WIDEST:g}")
 
 
-def blend_seams(
-    placed: Placed,
-    seams: Iterable[tuple[tuple[int, int], Seam]],
-    image: Image,
-    alpha: Image,
-    blend: Blend,
-    width: float | None,
-) -> None:
-    """Blend a composite in place.
+class Blender:
+    """Blends the hard cut of a composite, tile by tile.
 
     Parameters
     ----------
     placed : Placed
-    seams : iterable of ((int, int), Seam)
-        By the two layers they divide; needed for ``soft``.
-    image, alpha : (H, W[, C]) and (H, W) arrays
-        The composite, a hard cut.
+    seams : callable
+        Gives ((int, int), Seam) for each two layers that a seam divides; called for ``soft`` only.
     blend, width
         See :func:`check_blend`; None for the default width.
     """
-    width = WIDTHS.get(blend) if width is None else width
-    if blend == "gradient":
-        _spread(placed, image, width)
-        return
-    mix: Callable[[Box, LabelMap, list[int]], tuple[Floats32, Floats32 | None, Mask]]
-    if blend == "multiband":
-        levels = max(1, round(np.log2(width or 1.0)))
-        reach, step = 4 * 2**levels, 2**levels
-        mix = _Multiband(placed, levels).mix
-    elif blend == "feather":
-        size = max(2, round(width or 2))
-        reach, step = 2 * size + 2, 1
-        mix = _Fade(placed, _Feather(placed, size).weights).mix
-    elif blend == "soft":
-        reach, step = 1, 1
-        mix = _Fade(placed, _Soft(dict(seams)).weights).mix
-    else:
-        return
-    for tile, around in _tiles(placed.box, reach, step):
+
+    def __init__(
+        self,
+        placed: Placed,
+        seams: Callable[[], Iterable[tuple[tuple[int, int], Seam]]],
+        blend: Blend,
+        width: float | None,
+    ) -> None:
+        self._placed, self._blend = placed, blend
+        self._width = width = WIDTHS.get(blend) if width is None else width
+        #: How far a seam changes pixels, how far beyond pixels matter to that, and on which grid.
+        self._reach = self._beyond = self._step = 1
+        self._mix: Callable[[Box, LabelMap, list[int]], tuple[Floats32, Floats32 | None, Mask]] | None = None
+        if blend == "multiband":
+            levels = max(1, round(np.log2(width or 1.0)))
+            self._step = 2**levels
+            self._reach = self._beyond = 4 * self._step
+            self._mix = _Multiband(placed, levels).mix
+        elif blend == "feather":
+            size = max(2, round(width or 2))
+            self._reach = self._beyond = 2 * size + 2
+            self._mix = _Fade(placed, _Feather(placed, size).weights).mix
+        elif blend == "soft":
+            self._mix = _Fade(placed, _Soft(dict(seams())).weights).mix
+
+    def spread(self, image: Image) -> None:
+        """Blend a whole composite in place, as ``gradient`` does."""
+        _spread(self._placed, image, self._width)
+
+    def blend(self, tile: Box, image: Image, alpha: Image) -> None:
+        """Blend a tile in place.
+
+        Parameters
+        ----------
+        tile : Box
+            Its upper left corner at multiples of `BLOCK` px.
+        image, alpha : (h, w[, C]) and (h, w) arrays
+            The tile, a hard cut.
+        """
+        part = None if self._mix is None else self._near_seams(tile)
+        if part is None or self._mix is None:
+            return
+        placed, step = self._placed, self._step
+        top, left = (edge // step * step for edge in part[:2])
+        bottom, right = (-(-edge // step) * step for edge in part[2:])
+        around = Box(top, left, bottom, right).grown(self._beyond)
         shows = cut(placed.label_map, placed.box, around, fill=-1)
         index = [k for k in range(len(placed.layers)) if all(placed.places[k].shared(around).shape)]
-        if len(index) < 2 or len(np.unique(shows[shows >= 0])) < (1 if blend == "soft" else 2):
-            continue
-        colours, opacity, changed = mix(around, shows, index)
-        inner = tile.within(around)
+        if len(index) < 2:
+            return
+        colours, opacity, changed = self._mix(around, shows, index)
+        inner, here = part.within(around), part.within(tile)
         now = changed[inner] & (shows[inner] >= 0)
-        _write(image[tile.slices], colours[inner], now)
+        _write(image[here], colours[inner], now)
         if opacity is not None:
-            _write(alpha[tile.slices], opacity[inner], now)
+            _write(alpha[here], opacity[inner], now)
 
-
-def _tiles(canvas: Box, reach: int, step: int) -> Iterator[tuple[Box, Box]]:
-    """Tiles of the canvas, and what has to be known for each; the latter's corners and sizes are multiples of
-    `step`.
-    """
-    for top in range(0, canvas.bottom, _TILE):
-        for left in range(0, canvas.right, _TILE):
-            tile = Box(top, left, top + _TILE, left + _TILE).shared(canvas)
-            bottom, right = (-(-edge // step) * step for edge in (tile.bottom, tile.right))
-            yield tile, Box(top, left, bottom, right).grown(reach)
+    def _near_seams(self, tile: Box) -> Box | None:
+        """The part of a tile that seams may change."""
+        if self._blend == "soft":
+            return tile
+        placed = self._placed
+        around = tile.grown(self._reach).shared(placed.box)
+        if uniform(placed.label_map, around) is not None:
+            return None
+        shows = placed.label_map[around.slices]
+        beside = np.zeros(shows.shape, bool)
+        for s, t in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+            beside[s] |= (shows[s] != shows[t]) & (shows[s] >= 0) & (shows[t] >= 0)
+        rows, columns = np.flatnonzero(beside.any(axis=1)), np.flatnonzero(beside.any(axis=0))
+        if not len(rows):
+            return None
+        top, left = around.top, around.left
+        seams = Box(int(rows[0]), int(columns[0]), int(rows[-1]) + 2, int(columns[-1]) + 2).moved(top, left)
+        part = seams.grown(self._reach).shared(tile)
+        return part if all(part.shape) else None
 
 
 def _write(target: npt.NDArray[Any], values: Floats32, where: Mask) -> None:
@@ -163,7 +190,13 @@ def _colours(placed: Placed, index: int, box: Box, channels: int) -> tuple[Float
     image = cut(placed.layers[index].image, place, box)
     image[~present] = 0
     values = as_float(image, placed.layers[index].name, placed.layers[index].data_range)
-    return np.ascontiguousarray(np.broadcast_to(values, (*values.shape[:2], channels))), present
+    return np.broadcast_to(values, (*values.shape[:2], channels)), present
+
+
+def _planes(placed: Placed, index: int, box: Box, channels: int) -> tuple[Floats32, Mask]:
+    """As :func:`_colours`, one plane after the other, (C, h, w)."""
+    values, present = _colours(placed, index, box, channels)
+    return np.ascontiguousarray(np.moveaxis(values, 2, 0)), present
 
 
 def _channels(placed: Placed) -> int:
@@ -259,28 +292,22 @@ class _Multiband:
 
     def mix(self, box: Box, shows: LabelMap, index: list[int]) -> tuple[Floats32, None, Mask]:
         index = [k for k in index if (shows == k).any()]
-        images, present = zip(
-            *(_colours(self._placed, k, box, _channels(self._placed)) for k in index), strict=True
-        )
+        channels = _channels(self._placed)
         masks = [shows == k for k in index]
-        mixed = np.zeros_like(images[0])
-        for image, mask in zip(images, masks, strict=True):
-            np.copyto(mixed, image, where=mask[..., np.newaxis])
-        known = [here & (shows >= 0) for here in present]
-        differences = [
-            np.where(here[..., np.newaxis], image - mixed, np.float32(0))
-            for image, here in zip(images, known, strict=True)
-        ]
-        mixed += multiband(differences, known, masks, self._levels)
-        own = np.zeros(box.shape, np.float32)
-        total = np.zeros(box.shape, np.float32)
-        for mask in masks:
-            share = gaussian(mask[..., np.newaxis].astype(np.float32), self._levels)[-1]
-            for _ in range(self._levels):
-                share = expand(share)
-            own[mask] = share[..., 0][mask]
-            total += share[..., 0]
-        return mixed, None, own < (1 - _SETTLED) * total
+        differences, known = [], []
+        mixed = np.zeros((channels, *box.shape), np.float32)
+        for k, mask in zip(index, masks, strict=True):
+            planes, present = _planes(self._placed, k, box, channels)
+            np.copyto(mixed, planes, where=mask)
+            differences.append(planes)
+            known.append(present & (shows >= 0))
+        for planes, here in zip(differences, known, strict=True):
+            planes -= mixed
+            if not here.all():
+                planes *= here
+        mixture, share = multiband(differences, known, masks, self._levels)
+        mixed += mixture
+        return np.moveaxis(mixed, 0, 2), None, share < 1 - _SETTLED
 
 
 def _spread(placed: Placed, image: Image, width: float | None) -> None:

@@ -4,38 +4,29 @@ improved in pairs.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import check_kind, check_whole, options_from
 from toposeam.display import to_png
-from toposeam.errors import ImageError, OptionError, OverlapError, PathError
-from toposeam.images import Image, Mask, as_mask, full_scale
-from toposeam.layers.blend import Blend, Placed, blend_seams, check_blend
+from toposeam.images import Image, Mask, full_scale
+from toposeam.layers.blend import Blend
+from toposeam.layers.compose import MAX_ROUNDS, compose
+from toposeam.layers.composition import Composition, Outline
 from toposeam.layers.labelling import Pair
-from toposeam.layers.layer import MAX_MEGAPIXELS, Box, Extent, Layer, check_layers, common_canvas, cut
-from toposeam.layers.painting import LabelMap, channel_count, paint
-from toposeam.layers.posing import exclusive_covers, pose_labelling
-from toposeam.layers.rounds import best_rounds
-from toposeam.layers.tones import match_tones as matched
+from toposeam.layers.layer import MAX_MEGAPIXELS, Layer
+from toposeam.layers.painting import LabelMap
 from toposeam.saving import save
 from toposeam.seam.drawing import draw_seams
-from toposeam.seam.find import Method, find_seam, method_options
+from toposeam.seam.find import Method
 from toposeam.seam.heat import HeatOptions
-from toposeam.seam.match_cost import MatchCost, match_options
-from toposeam.seam.posing import as_weights
-from toposeam.seam.seam import Seam, apply_paths
+from toposeam.seam.match_cost import MatchCost
+from toposeam.seam.seam import Seam
 from toposeam.seam.thesis_options import ThesisOptions
 from toposeam.vector.svg import SvgSeam, write_svg
-
-#: Swap rounds at most; three are typical.
-MAX_ROUNDS = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -99,21 +90,32 @@ class Stitched:
         path : str or Path, optional
             Also write the document there (an existing file is replaced).
         """
-        height, width = self.label_map.shape
-        lines = [
-            (line, pair_name(self.names[i], self.names[j]))
-            for seam, (i, j) in zip(self.seams, self.pairs, strict=True)
-            for line in seam.paths
-        ]
-        settings: dict[str, Any] = {"layers": self.names, "cost": self.cost, "rounds": self.rounds}
-        settings["seams"] = [
-            {**seam.settings, "pair": pair, "method": seam.method, "cost": seam.cost}
-            for seam, pair in zip(self.seams, self.pairs, strict=True)
-        ]
-        text = write_svg([line for line, _ in lines], width, height, settings, [name for _, name in lines])
+        shape = self.label_map.shape
+        between = list(zip(self.pairs, self.seams, strict=True))
+        text = seams_svg(between, self.names, (shape[0], shape[1]), self.rounds)
         if path is not None:
             save(path, text)
         return text
+
+
+def seams_svg(
+    seams: Sequence[tuple[Pair, Seam | Outline]],
+    names: Sequence[str],
+    shape: tuple[int, int],
+    rounds: int,
+) -> str:
+    """The seams between layers, by their numbers, as one SVG document of the canvas's height and width."""
+    lines = [(line, pair_name(names[i], names[j])) for (i, j), seam in seams for line in seam.paths]
+    settings: dict[str, Any] = {
+        "layers": tuple(names),
+        "cost": sum(seam.cost for _, seam in seams),
+        "rounds": rounds,
+        "seams": [
+            {**seam.settings, "pair": pair, "method": seam.method, "cost": seam.cost} for pair, seam in seams
+        ],
+    }
+    height, width = shape
+    return write_svg([line for line, _ in lines], width, height, settings, [name for _, name in lines])
 
 
 def pair_name(first: str, second: str) -> str:
@@ -144,6 +146,7 @@ def stitch(
     max_rounds: int = MAX_ROUNDS,
     options: HeatOptions | ThesisOptions | None = None,
     max_megapixels: float = MAX_MEGAPIXELS,
+    wrap: int | None = None,
     record_frames: bool = False,
     progress: Callable[[float], None] | None = None,
     **keywords: Any,
@@ -179,6 +182,10 @@ def stitch(
         Swap rounds at most; 0 leaves the seams as they were found one after another.
     max_megapixels : float
         Refuse a larger canvas.
+    wrap : int, optional
+        The canvas goes round, as a panorama of 360° does, and is so many px wide: what reaches over the right
+        edge lies at the left one, and seams and blending know it. For the blends "none", "feather" and
+        "multiband".
     record_frames : bool
         For two layers: keep the densities of every iteration in ``Seam.frames``.
     progress : callable, optional
@@ -201,221 +208,44 @@ def stitch(
     >>> stitch([Layer(whole[:, :40]), Layer(whole[:, 20:], at=(20, 0))])
     Stitched(2 layers, 60 × 30 px, 1 seams of cost 0.03)
     """
-    layers = check_layers(layers)
-    check_whole("max_rounds", max_rounds, 0)
-    match = match_options(gradient, cost)
-    chosen = method_options(method, keywords) if options is None else options
-    if options is not None:
-        _check_options(method, options, keywords)
-    dtypes = {layer.image.dtype for layer in layers}
-    if len(dtypes) > 1:
-        raise ImageError(f"the layers have dtypes {', '.join(sorted(map(str, dtypes)))}; convert them to one")
-    if len({layer.data_range for layer in layers}) > 1:
-        raise ImageError("the layers have different values of data_range; give them the same white")
-    channels = channel_count(layers)
-    paths = _paths(use_path, len(layers))
-    check_blend(blend, blend_width)
-    canvas = common_canvas(layers, max_megapixels=max_megapixels)
-    if match_tones:
-        layers = matched(layers)
-    factor = None if weight is None else as_weights(weight, canvas.shape)
-    away = None if avoid is None else as_mask(avoid, canvas.shape, "avoid")
-    steps = _Steps(
+    composed = compose(
         layers,
-        canvas,
-        channels,
-        {"weight": factor, "avoid": away},
-        {"cost": match, "core": core, "data_range": layers[0].data_range},
+        method=method,
+        gradient=gradient,
+        cost=cost,
+        weight=weight,
+        avoid=avoid,
+        core=core,
+        blend=blend,
+        blend_width=blend_width,
+        match_tones=match_tones,
+        use_path=use_path,
+        max_rounds=max_rounds,
+        options=options,
+        max_megapixels=max_megapixels,
+        wrap=wrap,
+        record_frames=record_frames,
+        progress=progress,
+        **keywords,
     )
-    given = {} if chosen is None else dataclasses.asdict(chosen)
-    if len(layers) == 2:
-        found = {"method": method, "record_frames": record_frames, "progress": progress, **given}
-        seams = {(0, 1): steps.join(1, found, paths.get((0, 1)))}
-        label_map, rounds = steps.label_map, 0
-    else:
-        labelling = pose_labelling(
-            layers,
-            canvas,
-            steps.covered,
-            core=core,
-            match=match,
-            weight=factor,
-            avoid=away,
-            given=[(pair, _divided(layers, canvas, pair, paths[pair], match, core)) for pair in paths],
-        )
-        order = _order(layers, steps.places, steps.covered)
-        moves, rounds = best_rounds(labelling, order, method, given, max_rounds, progress)
-        label_map = moves.label_map
-        seams = moves.seams(paths, {"core": core, **dataclasses.asdict(match)}, potentials=blend == "soft")
-    placed = Placed(layers=layers, places=steps.places, covered=steps.covered, label_map=label_map)
-    stitched = composed(placed, canvas, seams, blend, blend_width, rounds)
+    whole = stitched(composed)
     if progress is not None:
         progress(1.0)
-    return stitched
+    return whole
 
 
-def composed(
-    placed: Placed,
-    canvas: Extent,
-    seams: Mapping[Pair, Seam],
-    blend: Blend,
-    blend_width: float | None,
-    rounds: int = 0,
-    *,
-    potentials: bool = True,
-) -> Stitched:
-    """The picture of layers of which it is known where each shows, mixed across its seams.
-
-    Parameters
-    ----------
-    placed : Placed
-    canvas : Extent
-    seams : mapping from pairs of layers to Seam
-    blend, blend_width
-        As for :func:`stitch`.
-    rounds : int
-        How often the seams were improved.
-    potentials : bool
-        Whether the seams have label potentials to blend by.
-    """
-    layers, label_map = placed.layers, placed.label_map
-    image, alpha = paint(layers, placed.places, label_map, canvas.box, channel_count(layers))
-    blend_seams(placed, seams.items() if potentials else (), image, alpha, blend, blend_width)
+def stitched(composed: Composition) -> Stitched:
+    """All of a composition at once."""
+    everything = slice(None), slice(None)
+    image, alpha = composed.window(*everything)
+    seams = dict(composed.seams())
     return Stitched(
         image=image,
         alpha=None if bool((alpha == full_scale(image.dtype)).all()) else alpha,
-        label_map=label_map,
+        label_map=composed.labels(*everything),
         seams=tuple(seams.values()),
         pairs=tuple(seams),
-        names=tuple(layer.name for layer in layers),
-        rounds=rounds,
-        origin=canvas.origin,
+        names=composed.names,
+        rounds=composed.rounds,
+        origin=composed.origin,
     )
-
-
-class _Steps:
-    """Layers joined one after another; `label_map` says which one shows so far."""
-
-    def __init__(
-        self,
-        layers: Sequence[Layer],
-        canvas: Extent,
-        channels: int | None,
-        on_canvas: Mapping[str, Any],
-        options: dict[str, Any],
-    ) -> None:
-        self._layers, self._canvas, self._channels = layers, canvas, channels
-        self._on_canvas, self._options = on_canvas, options
-        self.places = [canvas.place(layer) for layer in layers]
-        self.covered = exclusive_covers(layers, self.places, canvas)
-        self.label_map: LabelMap = np.full(canvas.shape, -1, np.int16)
-        self.label_map[self.places[0].slices][self.covered[0]] = 0
-
-    def join(self, index: int, options: Mapping[str, Any], drawing: SvgSeam | None = None) -> Seam:
-        """The seam of one more layer with what is there."""
-        layer, place = self._layers[index], self.places[index]
-        # All that matters lies on the layer's place and one pixel around it; a drawing is one of the whole
-        # canvas.
-        box = place.grown(1).shared(self._canvas.box) if drawing is None else self._canvas.box
-        there = cut(self.label_map, self._canvas.box, box)
-        image, _ = paint(self._layers, self.places, there, box, self._channels)
-        covered = cut(self.covered[index], place, box)
-        patch, _ = paint([layer], [place], np.where(covered, np.int16(0), np.int16(-1)), box, self._channels)
-        common: dict[str, Any] = {
-            name: None if values is None else cut(values, self._canvas.box, box)
-            for name, values in self._on_canvas.items()
-        }
-        try:
-            if drawing is not None:
-                seam = apply_paths(drawing, image, patch, there >= 0, covered, **common, **self._options)
-            else:
-                seam = find_seam(image, patch, there >= 0, covered, **common, **self._options, **options)
-        except OverlapError as error:
-            raise OverlapError(f"{layer.name} (at {layer.at[0]},{layer.at[1]}): {error}") from error
-        shows = seam.labels[place.within(box)]
-        self.label_map[place.slices][shows] = index
-        return moved_seam(seam, box, self._canvas, self.label_map == index)
-
-
-def moved_seam(seam: Seam, box: Box, canvas: Extent, shows: Mask) -> Seam:
-    """A seam on a box of the canvas as one on the canvas."""
-    overlap = seam.problem.overlap
-    start = overlap.start[0] + box.top, overlap.start[1] + box.left
-    problem = dataclasses.replace(
-        seam.problem, overlap=dataclasses.replace(overlap, start=start, canvas=canvas.shape)
-    )
-    return dataclasses.replace(seam, problem=problem, only_b=shows)
-
-
-def _paths(given: SvgSeam | Mapping[Pair, SvgSeam] | None, count: int) -> dict[Pair, SvgSeam]:
-    """The given seams by pair, the lower number first."""
-    if given is None:
-        return {}
-    if isinstance(given, SvgSeam):
-        if count != 2:
-            raise OptionError(
-                f"a path joins two layers, but {count} were given; say between which two it runs, as "
-                f"{{(0, 1): path}}"
-            )
-        return {(0, 1): given}
-    check_kind("use_path", given, Mapping, "an SvgSeam, or one for each pair of layers")
-    paths: dict[Pair, SvgSeam] = {}
-    for (first, second), drawing in given.items():
-        if not (0 <= first < count and 0 <= second < count) or first == second:
-            raise OptionError(
-                f"a path was given between layers {first} and {second}; choose two different ones from 0 to "
-                f"{count - 1}"
-            )
-        paths[min(first, second), max(first, second)] = drawing
-    return paths
-
-
-def _divided(
-    layers: Sequence[Layer], canvas: Extent, pair: Pair, drawing: SvgSeam, match: MatchCost, core: float
-) -> Mask:
-    """(H, W) bool on the canvas, True where a given seam shows the second layer of its pair."""
-    options = {"cost": match, "core": core, "data_range": layers[0].data_range}
-    steps = _Steps([layers[index] for index in pair], canvas, channel_count(layers), {}, options)
-    try:
-        return steps.join(1, {}, drawing).labels
-    except PathError as error:
-        raise PathError(f"between {layers[pair[0]].name} and {layers[pair[1]].name}: {error}") from error
-
-
-def _order(layers: Sequence[Layer], places: Sequence[Box], covered: Sequence[Mask]) -> list[int]:
-    """The layers in their order, each that overlaps none before it waiting until one does.
-
-    Raises
-    ------
-    OverlapError
-    """
-    order, waiting = [0], list(range(1, len(layers)))
-    while waiting:
-        index = next((k for k in waiting if any(_meet(places, covered, k, j) for j in order)), None)
-        if index is None:
-            x, y = layers[waiting[0]].at
-            hidden = any(each.alpha is not None or each.mask is not None for each in layers)
-            raise OverlapError(
-                f"{layers[waiting[0]].name} (at {x},{y}): the patches do not overlap: no pixel of it is "
-                "covered by another one; move it, or check where they lie"
-                f"{' and what is transparent or masked' if hidden else ''}"
-            )
-        waiting.remove(index)
-        order.append(index)
-    return order
-
-
-def _meet(places: Sequence[Box], covered: Sequence[Mask], i: int, j: int) -> bool:
-    common = places[i].shared(places[j])
-    if not all(common.shape):
-        return False
-    return bool((covered[i][common.within(places[i])] & covered[j][common.within(places[j])]).any())
-
-
-def _check_options(method: Method, options: Any, keywords: Mapping[str, Any]) -> None:
-    """Refuse options of another method, and both ways of giving them at once."""
-    usual = method_options(method, {})
-    if usual is None or not isinstance(options, type(usual)):
-        wanted = "no options" if usual is None else type(usual).__name__
-        raise OptionError(f"options is of class {type(options).__name__}; method {method} takes {wanted}")
-    options_from(type(usual), options, dict(keywords), f"method {method}")

@@ -6,6 +6,7 @@ import numpy as np
 
 from toposeam.images import Mask
 from toposeam.layers.layer import Box
+from toposeam.layers.maps import any_of, dense
 
 #: Looked at in so many blocks a side, then grown to the pixel.
 _BLOCKS = 400
@@ -29,11 +30,13 @@ def largest_full(mask: Mask) -> Box | None:
     height, width = mask.shape
     block = max(1, -(-max(height, width) // _BLOCKS))
     rows, columns = height // block, width // block
-    blocks = mask[: rows * block, : columns * block].reshape(rows, block, columns, block)
-    full = np.asarray(blocks.all(axis=(1, 3)))
+    full = np.zeros((rows, columns), bool)
+    for row in range(rows):
+        strip = mask[row * block : (row + 1) * block, : columns * block]
+        full[row] = strip.reshape(block, columns, block).all(axis=(0, 2))
     box = _largest(full)
     if box is None:
-        return None if block == 1 or not mask.any() else _around_a_pixel(mask)
+        return None if block == 1 or not any_of(mask) else _around_a_pixel(dense(mask))
     return _grown(mask, Box(*(block * edge for edge in box)))
 
 
@@ -62,12 +65,12 @@ def _around_a_pixel(mask: Mask) -> Box:
 def _grown(mask: Mask, box: Box) -> Box:
     height, width = mask.shape
     top, left, bottom, right = box
-    while top > 0 and mask[top - 1, left:right].all():
+    while top > 0 and mask[top - 1 : top, left:right].all():
         top -= 1
-    while bottom < height and mask[bottom, left:right].all():
+    while bottom < height and mask[bottom : bottom + 1, left:right].all():
         bottom += 1
-    while left > 0 and mask[top:bottom, left - 1].all():
+    while left > 0 and mask[top:bottom, left - 1 : left].all():
         left -= 1
-    while right < width and mask[top:bottom, right].all():
+    while right < width and mask[top:bottom, right : right + 1].all():
         right += 1
     return Box(top, left, bottom, right)

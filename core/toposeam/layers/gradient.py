@@ -21,6 +21,7 @@ from scipy import fft
 
 from toposeam.images import Image, Mask
 from toposeam.layers.layer import Box, Layer
+from toposeam.layers.maps import dense
 from toposeam.layers.painting import LabelMap
 
 Floats = npt.NDArray[np.float64]
@@ -94,10 +95,9 @@ def _values(
     row, column = np.divmod(pixels, columns)
     row, column = row - place.top, column - place.left
     known = (row >= 0) & (column >= 0) & (row < place.shape[0]) & (column < place.shape[1])
-    known[known] = covered[row[known], column[known]]
-    plane: Image = (
-        layer.image if layer.image.ndim == 2 else layer.image[..., min(channel, layer.image.shape[2] - 1)]
-    )
+    known[known] = dense(covered)[row[known], column[known]]
+    image = np.asarray(layer.image)
+    plane: Image = image if image.ndim == 2 else image[..., min(channel, image.shape[2] - 1)]
     values = np.zeros(len(pixels))
     values[known] = plane[row[known], column[known]]
     return values, known

@@ -14,16 +14,16 @@ costs, :class:`toposeam.seam.problem.SeamProblem`.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 from scipy import ndimage
 
 from toposeam.images import Mask
 from toposeam.layers.layer import Box, cut
+from toposeam.layers.maps import blocks, new_map, several, uniform
 from toposeam.layers.painting import LabelMap
 from toposeam.seam.match_cost import Floats32
 from toposeam.seam.overlap import FREE, NONE, A, B, Overlap, neighbours
@@ -98,30 +98,55 @@ class Labelling:
         """A copy of the label map in a box, -1 off the canvas."""
         return cut(label_map, self.canvas, box, fill=-1)
 
-    def choices(self) -> npt.NDArray[np.uint8]:
-        """(H, W): how many layers are allowed at each pixel."""
-        count = np.zeros(self.canvas.shape, np.uint8)
-        for place, allowed in zip(self.places, self.allowed, strict=True):
-            count[place.slices] += allowed
+    def contested(self, enough: int) -> int:
+        """How many pixels have several layers to choose from; counted no further than `enough`."""
+        count = 0
+        for box in blocks(self.canvas):
+            number = np.zeros(box.shape, np.uint8)
+            for _, common, allowed in self._allowed_on(box):
+                number[common.within(box)] += allowed
+            count += int(np.count_nonzero(number > 1))
+            if count >= enough:
+                break
         return count
 
     def make_allowed(self, label_map: LabelMap) -> None:
         """Give pixels whose layer is not allowed there to the first one that is, or to none, in place."""
-        right = np.zeros(label_map.shape, bool)
-        for index, (place, allowed) in enumerate(zip(self.places, self.allowed, strict=True)):
-            right[place.slices] |= (label_map[place.slices] == index) & allowed
-        for index, (place, allowed) in enumerate(zip(self.places, self.allowed, strict=True)):
-            wrong = allowed & ~right[place.slices]
-            if wrong.any():
-                label_map[place.slices][wrong] = index
-                right[place.slices] |= wrong
-        label_map[~right] = -1
+        for box in blocks(self.canvas):
+            layer = uniform(label_map, box)
+            if layer is not None and layer >= 0 and box.shared(self.places[layer]) == box:
+                inside = box.moved(-self.places[layer].top, -self.places[layer].left)
+                if uniform(self.allowed[layer], inside):
+                    continue
+            labels = label_map[box.slices].copy()
+            right = np.zeros(box.shape, bool)
+            choices = list(self._allowed_on(box))
+            for index, common, allowed in choices:
+                here = common.within(box)
+                right[here] |= (labels[here] == index) & allowed
+            for index, common, allowed in choices:
+                here = common.within(box)
+                wrong = allowed & ~right[here]
+                labels[here][wrong] = index
+                right[here] |= wrong
+            labels[~right] = -1
+            label_map[box.slices] = labels
+
+    def _allowed_on(self, box: Box) -> Iterator[tuple[int, Box, Mask]]:
+        """The layers that lie on a box, what each has in common with it, and where it is allowed there."""
+        for index, place in enumerate(self.places):
+            common = place.shared(box)
+            if all(common.shape):
+                yield index, common, cut(self.allowed[index], place, common)
 
     def on_top(self) -> LabelMap:
         """The label map in which each pixel shows the last layer that is allowed there."""
-        label_map: LabelMap = np.full(self.canvas.shape, -1, np.int16)
-        for index, (place, allowed) in enumerate(zip(self.places, self.allowed, strict=True)):
-            label_map[place.slices][allowed] = index
+        label_map: LabelMap = new_map(self.canvas.shape, -1, np.int16)
+        for box in blocks(self.canvas):
+            labels = np.full(box.shape, -1, np.int16)
+            for index, common, allowed in self._allowed_on(box):
+                labels[common.within(box)][allowed] = index
+            label_map[box.slices] = labels
         return label_map
 
     def swap(
@@ -132,6 +157,7 @@ class Labelling:
         within: Box | None = None,
         opened: Mask | None = None,
         whole: bool = False,
+        beside: bool = False,
     ) -> Move | None:
         """What shows one of two layers, to be divided anew between them; ``b`` is the second.
 
@@ -145,6 +171,8 @@ class Labelling:
             Change only these.
         whole : bool
             Pose the problem on the whole box, as a description of the seam there is.
+        beside : bool
+            With `whole`: only the costs beside that seam are needed.
 
         Returns
         -------
@@ -166,7 +194,10 @@ class Labelling:
         inside = first | second
         side = np.full(box.shape, NONE, np.uint8)
         side[first], side[second], side[free] = A, B, FREE
-        right, down = cost.on(box, None if whole else free)
+        wanted = None if whole else free
+        if whole and beside:
+            wanted = neighbours(first) & second | neighbours(second) & first
+        right, down = cost.on(box, wanted)
         right[~(inside[:, 1:] & inside[:, :-1])] = 0
         down[~(inside[1:] & inside[:-1])] = 0
         unary = [self._beside(index, pair, labels, free, box) for index in pair]
@@ -328,13 +359,15 @@ class Labelling:
     def adjoining(self, labels: LabelMap) -> list[Pair]:
         """The pairs of layers that show side by side somewhere, in order."""
         found: set[Pair] = set()
-        most = int(labels.max(initial=0)) + 1
-        for s, t in ((labels[:, :-1], labels[:, 1:]), (labels[:-1], labels[1:])):
-            border = s != t
-            p, q = s[border], t[border]
-            known = (p >= 0) & (q >= 0)
-            codes = np.minimum(p, q)[known].astype(np.int64) * most + np.maximum(p, q)[known]
-            found |= {divmod(int(code), most) for code in np.unique(codes)}
+        for box in several(labels, Box(0, 0, *labels.shape)):
+            part = labels[box.slices]
+            most = int(part.max(initial=0)) + 1
+            for s, t in ((part[:, :-1], part[:, 1:]), (part[:-1], part[1:])):
+                border = s != t
+                p, q = s[border], t[border]
+                known = (p >= 0) & (q >= 0)
+                codes = np.minimum(p, q)[known].astype(np.int64) * most + np.maximum(p, q)[known]
+                found |= {divmod(int(code), most) for code in np.unique(codes)}
         return sorted(found)
 
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from toposeam.checks import check_items, check_kind, check_number, check_pair, shown
 from toposeam.errors import ImageError, OptionError
-from toposeam.images import MAX_PIXELS, Image, Mask, as_array, as_mask, full_scale
+from toposeam.images import MAX_PIXELS, Image, Mask, Windows, as_array, as_mask, full_scale
 
 #: Largest canvas that is made without being asked to.
 MAX_MEGAPIXELS = MAX_PIXELS / 1e6
@@ -30,7 +30,7 @@ class Layer:
     """
 
     #: (H, W) or (H, W, C) array, integer or float, colour only; or a PIL picture, whose opacity becomes
-    #: `alpha`.
+    #: `alpha`; or :class:`toposeam.Windows`, of which only what is needed is read.
     image: Image
     _: KW_ONLY
     #: (H, W), same dtype as the image: opacity, up to that dtype's full scale (1 for floats); None means
@@ -50,13 +50,13 @@ class Layer:
 
     def __post_init__(self) -> None:
         check_kind("name", self.name, str, "a text")
-        image = as_array(self.image, self.name)
+        image = self.image if isinstance(self.image, Windows) else as_array(self.image, self.name)
         if hasattr(self.image, "getbands") and image.ndim == 3 and image.shape[2] in (2, 4):  # of PIL
             if self.alpha is None:
                 object.__setattr__(self, "alpha", image[..., -1])
             image = image[..., 0] if image.shape[2] == 2 else image[..., :3]
         object.__setattr__(self, "image", image)
-        if self.alpha is not None:
+        if self.alpha is not None and not isinstance(self.alpha, Windows):
             object.__setattr__(self, "alpha", as_array(self.alpha, f"the alpha of {self.name}"))
         if self.alpha is not None and self.alpha.shape != self.image.shape[:2]:
             raise ImageError(
@@ -92,7 +92,7 @@ class Layer:
     @property
     def covered(self) -> Mask:
         """(H, W) bool, where the layer has pixels that may show."""
-        covered = np.ones(self.image.shape[:2], bool) if self.alpha is None else self.alpha > 0
+        covered = np.ones(self.image.shape[:2], bool) if self.alpha is None else np.asarray(self.alpha) > 0
         return covered if self.mask is None else covered & np.asarray(self.mask)
 
 
@@ -117,6 +117,10 @@ class Box(NamedTuple):
     def grown(self, margin: int) -> Box:
         """The box with a margin on all sides."""
         return Box(self.top - margin, self.left - margin, self.bottom + margin, self.right + margin)
+
+    def moved(self, down: int, right: int) -> Box:
+        """The box at another place."""
+        return Box(self.top + down, self.left + right, self.bottom + down, self.right + right)
 
     def shared(self, other: Box) -> Box:
         """What two boxes have in common; its shape has a zero when that is nothing."""

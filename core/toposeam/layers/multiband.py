@@ -16,14 +16,10 @@ from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
 
 from toposeam.images import Mask
 
 Floats32 = npt.NDArray[np.float32]
-
-#: Burt and Adelson's kernel with a = 0.375.
-_KERNEL = np.array([1, 4, 6, 4, 1], np.float32) / 16
 
 #: Weight of bands that were made up, and what keeps sums of weights from being 0.
 _MADE_UP, _LEAST = 1e-3, 1e-9
@@ -31,12 +27,12 @@ _MADE_UP, _LEAST = 1e-3, 1e-9
 
 def multiband(
     differences: Sequence[Floats32], present: Sequence[Mask], shows: Sequence[Mask], levels: int
-) -> Floats32:
+) -> tuple[Floats32, Floats32]:
     """What the mixture of some layers differs from their hard cut.
 
     Parameters
     ----------
-    differences : sequence of (h, w, C) float32 arrays
+    differences : sequence of (C, h, w) float32 arrays
         Per layer, its colours minus those of the hard cut; height and width are multiples of 2 ** levels.
     present : sequence of (h, w) bool arrays
         Where each difference is known.
@@ -48,76 +44,131 @@ def multiband(
 
     Returns
     -------
-    (h, w, C) float32 array
+    mixture : (C, h, w) float32 array
+    share : (h, w) float32 array
+        How much of the coarsest band is that of the layer that shows.
     """
     mixed: list[Floats32] = []
     total: list[Floats32] = []
+    own = np.zeros(shows[0].shape, np.float32)
+    sums = np.zeros(shows[0].shape, np.float32)
     for difference, known, mask in zip(differences, present, shows, strict=True):
-        weights = gaussian(mask[..., np.newaxis].astype(np.float32), levels)
-        knowns = gaussian(known[..., np.newaxis].astype(np.float32), levels)
-        for level, band in enumerate(_laplacian(_continued(difference, known, levels), levels)):
+        weights = gaussian(mask[np.newaxis].astype(np.float32), levels)
+        knowns = None if known.all() else gaussian(known[np.newaxis].astype(np.float32), levels)
+        for level, band in enumerate(_laplacian(_continued(difference, known, knowns), levels)):
+            weight = weights[level]
             if level == len(mixed):
                 mixed.append(np.zeros_like(band))
-                total.append(np.full_like(weights[level], _LEAST))
-            # What was made up counts next to nothing, unless nobody knows better.
-            weight = weights[level] * np.maximum(2 * knowns[level] - 1, np.float32(_MADE_UP))
-            mixed[level] += weight * band
+                total.append(np.full_like(weight, _LEAST))
+            if knowns is not None:
+                # What was made up counts next to nothing, unless nobody knows better.
+                weight = weight * np.maximum(2 * knowns[level] - 1, np.float32(_MADE_UP))
+            band *= weight
+            mixed[level] += band
             total[level] += weight
+        share = weights[levels]
+        for _ in range(levels):
+            share = expand(share)
+        np.copyto(own, share[0], where=mask)
+        sums += share[0]
     result = np.zeros(0, np.float32)
     for level in reversed(range(levels + 1)):
         mixed[level] /= total[level]
-        result = mixed[level] if level == levels else mixed[level] + expand(result)
-    return result
+        if level < levels:
+            mixed[level] += expand(result)
+        result = mixed[level]
+    return result, np.divide(own, sums, out=own, where=sums > 0)
 
 
-def gaussian(image: Floats32, levels: int) -> list[Floats32]:
+def gaussian(planes: Floats32, levels: int) -> list[Floats32]:
     """The Gaussian pyramid, finest first."""
-    pyramid = [image]
+    pyramid = [planes]
     for _ in range(levels):
         pyramid.append(reduce(pyramid[-1]))
     return pyramid
 
 
-def reduce(image: Floats32) -> Floats32:
-    """Every other pixel of the smoothed image. (h, w, C) to (h / 2, w / 2, C)."""
-    smooth = ndimage.correlate1d(image, _KERNEL, axis=0, mode="nearest")[::2]
-    result: Floats32 = ndimage.correlate1d(smooth, _KERNEL, axis=1, mode="nearest")[:, ::2]
+def reduce(planes: Floats32) -> Floats32:
+    """Every other pixel of the smoothed image. (C, h, w) to (C, h / 2, w / 2), for even h and w."""
+    return _halved(_halved(planes, 1), 2)
+
+
+def _halved(planes: Floats32, axis: int) -> Floats32:
+    """Smoothed by (1, 4, 6, 4, 1) / 16 along one axis, every other value; the ends go on."""
+    even, odd = planes[_at(axis, slice(0, None, 2))], planes[_at(axis, slice(1, None, 2))]
+    first, last, rest, front = (
+        _at(axis, part) for part in (slice(0, 1), slice(-1, None), slice(1, None), slice(0, -1))
+    )
+    result: Floats32 = even * np.float32(6)
+    four = odd * np.float32(4)
+    result += four
+    result[rest] += four[front]
+    result[rest] += even[front]
+    result[front] += even[rest]
+    result[first] += np.float32(5) * even[first]
+    result[last] += odd[last]
+    result *= np.float32(1 / 16)
     return result
 
 
-def expand(image: Floats32) -> Floats32:
-    """The image at twice the size, smooth. (h, w, C) to (2 h, 2 w, C)."""
-    for axis in (0, 1):
-        image = np.moveaxis(image, axis, 0)
-        before, after = np.concatenate([image[:1], image[:-1]]), np.concatenate([image[1:], image[-1:]])
-        doubled = np.empty((2 * len(image), *image.shape[1:]), np.float32)
-        doubled[::2] = (before + 6 * image + after) / 8
-        doubled[1::2] = (image + after) / 2
-        image = np.moveaxis(doubled, 0, axis)
-    return image
+def expand(planes: Floats32) -> Floats32:
+    """The image at twice the size, smooth. (C, h, w) to (C, 2 h, 2 w)."""
+    return _doubled(_doubled(planes, 1), 2)
 
 
-def _laplacian(image: Floats32, levels: int) -> list[Floats32]:
-    pyramid = gaussian(image, levels)
-    return [*(fine - expand(coarse) for fine, coarse in pairwise(pyramid)), pyramid[-1]]
+def _doubled(planes: Floats32, axis: int) -> Floats32:
+    shape = list(planes.shape)
+    shape[axis] *= 2
+    result = np.empty(shape, np.float32)
+    even, odd = result[_at(axis, slice(0, None, 2))], result[_at(axis, slice(1, None, 2))]
+    first, last, rest, front = (
+        _at(axis, part) for part in (slice(0, 1), slice(-1, None), slice(1, None), slice(0, -1))
+    )
+    part = planes * np.float32(0.5)
+    np.copyto(odd, part)
+    odd[front] += part[rest]
+    odd[last] += part[last]
+    part *= np.float32(0.25)
+    np.multiply(planes, np.float32(0.75), out=even)
+    even[rest] += part[front]
+    even[first] += part[first]
+    even[front] += part[rest]
+    even[last] += part[last]
+    return result
 
 
-def _continued(image: Floats32, known: Mask, levels: int) -> Floats32:
-    """The image with smooth values where it has none."""
-    if known.all():
-        return image
-    weights = gaussian(known[..., np.newaxis].astype(np.float32), levels)
-    sums = gaussian(np.where(known[..., np.newaxis], image, np.float32(0)), levels)
+def _at(axis: int, part: slice) -> tuple[slice, ...]:
+    return (*(slice(None),) * axis, part)
+
+
+def _laplacian(planes: Floats32, levels: int) -> list[Floats32]:
+    """The bands, finest first; the image itself is not needed any more."""
+    pyramid = gaussian(planes, levels)
+    for fine, coarse in pairwise(pyramid):
+        fine -= expand(coarse)
+    return pyramid
+
+
+def _continued(planes: Floats32, known: Mask, weights: list[Floats32] | None) -> Floats32:
+    """The image with smooth values where it has none; `weights` is the pyramid of `known`."""
+    if weights is None:
+        return planes
+    levels = len(weights) - 1
+    sums = gaussian(np.where(known, planes, np.float32(0)), levels)
     filled = _ratio(sums[-1], weights[-1])
     for level in reversed(range(levels)):
         share = weights[level]
         # Averages of few pixels give way to the coarser level.
         trust = np.minimum(share, 1) if level else (share > 0).astype(np.float32)
         coarser = expand(filled)
-        filled = coarser + trust * (_ratio(sums[level], share) - coarser)
+        filled = _ratio(sums[level], share)
+        filled -= coarser
+        filled *= trust
+        filled += coarser
     return filled
 
 
 def _ratio(sums: Floats32, weights: Floats32) -> Floats32:
     """Means from sums; 0 where next to nothing was summed."""
-    return (sums / np.maximum(weights, 1e-3)).astype(np.float32, copy=False)
+    result: Floats32 = np.divide(sums, np.maximum(weights, np.float32(1e-3)), dtype=np.float32)
+    return result

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from toposeam.errors import OptionError
 from toposeam.images import Mask, as_float, widen
 from toposeam.layers.labelling import Labelling, Pair, PairCost
 from toposeam.layers.layer import Box, Extent, Layer, cut
+from toposeam.layers.maps import all_of, blocks, cover_of, dense, ground, made_map, new_map, uniform
 from toposeam.seam.match_cost import Floats32, MatchCost, match_cost
 from toposeam.seam.overlap import FREE, NONE, A, B, Overlap, at_its_end, cores
 from toposeam.seam.posing import forbid
@@ -69,20 +71,24 @@ def pose_labelling(
         Seams that are known: two layers, and where the second one shows beside the first.
     """
     places = [extent.place(layer) for layer in layers]
-    allowed = _away_from_ends(extent.box, places, covered)
+    allowed = _away_from_ends(places, covered)
     _keep_cores(extent.box, places, covered, allowed, core)
     for pair, labels in given:
-        _divide(extent.box, places, allowed, pair, labels)
+        _divide(places, allowed, pair, labels)
     match = MatchCost() if match is None else match
     context = _Context(layers, places, covered, allowed, match, weight, avoid, extent.box)
     costs: dict[Pair, PairCost] = {}
     for i in range(len(layers)):
         for j in range(i + 1, len(layers)):
-            common = places[i].shared(places[j])
-            if all(common.shape) and _both(places, covered, i, j, common).any():
+            if meets(places, covered, i, j):
                 costs[i, j] = LayerPairCost((i, j), context)
     forbidden = float("inf") if avoid is None else _FORBIDDEN
     return Labelling(extent.box, places, allowed, costs, forbidden)
+
+
+def meets(places: Sequence[Box], covered: Sequence[Mask], i: int, j: int) -> bool:
+    """Whether two layers share a pixel."""
+    return any(_both(places, covered, i, j, box).any() for box in blocks(places[i].shared(places[j])))
 
 
 def _both(places: Sequence[Box], covered: Sequence[Mask], i: int, j: int, box: Box) -> Mask:
@@ -90,60 +96,89 @@ def _both(places: Sequence[Box], covered: Sequence[Mask], i: int, j: int, box: B
     return shared
 
 
-def _away_from_ends(canvas: Box, places: Sequence[Box], covered: Sequence[Mask]) -> list[Mask]:
-    ground = np.zeros(canvas.shape, bool)
-    for place, cover in zip(places, covered, strict=True):
-        ground[place.slices] |= cover
-    inner, somewhere = [], np.zeros(canvas.shape, bool)
-    for place, cover in zip(places, covered, strict=True):
-        around = place.grown(1)
-        ends = at_its_end(cut(cover, place, around), cut(ground, canvas, around))
-        inner.append(cover & ~ends[1:-1, 1:-1])
-        somewhere[place.slices] |= inner[-1]
-    return [
-        np.where(somewhere[place.slices], away, cover)
-        for place, away, cover in zip(places, inner, covered, strict=True)
-    ]
+def _away_from_ends(places: Sequence[Box], covered: Sequence[Mask]) -> list[Mask]:
+    inner = [_without_ends(index, places, covered) for index in range(len(places))]
+
+    def allowed(index: int, box: Box) -> Mask | bool:
+        """Where all layers end, they are allowed to."""
+        if uniform(inner[index], box):
+            return True
+        place = places[index]
+        away, cover = inner[index][box.slices], covered[index][box.slices]
+        if (away == cover).all():
+            return away
+        on_canvas = box.moved(*place[:2])
+        return np.where(ground(places, inner, on_canvas), away, cover)
+
+    return [made_map(place.shape, bool, partial(allowed, index)) for index, place in enumerate(places)]
+
+
+def _without_ends(index: int, places: Sequence[Box], covered: Sequence[Mask]) -> Mask:
+    place, cover = places[index], covered[index]
+    whole = Box(0, 0, *place.shape)
+
+    def values(box: Box) -> Mask | bool:
+        around = box.grown(1)
+        if around.shared(whole) == around and uniform(cover, around):
+            return True
+        around = around.moved(*place[:2])
+        here = cut(cover, place, around)
+        away: Mask = (here & ~at_its_end(here, ground(places, covered, around)))[1:-1, 1:-1]
+        return away
+
+    return made_map(place.shape, bool, values)
 
 
 def _keep_cores(
     canvas: Box, places: Sequence[Box], covered: Sequence[Mask], allowed: list[Mask], core: float
 ) -> None:
-    depth = np.zeros(canvas.shape, np.uint16)
-    for place, cover in zip(places, covered, strict=True):
-        depth[place.slices] += cover
     claimed: Mask | None = None
     for index in reversed(range(len(places))):
-        place, cover = places[index], covered[index]
-        if cover.all():  # one piece
-            if (depth[place.slices] == 1).any():
-                continue
-            piece, count = cover.astype(np.int32), 1
-        else:
-            piece, count = ndimage.label(cover)
-        alone = np.bincount(piece[depth[place.slices] == 1], minlength=count + 1) > 0
+        place = places[index]
+        whole = all_of(covered[index])  # one piece
+        if whole and any((_depth(places, covered, box) == 1).any() for box in blocks(place)):
+            continue
+        cover = dense(covered[index])
+        piece, count = (cover.astype(np.int32), 1) if whole else ndimage.label(cover)
+        alone = np.bincount(piece[_depth(places, covered, place) == 1], minlength=count + 1) > 0
         alone[0] = True
         if alone.all():
             continue
-        middle = cores(cover, piece, ~alone, core) & allowed[index]
+        middle = cores(cover, piece, ~alone, core) & dense(allowed[index])
         if claimed is None:
-            claimed = np.zeros(canvas.shape, bool)
-        middle &= ~claimed[place.slices]
-        claimed[place.slices] |= middle
+            claimed = new_map(canvas.shape, False, bool)
+        before = claimed[place.slices]
+        middle &= ~before
+        claimed[place.slices] = before | middle
         for other, there in enumerate(places):  # no layer but this one is allowed in its core
-            if other != index and all(place.shared(there).shape):
-                allowed[other] &= ~cut(middle, place, there)
+            common = place.shared(there)
+            if other != index and all(common.shape):
+                at = common.within(there)
+                allowed[other][at] = allowed[other][at] & ~middle[common.within(place)]
 
 
-def _divide(canvas: Box, places: Sequence[Box], allowed: list[Mask], pair: Pair, labels: Mask) -> None:
+def _depth(places: Sequence[Box], covered: Sequence[Mask], box: Box) -> npt.NDArray[np.uint16]:
+    """(h, w): how many layers have pixels in a box of the canvas."""
+    depth = np.zeros(box.shape, np.uint16)
+    for place, cover in zip(places, covered, strict=True):
+        common = place.shared(box)
+        if all(common.shape):
+            depth[common.within(box)] += cut(cover, place, common)
+    return depth
+
+
+def _divide(places: Sequence[Box], allowed: list[Mask], pair: Pair, labels: Mask) -> None:
     """Forbid each of two layers what a given seam leaves to the other; `labels` on the canvas, True for the
     second layer.
     """
-    first, second = pair
-    for index, other, shows in ((first, second, ~labels), (second, first, labels)):
-        place, there = places[index], places[other]
-        taken = cut(shows, canvas, place) & cut(allowed[other], there, place) & allowed[index]
-        allowed[other] &= ~cut(taken, place, there)
+    common = places[pair[0]].shared(places[pair[1]])
+    if not all(common.shape):
+        return
+    second = labels[common.slices]
+    for index, other, shows in ((*pair, ~second), (*pair[::-1], second)):
+        at, there = common.within(places[index]), common.within(places[other])
+        taken = shows & allowed[other][there] & allowed[index][at]
+        allowed[other][there] = allowed[other][there] & ~taken
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -180,12 +215,12 @@ class LayerPairCost:
         if self.box.shape[0] * self.box.shape[1] > KEPT_PIXELS:
             common = self.box.shared(box)
             if min(common.shape) < 2:
-                return _spread(None, common, box)
+                return spread(None, common, box)
             wanted = None if beside is None else beside[common.within(box)]
-            return _spread(self._computed(common, wanted), common, box)
+            return spread(self._computed(common, wanted), common, box)
         if self._kept is None:
             self._kept = self._computed(self.box)
-        return _spread(self._kept, self.box, box)
+        return spread(self._kept, self.box, box)
 
     def _computed(self, box: Box, wanted: Mask | None = None) -> tuple[Floats32, Floats32]:
         """Block by block, so that only a few rows of the layers are held as float32."""
@@ -232,7 +267,7 @@ class LayerPairCost:
         return as_float(image, layer.name, layer.data_range)
 
 
-def _spread(costs: tuple[Floats32, Floats32] | None, at: Box, box: Box) -> tuple[Floats32, Floats32]:
+def spread(costs: tuple[Floats32, Floats32] | None, at: Box, box: Box) -> tuple[Floats32, Floats32]:
     """Costs known in a box as those in another one, 0 beyond."""
     right_box, down_box = (
         Box(box.top, box.left, box.bottom, box.right - 1),
@@ -255,7 +290,7 @@ class TableCost:
 
     def on(self, box: Box, beside: Mask | None = None) -> tuple[Floats32, Floats32]:
         """The costs in a box."""
-        return _spread((self.right, self.down), self.box, box)
+        return spread((self.right, self.down), self.box, box)
 
     def shared(self, box: Box) -> Mask:
         """(h, w) bool, the whole of their common box."""
@@ -271,25 +306,30 @@ def exclusive_covers(layers: Sequence[Layer], places: Sequence[Box], canvas: Ext
     OptionError
         When two layers must both be kept at a pixel, or one is to be kept nowhere that it has pixels.
     """
-    covered = [layer.covered for layer in layers]
+    covered = [cover_of(layer) for layer in layers]
     if all(layer.keep is None for layer in layers):
         return covered
-    keeper = np.full(canvas.shape, -1, np.int16)
+    keeper = new_map(canvas.shape, -1, np.int16)
     for index, (layer, place) in enumerate(zip(layers, places, strict=True)):
         if layer.keep is None:
             continue
-        kept = covered[index] & np.asarray(layer.keep)
+        kept = dense(covered[index]) & np.asarray(layer.keep)
         if not kept.any():
             raise OptionError(f"{layer.name} is to be kept where it has no pixels; check its keep mask")
-        before = keeper[place.slices][kept]
-        if before.max() >= 0:
-            rival = layers[int(before.max())].name
-            count = np.count_nonzero(before >= 0)
+        before = keeper[place.slices]
+        rivals = before[kept]
+        if rivals.max() >= 0:
+            rival = layers[int(rivals.max())].name
+            count = np.count_nonzero(rivals >= 0)
             raise OptionError(
                 f"{rival} and {layer.name} are both to be kept at {count} pixels; keep only one of them there"
             )
-        keeper[place.slices][kept] = index
-    return [
-        cover & ((keeper[place.slices] < 0) | (keeper[place.slices] == index))
-        for index, (cover, place) in enumerate(zip(covered, places, strict=True))
-    ]
+        keeper[place.slices] = np.where(kept, np.int16(index), before)
+
+    def exclusive(index: int, box: Box) -> Mask:
+        place = places[index]
+        keeps = keeper[box.moved(*place[:2]).slices]
+        result: Mask = covered[index][box.slices] & ((keeps < 0) | (keeps == index))
+        return result
+
+    return [made_map(place.shape, bool, partial(exclusive, index)) for index, place in enumerate(places)]

@@ -15,13 +15,17 @@ fifth of its time.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from functools import partial
+
 import numpy as np
 
 from toposeam.images import Mask
 from toposeam.layers.labelling import Labelling, Pair, PairCost
-from toposeam.layers.layer import Box
+from toposeam.layers.layer import Box, cut
+from toposeam.layers.maps import blocks, ground, made_map, new_map, uniform
 from toposeam.layers.painting import LabelMap
-from toposeam.layers.posing import TableCost
+from toposeam.layers.posing import KEPT_PIXELS, TableCost, spread
 from toposeam.seam.match_cost import Floats32
 
 #: w above.
@@ -37,60 +41,92 @@ def reduced(labelling: Labelling) -> Labelling:
     some.
     """
     canvas = _halved(labelling.canvas)
-    ground = np.zeros(labelling.canvas.shape, bool)
-    for place, allowed in zip(labelling.places, labelling.allowed, strict=True):
-        ground[place.slices] |= allowed
     places = [_halved(place) for place in labelling.places]
     everywhere, somewhere = [], []
-    any_layer = np.zeros(canvas.shape, bool)
     for index, place in enumerate(places):
-        fine = Box(2 * place.top, 2 * place.left, 2 * place.bottom, 2 * place.right)
-        allowed = labelling.allowed_in(index, fine)
-        inside = fine.shared(labelling.canvas)
-        missing = np.zeros(fine.shape, bool)
-        missing[inside.within(fine)] = ground[inside.slices]
-        missing &= ~allowed
-        some = _any(allowed)
-        everywhere.append(some & ~_any(missing))
+        every, some = (new_map(place.shape, False, bool) for _ in range(2))
+        for box in blocks(Box(0, 0, *place.shape)):
+            every[box.slices], some[box.slices] = _allowed(labelling, index, _moved(box, place))
+        everywhere.append(every)
         somewhere.append(some)
-        any_layer[place.slices] |= everywhere[-1]
-    chosen = [
-        every | (some & ~any_layer[place.slices])
-        for every, some, place in zip(everywhere, somewhere, places, strict=True)
-    ]
+
+    def chosen(index: int, box: Box) -> Mask | bool:
+        place = places[index]
+        if uniform(everywhere[index], box):
+            return True
+        every, some = everywhere[index][box.slices], somewhere[index][box.slices]
+        if (every == some).all():
+            return every
+        result: Mask = every | (some & ~ground(places, everywhere, _moved(box, place)))
+        return result
+
+    allowed = [made_map(place.shape, bool, partial(chosen, index)) for index, place in enumerate(places)]
     costs: dict[Pair, PairCost] = {pair: _reduced_cost(cost) for pair, cost in labelling.costs.items()}
-    return Labelling(canvas, places, chosen, costs, labelling.forbidden)
+    return Labelling(canvas, places, allowed, costs, labelling.forbidden)
+
+
+def _allowed(labelling: Labelling, index: int, box: Box) -> tuple[Mask | bool, Mask | bool]:
+    """Where a layer is allowed at all covered pixels of a reduced one, and at some; in a reduced box."""
+    fine = _doubled(box)
+    place = labelling.places[index]
+    inside = fine.moved(-place.top, -place.left)
+    if fine.shared(place) == fine and uniform(labelling.allowed[index], inside):
+        return True, True
+    allowed = labelling.allowed_in(index, fine)
+    missing = ground(labelling.places, labelling.allowed, fine) & ~allowed
+    some = _any(allowed)
+    return some & ~_any(missing), some
 
 
 def enlarged(label_map: LabelMap, finer: Labelling) -> LabelMap:
     """A label map of a reduced problem on the canvas of the finer one."""
-    result = np.full(finer.canvas.shape, -1, np.int16)
-    _enlarge(label_map, result)
+    result: LabelMap = new_map(finer.canvas.shape, -1, np.int16)
+    for coarse, fine in _both_sizes(label_map, finer):
+        value = uniform(label_map, coarse)
+        result[fine.slices] = _enlarged(label_map[coarse.slices], fine) if value is None else value
     finer.make_allowed(result)
     return result
 
 
 def opened(chosen: Mask, finer: Labelling) -> Mask:
     """(H, W) bool on the finer canvas: pixels of the chosen reduced ones and of their neighbours."""
-    wide = chosen.copy()
-    wide[1:] |= chosen[:-1]
-    wide[:-1] |= chosen[1:]
-    wide[:, 1:] |= wide[:, :-1].copy()
-    wide[:, :-1] |= wide[:, 1:].copy()
-    result = np.zeros(finer.canvas.shape, bool)
-    _enlarge(wide, result)
+    result: Mask = new_map(finer.canvas.shape, False, bool)
+    canvas = Box(0, 0, *chosen.shape)
+    for coarse, fine in _both_sizes(chosen, finer):
+        around = coarse.grown(1)
+        if uniform(chosen, around.shared(canvas)) is np.False_:
+            continue
+        wide = cut(chosen, canvas, around)
+        wide[1:] |= wide[:-1].copy()
+        wide[:-1] |= wide[1:].copy()
+        wide[:, 1:] |= wide[:, :-1].copy()
+        wide[:, :-1] |= wide[:, 1:].copy()
+        result[fine.slices] = _enlarged(wide[1:-1, 1:-1], fine)
     return result
 
 
-def _enlarge(coarse: np.ndarray, fine: np.ndarray) -> None:
-    for row in (0, 1):
-        for column in (0, 1):
-            part = fine[row::2, column::2]
-            part[:] = coarse[: part.shape[0], : part.shape[1]]
+def _both_sizes(coarse: np.ndarray, finer: Labelling) -> Iterator[tuple[Box, Box]]:
+    """Blocks of a reduced canvas and what they are on the finer one."""
+    for box in blocks(Box(0, 0, *coarse.shape)):
+        yield box, _doubled(box).shared(finer.canvas)
+
+
+def _enlarged(coarse: np.ndarray, fine: Box) -> np.ndarray:
+    height, width = fine.shape
+    return coarse.repeat(2, axis=0)[:height].repeat(2, axis=1)[:, :width]
 
 
 def _halved(box: Box) -> Box:
     return Box(box.top // 2, box.left // 2, -(-box.bottom // 2), -(-box.right // 2))
+
+
+def _doubled(box: Box) -> Box:
+    return Box(2 * box.top, 2 * box.left, 2 * box.bottom, 2 * box.right)
+
+
+def _moved(box: Box, place: Box) -> Box:
+    """A box of a layer as one of the canvas."""
+    return box.moved(*place[:2])
 
 
 def _any(mask: Mask) -> Mask:
@@ -98,23 +134,66 @@ def _any(mask: Mask) -> Mask:
     return result
 
 
-def _reduced_cost(cost: PairCost) -> TableCost:
-    """The reduced costs of a pair, a few rows at a time."""
-    inner = cost.box.grown(-1)
-    box = _halved(inner).grown(1)
-    height, width = box.shape
-    right, down = np.empty((height, width - 1), np.float32), np.empty((height - 1, width), np.float32)
-    for start in range(0, height, _ROWS):
-        stop = min(start + _ROWS, height)
-        # One more reduced row, for the interfaces below.
-        fine = Box(2 * (box.top + start), 2 * box.left, 2 * (box.top + min(stop + 1, height)), 2 * box.right)
-        beside, below = cost.on(fine)
-        across = _of_three(beside)
-        right[start:stop] = (across[0::2] + across[1::2])[: stop - start]
-        along = _of_three(below.T).T
-        along = along[:, 0::2] + along[:, 1::2]
-        down[start : start + len(along)] = along[: height - 1 - start]
-    return TableCost(box, right, down)
+class ReducedCost:
+    """The reduced cost of a pair, computed where it is looked at."""
+
+    def __init__(self, finer: PairCost) -> None:
+        self._finer = finer
+        self.box = _halved(finer.box.grown(-1)).grown(1)
+
+    def shared(self, box: Box) -> Mask:
+        """(h, w) bool, the whole of their common box."""
+        inside = self.box.grown(-1)
+        return cut(np.ones(inside.shape, bool), inside, box)
+
+    def on(self, box: Box, beside: Mask | None = None) -> tuple[Floats32, Floats32]:
+        """The costs in a box, only those of interfaces of the pixels asked for where that saves work."""
+        common = self.box.shared(box)
+        if min(common.shape) < 2:
+            return spread(None, common, box)
+        if beside is None:
+            return spread(self.computed(common), common, box)
+        wanted = beside[common.within(box)]
+        rows = np.flatnonzero(wanted.any(axis=1))
+        height, width = common.shape
+        right, down = np.zeros((height, width - 1), np.float32), np.zeros((height - 1, width), np.float32)
+        first, last = (max(int(rows[0]) - 1, 0), min(int(rows[-1]) + 2, height)) if len(rows) else (0, 0)
+        for start in range(first, last, _ROWS):
+            stop = min(start + _ROWS, last)
+            columns = np.flatnonzero(wanted[max(start - 1, 0) : stop + 1].any(axis=0))
+            if not len(columns):
+                continue
+            left, end = max(int(columns[0]) - 1, 0), min(int(columns[-1]) + 2, width)
+            # One more row, for the interfaces below.
+            part = Box(start, left, min(stop + 1, height), end)
+            across, below = self.computed(part.moved(*common[:2]))
+            right[start:stop, left : end - 1] = across[: stop - start]
+            down[start : part.bottom - 1, left:end] = below
+        return spread((right, down), common, box)
+
+    def computed(self, box: Box) -> tuple[Floats32, Floats32]:
+        """The costs in a box, a few rows at a time."""
+        height, width = box.shape
+        right, down = np.empty((height, width - 1), np.float32), np.empty((height - 1, width), np.float32)
+        for start in range(0, height, _ROWS):
+            stop = min(start + _ROWS, height)
+            # One more reduced row, for the interfaces below.
+            fine = _doubled(Box(box.top + start, box.left, box.top + min(stop + 1, height), box.right))
+            beside, below = self._finer.on(fine)
+            across = _of_three(beside)
+            right[start:stop] = (across[0::2] + across[1::2])[: stop - start]
+            along = _of_three(below.T).T
+            along = along[:, 0::2] + along[:, 1::2]
+            down[start : start + len(along)] = along[: height - 1 - start]
+        return right, down
+
+
+def _reduced_cost(cost: PairCost) -> PairCost:
+    """Of large overlaps the costs are computed again where they are looked at."""
+    lazy = ReducedCost(cost)
+    if lazy.box.shape[0] * lazy.box.shape[1] > KEPT_PIXELS:
+        return lazy
+    return TableCost(lazy.box, *lazy.computed(lazy.box))
 
 
 def _of_three(cost: Floats32) -> Floats32:

@@ -11,12 +11,14 @@ from scipy import ndimage
 
 from toposeam.checks import check_items
 from toposeam.errors import OptionError, PathError
-from toposeam.images import as_mask
-from toposeam.layers.blend import Blend, Placed, check_blend
-from toposeam.layers.composite import Stitched, composed, moved_seam, pair_name, stitch
+from toposeam.images import as_mask, full_scale
+from toposeam.layers.blend import Blend, Blender, Placed, check_blend
+from toposeam.layers.composite import Stitched, pair_name, stitch
 from toposeam.layers.labelling import Pair
 from toposeam.layers.layer import MAX_MEGAPIXELS, Extent, Layer, check_layers, common_canvas
-from toposeam.layers.painting import LabelMap
+from toposeam.layers.maps import blocks
+from toposeam.layers.painting import LabelMap, channel_count, paint
+from toposeam.layers.steps import moved_seam
 from toposeam.seam.apply import labels_from_paths
 from toposeam.seam.overlap import FREE, NONE, A, B
 from toposeam.seam.seam import Seam
@@ -89,9 +91,23 @@ def restitch(
         if not all(0 <= index < len(layers) for index in pair) or pair[0] == pair[1]:
             raise OptionError(f"a path was given between layers {pair[0]} and {pair[1]}; choose two of them")
         seams[pair] = _divide(layers, canvas, label_map, pair, drawing)
+    image, alpha = paint(layers, places, label_map, canvas.box, channel_count(layers))
     placed = Placed(layers=layers, places=places, covered=covered, label_map=label_map)
-    feathered = "feather" if blend == "soft" else blend  # a path has no potential
-    return composed(placed, canvas, seams, feathered, blend_width, potentials=False)
+    blender = Blender(placed, lambda: (), "feather" if blend == "soft" else blend, blend_width)
+    if blend == "gradient":
+        blender.spread(image)
+    for tile in blocks(canvas.box):
+        blender.blend(tile, image[tile.slices], alpha[tile.slices])
+    return Stitched(
+        image=image,
+        alpha=None if bool((alpha == full_scale(image.dtype)).all()) else alpha,
+        label_map=label_map,
+        seams=tuple(seams.values()),
+        pairs=tuple(seams),
+        names=tuple(layer.name for layer in layers),
+        rounds=0,
+        origin=canvas.origin,
+    )
 
 
 def _divide(
@@ -121,7 +137,7 @@ def _divide(
     box = canvas.place(Layer(joined.image, at=joined.origin))
     for index, mask in zip(pair, joined.masks, strict=True):
         label_map[box.slices][mask] = index
-    return moved_seam(joined.seams[0], box, canvas, label_map == pair[1])
+    return moved_seam(joined.seams[0], box, canvas, label_map, pair[1])
 
 
 def _with_kernel(both: Sequence[Layer], drawing: SvgSeam, canvas: Extent) -> list[Layer]:

@@ -23,10 +23,12 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from toposeam.images import Mask
 from toposeam.layers.labelling import Labelling, Move, Pair
 from toposeam.layers.layer import Box
+from toposeam.layers.maps import dense, new_map, several
 from toposeam.layers.painting import LabelMap
 from toposeam.layers.reduction import enlarged, opened, reduced
 from toposeam.optimize.history import Termination
@@ -56,6 +58,9 @@ _MARGIN, _LARGE_BOX = 8, 1 << 20
 #: Methods that solve a region with unary costs; the others leave it to heat.
 _ANY_NETWORK: tuple[Method, ...] = ("heat", "shortest-path", "graph-cut")
 
+#: On canvases of up to so many pixels the label potentials of all seams are kept.
+KEPT_CANVAS = 1 << 25
+
 Progress = Callable[[float], None]
 
 
@@ -66,6 +71,7 @@ def best_rounds(
     options: dict[str, Any],
     most: int,
     progress: Progress | None = None,
+    potentials: bool = False,
 ) -> tuple[Rounds, int]:
     """The cheapest label map that is found, and how many rounds were made.
 
@@ -78,28 +84,33 @@ def best_rounds(
         How moves are solved, as for :func:`toposeam.find_seam`.
     most : int
         Rounds at most; with 0 the layers are only joined one after another.
+    potentials : bool
+        Whether the label potentials of all seams are wanted, however large the canvas is.
     """
     steps = _Steps(progress)
     levels = [labelling]
     while (
-        np.count_nonzero(levels[-1].choices() > 1) > WHOLE_PIXELS
-        and min(levels[-1].canvas.shape) > 2 * _SHORTEST
+        levels[-1].contested(WHOLE_PIXELS + 1) > WHOLE_PIXELS and min(levels[-1].canvas.shape) > 2 * _SHORTEST
     ):
         levels.append(reduced(levels[-1]))
         steps.one()
     coarsest = levels.pop()
     ends: list[tuple[float, int, Rounds, int]] = []
     for start in ("joined", "on top") if most else ("joined",):
-        rounds = Rounds(coarsest, coarsest.on_top(), method, options, steps=steps, rough=bool(levels))
+        rounds = Rounds(
+            coarsest, coarsest.on_top(), method, options, steps=steps, finer=len(levels), keeps=potentials
+        )
         if start == "joined":
             rounds.join(order)
         number = rounds.run(most) if most else 0
-        ends.append((coarsest.total(rounds.label_map, coarsest.canvas), len(ends), rounds, number))
+        ends.append((coarsest.total(dense(rounds.label_map), coarsest.canvas), len(ends), rounds, number))
     _, _, rounds, number = min(ends, key=lambda end: end[:2])
     while levels:
         finer = levels.pop()
-        near = opened(rounds.beside_seams(_UNDECIDED if levels else _UNDECIDED_LAST), finer)
-        rounds = Rounds(finer, enlarged(rounds.label_map, finer), method, options, near, steps, bool(levels))
+        near = opened(rounds.beside_seams(), finer)
+        rounds = Rounds(
+            finer, enlarged(rounds.label_map, finer), method, options, near, steps, len(levels), potentials
+        )
         rounds.refine(most)
     return rounds, number
 
@@ -128,8 +139,10 @@ class Rounds:
         How regions are solved, as for :func:`toposeam.find_seam`.
     near : (H, W) bool array, optional
         Only these pixels may change.
-    rough : bool
-        Whether finer solutions follow, so that proofs within `ROUGH` do.
+    finer : int
+        How many finer solutions follow; where there are any, proofs within `ROUGH` do.
+    keeps : bool
+        Whether to keep label potentials however large the canvas is.
     """
 
     def __init__(
@@ -140,7 +153,8 @@ class Rounds:
         options: dict[str, Any],
         near: Mask | None = None,
         steps: _Steps | None = None,
-        rough: bool = False,
+        finer: int = 0,
+        keeps: bool = False,
     ) -> None:
         self._steps = _Steps(None) if steps is None else steps
         self._labelling, self.label_map, self._near = labelling, label_map, near
@@ -148,23 +162,29 @@ class Rounds:
         self._options: HeatOptions | ThesisOptions | None = method_options(
             self.method, options if self.method == method else {}
         )
-        if rough and isinstance(self._options, HeatOptions):
+        self._undecided = None if not finer else _UNDECIDED_LAST if finer == 1 else _UNDECIDED
+        if finer and isinstance(self._options, HeatOptions):
             tolerance = max(ROUGH, self._options.tolerance)
             self._options = dataclasses.replace(self._options, tolerance=tolerance)
         self.settings = {} if self._options is None else dataclasses.asdict(self._options)
+        #: Of each pair what was last solved; on large canvases without labels and potentials.
         self.solved: dict[Pair, tuple[Box, Solution]] = {}
+        self._keeps = keeps or labelling.canvas.shape[0] * labelling.canvas.shape[1] <= KEPT_CANVAS
+        #: Pixels beside flow that the heat had not decided.
+        self._flows: dict[Pair, tuple[Box, npt.NDArray[np.intp]]] = {}
         self.seconds: dict[Pair, float] = {}
 
     def join(self, order: Sequence[int]) -> None:
         """Lay the layers one after another, each joined to what is there along the best seam."""
-        there = self.label_map.copy()
-        self.label_map[:] = -1
+        there = dense(self.label_map).copy()
+        self.label_map[:, :] = -1
         for index in order:
-            place, allowed = self._labelling.places[index], self._labelling.allowed[index]
+            place, allowed = self._labelling.places[index], dense(self._labelling.allowed[index])
             part = self.label_map[place.slices]
-            part[allowed & (part < 0)] = index
+            self.label_map[place.slices] = np.where(allowed & (part < 0), np.int16(index), part)
             self._expand(index)
-        np.copyto(self.label_map, there, where=self.label_map < 0)
+        joined = dense(self.label_map)
+        self.label_map[:, :] = np.where(joined < 0, there, joined)
 
     def run(self, most: int, within: Box | None = None) -> int:
         """Make rounds until nothing is gained, at most so many; returns how many, the last of them without
@@ -208,15 +228,19 @@ class Rounds:
 
     def _meetings(self) -> list[Box]:
         """Boxes round the places where three layers or more meet, none of which overlap."""
-        labels = self.label_map
-        edge = (labels[:-1, :-1] != labels[1:, :-1]) | (labels[:-1, 1:] != labels[1:, 1:])
-        edge &= (labels[:-1, :-1] != labels[:-1, 1:]) | (labels[1:, :-1] != labels[1:, 1:])
-        rows, columns = np.nonzero(edge)
-        around = np.stack([labels[rows + y, columns + x] for y in (0, 1) for x in (0, 1)], axis=1)
-        kinds = (np.diff(np.sort(around, axis=1), axis=1) != 0).sum(axis=1) + 1
-        third = kinds - (around.min(axis=1, initial=0) < 0) >= 3
+        found: list[tuple[int, int]] = []
+        for block in several(self.label_map, Box(0, 0, *self.label_map.shape)):
+            labels = self.label_map[block.slices]
+            edge = (labels[:-1, :-1] != labels[1:, :-1]) | (labels[:-1, 1:] != labels[1:, 1:])
+            edge &= (labels[:-1, :-1] != labels[:-1, 1:]) | (labels[1:, :-1] != labels[1:, 1:])
+            rows, columns = np.nonzero(edge)
+            around = np.stack([labels[rows + y, columns + x] for y in (0, 1) for x in (0, 1)], axis=1)
+            kinds = (np.diff(np.sort(around, axis=1), axis=1) != 0).sum(axis=1) + 1
+            third = kinds - (around.min(axis=1, initial=0) < 0) >= 3
+            at = np.stack([rows[third] + block.top, columns[third] + block.left], axis=1)
+            found += [(row, column) for row, column in at.tolist()]
         boxes: list[Box] = []
-        for row, column in zip(rows[third].tolist(), columns[third].tolist(), strict=True):
+        for row, column in sorted(found):
             box = Box(row, column, row + 2, column + 2).grown(_WINDOW)
             for other in [other for other in boxes if all(other.shared(box).shape)]:
                 boxes.remove(other)
@@ -224,13 +248,18 @@ class Rounds:
             boxes.append(box)
         return boxes
 
-    def beside_seams(self, undecided: float) -> Mask:
-        """(H, W) bool: pixels beside a seam, or where the label potential of neighbours differs so much."""
-        chosen = _beside_steps(self.label_map, 0)
-        for box, solution in self.solved.values():
-            inside = box.shared(self._labelling.canvas)
-            soft = np.asarray(solution.soft)
-            chosen[inside.slices] |= _beside_steps(soft, undecided)[inside.within(box)]
+    def beside_seams(self) -> Mask:
+        """(H, W) bool: pixels beside a seam, or beside flow that the heat had not decided."""
+        canvas = self._labelling.canvas
+        chosen: Mask = new_map(canvas.shape, False, bool)
+        for block in several(self.label_map, canvas):
+            beside = _beside_steps(self.label_map[block.slices], 0)
+            chosen[block.slices] = chosen[block.slices] | beside
+        for box, pixels in self._flows.values():
+            inside = box.shared(canvas)
+            flows = np.zeros(box.shape, bool)
+            flows.flat[pixels] = True
+            chosen[inside.slices] = chosen[inside.slices] | flows[inside.within(box)]
         return chosen
 
     def _touches(self, pair: Pair, changed: Box) -> bool:
@@ -263,7 +292,9 @@ class Rounds:
         started = time.perf_counter()
         solution = solve(problem, self.method, self._options)
         if within is None:
-            self.solved[pair] = move.box, dataclasses.replace(solution, soft=problem.complete(solution.soft))
+            self._remember(
+                pair, move.box, dataclasses.replace(solution, soft=problem.complete(solution.soft))
+            )
         self.seconds[pair] = self.seconds.get(pair, 0.0) + time.perf_counter() - started
         # What is fixed for want of ties costs nothing there, and no more than before.
         old = problem.complete(move.labels == pair[1]).astype(bool)
@@ -274,6 +305,18 @@ class Rounds:
         return self._change(
             move, np.where(either, np.where(second, np.int16(pair[1]), np.int16(pair[0])), move.labels)
         )
+
+    def _remember(self, pair: Pair, box: Box, solution: Solution) -> None:
+        if self._undecided is not None:
+            undecided = _beside_steps(np.asarray(solution.soft), self._undecided)
+            self._flows[pair] = box, np.flatnonzero(undecided)
+        if self._undecided is not None or not self._keeps:
+            nothing = np.zeros((0, 0), bool)
+            solution = dataclasses.replace(
+                solution, labels=nothing, soft=nothing.astype(np.float32), contracted=True
+            )
+            box = Box(box.top, box.left, box.top, box.left)
+        self.solved[pair] = box, solution
 
     def _change(self, move: Move, new: LabelMap) -> Box | None:
         """Write a box of the label map; the smaller box in which it changed, and a pixel around."""
@@ -289,52 +332,66 @@ class Rounds:
             top + int(rows[0]), left + int(columns[0]), top + int(rows[-1]) + 1, left + int(columns[-1]) + 1
         ).grown(1)
 
-    def seams(
-        self, given: Collection[Pair], settings: Mapping[str, Any], potentials: bool = False
-    ) -> dict[Pair, Seam]:
-        """The seams between layers as they show now, by pair; there is none where two adjoin without sharing
-        a pixel.
+    def pairs(self, potentials: bool = False) -> list[Pair]:
+        """The pairs of layers that adjoin where both have pixels.
 
         Parameters
         ----------
+        potentials : bool
+            Whether to solve pairs that no round has solved, for their label potential.
+        """
+        found = self._labelling.adjoining(self.label_map)
+        if potentials:
+            for pair in found:
+                if pair not in self.solved:
+                    self._swap(pair)
+        return [pair for pair in found if pair in self._labelling.costs]
+
+    def seam(
+        self, pair: Pair, given: Collection[Pair], settings: Mapping[str, Any], beside: bool = False
+    ) -> Seam:
+        """The seam between two layers of :meth:`pairs` as they show now.
+
+        Parameters
+        ----------
+        pair : (int, int)
         given : collection of (int, int)
             Pairs whose seam was not searched.
         settings : mapping
-            Recorded with each seam.
-        potentials : bool
-            Solve pairs that no round has solved, for their label potential.
+            Recorded with the seam.
+        beside : bool
+            Whether costs are wanted beside the seam only.
         """
-        found = {}
-        for pair in self._labelling.adjoining(self.label_map):
-            if potentials and pair not in self.solved:
-                self._swap(pair)
-            move = self._labelling.swap(self.label_map, pair, within=self._seam_box(pair), whole=True)
-            if move is None:
-                continue
-            problem = move.problem
-            shown = move.labels == pair[1]
-            problem.check(shown)
-            box, solution = self.solved.get(
-                pair, (move.box, Solution(labels=shown, soft=shown.astype(np.float32)))
-            )
-            potential = shown.astype(np.float32)
-            common = box.shared(move.box)
+        move = self._labelling.swap(
+            self.label_map, pair, within=self._seam_box(pair), whole=True, beside=beside
+        )
+        if move is None:
+            raise ValueError(f"layers {pair[0]} and {pair[1]} have nothing in common")
+        problem = move.problem
+        shown = move.labels == pair[1]
+        problem.check(shown)
+        box, solution = self.solved.get(
+            pair, (move.box, Solution(labels=shown, soft=shown.astype(np.float32)))
+        )
+        potential = shown.astype(np.float32)
+        common = box.shared(move.box)
+        if all(common.shape):
             here = common.within(move.box)
             free = problem.overlap.side[here] == FREE
             potential[here][free] = np.asarray(solution.soft, np.float32)[common.within(box)][free]
-            found[pair] = Seam(
-                _shown=shown,
-                _potential=None if solution.contracted else potential,
-                only_b=self.label_map == pair[1],
-                cost=problem.cost(shown),
-                history=solution.history,
-                method="path" if pair in given else self.method,
-                termination=Termination.GIVEN if pair in given else solution.termination,
-                seconds=self.seconds.get(pair, 0.0),
-                settings={**settings, **self.settings},
-                problem=problem,
-            )
-        return found
+        label_map = self.label_map
+        return Seam(
+            _shown=shown,
+            _potential=None if solution.contracted else potential,
+            _only_b=lambda: dense(label_map) == pair[1],
+            cost=problem.cost(shown),
+            history=solution.history,
+            method="path" if pair in given else self.method,
+            termination=Termination.GIVEN if pair in given else solution.termination,
+            seconds=self.seconds.get(pair, 0.0),
+            settings={**settings, **self.settings},
+            problem=problem,
+        )
 
     def _seam_box(self, pair: Pair) -> Box | None:
         """On large overlaps, the box of the seam and some pixels around it."""

@@ -11,12 +11,14 @@ Integers near full scale in all channels are let off: scaled down, burnt-out whi
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.images import Image
+from toposeam.images import Image, Mask, Windows
 from toposeam.layers.layer import Box, Layer, check_layers, extent_of
 
 #: Shares of full scale between which a pixel tells the exposure.
@@ -43,17 +45,22 @@ def tone_gains(layers: Sequence[Layer], places: Sequence[Box]) -> npt.NDArray[np
     count = len(layers)
     channels = max(1 if layer.image.ndim == 2 else layer.image.shape[2] for layer in layers)
     logarithm = np.zeros((count, channels))
+    known = {
+        (i, j): _log_ratios(layers[i], places[i], layers[j], places[j], channels)
+        for i in range(count)
+        for j in range(i + 1, count)
+        if all(places[i].shared(places[j]).shape)
+    }
     for channel in range(channels):
         rows, values = [], []
-        for i in range(count):
-            for j in range(i + 1, count):
-                known = _log_ratio(layers[i], places[i], layers[j], places[j], channel)
-                if known is not None:
-                    row = np.zeros(count)
-                    row[i], row[j] = -1.0, 1.0
-                    weight = np.sqrt(known[1])
-                    rows.append(weight * row)
-                    values.append(weight * known[0])
+        for (i, j), ratios in known.items():
+            if (found := ratios[channel]) is not None:
+                ratio, pixels = found
+                row = np.zeros(count)
+                row[i], row[j] = -1.0, 1.0
+                weight = np.sqrt(pixels)
+                rows.append(weight * row)
+                values.append(weight * ratio)
         if rows:
             logarithm[:, channel] = np.linalg.lstsq(np.array(rows), np.array(values), rcond=None)[
                 0
@@ -88,35 +95,104 @@ def match_tones(layers: Sequence[Layer]) -> list[Layer]:
     canvas = extent_of(layers)
     gains = tone_gains(layers, [canvas.place(layer) for layer in layers])
     return [
-        dataclasses.replace(layer, image=_applied(layer, gain))
-        for layer, gain in zip(layers, gains, strict=True)
+        dataclasses.replace(layer, image=toned if isinstance(layer.image, Windows) else toned[:, :])
+        for layer, toned in ((layer, Toned(layer, gain)) for layer, gain in zip(layers, gains, strict=True))
     ]
 
 
-def _plane(image: Image, channel: int) -> Image:
-    if image.ndim == 2:
-        return image
-    return image[..., min(channel, image.shape[2] - 1)]
+class Toned(Windows):
+    """A layer's pixels times its gains, computed where they are looked at.
+
+    Integers are rounded, and what is burnt out in all channels stays white.
+    """
+
+    def __init__(self, layer: Layer, gain: npt.NDArray[np.float64]) -> None:
+        super().__init__(layer.image.shape, layer.image.dtype)
+        self._image, self._white = layer.image, layer.white
+        count = 1 if self.ndim == 2 else self.shape[2]
+        self._factor = (
+            gain.mean(keepdims=True) if count == 1 else gain[np.minimum(np.arange(count), len(gain) - 1)]
+        )
+        self._tables: npt.NDArray[Any] | None = None
+        if self.dtype in (np.uint8, np.uint16):
+            share = np.arange(np.iinfo(self.dtype).max + 1) / self._white
+            self._tables = self._whole(share[:, np.newaxis] * self._factor).T.copy()
+
+    def read(self, rows: slice, columns: slice) -> Image:
+        """Some rows and columns."""
+        image = self._image[rows, columns]
+        planes = image[..., np.newaxis] if self.ndim == 2 else image
+        result = np.empty(planes.shape, self.dtype)
+        for start in range(0, len(planes), _ROWS):
+            part = slice(start, start + _ROWS)
+            if self._tables is not None:
+                for channel, table in enumerate(self._tables):
+                    result[part, :, channel] = table.take(planes[part, :, channel])
+                self._keep_white(planes[part], result[part])
+            elif not np.issubdtype(self.dtype, np.integer):
+                result[part] = planes[part] * self._factor
+            else:
+                share = planes[part].astype(np.float64) / self._white
+                result[part] = self._whole(share * self._factor)
+                self._keep_white(planes[part], result[part])
+        return result.reshape(image.shape)
+
+    def _keep_white(self, planes: Image, result: Image) -> None:
+        if (self._factor >= 1).all():
+            return
+        darkest = functools.reduce(np.minimum, np.moveaxis(planes, 2, 0))
+        bright = darkest > WHITE * self._white
+        if not bright.any():
+            return
+        share = planes[bright].astype(np.float64) / self._white
+        burnt = np.clip((share.min(axis=1, keepdims=True) - WHITE) / (1 - WHITE), 0, 1)
+        burnt *= burnt * (3 - 2 * burnt)
+        result[bright] = self._whole(share * self._factor + np.maximum(0.0, 1 - self._factor) * burnt)
+
+    def _whole(self, share: npt.NDArray[np.float64]) -> Image:
+        limits = np.iinfo(self.dtype)
+        return np.clip(np.rint(share * self._white), limits.min, limits.max).astype(self.dtype)
 
 
-def _log_ratio(a: Layer, at_a: Box, b: Layer, at_b: Box, channel: int) -> tuple[float, int] | None:
-    """The median of log a - log b over the pixels of both, and how many there are."""
+def _log_ratios(a: Layer, at_a: Box, b: Layer, at_b: Box, channels: int) -> list[tuple[float, int] | None]:
+    """Per channel the median of log a - log b over the pixels of both, and how many there are."""
     common = at_a.shared(at_b)
-    if not all(common.shape):
-        return None
     step = max(1, int(np.sqrt(common.shape[0] * common.shape[1] / _SAMPLE)))
-    both = a.covered[common.within(at_a)][::step, ::step] & b.covered[common.within(at_b)][::step, ::step]
+    known: Mask = np.ones((1, 1), bool)
     values = []
     for layer, place in ((a, at_a), (b, at_b)):
-        part = _plane(layer.image, channel)[common.within(place)][::step, ::step] / layer.white
-        both &= (part > TELLING[0]) & (
-            part < (TELLING[1] if np.issubdtype(layer.image.dtype, np.integer) else np.inf)
+        inside = common.moved(-place.top, -place.left)
+        known = known & _covered(layer, inside, step)
+        values.append(_every(layer.image, inside, step) / layer.white)
+    found: list[tuple[float, int] | None] = []
+    for channel in range(channels):
+        both = known
+        planes = [part[..., min(channel, part.shape[2] - 1)] for part in values]
+        for plane in planes:
+            both = (
+                both
+                & (plane > TELLING[0])
+                & (plane < (TELLING[1] if np.issubdtype(a.image.dtype, np.integer) else np.inf))
+            )
+        number = int(np.count_nonzero(both))
+        ratio = (
+            None if number < _ENOUGH else float(np.median(np.log(planes[0][both]) - np.log(planes[1][both])))
         )
-        values.append(part)
-    number = int(np.count_nonzero(both))
-    if number < _ENOUGH:
-        return None
-    return float(np.median(np.log(values[0][both]) - np.log(values[1][both]))), number * step**2
+        found.append(None if ratio is None else (ratio, number * step**2))
+    return found
+
+
+def _every(image: Image, box: Box, step: int) -> Image:
+    """Every so many-th pixel of a window, (h, w, C)."""
+    part = image[box.top : box.bottom : step, box.left : box.right : step]
+    return part[..., np.newaxis] if part.ndim == 2 else part
+
+
+def _covered(layer: Layer, box: Box, step: int) -> Mask:
+    """Where every so many-th pixel of a window may show."""
+    key = slice(box.top, box.bottom, step), slice(box.left, box.right, step)
+    covered = np.ones((1, 1), bool) if layer.alpha is None else layer.alpha[key] > 0
+    return covered if layer.mask is None else covered & np.asarray(layer.mask)[key]
 
 
 def _headroom(layer: Layer, gain: npt.NDArray[np.float64]) -> float:
@@ -126,32 +202,13 @@ def _headroom(layer: Layer, gain: npt.NDArray[np.float64]) -> float:
     if not np.issubdtype(layer.image.dtype, np.integer):
         return np.inf
     room = np.inf
-    step = max(1, int(np.sqrt(layer.covered.size / _SAMPLE)))
-    covered = layer.covered[::step, ::step]
+    height, width = layer.image.shape[:2]
+    step = max(1, int(np.sqrt(height * width / _SAMPLE)))
+    image = _every(layer.image, Box(0, 0, height, width), step)
+    covered = np.broadcast_to(_covered(layer, Box(0, 0, height, width), step), image.shape[:2])
     for channel, factor in enumerate(gain):
-        values = _plane(layer.image, channel)[::step, ::step][covered] / layer.white
+        values = image[..., min(channel, image.shape[2] - 1)][covered] / layer.white
         values = values[(values > TELLING[0]) & (values < TELLING[1])]
         if len(values):
             room = min(room, 1.0 / (float(np.quantile(values, 0.999)) * factor))
     return room
-
-
-def _applied(layer: Layer, gain: npt.NDArray[np.float64]) -> Image:
-    """The image times its gains; integers are rounded, and what is burnt out in all channels stays white."""
-    image = layer.image
-    count = 1 if image.ndim == 2 else image.shape[2]
-    factor = np.asarray(gain.mean() if count == 1 else gain[np.minimum(np.arange(count), len(gain) - 1)])
-    result = np.empty_like(image)
-    for start in range(0, len(image), _ROWS):
-        rows = slice(start, start + _ROWS)
-        if not np.issubdtype(image.dtype, np.integer):
-            result[rows] = image[rows] * factor
-            continue
-        limits = np.iinfo(image.dtype)
-        share = image[rows].astype(np.float64) / layer.white
-        darkest = share if image.ndim == 2 else share.min(axis=2, keepdims=True)
-        burnt = np.clip((darkest - WHITE) / (1 - WHITE), 0, 1)
-        burnt *= burnt * (3 - 2 * burnt)
-        share = share * factor + np.maximum(0.0, 1 - factor) * burnt
-        result[rows] = np.clip(np.rint(share * layer.white), limits.min, limits.max)
-    return result

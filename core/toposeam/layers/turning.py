@@ -63,7 +63,7 @@ def placed(layer: Layer, *, at: tuple[float, float], turn: float = 0.0, scale: f
     base = inverse @ np.array([top - v, left - u])
     inside = _inside(inverse, base, shape, (height, width))
     dtype = layer.image.dtype
-    planes = layer.image.reshape(height, width, -1)
+    planes = np.asarray(layer.image).reshape(height, width, -1)
     image = np.zeros((*shape, planes.shape[2]), dtype)
     for channel in range(planes.shape[2]):
         values = _warped(planes[..., channel], inverse, base, shape, 3)
@@ -72,7 +72,9 @@ def placed(layer: Layer, *, at: tuple[float, float], turn: float = 0.0, scale: f
         image[..., channel] = np.where(inside, values, 0)
     opacity = inside.astype(np.float32)
     if layer.alpha is not None:
-        opacity *= np.clip(_warped(layer.alpha, inverse, base, shape, 1) / float(full_scale(dtype)), 0, 1)
+        opacity *= np.clip(
+            _warped(np.asarray(layer.alpha), inverse, base, shape, 1) / float(full_scale(dtype)), 0, 1
+        )
     full = float(full_scale(dtype))
     alpha = np.rint(opacity * full) if np.issubdtype(dtype, np.integer) else opacity * full
     mask, keep = (

@@ -7,8 +7,6 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
-from skimage.draw import line
-from skimage.morphology import disk
 
 from toposeam.checks import check_items
 from toposeam.display import to_rgba8
@@ -64,6 +62,8 @@ def draw_seams(image: npt.NDArray[Any], seams: Iterable[HasPaths]) -> npt.NDArra
 
 def _visit(visited: Mask, path: Polyline) -> None:
     """Mark the pixels whose upper left corners a line visits; on the lower and right border those before."""
+    from skimage.draw import line
+
     corners = np.minimum(np.floor(path.outline), np.array(visited.shape[::-1]) - 1).astype(int)
     for (x, y), (to_x, to_y) in zip(corners[:-1].tolist(), corners[1:].tolist(), strict=True):
         visited[line(y, x, to_y, to_x)] = True
@@ -73,6 +73,8 @@ def _stamp(
     drawn: npt.NDArray[np.uint8], row: Ints, column: Ints, radius: int, colour: npt.NDArray[np.uint8]
 ) -> None:
     """Colour every pixel within a radius of the given ones; seams are few pixels of a large picture."""
+    from skimage.morphology import disk
+
     height, width = drawn.shape[:2]
     for down, right in np.argwhere(disk(radius)) - radius:
         drawn[np.clip(row + down, 0, height - 1), np.clip(column + right, 0, width - 1)] = colour

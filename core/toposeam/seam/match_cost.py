@@ -120,6 +120,8 @@ def match_cost(
     down : (h - 1, w) float32 array
         Likewise for its lower neighbour; one such array for each of the `axes`, in their order.
     """
+    # One plane after the other is several times as fast as pixel by pixel.
+    a, b = (np.ascontiguousarray(np.moveaxis(one, -1, 0)) for one in (a, b))
     difference = np.where(overlap.shared, _norm(a - b), np.float32(0))
     return tuple(_along(axis, a, b, difference, overlap, on_a, on_b, options, weight) for axis in axes)
 
@@ -181,17 +183,19 @@ def _pair(axis: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
     return (*before, slice(None, -1)), (*before, slice(1, None))
 
 
-def _norm(values: Floats32) -> Floats32:
-    if values.shape[-1] == 1:
-        return np.abs(values[..., 0])
-    total = np.square(values[..., 0])
-    for channel in range(1, values.shape[-1]):
-        total += np.square(values[..., channel])
-    return np.sqrt(total, out=total)
+def _norm(planes: Floats32) -> Floats32:
+    if len(planes) == 1:
+        only: Floats32 = np.abs(planes[0])
+        return only
+    total: Floats32 = np.square(planes[0])
+    for plane in planes[1:]:
+        total += np.square(plane)
+    np.sqrt(total, out=total)
+    return total
 
 
-def _gradient(image: Floats32, present: Mask, axis: int) -> Floats32:
-    """|∂image/∂axis| by central differences; one-sided where the neighbour on one side is not present, 0
+def _gradient(planes: Floats32, present: Mask, axis: int) -> Floats32:
+    """|∂planes/∂axis| by central differences; one-sided where the neighbour on one side is not present, 0
     where both are not.
     """
     s, t = _pair(axis)
@@ -200,10 +204,11 @@ def _gradient(image: Floats32, present: Mask, axis: int) -> Floats32:
     count[s] += known
     count[t] += known
     squares = np.zeros(present.shape, np.float32)
-    for channel in range(image.shape[-1]):
-        plane = image[..., channel]
+    gap = None if known.all() else ~known
+    for plane in planes:
         step = plane[t] - plane[s]
-        step[~known] = 0
+        if gap is not None:
+            step[gap] = 0
         total = np.zeros(present.shape, np.float32)
         total[s] += step
         total[t] += step

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -52,8 +53,8 @@ class Seam:
     #: (h, w) float32 in [0, 1] on the problem's window, the label potential; None where heat is asked for it
     #: only when somebody wants it.
     _potential: npt.NDArray[np.float32] | None
-    #: (H, W) bool, what shows ``b`` outside of the overlap.
-    only_b: Mask
+    #: (H, W) bool, what shows ``b`` outside of the overlap, or what makes it.
+    _only_b: Mask | Callable[[], Mask]
     #: Σ M over the interfaces the seam cuts; comparable across methods for the same patches and cost options.
     cost: float
     #: A cost that no seam of this overlap can undercut, up to rounding; 0 where nothing is proven. Exact
@@ -91,6 +92,11 @@ class Seam:
         from toposeam.seam.drawing import draw_seams
 
         return to_png(draw_seams(0.15 + 0.7 * self.soft, [self]))
+
+    @property
+    def only_b(self) -> Mask:
+        """(H, W) bool, what shows ``b`` outside of the overlap."""
+        return self._only_b() if callable(self._only_b) else self._only_b
 
     @cached_property
     def labels(self) -> Mask:
@@ -310,7 +316,7 @@ def seam_of(
     return Seam(
         _shown=problem.complete(solution.labels).astype(bool, copy=False),
         _potential=None if solution.contracted else problem.complete(solution.soft),
-        only_b=only_b,
+        _only_b=only_b,
         cost=problem.cost(solution.labels),
         bound=solution.bound,
         method=method,

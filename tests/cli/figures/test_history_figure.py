@@ -63,3 +63,15 @@ def test_the_film_strip_stands_in_the_middle(shape):
     picture = Image.open(io.BytesIO(history_figure(found(shape), frames=3, curves=False)))
     inked = np.flatnonzero((np.asarray(picture.convert("RGB")).min(axis=2) < 250).any(axis=0))
     assert abs(int(inked[0]) - (picture.width - 1 - int(inked[-1]))) <= 2
+
+
+def test_a_shared_pixel_is_on_paper_with_the_corners_round_it():
+    frame = ts.Frame(
+        iteration=1, stage=1, right=np.zeros((4, 4), np.float32), down=np.zeros((3, 5), np.float32)
+    )
+    shared = np.zeros((4, 5), bool)
+    shared[1, 2] = True
+    tinted = (film_frame(frame, shared) != 255).any(axis=2)
+    expected = np.zeros((9, 11), bool)
+    expected[2:5, 4:7] = True
+    np.testing.assert_array_equal(tinted, expected)

@@ -250,6 +250,9 @@ def test_a_mask_is_white_from_half_of_full_scale_on_and_not_where_it_is_transpar
     assert read_white(path, (1, 4), "a.png", 100).tolist() == [[False, False, True, True]]
     write_picture(path, Picture(pixels=np.array([[32767, 32768]], np.uint16)), force=True)
     assert read_white(path, (1, 2), "a.png", 100).tolist() == [[False, True]]
+    floats = tmp_path / "mask.tif"
+    write_picture(floats, Picture(pixels=np.array([[0.49, 0.5]], np.float32)))
+    assert read_white(floats, (1, 2), "a.png", 100).tolist() == [[False, True]]
     # Colours count by the mean of their channels: 382 of 3 × 255 is less than half, 383 is more.
     colours = np.array([[[255, 127, 0], [255, 128, 0]]], np.uint8)
     write_picture(path, Picture(pixels=colours), force=True)

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy import ndimage
 from scipy.sparse.linalg import lsmr
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers import blend as blend_module
+from toposeam.layers import composition
 from toposeam.layers.gradient import correction
 from toposeam.layers.layer import Box
 from toposeam.layers.multiband import expand, reduce
@@ -101,7 +102,7 @@ def test_far_from_the_seam_every_pixel_is_its_layer_s(kind):
 def test_tiles_leave_no_trace(kind, monkeypatch):
     gains = ((1.1, 1.1, 1.1), (0.9, 0.9, 0.9), (1, 1, 1))
     whole = ts.stitch(crops(gains, dtype=np.float32), blend=kind, max_rounds=0).image
-    monkeypatch.setattr(blend_module, "_TILE", 64)
+    monkeypatch.setattr(composition, "BLOCK", 64)
     np.testing.assert_allclose(
         ts.stitch(crops(gains, dtype=np.float32), blend=kind, max_rounds=0).image, whole, rtol=0, atol=2e-6
     )
@@ -201,10 +202,19 @@ def test_gradient_is_the_least_squares_solution():
 
 def test_reduce_and_expand_keep_a_plane():
     rows, columns = np.mgrid[:32, :48].astype(np.float32)
-    plane = (rows + 2 * columns)[..., np.newaxis]
+    plane = (rows + 2 * columns)[np.newaxis]
     small = reduce(plane)
-    np.testing.assert_allclose(small[2:-2, 2:-2, 0], plane[::2, ::2, 0][2:-2, 2:-2], atol=1e-4)
-    np.testing.assert_allclose(expand(small)[6:-6, 6:-6], plane[6:-6, 6:-6], atol=1e-4)
+    np.testing.assert_allclose(small[0, 2:-2, 2:-2], plane[0, ::2, ::2][2:-2, 2:-2], atol=1e-4)
+    np.testing.assert_allclose(expand(small)[0, 6:-6, 6:-6], plane[0, 6:-6, 6:-6], atol=1e-4)
+
+
+def test_reduce_is_burt_and_adelson_s_kernel_at_every_other_pixel():
+    planes = np.random.default_rng(0).random((3, 16, 24)).astype(np.float32)
+    kernel = np.array([1, 4, 6, 4, 1]) / 16
+    smooth = ndimage.correlate1d(
+        ndimage.correlate1d(planes, kernel, axis=1, mode="nearest"), kernel, 2, mode="nearest"
+    )
+    np.testing.assert_allclose(reduce(planes), smooth[:, ::2, ::2], atol=1e-6)
 
 
 # Tones

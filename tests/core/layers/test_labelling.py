@@ -136,3 +136,10 @@ def test_reduced_first_ends_within_two_percent_of_all_at_once(seed, monkeypatch)
     quick = ts.stitch(layers).cost
     monkeypatch.setattr(rounds, "WHOLE_PIXELS", 10**9)
     assert quick <= 1.02 * ts.stitch(layers).cost
+
+
+def test_every_coarse_pixel_is_two_by_two_fine_ones_and_fewer_on_an_odd_border():
+    coarse = np.array([[1, 2, 3], [4, 5, 6]])
+    for shape in ((4, 6), (3, 5), (4, 5), (3, 6)):
+        fine = reduction._enlarged(coarse, Box(0, 0, *shape))
+        np.testing.assert_array_equal(fine, np.kron(coarse, np.ones((2, 2), int))[: shape[0], : shape[1]])

@@ -1,5 +1,7 @@
 """Many layers: total cost against α-expansion, and what holds of every labelling."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from alpha_expansion import Expansion
@@ -8,8 +10,9 @@ from hypothesis import strategies as st
 from skimage import data
 
 import toposeam as ts
+from toposeam.layers.layer import Box
 from toposeam.layers.posing import exclusive_covers, pose_labelling
-from toposeam.layers.rounds import _beside_steps, best_rounds
+from toposeam.layers.rounds import Rounds, _beside_steps, best_rounds
 
 PHOTOGRAPHS = (data.coffee(), data.chelsea(), data.astronaut(), data.rocket())
 
@@ -257,3 +260,15 @@ def test_rounds_divide_pairs_anew_and_keep_how_sure_they_were():
     assert 1 <= rounds <= 3
     assert moves.solved
     assert all(0 <= first < second < len(layers) for first, second in moves.solved)
+
+
+def test_where_three_layers_meet_is_solved_once_more_and_where_two_do_is_not():
+    labels = np.zeros((90, 120), np.int16)
+    labels[40:] = 1
+    two = SimpleNamespace(label_map=labels.copy())
+    assert Rounds._meetings(two) == []
+    labels[40:, 70:] = 2
+    three = SimpleNamespace(label_map=labels)
+    assert Rounds._meetings(three) == [Box(39, 69, 41, 71).grown(24)]
+    labels[:40] = -1  # nothing is no layer
+    assert Rounds._meetings(three) == []

@@ -6,6 +6,7 @@ import skimage.data
 from scipy import ndimage
 
 import toposeam as ts
+from toposeam.texture import offsets
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.homogeneity import is_texture
 from toposeam.texture.levelling import levelled, membrane
@@ -178,3 +179,40 @@ def test_what_would_be_ignored_is_refused(sample, options, text):
         ts.fill(image, hole, by="shifts", **options)
     with pytest.raises(ts.OptionError, match="by is 'magic'"):
         ts.fill(image, hole, by="magic")
+
+
+@pytest.mark.parametrize("shape", [(150, 70), (70, 150)])
+def test_a_hole_at_the_far_end_of_a_narrow_picture_finds_places_by_its_whole_ring(sample, shape, monkeypatch):
+    """The ring ends where the picture does, along each of its sides."""
+    image = sample(5, shape, channels=3) / np.float32(255)
+    hole = disc(shape, shape[0] - 20, shape[1] - 20, 8)
+    atlas = Atlas.of([~hole], 4)
+    asked = []
+    fit = offsets.PatchSearch.fit
+
+    def recorded(self, picture, weight, start, size):
+        asked.append((picture.shape[:2], size))
+        return fit(self, picture, weight, start, size)
+
+    monkeypatch.setattr(offsets.PatchSearch, "fit", recorded)
+    found = offsets._fitting(atlas, atlas.spread([image]), hole, hole)
+    # The hole is 17 px a side, and the ring round it 8 px wide.
+    assert asked[0] == ((33, 33), (33, 33))
+    assert all(picture == size for picture, size in asked)
+    assert len(found) > 8
+
+
+def test_large_pictures_are_halved_until_their_statistics_are_cheap(sample, monkeypatch):
+    factors = []
+    reduced = offsets.reduced
+
+    def recorded(picture, weight, factor):
+        factors.append(factor)
+        return reduced(picture, weight, factor)
+
+    monkeypatch.setattr(offsets, "reduced", recorded)
+    monkeypatch.setattr(offsets, "_PIXELS", 2000)
+    image = sample(6, (90, 100), channels=3) / np.float32(255)
+    hole = disc((90, 100), 45, 50, 8)
+    offsets._dominant(image, ~hole, hole, 4, np.random.default_rng(0))
+    assert factors == [4]  # 9000 / 4² is less than 2000, 9000 / 2² is not

@@ -1,0 +1,254 @@
+"""The command line of enblend, as Hugin and scripts write it: what it means here, and what means nothing."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import toposeam as ts
+
+#: What Hugin's preferences and scripts ask for the version.
+VERSION = "enblend 4.2 (TopoSeam)"
+
+#: Options that we have, by their short and long names: what one means that stands without a value, or None
+#: where it needs one.
+_OURS: dict[str, tuple[str, str | None]] = {
+    "o": ("output", None),
+    "f": ("frame", None),
+    "l": ("levels", None),
+    "w": ("wrap", "horizontal"),
+    "compression": ("compression", None),
+    "output": ("output", None),
+    "levels": ("levels", None),
+    "wrap": ("wrap", "horizontal"),
+    "save-masks": ("save-masks", "mask-%n.tif"),
+    "load-masks": ("load-masks", "mask-%n.tif"),
+}
+#: Options that change nothing that is seen.
+_QUIET_FLAGS = {"a", "x", "pre-assemble", "no-pre-assemble", "gpu", "no-gpu", "prefer-gpu"}
+_QUIET_OPTIONAL = {"v", "verbose"}
+_QUIET_VALUES = {"b", "m"}
+#: Options that do nothing here, of which the user is told.
+_LOUD_FLAGS = {"c", "g", "ciecam", "no-ciecam", "fine-mask", "optimize", "no-optimize"}
+_LOUD_OPTIONAL = {"coarse-mask", "visualize"}
+_LOUD_VALUES = {
+    "d",
+    "depth",
+    "blend-colorspace",
+    "fallback-profile",
+    "layer-selector",
+    "parameter",
+    "primary-seam-generator",
+    "image-difference",
+    "smooth-difference",
+    "optimizer-weights",
+    "mask-vectorize",
+    "anneal",
+    "dijkstra",
+}
+_FLAGS, _OPTIONAL = _QUIET_FLAGS | _LOUD_FLAGS, _QUIET_OPTIONAL | _LOUD_OPTIONAL
+_VALUES = _QUIET_VALUES | _LOUD_VALUES
+_FRAME = re.compile(r"(\d+)x(\d+)(?:([+-]\d+)([+-]\d+))?")
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """The part of the plane that the result shows, px."""
+
+    width: int
+    height: int
+    x: int = 0
+    y: int = 0
+
+
+def understood(words: Sequence[str]) -> tuple[list[str], list[str]]:
+    """The words of an enblend command line as those of ours, and the options that were left out and might be
+    missed.
+
+    Raises
+    ------
+    OptionError
+        For options that enblend does not have either.
+
+    Examples
+    --------
+    >>> understood(["-w", "-f8000x4000+0+0", "--compression=LZW", "-x", "-oout.tif", "a.tif"])
+    (['--wrap=horizontal', '--frame=8000x4000+0+0', '--compression=LZW', '--output=out.tif', 'a.tif'], [])
+    """
+    options, files, ignored = [], [], []
+    waiting = list(words)
+    while waiting:
+        word = waiting.pop(0)
+        if word == "--":
+            files += waiting
+            break
+        rest: str | None
+        if word.startswith("--"):
+            long, equals, after = word[2:].partition("=")
+            names, rest = [long], after if equals else None
+        elif word.startswith("-") and len(word) > 1:
+            names, rest = _bundle(word[1:])
+        else:
+            files.append(word)
+            continue
+        for name in names:
+            value = rest if name == names[-1] else None
+            if name in ("h", "help", "V", "version"):
+                options.append("--help" if name in ("h", "help") else "--version")
+            elif name == "z":
+                options.append("--compression=lzw")
+            elif name in _OURS:
+                ours, alone = _OURS[name]
+                if value is None:
+                    value = alone if alone is not None else _next(waiting, name)
+                options.append(f"--{ours}={value}")
+            elif name in _FLAGS | _OPTIONAL | _VALUES:
+                if name in _VALUES and value is None:
+                    _next(waiting, name)
+                if name in _LOUD_FLAGS | _LOUD_OPTIONAL | _LOUD_VALUES:
+                    ignored.append(f"--{name}" if len(name) > 1 else f"-{name}")
+            else:
+                raise ts.OptionError(f"'{word}' is no option of enblend; correct or remove it")
+    return [*options, *files], ignored
+
+
+def _bundle(letters: str) -> tuple[list[str], str | None]:
+    """The short options of one word, and the value of the last one, if that stands in it."""
+    names: list[str] = []
+    for index, letter in enumerate(letters):
+        names.append(letter)
+        rest = letters[index + 1 :]
+        needs = letter in _VALUES or (letter in _OURS and _OURS[letter][1] is None)
+        if rest and (needs or letter in _OPTIONAL or (letter == "w" and rest in _MODES)):
+            return names, rest
+        if needs:
+            return names, None
+    return names, None
+
+
+_MODES = ("none", "horizontal", "vertical", "both")
+
+
+def _next(waiting: list[str], name: str) -> str:
+    if not waiting:
+        raise ts.OptionError(f"-{'-' if len(name) > 1 else ''}{name} needs a value; add it, or leave it out")
+    return waiting.pop(0)
+
+
+def frame_of(text: str) -> Frame:
+    """The frame that ``-f`` means: ``8000x4000+120+40``.
+
+    Raises
+    ------
+    OptionError
+    """
+    found = _FRAME.fullmatch(text.replace("+-", "-"))
+    if found is None or int(found[1]) == 0 or int(found[2]) == 0:
+        raise ts.OptionError(f"-f is {text!r}; write it like 8000x4000+0+0: width, height and offsets")
+    return Frame(*(int(part or 0) for part in found.groups()))
+
+
+def blend_width(levels: str) -> float | None:
+    """Over how many px so many levels blend; None for the default."""
+    if levels.lower() in ("auto", "automatic"):
+        return None
+    try:
+        number = int(levels)
+    except ValueError:
+        number = 0
+    if not -29 <= number <= 29 or number == 0:
+        raise ts.OptionError(f"-l is {levels!r}; give 1 to 29 levels, or auto")
+    return None if number < 0 else float(min(2**number, 512))
+
+
+def wrap_of(mode: str) -> bool:
+    """Whether the canvas goes round.
+
+    Raises
+    ------
+    OptionError
+    """
+    if mode.lower() not in _MODES[:2]:
+        if mode.lower() in _MODES:
+            raise ts.OptionError(
+                f"--wrap={mode} goes round upwards, which TopoSeam does not; use --wrap=horizontal"
+            )
+        raise ts.OptionError(f"--wrap is {mode!r}; choose {', '.join(_MODES)}")
+    return mode.lower() == "horizontal"
+
+
+def compression_of(text: str) -> tuple[str, int | None]:
+    """Our compression of TIFF and quality of JPEG for what enblend calls so.
+
+    Raises
+    ------
+    OptionError
+    """
+    name, _, level = text.lower().partition(":")
+    if name in ("none", "lzw", "deflate"):
+        return name, None
+    number = level if name.startswith("jpeg") else name
+    if name in ("packbits", "jpeg", "jpeg-arith") and not level:
+        return "lzw", None
+    if number.isdecimal() and int(number) <= 100:
+        return "lzw", max(1, int(number))
+    raise ts.OptionError(f"--compression is {text!r}; choose none, lzw, deflate, or 0 to 100 for JPEG")
+
+
+def files_of(words: Sequence[str]) -> list[Path]:
+    """The files that are meant: ``@list`` stands for those a text file names, one a line, which may have
+    patterns, and lies in their folder.
+
+    Raises
+    ------
+    OptionError
+    """
+    files: list[Path] = []
+    for word in words:
+        if not word.startswith("@"):
+            files.append(Path(word))
+            continue
+        path = Path(word[1:])
+        try:
+            lines = path.read_text(encoding="utf-8").splitlines()
+        except (OSError, UnicodeError) as error:
+            raise ts.OptionError(f"cannot read '{path}' ({error}); check its name") from error
+        for line in lines:
+            name = line.partition("#")[0].strip()
+            if not name:
+                continue
+            found = sorted(path.parent.glob(name)) if re.search(r"[*?\[]", name) else [path.parent / name]
+            if not found:
+                raise ts.OptionError(f"'{path}' names '{name}', and there is no such file; correct it")
+            files += found
+    return files
+
+
+def mask_name(template: str, index: int, source: Path, output: Path) -> Path:
+    """The name of a mask: ``%n`` is the picture's number from 1, ``%i`` from 0, ``%p %d %b %f %e`` are path,
+    folder, stem, name and extension of the picture, and in capitals of the output.
+
+    Raises
+    ------
+    OptionError
+    """
+
+    def part(found: re.Match[str]) -> str:
+        letter = found[1]
+        if letter in "%ni":
+            return {"%": "%", "n": str(index + 1), "i": str(index)}[letter]
+        path = source if letter.islower() else output
+        parts = {
+            "p": str(path.with_suffix("")),
+            "d": str(path.parent),
+            "b": path.stem,
+            "f": path.name,
+            "e": path.suffix,
+        }
+        if letter.lower() not in parts:
+            raise ts.OptionError(f"the masks' name has %{letter}; use %n, %i, %p, %d, %b, %f or %e")
+        return parts[letter.lower()]
+
+    return Path(re.sub(r"%(.)", part, template))

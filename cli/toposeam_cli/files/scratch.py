@@ -1,0 +1,51 @@
+"""Files of raw pixels beside the output, for what does not fit into memory; none outlives its command."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+from toposeam_cli.files.temporary import claimed, remove, temporary_beside, tidy_once
+from toposeam_cli.files.writing import OutputError, reason
+
+
+class Scratch:
+    """A folder for temporary files; those a killed command left are removed by the next one."""
+
+    def __init__(self, folder: Path, open_files: ExitStack) -> None:
+        self._folder, self._open = folder, open_files
+
+    def new(self) -> Path:
+        """An empty file.
+
+        Raises
+        ------
+        OutputError
+        """
+        path = temporary_beside(self._folder / "scratch")
+        with self.failures_told():
+            tidy_once(self._folder)
+            self._open.callback(remove, path)
+            self._open.enter_context(claimed(path))
+        return path
+
+    @contextmanager
+    def failures_told(self) -> Iterator[None]:
+        """What the system says of a failure to write, as one sentence."""
+        try:
+            yield
+        except OutputError:
+            raise
+        except OSError as error:
+            raise OutputError(
+                f"cannot keep pixels in '{self._folder}' ({reason(error)}); free some space or choose "
+                "another folder for the output"
+            ) from error
+
+
+@contextmanager
+def scratch(folder: Path) -> Iterator[Scratch]:
+    """A folder for temporary files, which are gone after the block."""
+    with ExitStack() as open_files:
+        yield Scratch(folder.resolve(), open_files)

@@ -1,0 +1,238 @@
+"""Composites larger than memory: made window by window, kept in a file of raw values, written by libvips."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import numpy.typing as npt
+
+import toposeam as ts
+from toposeam.images import full_scale
+from toposeam.layers.composite import seams_svg
+from toposeam.layers.composition import Outline
+from toposeam.layers.cropping import largest_full
+from toposeam.layers.layer import Box
+from toposeam.layers.maps import BLOCK, new_map
+from toposeam_cli.composing import Outputs, write_composite
+from toposeam_cli.files.scratch import Scratch
+from toposeam_cli.files.writing import all_or_nothing, atomic_write
+from toposeam_cli.pictures.background import colour_of, on_background
+from toposeam_cli.pictures.picture import Picture, write_picture
+from toposeam_cli.pictures.raw import Stored
+from toposeam_cli.placing import Arrangement
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Large:
+    """A composite in files, and what is told of it."""
+
+    picture: Picture
+    labels: Picture | None
+    overlay: Picture | None
+    seams: tuple[Outline, ...]
+    #: Pixels that each layer shows.
+    shown: tuple[int, ...]
+    #: Where the picture begins that was cropped.
+    at: tuple[int, int] | None
+
+
+class Framed:
+    """The part of a composition's plane that a frame shows, from 0,0 on; beyond the layers it is empty."""
+
+    def __init__(self, composed: ts.Composition, width: int, height: int) -> None:
+        self._composed, self.shape = composed, (height, width)
+        self.layers, self.names, self.rounds = composed.layers, composed.names, composed.rounds
+
+    def window(self, rows: slice, columns: slice) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+        """The picture and its opacity."""
+        here, there = self._common(rows, columns)
+        part, opacity = self._composed.window(*there.slices)
+        size = rows.stop - rows.start, columns.stop - columns.start
+        image, alpha = np.zeros((*size, *part.shape[2:]), part.dtype), np.zeros(size, part.dtype)
+        image[here.slices], alpha[here.slices] = part, opacity
+        return image, alpha
+
+    def labels(self, rows: slice, columns: slice) -> npt.NDArray[np.int16]:
+        """Which layer shows."""
+        here, there = self._common(rows, columns)
+        result = np.full((rows.stop - rows.start, columns.stop - columns.start), -1, np.int16)
+        result[here.slices] = self._composed.labels(*there.slices)
+        return result
+
+    def outlines(self) -> Iterator[Outline]:
+        """Nobody asks for them here."""
+        return iter(())
+
+    def _common(self, rows: slice, columns: slice) -> tuple[Box, Box]:
+        """What a window and the composition have in common, in the window and in the composition."""
+        x, y = self._composed.origin
+        window = Box(rows.start, columns.start, rows.stop, columns.stop)
+        inside = window.moved(-y, -x).shared(Box(0, 0, *self._composed.shape))
+        if not all(inside.shape):
+            return Box(0, 0, 0, 0), Box(0, 0, 0, 0)
+        return inside.moved(y - window.top, x - window.left), inside
+
+
+def make(
+    composed: ts.Composition | Framed,
+    job: Arrangement,
+    out: Outputs,
+    crop: str,
+    scratch: Scratch,
+    progress: Callable[[float], None] | None = None,
+) -> Large:
+    """Compute a composite into files.
+
+    Raises
+    ------
+    ImageError
+        When it cannot be cropped.
+    OutputError
+        When the disk is full.
+    """
+    height, width = composed.shape
+    seams = tuple(composed.outlines())
+    marks = _marks(seams, composed.shape) if out.overlay is not None else None
+    dtype = composed.layers[0].image.dtype
+    opaque = new_map((height, width), False, bool)
+    grays = np.append(np.rint(np.linspace(0, 255, len(composed.names))).astype(np.uint8), np.uint8(0))
+    shown = np.zeros(len(composed.names) + 1, np.int64)
+    files = scratch.new(), scratch.new(), scratch.new()
+    bands = 1
+    with (
+        scratch.failures_told(),
+        files[0].open("r+b") as colours,
+        files[1].open("r+b") as labels,
+        files[2].open("r+b") as drawn,
+    ):
+        for top in range(0, height, BLOCK):
+            rows = slice(top, min(top + BLOCK, height))
+            image, alpha = composed.window(rows, slice(0, width))
+            if out.background is not None:
+                image = on_background(image, alpha, colour_of(out.background))
+                alpha[:] = full_scale(dtype)
+            opaque[rows, slice(0, width)] = alpha >= full_scale(dtype)
+            planes = np.atleast_3d(image) if image.ndim == 3 else image[..., np.newaxis]
+            bands = planes.shape[2]
+            colours.write(np.concatenate([planes, alpha[..., np.newaxis]], axis=2).tobytes())
+            shows = composed.labels(rows, slice(0, width))
+            shown += np.bincount(shows.ravel() + 1, minlength=len(shown))
+            if out.labels is not None:
+                labels.write(grays[shows].tobytes())
+            if marks is not None:
+                drawn.write(_drawn(planes, marks[rows, slice(0, width)]).tobytes())
+            if progress is not None:
+                progress(0.5 + 0.5 * rows.stop / height)
+    box = Box(0, 0, height, width)
+    if crop == "inside":
+        found = largest_full(opaque)
+        if found is None:
+            raise ts.ImageError(f"'{out.output}' cannot be cropped: no pixel is opaque; use .png or .tif")
+        box = found
+    full = _is_full(opaque, box)
+    pixels = Stored(files[0], (height, width, bands + 1), dtype, (0, bands), box)
+    alpha_file = (
+        None if full else Stored(files[0], (height, width, bands + 1), dtype, (bands, bands + 1), box)
+    )
+    picture = dataclasses.replace(
+        job.pictures[0],
+        pixels=cast(np.ndarray, pixels),
+        alpha=cast("np.ndarray | None", alpha_file),
+    )
+    return Large(
+        picture=picture,
+        labels=None if out.labels is None else _byte_picture(files[1], (height, width, 1), box),
+        overlay=None if marks is None else _byte_picture(files[2], (height, width, 3), box),
+        seams=seams,
+        shown=tuple(shown[1:].tolist()),
+        at=None if box == (0, 0, height, width) else (box.left, box.top),
+    )
+
+
+def write_large(
+    out: Outputs, composed: ts.Composition | Framed, large: Large, documents: Sequence[tuple[Path, bytes]]
+) -> None:
+    """Write all outputs, or none."""
+    with all_or_nothing():
+        for path, document in documents:
+            atomic_write(path, document, out.force)
+        for target, picture in ((out.labels, large.labels), (out.overlay, large.overlay)):
+            if target is not None and picture is not None:
+                write_picture(target, picture, out.force)
+        if out.seam is not None:
+            between = [(seam.pair, seam) for seam in large.seams]
+            text = seams_svg(between, composed.names, composed.shape, composed.rounds)
+            atomic_write(out.seam, text, out.force)
+        write_composite(out, large.picture)
+
+
+def describe_large(composed: ts.Composition, large: Large) -> str:
+    """One line about the seams for people."""
+    length, seconds = (sum(getattr(seam, what) for seam in large.seams) for what in ("length", "seconds"))
+    cost = sum(seam.cost for seam in large.seams)
+    return (
+        f"{len(composed.names)} layers, {len(large.seams)} seams of {round(length)} px in all, "
+        f"{composed.rounds} round{'s' if composed.rounds != 1 else ''}, cost {cost:.4g}, {seconds:.2f} s"
+    )
+
+
+def summary_of_large(composed: ts.Composition, large: Large) -> dict[str, Any]:
+    """What ``--json`` prints; without optima, which take longer than the seams."""
+    layers = [
+        {"name": layer.name, "at": list(layer.at), "shown_px": shown}
+        for layer, shown in zip(composed.layers, large.shown, strict=True)
+    ]
+    seams = [
+        {
+            "between": [composed.names[index] for index in seam.pair],
+            "method": seam.method,
+            "cost": seam.cost,
+            "iterations": seam.iterations,
+            "termination": str(seam.termination),
+            "paths": len(seam.paths),
+            "length_px": round(seam.length),
+            "seconds": round(seam.seconds, 6),
+        }
+        for seam in large.seams
+    ]
+    cost = sum(seam.cost for seam in large.seams)
+    return {"cost": cost, "rounds": composed.rounds, "layers": layers, "seams": seams}
+
+
+def _byte_picture(path: Path, shape: tuple[int, int, int], box: Box) -> Picture:
+    return Picture(pixels=cast(np.ndarray, Stored(path, shape, np.dtype(np.uint8), (0, shape[2]), box)))
+
+
+def _is_full(mask: npt.NDArray[np.bool_], box: Box) -> bool:
+    return all(
+        bool(mask[top : min(top + BLOCK, box.bottom), box.left : box.right].all())
+        for top in range(box.top, box.bottom, BLOCK)
+    )
+
+
+def _marks(seams: Sequence[Outline], shape: tuple[int, int]) -> npt.NDArray[np.uint8]:
+    """(H, W) map: 2 on seams, 1 beside them."""
+    height, width = shape
+    radius = max(1, round(min(shape) / 500))
+    marks = new_map(shape, 0, np.uint8)
+    for value, reach in ((1, 2 * radius), (2, radius)):
+        for seam in seams:
+            for path in seam.paths:
+                for x, y in np.floor(path.outline).astype(int).tolist():
+                    rows = slice(max(y - reach, 0), min(y + reach + 1, height))
+                    columns = slice(max(x - reach, 0), min(x + reach + 1, width))
+                    marks[rows, columns] = value
+    return marks
+
+
+def _drawn(planes: npt.NDArray[Any], marks: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    """(h, w, 3): the picture with its seams in red on white."""
+    share = planes / float(full_scale(planes.dtype)) * 255
+    drawn = np.repeat(share, 3 // planes.shape[2], axis=2).clip(0, 255).astype(np.uint8)
+    drawn[marks == 1], drawn[marks == 2] = 255, (230, 30, 40)
+    return drawn

@@ -1,0 +1,174 @@
+"""Placed layers, and which of them shows where: a composite before it is a picture.
+
+The picture is made window by window, and nothing as large as the canvas is held but the label map
+(:mod:`toposeam.layers.maps`): layers, too, are read where they are looked at (:class:`toposeam.Windows`), and
+seams are made one after another. :func:`toposeam.stitch` is the same for pictures that fit into memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from toposeam.images import Image
+from toposeam.layers.blend import Blend, Blender, Placed
+from toposeam.layers.labelling import Pair
+from toposeam.layers.layer import Box, Extent, Layer
+from toposeam.layers.maps import BLOCK, blocks
+from toposeam.layers.painting import LabelMap, paint
+from toposeam.optimize.history import Termination
+from toposeam.seam.seam import Seam
+from toposeam.vector.polyline import Polyline
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Outline:
+    """What a seam looks like and how it was found."""
+
+    pair: Pair
+    paths: tuple[Polyline, ...]
+    cost: float
+    method: str
+    termination: Termination
+    iterations: int
+    seconds: float
+    settings: Mapping[str, Any]
+
+    @property
+    def length(self) -> float:
+        """Length of all its lines, px."""
+        return sum(line.length for line in self.paths)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Composition:
+    """Which layer shows where, and the picture of that by windows.
+
+    Examples
+    --------
+    >>> import numpy as np, toposeam as ts
+    >>> a, b = np.random.default_rng(0).random((2, 30, 40))
+    >>> composed = ts.compose(ts.overlapping(a, b, overlap=10))
+    >>> composed.shape, composed.pairs
+    ((30, 70), ((0, 1),))
+    >>> image, alpha = composed.window(slice(0, 8), slice(60, 70))
+    >>> bool((image == b[:8, 30:]).all()), alpha.min()
+    (True, np.float64(1.0))
+    """
+
+    #: The layers as they show, after their tones were matched.
+    layers: Sequence[Layer]
+    #: Where the canvas lies, and its size.
+    canvas: Extent
+    #: Swap rounds that were made, 0 for two layers.
+    rounds: int
+    #: Which two layers each seam divides, by number.
+    pairs: tuple[Pair, ...]
+    _placed: Placed
+    _channels: int | None
+    _blend: Blend
+    _blend_width: float | None
+    _seam: Callable[[Pair, bool], Seam]
+    #: Where the canvas begins on what `_placed` holds, which goes on beyond it where it goes round.
+    _begin: int = 0
+
+    def __repr__(self) -> str:
+        height, width = self.shape
+        return f"Composition({len(self.layers)} layers, {width} × {height} px, {len(self.pairs)} seams)"
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width of the canvas, px."""
+        return self.canvas.shape
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The layers' names."""
+        return tuple(layer.name for layer in self.layers)
+
+    @property
+    def origin(self) -> tuple[int, int]:
+        """(x, y) of the canvas's upper left pixel in the layers' coordinates."""
+        return self.canvas.origin
+
+    def labels(self, rows: slice, columns: slice) -> LabelMap:
+        """(h, w) int16, the number of the layer that shows in a window of the canvas; -1 where none does."""
+        bounds = (part.indices(side)[:2] for part, side in zip((rows, columns), self.shape, strict=True))
+        (top, bottom), (left, right) = bounds
+        return self._placed.label_map[top:bottom, left + self._begin : right + self._begin].copy()
+
+    def window(self, rows: slice, columns: slice) -> tuple[Image, Image]:
+        """The picture in a window of the canvas, (h, w[, C]), and its opacity, (h, w), in the layers' dtype;
+        0 where no layer has pixels.
+
+        Windows whose edges are multiples of 1024 px cost the least. The blend "gradient" knows no windows:
+        the first one computes the whole picture.
+        """
+        (top, bottom), (left, right) = (
+            part.indices(side)[:2] for part, side in zip((rows, columns), self.shape, strict=True)
+        )
+        box = Box(top, left, max(top, bottom), max(left, right))
+        if self._blend == "gradient":
+            image, alpha = self._spread
+            return image[box.slices].copy(), alpha[box.slices].copy()
+        image, alpha = self._empty(box)
+        canvas = self.canvas.box
+        for row in range(top - top % BLOCK, bottom, BLOCK):
+            for column in range(left - left % BLOCK, right, BLOCK):
+                tile = Box(row, column, row + BLOCK, column + BLOCK).shared(canvas)
+                common = tile.shared(box)
+                part, opacity = self._tile(tile)
+                image[common.within(box)] = part[common.within(tile)]
+                alpha[common.within(box)] = opacity[common.within(tile)]
+        return image, alpha
+
+    def seams(self) -> Iterator[tuple[Pair, Seam]]:
+        """The seams with their pairs of layers, each made when its turn comes."""
+        for pair in self.pairs:
+            yield pair, self._seam(pair, False)
+
+    def outlines(self) -> Iterator[Outline]:
+        """The seams without the problems they solve, which may be larger than memory."""
+        for pair in self.pairs:
+            seam = self._seam(pair, True)
+            yield Outline(
+                pair=pair,
+                paths=tuple(seam.paths),
+                cost=seam.cost,
+                method=seam.method,
+                termination=seam.termination,
+                iterations=len(seam.history),
+                seconds=seam.seconds,
+                settings=seam.settings,
+            )
+
+    def _empty(self, box: Box) -> tuple[Image, Image]:
+        dtype = self.layers[0].image.dtype
+        shape = box.shape if self._channels is None else (*box.shape, self._channels)
+        return np.zeros(shape, dtype), np.zeros(box.shape, dtype)
+
+    def _tile(self, tile: Box) -> tuple[Image, Image]:
+        placed, tile = self._placed, tile.moved(0, self._begin)
+        shows = placed.label_map[tile.slices]
+        image, alpha = paint(placed.layers, placed.places, shows, tile, self._channels)
+        self._blender.blend(tile, image, alpha)
+        return image, alpha
+
+    @cached_property
+    def _blender(self) -> Blender:
+        return Blender(self._placed, self.seams, self._blend, self._blend_width)
+
+    @cached_property
+    def _spread(self) -> tuple[Image, Image]:
+        box = self.canvas.box
+        image, alpha = self._empty(box)
+        for tile in blocks(box):
+            image[tile.slices], alpha[tile.slices] = paint(
+                self.layers, self._placed.places, self._placed.label_map[tile.slices], tile, self._channels
+            )
+        self._blender.spread(image)
+        return image, alpha

@@ -1,0 +1,211 @@
+"""Labels and masks of a canvas that may be larger than memory.
+
+A label map of a gigapixel shows one layer nearly everywhere. :class:`TileMap` keeps one value for each tile
+that is all alike, and pixels only for the others, those along the seams and the layers' edges. It reads and
+writes like an array, by rows and columns, so that small canvases simply use arrays (:func:`new_map`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.images import Mask
+from toposeam.layers.layer import Box, Layer, cut
+
+#: Canvases and layers of up to so many pixels have arrays.
+DENSE_PIXELS = 1 << 22
+#: Side of the tiles, px, and of the blocks in which whole canvases are gone through.
+TILE, BLOCK = 128, 1024
+
+Windows2 = tuple[slice, slice]
+
+
+class TileMap:
+    """An (H, W) array of which most tiles hold one value.
+
+    Parameters
+    ----------
+    shape : (int, int)
+    fill : int or bool
+    dtype : dtype
+
+    Examples
+    --------
+    >>> labels = TileMap((5000, 7000), -1, np.int16)
+    >>> labels[100:4000, 200:6000] = 3
+    >>> labels[99:102, 198:202].tolist()
+    [[-1, -1, -1, -1], [-1, -1, 3, 3], [-1, -1, 3, 3]]
+    >>> labels.nbytes < 5000 * 7000 // 8
+    True
+    """
+
+    def __init__(self, shape: tuple[int, int], fill: Any, dtype: npt.DTypeLike) -> None:
+        self.shape, self.dtype, self.ndim = shape, np.dtype(dtype), 2
+        self._values = np.full(tuple(-(-side // TILE) for side in shape), fill, self.dtype)
+        self._tiles: dict[tuple[int, int], npt.NDArray[Any]] = {}
+
+    @property
+    def nbytes(self) -> int:
+        """Of what is kept."""
+        return self._values.nbytes + sum(tile.nbytes for tile in self._tiles.values())
+
+    def __getitem__(self, key: Windows2) -> npt.NDArray[Any]:
+        rows, columns = self._bounds(key)
+        result = np.empty((len(rows), len(columns)), self.dtype)
+        value = self._alike(rows, columns)
+        if value is not None:
+            result[:] = value
+            return result
+        for at, inside, here in self._parts(rows, columns):
+            tile = self._tiles.get(at)
+            result[here] = self._values[at] if tile is None else tile[inside]
+        return result
+
+    def __setitem__(self, key: Windows2, values: Any) -> None:
+        rows, columns = self._bounds(key)
+        given = np.broadcast_to(np.asarray(values, self.dtype), (len(rows), len(columns)))
+        for at, inside, here in self._parts(rows, columns):
+            part = given[here]
+            size = self._size(at)
+            if part.shape == size:
+                self._put(at, part.copy() if part.strides != (0, 0) else part)
+                continue
+            tile = self._tiles.get(at)
+            if tile is None:
+                if (part == self._values[at]).all():
+                    continue
+                tile = np.full(size, self._values[at])
+            tile[inside] = part
+            self._put(at, tile)
+
+    def uniform(self, box: Box) -> Any:
+        """The one value of all tiles that a box lies on, None where they hold several."""
+        common = box.shared(Box(0, 0, *self.shape))
+        if not all(common.shape):
+            return None
+        return self._alike(range(common.top, common.bottom), range(common.left, common.right))
+
+    def _alike(self, rows: range, columns: range) -> Any:
+        if not len(rows) or not len(columns):
+            return None
+        first, last = rows[0] // TILE, rows[-1] // TILE + 1
+        left, right = columns[0] // TILE, columns[-1] // TILE + 1
+        values = self._values[first:last, left:right]
+        if self._tiles and any((r, c) in self._tiles for r in range(first, last) for c in range(left, right)):
+            return None
+        value = values.flat[0]
+        return value if (values == value).all() else None
+
+    def _bounds(self, key: Windows2) -> tuple[range, range]:
+        rows, columns = (range(*part.indices(side)) for part, side in zip(key, self.shape, strict=True))
+        return rows, columns
+
+    def _size(self, at: tuple[int, int]) -> tuple[int, int]:
+        height, width = (min(TILE, side - TILE * k) for side, k in zip(self.shape, at, strict=True))
+        return height, width
+
+    @staticmethod
+    def _parts(rows: range, columns: range) -> Iterator[tuple[tuple[int, int], Windows2, Windows2]]:
+        """The tiles a window lies on, and which part of each is which part of the window."""
+        for r in range(rows.start // TILE, -(-rows.stop // TILE) if len(rows) else 0):
+            top, bottom = max(rows.start, r * TILE), min(rows.stop, (r + 1) * TILE)
+            for c in range(columns.start // TILE, -(-columns.stop // TILE) if len(columns) else 0):
+                left, right = max(columns.start, c * TILE), min(columns.stop, (c + 1) * TILE)
+                inside = slice(top - r * TILE, bottom - r * TILE), slice(left - c * TILE, right - c * TILE)
+                here = (
+                    slice(top - rows.start, bottom - rows.start),
+                    slice(left - columns.start, right - columns.start),
+                )
+                yield (r, c), inside, here
+
+    def _put(self, at: tuple[int, int], tile: npt.NDArray[Any]) -> None:
+        value = tile.flat[0]
+        if (tile == value).all():
+            self._values[at] = value
+            self._tiles.pop(at, None)
+        else:
+            self._tiles[at] = tile
+
+
+def new_map(shape: tuple[int, int], fill: Any, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+    """An (H, W) array of one value to be written to, or what reads and writes like one."""
+    if shape[0] * shape[1] <= DENSE_PIXELS:
+        return np.full(shape, fill, dtype)
+    return cast("npt.NDArray[Any]", TileMap(shape, fill, dtype))
+
+
+def made_map(shape: tuple[int, int], dtype: npt.DTypeLike, values: Callable[[Box], Any]) -> npt.NDArray[Any]:
+    """An (H, W) map, computed block by block; `values` gives an array or one value for a box of it."""
+    result = new_map(shape, 0, dtype)
+    for box in blocks(Box(0, 0, *shape)):
+        result[box.slices] = values(box)
+    return result
+
+
+def uniform(values: Any, box: Box) -> Any:
+    """The one value of a map in a box where that is known without looking at pixels, else None."""
+    if isinstance(values, TileMap):
+        return values.uniform(box)
+    if isinstance(values, np.ndarray) and values.size and not any(values.strides):
+        return values.flat[0]
+    return None
+
+
+def dense(values: Any) -> npt.NDArray[Any]:
+    """The map as an array."""
+    return values[:, :] if isinstance(values, TileMap) else np.asarray(values)
+
+
+def blocks(box: Box, side: int = BLOCK, overlap: int = 0) -> Iterator[Box]:
+    """The blocks of a box, row by row; all but the last ones reach over the next ones by some pixels."""
+    for top in range(box.top, box.bottom, side):
+        for left in range(box.left, box.right, side):
+            yield Box(top, left, top + side + overlap, left + side + overlap).shared(box)
+
+
+def several(label_map: Any, box: Box, overlap: int = 1, side: int = BLOCK) -> Iterator[Box]:
+    """The blocks of a box in which a map has more than one value, with so many px of the next ones."""
+    for block in blocks(box, side, overlap):
+        if uniform(label_map, block) is None:
+            yield block
+
+
+def cover_of(layer: Layer) -> Mask:
+    """(h, w) bool map, where a layer has pixels that may show."""
+    height, width = layer.image.shape[:2]
+    if layer.alpha is None and layer.mask is None:
+        return np.broadcast_to(np.True_, (height, width))
+    if height * width <= DENSE_PIXELS:
+        return layer.covered
+
+    def values(box: Box) -> Mask:
+        opaque = np.ones(box.shape, bool) if layer.alpha is None else layer.alpha[box.slices] > 0
+        return opaque if layer.mask is None else opaque & np.asarray(layer.mask[box.slices])  # type: ignore[index]
+
+    return made_map((height, width), bool, values)
+
+
+def all_of(mask: Mask) -> bool:
+    """Whether a map is True everywhere."""
+    box = Box(0, 0, *mask.shape)
+    return all(bool(uniform(mask, block)) or bool(mask[block.slices].all()) for block in blocks(box))
+
+
+def any_of(mask: Mask) -> bool:
+    """Whether a map is True somewhere."""
+    box = Box(0, 0, *mask.shape)
+    return any(uniform(mask, block) is not False and bool(mask[block.slices].any()) for block in blocks(box))
+
+
+def ground(places: Sequence[Box], covers: Sequence[Mask], box: Box) -> Mask:
+    """(h, w) bool: where any layer has pixels in a box of the canvas."""
+    result = np.zeros(box.shape, bool)
+    for place, cover in zip(places, covers, strict=True):
+        common = place.shared(box)
+        if all(common.shape):
+            result[common.within(box)] |= cut(cover, place, common)
+    return result

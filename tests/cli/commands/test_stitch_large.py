@@ -1,0 +1,168 @@
+"""Pictures that wait in files, and results made window by window: the same as in memory."""
+
+import errno
+import json
+import os
+
+import numpy as np
+import pytest
+import pyvips
+from three_pictures import AT, FILES, crop
+
+import toposeam as ts
+from stitching import PROFILE, names
+from toposeam.layers import composition, maps, posing, rounds
+from toposeam_cli import large, placing
+from toposeam_cli.files import scratch
+from toposeam_cli.files.temporary import remove_stale
+from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+
+
+@pytest.fixture
+def stored(monkeypatch):
+    """Every picture waits in a file, and every canvas is one of tiles."""
+    monkeypatch.setattr(placing, "STORED_PIXELS", 0)
+    for module, name, value in (
+        (maps, "DENSE_PIXELS", 0),
+        (maps, "TILE", 16),
+        (composition, "BLOCK", 64),
+        (large, "BLOCK", 32),
+        (posing, "KEPT_PIXELS", 500),
+        (rounds, "KEPT_CANVAS", 0),
+    ):
+        monkeypatch.setattr(module, name, value)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        "out.tif",
+        "out.png --match-tones --blend multiband",
+        "out.tif --blend feather --compression lzw",
+        "out.jpg",
+        "out.jpg --background #336699 --quality 80",
+        "out.tif --crop inside",
+        "out.webp --blend soft",
+    ],
+)
+def test_what_is_written_is_what_it_is_in_memory(three, toposeam, options, monkeypatch, request):
+    words = ["stitch", *FILES, *AT, "-o", *options.split(), "--labels", "labels.png", "--overlay", "o.png"]
+    assert toposeam(*words, "--seam", "s.svg").code == 0
+    names_before = names(three)
+    outputs = [options.split()[0], "labels.png", "s.svg"]
+    before = {name: (three / name).read_bytes() for name in outputs}
+    pictures = {name: read_picture(name) for name in outputs[:2]}
+    overlay = read_picture("o.png")
+    request.getfixturevalue("stored")
+    monkeypatch.setattr("toposeam_cli.commands.stitch.ts_stitched", None)  # nothing is made at once
+    ran = toposeam(*words, "--seam", "s.svg", "--force")
+    assert ran.code == 0, ran
+    for name, picture in pictures.items():
+        again = read_picture(name)
+        np.testing.assert_array_equal(again.pixels, picture.pixels)
+        assert (again.alpha is None) == (picture.alpha is None)
+        if picture.alpha is not None:
+            np.testing.assert_array_equal(again.alpha, picture.alpha)
+        assert again.resolution == picture.resolution
+    seams, seams_before = (ts.read_svg(text) for text in ((three / "s.svg").read_bytes(), before["s.svg"]))
+    assert seams.names == seams_before.names
+    for line, other in zip(seams.polylines, seams_before.polylines, strict=True):
+        np.testing.assert_array_equal(line.points, other.points)
+    drawn = read_picture("o.png").pixels
+    assert drawn.shape == overlay.pixels.shape
+    assert (drawn == (230, 30, 40)).all(axis=2).any()
+    assert names(three) == names_before
+
+
+def test_two_pictures_and_what_is_told(three, toposeam, stored):
+    words = ["a.png", "b.png", "--offset", "40,4", "-o", "out.tif", "--labels", "l.png"]
+    ran = toposeam("stitch", *words, "--json")
+    assert ran.code == 0, ran
+    told = json.loads(ran.out)
+    assert [layer["at"] for layer in told["layers"]] == [[0, 0], [40, 4]]
+    assert sum(layer["shown_px"] for layer in told["layers"]) == (read_picture("out.tif").alpha > 0).sum()
+    assert told["seams"][0]["between"] == ["a.png", "b.png"]
+    assert told["seams"][0]["cost"] == pytest.approx(told["cost"])
+    assert "2 layers, 1 seams" in toposeam("stitch", *words, "--force").out
+
+
+def test_depths_profiles_and_gray_are_matched(three, toposeam, stored, monkeypatch):
+    write_picture(
+        "a.png", Picture(pixels=crop("a").astype(np.uint16) * 257, icc=PROFILE, resolution=(9, 9)), True
+    )
+    write_picture("b.png", Picture(pixels=crop("b")[..., 1]), True)
+    assert toposeam("stitch", *FILES, *AT, "-o", "out.tif").code == 0
+    result = read_picture("out.tif")
+    monkeypatch.setattr(placing, "STORED_PIXELS", 10**9)
+    assert toposeam("stitch", *FILES, *AT, "-o", "again.tif").code == 0
+    again = read_picture("again.tif")
+    assert result.pixels.dtype == np.uint16
+    np.testing.assert_array_equal(result.pixels, again.pixels)
+    np.testing.assert_array_equal(result.alpha, again.alpha)
+    assert (result.icc, result.resolution) == (PROFILE, again.resolution)
+
+
+@pytest.mark.parametrize("in_files", [False, True])
+def test_a_pyramid_has_the_picture_at_every_size(three, toposeam, in_files, request):
+    if in_files:
+        request.getfixturevalue("stored")
+    words = ["stitch", *FILES, *AT, "--background", "white", "-o"]
+    assert toposeam(*words, "out.png").code == 0
+    assert toposeam(*words, "out.tif", "--pyramid").code == 0
+    assert toposeam(*words, "out.dzi").code == 0
+    flat = read_picture("out.png").pixels
+    np.testing.assert_array_equal(read_picture("out.tif").pixels, flat)
+    image = pyvips.Image.new_from_file("out.tif")
+    assert image.get("tile-width") == 256
+    deepest = max((three / "out_files").iterdir(), key=lambda path: int(path.name))
+    tile = pyvips.Image.new_from_file(str(deepest / "0_0.jpg")).numpy()
+    assert tile.shape == flat.shape
+    assert np.abs(tile.astype(int) - flat).mean() < 6
+    assert names(three) == [*FILES, "out.dzi", "out.png", "out.tif", "out_files"]
+    toposeam(*words, "out.dzi").fails("--force")
+    assert toposeam(*words, "out.dzi", "--force").code == 0
+    assert names(three) == [*FILES, "out.dzi", "out.png", "out.tif", "out_files"]
+    (three / "out.dzi").unlink()
+    toposeam(*words, "out.dzi").fails("out_files' exists already")
+    toposeam("stitch", *FILES, *AT, "-o", "other.png", "--pyramid").fails("--pyramid is for .tif")
+
+
+def test_transparent_deep_zoom_has_tiles_of_png(three, toposeam):
+    assert toposeam("stitch", *FILES, *AT, "-o", "out.dzi").code == 0
+    deepest = max((three / "out_files").iterdir(), key=lambda path: int(path.name))
+    assert (deepest / "0_0.png").exists()
+
+
+@pytest.mark.parametrize("after", [1, 3, 4])
+def test_a_disk_that_fills_up_meanwhile_leaves_nothing(three, toposeam, stored, monkeypatch, after):
+    real, count = scratch.Path.open, iter(range(100))
+
+    class Full:
+        def __init__(self, file):
+            self._file = file
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            self._file.close()
+
+        def write(self, _):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def opened(path, mode="r", *arguments, **options):
+        file = real(path, mode, *arguments, **options)
+        return Full(file) if mode == "r+b" and next(count) == after else file
+
+    monkeypatch.setattr(scratch.Path, "open", opened)
+    before = names(three)
+    ran = toposeam("stitch", *FILES, *AT, "-o", "out.tif", "--labels", "labels.png")
+    ran.fails("no space left on device")
+    assert names(three) == before
+
+
+def test_what_a_killed_command_left_is_removed(three, toposeam):
+    left = three / ".toposeam-0123456789abcdef.part"
+    left.write_bytes(b"pixels")
+    remove_stale(three)
+    assert names(three) == sorted(FILES)

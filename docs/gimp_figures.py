@@ -25,6 +25,7 @@ from running import Gimp, Screen, find_gimp  # noqa: E402
 from toposeam_gimp.procedures import PROCEDURES  # noqa: E402
 
 RGB = "R'G'B'A u8"
+pyvips.cache_set_max(0)  # files are photographed over and over under one name
 
 
 #: How long a preview may take, on a machine with other things to do.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from gi.repository import GdkPixbuf, Gimp, GimpUi, Gtk
+from gi.repository import GdkPixbuf, Gimp, Gtk
 
 from toposeam_gimp.entries import Option
 from toposeam_gimp.texts import _
@@ -67,6 +67,4 @@ def _all(layers: Sequence[Gimp.Layer]) -> Iterator[Gimp.Layer]:
 
 
 def _thumbnail(drawable: Gimp.Drawable) -> GdkPixbuf.Pixbuf | None:
-    return GimpUi.drawable_get_thumbnail(
-        drawable, _THUMBNAIL, _THUMBNAIL, Gimp.PixbufTransparency.SMALL_CHECKS
-    )
+    return drawable.get_thumbnail(_THUMBNAIL, _THUMBNAIL, Gimp.PixbufTransparency.SMALL_CHECKS)

@@ -243,3 +243,16 @@ def test_the_package_runs_as_a_module():
         [sys.executable, "-m", "toposeam", "--version"], check=True, capture_output=True, text=True
     )
     assert ended.stdout.startswith("toposeam, version")
+
+
+def test_what_core_gives_away_cannot_be_changed():
+    """Every dataclass of core that has a public name is frozen."""
+    loose = []
+    for path in (HERE / "core").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                for decorator in node.decorator_list:
+                    words = ast.unparse(decorator)
+                    if words.startswith("dataclass") and "frozen=True" not in words:
+                        loose.append(f"{path.name}: {node.name}")
+    assert not loose

@@ -1,5 +1,7 @@
 """The pictures of docs/gimp.md, made in a real GIMP: ``make gimp-figures``."""
 
+import gettext
+import re
 import subprocess
 import sys
 import tempfile
@@ -23,6 +25,7 @@ from running import Gimp, Screen, find_gimp  # noqa: E402
 from toposeam_gimp.procedures import PROCEDURES  # noqa: E402
 
 RGB = "R'G'B'A u8"
+pyvips.cache_set_max(0)  # files are photographed over and over under one name
 
 
 #: How long a preview may take, on a machine with other things to do.
@@ -36,6 +39,9 @@ def main() -> None:
             figure(gimp, target)
         windows(gimp, screen, target)
         dialogs(gimp, screen, target)
+    for language, scale in (("ko", 1), ("en", 2), ("ko", 2)):
+        with windowed(language, scale) as (gimp, screen):
+            dialogs(gimp, screen, target, language, scale)
 
 
 @contextmanager
@@ -246,32 +252,32 @@ image_of(number).set_selected_layers([item(layer) for layer in layers])
     shoot(screen, target / "gimp-window.png", lambda file: screen.shoot(file, window), 0.7)
 
 
+#: The dialogs that are photographed, and how large a share of their size they are shown at.
+DIALOGS = ("stitch", "patch", "synthesize", "tile", "fill", "motif", "repeat")
+#: Those that are shown in Korean too, beside each other; on a fine screen the first and the last.
+SOME = ("stitch", "fill", "motif")
+
+
 def dialogs(gimp: Gimp, screen: Screen, target: Path, language: str = "en", scale: int = 1) -> None:
-    """Every dialog with its preview: in English one file each, else some of them on one."""
-    shown = []
-    for name in ("stitch", "patch", "motif", "repeat"):
+    """Dialogs with their previews: in English on an ordinary screen one file each, else some of them on one
+    sheet.
+    """
+    plain, shown = language == "en" and scale == 1, []
+    for name in DIALOGS if plain else SOME[::scale]:
         entry = PROCEDURES[f"plug-in-toposeam-{name}"]
-        plain = language == "en" and scale == 1
-        if not plain and name not in ("stitch", "motif"):
-            continue
-        loaded = load(gimp, "still_life_left.png", "still_life_right.png", offsets=[[0, 0], [270, 0]])
-        if name == "patch":
-            code = "image_of(number).select_ellipse(Gimp.ChannelOps.REPLACE, 330, 140, 100, 200)"
-            gimp.python(code=code, number=loaded["image"])
-        if name == "repeat":
-            group = run(gimp, "motif", {}, [], size=64, iterations=5)
-            number = gimp.python(code="answer = item(number).get_image().get_id()", number=group)
-            loaded = {"image": number, "layers": [group]}
+        loaded = opened(gimp, name)
         layers = loaded["layers"] if name == "stitch" else loaded["layers"][-1:]
         call = {"procedure": entry.name, "image": loaded["image"], "layers": layers, "mode": "INTERACTIVE"}
         asked = threading.Thread(target=lambda call=call: gimp.run(**call), daemon=True)
         asked.start()
-        dialog = screen.window(entry.title)
-        screen.do("mousemove", 1450 * scale, 780 * scale)
+        dialog = screen.window(translated(entry.title, language))
+        screen.do("mousemove", 1490 * scale, 790 * scale)
         wait_for_preview(screen, dialog, entry.preview is not None)
         file = target / f"gimp-dialog-{name}.png"
         if plain:
             shoot(screen, file, lambda file, dialog=dialog: screen.shoot(file, dialog), 0.75)
+            if name == "motif":
+                rules(screen, dialog, target)
         else:
             screen.shoot(file.with_suffix(".part.png"), dialog)
             shown.append(np.asarray(pyvips.Image.new_from_file(str(file.with_suffix(".part.png")))[:3]))
@@ -282,6 +288,52 @@ def dialogs(gimp: Gimp, screen: Screen, target: Path, language: str = "en", scal
         beside(target / f"gimp-dialogs-{language}-{scale}x.png", *shown, height=330 * scale)
 
 
+def opened(gimp: Gimp, name: str) -> dict[str, Any]:
+    """What a dialog is shown with."""
+    if name == "repeat":
+        group = run(gimp, "motif", {}, [], size=96, iterations=12, repeat="p4m", palette="terracotta")
+        number = gimp.python(code="answer = item(number).get_image().get_id()", number=group)
+        return {"image": number, "layers": [group]}
+    if name in ("synthesize", "tile"):
+        return load(gimp, "grass_a.png")
+    if name == "fill":
+        loaded = load(gimp, "sky_b.png")
+        code = "image_of(number).select_ellipse(Gimp.ChannelOps.REPLACE, 26, 76, 62, 52)"
+        gimp.python(code=code, number=loaded["image"])
+        return loaded
+    loaded = load(gimp, "still_life_left.png", "still_life_right.png", offsets=[[0, 0], [270, 0]])
+    if name == "patch":
+        code = "image_of(number).select_ellipse(Gimp.ChannelOps.REPLACE, 330, 140, 100, 200)"
+        gimp.python(code=code, number=loaded["image"])
+    return loaded
+
+
+def translated(title: str, language: str) -> str:
+    """What stands in the title of a dialog."""
+    folder = HERE.parent / "plugin_gimp" / "toposeam_gimp" / "locale"
+    texts = gettext.translation("toposeam_gimp", folder, [language], fallback=True)
+    for entry in PROCEDURES.values():
+        if entry.title == title:
+            return re.sub(r"\(_\w\)|_", "", texts.gettext(entry.label)).rstrip(".")
+    raise KeyError(title)
+
+
+def rules(screen: Screen, dialog: str, target: Path) -> None:
+    """The menu of rules, open, over its dialog."""
+    screen.press(dialog, "alt+b")
+    time.sleep(2)
+    about = dict(line.split("=") for line in screen.do("getwindowgeometry", "--shell", dialog).split())
+    box = int(about["X"]), int(about["Y"]), int(about["WIDTH"]), int(about["HEIGHT"])
+    file = target / "gimp-dialog-rules.png"
+    screen.shoot(file)
+    image = pyvips.Image.new_from_file(str(file))[:3]
+    size = min(box[2] + 240, image.width - box[0]), min(box[3], image.height - box[1])
+    image = image.crop(*box[:2], *size)
+    image.resize(0.75).copy_memory().write_to_file(str(file), palette=True, Q=80, compression=9)
+    screen.do("key", "Escape")
+    time.sleep(1)
+
+
 def wait_for_preview(screen: Screen, dialog: str, comes: bool) -> None:
     """Until the left part of a dialog shows a picture."""
     deadline = time.monotonic() + PREVIEW_S
@@ -290,7 +342,7 @@ def wait_for_preview(screen: Screen, dialog: str, comes: bool) -> None:
         while comes and time.monotonic() < deadline:
             screen.shoot(file, dialog)
             picture = pyvips.Image.new_from_file(file)
-            if picture.crop(20, 20, picture.width // 3, picture.height // 2).deviate() > 8:
+            if picture.crop(20, 20, picture.width // 3, picture.height // 2).deviate() > 2:
                 break
             time.sleep(1)
     time.sleep(1)

@@ -107,14 +107,12 @@ def best_place(group: list[Any], around: list[np.ndarray], rule: str) -> tuple[n
     """Where copies are farthest from each other, and how far."""
     if rule in ("none", "translate", "p1", "drop", "brick", "reflect", "rotate"):
         return np.array([0.5, 0.5]), 0.7
-    best, reach = np.zeros(2), 0.0
-    for x, y in np.ndindex(24, 24):
-        point = np.array([x + 0.5, y + 0.5]) / 24
-        images = [matrix @ point + shift + step for matrix, shift in group for step in around]
-        away = np.sort(np.hypot(*(np.array(images) - point).T))[1]
-        if away > reach + 1e-9:
-            best, reach = point, float(away)
-    return best, reach
+    places = (np.indices((24, 24)).reshape(2, -1).T + 0.5) / 24
+    steps = np.array([step for step in around if np.abs(step).max() < 3.6])
+    images = [(places @ matrix.T + shift)[:, np.newaxis] + steps for matrix, shift in group]
+    away = np.sort(np.hypot(*np.moveaxis(np.concatenate(images, axis=1) - places[:, np.newaxis], 2, 0)))[:, 1]
+    best = int(np.argmax(np.round(away, 9)))
+    return places[best], float(away[best])
 
 
 def palette_picture(name: str) -> Image.Image:

@@ -85,6 +85,7 @@ ARROWS = {
         "toposeam_cli.placing",
     },
     "toposeam_cli.enblend_line": CLI_CORE,
+    "toposeam_cli.seam_page": CLI_CORE,
     "toposeam_cli.shells": {"toposeam_cli"},
     "toposeam_cli.texture_files": CLI_CORE
     | {"toposeam_cli.files", "toposeam_cli.pictures", "toposeam_cli.options"},
@@ -242,3 +243,16 @@ def test_the_package_runs_as_a_module():
         [sys.executable, "-m", "toposeam", "--version"], check=True, capture_output=True, text=True
     )
     assert ended.stdout.startswith("toposeam, version")
+
+
+def test_what_core_gives_away_cannot_be_changed():
+    """Every dataclass of core that has a public name is frozen."""
+    loose = []
+    for path in (HERE / "core").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                for decorator in node.decorator_list:
+                    words = ast.unparse(decorator)
+                    if words.startswith("dataclass") and "frozen=True" not in words:
+                        loose.append(f"{path.name}: {node.name}")
+    assert not loose

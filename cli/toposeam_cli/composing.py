@@ -40,6 +40,7 @@ class Outputs:
     overlay: Path | None
     history: Path | None
     save_layout: Path | None
+    report: Path | None
     as_json: bool
     force: bool
     quiet: bool
@@ -99,13 +100,14 @@ def check_outputs(out: Outputs) -> None:
         (out.seam, (".svg",)),
         (out.history, SEARCH_SUFFIXES),
         (out.save_layout, (".toml",)),
+        (out.report, (".html",)),
     ):
         if path is not None:
             check_output(path, out.force, suffixes)
     for path in (out.labels, out.overlay):
         if path is not None:
             check_output(path, out.force)
-    paths = out.output, out.seam, out.labels, out.overlay, out.history, out.save_layout
+    paths = out.output, out.seam, out.labels, out.overlay, out.history, out.save_layout, out.report
     given = [path.resolve() for path in paths if path is not None]
     if len(set(given)) < len(given):
         raise ts.OptionError("two outputs have the same name; give each a name of its own")

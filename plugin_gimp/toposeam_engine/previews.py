@@ -29,6 +29,9 @@ _MOTIF_PX, _MOTIF_ITERATIONS = 96, 30
 def preview(job: Job) -> dict[str, Any]:
     """The picture of what an operation would give, (H, W, 4) or (H, W, 2) with opacity last."""
     options = _reduced(job.options, float(job.request["scale"]))
+    for name in ("width", "height"):  # of a texture, of which only a part is shown
+        if name in options:
+            options[name] = max(int(options[name] * float(job.request.get("extent", 1))), _LENGTHS[name])
     shown = _SHOWN[str(job.request["of"])](
         dataclasses.replace(job, request={**job.request, "options": options})
     )

@@ -14,6 +14,7 @@ for _name, _version in (("Gtk", "3.0"), ("Gdk", "3.0"), ("GimpUi", "3.0")):
     gi.require_version(_name, _version)
 from gi.repository import Gimp, GimpUi, Gio, GLib, GObject, Gtk  # noqa: E402
 
+from toposeam_gimp.drawable_choice import DrawableChoice  # noqa: E402
 from toposeam_gimp.engine import missing_methods  # noqa: E402
 from toposeam_gimp.entries import Option, Procedure  # noqa: E402
 from toposeam_gimp.help_page import write_help_page  # noqa: E402
@@ -42,6 +43,7 @@ class Dialog:
     ) -> None:
         GimpUi.init("toposeam_gimp")
         self._config, self._entry = config, entry
+        self._image, self._drawables = image, drawables
         self._dialog = GimpUi.ProcedureDialog.new(procedure, config, entry.title)
         self._rows: dict[str, Gtk.Widget] = {}
         body = Gtk.Box(spacing=2 * _SPACE, border_width=_SPACE)
@@ -86,6 +88,8 @@ class Dialog:
         widget = self._dialog.get_widget(option.name, kind)
         if option.pictures:
             _replace(widget, PictureChoice(self._config, option).widget)
+        if option.default is None:
+            self._list(option, widget)
         if option.name == "method" and (absent := missing_methods()):
             widget.get_widget().set_sensitivity(lambda nick, *_data: nick not in absent, None)
         if option.automatic is None and option.name != "seed":
@@ -101,6 +105,20 @@ class Dialog:
         else:
             row.pack_end(self._automatic(option, widget), False, False, 0)
         return row
+
+    def _list(self, option: Option, row: Gtk.Widget) -> None:
+        """A list of layers, masks and channels in place of GIMP's chooser."""
+        field, label = (
+            DrawableChoice(self._config, option, self._image, self._drawables).widget,
+            row.get_label(),
+        )
+        for child in row.get_children():
+            if child is not label:
+                child.set_no_show_all(True)
+                child.hide()
+        row.set_spacing(_SPACE // 2)
+        row.pack_start(field, True, True, 0)
+        label.set_mnemonic_widget(field)
 
     def _automatic(self, option: Option, widget: Gtk.Widget) -> Gtk.Widget:
         """A box that, ticked, stands for 0."""

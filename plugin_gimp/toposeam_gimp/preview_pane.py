@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from gi.repository import GdkPixbuf, Gimp, GLib, Gtk
+from gi.repository import GdkPixbuf, Gimp, Gio, GLib, Gtk
 
 from toposeam_gimp import scenes
 from toposeam_gimp.entries import Procedure
@@ -112,15 +112,31 @@ class PreviewPane:
             self._text.set_text(found)
             self._stack.set_visible_child_name("text")
             return False
-        pixbuf = _pixbuf(found)
+        pixbuf, dots = _pixbuf(found), self._picture.get_scale_factor()
         width, height = pixbuf.get_width(), pixbuf.get_height()
-        scale = min((_SIZE[0] - 4) / width, (_SIZE[1] - 4) / height, 2.0)
+        scale = min((_SIZE[0] - 4) * dots / width, (_SIZE[1] - 4) * dots / height, 2.0 * dots)
         size = max(round(width * scale), 1), max(round(height * scale), 1)
-        self._picture.set_from_pixbuf(
-            pixbuf.composite_color_simple(*size, GdkPixbuf.InterpType.BILINEAR, 255, 8, 0x999999, 0x666666)
+        checked = pixbuf.composite_color_simple(
+            *size, GdkPixbuf.InterpType.BILINEAR, 255, 8 * dots, 0x999999, 0x666666
         )
+        if dots == 1:
+            self._picture.set_from_pixbuf(checked)
+        else:  # a pixbuf would be shown at the scale of an ordinary screen, and blurred
+            _done, content = _squared(checked).save_to_bufferv("png", [], [])
+            self._picture.set_from_gicon(Gio.BytesIcon.new(GLib.Bytes.new(content)), Gtk.IconSize.DIALOG)
+            self._picture.set_pixel_size(max(size) // dots)
         self._stack.set_visible_child_name("picture")
         return False
+
+
+def _squared(pixbuf: GdkPixbuf.Pixbuf) -> GdkPixbuf.Pixbuf:
+    """In the middle of a transparent square: icons are laid out as squares."""
+    width, height = pixbuf.get_width(), pixbuf.get_height()
+    side = max(width, height)
+    square = GdkPixbuf.Pixbuf.new(GdkPixbuf.Colorspace.RGB, True, 8, side, side)
+    square.fill(0)
+    pixbuf.copy_area(0, 0, width, height, square, (side - width) // 2, (side - height) // 2)
+    return square
 
 
 def _pixbuf(picture: Picture) -> GdkPixbuf.Pixbuf:

@@ -92,8 +92,10 @@ def _patch(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _options
 
 
 def _sample(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
-    grown = math.sqrt(_MOST_GROWN / max(options["width"] * options["height"], 1))
-    return _texture("synthesize", folder, image, drawables, min(grown, 1.0))
+    made = _texture("synthesize", folder, image, drawables, 1.0, most=_MOST_TILED)
+    # A part of the texture, not all of it reduced: its patches would be too small to be patches.
+    grown = options["width"] * options["height"] * made["scale"] ** 2
+    return {**made, "extent": _scale(grown, _MOST_GROWN)}
 
 
 def _tile(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _options: Scene) -> Scene:
@@ -175,7 +177,7 @@ def _area(box: Box) -> int:
     return box[2] * box[3]
 
 
-def _scale(area: int, most: int = MOST_PIXELS) -> float:
+def _scale(area: float, most: int = MOST_PIXELS) -> float:
     return min(1.0, math.sqrt(most / max(area, 1)))
 
 

@@ -422,3 +422,38 @@ def test_a_preview_of_a_motif_is_small_and_repeats(request_folder):
     shown = request_folder.pixels(result_of(request_folder.ask(**request))["picture"])
     assert shown.shape == (192, 192, 4)
     np.testing.assert_array_equal(shown[:96], shown[96:])
+
+
+def test_a_preview_of_a_large_texture_shows_a_part_of_it(request_folder):
+    pixels = np.random.default_rng(0).integers(0, 256, (60, 80, 4)).astype(np.uint8)
+    pixels[..., 3] = 255
+    layer = request_folder.raster("layer", pixels)
+    options = {"width": 1000, "height": 800, "patch": 24, "overlap": 0, "tileable": "none", "seed": 1}
+    request = {"of": "synthesize", "scale": 1.0, "extent": 0.1, "layer": layer, "options": options}
+    shown = request_folder.pixels(result_of(request_folder.ask(operation="preview", **request))["picture"])
+    assert shown.shape == (80, 100, 4)
+
+
+def test_a_preview_of_a_pattern_is_in_its_colours(request_folder):
+    density = np.zeros((20, 30), np.uint8)
+    density[:, :10] = 255
+    request = {
+        "of": "repeat",
+        "scale": 1.0,
+        "densities": [request_folder.raster("ink", density)],
+        "repeat": "translate",
+        "inks": ["#204080"],
+        "paper": "#ffffff",
+        "options": {"rows": 1, "columns": 2, "repeat": "reflect", "palette": "own"},
+    }
+    shown = request_folder.pixels(result_of(request_folder.ask(operation="preview", **request))["picture"])
+    assert shown.shape == (20, 60, 4)
+    np.testing.assert_array_equal(
+        shown[0, [0, 15, 45, 59], :3], [[32, 64, 128], [255] * 3, [255] * 3, [32, 64, 128]]
+    )
+    request["options"] = {"rows": 2, "columns": 1, "repeat": "own", "palette": "sea"}
+    shown = request_folder.pixels(result_of(request_folder.ask(operation="preview", **request))["picture"])
+    assert shown.shape == (40, 30, 4)
+    paper, ink = (tuple(int(part[at : at + 2], 16) for at in (1, 3, 5)) for part in ts.PALETTES["sea"][:2])
+    assert tuple(shown[0, 20, :3]) == paper
+    assert np.abs(shown[0, 0, :3].astype(int) - ink).max() <= 40  # the ink on that paper

@@ -88,7 +88,7 @@ class Gimp:
                 stdin=subprocess.DEVNULL,
             )
         self.socket = socket.socket(socket.AF_UNIX)
-        deadline = time.monotonic() + 120
+        deadline = time.monotonic() + 300  # the first start, with other things to do, takes long
         while True:
             try:
                 self.socket.connect(address)

@@ -1,5 +1,6 @@
 """The real windows, on a display that nobody sees: dialogs, menu, last values, undo, cancel."""
 
+import json
 import shutil
 import threading
 import time
@@ -12,6 +13,7 @@ from toposeam_gimp.procedures import PROCEDURES
 
 needs_gimp()
 
+MOTIF, FILL = "plug-in-toposeam-motif", "plug-in-toposeam-fill"
 #: An animation has a test of its own.
 DIALOGS = [name for name, entry in PROCEDURES.items() if entry.options and not name.endswith("loop")]
 
@@ -163,3 +165,33 @@ def test_the_last_values_are_remembered(screen, windowed, opened):
     succeeded(windowed.stitch(opened, mode="WITH_LAST_VALS"))
     visible = [path["visible"] for path in windowed.tree(image=opened["image"])["paths"]]
     assert visible == [True, False, True, False]
+
+
+@pytest.mark.slow
+def test_a_rule_is_chosen_by_its_picture(screen, windowed, opened):
+    asked = Asked(windowed, MOTIF, opened, opened["layers"][1:])
+    window = screen.window(title(MOTIF))
+    time.sleep(2)
+    screen.press(window, "alt+b", "Down", "Return")
+    time.sleep(2)
+    screen.press(window, "alt+o")
+    group = succeeded(asked.answer())["layer"]
+    code = "answer = bytes(item(number).get_parasite('toposeam-motif').get_data()).decode()"
+    assert json.loads(windowed.python(code=code, number=group))["repeat"] != "translate"
+
+
+@pytest.mark.slow
+def test_a_hole_is_filled_from_the_layer_that_is_first_in_the_list(screen, windowed, opened):
+    select(windowed, opened)
+    code = """
+Gimp.context_set_foreground(Gegl.Color.new("red"))
+Gimp.Selection.none(image_of(number))
+item(layer).fill(Gimp.FillType.FOREGROUND)
+"""
+    windowed.python(code=code, number=opened["image"], layer=opened["layers"][0])
+    select(windowed, opened)
+    asked = Asked(windowed, FILL, opened, opened["layers"][1:])
+    window = screen.window(title(FILL))
+    time.sleep(2)
+    screen.press(window, "alt+f", "Down", "Down", "alt+o")
+    assert "one colour everywhere" in asked.answer()["message"]  # the red layer, not the grass

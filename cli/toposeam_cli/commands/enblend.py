@@ -80,6 +80,7 @@ def enblend(words: tuple[str, ...], **given: Any) -> None:
         overlay=None,
         history=None,
         save_layout=None,
+        report=None,
         as_json=False,
         force=True,
         quiet=False,

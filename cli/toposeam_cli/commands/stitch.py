@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 from click.core import ParameterSource
 
 import toposeam as ts
@@ -38,6 +39,7 @@ from toposeam_cli.pictures.picture import COMPRESSIONS
 from toposeam_cli.placing import Arrangement, arrange, given_seams, read_avoid, saved_layout
 from toposeam_cli.progress import share_bar
 from toposeam_cli.report import describe, describe_alignment, describe_placement, summary_of_all
+from toposeam_cli.seam_page import Joined, seam_page
 from toposeam_cli.whereabouts import ORDERS, Where, width_round
 
 #: Below this correlation two pictures hardly show the same.
@@ -78,6 +80,11 @@ _STRANGE = 0.1
     "--save-layout",
     type=OUTPUT,
     help="Also write where the pictures lie, as a layout (.toml) to give instead.",
+)
+@click.option(
+    "--report",
+    type=OUTPUT,
+    help="Also write a page (.html): the picture with its seams, before and after, what each seam costs.",
 )
 @click.option("--skip-bad", is_flag=True, help="Leave out pictures that cannot be read, and name them.")
 @click.option(
@@ -244,6 +251,18 @@ def _stitch(
         documents.append((out.history, draw_search(stitched.seams[0], out.history.suffix)))
     if out.save_layout is not None:
         documents.append((out.save_layout, saved_layout(job, out.save_layout.parent).encode()))
+    if out.report is not None:
+        page = Joined(
+            title=out.output.name,
+            layers=job.layers,
+            origin=stitched.origin,
+            image=stitched.image,
+            alpha=stitched.alpha,
+            seams=list(zip(stitched.pairs, stitched.seams, strict=True)),
+            shown=np.bincount(stitched.label_map.ravel() + 1, minlength=len(job.layers) + 1)[1:].tolist(),
+            correlations=_correlations(job),
+        )
+        documents.append((out.report, seam_page(page).encode()))
     height, width = finished.image.shape[:2]
     text = f"{out.output}: {width} × {height} px, {describe(stitched)}"
     if at is not None:
@@ -304,6 +323,19 @@ def _stitch_large(
     documents: list[tuple[Path, bytes]] = []
     if out.save_layout is not None:
         documents.append((out.save_layout, saved_layout(job, out.save_layout.parent).encode()))
+    if out.report is not None:
+        page = Joined(
+            title=out.output.name,
+            layers=job.layers,
+            origin=composed.origin,
+            corner=large.at or (0, 0),
+            image=large.picture.pixels,
+            alpha=large.picture.alpha,
+            seams=[(seam.pair, seam) for seam in large.seams],
+            shown=large.shown,
+            correlations=_correlations(job),
+        )
+        documents.append((out.report, seam_page(page).encode()))
     write_large(out, composed, large, documents)
     height, width = large.picture.pixels.shape[:2]
     text = f"{out.output}: {width} × {height} px, {describe_large(composed, large)}"
@@ -332,6 +364,10 @@ def _check_find(find: _Find, out: Outputs) -> None:
         raise ts.OptionError("--formulation belongs to --method thesis; add that or leave it out")
     if find.align_radius is not None and not find.align:
         raise ts.OptionError("--align-radius belongs to --align; add that or leave it out")
+
+
+def _correlations(job: Arrangement) -> dict[tuple[int, int], float]:
+    return ts.correlations(job.layers) if job.placement is None else job.placement.correlations
 
 
 def _strangers(job: Arrangement) -> list[str]:

@@ -19,3 +19,8 @@ def test_one_motif_of_a_picture_s_width_is_as_high_as_it_is_in_proportion():
     assert Print(counts=(2, 3), pixels=(301, 120)).laid(recipe) == ((3, 3), (50, 101))
     assert Print(counts=(2, 3), width_mm=25.4, dpi=100).laid(recipe) == ((2, 3), (50, 100))
     assert Print(counts=(2, 3)).laid(recipe) == ((2, 3), (32, 64))
+
+
+def test_paper_is_printed_unless_it_is_left_out():
+    assert Print().note()["print"]["transparent"] is False
+    assert Print.read({"print": {"transparent": True}})["transparent"] is True

@@ -70,14 +70,17 @@ def test_every_step_keeps_what_the_bound_rests_on():
         state.step()
 
 
-def test_it_does_not_matter_in_which_unit_costs_are_given():
+@pytest.mark.parametrize("unit", [1e-6, 2.0**-43])
+def test_it_does_not_matter_in_which_unit_costs_are_given(unit):
     network, cost = random_network(np.random.default_rng(7))
-    plain, scaled = PrimalDual(network, cost), PrimalDual(network, 1e-6 * cost)
+    plain, scaled = PrimalDual(network, cost), PrimalDual(network, unit * cost)
     for _ in range(5):
+        found, threshold = plain.best_cut()
+        assert scaled.best_cut() == pytest.approx((unit * found, threshold), rel=1e-6, abs=0)
         plain.step()
         scaled.step()
     np.testing.assert_allclose(scaled.potential, plain.potential, atol=1e-6)
-    assert scaled.bound == pytest.approx(1e-6 * plain.bound, rel=1e-6)
+    assert scaled.bound == pytest.approx(unit * plain.bound, rel=1e-6)
 
 
 def test_equal_seams_are_proven_equal():

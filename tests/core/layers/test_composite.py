@@ -5,26 +5,10 @@ import io
 import numpy as np
 import PIL.Image
 import pytest
+from crops import RNG, crop
 from skimage import data
 
 import toposeam as ts
-
-RNG = np.random.default_rng(0)
-PHOTOGRAPH = data.coffee()[100:, 200:]
-
-
-def crop(x, y, width=40, height=30, dtype=np.uint8, gray=False, **fields):
-    """A layer cut from the photograph at its own place, so that layers agree where they overlap but for a
-    little noise.
-    """
-    image = PHOTOGRAPH[y : y + height, x : x + width].astype(int)
-    image = np.clip(image + RNG.integers(-9, 10, image.shape), 0, 255)
-    image = image[..., 1] if gray else image
-    if np.issubdtype(dtype, np.floating):
-        image = image / 255
-    elif dtype != np.uint8:
-        image = image * (np.iinfo(dtype).max // 255)
-    return ts.Layer(image=image.astype(dtype), at=(x, y), **fields)
 
 
 def assert_whole(stitched, layers):
@@ -255,137 +239,6 @@ def test_the_inputs_are_not_changed():
 def test_the_same_layers_give_the_same_picture():
     layers = [crop(0, 0), crop(25, 4), crop(10, 15)]
     np.testing.assert_array_equal(ts.stitch(layers).image, ts.stitch(layers).image)
-
-
-ERRORS = {
-    "no layer": (lambda: ts.stitch([]), ts.OptionError, "at least two"),
-    "one layer": (lambda: ts.stitch([crop(0, 0)]), ts.OptionError, "at least two"),
-    "apart": (lambda: ts.stitch([crop(0, 0), crop(100, 0)]), ts.OverlapError, "move one of them"),
-    "side by side": (lambda: ts.stitch([crop(0, 0), crop(40, 0)]), ts.OverlapError, "move one of them"),
-    "third apart": (
-        lambda: ts.stitch([crop(0, 0), crop(25, 0), crop(0, 90, name="third")]),
-        ts.OverlapError,
-        r"third \(at 0,90\)",
-    ),
-    "same place": (
-        lambda: ts.stitch([crop(0, 0), crop(0, 0)]),
-        ts.OverlapError,
-        "nothing divides the patches",
-    ),
-    "dtypes": (
-        lambda: ts.stitch([crop(0, 0), crop(9, 0, dtype=np.uint16)]),
-        ts.ImageError,
-        "uint16, uint8; convert them to one",
-    ),
-    "channels": (
-        lambda: ts.stitch([crop(0, 0), ts.Layer(image=np.zeros((9, 9, 4), np.uint8))]),
-        ts.ImageError,
-        "3, 4 channels; convert them to the same number",
-    ),
-    "far": (
-        lambda: ts.stitch([crop(0, 0), ts.Layer(image=crop(0, 0).image, at=(10**6, 10**6))]),
-        ts.OptionError,
-        "check where they lie",
-    ),
-    "limit": (
-        lambda: ts.stitch([crop(0, 0), crop(20, 0)], max_megapixels=0.001),
-        ts.OptionError,
-        "more than 0.001 megapixels",
-    ),
-    "nan": (
-        lambda: ts.stitch(
-            [ts.Layer(image=np.full((9, 9), np.nan)), ts.Layer(image=np.zeros((9, 9)), at=(5, 0))]
-        ),
-        ts.ImageError,
-        "NaN or infinite",
-    ),
-    "avoid": (
-        lambda: ts.stitch([crop(0, 0), crop(20, 0)], avoid=np.ones((3, 3))),
-        ts.ImageError,
-        "one value per pixel",
-    ),
-    "method": (
-        lambda: ts.stitch([crop(0, 0), crop(20, 0)], method="magic"),
-        ts.OptionError,
-        "choose one of heat",
-    ),
-    "option": (
-        lambda: ts.stitch([crop(0, 0), crop(20, 0)], patience=3),
-        ts.OptionError,
-        "does not know patience",
-    ),
-    "path": (
-        lambda: ts.stitch([crop(0, 0), crop(25, 0), crop(50, 0)], use_path=ts.read_svg(SVG)),
-        ts.OptionError,
-        "say between which two it runs",
-    ),
-    "path elsewhere": (
-        lambda: ts.stitch([crop(0, 0), crop(20, 0)], use_path=ts.read_svg(SVG)),
-        ts.PathError,
-        "9 × 9",
-    ),
-    "arrays": (
-        lambda: ts.stitch([np.zeros((9, 9)), np.zeros((9, 9))]),
-        ts.OptionError,
-        r"layer 0 is of type ndarray; say where it lies, as toposeam.Layer\(image, at=\(x, y\)\)",
-    ),
-    "alone": (lambda: ts.stitch([crop(0, 0)]), ts.OptionError, "1 layer was given"),
-    "not a list": (lambda: ts.match_tones(crop(0, 0)), ts.OptionError, "1 layer was given"),
-    "no image": (lambda: ts.Layer("a.png"), ts.ImageError, "type str"),
-    "beyond": (lambda: ts.Layer(np.zeros((4, 5)), at=(2**31, 0)), ts.OptionError, "beyond"),
-    "gradient and cost": (
-        lambda: ts.stitch([crop(0, 0), crop(20, 0)], cost=ts.MatchCost(), gradient=False),
-        ts.OptionError,
-        "leave gradient out",
-    ),
-    "two ways": (
-        lambda: ts.stitch([crop(0, 0), crop(20, 0)], options=ts.HeatOptions(), tolerance=0.1),
-        ts.OptionError,
-        "tolerance was given beside options",
-    ),
-    "other options": (
-        lambda: ts.stitch([crop(0, 0), crop(20, 0)], options=ts.ThesisOptions()),
-        ts.OptionError,
-        "takes HeatOptions",
-    ),
-    "rounds": (lambda: ts.stitch([crop(0, 0), crop(20, 0)], max_rounds=2.5), ts.OptionError, "whole number"),
-    "empty": (lambda: ts.Layer(image=np.zeros((0, 5)), name="B"), ts.ImageError, r"B has shape \(0, 5\)"),
-    "flat": (lambda: ts.Layer(image=np.zeros(5)), ts.ImageError, "pass a non-empty"),
-    "alpha shape": (
-        lambda: ts.Layer(image=np.zeros((4, 5)), alpha=np.zeros((5, 4))),
-        ts.ImageError,
-        "one value per pixel",
-    ),
-    "alpha dtype": (
-        lambda: ts.Layer(image=np.zeros((4, 5)), alpha=np.zeros((4, 5), bool)),
-        ts.ImageError,
-        "alpha is bool",
-    ),
-    "half a pixel": (
-        lambda: ts.Layer(image=np.zeros((4, 5)), at=(0.5, 1)),
-        ts.OptionError,
-        "two whole numbers",
-    ),
-    "three numbers": (
-        lambda: ts.Layer(image=np.zeros((4, 5)), at=(0, 1, 2)),
-        ts.OptionError,
-        "two whole numbers",
-    ),
-}
-
-SVG = '<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"><path d="M4 0 V9"/></svg>'
-
-
-@pytest.mark.parametrize(("call", "error", "remedy"), ERRORS.values(), ids=ERRORS)
-def test_what_cannot_be_stitched_says_what_to_do(call, error, remedy):
-    with pytest.raises(error, match=remedy) as caught:
-        call()
-    assert isinstance(caught.value, ts.TopoSeamError)
-    assert isinstance(caught.value, ValueError)
-    assert "\n" not in str(caught.value)
-
-
-# Found by hand
 
 
 def test_no_seam_round_a_picture_inside_beats_the_optimum():

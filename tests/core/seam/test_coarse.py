@@ -120,3 +120,13 @@ def test_a_row_keeps_the_pixels_beside_its_cheapest_interface(monkeypatch):
     elements = zip(network.tail.tolist(), network.head.tolist(), weight.tolist(), strict=True)
     assert sorted(elements) == [(0, 1, 9), (0, 4, 5), (1, 2, 1), (2, 3, 9), (3, 5, 5)]
     assert multiplicity.tolist() == [1] * 5
+
+
+def test_pixels_that_are_nodes_alone_are_opened_again(monkeypatch):
+    problem, _ = seam_problem(*np.zeros((2, 1, 8)), None, None, "right", MatchCost())
+    nodes = np.full(problem.overlap.side.shape, 9)
+    nodes[1, 2:8] = [0, 0, 1, 2, 2, 3]  # the free pixels: the outermost two are fixed
+    opened = []
+    monkeypatch.setattr(heat, "best_nearby", lambda problem, labels, near: opened.append(near))
+    heat._opened_again(problem, np.zeros_like(nodes, bool), nodes)
+    assert np.argwhere(opened[0]).tolist() == [[1, 4], [1, 7]]

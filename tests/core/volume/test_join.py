@@ -133,3 +133,9 @@ def test_bad_input_is_one_sentence(change, text):
     given = {"a": np.zeros((8, 8, 20)), "b": np.zeros((8, 8, 20)), "offset": (0, 0, 12), **change}
     with pytest.raises(ts.TopoSeamError, match=text):
         ts.join_volumes(given.pop("a"), given.pop("b"), **given)
+
+
+@pytest.mark.parametrize("far", [10**8 + 1, -(10**8) - 1])
+def test_a_stack_lies_at_most_a_hundred_million_voxels_away(far):
+    with pytest.raises(ts.OptionError, match="offset"):
+        placed((4, 4, 4), (4, 4, 4), (0, far, 0))

@@ -69,7 +69,7 @@ def test_copies_come_from_where_they_are_allowed(toposeam):
 @pytest.mark.parametrize(
     ("mask", "phrase"),
     [
-        (np.zeros((120, 140), np.uint8), "mask is empty"),
+        (np.zeros((120, 140), np.uint8), "mask.png is empty"),
         (np.full((120, 140), 255, np.uint8), "nothing is left"),
         (np.full((12, 14), 255, np.uint8), "12"),
     ],
@@ -86,6 +86,6 @@ def test_where_nothing_is_allowed_the_mask_is_not_blamed(toposeam, folder):
     mask[40:60, 40:60] = 255
     write_picture("mask.png", Picture(pixels=mask))
     toposeam("fill", "gravel.png", "--mask", "mask.png", "--from", "allow.png", "-o", "o.png").fails(
-        "outside the mask nothing is allowed"
+        "outside mask.png nothing is allowed"
     )
     assert not (folder / "o.png").exists()

@@ -314,9 +314,9 @@ def given_seams(files: Sequence[Keyed], arrangement: Arrangement) -> dict[tuple[
         try:
             drawing = ts.read_svg(file.path)
         except ts.PathError as error:
-            raise (
-                error if str(file.path) in str(error) else ts.PathError(f"'{file.path}': {error}")
-            ) from error
+            if str(file.path) in str(error):
+                raise
+            raise ts.PathError(f"'{file.path}': {error}") from error
         if file.key is not None:
             first, colon, second = file.key.partition(":")
             if not colon:

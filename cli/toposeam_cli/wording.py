@@ -79,7 +79,9 @@ def retold(text: str, command: click.Command, given: Mapping[str, Any]) -> str:
 def _said_by_core(error: BaseException) -> str:
     """What of an error's text comes from core; the command line itself speaks its own words already."""
     source: BaseException | None = error
-    while source is not None and str(source) in str(error):
+    seen: list[BaseException] = []
+    while source is not None and source not in seen and str(source) in str(error):
+        seen.append(source)
         trace = source.__traceback__
         while trace is not None and trace.tb_next is not None:
             trace = trace.tb_next

@@ -2,10 +2,13 @@
 
 import re
 
+import click
 import numpy as np
 import pytest
 
+import toposeam as ts
 from toposeam_cli.pictures.picture import Picture, write_picture
+from toposeam_cli.wording import speaking
 
 #: What only who writes Python knows.
 PYTHON = re.compile(
@@ -109,3 +112,13 @@ def test_what_the_command_line_says_itself_stays(toposeam, some):
     toposeam("fill", "noise.png", "--mask", "small.png", "-o", "o.png").fails(
         "the mask small.png is 30 × 30 px, but noise.png is 80 × 60 px"
     )
+
+
+def test_an_error_that_is_its_own_cause_is_told_once():
+    @click.command()
+    def command():
+        error = ts.PathError("the path is bent; straighten it")
+        raise error from error
+
+    with pytest.raises(ts.PathError, match="the path is bent"):
+        speaking(command).main([], standalone_mode=False)

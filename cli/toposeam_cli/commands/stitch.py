@@ -409,7 +409,9 @@ def _composed(job: Arrangement, find: _Find, out: Outputs, files: Sequence[Path]
         raise ts.OverlapError(f"{error}; {hint}") from error
     except ts.PathError as error:
         one = find.use_seam[0].path if len(find.use_seam) == 1 else None
-        raise error if one is None or str(one) in str(error) else ts.PathError(f"'{one}': {error}") from error
+        if one is None or str(one) in str(error):
+            raise
+        raise ts.PathError(f"'{one}': {error}") from error
 
 
 def _names(layers: Sequence[ts.Layer]) -> str:

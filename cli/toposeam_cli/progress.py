@@ -62,3 +62,4 @@ def share_bar(label: str, quiet: bool) -> Iterator[Callable[[float], None] | Non
         return
     with click.progressbar(length=1000, label=label, file=sys.stderr) as bar:
         yield lambda share: bar.update(max(0, round(1000 * share) - bar.pos))
+        bar.update(1000 - bar.pos)

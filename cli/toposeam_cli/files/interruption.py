@@ -81,6 +81,17 @@ def terminations_raised() -> Iterator[None]:
         sys.unraisablehook = told
 
 
+def interruption_behind(error: BaseException | None) -> BaseException | None:
+    """The interruption that an exception hides: Python 3.11 tells of one that comes while a class is made, as
+    importing does, by a RuntimeError of its own.
+    """
+    for _ in range(100):  # a cause may be its own
+        if error is None or isinstance(error, KeyboardInterrupt | Terminated):
+            return error
+        error = error.__cause__ or error.__context__
+    return None
+
+
 @contextmanager
 def ctrl_c_later() -> Iterator[None]:
     """Keep Ctrl-C from processes that are started in the block, from their first moment on; here it and the

@@ -203,6 +203,7 @@ def stitch(
 
     Examples
     --------
+    >>> import numpy as np
     >>> from toposeam.layers.layer import Layer
     >>> whole = np.random.default_rng(0).random((30, 60))
     >>> stitch([Layer(whole[:, :40]), Layer(whole[:, 20:], at=(20, 0))])

@@ -15,7 +15,12 @@ import numpy as np
 import pytest
 
 from toposeam import saving
-from toposeam_cli.files.interruption import Terminated, interruptible, terminations_raised
+from toposeam_cli.files.interruption import (
+    Terminated,
+    interruptible,
+    interruption_behind,
+    terminations_raised,
+)
 from toposeam_cli.files.temporary import claimed_folder, lock, remove_stale, remove_unfinished
 from toposeam_cli.files.writing import all_or_nothing, atomic_write, replacing
 from toposeam_cli.jobs.workers import Task, answer
@@ -80,6 +85,19 @@ def test_a_signal_where_python_swallows_exceptions_is_told_again(number, error, 
         with pytest.raises(error):
             swallow(how)
     assert capsys.readouterr().err == ""
+
+
+def test_an_interruption_that_python_wraps_is_found_behind_it():
+    class Attribute:
+        def __set_name__(self, owner, name):
+            raise Terminated(143)
+
+    with pytest.raises((RuntimeError, Terminated)) as told:
+        type("Made", (), {"one": Attribute()})
+    assert isinstance(interruption_behind(told.value), Terminated)
+    own = RuntimeError("its own")
+    own.__cause__ = own
+    assert interruption_behind(own) is None
 
 
 def test_other_exceptions_that_python_swallows_are_told_as_ever(monkeypatch):

@@ -393,7 +393,7 @@ one = Gegl.Rectangle.new(50, 50, 1, 1)
 layer.get_buffer().set(one, "R'G'B'A float", struct.pack("4f", float("nan"), 0.0, 0.0, 1.0))
 """
     gimp.python(code=code, number=loaded["layers"][1])
-    refused(gimp, loaded, "NaN")
+    refused(gimp, loaded, "holds pixels that are no numbers")
 
 
 def test_from_script_fu(gimp, real_gimp, still_life, tmp_path):

@@ -12,7 +12,7 @@ from click.shell_completion import CompletionItem, get_completion_class
 
 from toposeam.sentence import sentence
 from toposeam_cli import shells
-from toposeam_cli.files.interruption import interruption_behind, terminations_raised
+from toposeam_cli.files.interruption import terminations_raised
 from toposeam_cli.registry import COMMANDS, CONTEXT, load
 
 
@@ -51,13 +51,7 @@ class Commands(click.Group):
         _never_fail_to_print()
         try:
             with terminations_raised():
-                try:
-                    return super().invoke(ctx)
-                except RuntimeError as error:
-                    hidden = interruption_behind(error)
-                    if hidden is None:
-                        raise
-                    raise hidden from None
+                return super().invoke(ctx)
         except KeyboardInterrupt:
             click.echo("Interrupted; no file was left unfinished.", err=True)
             ctx.exit(130)

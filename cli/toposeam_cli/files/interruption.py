@@ -36,7 +36,8 @@ def terminations_raised() -> Iterator[None]:
     means that things are tidied away, others are ignored for some seconds.
 
     Where Python swallows exceptions (in callbacks of weak references, which importing has, and in
-    finalizers) they are raised again a moment later.
+    finalizers) they are raised again a moment later; where it wraps them in an error of its own, they leave
+    the block themselves.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -74,6 +75,11 @@ def terminations_raised() -> Iterator[None]:
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     try:
         yield
+    except RuntimeError as error:
+        hidden = _interruption_behind(error)
+        if hidden is None:
+            raise
+        raise hidden from None
     finally:
         within = False
         for number, handler in before.items():
@@ -81,7 +87,7 @@ def terminations_raised() -> Iterator[None]:
         sys.unraisablehook = told
 
 
-def interruption_behind(error: BaseException | None) -> BaseException | None:
+def _interruption_behind(error: BaseException | None) -> BaseException | None:
     """The interruption that an exception hides: Python 3.11 tells of one that comes while a class is made, as
     importing does, by a RuntimeError of its own.
     """

@@ -20,7 +20,6 @@ from typing import Any
 from toposeam_cli.files.interruption import (
     Terminated,
     ctrl_c_later,
-    interruption_behind,
     start_resource_tracker,
     terminations_raised,
 )
@@ -124,9 +123,6 @@ def answer(task: Task) -> Answer:
         remove_unfinished()  # whatever block the signal kept from its end
         os._exit(int(end.code or 0))  # the executor would take it for the failure of the job
     except Exception as error:
-        if interruption_behind(error) is not None:
-            remove_unfinished()
-            os._exit(128 + signal.SIGTERM)
         return Answer(False, time.perf_counter() - start, sentence(error))
     return Answer(True, time.perf_counter() - start, result=result, made=outputs.made)
 

@@ -141,7 +141,7 @@ def nearby_tests(file: str) -> list[str]:
     files += sorted(within.glob("test_*.py"))
     files += sorted(path for path in within.rglob("test_*.py") if path not in files)
     if file.startswith("plugin_gimp/"):
-        files = [ROOT / "tests/cli/test_engine.py", ROOT / "tests/gimp/test_free_half.py"]
+        files = [ROOT / "tests/cli/test_engine.py", *sorted((ROOT / "tests/gimp").glob("test_free_*.py"))]
     named = re.compile(rf"[.\"]{re.escape(source.stem)}( import|\")")
 
     def group(path: Path) -> int:

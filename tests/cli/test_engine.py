@@ -352,32 +352,98 @@ def test_a_patch_is_divided_anew_by_its_path(request_folder, pair):
     np.testing.assert_array_equal(request_folder.pixels(result["masks"][1]) > 0, expected)
 
 
-def test_a_warm_engine_is_told_its_folder(request_folder, pair):
-    layers = [request_folder.raster("a", pair[0]), request_folder.raster("b", pair[1], (20, 5))]
-    request = {"operation": "preview", "of": "stitch", "scale": 0.5, "layers": layers}
-    options = {"blend": "feather", "blend_width": 8.0}
-    body = {"protocol": PROTOCOL, "version": ts.__version__, **request, "options": options}
+def warm(*wanted):
+    command = [sys.executable, "-m", "toposeam_engine", "-", *wanted]
+    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+def tell(process, request_folder, **request):
+    """Ask a warm engine; what it answers in the end."""
+    body = {"protocol": PROTOCOL, "version": ts.__version__, "operation": "preview", **request}
     (request_folder.folder / "request.json").write_text(json.dumps(body))
-    nonce = (request_folder.folder / "toposeam-request").read_text()
+    nonce = (request_folder.folder / MARKER).read_text()
+    process.stdin.write(f"{request_folder.folder}\n{nonce}\n".encode())
+    process.stdin.flush()
+    for line in process.stdout:
+        event = json.loads(line)
+        if event["event"] in ("result", "error"):
+            return event
+    raise AssertionError("it ended")
+
+
+def test_a_warm_engine_is_told_one_folder_after_another(tmp_path, request_folder, pair):
     request_folder.held = os.open(os.devnull, os.O_RDONLY)
-    command = [sys.executable, "-m", "toposeam_engine", "-"]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
-        process.stdin.write(f"{request_folder.folder}\n{nonce}\n".encode())
-        process.stdin.flush()
-        result = [json.loads(line) for line in process.stdout][-1]["result"]
-    shown = request_folder.pixels(result["picture"])
+    layers = [request_folder.raster("a", pair[0]), request_folder.raster("b", pair[1], (20, 5))]
+    request = {"of": "stitch", "scale": 0.5, "layers": layers}
     placed = [ts.Layer(pair[0][..., :3]), ts.Layer(pair[1][..., :3], at=(20, 5))]
-    expected = ts.stitch(placed, blend="feather", blend_width=4.0)
-    np.testing.assert_array_equal(shown[..., :3], ts.draw_seams(expected.image, expected.seams))
+    with warm() as process:
+        for width in (8.0, 12.0):
+            options = {"blend": "feather", "blend_width": width}
+            answer = tell(process, request_folder, **request, options=options)
+            shown = request_folder.pixels(answer["result"]["picture"])
+            expected = ts.stitch(placed, blend="feather", blend_width=width / 2)
+            np.testing.assert_array_equal(shown[..., :3], ts.draw_seams(expected.image, expected.seams))
+        refused = tell(process, request_folder, **request, options={"blend": "glue"})
+        assert "blend" in refused["message"]
+        (tmp_path / "another").mkdir()
+        process.stdin.write(f"{tmp_path / 'another'}\nwrong\n".encode())
+        process.stdin.flush()
+        assert b"left untouched" in process.stdout.readline()
+        answer = tell(process, request_folder, **request, options={"blend": "none"})
+        assert answer["event"] == "result"
+        process.stdin.close()
+        assert process.wait(timeout=60) == 0
+    assert request_folder.folder.is_dir()
+    assert (tmp_path / "another").is_dir()
+
+
+def test_a_warm_engine_ends_with_its_asker(request_folder):
+    rng = np.random.default_rng(0)
+    layers = [
+        request_folder.raster(name, rng.random((900, 900, 4), np.float32), (x, 0))
+        for name, x in (("a", 0), ("b", 300))
+    ]
+    options = {"method": "thesis"}
+    body = {"protocol": PROTOCOL, "version": ts.__version__, "operation": "stitch", "options": options}
+    (request_folder.folder / "request.json").write_text(json.dumps({**body, "layers": layers}))
+    request_folder.held = os.open(os.devnull, os.O_RDONLY)
+    with warm() as process:
+        process.stdin.write(f"{request_folder.folder}\n7e57\n".encode())
+        process.stdin.flush()
+        while b"progress" not in process.stdout.readline():
+            pass
+        process.stdin.close()
+        assert process.wait(timeout=60) == 3
+    assert not request_folder.folder.exists()
 
 
 def test_a_warm_engine_that_is_not_needed_goes():
-    process = subprocess.Popen(
-        [sys.executable, "-m", "toposeam_engine", "-"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    )
-    output, _ = process.communicate(timeout=60)
-    assert process.returncode == 1
+    with warm() as process:
+        output, _ = process.communicate(timeout=60)
+    assert process.returncode == 0
     assert b"result" not in output
+
+
+@pytest.mark.parametrize(
+    "of", ["stitch", "patch", "synthesize", "make_tileable", "fill", "motif", "repeat", "loop"]
+)
+def test_an_engine_can_prepare_for_every_preview(of):
+    with warm(of) as process:
+        output, noise = process.communicate(timeout=120)
+    assert process.returncode == 0, output
+    assert not noise
+    assert b"error" not in output
+
+
+def test_a_preview_of_an_animation_has_its_frames_one_below_the_other(request_folder):
+    clip = np.random.default_rng(0).integers(0, 256, (10, 12, 16, 4)).astype(np.uint8)
+    clip[..., 3] = 255
+    layers = [request_folder.raster(str(index), frame) for index, frame in enumerate(clip)]
+    options = {"length": 6, "transition": 2, "level": False}
+    request = {"of": "loop", "scale": 0.5, "layers": layers, "options": options}
+    shown = request_folder.pixels(result_of(request_folder.ask(operation="preview", **request))["picture"])
+    expected = ts.loop(clip[..., :3], length=6, transition=2).frames
+    np.testing.assert_array_equal(shown[..., :3].reshape(6, 12, 16, 3), expected)
 
 
 @pytest.mark.parametrize(

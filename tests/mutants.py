@@ -64,51 +64,67 @@ PASSED = (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED)
 _FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+::.*?)(?: - .*)?$", re.MULTILINE)
 
 
-def covering_tests(cache: Path, jobs: int) -> dict[str, dict[int, list[str]]]:
-    """Per file and line, the quick tests that execute it and pass; measured once and kept."""
-    data_file, failed_file = cache / "coverage", cache / "failed"
-    if not data_file.exists():
-        cache.mkdir(parents=True, exist_ok=True)
-        command = [
-            sys.executable,
-            "-m",
-            "pytest",
-            "tests",
-            "-q",
-            "-n",
-            str(jobs),
-            "-m",
-            "not slow",
-            "-p",
-            "no:cacheprovider",
-            "-rfE",
-            "--ignore=tests/gimp",
-            *(f"--cov={source}" for source in SOURCES),
-            "--cov-context=test",
-            "--cov-report=",
-        ]
-        environment = {**os.environ, "COVERAGE_FILE": str(data_file)}
+def pieces() -> dict[str, list[str]]:
+    """The quick tests in pieces that take some minutes each, by name: the rooms of core and the rest."""
+    named = {
+        f"{side}-{folder.name}": [folder.relative_to(ROOT).as_posix()]
+        for side in ("core", "cli")
+        for folder in sorted((ROOT / "tests" / side).iterdir())
+        if folder.is_dir() and not folder.name.startswith("_")
+    }
+    named["examples"] = ["core"]
+    for side in ("core", "cli"):
+        files = sorted((ROOT / "tests" / side).glob("test_*.py"))
+        half = len(files) // 2
+        for number, part in enumerate((files[:half], files[half:])):
+            named[f"{side}-{number}"] = [path.relative_to(ROOT).as_posix() for path in part]
+    named["plugin"] = ["tests/gimp/test_free_half.py"]
+    return named
+
+
+def measure(cache: Path, until: float) -> bool:
+    """Let the quick tests run under coverage, piece by piece, each once; False where time is up before."""
+    cache.mkdir(parents=True, exist_ok=True)
+    for name, tests in pieces().items():
+        if (cache / f"{name}.failed").exists():
+            continue
+        if time.monotonic() > until:
+            return False
+        command = [sys.executable, "-m", "pytest", *tests, "-q", "-m", "not slow", "-p", "no:cacheprovider"]
+        command += ["-p", "no:xdist", "-rfE", *(f"--cov={source}" for source in SOURCES)]
+        command += ["--cov-context=test", "--cov-report="]
+        environment = {**os.environ, "COVERAGE_FILE": str(cache / f"{name}.coverage")}
         ended = subprocess.run(
             command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True, check=False
         )
-        failed_file.write_text("".join(f"{name}\n" for name in _FAILED.findall(ended.stdout)))
-    failed = set(failed_file.read_text().splitlines()) if failed_file.exists() else set()
-    for name in sorted(failed):
-        print(f"left out, as it fails without any mutation: {name}", flush=True)
+        failed = "".join(f"{test}\n" for test in _FAILED.findall(ended.stdout))
+        (cache / f"{name}.failed").write_text(failed, encoding="utf-8")
+        print(f"measured: {name}", flush=True)
+    return True
+
+
+def covering_tests(cache: Path) -> dict[str, dict[int, list[str]]]:
+    """Per file and line, the quick tests that execute it and pass, as `measure` found."""
     from coverage import CoverageData  # of make check-deep alone
 
-    data = CoverageData(str(data_file))
-    data.read()
-    found: dict[str, dict[int, list[str]]] = {}
-    for file in data.measured_files():
-        lines = {
-            line: sorted({context.partition("|")[0] for context in contexts} - {""} - failed)
-            for line, contexts in data.contexts_by_lineno(file).items()
-        }
-        found[Path(file).relative_to(ROOT).as_posix()] = {
-            line: tests for line, tests in lines.items() if tests
-        }
-    return found
+    failed = {
+        line for path in cache.glob("*.failed") for line in path.read_text(encoding="utf-8").splitlines()
+    }
+    for name in sorted(failed):
+        print(f"left out, as it fails without any mutation: {name}", flush=True)
+    found: dict[str, dict[int, set[str]]] = {}
+    for data_file in sorted(cache.glob("*.coverage")):
+        data = CoverageData(str(data_file))
+        data.read()
+        for file in data.measured_files():
+            lines = found.setdefault(Path(file).relative_to(ROOT).as_posix(), {})
+            for line, contexts in data.contexts_by_lineno(file).items():
+                tests = {context.partition("|")[0] for context in contexts} - {""} - failed
+                if tests:
+                    lines.setdefault(line, set()).update(tests)
+    return {
+        file: {line: sorted(tests) for line, tests in lines.items()} for file, lines in found.items()
+    }
 
 
 def nearest(tests: list[str], file: str) -> list[str]:
@@ -141,7 +157,7 @@ def nearby_tests(file: str) -> list[str]:
     files += sorted(within.glob("test_*.py"))
     files += sorted(path for path in within.rglob("test_*.py") if path not in files)
     if file.startswith("plugin_gimp/"):
-        files = [ROOT / "tests/cli/test_engine.py", ROOT / "tests/gimp/test_free_half.py"]
+        files = [*sorted(within.glob("test_engine*.py")), ROOT / "tests/gimp/test_free_half.py"]
     named = re.compile(rf"[.\"]{re.escape(source.stem)}( import|\")")
 
     def group(path: Path) -> int:

@@ -84,6 +84,14 @@ ARROWS = {
         "toposeam_cli.pictures",
         "toposeam_cli.placing",
     },
+    "toposeam_cli.finding": CLI_CORE
+    | {
+        "toposeam_cli.composing",
+        "toposeam_cli.figures",
+        "toposeam_cli.options",
+        "toposeam_cli.placing",
+        "toposeam_cli.progress",
+    },
     "toposeam_cli.enblend_line": CLI_CORE,
     "toposeam_cli.seam_page": CLI_CORE,
     "toposeam_cli.shells": {"toposeam_cli"},
@@ -243,6 +251,28 @@ def test_the_package_runs_as_a_module():
         [sys.executable, "-m", "toposeam", "--version"], check=True, capture_output=True, text=True
     )
     assert ended.stdout.startswith("toposeam, version")
+
+
+def test_no_two_classes_share_a_name():
+    places: dict[str, list[str]] = {}
+    for name, root in PACKAGES.items():
+        for path in (root / name).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                    places.setdefault(node.name, []).append(path.relative_to(HERE).as_posix())
+    assert not {name: files for name, files in places.items() if len(files) > 1}
+
+
+def test_no_file_is_longer_than_a_reader_holds():
+    """400 lines; longer ones are split by theme."""
+    folders = ("core", "cli", "plugin_gimp", "tests", "benchmarks", "docs", "samples", "tools")
+    long = {
+        path.relative_to(HERE).as_posix(): lines
+        for folder in folders
+        for path in (HERE / folder).rglob("*.py")
+        if (lines := len(path.read_text(encoding="utf-8").splitlines())) > 400
+    }
+    assert not long
 
 
 def test_what_core_gives_away_cannot_be_changed():

@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from skimage import data
 
 import toposeam as ts
+from toposeam.layers.junctions import beside_steps
 from toposeam.layers.layer import Box
 from toposeam.layers.posing import exclusive_covers, pose_labelling
-from toposeam.layers.rounds import Rounds, _beside_steps, best_rounds
+from toposeam.layers.rounds import Rounds, best_rounds
 
 PHOTOGRAPHS = (data.coffee(), data.chelsea(), data.astronaut(), data.rocket())
 
@@ -249,7 +250,7 @@ def test_a_given_seam_of_one_pair_is_followed_and_the_others_found():
 def test_beside_a_step_are_both_pixels_of_a_pair_that_differs_by_more(step, columns):
     values = np.tile(np.array([5, 5, 6, 6, 9, 9], np.int16), (3, 1))
     for turned in (False, True):
-        found = _beside_steps(values.T if turned else values, step)
+        found = beside_steps(values.T if turned else values, step)
         assert np.flatnonzero(found.all(axis=1 if turned else 0)).tolist() == columns
         assert found.sum() == 3 * len(columns)
 

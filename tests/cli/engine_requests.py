@@ -1,5 +1,6 @@
 """Requests to the engine, as the plug-in writes them, and what it answers."""
 
+import io
 import json
 import os
 import subprocess
@@ -8,6 +9,8 @@ import sys
 import numpy as np
 
 import toposeam as ts
+from toposeam.sentence import sentence
+from toposeam_engine import serving
 from toposeam_engine.serving import MARKER, PROTOCOL
 
 
@@ -18,6 +21,7 @@ class Request:
         self.folder = folder
         folder.mkdir()
         (folder / MARKER).write_text("7e57")
+        self.held = None
 
     def raster(self, name, pixels, offset=(0, 0), **more):
         pixels = np.asarray(pixels)
@@ -31,10 +35,26 @@ class Request:
         }
         return {"file": f"{name}.raw", "name": name, "at": list(offset), **size, **more}
 
-    def ask(self, **request):
+    def put(self, **request):
         (self.folder / "request.json").write_text(
             json.dumps({"protocol": PROTOCOL, "version": ts.__version__, **request})
         )
+
+    def ask(self, **request):
+        """What the engine answers, in this process."""
+        self.put(**request)
+        said = io.StringIO()
+        channel = serving.Channel(said)
+        try:
+            channel.send("result", result=serving._serve(self.folder, channel))
+        except Exception as error:
+            channel.send("error", message=sentence(error))
+        events = [json.loads(line) for line in said.getvalue().splitlines()]
+        return int(events[-1]["event"] == "error"), events
+
+    def ask_process(self, **request):
+        """The same of a process of its own, as GIMP starts it."""
+        self.put(**request)
         process = self.start()
         output, noise = process.communicate(timeout=120)
         assert b"Traceback" not in noise
@@ -55,7 +75,9 @@ class Request:
         return pixels.reshape(raster["height"], raster["width"], raster["channels"]).squeeze()
 
     def close(self):
-        os.close(self.held)
+        if self.held is not None:
+            os.close(self.held)
+            self.held = None
 
 
 def result_of(answer):

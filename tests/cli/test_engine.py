@@ -8,10 +8,11 @@ from scipy import ndimage
 import toposeam as ts
 
 
-def test_stitch_is_what_core_finds(request_folder, pair):
+@pytest.mark.parametrize("ask", ["ask", "ask_process"])
+def test_stitch_is_what_core_finds(request_folder, pair, ask):
     layers = [request_folder.raster("a", pair[0]), request_folder.raster("b", pair[1], (20, 5))]
     result = result_of(
-        request_folder.ask(operation="stitch", layers=layers, options={"method": "shortest-path"})
+        getattr(request_folder, ask)(operation="stitch", layers=layers, options={"method": "shortest-path"})
     )
     expected = ts.stitch(
         [ts.Layer(image=pair[0][..., :3]), ts.Layer(image=pair[1][..., :3], at=(20, 5))],
@@ -50,7 +51,6 @@ def test_the_found_lines_applied_again_give_the_same_masks(request_folder, pair)
     found = [request_folder.pixels(raster) for raster in first["masks"]]
     for path in request_folder.folder.glob("result-*"):
         path.unlink()
-    request_folder.close()
     seams = [{**seam, "touched": True} for seam in first["seams"]]
     shown = [request_folder.raster(f"shown-{name}", np.zeros((30, 40), np.uint8)) for name in "ab"]
     second = result_of(request_folder.ask(operation="restitch", layers=layers, seams=seams, shown=shown))
@@ -89,7 +89,7 @@ def test_progress_rises_to_the_end(request_folder):
         request_folder.raster(name, rng.random((200, 300, 4), np.float32), (x, 0))
         for name, x in (("a", 0), ("b", 100))
     ]
-    _, events = request_folder.ask(operation="stitch", layers=layers)
+    _, events = request_folder.ask_process(operation="stitch", layers=layers)
     shares = [event["share"] for event in events if event["event"] == "progress"]
     assert len(shares) >= 3
     assert shares == sorted(shares)

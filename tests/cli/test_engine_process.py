@@ -9,6 +9,7 @@ import time
 
 import numpy as np
 import pytest
+from engine_requests import message_of
 
 import toposeam as ts
 from toposeam_engine.serving import MARKER, PROTOCOL
@@ -116,3 +117,7 @@ def test_a_warm_engine_that_is_not_needed_goes():
     output, _ = process.communicate(timeout=60)
     assert process.returncode == 1
     assert b"result" not in output
+
+
+def test_what_is_refused_is_one_sentence_and_an_exit_code(request_folder):
+    assert "no operation 'fly'" in message_of(request_folder.ask_process(operation="fly"))

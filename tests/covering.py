@@ -44,12 +44,20 @@ def measure(cache: Path, until: float) -> bool:
         if time.monotonic() > until:
             return False
         command = [sys.executable, "-m", "pytest", *tests, "-q", "-m", "not slow", "-p", "no:cacheprovider"]
-        command += ["-p", "no:xdist", "-rfE", *(f"--cov={source}" for source in SOURCES)]
+        command += [
+            "-p",
+            "no:xdist",
+            "-rfE",
+            "--durations=0",
+            "--durations-min=0.1",
+            *(f"--cov={source}" for source in SOURCES),
+        ]
         command += ["--cov-context=test", "--cov-report="]
         environment = {**os.environ, "COVERAGE_FILE": str(cache / f"{name}.coverage")}
         ended = subprocess.run(
             command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True, check=False
         )
+        (cache / f"{name}.log").write_text(ended.stdout, encoding="utf-8")
         failed = "".join(f"{test}\n" for test in _FAILED.findall(ended.stdout))
         (cache / f"{name}.failed").write_text(failed, encoding="utf-8")
         print(f"measured: {name}", flush=True)

@@ -18,20 +18,13 @@ _FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+::.*?)(?: - .*)?$", re.MULTILINE)
 
 
 def pieces() -> dict[str, list[str]]:
-    """The quick tests in pieces that take some minutes each, by name: the rooms of core and the rest."""
-    named = {
-        f"{side}-{folder.name}": [folder.relative_to(ROOT).as_posix()]
-        for side in ("core", "cli")
-        for folder in sorted((ROOT / "tests" / side).iterdir())
-        if folder.is_dir() and not folder.name.startswith("_")
-    }
-    named["examples"] = ["core"]
+    """The tests in pieces that take a few minutes at most, by name: up to six files of a folder."""
+    named = {"examples": ["core"], "plugin": ["tests/gimp/test_free_half.py"]}
     for side in ("core", "cli"):
-        files = sorted((ROOT / "tests" / side).glob("test_*.py"))
-        half = len(files) // 2
-        for number, part in enumerate((files[:half], files[half:])):
-            named[f"{side}-{number}"] = [path.relative_to(ROOT).as_posix() for path in part]
-    named["plugin"] = ["tests/gimp/test_free_half.py"]
+        for folder in (ROOT / "tests" / side, *sorted((ROOT / "tests" / side).iterdir())):
+            files = sorted(path.relative_to(ROOT).as_posix() for path in folder.glob("test_*.py"))
+            for first in range(0, len(files), 6):
+                named[f"{side}-{folder.name}-{first // 6}"] = files[first : first + 6]
     return named
 
 
@@ -44,15 +37,8 @@ def measure(cache: Path, until: float) -> bool:
         if time.monotonic() > until:
             return False
         command = [sys.executable, "-m", "pytest", *tests, "-q", "-m", "not slow", "-p", "no:cacheprovider"]
-        command += [
-            "-p",
-            "no:xdist",
-            "-rfE",
-            "--durations=0",
-            "--durations-min=0.1",
-            *(f"--cov={source}" for source in SOURCES),
-        ]
-        command += ["--cov-context=test", "--cov-report="]
+        command += ["-p", "no:xdist", "-rfE", "--durations=0", "--durations-min=0.1"]
+        command += [*(f"--cov={source}" for source in SOURCES), "--cov-context=test", "--cov-report="]
         environment = {**os.environ, "COVERAGE_FILE": str(cache / f"{name}.coverage")}
         ended = subprocess.run(
             command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True, check=False

@@ -13,7 +13,8 @@ import numpy as np
 import toposeam as ts
 from toposeam.images import full_scale
 from toposeam_cli.options import FILE, OUTPUT, FiniteRange, PairType, grouped, refuse_besides
-from toposeam_cli.pictures.picture import check_size, read_picture, read_white, write_picture
+from toposeam_cli.pictures.masks import read_white
+from toposeam_cli.pictures.picture import check_size, read_picture, write_picture
 from toposeam_cli.progress import share_bar
 from toposeam_cli.texture_files import (
     Destinations,

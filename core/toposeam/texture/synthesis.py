@@ -68,7 +68,7 @@ class Synthesis:
     def __repr__(self) -> str:
         height, width = self.labels.shape
         h, w = self.patch
-        return f"<Synthesis: {width} × {height} px, {self.count} patches of {w} × {h} px>"
+        return f"Synthesis({width} × {height} px, {self.count} patches of {w} × {h} px)"
 
     def _repr_png_(self) -> bytes:
         """The picture itself: seams are all over a texture and would hide it; ``to_svg`` shows them."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.motif.generate import _spread
+from toposeam.motif.spots import _spread
 from toposeam.motif.symmetry import HEXAGONAL
 
 QUICK = {"size": 48, "layers": 2, "iterations": 6}

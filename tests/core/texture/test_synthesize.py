@@ -263,7 +263,7 @@ def test_a_pil_picture_is_a_source_and_a_result_shows_itself(sample):
     pixels = sample(23, channels=3)
     made = ts.synthesize(Image.fromarray(pixels), (50, 60), patch=24, tileable="x")
     np.testing.assert_array_equal(made.image, ts.synthesize(pixels, (50, 60), patch=24, tileable="x").image)
-    assert repr(made) == f"<Synthesis: 60 × 50 px, {made.count} patches of 24 × 24 px>"
+    assert repr(made) == f"Synthesis(60 × 50 px, {made.count} patches of 24 × 24 px)"
     assert made._repr_png_().startswith(b"\x89PNG")
 
 

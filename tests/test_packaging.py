@@ -64,7 +64,7 @@ def test_a_release_dates_the_newest_version_and_no_other():
 
 @pytest.fixture
 def release(tmp_path, monkeypatch, capsys):
-    """`make release` in a small checkout, whose builds are only written down: what it says and what it ran."""
+    """`make release` in a small checkout, where builds are only noted down."""
     if shutil.which("git") is None:
         pytest.skip("there is no git")
     module = script("tools/release.py")
@@ -121,7 +121,7 @@ def test_what_is_not_committed_is_not_released(release):
     (release.folder / "forgotten.py").write_text("")
     code, said = release()
     assert (code, release.did) == (1, [])
-    assert said.err == "error: there are changes that are not committed; commit them, or put them aside\n"
+    assert said.err == "error: not everything is committed; commit it, or put it aside\n"
     assert "unreleased" in (release.folder / "CHANGELOG.md").read_text()
 
 
@@ -243,7 +243,7 @@ def test_the_tests_are_collected_where_there_is_nothing_of_unix(tmp_path):
             import os, signal, sys
             for name in ("resource", "pty", "fcntl", "termios", "tty", "pwd", "grp"):
                 sys.modules[name] = None
-            for name in ("SIGKILL", "SIGHUP", "SIGUSR1", "SIGALRM", "SIGPIPE", "SIGCHLD", "SIGSTOP", "SIGCONT"):
+            for name in ("SIGKILL", "SIGHUP", "SIGUSR1", "SIGALRM", "SIGPIPE", "SIGCHLD"):
                 delattr(signal, name)
             for name in ("killpg", "getuid", "geteuid", "mkfifo", "fork"):
                 delattr(os, name)

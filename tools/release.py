@@ -1,8 +1,8 @@
 """Make a release ready: ``python tools/release.py`` (``make release``). Nothing is uploaded.
 
-Checks that everything is committed and that the version is the same wherever it is said, newer than the last dated
-one and not released yet, writes today's date into CHANGELOG.md, builds wheel and source archive into ``dist/`` and
-checks both with twine.
+Checks that everything is committed and that the version is the same wherever it is said, newer than the last
+dated one and not released yet, writes today's date into CHANGELOG.md, builds wheel and source archive into
+``dist/`` and checks both with twine.
 """
 
 from __future__ import annotations
@@ -54,11 +54,11 @@ def dated(changelog: str, today: date) -> str:
 
 
 def unreleasable(version: str, root: Path = ROOT) -> str | None:
-    """Why what lies in `root` must not be released, if so: the archives hold what lies there, committed or not."""
+    """Why what lies in `root` must not be released, if so: all of it goes into the archives."""
     for words, wrong in (
         (
             ("status", "--porcelain"),
-            "there are changes that are not committed; commit them, or put them aside",
+            "not everything is committed; commit it, or put it aside",
         ),
         (("tag", "--list", f"v{version}"), f"v{version} is released already; raise the version"),
     ):

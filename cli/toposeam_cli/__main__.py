@@ -37,8 +37,8 @@ def start() -> None:
 
 
 def _flushed(*, quiet: bool) -> bool:
-    """Whether all that was printed has arrived; Python itself would tell it with a traceback. `quiet`: an error
-    was told already, and one sentence is enough.
+    """Whether all that was printed has arrived; Python itself would tell it with a traceback. `quiet`: an
+    error was told already, and one sentence is enough.
     """
     arrived = True
     for stream in (sys.stdout, sys.stderr):

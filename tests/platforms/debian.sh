@@ -29,6 +29,7 @@ cache=${XDG_CACHE_HOME:-$HOME/.cache}/toposeam
 root=$cache/platform-$suite
 log=$cache/platform-$suite.log
 place="/home/maker/my work/TopoSeam"
+[ "$what" != three ] || place="/home/maker/my work/three commands" # beside what is tested there
 say() { echo "platforms: $suite: $*" >&2; }
 fail() { say "$*"; exit 1; }
 

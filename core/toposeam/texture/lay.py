@@ -14,6 +14,7 @@ from toposeam.seam.find import METHODS, Method, find_seam
 from toposeam.seam.match_cost import MatchCost
 from toposeam.texture.atlas import Atlas, Floats32, Ints32, values_at
 from toposeam.texture.canvas import IndexCanvas
+from toposeam.texture.keeping_step import Phase
 from toposeam.texture.nearby import Nearby
 from toposeam.texture.search import Ints, PatchSearch, box_sum
 
@@ -122,6 +123,8 @@ class PatchPlacer:
         Number of canvas pixels that patches will fill, for the average use of a source pixel.
     guide : Guide, optional
         What the patches should look like.
+    phase : Phase, optional
+        Which places keep the texture's order in step with the canvas; others are not taken.
     """
 
     def __init__(
@@ -133,15 +136,10 @@ class PatchPlacer:
         rng: np.random.Generator,
         area: int,
         guide: Guide | None = None,
+        phase: Phase | None = None,
     ) -> None:
-        self.atlas, self.features, self.canvas, self.options, self.rng, self.guide = (
-            atlas,
-            features,
-            canvas,
-            options,
-            rng,
-            guide,
-        )
+        self.atlas, self.features, self.canvas = atlas, features, canvas
+        self.options, self.rng, self.guide, self.phase = options, rng, guide, phase
         self.search = PatchSearch(atlas, features)
         self._guides = None if guide is None else PatchSearch(atlas, guide.source)
         # Where little is laid, compared with what there is to copy, no place is used up.
@@ -192,6 +190,8 @@ class PatchPlacer:
         """
         terms = self._terms(top, left, shape, known, weight)
         row, column = self._choose(terms, shape, (top, left), known) if terms else self._anywhere(shape)
+        if self.phase is not None:
+            self.phase.begin((top, left), (row, column), shape)
         grid = np.arange(shape[0])[:, np.newaxis] * self.atlas.width + np.arange(shape[1])
         return (row * self.atlas.width + column + grid).astype(np.int32)
 
@@ -316,6 +316,10 @@ class PatchPlacer:
             if self.options.variety and self.guide is None:
                 near = self._nearby.share(*at, *shape)
                 raised *= 1 + np.float32(_NEAR * self.options.variety) * near(m, f, error.shape)
+        if self.phase is not None:
+            places = (m + f * np.arange(n), m + f * np.arange(columns_n))
+            in_step = np.where(self.phase.allows(at, shape, *places), raised, np.float32(np.inf))
+            raised = in_step if np.isfinite(in_step).any() else raised
         free = raised.copy()
         free[used_up > 0] = np.inf
         apart = max(3, min(shape) // 8)

@@ -129,12 +129,16 @@ def find_order(features: Floats32, usable: Mask) -> Order | None:
 
 
 def _near(features: Floats32, usable: Mask) -> Floats:
-    """The autocorrelation without slow light, shifts up to half the exemplar, 0 in the middle."""
+    """The autocorrelation without slow light, shifts up to half the exemplar, 0 in the middle. Pixels near
+    the border count less: elements cut by it would move the maxima.
+    """
     slow = np.stack(
         [ndimage.gaussian_filter(features[..., c], 24.0) for c in range(features.shape[2])], axis=2
     )
     height, width = (length // 2 for length in usable.shape)
-    found = np.roll(autocorrelation(features - slow, usable), (height, width), (0, 1))
+    taper = np.outer(*[np.sin(np.pi * (np.arange(n) + 0.5) / n) for n in usable.shape])
+    weight = (usable * taper).astype(np.float32)
+    found = np.roll(autocorrelation(features - slow, weight), (height, width), (0, 1))
     return found[: 2 * height + 1, : 2 * width + 1].astype(np.float64)
 
 
@@ -294,8 +298,9 @@ def _rhythm(profile: Floats, element: int) -> tuple[float, float]:
     scores = []
     for period in periods:
         multiples = np.arange(1, int(distance[-1] / period) + 1) * period
-        on, off = (np.interp(at, distance, profile).mean() for at in (multiples, multiples - period / 2))
-        scores.append(min(on, 0.5 * (on - off)) if on >= _KEPT * profile[0] else 0.0)
+        on, off = (np.interp(at, distance, profile) for at in (multiples, multiples - period / 2))
+        kept = on.min() >= _KEPT * profile[0]
+        scores.append(min(on.mean(), 0.5 * (on.mean() - off.mean())) if kept else 0.0)
     found = np.asarray(scores)
     if found.max() <= 0:
         return 0.0, 1.0

@@ -27,6 +27,7 @@ def crops(places=PLACES, off=6, seed=0, size=(220, 240), noise=6):
     return layers, np.array(errors)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("off", [3, 14])
 def test_known_shifts_are_found_again(seed, off):

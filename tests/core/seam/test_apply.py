@@ -171,6 +171,7 @@ coordinates = st.one_of(
 )
 
 
+@pytest.mark.medium
 @settings(max_examples=200, deadline=None)
 @given(st.lists(st.tuples(coordinates, coordinates), min_size=3, max_size=8))
 def test_any_closed_path_follows_the_even_odd_rule(points):

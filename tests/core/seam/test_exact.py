@@ -16,6 +16,7 @@ def blob(rng, shape):
     return smooth > np.quantile(smooth, rng.uniform(0.05, 0.7))
 
 
+@pytest.mark.medium
 def test_on_overlaps_of_any_shape_it_costs_what_a_maximum_flow_costs(monkeypatch):
     by_path, by_flow = [], []
     path, flow = exact.shortest_path, exact._maximum_flow

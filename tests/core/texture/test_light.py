@@ -33,6 +33,7 @@ def test_slow_light_is_told_from_structure(lit, sample):
     assert not has_slow_light(sample(1, (128, 128), channels=3) / np.float32(255), everywhere)
 
 
+@pytest.mark.medium
 def test_patches_under_unlike_light_show_no_squares(lit):
     image, structure = lit
     made = ts.synthesize(image, 256, patch=32, seed=1)

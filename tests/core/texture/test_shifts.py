@@ -36,6 +36,7 @@ def test_what_the_picture_has_twice_is_restored_exactly(sample):
     assert repr(made).startswith("Synthesis(180 × 120 px, 1 patches of")
 
 
+@pytest.mark.medium
 def test_a_slope_of_light_runs_on_and_nothing_appears_in_it():
     rng = np.random.default_rng(1)
     y, x = np.mgrid[:160, :200]
@@ -57,6 +58,7 @@ def test_a_slope_of_light_runs_on_and_nothing_appears_in_it():
     )  # all copies, but for the mixing at seams
 
 
+@pytest.mark.medium
 def test_only_the_hole_and_its_band_change_and_only_what_may_be_is_copied():
     image = skimage.data.chelsea()[60:180, 120:300]
     hole, avoid = disc(image.shape[:2], 55, 60, 18), np.zeros(image.shape[:2], bool)
@@ -71,6 +73,7 @@ def test_only_the_hole_and_its_band_change_and_only_what_may_be_is_copied():
     np.testing.assert_array_equal(again.image, made.image)
 
 
+@pytest.mark.medium
 def test_holes_apart_are_filled_each_for_itself_and_transparent_ground_is_left():
     image = skimage.data.coffee()[:140, 400:600]
     alpha = np.full(image.shape[:2], 255, np.uint8)

@@ -48,6 +48,7 @@ def test_without_smoothing_every_pixel_is_a_copy_and_with_it_only_pixels_at_seam
     assert not (differs & ~seam).any()
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     ("tileable", "closed"), [(True, (True, True)), ("x", (False, True)), ("y", (True, False))]
 )
@@ -107,6 +108,7 @@ def test_patches_continue_one_another_up_to_a_limit(sample):
     assert (shift[:, 1:] != shift[:, :-1]).any(axis=2)[borders].all()
 
 
+@pytest.mark.medium
 def test_objects_larger_than_the_overlap_stay_whole():
     """Discs of 22 px on noise: of those that do not touch the border nearly all have the sample's area."""
     rng = np.random.default_rng(30)
@@ -133,6 +135,7 @@ def test_objects_larger_than_the_overlap_stay_whole():
     assert whole >= 0.9 * total
 
 
+@pytest.mark.medium
 def test_the_same_place_comes_again_at_a_distance_where_there_is_a_choice(sample):
     source = sample(31, (128, 128))
 

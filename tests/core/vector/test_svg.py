@@ -85,6 +85,7 @@ json_values = st.recursive(
 )
 
 
+@pytest.mark.medium
 @settings(deadline=None)
 @given(
     st.lists(lines, min_size=1, max_size=3),

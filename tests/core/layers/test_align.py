@@ -56,6 +56,7 @@ def test_narrow_strips_and_transparency():
     np.testing.assert_array_equal(ts.align(layers).shifts, -errors)
 
 
+@pytest.mark.medium
 def test_what_agrees_with_nothing_is_refused():
     layers, _ = crops()
     stranger = ts.Layer(image=data.coffee()[:220, :240].copy(), at=(200, 150), name="stranger")

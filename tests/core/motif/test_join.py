@@ -29,6 +29,7 @@ def test_without_weight_each_motif_is_what_it_is_alone():
         assert np.array_equal(motif.densities, ts.generate_motif(recipe).densities)
 
 
+@pytest.mark.medium
 def test_motifs_join_each_other_the_better_the_more_the_compound_weighs():
     apart, together = _joined(0.0), _joined(0.5)
     assert together.mismatch() < 0.7 * apart.mismatch()

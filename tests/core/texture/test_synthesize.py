@@ -77,6 +77,7 @@ def test_the_same_seed_gives_the_same_bytes_and_another_one_another_texture(samp
     assert (first.image != other.image).mean() > 0.5
 
 
+@pytest.mark.medium
 def test_no_source_pixel_shows_much_more_often_than_the_average(sample):
     source = sample(5, (96, 96))
     made = ts.synthesize(source, 200, patch=24)
@@ -93,6 +94,7 @@ def largest_copy(made):
     return max(areas)
 
 
+@pytest.mark.medium
 def test_patches_continue_one_another_up_to_a_limit(sample):
     source = sample(6, (128, 128))
     made, free = (

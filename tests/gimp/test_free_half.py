@@ -46,6 +46,7 @@ def test_versions_and_protocol_agree():
     assert folder.MARKER == MARKER
 
 
+@pytest.mark.medium
 def test_the_tables_offer_what_core_has():
     def choices(name, option):
         (found,) = (entry for entry in PROCEDURES[f"plug-in-toposeam-{name}"].options if entry.name == option)

@@ -82,6 +82,7 @@ def test_a_zone_keeps_the_path_beside_its_pixels(crops):
 # --- what is proven
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("shape", [None, *SHAPES])
 def test_no_seam_costs_less_than_what_is_proven(shape, crops):
     masks = SHAPES[shape]() if shape else (None, None)

@@ -62,6 +62,7 @@ def test_maps_are_cut_alike_and_keep_their_values(lit, sample):
     np.testing.assert_array_equal(made.maps[0], other[made.source[..., 0], made.source[..., 1]])
 
 
+@pytest.mark.medium
 def test_flattening_divides_the_light_away(lit):
     image, structure = lit
     flat = ts.flatten_light(image)

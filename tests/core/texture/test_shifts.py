@@ -26,6 +26,7 @@ def two_alike(sample):
     return image, disc(image.shape[:2], 60, 45, 20)
 
 
+@pytest.mark.medium
 def test_what_the_picture_has_twice_is_restored_exactly(sample):
     image, hole = two_alike(sample)
     spoiled = np.where(hole[..., np.newaxis], 0, image).astype(np.uint8)
@@ -89,6 +90,7 @@ def test_holes_apart_are_filled_each_for_itself_and_transparent_ground_is_left()
     assert (made.source[made.labels > 0][:, 0] >= 10).all()
 
 
+@pytest.mark.medium
 def test_a_hole_that_hardly_any_shift_can_reach_is_filled_all_the_same(sample):
     image = sample(2, (90, 120), channels=3)
     hole = np.zeros(image.shape[:2], bool)
@@ -98,6 +100,7 @@ def test_a_hole_that_hardly_any_shift_can_reach_is_filled_all_the_same(sample):
     assert not hole[made.source[hole][:, 0], made.source[hole][:, 1]].any()
 
 
+@pytest.mark.medium
 def test_maps_are_cut_alike_and_not_levelled(sample):
     image, hole = skimage.data.rocket()[100:220, 200:360], disc((120, 160), 60, 70, 16)
     other = sample(3, (120, 160), dtype=np.uint16)
@@ -163,6 +166,7 @@ def test_moves_lower_the_cost_below_what_chance_finds(sample):
             assert moves.total(other) >= after * (1 - 2e-3)
 
 
+@pytest.mark.medium
 def test_the_shift_by_which_a_picture_repeats_is_among_the_candidates(sample):
     image, hole = two_alike(sample)
     values = np.where(hole[..., np.newaxis], 0, image / np.float32(255)).astype(np.float32)

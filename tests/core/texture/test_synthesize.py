@@ -12,6 +12,7 @@ def step_at_border(image, axis):
     return across / np.abs(np.diff(values, axis=axis)).mean()
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("channels", [None, 1, 3])
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
 def test_size_channels_and_depth_are_as_asked(sample, dtype, channels):

@@ -11,6 +11,9 @@ from pathlib import Path
 
 from mutations import ROOT, SOURCES
 
+#: Which tests the map knows, and which are tried by their names when those pass.
+QUICK, LONGER = "not slow and not medium", "slow or medium"
+
 #: Tests run for one mutation at most; a line of common code is executed by hundreds.
 MOST_TESTS = 60
 
@@ -36,7 +39,7 @@ def measure(cache: Path, until: float) -> bool:
             continue
         if time.monotonic() > until:
             return False
-        command = [sys.executable, "-m", "pytest", *tests, "-q", "-m", "not slow", "-p", "no:cacheprovider"]
+        command = [sys.executable, "-m", "pytest", *tests, "-q", "-m", QUICK, "-p", "no:cacheprovider"]
         command += ["-p", "no:xdist", "-rfE", "--durations=0", "--durations-min=0.1"]
         command += [*(f"--cov={source}" for source in SOURCES), "--cov-context=test", "--cov-report="]
         environment = {**os.environ, "COVERAGE_FILE": str(cache / f"{name}.coverage")}

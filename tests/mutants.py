@@ -3,7 +3,7 @@ it.
 
 A mutation changes one operator, constant, condition, bound or call of a line that the quick tests execute,
 draws of which follow from a seed; then only the tests that execute the line are run, in a copy of the
-checkout, nearest first, until one fails; then the slow ones of the file's own test files. What survives is
+checkout, nearest first, until one fails; then the longer ones of the file's own test files. What survives is
 printed. Mutations that change no behaviour do not count: those that compile to the same code, and those
 listed with the reason in ``mutants_equal.toml``. Which tests execute a line, a map says that takes several
 minutes to make; without it (``--nearby``) tests are looked for by their names.
@@ -38,7 +38,7 @@ from pathlib import Path
 
 import pytest
 
-from covering import covering_tests, measure, nearby_tests, nearest, own_tests
+from covering import LONGER, QUICK, covering_tests, measure, nearby_tests, nearest, own_tests
 from mutations import ROOT, SOURCES, Mutation, chosen, same_code
 
 COPIED = (
@@ -125,10 +125,10 @@ def _run_tests(tests: list[str], own: list[str], copy: Path) -> None:
         sys.path[:] = [*rooms, *(place for place in sys.path if not place.startswith(str(ROOT / "tests")))]
         os.environ["PYTHONPATH"] = os.pathsep.join(rooms)
         os.chdir(copy)
-        code = _first_failure(tests, "not slow")
-        if code in PASSED:  # then the slow ones of its own test files too
+        code = _first_failure(tests, QUICK)
+        if code in PASSED:  # then the longer ones of its own test files too
             resource.setrlimit(resource.RLIMIT_CPU, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
-            code = _first_failure(own, "slow")
+            code = _first_failure(own, LONGER)
     finally:
         os._exit(code)
 

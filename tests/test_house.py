@@ -168,6 +168,7 @@ def room(module: str) -> str:
     return ".".join(parts[:2]) if parts[0] in ("toposeam", "toposeam_cli") and len(parts) > 1 else parts[0]
 
 
+@pytest.mark.medium
 def test_every_arrow_points_where_the_house_allows():
     against = sorted(
         f"{module} imports {other}"

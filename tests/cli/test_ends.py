@@ -33,6 +33,7 @@ def assert_quiet(text):
         assert never not in text, text
 
 
+@pytest.mark.medium
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 @pytest.mark.parametrize(
     "line", ["--help", "--version", "stitch --help", "completion bash", "compare a.png b.png --overlap 20"]
@@ -45,6 +46,7 @@ def test_a_full_disk_behind_stdout_is_one_sentence(folder, photographs, line):
     assert ran.stderr.count("\n") == 1
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("line", ["--help", "bogus", "stitch a.png b.png --overlap 20 -o x.png"])
 def test_a_full_disk_behind_both_streams_ends_without_a_word(folder, photographs, line):
     ran = shell(f"toposeam {line} >/dev/full 2>/dev/full; echo $?", folder)

@@ -79,6 +79,7 @@ def test_a_marker_that_is_a_link_is_none(tmp_path):
     assert (tmp_path / "request").is_dir()
 
 
+@pytest.mark.medium
 def test_it_shows_signs_of_life(request_folder):
     process = long_request(request_folder)
     deadline = time.monotonic() + 30
@@ -91,6 +92,7 @@ def test_it_shows_signs_of_life(request_folder):
     process.communicate()
 
 
+@pytest.mark.medium
 def test_a_warm_engine_is_told_its_folder(request_folder, pair):
     layers = [request_folder.raster("a", pair[0]), request_folder.raster("b", pair[1], (20, 5))]
     request = {"operation": "preview", "of": "stitch", "scale": 0.5, "layers": layers}

@@ -30,6 +30,7 @@ def asked(words, current):
     return [line.split("\t") for line in done.stdout.splitlines()]
 
 
+@pytest.mark.medium
 def test_powershell_is_told_commands_options_choices_and_files():
     commands = asked("toposeam ", "")
     assert {"stitch", "synth", "completion"} <= {value for _, value, _ in commands}

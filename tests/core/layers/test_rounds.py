@@ -78,6 +78,7 @@ def test_the_order_hardly_matters(seed):
     assert max(costs) <= 1.1 * min(costs)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("method", ["heat", "graph-cut", "shortest-path"])
 def test_every_method_that_knows_networks_ends_at_the_same_cost(method):
     pytest.importorskip("maxflow")
@@ -94,6 +95,7 @@ RECTANGLES = st.lists(
 )
 
 
+@pytest.mark.medium
 @settings(deadline=None, max_examples=40, derandomize=True)
 @given(RECTANGLES, st.booleans(), st.sampled_from(["none", "feather", "multiband", "gradient", "soft"]))
 def test_no_hole_no_double_cover_no_pixel_unassigned(rectangles, holes, blend):

@@ -71,6 +71,7 @@ def test_any_topology_ends_near_the_optimum_and_says_how_near(topology):
     assert surface.shown[side == 1].all()
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("topology", SHAPES)
 def test_a_slab_loses_next_to_nothing(topology):
     a, b, on_a, on_b = topology((20, 40, 40))
@@ -79,6 +80,7 @@ def test_a_slab_loses_next_to_nothing(topology):
     assert surface.bound == 0  # nothing is proven of what lies outside
 
 
+@pytest.mark.medium
 def test_a_slab_that_is_too_thin_grows(monkeypatch):
     problem, _ = surface_problem(*noise((48, 48, 48), 0, 2.0), None, None, 0, ts.MatchCost())
     best, _ = heat_surface(problem, SurfaceOptions())

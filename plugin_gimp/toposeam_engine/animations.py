@@ -8,16 +8,16 @@ import numpy as np
 
 import toposeam as ts
 from toposeam_engine.layers import colours_of, with_alpha
-from toposeam_engine.serving import Job
+from toposeam_engine.serving import EngineJob
 
 
-def loop(job: Job) -> dict[str, Any]:
+def loop(job: EngineJob) -> dict[str, Any]:
     """The frames of a loop, and which frame of the clip it begins with."""
     made = looped(job)
     return {"frames": [job.write(with_alpha(frame, None)) for frame in made.frames], "start": made.start}
 
 
-def looped(job: Job) -> ts.Loop:
+def looped(job: EngineJob) -> ts.Loop:
     """The loop itself."""
     frames = []
     for raster in job.request["layers"]:

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from toposeam_engine.previews import preview
-from toposeam_engine.serving import Job
+from toposeam_engine.serving import EngineJob
 
 _SIDE = 48
 
 
-class _Rehearsal(Job):
+class _Rehearsal(EngineJob):
     """A job whose pixels are made up, and whose results go nowhere."""
 
     def read(self, raster: Mapping[str, Any]) -> Any:

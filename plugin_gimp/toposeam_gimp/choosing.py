@@ -108,6 +108,11 @@ def fits(name: str, seam: str) -> bool:
     return stem(name) == stem(seam)
 
 
+def is_seam(name: str) -> bool:
+    """Whether a path is called as `toposeam stitch --seam` calls seams, after whatever files."""
+    return stem(name) == "seam" or " : " in name
+
+
 def stem(name: str) -> str:
     """A path's name without what GIMP and SVG add to tell copies and the lines of one drawing apart."""
     return " ".join(re.sub(r"(\s*(#\d+|\(\d+\)|\d+))+$", "", name).split())

@@ -11,7 +11,7 @@ from toposeam_gimp import scenes
 from toposeam_gimp.entries import Procedure
 from toposeam_gimp.folder import FolderError, RequestFolder
 from toposeam_gimp.layers import RefusedError
-from toposeam_gimp.rehearsal import Picture, Rehearsal
+from toposeam_gimp.rehearsal import Preview, Rehearsal
 from toposeam_gimp.texts import _
 
 _SIZE = (300, 260)
@@ -123,7 +123,7 @@ class PreviewPane:
             self._folder.touch()
         return True
 
-    def _show(self, found: Picture | str) -> bool:
+    def _show(self, found: Preview | str) -> bool:
         if not self._open:
             return False
         self._busy.set_text("")
@@ -179,7 +179,7 @@ def _squared(pixbuf: GdkPixbuf.Pixbuf) -> GdkPixbuf.Pixbuf:
     return square
 
 
-def _pixbufs(picture: Picture) -> list[GdkPixbuf.Pixbuf]:
+def _pixbufs(picture: Preview) -> list[GdkPixbuf.Pixbuf]:
     """RGBA, or gray and opacity, for the screen: a pixbuf for each frame."""
     content = picture.content
     if picture.channels == 2:

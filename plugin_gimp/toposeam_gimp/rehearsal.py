@@ -18,8 +18,8 @@ from toposeam_gimp.folder import FolderError, RequestFolder
 _MOST_WARM = 2
 
 
-class Picture(NamedTuple):
-    """A preview, in 8 bits; of an animation all frames, one below the other."""
+class Preview(NamedTuple):
+    """A picture, in 8 bits; of an animation all frames, one below the other."""
 
     width: int
     height: int
@@ -34,12 +34,12 @@ class Rehearsal:
     Parameters
     ----------
     done : callable
-        Called with a `Picture`, or with a sentence instead of it, from another thread.
+        Called with a `Preview`, or with a sentence instead of it, from another thread.
     of : str
         What they will be of, so that engines prepare for it.
     """
 
-    def __init__(self, done: Callable[[Picture | str], object], of: str = "") -> None:
+    def __init__(self, done: Callable[[Preview | str], object], of: str = "") -> None:
         self._done, self._arguments = done, ("-", of) if of else ("-",)
         self._warm: list[engine.Engine] = []
         self._running: engine.Engine | None = None
@@ -102,7 +102,7 @@ class Rehearsal:
         return engine.Engine(self._arguments)
 
     def _ask(self, number: int, process: engine.Engine, request: dict[str, Any], pixels: Path) -> None:
-        found: Picture | str
+        found: Preview | str
         try:
             with RequestFolder() as folder:
                 for file in pixels.glob("*.raw"):
@@ -110,7 +110,7 @@ class Rehearsal:
                 raster = engine.ask(folder, request, lambda share: None, waiting=process)["picture"]
                 content = (folder.path / raster["file"]).read_bytes()
             frames = raster["height"] // request["layers"][0]["height"] if request["of"] == "loop" else 1
-            found = Picture(raster["width"], raster["height"], raster["channels"], content, frames)
+            found = Preview(raster["width"], raster["height"], raster["channels"], content, frames)
         except (engine.EngineError, FolderError, OSError) as error:
             found = str(error)
         with self._lock:

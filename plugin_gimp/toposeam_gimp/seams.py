@@ -32,9 +32,6 @@ from toposeam_gimp.texts import _
 
 Options = dict[str, Any]
 
-#: What `toposeam stitch --seam` calls the seam of two pictures, but for its number.
-_ANY_SEAM = "seam"
-
 
 def stitch_layers(call: Call) -> Gimp.Layer:
     """Two or more layers into a group with masks and paths."""
@@ -199,7 +196,7 @@ def _seams_to_apply(call: Call, seams: Sequence[dict[str, Any]]) -> list[dict[st
             path
             for path in others
             if choosing.fits(path.get_name(), seam["name"])
-            or (len(seams) == 1 and (path.get_id() in selected or choosing.fits(path.get_name(), _ANY_SEAM)))
+            or (len(seams) == 1 and (path.get_id() in selected or choosing.is_seam(path.get_name())))
         ]
         used |= {path.get_id() for path in fitting}
         lines, touched, remark = lines_to_apply(image, seam, fitting)

@@ -169,6 +169,7 @@ def test_which_python(tmp_path, monkeypatch):
         engine.find_python({"TOPOSEAM_PYTHON": "/nowhere"}, tmp_path)
 
 
+@pytest.mark.medium
 def test_previews_come_from_warm_engines_and_only_the_newest_counts(tmp_path, monkeypatch):
     monkeypatch.setenv("TOPOSEAM_PYTHON", sys.executable)
     pixels = tmp_path / "pixels"
@@ -195,6 +196,7 @@ def test_previews_come_from_warm_engines_and_only_the_newest_counts(tmp_path, mo
     assert not list(tmp_path.glob("toposeam-request-*"))
 
 
+@pytest.mark.medium
 def test_the_engine_is_kept_between_previews_and_ended_when_options_change(tmp_path, monkeypatch):
     monkeypatch.setenv("TOPOSEAM_PYTHON", sys.executable)
     raster = {"file": "a.raw", "width": 40, "height": 40, "channels": 4, "dtype": "uint8", "name": "a"}

@@ -142,3 +142,12 @@ def test_a_doubt_is_a_sentence(candidates, phrase):
 )
 def test_names_say_which_seam_a_path_is_for(name, seam, does):
     assert choosing.fits(name, seam) is does
+
+
+def test_seams_of_the_command_line_are_known_by_their_names():
+    assert [choosing.is_seam(name) for name in ("seam 1", "a.png : b.png #1", "my drawing", "seams")] == [
+        True,
+        True,
+        False,
+        False,
+    ]

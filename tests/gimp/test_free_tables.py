@@ -32,6 +32,7 @@ def test_versions_and_protocol_agree():
     assert folder.MARKER == MARKER
 
 
+@pytest.mark.medium
 def test_the_tables_offer_what_core_has():
     def choices(name, option):
         (found,) = (entry for entry in PROCEDURES[f"plug-in-toposeam-{name}"].options if entry.name == option)
@@ -57,6 +58,7 @@ def test_every_rule_and_palette_has_its_picture():
                 assert {f"{option.pictures}-{nick}.png" for nick in shown} <= wanted
 
 
+@pytest.mark.medium
 def test_pictures_are_those_that_the_script_draws(tmp_path):
     subprocess.run([sys.executable, PLUG_IN.parent / "make_pictures.py", tmp_path], check=True, timeout=300)
     for file in (PLUG_IN / "pictures").glob("*.png"):

@@ -150,4 +150,4 @@ def gather(
 def _reached(cost: Floats, ends: list[tuple[int, int]]) -> npt.NDArray[np.bool_]:
     """The pixels that hang together with any of the ends."""
     pieces, _ = ndimage.label(np.isfinite(cost))
-    return np.isin(pieces, [pieces[end] for end in ends])
+    return np.isin(pieces, [pieces[end] for end in ends if pieces[end]])  # sinks may lie off a strip

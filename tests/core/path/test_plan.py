@@ -179,6 +179,12 @@ def test_a_large_ground_in_pieces_leads_no_heat_where_none_gets():
     assert found.density[np.isfinite(ground) & (pieces != pieces[tuple(largest[0])])].max() == 0
 
 
+def test_on_a_large_ground_a_sink_may_be_one_that_nobody_takes():
+    found = ts.plan_path((180, 190), (20, 0), [(30, 5), (170, 160), (0, 0)])
+    assert found.length == pytest.approx(np.hypot(10, 5))
+    assert found.density[160, 170] == 0
+
+
 @pytest.mark.slow
 def test_on_a_large_ground_ends_may_be_near_and_many():
     near = ts.plan_path((260, 260), (50, 50), (51, 50))

@@ -14,11 +14,12 @@ from toposeam.seam.find import METHODS, Method, find_seam
 from toposeam.seam.match_cost import MatchCost
 from toposeam.texture.atlas import Atlas, Floats32, Ints32, values_at
 from toposeam.texture.canvas import IndexCanvas
+from toposeam.texture.keeping_step import Phase
 from toposeam.texture.nearby import Nearby
 from toposeam.texture.search import Ints, PatchSearch, box_sum
 
 #: How much dearer a place is whose pixels have all shown as often as they should, where there is no other.
-_WORN = 30
+_USED_UP = 30
 #: How much dearer a place is all of whose pixels show near by, per unit of variety.
 _NEAR = 1.0
 #: Share of what there is to copy up to which use is not counted.
@@ -122,6 +123,8 @@ class PatchPlacer:
         Number of canvas pixels that patches will fill, for the average use of a source pixel.
     guide : Guide, optional
         What the patches should look like.
+    phase : Phase, optional
+        Which places keep the texture's order in step with the canvas; others are not taken.
     """
 
     def __init__(
@@ -133,19 +136,14 @@ class PatchPlacer:
         rng: np.random.Generator,
         area: int,
         guide: Guide | None = None,
+        phase: Phase | None = None,
     ) -> None:
-        self.atlas, self.features, self.canvas, self.options, self.rng, self.guide = (
-            atlas,
-            features,
-            canvas,
-            options,
-            rng,
-            guide,
-        )
+        self.atlas, self.features, self.canvas = atlas, features, canvas
+        self.options, self.rng, self.guide, self.phase = options, rng, guide, phase
         self.search = PatchSearch(atlas, features)
         self._guides = None if guide is None else PatchSearch(atlas, guide.source)
-        # Where little is laid, compared with what there is to copy, nothing is worn out.
-        self._wears = area > _LITTLE * int(atlas.usable.sum())
+        # Where little is laid, compared with what there is to copy, no place is used up.
+        self._uses_up = area > _LITTLE * int(atlas.usable.sum())
         self._average = max(area / max(int(atlas.usable.sum()), 1), 1.0)
         self._limit = max(1, int(options.most * self._average))
         self._nearby = Nearby(atlas, canvas)
@@ -192,6 +190,8 @@ class PatchPlacer:
         """
         terms = self._terms(top, left, shape, known, weight)
         row, column = self._choose(terms, shape, (top, left), known) if terms else self._anywhere(shape)
+        if self.phase is not None:
+            self.phase.begin((top, left), (row, column), shape)
         grid = np.arange(shape[0])[:, np.newaxis] * self.atlas.width + np.arange(shape[1])
         return (row * self.atlas.width + column + grid).astype(np.int32)
 
@@ -306,23 +306,27 @@ class PatchPlacer:
         shows often or near by, and without those that would make a connected copy too large.
         """
         m, f, (n, columns_n) = self.margin, self.search.factor, error.shape
-        raised, worn = error.copy(), np.zeros(error.shape)
-        if self._wears:
+        raised, used_up = error.copy(), np.zeros(error.shape)
+        if self._uses_up:
             usage = self.canvas.usage.reshape(self.atlas.usable.shape)
             on_grid = slice(m, None, f), slice(m, None, f)
             mean = box_sum(usage, shape)[on_grid][:n, :columns_n] / (shape[0] * shape[1] * self._average)
-            worn = box_sum(usage >= self._limit, shape)[on_grid][:n, :columns_n] / (shape[0] * shape[1])
+            used_up = box_sum(usage >= self._limit, shape)[on_grid][:n, :columns_n] / (shape[0] * shape[1])
             raised *= 1 + self.options.variety * np.square(mean)
             if self.options.variety and self.guide is None:
                 near = self._nearby.share(*at, *shape)
                 raised *= 1 + np.float32(_NEAR * self.options.variety) * near(m, f, error.shape)
+        if self.phase is not None:
+            places = (m + f * np.arange(n), m + f * np.arange(columns_n))
+            in_step = np.where(self.phase.allows(at, shape, *places), raised, np.float32(np.inf))
+            raised = in_step if np.isfinite(in_step).any() else raised
         free = raised.copy()
-        free[worn > 0] = np.inf
+        free[used_up > 0] = np.inf
         apart = max(3, min(shape) // 8)
         for row, column in self._exhausted(at, shape, known):
             _block(free, (row - m) / f, (column - m) / f, apart / f)
-        # With few places to choose from, better a worn place or a copy than none.
-        left = free if np.isfinite(free).any() else raised * (1 + _WORN * worn).astype(np.float32)
+        # With few places to choose from, better a place that was used or a copy than none.
+        left = free if np.isfinite(free).any() else raised * (1 + _USED_UP * used_up).astype(np.float32)
         rows: list[int] = []
         columns: list[int] = []
         errors: list[np.float32] = []

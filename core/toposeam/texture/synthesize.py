@@ -15,9 +15,11 @@ from toposeam.images import MAX_PIXELS, as_array, as_float, full_scale
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.closing import closing_guide, order_axis
+from toposeam.texture.keeping_step import Phase
 from toposeam.texture.lay import Guide, LayOptions, PatchPlacer
 from toposeam.texture.light import flatten_light, has_slow_light, levelled_copies, without_light
 from toposeam.texture.mend import mend
+from toposeam.texture.order import STRETCH, UNSEEN, find_order
 from toposeam.texture.raster import lay_all, patches_along
 from toposeam.texture.rendering import Lift, render
 from toposeam.texture.scale import SMALLEST_PATCH, patch_for
@@ -144,15 +146,23 @@ def synthesize(
         patches_along(width, side, overlap, wraps[1]),
     )
     report = _Stages(progress)
-    axis = None
-    if given is None and chosen.close and any(wraps) and min(height, width) >= 4 * side:
-        axis = order_axis(sources.features[0], sources.usable[0])
+    phase, axis, fits = None, None, None
+    if given is None and chosen.close and any(wraps):
+        order = find_order(sources.features[0], sources.usable[0]) if len(sources.shapes) == 1 else None
+        if order is not None:
+            closed, stretch = order.fitted((height, width), wraps)
+            fits = order.closing_size((height, width), wraps) if stretch > UNSEEN else None
+            phase = Phase(order, closed, max(1.0, 0.75 * atlas.factor)) if stretch <= STRETCH else None
+        if phase is None and min(height, width) >= 4 * side:
+            axis = order_axis(sources.features[0], sources.usable[0])
     if axis is not None and wraps[axis]:
         given = closing_guide(
             sources, atlas, chosen, (height, width), wraps, axis, side, overlap, seed, report.stage(0.0, 0.3)
         )
     canvas = IndexCanvas((height, width), wraps, atlas.usable.size)
-    placer = PatchPlacer(atlas, features, canvas, chosen, np.random.default_rng(seed), height * width, given)
+    placer = PatchPlacer(
+        atlas, features, canvas, chosen, np.random.default_rng(seed), height * width, given, phase
+    )
     shape = rows[0], columns[0]
     if not placer.search.room(shape).any():
         where, remedy = (
@@ -178,7 +188,8 @@ def synthesize(
     if level:
         plane = atlas.spread(sources.planes[0]).astype(np.float32)
         lift = levelled_copies(plane, features, atlas, canvas.index, canvas.copy_labels(), wraps)
-    return finish(sources, atlas, canvas, shape, settings, smooth, lift=lift)
+    made = finish(sources, atlas, canvas, shape, settings, smooth, lift=lift)
+    return dataclasses.replace(made, fits=fits)
 
 
 def _flat(source: Images, mask: Images | None) -> Images:

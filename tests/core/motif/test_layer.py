@@ -39,6 +39,7 @@ def test_sensitivities_are_the_derivatives_of_the_compliance(repeat, penalty):
         assert slope[place] == pytest.approx(expected, rel=1e-4, abs=1e-6 * np.abs(slope).max())
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("repeat", ["none", "translate", "rotate", "p4m", "p6"])
 def test_compliance_falls_at_every_iteration_after_the_first_ones(repeat):
     recipe = _recipe(64, repeat=repeat, coarse=False, filter_radius=0, penalty=3.0)

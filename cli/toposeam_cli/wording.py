@@ -169,7 +169,7 @@ _SAID: Mapping[str, Sequence[tuple[str, Words]]] = {
     "compare": _JOINED,
     "synth": (
         *_TEXTURES,
-        (r"\b(?:the )?source(?: (\d+))?\b(?!s| of\b)", _source),
+        (r"\b(?:the )?source(?: (\d+)(?! ×))?\b(?!s| of\b)", _source),
         (r"\b(?:its|the) mask\b", lambda found, given: "--from"),
     ),
     "tile": (

@@ -158,20 +158,6 @@ def test_repeat_of_any_picture_keeps_depth_alpha_and_profile(folder, toposeam):
     np.testing.assert_array_equal(sheet.alpha, np.concatenate([alpha, alpha[:, ::-1]], axis=1))
 
 
-@pytest.mark.parametrize("rule", ["p2", "pmm", "cm", "p4m", "p6"])
-def test_a_picture_is_not_laid_by_a_group_that_it_would_not_show(folder, toposeam, rule):
-    write_picture("any.png", Picture(pixels=np.arange(48, dtype=np.uint8).reshape(6, 8)))
-    toposeam("repeat", "any.png", "2x2", "-o", "o.png", "--repeat", rule).fails(f"not made for {rule}")
-    toposeam("mockup", "any.png", "--on", "tie", "-o", "o.png", "--repeat", rule).fails("not made for")
-    assert toposeam("repeat", "any.png", "2x2", "-o", "o.png", "--repeat", "p1").code == 0
-
-
-def test_a_motif_is_laid_by_the_group_it_was_made_for(made, toposeam):
-    toposeam("motif", "-o", "p4m.png", *SMALL, "--repeat", "p4m")
-    assert toposeam("repeat", "p4m.png", "2x2", "-o", "o.png", "--repeat", "p4m").code == 0
-    toposeam("repeat", "p4m.png", "2x2", "-o", "q.png", "--repeat", "p4").fails("not made for p4")
-
-
 @pytest.mark.parametrize("rule", ["translate", "rotate", "reflect", "pgg"])
 def test_drawings_look_like_the_pictures(folder, toposeam, rule):
     options = (

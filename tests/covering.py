@@ -11,12 +11,13 @@ from pathlib import Path
 
 from mutations import ROOT, SOURCES
 
-#: Which tests the map knows, and which are tried by their names when those pass.
-QUICK, LONGER = "not slow and not medium", "slow or medium"
-
 #: Tests run for one mutation at most; a line of common code is executed by hundreds.
-MOST_TESTS = 60
+MOST_TESTS = 250
 
+#: From so many seconds on, under coverage, a test is tried after all others.
+LONG_S = 1.0
+
+_TOOK = re.compile(r"([0-9.]+)s call +(.*)$")
 _FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+::.*?)(?: - .*)?$", re.MULTILINE)
 
 
@@ -39,7 +40,7 @@ def measure(cache: Path, until: float) -> bool:
             continue
         if time.monotonic() > until:
             return False
-        command = [sys.executable, "-m", "pytest", *tests, "-q", "-m", QUICK, "-p", "no:cacheprovider"]
+        command = [sys.executable, "-m", "pytest", *tests, "-q", "-m", "not slow", "-p", "no:cacheprovider"]
         command += ["-p", "no:xdist", "-rfE", "--durations=0", "--durations-min=0.1"]
         command += [*(f"--cov={source}" for source in SOURCES), "--cov-context=test", "--cov-report="]
         environment = {**os.environ, "COVERAGE_FILE": str(cache / f"{name}.coverage")}
@@ -75,19 +76,30 @@ def covering_tests(cache: Path) -> dict[str, dict[int, list[str]]]:
     return {file: {line: sorted(tests) for line, tests in lines.items()} for file, lines in found.items()}
 
 
-def nearest(tests: list[str], file: str) -> list[str]:
+def long_tests(cache: Path) -> set[str]:
+    """The tests that took long when the map was made."""
+    return {
+        found[2]
+        for path in cache.glob("*.log")
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if (found := _TOOK.match(line)) and float(found[1]) >= LONG_S
+    }
+
+
+def nearest(tests: list[str], file: str, long: set[str]) -> list[str]:
     """At most `MOST_TESTS` of the tests: those of the file's own test file first, then those of its room,
-    then some of all others.
+    then some of all others; long ones last.
     """
     source = Path(file)
     room = source.parent.name
 
     def group(test: str) -> int:
         path = Path(test.partition("::")[0])
-        return 0 if path.stem == f"test_{source.stem}" else 1 if path.parent.name == room else 2
+        near = 0 if path.stem.startswith(f"test_{source.stem}") else 1 if path.parent.name == room else 2
+        return near + 3 * (test in long)
 
     taken: list[str] = []
-    for wanted in range(3):
+    for wanted in range(6):
         near = [test for test in tests if group(test) == wanted]
         step = max(1, len(near) // max(1, MOST_TESTS - len(taken)))
         taken += near[::step][: MOST_TESTS - len(taken)]
@@ -119,9 +131,3 @@ def nearby_tests(file: str) -> list[str]:
     ordered = sorted((path for path in files if groups[path] < 3), key=groups.__getitem__)
     examples = [file] if file.startswith("core/") else []
     return [*examples, *(path.relative_to(ROOT).as_posix() for path in ordered)]
-
-
-def own_tests(file: str) -> list[str]:
-    """The test files of a file of the same name."""
-    stem = Path(file).stem
-    return sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "tests").rglob(f"test_{stem}*.py"))

@@ -96,10 +96,10 @@ def test_coordinates_alone_cut_other_pictures_alike(sample):
         ts.apply_coordinates(first, made.source[..., 0])
 
 
-@pytest.mark.parametrize("shift", [2, -2])
+@pytest.mark.parametrize("shift", [3, 5, -3, -5])
 def test_what_a_shift_brings_from_beyond_an_open_side_counts_as_the_rest_does(shift):
-    """One row of six columns; where the shifted end has no column of its own the mean stands."""
-    beginning, end = np.zeros((1, 6, 1), np.float32), np.arange(6, dtype=np.float32).reshape(1, 6, 1)
-    square = np.roll(np.arange(6.0), -shift) ** 2
-    square[[4, 5] if shift > 0 else [0, 1]] = square.mean()
+    """One row of twelve columns; where the shifted end has no column of its own the mean stands."""
+    beginning, end = np.zeros((1, 12, 1), np.float32), np.arange(12, dtype=np.float32).reshape(1, 12, 1)
+    square = np.roll(np.arange(12.0), -shift) ** 2
+    square[range(12 - shift, 12) if shift > 0 else range(-shift)] = square.mean()
     np.testing.assert_allclose(_mismatch(beginning, end, shift, 1, "nearest"), square[::4])

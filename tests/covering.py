@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import subprocess
@@ -33,29 +34,41 @@ def pieces() -> dict[str, list[str]]:
 
 
 def measure(cache: Path, until: float) -> bool:
-    """Let the quick tests run under coverage, piece by piece, each once; False where time is up before."""
+    """Let the tests that are not slow run under coverage, piece by piece, each once for as long as its files
+    stay as they are; False where time is up before.
+    """
     cache.mkdir(parents=True, exist_ok=True)
     for name, tests in pieces().items():
-        if (cache / f"{name}.failed").exists():
+        piece = cache / f"{name}-{_digest(tests)}"
+        if piece.with_suffix(".failed").exists():
             continue
+        for old in cache.glob(f"{name}-????????.*"):
+            old.unlink()
         if time.monotonic() > until:
             return False
         command = [sys.executable, "-m", "pytest", *tests, "-q", "-m", "not slow", "-p", "no:cacheprovider"]
         command += ["-p", "no:xdist", "-rfE", "--durations=0", "--durations-min=0.1"]
         command += [*(f"--cov={source}" for source in SOURCES), "--cov-context=test", "--cov-report="]
-        environment = {**os.environ, "COVERAGE_FILE": str(cache / f"{name}.coverage")}
+        environment = {**os.environ, "COVERAGE_FILE": str(piece.with_suffix(".coverage"))}
         ended = subprocess.run(
             command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True, check=False
         )
-        (cache / f"{name}.log").write_text(ended.stdout, encoding="utf-8")
+        piece.with_suffix(".log").write_text(ended.stdout, encoding="utf-8")
         failed = "".join(f"{test}\n" for test in _FAILED.findall(ended.stdout))
-        (cache / f"{name}.failed").write_text(failed, encoding="utf-8")
+        piece.with_suffix(".failed").write_text(failed, encoding="utf-8")
         print(f"measured: {name}", flush=True)
     return True
 
 
+def _digest(tests: list[str]) -> str:
+    told = hashlib.sha256()
+    for name in tests:
+        told.update(name.encode() + ((ROOT / name).read_bytes() if name.endswith(".py") else b""))
+    return told.hexdigest()[:8]
+
+
 def covering_tests(cache: Path) -> dict[str, dict[int, list[str]]]:
-    """Per file and line, the quick tests that execute it and pass, as `measure` found."""
+    """Per file and line, the tests that execute it and pass, as `measure` found."""
     from coverage import CoverageData  # of make check-deep alone
 
     failed = {

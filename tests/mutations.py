@@ -180,7 +180,7 @@ def _is_text(node: ast.expr) -> bool:
 
 def chosen(count: int, seed: int, only: str, tests: dict[str, dict[int, list[str]]] | None) -> list[Mutation]:
     """Some mutations, with a map those of executed lines, spread over the files by their square roots, so
-    that no room is left out. What is drawn follows from the code: tests that are added change nothing but that
+    that no room is left out. What is drawn follows from the code: added tests change nothing but that
     lines take part which none executed before.
     """
     rng = random.Random(seed)  # noqa: S311

@@ -24,7 +24,7 @@ from running import Gimp, descendants
 import toposeam as ts
 from stamp import stamp
 from toposeam_engine.previews import preview
-from toposeam_engine.serving import Job
+from toposeam_engine.serving import EngineJob
 from toposeam_gimp.procedures import PROCEDURES
 from toposeam_gimp.rehearsal import Rehearsal
 
@@ -147,7 +147,7 @@ def previews(rounds):
         folder = Path(scratch)
         for name, scene, options in scenes(folder):
             request = {"operation": "preview", **scene, "options": options}
-            job = Job(folder=folder, request=request, progress=lambda share: None)
+            job = EngineJob(folder=folder, request=request, progress=lambda share: None)
             raster = preview(job)["picture"]
             started = time.process_time()
             preview(dataclasses.replace(job, _written=[]))
@@ -199,7 +199,7 @@ def scenes(folder):
     selected = raster("round", round_, (180, 80))
     yield "patch", {"of": "patch", "scale": 0.5, "layers": patch, "selection": selected}, options("patch")
     layer = {"scale": 0.5, "layer": raster("layer", whole[:200, :200]), "selection": None}
-    sample = {"of": "synthesize", **layer, "scale": 1.0, "layer": raster("sample", whole[:316, :316])}
+    sample = {"of": "synthesize", **layer, "scale": 1.0, "layer": raster("sample", whole[:245, :245])}
     yield "synthesize", sample, options("synthesize", width=200, height=200)
     yield (
         "tile",

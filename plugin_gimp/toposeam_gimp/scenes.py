@@ -31,7 +31,8 @@ OF = {
 #: A preview is made of so many pixels at most.
 MOST_PIXELS = 300_000
 #: What takes longer than seams has fewer, so that a preview takes a second at most (benchmarks/gimp.py).
-_MOST_PLACED, _MOST_TILED, _MOST_GROWN, _MOST_LOOPED = 120_000, 100_000, 40_000, 150_000
+_MOST_PLACED, _MOST_TILED, _MOST_SAMPLED = 120_000, 100_000, 60_000
+_MOST_GROWN, _MOST_LOOPED = 40_000, 150_000
 #: The least that a frame of an animation is shown at.
 _LEAST_FRAME = 200
 
@@ -106,7 +107,7 @@ def _patch(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _options
 
 
 def _sample(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
-    made = _texture("synthesize", folder, image, drawables, 1.0, most=_MOST_TILED)
+    made = _texture("synthesize", folder, image, drawables, 1.0, most=_MOST_SAMPLED)
     # A part of the texture, not all of it reduced: its patches would be too small to be patches.
     grown = options["width"] * options["height"] * made["scale"] ** 2
     return {**made, "extent": _scale(grown, _MOST_GROWN)}

@@ -289,7 +289,7 @@ path.stroke_new_from_points(Gimp.PathStrokeType.BEZIER, controls, False)
     np.testing.assert_array_equal(masks(gimp, stitched["image"])[0], found)
 
 
-def test_without_a_selected_path_the_only_newer_one_counts(gimp, stitched, tmp_path, samples):
+def test_a_selected_path_of_the_group_counts_more_than_a_newer_one(gimp, stitched, tmp_path, samples):
     for side, layer in zip("ab", stitched["layers"], strict=True):
         assert gimp.export_layer(layer=layer, file=str(tmp_path / f"{side}.png"))
     command = ["stitch", tmp_path / "a.png", tmp_path / "b.png", "--offset", "310,0", "--method", "dp"]
@@ -300,16 +300,6 @@ def test_without_a_selected_path_the_only_newer_one_counts(gimp, stitched, tmp_p
     gimp.python(code=select, number=stitched["image"], start=1, end=2)  # the smooth one of the group
     succeeded(restitch(gimp, stitched))
     np.testing.assert_array_equal(masks(gimp, stitched["image"])[0], found[0])
-    gimp.python(code=select, number=stitched["image"], start=0, end=0)
-    succeeded(restitch(gimp, stitched))
-    joined, _ = gimp.pixels(gimp.load(files=[str(tmp_path / "joined.png")])["layers"][0], "R'G'B'A u8")
-    np.testing.assert_array_equal(gimp.projection(stitched["image"], "R'G'B'A u8"), joined)
-    import_path(gimp, stitched["image"], tmp_path / "seam.svg")
-    rename = "image_of(number).get_paths()[0].set_name('Background : still_life_right.png')"
-    gimp.python(code=rename, number=stitched["image"])
-    gimp.python(code=select, number=stitched["image"], start=0, end=0)
-    loaded = {**stitched, "layers": [stitched["group"]]}
-    refused(gimp, loaded, "Select the one that counts", RESTITCH)
 
 
 def test_a_layer_that_was_never_stitched(gimp, stitched):

@@ -76,6 +76,7 @@ def motif(toposeam, folder):
     return folder
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     ("words", "phrase"),
     [
@@ -95,6 +96,7 @@ def test_what_would_be_too_large_is_refused_before_it_is_begun(motif, words, phr
     refused(motif, [*words.split(), "-o", "o.png"], phrase)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     ("words", "phrase"),
     [
@@ -136,6 +138,7 @@ def test_a_narrow_picture_on_a_product_takes_what_it_has_and_no_more(toposeam, f
     assert (folder / "o.png").exists()
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     ("change", "phrase"),
     [
@@ -173,6 +176,7 @@ def test_many_layers_of_one_large_picture(folder, photographs, large):
     refused(folder, ["stitch", "bomb.ora", "-o", "o.png"], "1000 pictures have 100000 megapixels together")
 
 
+@pytest.mark.medium
 def test_a_layout_of_large_pictures(folder, photographs, large):
     text = "".join(f"[[layer]]\nfile='{large}'\nat=[{n}, 0]\nname='{n}'\n" for n in range(6))
     (folder / "six.toml").write_text(text)
@@ -181,6 +185,7 @@ def test_a_layout_of_large_pictures(folder, photographs, large):
     refused(folder, ["stitch", "many.toml", "-o", "o.png"], "1001 layers")
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     "words",
     [
@@ -227,6 +232,48 @@ def test_tables_with_more_than_anybody_writes(toposeam, folder, photographs, com
 def test_a_file_of_parameters_that_is_no_file(toposeam, folder, place):
     os.mkfifo(folder / "pipe.toml")
     toposeam("motif", "--config", place, "-o", "o.png", "--size", "32").fails("not a regular file")
+
+
+PIPES = [
+    ("loop", "pipe.mp4", "-o", "o.gif"),
+    ("loop", "pipe.gif", "-o", "o.gif"),
+    ("loop", "pipe.xyz", "-o", "o.gif"),
+    ("volume", "pipe.tif", "pipe.tif", "--offset", "0,0,1", "-o", "o.tif"),
+    ("volume", "pipe.npy", "pipe.npy", "--offset", "0,0,1", "-o", "o.tif"),
+    ("volume", "stack.zarr", "stack.zarr", "--offset", "0,0,1", "-o", "o.tif"),
+    ("motif", "--palette", "pipe.gpl", "-o", "o.png", "--size", "32"),
+    ("motif", "--palette", "pipe.ase", "-o", "o.png", "--size", "32"),
+    ("stitch", "pipe.ora", "-o", "o.png"),
+    ("stitch", "a.png", "b.png", "--overlap", "20", "-o", "o.png", "--use-seam", "pipe.svg"),
+    ("path", "pipe.png", "--from", "1,1", "--to", "5,5", "-o", "o.svg"),
+]
+
+
+@pytest.mark.timeout(60)  # else they are waited for, for ever
+@pytest.mark.parametrize("line", PIPES, ids=lambda line: " ".join(line[:2]))
+def test_nobody_waits_for_what_comes_through_a_pipe(toposeam, folder, photographs, line):
+    (folder / "stack.zarr").mkdir()
+    for name in ("mp4", "gif", "xyz", "tif", "npy", "gpl", "ase", "ora", "svg", "png"):
+        os.mkfifo(folder / f"pipe.{name}")
+    for name in (".zarray", ".zgroup", "zarr.json"):
+        os.mkfifo(folder / "stack.zarr" / name)
+    toposeam(*line).fails("not a regular file")
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize(
+    "text",
+    [
+        "#EXTM3U\n#EXT-X-TARGETDURATION:10\n#EXTINF:10,\npipe.ts\n#EXT-X-ENDLIST\n",
+        "ffconcat version 1.0\nfile pipe.ts\n",
+    ],
+    ids=["hls", "concat"],
+)
+def test_a_video_that_is_a_list_of_other_files_is_none(toposeam, folder, text):
+    pytest.importorskip("av")
+    os.mkfifo(folder / "pipe.ts")
+    (folder / "clip.mp4").write_text(text)
+    toposeam("loop", "clip.mp4", "-o", "o.gif").fails("cannot be read as a video")
 
 
 @pytest.mark.parametrize("number", ["1e308", "1e309", "nan", "0", "-1"])

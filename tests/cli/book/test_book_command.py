@@ -3,6 +3,7 @@ number of processes.
 """
 
 import csv
+import dataclasses
 import json
 import re
 from html.parser import HTMLParser
@@ -10,8 +11,10 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from toposeam.colours import parse_colour
 from toposeam.motif.book import SEASONS, book_recipe
 from toposeam.motif.kinds import CLEAR, Kind, measure
+from toposeam_cli.figures import products
 from toposeam_cli.figures.products import PRODUCTS, draw_product, product
 from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
 from toposeam_cli.pictures.recipe import read_recipe
@@ -157,6 +160,7 @@ def test_half_of_the_patterns_are_meant_to_show_the_theme():
     assert len(SEASONS) == 4
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("name", PRODUCTS)
 def test_products_show_the_pattern_at_its_size(name):
     """Stripes across, in mm, where the cloth lies as flat as it does anywhere."""
@@ -188,6 +192,7 @@ def test_products_show_the_pattern_at_its_size(name):
     )
 
 
+@pytest.mark.medium
 def test_a_second_pattern_goes_where_it_belongs():
     red, blue = (np.full((9, 9, 3), colour, np.uint8) for colour in ((200, 30, 30), (30, 30, 200)))
     drawn = draw_product("shirt", red, 9, np.ones(3), np.zeros(3), second=(blue, 9)).astype(int)
@@ -197,6 +202,19 @@ def test_a_second_pattern_goes_where_it_belongs():
     assert chest[0] > 2 * chest[2]
 
 
+def test_folds_are_blurred_by_their_share_of_the_longer_side(monkeypatch):
+    """A point of light in the drawing becomes a Gaussian of that deviation."""
+    shown = dataclasses.replace(product("tie"), folds='<path d="M0 0"/>')
+    point = np.full((301, 301, 4), parse_colour("#808080")[0])
+    point[150, 150] += 0.5
+    monkeypatch.setattr(products, "_rendered", lambda *arguments: point)
+    for folds, share in (('<path d="M0 0"/>', 0.014), ('<path filter="url(#fine)"/>', 0.006)):
+        blurred = products._folds(dataclasses.replace(shown, folds=folds), (301, 301))
+        spread = (blurred[150] * (np.arange(301) - 150.0) ** 2).sum() / blurred[150].sum()
+        assert np.sqrt(spread) == pytest.approx(share * 1200, rel=0.02)
+
+
+@pytest.mark.medium
 def test_folds_shift_and_shade_the_pattern():
     plain = np.full((9, 9, 3), 200, np.uint8)
     scarf = draw_product("scarf", plain, 9, np.ones(3), np.zeros(3))[300:900, 200:900, 0].astype(float)

@@ -66,6 +66,17 @@ def strip(tmp_path, monkeypatch):
 FILES = ["v0.tif", "v1.tif", "v2.tif"]
 
 
+def test_no_input_is_replaced(strip, toposeam):
+    before = {name: Path(name).read_bytes() for name in FILES}
+    toposeam("enblend", "-o", "v1.tif", *FILES).fails("'v1.tif' is one of the pictures to be blended")
+    os.link("v0.tif", "same.tif")
+    toposeam("enblend", "-o", "same.tif", *FILES).fails("one of the pictures")
+    toposeam("enblend", "-o", "out.tif", "--save-masks=v%i.tif", *FILES).fails("one of the pictures")
+    assert {name: Path(name).read_bytes() for name in FILES} == before
+    assert not Path("out.tif").exists()
+
+
+@pytest.mark.medium
 def test_views_are_blended_where_their_tags_say(strip, toposeam):
     ran = toposeam("enblend", "--compression=LZW", "-o", "out.tif", "-a", "-x", "--", *FILES)
     assert (ran.code, ran.out, ran.err) == (0, "", "")
@@ -88,6 +99,7 @@ def test_views_are_blended_where_their_tags_say(strip, toposeam):
     assert inner.mean() < 2
 
 
+@pytest.mark.medium
 def test_a_frame_larger_than_the_views_is_empty_around_them(strip, toposeam):
     assert toposeam("enblend", f"-f{WIDTH}x{HEIGHT}", "-o", "out.tif", *FILES).code == 0
     result = read_picture("out.tif")
@@ -195,6 +207,7 @@ def test_a_width_nobody_says_is_asked_for(strip, toposeam):
     toposeam(*words, "--wrap", "150", "--blend", "soft").fails("wrap goes with the blends")
 
 
+@pytest.mark.medium
 @pytest.mark.skipif(
     not all(map(shutil.which, ("nona", "hugin_executor"))), reason="no hugin-tools on this machine"
 )

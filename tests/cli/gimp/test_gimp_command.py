@@ -5,6 +5,7 @@ import os
 import stat
 import subprocess
 import sys
+import time
 import zipfile
 from pathlib import Path
 
@@ -100,6 +101,15 @@ def test_a_failed_installation_brings_the_old_one_back(home, monkeypatch):
     assert [path.name for path in plug_in(home, "3.0").parent.iterdir()] == ["toposeam_gimp"]
 
 
+def test_gimp_sees_that_what_was_installed_is_new(home):
+    """GIMP asks a plug-in for its procedures where its file is newer than what it remembers."""
+    begun = time.time()
+    run("install", "--gimp-version", "3.0")
+    main = plug_in(home, "3.0") / "toposeam_gimp.py"
+    assert main.stat().st_mtime >= begun - 2
+    assert main.stat().st_mtime > (main.parent / "texts.py").stat().st_mtime
+
+
 def test_uninstall_leaves_nothing(home):
     run("install")
     assert str(plug_in(home, "3.2")) in run("uninstall")
@@ -161,6 +171,7 @@ def test_gimp3_directory_is_where_gimp_looks_then(home, monkeypatch):
     assert (home / "elsewhere" / "plug-ins" / "toposeam_gimp" / "toposeam_gimp.py").is_file()
 
 
+@pytest.mark.medium
 def test_doctor_finds_a_working_engine_and_no_gimp(home):
     run("install", "--gimp-version", "3.0")
     output = run("doctor", "--gimp-version", "3.0", code=1)
@@ -193,6 +204,7 @@ def test_doctor_sees_a_folder_in_a_folder_and_a_file_without_one(home):
     assert "a folder of its own" in run("doctor", "--gimp-version", "3.2", code=1)
 
 
+@pytest.mark.medium
 def test_doctor_knows_whether_gimp_was_started_since(home):
     run("install", "--gimp-version", "3.0")
     record = home / ".config" / "GIMP" / "3.0" / "pluginrc"

@@ -59,6 +59,7 @@ def test_mass_is_met_from_the_inside():
     np.testing.assert_array_equal(found[:5], field[:5])
 
 
+@pytest.mark.medium
 def test_joined_motifs_show_no_borders():
     """As conspicuous as inner lines at most; without evening two of these four are above."""
     for seeds in ((1, 2), (5, 8), (7, 9), (3, 4)):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.motif.generate import _spread
+from toposeam.motif.spots import _spread
 from toposeam.motif.symmetry import HEXAGONAL
 
 QUICK = {"size": 48, "layers": 2, "iterations": 6}
@@ -60,6 +60,7 @@ def test_subtractive_mixing_is_a_product_over_paper():
     assert motif.image() == pytest.approx(expected, abs=1e-5)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("repeat", ["none", "reflect", "translate", "rotate", "p4g", "p6m"])
 def test_any_size_is_the_same_picture(repeat):
     motif = ts.generate_motif(48, layers=1, repeat=repeat, seed=2)
@@ -229,3 +230,10 @@ def test_places_keep_out_of_what_a_base_image_blocks(axis):
     (shown if axis else shown.T)[:2] = 0  # the upper third, or the left fifth
     places = _spread(12, np.random.default_rng(0), 1.0, shown)
     assert (places[:, axis] >= (2 / 6 if axis else 2 / 10)).all()
+
+
+def test_layers_that_are_drawn_are_strokes_of_three_or_washes_of_hardly_more_than_one():
+    drawn = [layer.penalty for seed in range(40) for layer in ts.random_recipe(16, seed=seed).layers]
+    washes = [value for value in drawn if value != 3.0]
+    assert all(1.0 <= value <= 1.3 for value in washes)
+    assert 5 <= len(washes) <= 40  # 15 % of 120

@@ -112,6 +112,7 @@ def test_seam_of_patches_that_overlap_by_a_corner_survives():
     assert_round_trip((x - 12) * 13 + (y - 9) * 14 > 13 * 13, overlap, side, valid=side != NONE)
 
 
+@pytest.mark.medium
 @settings(deadline=None)
 @given(st.data())
 def test_any_labels_with_a_fixed_pixel_per_component_survive(data):
@@ -171,6 +172,7 @@ coordinates = st.one_of(
 )
 
 
+@pytest.mark.medium
 @settings(max_examples=200, deadline=None)
 @given(st.lists(st.tuples(coordinates, coordinates), min_size=3, max_size=8))
 def test_any_closed_path_follows_the_even_odd_rule(points):
@@ -367,3 +369,11 @@ def test_shapes_that_do_not_fit_are_refused(shape):
 def test_unknown_side_is_refused():
     with pytest.raises(OptionError, match="value 4"):
         labels_from_paths([], np.ones((1, 1), bool), np.full((1, 1), 4, np.uint8))
+
+
+def test_a_short_edge_counts_where_all_are_short():
+    """Three rows: no edge is as long as a speck may be, and yet the path has to part them."""
+    overlap, side = strip(3, 12)
+    labels_from_paths([drawn([6, 0], [6, 3])], overlap, side)
+    with pytest.raises(PathError, match="of 3 px"):
+        labels_from_paths([drawn([0, 1], [12, 1])], overlap, side)

@@ -85,6 +85,7 @@ json_values = st.recursive(
 )
 
 
+@pytest.mark.medium
 @settings(deadline=None)
 @given(
     st.lists(lines, min_size=1, max_size=3),
@@ -100,6 +101,7 @@ def test_what_was_written_is_read_back_equal(polylines, width, height, metadata)
         np.testing.assert_array_equal(line.points, same.points)
 
 
+@pytest.mark.medium
 @settings(deadline=None)
 @given(st.lists(st.text(), min_size=1, max_size=4))
 def test_any_names_give_a_readable_document(names):
@@ -305,6 +307,15 @@ def test_bezier_curves_stay_within_the_stated_tolerance(control, cubic):
         *np.moveaxis(control[0][:, np.newaxis] - (p + along[..., np.newaxis] * (q - p)), -1, 0)
     ).min(axis=1)
     assert distance.max() <= svg_shapes.FLATNESS_PX + 1e-6
+
+
+@pytest.mark.parametrize("handle", [-30, 40])
+def test_a_curve_along_its_chord_that_reaches_beyond_an_end_is_drawn_to_there(handle):
+    x, y = one(path(f"M0,0 C {handle},0 {handle},0 10,0")).points.T
+    t = np.linspace(0, 1, 300)
+    there = 3 * handle * t * (1 - t) + 10 * t**3
+    assert not y.any()
+    assert (x.min(), x.max()) == pytest.approx((there.min(), there.max()), abs=0.1)
 
 
 def test_straight_curves_need_no_extra_points():

@@ -1,7 +1,10 @@
 """Stacks joined: whole, and by blocks."""
 
+import io
+
 import numpy as np
 import pytest
+from PIL import Image
 from scipy import ndimage
 
 import toposeam as ts
@@ -53,6 +56,7 @@ def test_every_voxel_is_one_of_the_stacks_where_they_lie(offset):
     assert (joined.volume[(on_canvas == 0).all(axis=0)] == 0).all()
 
 
+@pytest.mark.medium
 def test_blocks_find_nearly_the_surface_of_the_whole():
     a, b, offset = stacks()
     whole = ts.join_volumes(a, b, offset=offset)
@@ -65,6 +69,7 @@ def test_blocks_find_nearly_the_surface_of_the_whole():
     assert blocks.volume.shape == whole.volume.shape
 
 
+@pytest.mark.medium
 def test_coarse_voxels_and_a_second_round_hardly_cost_anything(monkeypatch):
     monkeypatch.setattr("toposeam.volume.block_surface._COARSE", 8000)
     a, b, offset = stacks(seed=1)
@@ -74,6 +79,7 @@ def test_coarse_voxels_and_a_second_round_hardly_cost_anything(monkeypatch):
     assert cost_of(blocks.labels, a, b, offset) <= 1.03 * cost_of(whole.labels, a, b, offset)
 
 
+@pytest.mark.medium
 def test_blocks_agree_however_they_are_cut_and_kept(tmp_path):
     pytest.importorskip("zarr")
     a, b, offset = stacks((20, 30, 50), 20)
@@ -112,7 +118,9 @@ def test_a_result_is_one_line_and_a_picture():
     a, b, offset = stacks((12, 20, 40), 16)
     joined = ts.join_volumes(a, b, offset=offset)
     assert repr(joined).startswith("JoinedVolume(12 × 20 × 40 voxels")
-    assert joined._repr_png_().startswith(b"\x89PNG")
+    shown = np.asarray(Image.open(io.BytesIO(joined._repr_png_())).convert("L"))
+    middle = joined.volume[6]
+    np.testing.assert_allclose(shown, 255.0 * middle / middle.max(), atol=2)
 
 
 @pytest.mark.parametrize(

@@ -15,11 +15,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import breadth_first_order, connected_components, dijkstra, maximum_flow
+from scipy.sparse.csgraph import breadth_first_order, connected_components, maximum_flow
 
 from toposeam.heat.network import Floats, Ints, Network
 from toposeam.images import Mask
-from toposeam.seam.grid import SEAM_CELLS, grown
+from toposeam.seam.corner_graph import beside_rough_path, cheapest_path
 from toposeam.seam.match_cost import Floats32
 from toposeam.seam.overlap import FREE, NONE, TOUCHING, A, B
 from toposeam.seam.problem import SeamProblem, geometry
@@ -125,10 +125,10 @@ def shortest_path(
         np.copyto(costs, cost, where=(free[s] | free[t]) & (cost > 0))
         costs[gap] = 0.0
     if zone is not None:
-        zone = zone | _beside_rough_path(below, beside, ends, free) if rough else zone
+        zone = zone | beside_rough_path(below, beside, ends, free) if rough else zone
         for costs, gap, (s, t) in zip(layout, border.gaps, _PAIRS, strict=True):
             np.copyto(costs, np.float32(np.inf), where=~(zone[s] | zone[t] | gap))
-    path, length = _cheapest_path(below, beside, ends, min(most, border.to_b) * (1 + 1e-6), distance)
+    path, length = cheapest_path(below, beside, ends, min(most, border.to_b) * (1 + 1e-6), distance)
     if path is None:
         return None
     del below, beside, layout, costs
@@ -248,102 +248,6 @@ def _border(problem: SeamProblem, box: _Box, free: Mask) -> _Border:
             found.append(np.zeros(cost.shape, bool))
             found[-1].ravel()[outer[chosen]] = True
     return _Border(on_b, gaps, cost_of[A], cost_of[B])
-
-
-def _cheapest_path(
-    below: Floats32,
-    beside: Floats32,
-    ends: tuple[int, int],
-    limit: float,
-    distance: Floats | None = None,
-) -> tuple[npt.NDArray[np.intp] | None, float]:
-    """The corners of the cheapest path from one end to the other, flat indices, and its length; None where
-    there is none.
-
-    The graph is laid out by arithmetic: each corner that has an edge gets four, up, left, right and down,
-    those that are missing to itself at infinite cost, which is beyond the limit.
-    """
-    stride = below.shape[1]
-    edges = np.isfinite(below), np.isfinite(beside)
-    corner = edges[0] | edges[1]
-    corner[1:] |= edges[0][:-1]
-    corner[:, 1:] |= edges[1][:, :-1]
-    if not all(corner.ravel()[end] for end in ends):
-        return None, np.inf
-    used = np.flatnonzero(corner)
-    number = np.zeros(corner.size, np.int32)
-    number[used] = np.arange(len(used), dtype=np.int32)
-    neighbour, cost = np.empty((len(used), 4), np.int32), np.empty((len(used), 4))
-    # Counted from the end, what is before the first corner is the last one, from which nothing leads on.
-    for column, (step, costs, back) in enumerate(
-        ((-stride, below, True), (-1, beside, True), (1, beside, False), (stride, below, False))
-    ):
-        there = used + step
-        neighbour[:, column] = number.take(there, mode="wrap")
-        cost[:, column] = costs.ravel().take(there if back else used, mode="wrap")
-    graph = csr_array(
-        (cost.ravel(), neighbour.ravel(), np.arange(0, 4 * len(used) + 1, 4, dtype=np.int32)),
-        shape=(len(used), len(used)),
-    )
-    source, target = (int(number[end]) for end in ends)
-    del edges, corner, number, there  # the search needs the memory
-    length, before = dijkstra(graph, indices=source, return_predecessors=True, limit=limit)
-    path = [target]
-    while path[-1] != source:
-        if before[path[-1]] < 0:
-            return None, np.inf
-        path.append(int(before[path[-1]]))
-    if distance is not None:
-        distance.fill(length[target])
-        distance.ravel()[used] = np.minimum(length, length[target])
-    return used[path[::-1]], float(length[target])
-
-
-def _beside_rough_path(below: Floats32, beside: Floats32, ends: tuple[int, int], free: Mask) -> Mask:
-    """Free pixels near the cheapest path through every other corner of every other line; none where these
-    corners are not joined.
-
-    Such a path is 10 to 20 % dearer than the best one, but it is so everywhere: of ways that lead far from
-    each other it takes the one that the best seam takes, for a quarter of the search.
-    """
-    ends_at = np.array([divmod(end, below.shape[1]) for end in ends])
-    first = ends_at[0] % 2
-    below, beside = (costs[first[0] :, first[1] :] for costs in (below, beside))
-    halved = _halved(below.T, beside.T).T, _halved(beside, below)
-    width = halved[0].shape[1]
-    source, target = ((ends_at - first) // 2 @ [width, 1]).tolist()
-    path, _ = _cheapest_path(*halved, (source, target), np.inf)
-    near = np.zeros(free.shape, bool)
-    if path is not None:
-        corner = 2 * np.stack(np.divmod(path, width)) + first[:, np.newaxis]
-        near[tuple(np.minimum(corner, np.array([free.shape]).T - 1))] = True
-    return grown(near, SEAM_CELLS) & free
-
-
-def _halved(along: Floats32, across: Floats32) -> Floats32:
-    """What it costs to go on by two corners along every other line, each of the two steps, or both at once,
-    straight or by way of the line before or behind; `across` is what changing lines costs.
-    """
-    one = along[::2].copy()
-    lines, pairs = len(along) // 2, (along.shape[1] - 1) // 2
-    first, second, third = (
-        np.s_[:, : 2 * pairs : 2],
-        np.s_[:, 1 : 2 * pairs : 2],
-        np.s_[:, 2 : 2 * pairs + 1 : 2],
-    )
-    two = np.full((len(one), pairs + 1), np.inf, np.float32)
-    np.add(one[first], one[second], out=two[:, :-1])
-    before, behind = np.s_[1 : 2 * len(one) - 2 : 2], np.s_[: 2 * lines : 2]
-    for here, other, rung in (
-        (np.s_[1:], along[before], across[before]),
-        (np.s_[:lines], along[1::2], across[behind]),
-    ):
-        step = rung[:, :-1] + other[:, :-1] + rung[:, 1:]
-        np.minimum(one[here, :-1], step, out=one[here, :-1])
-        both = rung[first] + other[first] + other[second] + rung[third]
-        np.minimum(two[here, :-1], both, out=two[here, :-1])
-    np.minimum(two[:, :-1], one[first] + one[second], out=two[:, :-1])
-    return two
 
 
 def _sides_of(path: npt.NDArray[np.intp], side: npt.NDArray[np.uint8], free: Mask) -> Iterator[Mask]:

@@ -8,7 +8,7 @@ from scipy import ndimage
 from shapes import SHAPES
 
 import toposeam as ts
-from toposeam.seam import exact, graph_cut
+from toposeam.seam import corner_graph, exact, graph_cut
 
 
 def blob(rng, shape):
@@ -151,7 +151,7 @@ def test_two_corners_on_are_as_far_as_the_cheapest_of_three_ways():
     rng = np.random.default_rng(0)
     for height, width in ((7, 9), (8, 8), (6, 11)):
         along, across = rng.random((2, height, width)).astype(np.float32)
-        two = exact._halved(along, across)
+        two = corner_graph.halved(along, across)
         assert two.shape == ((height + 1) // 2, (width + 1) // 2)
         assert np.isinf(two[:, -1]).all()
         for y in range(0, height, 2):

@@ -113,6 +113,11 @@ def _run(
         hint = _("free some space") if is_full(error) else _("check the rights of the temporary folder")
         return _failure(procedure, f"{error.strerror or error}: {error.filename or ''}; {hint}.")
     except Exception as error:
+        if any(not item.is_valid() for item in (image, *drawables) if item is not None):
+            return _failure(
+                procedure,
+                _("The image was closed, or a layer deleted, while TopoSeam worked on it; nothing was done."),
+            )
         traceback.print_exc()
         return _failure(
             procedure,

@@ -18,7 +18,7 @@ _SENTENCES = (
     ),
     (r"the patches do not overlap", _("The layers do not overlap; move one of them onto the other.")),
     (
-        r"no seam avoids the pixels you excluded",
+        r"(?:.+ \(at -?\d+,-?\d+\): )?no seam avoids the pixels you excluded",
         _("The selection leaves the seam no way through the overlap; select more of it, from end to end."),
     ),
     (

@@ -136,6 +136,10 @@ def test_what_an_option_depends_on_is_there(entry):
             "transition is 20 frames, and the clip has 12: end and beginning: use at most 6",
             "The transition takes 20 of 12 frames; use 6 at most.",
         ),
+        (
+            "1.png (at 20,0): no seam avoids the pixels you excluded: they block the overlap; leave it a way",
+            "The selection leaves the seam no way through the overlap; select more of it, from end to end.",
+        ),
         ("something new; do this", "something new; do this"),
     ],
 )

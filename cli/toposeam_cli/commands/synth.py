@@ -29,6 +29,7 @@ from toposeam_cli.texture_files import (
     Patches,
     Results,
     Search,
+    WeightsType,
     alphas,
     map_outputs,
     patch_options,
@@ -112,6 +113,11 @@ _GUIDE = (
     multiple=True,
     help="Copy only from where this picture is white; once per SOURCE.",
 )
+@click.option(
+    "--shares",
+    type=WeightsType(),
+    help="On how much of the texture each SOURCE shows, like 3,1; by default wherever it fits best.",
+)
 @click.option("--flatten", is_flag=True, help="Take slow light out of SOURCE first.")
 @click.option(
     "--level/--no-level",
@@ -133,6 +139,7 @@ def synth(
     patches: Patches,
     tileable: ts.Tileable,
     source: tuple[Path, ...],
+    shares: tuple[float, ...] | None,
     flatten: bool,
     level: bool | None,
     guided: Guided,
@@ -184,6 +191,7 @@ def synth(
             tileable=tileable,
             alpha=alphas(pictures),
             source_mask=copied or None,
+            shares=shares,
             flatten=flatten,
             level=level,
             maps=[[one.pixels for one in given] for given in maps],

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from toposeam.checks import check_choice, check_number, check_whole
 from toposeam.errors import ImageError, OptionError, OverlapError
@@ -24,6 +26,8 @@ _USED_UP = 30
 _NEAR = 1.0
 #: Share of what there is to copy up to which use is not counted.
 _LITTLE = 0.05
+#: An exemplar that shows on less counts as showing on this much of the canvas.
+_LEAST_SHARE = 0.02
 #: Added to every error, so that a perfect fit does not outweigh everything else; the square of 1 % of the
 #: image's range.
 _FLOOR = 1e-4
@@ -125,6 +129,8 @@ class PatchPlacer:
         What the patches should look like.
     phase : Phase, optional
         Which places keep the texture's order in step with the canvas; others are not taken.
+    shares : sequence of float, optional
+        What part of the canvas each exemplar is to show on, in any unit; without it wherever it fits best.
     """
 
     def __init__(
@@ -137,6 +143,7 @@ class PatchPlacer:
         area: int,
         guide: Guide | None = None,
         phase: Phase | None = None,
+        shares: Sequence[float] | None = None,
     ) -> None:
         self.atlas, self.features, self.canvas = atlas, features, canvas
         self.options, self.rng, self.guide, self.phase = options, rng, guide, phase
@@ -144,8 +151,9 @@ class PatchPlacer:
         self._guides = None if guide is None else PatchSearch(atlas, guide.source)
         # Where little is laid, compared with what there is to copy, no place is used up.
         self._uses_up = area > _LITTLE * int(atlas.usable.sum())
-        self._average = max(area / max(int(atlas.usable.sum()), 1), 1.0)
-        self._limit = max(1, int(options.most * self._average))
+        self._shares = None if shares is None else np.asarray(shares, float) / sum(shares)
+        self._average = _average_use(atlas, area, self._shares)
+        self._limit = np.maximum(1, np.floor(options.most * self._average))
         self._nearby = Nearby(atlas, canvas)
         self.margin = atlas.margin
 
@@ -310,12 +318,16 @@ class PatchPlacer:
         if self._uses_up:
             usage = self.canvas.usage.reshape(self.atlas.usable.shape)
             on_grid = slice(m, None, f), slice(m, None, f)
-            mean = box_sum(usage, shape)[on_grid][:n, :columns_n] / (shape[0] * shape[1] * self._average)
+            average = shape[0] * shape[1] * self._average[m::f][:n]
+            mean = box_sum(usage, shape)[on_grid][:n, :columns_n] / average
             used_up = box_sum(usage >= self._limit, shape)[on_grid][:n, :columns_n] / (shape[0] * shape[1])
             raised *= 1 + self.options.variety * np.square(mean)
             if self.options.variety and self.guide is None:
                 near = self._nearby.share(*at, *shape)
                 raised *= 1 + np.float32(_NEAR * self.options.variety) * near(m, f, error.shape)
+        if self._shares is not None:
+            dearer = self._too_often(self._shares)[self.atlas.owner_of_rows]
+            raised *= dearer[m::f][:n, np.newaxis].astype(np.float32)
         if self.phase is not None:
             places = (m + f * np.arange(n), m + f * np.arange(columns_n))
             in_step = np.where(self.phase.allows(at, shape, *places), raised, np.float32(np.inf))
@@ -340,6 +352,15 @@ class PatchPlacer:
             _block(left, i, j, max(1.0, apart / f))
         return np.array(rows, np.intp), np.array(columns, np.intp), np.array(errors, np.float32)
 
+    def _too_often(self, shares: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """How much dearer each exemplar's places are, from what it shows on against its share: steep, so
+        that even unlike exemplars keep to it.
+        """
+        rows = self.canvas.usage.reshape(self.atlas.usable.shape).sum(axis=1)
+        shown = np.add.reduceat(rows, self.atlas.corners[:, 0])
+        part = shown / max(int(shown.sum()), 1)
+        return np.asarray(((part + _LEAST_SHARE) / (shares + _LEAST_SHARE)) ** 6)
+
     def _exhausted(self, at: tuple[int, int], shape: tuple[int, int], known: Ints32) -> list[tuple[int, int]]:
         """Atlas places at which the patch would continue a copy that is known, and make it too large."""
         m = self.margin
@@ -356,6 +377,15 @@ class PatchPlacer:
             for r, c, a, b, area in zip(row, column, y, x, areas, strict=True)
             if area + new > limit
         ]
+
+
+def _average_use(atlas: Atlas, area: int, shares: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
+    """(AH, 1): how often a usable pixel shows on average, by the atlas's row."""
+    usable = atlas.usable.sum(axis=1)
+    if shares is None:
+        return np.full((len(usable), 1), max(area / max(int(usable.sum()), 1), 1.0))
+    each = np.add.reduceat(usable, atlas.corners[:, 0])
+    return np.maximum(area * shares / np.maximum(each, 1), 1.0)[atlas.owner_of_rows, np.newaxis]
 
 
 def _block(error: Floats32, row: float, column: float, reach: float) -> None:

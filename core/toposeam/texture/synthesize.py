@@ -9,7 +9,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import Seed, check_choice, check_number, check_pair, check_whole, options_from, seed_of
+from toposeam.checks import (
+    Seed,
+    check_choice,
+    check_items,
+    check_number,
+    check_pair,
+    check_whole,
+    options_from,
+    seed_of,
+)
 from toposeam.errors import ImageError, OptionError
 from toposeam.images import MAX_PIXELS, as_array, as_float, full_scale
 from toposeam.texture.atlas import Atlas
@@ -40,6 +49,7 @@ def synthesize(
     source_mask: Images | None = None,
     maps: Sequence[Images] = (),
     weights: Sequence[float] | None = None,
+    shares: Sequence[float] | None = None,
     data_range: DataRange = None,
     guide: npt.ArrayLike | None = None,
     guide_source: Images | None = None,
@@ -79,6 +89,9 @@ def synthesize(
         exemplar.
     weights : sequence of float, optional
         How much the picture and each map count in the search and in the seams; 1 each by default.
+    shares : sequence of float, optional
+        On how much of the texture each exemplar is to show against the others, nearly; by default wherever
+        it fits best.
     data_range : float, or sequence of float or None, optional
         The value that counts as white in the picture, or in the picture and each map: needed for integers
         other than uint8 and uint16, and for floats beyond ±2.
@@ -132,6 +145,7 @@ def synthesize(
         source, alpha=alpha, mask=source_mask, maps=maps, weights=weights, data_range=data_range
     )
     check_varied(sources)
+    parts = _shares(shares, len(sources.shapes))
     side, overlap = check_patch(sources, patch, overlap)
     atlas = Atlas.of(sources.present, chosen.context, sources.usable)
     if level is None:
@@ -161,7 +175,7 @@ def synthesize(
         )
     canvas = IndexCanvas((height, width), wraps, atlas.usable.size)
     placer = PatchPlacer(
-        atlas, features, canvas, chosen, np.random.default_rng(seed), height * width, given, phase
+        atlas, features, canvas, chosen, np.random.default_rng(seed), height * width, given, phase, parts
     )
     shape = rows[0], columns[0]
     if not placer.search.room(shape).any():
@@ -183,13 +197,22 @@ def synthesize(
         "smooth": smooth,
         **settings_of(chosen),
     }
-    settings |= {"flatten": flatten, "level": level}
+    settings |= {"flatten": flatten, "level": level, "shares": parts}
     lift = None
     if level:
         plane = atlas.spread(sources.planes[0]).astype(np.float32)
         lift = levelled_copies(plane, features, atlas, canvas.index, canvas.copy_labels(), wraps)
     made = finish(sources, atlas, canvas, shape, settings, smooth, lift=lift)
     return dataclasses.replace(made, fits=fits)
+
+
+def _shares(shares: Sequence[float] | None, count: int) -> list[float] | None:
+    if shares is None:
+        return None
+    found = list(check_items("shares", shares, object, "a list with one number per exemplar"))
+    if len(found) != count:
+        raise OptionError(f"{len(found)} shares were given for {count} exemplars; give one for each")
+    return [check_number("one of the shares", share, 0, 1e6, above=True) for share in found]
 
 
 def _flat(source: Images, mask: Images | None) -> Images:

@@ -195,9 +195,20 @@ def test_an_ordered_texture_takes_the_size_on_which_it_closes(toposeam):
     assert read_picture("o.png").pixels.shape == (240, 260)
 
 
+def test_sources_show_on_the_shares_asked_for(toposeam):
+    asked = ("synth", "moss.png", "gray.tif", "--size", "150x140", "--patch", "24", "-o", "o.png", "--force")
+    parts = []
+    for shares in ("4,1", "1,4"):
+        assert toposeam(*asked, "--coordinates", "c.png", "--shares", shares).code == 0
+        parts.append((read_picture("c.png").pixels[..., 2] == 0).mean())
+    assert parts[0] > 0.7
+    assert parts[1] < 0.3
+
+
 @pytest.mark.parametrize(
     ("arguments", "phrase", "code"),
     [
+        (("moss.png", "--size", "90", "--shares", "1,2", "-o", "o.png"), "2 shares were given for 1", 1),
         (("moss.png", "--size", "auto", "-o", "o.png"), "add --tileable", 1),
         (("moss.png", "--size", "auto:none", "--tileable", "x", "-o", "o.png"), "is not a size", 2),
         (("moss.png", "--size", "auto:99999999", "--tileable", "x", "-o", "o.png"), "more than", 1),

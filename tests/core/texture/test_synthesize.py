@@ -379,3 +379,21 @@ def test_bad_input_is_refused_in_one_sentence(change, error, text):
     with pytest.raises(error, match=text) as caught:
         ts.synthesize(**arguments)
     assert "\n" not in str(caught.value)
+
+
+def test_exemplars_show_on_the_shares_asked_for(sample):
+    dark, light = sample(0, (64, 64)) // 2, 128 + sample(1, (64, 64)) // 2
+    shown = [
+        (ts.synthesize([dark, light], 160, patch=24, seed=0, shares=shares).exemplar == 0).mean()
+        for shares in ((4, 1), (1, 1), (1, 4))
+    ]
+    assert shown == pytest.approx([0.8, 0.5, 0.2], abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("shares", "phrase"),
+    [((1,), "1 shares were given for 2"), ((1, 0), "one of the shares"), (5, "a list with one number")],
+)
+def test_shares_that_fit_nothing_are_refused(sample, shares, phrase):
+    with pytest.raises(ts.OptionError, match=phrase):
+        ts.synthesize([sample(0, (64, 64)), sample(1, (64, 64))], 80, shares=shares)

@@ -215,6 +215,16 @@ def test_the_installation_is_told_truly():
     assert pythons[0] == lowest
 
 
+def test_the_three_commands_that_are_measured_are_those_of_the_readme():
+    install = (HERE / "README.md").read_text(encoding="utf-8").partition("\n## Install\n")[2]
+    (three,) = re.findall(r"```sh\n((?:.*\n){3})```", install.partition("\n## ")[0])
+    script = (HERE / "tests/platforms/debian.sh").read_text(encoding="utf-8")
+    (measured,) = re.findall(r'as_user no "(python3 -m venv .venv && .*)" >>', script)
+    for without in (" -q", " --no-cache-dir", " --no-index", " --find-links ../wheels"):
+        measured = measured.replace(without, "")
+    assert measured.split(" && ") == three.splitlines()
+
+
 def test_public_ci_is_valid_and_asks_for_what_there_is():
     yaml = pytest.importorskip("yaml")
     for path in HERE.glob(".github/**/*.yml"):

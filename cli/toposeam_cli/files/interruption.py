@@ -77,7 +77,7 @@ def terminations_raised() -> Iterator[None]:
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     try:
         yield
-    except RuntimeError as error:
+    except (RuntimeError, ImportError) as error:
         hidden = _interruption_behind(error)
         if hidden is None:
             raise
@@ -91,7 +91,8 @@ def terminations_raised() -> Iterator[None]:
 
 def _interruption_behind(error: BaseException) -> BaseException | None:
     """The interruption that an exception hides: Python 3.11 tells of one that comes while a class is made, as
-    importing does, by a RuntimeError of its own.
+    importing does, by a RuntimeError of its own, and modules made with pybind11 tell of one that comes while
+    they are loaded by an ImportError.
     """
     return next((each for each in causes(error) if isinstance(each, KeyboardInterrupt | Terminated)), None)
 

@@ -93,10 +93,13 @@ def test_an_interruption_that_python_wraps_is_found_behind_it():
 
     with pytest.raises(Terminated), terminations_raised():
         type("Made", (), {"one": Attribute()})
-    own = RuntimeError("its own")
-    own.__cause__ = own
-    with pytest.raises(RuntimeError, match="its own"), terminations_raised():
-        raise own
+    with pytest.raises(Terminated), terminations_raised():
+        raise ImportError("initialization failed") from Terminated(143)  # as a module in C++ does
+    for kind in (RuntimeError, ImportError):
+        own = kind("its own")
+        own.__cause__ = own
+        with pytest.raises(kind, match="its own"), terminations_raised():
+            raise own
 
 
 def test_other_exceptions_that_python_swallows_are_told_as_ever(monkeypatch):

@@ -214,7 +214,7 @@ def test_a_large_picture_that_a_texture_would_not_have_the_memory_for(folder, ph
         ("deep.toml", "a = " + "[" * 3000 + "]" * 3000, "too deep"),
         ("deep.json", "[" * 100_000, "too deep"),
         ("rather.json", "[" * 40 + "]" * 40, "too deep"),
-        ("long.toml", "#" * (5 * 2**20), "larger than 4 MiB"),
+        ("long.toml", "#" * (2 * 2**20), "larger than 1 MiB"),
         ("latin.toml", b"# \xe9", "not UTF-8 (at line 1)"),
     ],
 )

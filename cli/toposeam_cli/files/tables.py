@@ -11,7 +11,7 @@ from toposeam.errors import OptionError
 from toposeam_cli.files.regular import check_regular
 
 #: Longer ones are no tables that anybody has written.
-LARGEST_BYTES = 4 * 2**20
+LARGEST_BYTES = 2**20
 #: Tables and lists within each other; ours have three.
 _DEEPEST = 20
 

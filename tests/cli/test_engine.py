@@ -110,7 +110,6 @@ def test_progress_rises_to_the_end(request_folder):
     ]
     _, events = request_folder.ask_process(operation="stitch", layers=layers)
     shares = [event["share"] for event in events if event["event"] == "progress"]
-    assert len(shares) >= 3
     assert shares == sorted(shares)
     assert shares[-1] == 1
 

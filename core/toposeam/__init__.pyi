@@ -44,6 +44,7 @@ from .seam.match_cost import MatchCost
 from .seam.overlap import SIDES, Side
 from .seam.seam import Seam, apply_paths
 from .seam.thesis_options import ThesisOptions
+from .solid.generate import Solid, generate_solid
 from .texture.fill import BYS, By, fill
 from .texture.lay import LayOptions
 from .texture.light import flatten_light
@@ -110,6 +111,7 @@ __all__ = [
     "Seam",
     "Side",
     "SmoothPath",
+    "Solid",
     "SolverError",
     "Step",
     "Stitched",
@@ -141,6 +143,7 @@ __all__ = [
     "find_surface",
     "flatten_light",
     "generate_motif",
+    "generate_solid",
     "join_motifs",
     "join_volumes",
     "kaleidoscope",

@@ -30,6 +30,7 @@ from .motif.layer import Step
 from .motif.motif import Motif, repeat, repeat_densities
 from .motif.palettes import PALETTES, Palette, palette
 from .motif.recipe import LayerRecipe, Recipe
+from .motif.simplify import simplify
 from .motif.svg import SvgOptions, draw_svg
 from .motif.symmetry import REPEATS
 from .motif.vary import vary
@@ -164,6 +165,7 @@ __all__ = [
     "repeat_densities",
     "restitch",
     "seam_likeness",
+    "simplify",
     "smooth_path",
     "stitch",
     "synthesize",

@@ -12,7 +12,9 @@ twice the way: their sum is halved, which makes up for what constant temperature
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -154,7 +156,9 @@ def _last(axis: int) -> tuple[slice | int, ...]:
 
 
 def _add_flow(
-    product: npt.NDArray[np.floating], field: npt.NDArray[np.floating], faces: list[npt.NDArray[np.floating]]
+    product: npt.NDArray[np.floating],
+    field: npt.NDArray[np.floating],
+    faces: Sequence[npt.NDArray[np.floating]],
 ) -> None:
     """Add what flows out of every cube, in place."""
     for axis, g in enumerate(faces):
@@ -182,7 +186,6 @@ class _Level:
         self._convection: Singles = sink.astype(np.float32)
         diagonal = sink + sum(g + np.roll(g, 1, axis) for axis, g in enumerate(faces))
         self._jacobi: Singles = (1.0 / np.maximum(diagonal, 1e-30)).astype(np.float32)
-        self.solution: Floats | None = None
 
     def coarser(self) -> _Level | None:
         """The grid of 2 × 2 × 2 cubes; None where a side is odd."""
@@ -206,17 +209,20 @@ class _Level:
         for damping in dampings:
             theta += damping * self._jacobi * self.residual(load, theta)
 
+    @cached_property
+    def _inverse(self) -> Floats:
+        count = self.sink.size
+        matrix = np.empty((count, count))
+        for column, unit in enumerate(np.eye(count).reshape(count, *self.sink.shape)):
+            product = self.sink * unit
+            _add_flow(product, unit, self.exact)
+            matrix[:, column] = product.ravel()
+        inverse: Floats = np.asarray(np.linalg.inv((matrix + matrix.T) / 2), np.float64)
+        return inverse
+
     def solved(self, load: Singles) -> Singles:
         """Directly, on the coarsest grid."""
-        if self.solution is None:
-            count = self.sink.size
-            matrix = np.empty((count, count))
-            for column, unit in enumerate(np.eye(count).reshape(count, *self.sink.shape)):
-                product = self.sink * unit
-                _add_flow(product, unit, self.exact)
-                matrix[:, column] = product.ravel()
-            self.solution = np.linalg.inv((matrix + matrix.T) / 2)
-        solved: Singles = (self.solution @ load.ravel()).reshape(load.shape).astype(np.float32)
+        solved: Singles = (self._inverse @ load.ravel()).reshape(load.shape).astype(np.float32)
         return solved
 
 

@@ -6,7 +6,11 @@ larger of theirs counts. What that is on borders, divided by its 95th percentile
 less where a border is no more conspicuous than the inside; of borders that are nothing special one in twenty
 is above.
 
-*Taken off* it is in the optimisation, see :mod:`toposeam.motif.mirrors`, and what is left of it after,
+Ink wash that changes from one motif to the next would show the border, even if the rows are alike: where
+motifs share a border, it goes over into the mean of all towards it. Strokes do not: the mean of strokes is
+gray, and a crisp edge makes gaps of that.
+
+*Taken off* a line is in the optimisation, see :mod:`toposeam.motif.mirrors`, and what is left of it after,
 :mod:`toposeam.motif.calming`.
 """
 
@@ -83,6 +87,26 @@ def line_visibility(values: npt.NDArray[np.floating], side: int) -> float:
     border = np.arange(len(line)) % side == 0
     inside = float(np.percentile(line[~border], 95))
     return float(line[border].max()) / inside if inside > 1e-9 else 0.0
+
+
+def faded(densities: Floats, shared: int) -> Floats:
+    """Densities of motifs that go over into the mean of all towards the border.
+
+    Parameters
+    ----------
+    densities : (N, h, w) float array
+    shared : int
+        So many rows and columns are the mean itself.
+    """
+    height, width = densities.shape[1:]
+    reach = max(_FADE * min(height, width), 1.0)
+    depth = [
+        (np.minimum(np.arange(side), np.arange(side)[::-1]) + 1 - shared) / reach for side in (height, width)
+    ]
+    share = np.clip(1.0 - np.minimum(depth[0][:, np.newaxis], depth[1][np.newaxis]), 0.0, 1.0)
+    share = share**2 * (3 - 2 * share)
+    result: Floats = (1 - share) * densities + share * densities.mean(axis=0)
+    return result
 
 
 def with_mass(density: Floats, mass: float) -> Floats:

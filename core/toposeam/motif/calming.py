@@ -68,7 +68,10 @@ def conspicuous(motif: Motif) -> npt.NDArray[np.float64]:
     layers = repeat_densities(motif, period(motif.repeat))
     rows, columns = motif.densities.shape[1:]
     planes = (*layers, mix(layers, motif.inks, motif.paper) @ LUMA.astype(np.float32))
-    return np.max([(line_visibility(one, rows), line_visibility(one.T, columns)) for one in planes], axis=0)
+    found: Floats = np.max(
+        [(line_visibility(one, rows), line_visibility(one.T, columns)) for one in planes], axis=0
+    )
+    return found
 
 
 def _level(density: Singles, axis: int, mass: float, edge: str, repeat: str, width: float) -> Singles:
@@ -76,7 +79,8 @@ def _level(density: Singles, axis: int, mass: float, edge: str, repeat: str, wid
     bump, before = _bump(density.shape, axis, repeat, width), density.astype(np.float64)
     (balanced,) = _balanced([before], bump, axis, edge, repeat)
     changed = np.sqrt(balanced * before)
-    return np.clip(changed * (mass / changed.mean()), THINNEST, 1.0).astype(np.float32)
+    with_mass: Singles = np.clip(changed * (mass / changed.mean()), THINNEST, 1.0).astype(np.float32)
+    return with_mass
 
 
 def _excess(density: Floats, axis: int, edge: str, repeat: str, at: float | None = None) -> float:
@@ -118,7 +122,9 @@ def _bump(shape: tuple[int, ...], axis: int, repeat: str, width: float = 1.0) ->
     return spread / float(spread[on_border].mean())
 
 
-def calmed_row(fields: Sequence[Floats], edge: str, repeat: str, shared: int) -> list[Floats]:
+def calmed_row(
+    fields: Sequence[Floats], edge: str, repeat: str, shared: int, given: Sequence[int]
+) -> list[Floats]:
     """One layer of motifs that lie beside each other in any order, none of which shows a border in print.
 
     Parameters
@@ -132,11 +138,13 @@ def calmed_row(fields: Sequence[Floats], edge: str, repeat: str, shared: int) ->
     shared : int
         Rows and columns along the border that are the same in all motifs, and are left so: one factor serves
         all there, and what is left to do for a motif is done beside them.
+    given : sequence of int
+        Which motifs were there first: side by side all are printed with one level, which is taken from these,
+        so that those that come later change nothing.
     """
     row = list(fields)
     for axis in (0, 1) * _TURNS:
-        # Side by side they are printed with one level for all.
-        whole = np.stack(row)
+        whole = np.stack([row[index] for index in given])
         at = level(whole, float(whole.mean()))
         on, beside = _bump(row[0].shape, axis, repeat), _beside(row[0].shape, axis, shared)
         if shared:
@@ -171,4 +179,5 @@ def _beside(shape: tuple[int, ...], axis: int, shared: int) -> Floats:
     line[away < shared] = 0
     inside = np.zeros(shape)
     inside[shared : shape[0] - shared, shared : shape[1] - shared] = 1
-    return inside * (line[:, np.newaxis] if axis == 0 else line)
+    result: Floats = inside * (line[:, np.newaxis] if axis == 0 else line)
+    return result

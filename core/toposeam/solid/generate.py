@@ -236,7 +236,8 @@ def _spots(points: tuple[Point, ...], heights: Floats, shape: tuple[int, int, in
         )
         ball = np.clip(radius + 0.5 - away, 0.0, 1.0)
         field += ball * (strength / max(ball.sum(), 1e-9))
-    return field / max(field.sum(), 1e-9)
+    whole: Floats = field / max(field.sum(), 1e-9)
+    return whole
 
 
 def _on_floors(orbits: Symmetry, field: Floats) -> Floats:

@@ -16,7 +16,9 @@ def corners(path):
 
 
 def test_a_solid_is_the_one_of_the_library_and_in_millimetres(folder, toposeam):
-    ran = toposeam("motif", "-o", "vase.stl", *BLOCK, "--repeat", "p4m", "--motif-width", "8cm", "--seed", "3")
+    ran = toposeam(
+        "motif", "-o", "vase.stl", *BLOCK, "--repeat", "p4m", "--motif-width", "8cm", "--seed", "3"
+    )
     assert ran.code == 0
     assert ran.out.startswith("vase.stl: a block of 80 × 80 × 80 mm, ")
     recipe = ts.random_recipe(16, layers=1, iterations=8, mass=0.15, repeat="p4m", seed=3)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.motif.borders import with_mass
+from toposeam.motif.borders import faded, with_mass
 
 
 def noise(seed=0, side=96):
@@ -29,6 +29,15 @@ def test_a_dark_line_on_the_border_shows_and_one_inside_does_not():
 def test_lines_of_plain_noise_are_above_the_95th_percentile_once_in_twenty_times():
     above = [ts.border_visibility(noise(seed), (96, 96)) > 1 for seed in range(100)]
     assert 3 <= sum(above) <= 20  # of 200 lines about ten; two lines a picture
+
+
+def test_fading_ends_in_the_mean_of_all_and_leaves_the_inside():
+    fields = np.stack([noise(1), noise(2)])
+    soft = faded(fields, 2)
+    mean = fields.mean(axis=0)
+    for rows in (np.s_[:2], np.s_[-2:]):
+        np.testing.assert_array_equal(soft[:, rows], np.stack([mean[rows]] * 2))
+    np.testing.assert_array_equal(soft[:, 20:60, 20:60], fields[:, 20:60, 20:60])
 
 
 def test_mass_is_met_from_the_inside():

@@ -16,7 +16,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check
 
 $(INSTALLED): pyproject.toml
 	"$(PYTHON)" -m venv $(VENV)
-	$(PIP) install --quiet --editable .
+	$(PIP) install --quiet --no-compile --editable .
 	@touch $@
 
 $(READY): pyproject.toml
@@ -69,9 +69,9 @@ release: $(READY)  ## build, check with twine and date CHANGELOG.md; nothing is 
 	$(PIP) install --quiet --editable '.[release]'
 	$(BIN)/python tools/release.py
 
-check: $(READY)  ## the quick loop: lint, types and all tests that are not slow
+check: $(READY)  ## the quick loop: lint, types and all tests that take less than about half a second
 	$(MAKE) --no-print-directory lint
-	$(ONE_THREAD) $(BIN)/python -m pytest -n auto --dist worksteal -m 'not slow' -q
+	$(ONE_THREAD) $(BIN)/python -m pytest -n auto --dist worksteal -m 'not slow and not medium' -q
 
 check-deep: $(READY)  ## 120 seeded mutations of the code: do the tests notice? (half an hour)
 	$(BIN)/python -m pip install --quiet --editable '.[deep]'

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 import toposeam as ts
-from seams import PHOTOGRAPHS, crops
+from seam_pairs import PHOTOGRAPHS, crops
 from stamp import stamp
 from toposeam.errors import SolverError
 

@@ -38,12 +38,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 from scipy import ndimage
-from skimage import data
 from skimage.graph import route_through_array
 
 import toposeam as ts
+from seam_pairs import IRREGULAR, Labels, Picture, pair
 from stamp import stamp
 from toposeam.heat.threads import one_thread
 from toposeam.seam import exact
@@ -57,48 +56,9 @@ from toposeam.seam.problem import SeamProblem
 from toposeam.seam.thesis import thesis_path
 from toposeam.seam.thesis_options import ThesisOptions
 
-PHOTOGRAPHS = ("brick", "grass", "gravel", "coffee", "chelsea", "astronaut", "rocket")
 SIZES = ("80x20", "160x40", "320x80", "640x160", "1000x250", "2000x500", "4000x1000")
 #: Overlaps from this many px on have their memory measured; in smaller ones it is the interpreter's.
 LARGE = 1_000_000
-Labels = npt.NDArray[np.bool_]
-Picture = npt.NDArray[np.uint8]
-
-
-def crops(name: str, length: int, width: int, rng: np.random.Generator) -> tuple[Picture, Picture]:
-    """Two crops of a photograph, (length, width[, 3])."""
-    image = getattr(data, name)()
-    if length > image.shape[0] - 40 or width > image.shape[1] - 40:
-        first, second = (tiled(image, length, width, rng) for _ in range(2))
-        return first, second
-
-    def crop() -> Picture:
-        y, x = (rng.integers(image.shape[axis] - size + 1) for axis, size in enumerate((length, width)))
-        return np.ascontiguousarray(image[y : y + length, x : x + width])
-
-    return crop(), crop()
-
-
-def tiled(image: Picture, length: int, width: int, rng: np.random.Generator) -> Picture:
-    """A canvas of crops of an image, each mirrored or not."""
-    high, wide = (size * 7 // 8 for size in image.shape[:2])
-
-    def tile() -> Picture:
-        y, x = rng.integers(image.shape[0] - high + 1), rng.integers(image.shape[1] - wide + 1)
-        return image[y : y + high, x : x + wide][:: rng.choice((-1, 1)), :: rng.choice((-1, 1))]
-
-    rows = [
-        np.concatenate([tile() for _ in range(-(-width // wide))], axis=1) for _ in range(-(-length // high))
-    ]
-    return np.ascontiguousarray(np.concatenate(rows)[:length, :width])
-
-
-def noise(length: int, width: int, rng: np.random.Generator) -> Picture:
-    """Gray noise whose amplitudes fall as 1/f."""
-    frequency = np.hypot(np.fft.fftfreq(length)[:, None], np.fft.rfftfreq(width)[None])
-    frequency[0, 0] = 1.0
-    field = np.fft.irfft2(np.fft.rfft2(rng.standard_normal((length, width))) / frequency, s=(length, width))
-    return (128 + 50 * (field - field.mean()) / field.std()).clip(0, 255).astype(np.uint8)
 
 
 def opencv(finder: Callable[[], object]) -> Callable[[SeamProblem, Picture, Picture], tuple[Labels, float]]:
@@ -195,48 +155,8 @@ METHODS: dict[str, tuple[Callable[..., tuple[Labels, float]], bool]] = {
 }
 
 
-def pair(length: int, width: int, index: int, seed: int) -> tuple[Picture, Picture]:
-    """The pair of crops with that index."""
-    rng = np.random.default_rng([seed, length, width, index])
-    sources = (*PHOTOGRAPHS, "noise")
-    name = sources[index % len(sources)]
-    if name == "noise":
-        return noise(length, width, rng), noise(length, width, rng)
-    return crops(name, length, width, rng)
-
-
 def problem_of(a: Picture, b: Picture, gradient: bool) -> SeamProblem:
     return seam_problem(a, b, None, None, "right", ts.MatchCost(gradient=gradient))[0]
-
-
-def ring(size: int = 1500, width: int = 200) -> tuple[Labels, Labels]:
-    """A hole in ``a``, and ``b`` on it and on `width` px all round."""
-    a, b = np.ones((size, size), bool), np.zeros((size, size), bool)
-    inner = slice(size // 3, -(size // 3))
-    outer = slice(size // 3 - width, width - size // 3)
-    a[inner, inner], b[outer, outer] = False, True
-    return a, b
-
-
-def ell(size: int = 3000, width: int = 300) -> tuple[Labels, Labels]:
-    """What is filled above and to the left, and a patch over all of it."""
-    a = np.zeros((size, size), bool)
-    a[:width] = a[:, :width] = True
-    b = np.ones((size, size), bool)
-    b[: width // 10], b[:, : width // 10] = False, False
-    return a, b
-
-
-def islands(size: int = 1000) -> tuple[Labels, Labels]:
-    """Two pieces of ``b`` inside ``a``, each on a hole of ``a``."""
-    a, b = np.ones((size, 2 * size), bool), np.zeros((size, 2 * size), bool)
-    for left in (0, size):
-        b[size // 10 : -size // 10, left + size // 10 : left + size - size // 10] = True
-        a[2 * size // 5 : 3 * size // 5, left + 2 * size // 5 : left + 3 * size // 5] = False
-    return a, b
-
-
-IRREGULAR = {"ring, 1500 px": ring, "L, 3000 px": ell, "two islands, 2000 × 1000 px": islands}
 
 
 def irregular(seeds: list[int]) -> None:

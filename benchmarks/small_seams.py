@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 import toposeam as ts
-from seams import PHOTOGRAPHS, crops
+from seam_pairs import PHOTOGRAPHS, crops
 from stamp import stamp
 from toposeam.heat.threads import one_thread
 from toposeam.seam import overlap, problem

@@ -10,6 +10,8 @@ step     99th percentile of the steps between copies over that of the steps insi
 copy     largest connected verbatim copy, in shares of the sample
 whole    of the objects off the border, those as large as in the sample, ± 10 % and 3 px (dots, mushrooms)
 near     pairs of copies of one object nearer than half the sample's width
+broken   pieces of the repeating texture more than a quarter of a period out of step with the lattice that
+         closes on it, where the sample has an order (text: its lines)
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ import toposeam as ts
 from stamp import stamp
 from texture import gmic, gray, swd8
 from texture_samples import SIDE, Sample, samples
+from toposeam.texture.order import Order, find_order
 
 SIZE, PATCH, OVERLAP = 512, 40, 10
 
@@ -133,6 +136,23 @@ def near_pairs(made: ts.Synthesis, sample: Sample) -> int:
     return count
 
 
+def broken(image: np.ndarray, order: Order) -> int:
+    """Pieces of a tile that are out of step: where the wave of a reciprocal vector, seen through a window of
+    a period, is turned by more than a quarter.
+    """
+    values, size = gray(image), np.array(image.shape[:2])
+    found = np.zeros(values.shape, bool)
+    y, x = np.mgrid[: size[0], : size[1]]
+    for cycles in order.reciprocal:
+        period = 1 / np.linalg.norm(cycles)
+        closed = np.rint(cycles * size) / size
+        wave = values - ndimage.gaussian_filter(values, period, mode="wrap")
+        wave = wave * np.exp(-2j * np.pi * (closed[0] * y + closed[1] * x))
+        local = ndimage.gaussian_filter(wave, period, mode="wrap")
+        found |= (local * np.exp(-1j * np.angle(local.sum()))).real <= 0
+    return int(ndimage.label(found)[1])
+
+
 def timed(image: np.ndarray, **options: object) -> tuple[ts.Synthesis, float]:
     started = time.process_time()
     made = ts.synthesize(image, SIZE, **options)
@@ -147,8 +167,8 @@ def main() -> None:
     parser.add_argument("--only", default="", help="names of samples, with commas between")
     options = parser.parse_args()
     heads = zip(
-        ("time", "÷ gmic", "swd8", "gmic", "quilt", "step", "copy", "whole", "near"),
-        (6, 8, 7, 7, 7, 6, 6, 9, 6),
+        ("time", "÷ gmic", "swd8", "gmic", "quilt", "step", "copy", "whole", "near", "broken"),
+        (6, 8, 7, 7, 7, 6, 6, 9, 6, 8),
         strict=True,
     )
     print(f"{'':14}" + "".join(f"{head:>{width}}" for head, width in heads))
@@ -170,9 +190,14 @@ def main() -> None:
         if sample.objects.any():
             whole, total = whole_objects(made, sample)
             objects = f"{whole}/{total}", str(near_pairs(made, sample))
+        order = find_order(
+            (sample.image / np.float32(255)).reshape(SIDE, SIDE, -1), np.ones((SIDE, SIDE), bool)
+        )
+        lines = "–" if order is None else str(broken(repeats.image, order))
         print(
             f"{sample.name:14}{seconds:6.2f}{ratio:8.2f}{cells[0]:7.2f}{theirs:7.2f}{cells[1]:7.2f}"
-            f"{step(made):6.2f}{largest_copy(made, exemplar.size):6.2f}{objects[0]:>9}{objects[1]:>6}",
+            f"{step(made):6.2f}{largest_copy(made, exemplar.size):6.2f}{objects[0]:>9}{objects[1]:>6}"
+            f"{lines:>8}",
             flush=True,
         )
         shifted = np.roll(repeats.image, (SIZE // 2, SIZE // 2), (0, 1))

@@ -27,7 +27,7 @@ SCRIPTS: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
     "make_figures.py": (
         ("fig-3.0*", "fig-3.1*", "fig-3.20*", "fig-3.21*", "fig-3.22*", "fig-3.23*", "hero.png"),
         ("seam",),
-        ("docs/thesis_cases.py", "docs/photographs.py", "samples/still_life_left.png"),
+        ("docs/toy_figures.py", "docs/thesis_cases.py", "docs/photographs.py", "samples/still_life_left.png"),
     ),
     "texture_figures.py": (
         ("fig-3.24*", "fig-3.25*", "fig-3.26*", "texture-*"),

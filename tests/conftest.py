@@ -13,6 +13,26 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collect_file():
+    """Examples are in ``core``; looked for in the tests too, they would cost a quarter of the start."""
+    return [found for found in (yield) if type(found).__name__ != "DoctestModule"]
+
+
+#: What needs signals, terminals and limits as Unix has them, for most of its tests.
+if find_spec("resource") is None:
+    collect_ignore = [
+        "mutants.py",
+        "cli/batch/test_batch.py",
+        "cli/files/test_interruption.py",
+        "cli/jobs/test_runner.py",
+        "cli/pictures/test_not_written.py",
+        "cli/test_ends.py",
+        "cli/test_machine_fails.py",
+        "cli/test_terminal.py",
+    ]
+
+
 @pytest.fixture
 def hangups_arrive():
     """``nohup`` lets the tests ignore a closed terminal, and with them what they start: not while they send

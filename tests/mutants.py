@@ -3,9 +3,14 @@ it.
 
 A mutation changes one operator, constant, condition, bound or call of a line that the quick tests execute,
 draws of which follow from a seed; then only the tests that execute the line are run, in a copy of the
-checkout. What survives is printed. Mutations that change no behaviour are listed with the reason in
-``mutants_equal.toml`` and do not count. Which tests execute a line, a map says that takes several minutes to
-make; without it (``--nearby``) tests are looked for by their names.
+checkout, nearest first, until one fails; then the longer ones of the file's own test files. What survives is
+printed. Mutations that change no behaviour do not count: those that compile to the same code, and those
+listed with the reason in ``mutants_equal.toml``. Which tests execute a line, a map says that takes several
+minutes to make; without it (``--nearby``) tests are looked for by their names.
+
+Map and results are kept in ``build/mutants`` for as long as the code does not change: a run that is cut
+short, or ends after ``--minutes``, goes on where it stopped. What survived is tried again with ``--again``,
+when tests have been added.
 
     python tests/mutants.py --count 120 --seed 1 -j 2
     python tests/mutants.py --nearby --seed 2 --count 60
@@ -17,13 +22,13 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses
+import hashlib
 import importlib
+import json
 import os
-import re
 import resource
 import shutil
 import signal
-import subprocess
 import sys
 import tempfile
 import time
@@ -33,7 +38,8 @@ from pathlib import Path
 
 import pytest
 
-from mutations import ROOT, SOURCES, Mutation, chosen
+from covering import LONGER, QUICK, covering_tests, measure, nearby_tests, nearest, own_tests
+from mutations import ROOT, SOURCES, Mutation, chosen, same_code
 
 COPIED = (
     "core",
@@ -48,8 +54,6 @@ COPIED = (
     "CHANGELOG.md",
 )
 EQUAL = Path(__file__).with_name("mutants_equal.toml")
-#: Tests run for one mutation at most; a line of common code is executed by hundreds.
-MOST_TESTS = 60
 #: Processor time after which no further test is begun for a mutation, and the time after which it hangs.
 BUDGET_S, LIMIT_S = 8, 600
 #: What most tests load.
@@ -61,110 +65,15 @@ PRELOADED = (
 
 PASSED = (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED)
 
-_FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+::.*?)(?: - .*)?$", re.MULTILINE)
-
-
-def covering_tests(cache: Path, jobs: int) -> dict[str, dict[int, list[str]]]:
-    """Per file and line, the quick tests that execute it and pass; measured once and kept."""
-    data_file, failed_file = cache / "coverage", cache / "failed"
-    if not data_file.exists():
-        cache.mkdir(parents=True, exist_ok=True)
-        command = [
-            sys.executable,
-            "-m",
-            "pytest",
-            "tests",
-            "-q",
-            "-n",
-            str(jobs),
-            "-m",
-            "not slow",
-            "-p",
-            "no:cacheprovider",
-            "-rfE",
-            "--ignore=tests/gimp",
-            *(f"--cov={source}" for source in SOURCES),
-            "--cov-context=test",
-            "--cov-report=",
-        ]
-        environment = {**os.environ, "COVERAGE_FILE": str(data_file)}
-        ended = subprocess.run(
-            command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True, check=False
-        )
-        failed_file.write_text("".join(f"{name}\n" for name in _FAILED.findall(ended.stdout)))
-    failed = set(failed_file.read_text().splitlines()) if failed_file.exists() else set()
-    for name in sorted(failed):
-        print(f"left out, as it fails without any mutation: {name}", flush=True)
-    from coverage import CoverageData  # of make check-deep alone
-
-    data = CoverageData(str(data_file))
-    data.read()
-    found: dict[str, dict[int, list[str]]] = {}
-    for file in data.measured_files():
-        lines = {
-            line: sorted({context.partition("|")[0] for context in contexts} - {""} - failed)
-            for line, contexts in data.contexts_by_lineno(file).items()
-        }
-        found[Path(file).relative_to(ROOT).as_posix()] = {
-            line: tests for line, tests in lines.items() if tests
-        }
-    return found
-
-
-def nearest(tests: list[str], file: str) -> list[str]:
-    """At most `MOST_TESTS` of the tests: those of the file's own test file first, then those of its room,
-    then some of all others.
-    """
-    source = Path(file)
-    room = source.parent.name
-
-    def group(test: str) -> int:
-        path = Path(test.partition("::")[0])
-        return 0 if path.stem == f"test_{source.stem}" else 1 if path.parent.name == room else 2
-
-    taken: list[str] = []
-    for wanted in range(3):
-        near = [test for test in tests if group(test) == wanted]
-        step = max(1, len(near) // max(1, MOST_TESTS - len(taken)))
-        taken += near[::step][: MOST_TESTS - len(taken)]
-    return taken
-
-
-def nearby_tests(file: str) -> list[str]:
-    """Where a file's tests are looked for without a map: its examples, its own test files, those that name
-    it, its room.
-    """
-    source = Path(file)
-    within = ROOT / "tests" / ("core" if file.startswith("core/") else "cli")
-    room = within / source.parent.name
-    files = sorted(room.rglob("test_*.py")) if room.is_dir() else []
-    files += sorted(within.glob("test_*.py"))
-    files += sorted(path for path in within.rglob("test_*.py") if path not in files)
-    if file.startswith("plugin_gimp/"):
-        files = [ROOT / "tests/cli/test_engine.py", ROOT / "tests/gimp/test_free_half.py"]
-    named = re.compile(rf"[.\"]{re.escape(source.stem)}( import|\")")
-
-    def group(path: Path) -> int:
-        if path.stem.startswith(f"test_{source.stem}"):
-            return 0
-        if named.search(path.read_text(encoding="utf-8")):
-            return 1
-        return 2 if path.parent == room or not room.is_dir() else 3
-
-    groups = {path: group(path) for path in files}
-    ordered = sorted((path for path in files if groups[path] < 3), key=groups.__getitem__)
-    examples = [file] if file.startswith("core/") else []
-    return [*examples, *(path.relative_to(ROOT).as_posix() for path in ordered)]
-
 
 class _Budget:
     """Ends a run of tests between two of them, once they took all the time they have."""
 
-    def __init__(self) -> None:
-        self.spent = False
+    def __init__(self, begun: float) -> None:
+        self.begun, self.spent = begun, False
 
     def pytest_runtest_logfinish(self, nodeid: str) -> None:
-        self.spent = self.spent or time.process_time() > BUDGET_S
+        self.spent = self.spent or time.process_time() - self.begun > BUDGET_S
 
     def pytest_runtest_setup(self, item: pytest.Item) -> None:
         if self.spent:
@@ -183,7 +92,7 @@ class Trial:
         self._until = time.monotonic() + LIMIT_S
         self._process = os.fork()
         if not self._process:
-            _run_tests(tests, copy)
+            _run_tests(tests, own_tests(mutation.file), copy)
 
     def survived(self) -> bool | None:
         """Whether no test noticed; None while they run."""
@@ -203,12 +112,12 @@ class Trial:
         return failed[0][:160] if failed else "not one: they hung, or died"
 
 
-def _run_tests(tests: list[str], copy: Path) -> None:
+def _run_tests(tests: list[str], own: list[str], copy: Path) -> None:
     """In a forked process, which ends here."""
     code = 1
     try:
         os.setsid()
-        resource.setrlimit(resource.RLIMIT_CPU, (5 * BUDGET_S, 5 * BUDGET_S))
+        resource.setrlimit(resource.RLIMIT_CPU, (5 * BUDGET_S, resource.RLIM_INFINITY))
         log = os.open(copy / "log", os.O_RDWR | os.O_CREAT | os.O_TRUNC)
         for stream in range(3):
             os.dup2(log, stream)
@@ -216,22 +125,33 @@ def _run_tests(tests: list[str], copy: Path) -> None:
         sys.path[:] = [*rooms, *(place for place in sys.path if not place.startswith(str(ROOT / "tests")))]
         os.environ["PYTHONPATH"] = os.pathsep.join(rooms)
         os.chdir(copy)
-        words = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-m", "not slow"]
-        files = list(dict.fromkeys(test.partition("::")[0] for test in tests))
-        for file in files:  # one after the other: what is not needed is not even collected
-            budget = _Budget()
-            its = [test for test in tests if test.partition("::")[0] == file]
-            code = int(pytest.main([*words, *its], plugins=[budget]))
-            if budget.spent and code == pytest.ExitCode.INTERRUPTED:
-                code = 0
-            if budget.spent or code not in PASSED:
-                break
+        code = _first_failure(tests, QUICK)
+        if code in PASSED:  # then the longer ones of its own test files too
+            resource.setrlimit(resource.RLIMIT_CPU, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+            code = _first_failure(own, LONGER)
     finally:
         os._exit(code)
 
 
+def _first_failure(tests: list[str], marked: str) -> int:
+    """Run tests until one fails or the budget is spent; pytest's exit status."""
+    code = int(pytest.ExitCode.OK)
+    begun = time.process_time()
+    words = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-m", marked]
+    for file in dict.fromkeys(test.partition("::")[0] for test in tests):
+        # One file after the other: what is not needed is not even collected.
+        budget = _Budget(begun)
+        its = [test for test in tests if test.partition("::")[0] == file]
+        code = int(pytest.main([*words, *its], plugins=[budget]))
+        if budget.spent and code == pytest.ExitCode.INTERRUPTED:
+            code = 0
+        if budget.spent or code not in PASSED:
+            break
+    return code
+
+
 def run_all(
-    mutations: list[Mutation], tests_of: Callable[[Mutation], list[str]], jobs: int
+    mutations: list[Mutation], tests_of: Callable[[Mutation], list[str]], jobs: int, until: float
 ) -> Iterator[tuple[Trial, bool]]:
     """Every mutation's trial, and whether it survived, as soon as that is known."""
     for name in PRELOADED:  # what all tests load is loaded once
@@ -251,8 +171,8 @@ def run_all(
             time.sleep(0.05)
         if not passed:
             raise SystemExit(f"tests fail without any mutation: {unchanged.noticed_by()}")
-        while waiting or running:
-            while waiting and copies:
+        while running or (waiting and time.monotonic() < until):
+            while waiting and copies and time.monotonic() < until:
                 mutation = waiting.pop()
                 running.append(Trial(mutation, tests_of(mutation), copies.pop()))
             time.sleep(0.05)
@@ -276,8 +196,36 @@ def copy_checkout(copy: Path) -> None:
             shutil.copy(source, copy / name)
 
 
+def code_digest() -> str:
+    """Of all code that can be mutated."""
+    told = hashlib.sha256()
+    for source in SOURCES:
+        for path in sorted((ROOT / source).rglob("*.py")):
+            told.update(path.relative_to(ROOT).as_posix().encode() + b"\0" + path.read_bytes())
+    return told.hexdigest()[:12]
+
+
+class Results:
+    """What is known of each mutation, in a file that grows by a line for each."""
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+        self.known: dict[str, tuple[bool, str]] = {}
+        if file.exists():
+            for line in file.read_text(encoding="utf-8").splitlines():
+                name, survived, said = json.loads(line)
+                self.known[name] = survived, said
+
+    def add(self, name: str, survived: bool, said: str) -> None:
+        """Keep one."""
+        self.known[name] = survived, said
+        self._file.parent.mkdir(parents=True, exist_ok=True)
+        with self._file.open("a", encoding="utf-8") as file:
+            file.write(json.dumps([name, survived, said]) + "\n")
+
+
 def main() -> int:
-    """Draw, run, report; 1 when too many survive."""
+    """Draw, run, report; 1 when too many survive, 3 where the time was up before the end."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -285,45 +233,66 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="", help="paths that begin so")
     parser.add_argument("--nearby", action="store_true", help="look for tests nearby, without the map")
-    parser.add_argument("--again", type=Path, help="run only what a former run printed as survived")
+    parser.add_argument("--again", action="store_true", help="try again what survived")
+    parser.add_argument("--minutes", type=float, default=600, help="begin nothing new after so many")
     parser.add_argument("--least", type=float, default=0.9, help="share that must be noticed")
     parser.add_argument("--cache", type=Path, default=ROOT / "build" / "mutants")
     parser.add_argument("-j", "--jobs", type=int, default=2)
     options = parser.parse_args()
-    tests = None if options.nearby else covering_tests(options.cache, options.jobs)
+    until = time.monotonic() + 60 * options.minutes
+    cache = options.cache / code_digest()
+    tests = None
+    if not options.nearby:
+        if not measure(cache, until):
+            return 3
+        tests = covering_tests(cache)
     mutations = chosen(options.count, options.seed, options.only, tests)
-    if options.again is not None:
-        before = options.again.read_text(encoding="utf-8")
-        mutations = [mutation for mutation in mutations if f"survived  {mutation.name}\n" in before]
     equal = {
-        (entry["file"], entry["before"], entry["after"]): entry["why"]
+        (entry["file"], entry["before"], entry["after"])
         for entry in tomllib.loads(EQUAL.read_text(encoding="utf-8")).get("equal", [])
     }
     lines = {
-        name: (ROOT / name).read_text(encoding="utf-8").splitlines()
-        for name in {mutation.file for mutation in mutations}
+        name: (ROOT / name).read_text(encoding="utf-8").splitlines() for name in {m.file for m in mutations}
     }
+
+    def line_of(mutation: Mutation) -> str:
+        return lines[mutation.file][mutation.line - 1].strip()
+
+    counted = [
+        mutation
+        for mutation in mutations
+        if (mutation.file, line_of(mutation), mutation.after) not in equal and not same_code(mutation)
+    ]
+    results = Results(cache / "results.jsonl")
 
     def tests_of(mutation: Mutation) -> list[str]:
         if tests is None:
             return nearby_tests(mutation.file)
         return nearest(tests[mutation.file][mutation.line], mutation.file)
 
-    counted = lost = 0
-    for trial, survived in run_all(mutations, tests_of, options.jobs):
-        mutation = trial.mutation
-        line = lines[mutation.file][mutation.line - 1].strip()
-        why = equal.get((mutation.file, line, mutation.after))
-        counted += why is None
-        lost += survived and why is None
-        if why is None:
-            said = line if survived else trial.noticed_by()
-            print(f"{'survived' if survived else 'noticed '}  {mutation.name}\n          {said}", flush=True)
-    share = 1 - lost / max(counted, 1)
+    waiting = [
+        mutation
+        for mutation in counted
+        if mutation.name not in results.known or (options.again and results.known[mutation.name][0])
+    ]
+    if waiting:
+        for trial, survived in run_all(waiting, tests_of, options.jobs, until):
+            mutation = trial.mutation
+            results.add(mutation.name, survived, line_of(mutation) if survived else trial.noticed_by())
+            print(f"{'survived' if survived else 'noticed '}  {mutation.name}", flush=True)
+            print(f"          {results.known[mutation.name][1]}", flush=True)
+    known = [results.known[mutation.name][0] for mutation in counted if mutation.name in results.known]
+    share = 1 - sum(known) / max(len(known), 1)
+    for mutation in counted:
+        if results.known.get(mutation.name, (False, ""))[0]:
+            print(f"left: {mutation.name}   {line_of(mutation)}")
     print(
-        f"{counted - lost} of {counted} mutations noticed ({share:.0%}); {len(mutations) - counted} change "
-        "no behaviour"
+        f"{len(known) - sum(known)} of {len(known)} mutations noticed ({share:.0%}); "
+        f"{len(mutations) - len(counted)} change no behaviour"
     )
+    if len(known) < len(counted):
+        print(f"{len(counted) - len(known)} are still to be tried; the same command goes on")
+        return 3
     return 0 if share >= options.least else 1
 
 

@@ -6,6 +6,7 @@ import ast
 import random
 from dataclasses import dataclass
 from pathlib import Path
+from types import CodeType
 
 ROOT = Path(__file__).parents[1]
 SOURCES = ("core/toposeam", "cli/toposeam_cli", "plugin_gimp/toposeam_engine")
@@ -203,6 +204,23 @@ def chosen(count: int, seed: int, only: str, tests: dict[str, dict[int, list[str
         if _parses(mutation):
             drawn[mutation.name] = mutation
     return list(drawn.values())
+
+
+def same_code(mutation: Mutation) -> bool:
+    """Whether the mutated file compiles to the same instructions and constants."""
+    raw = (ROOT / mutation.file).read_bytes()
+    changed = raw[: mutation.start] + mutation.after.encode() + raw[mutation.end :]
+    before, after = (compile(text, mutation.file, "exec", optimize=2) for text in (raw, changed))
+    return _instructions(before) == _instructions(after)
+
+
+def _instructions(code: CodeType) -> tuple[object, ...]:
+    """What a code object does, without the places of its text."""
+    constants = tuple(
+        _instructions(value) if isinstance(value, CodeType) else (type(value), repr(value))
+        for value in code.co_consts
+    )
+    return code.co_code, constants, code.co_names, code.co_varnames, code.co_freevars, code.co_flags
 
 
 def _parses(mutation: Mutation) -> bool:

@@ -1,9 +1,12 @@
 """What is shipped: the version, wheel and source archive, the text on a package index, the release."""
 
+import os
 import re
+import shutil
 import subprocess
 import sys
 import tarfile
+import textwrap
 import tomllib
 import zipfile
 from datetime import date
@@ -57,6 +60,92 @@ def test_a_release_dates_the_newest_version_and_no_other():
         dated(text.replace("unreleased", "2027-01-01"), date(2027, 1, 2))
     with pytest.raises(ValueError, match="is not newer"):
         dated(text.replace("0.2.0", "0.3.0"), date(2027, 1, 2))
+
+
+@pytest.fixture
+def release(tmp_path, monkeypatch, capsys):
+    """`make release` in a small checkout, where builds are only noted down."""
+    if shutil.which("git") is None:
+        pytest.skip("there is no git")
+    module = script("tools/release.py")
+    for name in module.stated_versions():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+    (tmp_path / "core/toposeam/__init__.py").write_text('__version__ = "0.3.0"\n')
+    (tmp_path / "plugin_gimp/toposeam_gimp/__init__.py").write_text('__version__ = "0.3.0"\n')
+    (tmp_path / "CITATION.cff").write_text("version: 0.3.0\n")
+    (tmp_path / "CHANGELOG.md").write_text("# Changelog\n\n## 0.3.0 (unreleased)\n\n- a\n")
+    (tmp_path / ".gitignore").write_text("dist/\n")
+
+    def git(*words):
+        who = ["-c", "user.name=a", "-c", "user.email=a@example.org"]
+        subprocess.run(["git", "-C", tmp_path, *who, *words], check=True, capture_output=True)
+
+    git("init", "--quiet")
+    git("add", ".")
+    git("commit", "--quiet", "-m", "a")
+    ran = []
+
+    def built(*arguments):
+        ran.append(arguments[:2])
+        (tmp_path / "dist").mkdir(exist_ok=True)
+        (tmp_path / "dist/a.whl").write_bytes(b"")
+
+    monkeypatch.setattr(module, "ROOT", tmp_path)
+    monkeypatch.setattr(module, "_run", built)
+
+    class Release:
+        folder, run, did = tmp_path, staticmethod(git), ran
+
+        def __call__(self):
+            code = module.main()
+            return code, capsys.readouterr()
+
+        def cannot(self, *_):
+            raise subprocess.CalledProcessError(1, "twine")
+
+        def fails(self):
+            monkeypatch.setattr(module, "_run", self.cannot)
+
+    return Release()
+
+
+def test_a_release_is_built_checked_and_dated(release):
+    code, said = release()
+    assert code == 0
+    assert release.did == [("-m", "build"), ("-m", "twine")]
+    assert f"## 0.3.0 ({date.today()})" in (release.folder / "CHANGELOG.md").read_text()
+    assert "git tag v0.3.0" in said.out
+
+
+def test_what_is_not_committed_is_not_released(release):
+    (release.folder / "forgotten.py").write_text("")
+    code, said = release()
+    assert (code, release.did) == (1, [])
+    assert said.err == "error: not everything is committed; commit it, or put it aside\n"
+    assert "unreleased" in (release.folder / "CHANGELOG.md").read_text()
+
+
+def test_what_is_released_is_not_released_again(release):
+    release.run("tag", "v0.3.0")
+    code, said = release()
+    assert (code, release.did) == (1, [])
+    assert said.err == "error: v0.3.0 is released already; raise the version\n"
+
+
+def test_versions_that_differ_and_folders_without_history_are_not_released(release):
+    shutil.rmtree(release.folder / ".git")
+    assert "release from a clone" in release()[1].err
+    (release.folder / "CITATION.cff").write_text("version: 0.2.0\n")
+    assert "the version differs" in release()[1].err
+    assert release.did == []
+
+
+def test_a_release_that_fails_leaves_the_change_log_as_it_was(release):
+    release.fails()
+    code, said = release()
+    assert code == 1
+    assert "CHANGELOG.md is as it was" in said.err
+    assert "unreleased" in (release.folder / "CHANGELOG.md").read_text()
 
 
 @pytest.mark.slow
@@ -144,3 +233,38 @@ def test_public_ci_is_valid_and_asks_for_what_there_is():
     assert wanted <= targets
     extras = {extra for run in runs for extra in re.findall(r"\[([a-z,]+)\]", run)}
     assert extras <= set(project["optional-dependencies"])
+
+
+@pytest.mark.slow
+def test_the_tests_are_collected_where_there_is_nothing_of_unix(tmp_path):
+    """Public CI runs them on Windows, which nobody has tried."""
+    (tmp_path / "without_unix.py").write_text(
+        textwrap.dedent("""
+            import os, signal, sys
+            for name in ("resource", "pty", "fcntl", "termios", "tty", "pwd", "grp"):
+                sys.modules[name] = None
+            for name in ("SIGKILL", "SIGHUP", "SIGUSR1", "SIGALRM", "SIGPIPE", "SIGCHLD"):
+                delattr(signal, name)
+            for name in ("killpg", "getuid", "geteuid", "mkfifo", "fork"):
+                delattr(os, name)
+        """)
+    )
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "pytest",
+            "-p",
+            "without_unix",
+            "-p",
+            "no:cacheprovider",
+            "--collect-only",
+            "-q",
+        ],
+        cwd=HERE,
+        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout[-3000:]

@@ -1,7 +1,8 @@
 """Make a release ready: ``python tools/release.py`` (``make release``). Nothing is uploaded.
 
-Checks that the version is the same wherever it is said and newer than the last dated one, writes today's date
-into CHANGELOG.md, builds wheel and source archive into ``dist/`` and checks both with twine.
+Checks that everything is committed and that the version is the same wherever it is said, newer than the last
+dated one and not released yet, writes today's date into CHANGELOG.md, builds wheel and source archive into
+``dist/`` and checks both with twine.
 """
 
 from __future__ import annotations
@@ -52,16 +53,39 @@ def dated(changelog: str, today: date) -> str:
     return f"{changelog[:start]}{today:%Y-%m-%d}{changelog[end:]}"
 
 
+def unreleasable(version: str, root: Path = ROOT) -> str | None:
+    """Why what lies in `root` must not be released, if so: all of it goes into the archives."""
+    for words, wrong in (
+        (
+            ("status", "--porcelain"),
+            "not everything is committed; commit it, or put it aside",
+        ),
+        (("tag", "--list", f"v{version}"), f"v{version} is released already; raise the version"),
+    ):
+        try:
+            told = subprocess.check_output(  # noqa: S603 - our own words
+                ["git", "-C", str(root), *words],  # noqa: S607
+                stderr=subprocess.DEVNULL,
+            )
+        except (OSError, subprocess.CalledProcessError):
+            return "this is no git checkout; release from a clone"
+        if told:
+            return wrong
+    return None
+
+
 def main() -> int:
     """Release, or say in one sentence why not."""
-    stated = stated_versions()
-    if len(set(stated.values())) > 1:
-        print(f"error: the version differs: {stated}", file=sys.stderr)
-        return 1
+    stated = stated_versions(ROOT)
     changelog = ROOT / "CHANGELOG.md"
     before = changelog.read_text(encoding="utf-8")
     try:
+        if len(set(stated.values())) > 1:
+            raise ValueError(f"the version differs: {stated}; say the same everywhere")
         after = dated(before, date.today())
+        wrong = unreleasable(stated["CHANGELOG.md"], ROOT)
+        if wrong:
+            raise ValueError(wrong)
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
@@ -71,9 +95,9 @@ def main() -> int:
     try:
         _run("-m", "build", "--outdir", str(dist), str(ROOT))
         _run("-m", "twine", "check", "--strict", *sorted(map(str, dist.iterdir())))
-    except subprocess.CalledProcessError as error:
+    except (subprocess.CalledProcessError, KeyboardInterrupt) as error:
         changelog.write_text(before, encoding="utf-8")
-        print(f"error: {' '.join(map(str, error.cmd))} failed; CHANGELOG.md is as it was", file=sys.stderr)
+        print(f"error: {error or 'interrupted'}; CHANGELOG.md is as it was", file=sys.stderr)
         return 1
     version = stated["CHANGELOG.md"]
     print(

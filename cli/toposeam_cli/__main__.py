@@ -33,11 +33,13 @@ def start() -> None:
     for name in _LATER:  # all is tidied away, and the rest is ours alone
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
-    sys.exit(code if _flushed() else code or 1)
+    sys.exit(code if _flushed(quiet=bool(code)) else code or 1)
 
 
-def _flushed() -> bool:
-    """Whether all that was printed has arrived; Python itself would tell it with a traceback."""
+def _flushed(*, quiet: bool) -> bool:
+    """Whether all that was printed has arrived; Python itself would tell it with a traceback. `quiet`: an
+    error was told already, and one sentence is enough.
+    """
     arrived = True
     for stream in (sys.stdout, sys.stderr):
         if stream is None:  # it was closed before we began
@@ -48,7 +50,7 @@ def _flushed() -> bool:
             arrived = False
         except OSError as error:
             arrived = False
-            if stream is sys.stdout:
+            if stream is sys.stdout and not quiet:
                 _complain(error)
         if not arrived:
             with suppress(OSError, ValueError):

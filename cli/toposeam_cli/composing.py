@@ -22,7 +22,7 @@ from toposeam_cli.pictures.background import colour_of, on_background
 from toposeam_cli.pictures.deep_zoom import check_deep_zoom, write_deep_zoom
 from toposeam_cli.pictures.openraster import write_ora
 from toposeam_cli.pictures.picture import Picture, write_picture
-from toposeam_cli.placing import Arrangement
+from toposeam_cli.placing import PlacedPictures
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +53,7 @@ class Outputs:
 
 def write(
     out: Outputs,
-    job: Arrangement,
+    job: PlacedPictures,
     finished: ts.Stitched,
     documents: Sequence[tuple[Path, bytes]],
     overlay: npt.NDArray[np.uint8] | None,

@@ -54,7 +54,7 @@ _FRAME = re.compile(r"(\d+)x(\d+)(?:([+-]\d+)([+-]\d+))?")
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class CanvasFrame:
     """The part of the plane that the result shows, px."""
 
     width: int
@@ -137,7 +137,7 @@ def _next(waiting: list[str], name: str) -> str:
     return waiting.pop(0)
 
 
-def frame_of(text: str) -> Frame:
+def frame_of(text: str) -> CanvasFrame:
     """The frame that ``-f`` means: ``8000x4000+120+40``.
 
     Raises
@@ -147,7 +147,7 @@ def frame_of(text: str) -> Frame:
     found = _FRAME.fullmatch(text.replace("+-", "-"))
     if found is None or int(found[1]) == 0 or int(found[2]) == 0:
         raise ts.OptionError(f"-f is {text!r}; write it like 8000x4000+0+0: width, height and offsets")
-    return Frame(*(int(part or 0) for part in found.groups()))
+    return CanvasFrame(*(int(part or 0) for part in found.groups()))
 
 
 def blend_width(levels: str) -> float | None:

@@ -24,7 +24,7 @@ from toposeam_cli.files.writing import all_or_nothing, atomic_write
 from toposeam_cli.pictures.background import colour_of, on_background
 from toposeam_cli.pictures.picture import Picture, write_picture
 from toposeam_cli.pictures.raw import Stored
-from toposeam_cli.placing import Arrangement
+from toposeam_cli.placing import PlacedPictures
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +80,7 @@ class Framed:
 
 def make(
     composed: ts.Composition | Framed,
-    job: Arrangement,
+    job: PlacedPictures,
     out: Outputs,
     crop: str,
     scratch: Scratch,

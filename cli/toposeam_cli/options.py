@@ -97,6 +97,35 @@ class PairType(click.ParamType):  # type: ignore[type-arg]
         return int(match[1]), int(match[2] or match[1])
 
 
+@dataclass(frozen=True, slots=True)
+class AutoSize:
+    """The size on which a texture's order closes that is nearest to one wished for."""
+
+    #: Width and height, px; None leaves it to the command.
+    wish: tuple[int, int] | None
+
+
+class TextureSizeType(PairType):
+    """Width and height, or ``auto``, or ``auto:`` and the size wished for."""
+
+    name = "N|WIDTHxHEIGHT|auto[:SIZE]"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.name = type(self).name
+
+    def convert(  # type: ignore[override]
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int, int] | AutoSize:
+        """Parse the text."""
+        if isinstance(value, AutoSize):
+            return value
+        word, colon, wish = str(value).strip().partition(":")
+        if word.lower() != "auto":
+            return super().convert(value, param, ctx)
+        return AutoSize(super().convert(wish, param, ctx) if colon else None)
+
+
 class NumbersType(click.ParamType):  # type: ignore[type-arg]
     """A number, or one per layer with commas between."""
 

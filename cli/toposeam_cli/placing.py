@@ -16,8 +16,10 @@ from toposeam_cli.files.scratch import Scratch
 from toposeam_cli.options import Keyed
 from toposeam_cli.pictures.decode import size_of
 from toposeam_cli.pictures.layout import LayoutLayer, layout_text, read_layout
+from toposeam_cli.pictures.limits import check_together
+from toposeam_cli.pictures.masks import read_white
 from toposeam_cli.pictures.openraster import read_ora
-from toposeam_cli.pictures.picture import Picture, check_together, match_pictures, read_picture, read_white
+from toposeam_cli.pictures.picture import Picture, match_pictures, read_picture
 from toposeam_cli.pictures.stored import store
 from toposeam_cli.whereabouts import Where, places_of
 
@@ -26,7 +28,7 @@ STORED_PIXELS = 64_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Arrangement:
+class PlacedPictures:
     """Pictures of one depth and colour space, placed."""
 
     pictures: tuple[Picture, ...]
@@ -87,7 +89,7 @@ def arrange(
     progress: Callable[[float], None] | None = None,
     scratch: Scratch | None = None,
     alone: bool = False,
-) -> Arrangement:
+) -> PlacedPictures:
     """Read pictures, or the layers of one OpenRaster file or layout, and place them.
 
     With `scratch` the pixels of many pictures wait there instead of in memory. One picture `alone` may be
@@ -138,7 +140,7 @@ def arrange(
         picture if layer.image is picture.pixels else replace(picture, pixels=layer.image, alpha=layer.alpha)
         for picture, layer in zip(pictures, layers, strict=True)
     ]
-    return Arrangement(
+    return PlacedPictures(
         pictures=tuple(upright),
         layers=tuple(layers),
         files=tuple(source.file for source in sources if source.file is not None),
@@ -170,7 +172,7 @@ def _masked(
     limit: int,
 ) -> list[ts.Layer]:
     """The layers with where each may show, and where nothing else may."""
-    named = Arrangement(pictures=(), layers=tuple(layers))
+    named = PlacedPictures(pictures=(), layers=tuple(layers))
     wanted: dict[str, dict[int, Path]] = {"mask": {}, "keep": {}}
     for kind, keyed in (("mask", masks), ("keep", keeps)):
         wanted[kind] = {
@@ -189,7 +191,7 @@ def _masked(
     ]
 
 
-def saved_layout(job: Arrangement, folder: Path) -> str:
+def saved_layout(job: PlacedPictures, folder: Path) -> str:
     """Where the pictures lie, as a layout in that folder.
 
     Raises
@@ -304,12 +306,12 @@ def _white(path: Path, layer: ts.Layer, limit: int) -> npt.NDArray[np.bool_]:
     return read_white(path, (layer.image.shape[0], layer.image.shape[1]), layer.name, limit)
 
 
-def given_seams(files: Sequence[Keyed], arrangement: Arrangement) -> dict[tuple[int, int], ts.SvgSeam]:
+def given_seams(files: Sequence[Keyed], placed: PlacedPictures) -> dict[tuple[int, int], ts.SvgSeam]:
     """The seams of ``--use-seam`` by pair: ``seam.svg``, ``0:1=seam.svg``, or a file in which paths are named
     after their pairs.
     """
     seams: dict[tuple[int, int], ts.SvgSeam] = {}
-    names = [layer.name for layer in arrangement.layers]
+    names = [layer.name for layer in placed.layers]
     for file in files:
         try:
             drawing = ts.read_svg(file.path)
@@ -323,11 +325,11 @@ def given_seams(files: Sequence[Keyed], arrangement: Arrangement) -> dict[tuple[
                 raise ts.OptionError(
                     f"--use-seam {file.key}=… names no pair; write it as 0:1={file.path.name}"
                 )
-            found = {(arrangement.number(first), arrangement.number(second)): drawing}
+            found = {(placed.number(first), placed.number(second)): drawing}
         elif len(names) == 2:
             found = {(0, 1): drawing}
         else:
-            found = _by_name(file.path, drawing, arrangement)
+            found = _by_name(file.path, drawing, placed)
         for between, one in found.items():
             pair = (min(between), max(between))
             if pair in seams:
@@ -339,8 +341,8 @@ def given_seams(files: Sequence[Keyed], arrangement: Arrangement) -> dict[tuple[
     return seams
 
 
-def _by_name(path: Path, drawing: ts.SvgSeam, arrangement: Arrangement) -> dict[tuple[int, int], ts.SvgSeam]:
-    names = [layer.name for layer in arrangement.layers]
+def _by_name(path: Path, drawing: ts.SvgSeam, placed: PlacedPictures) -> dict[tuple[int, int], ts.SvgSeam]:
+    names = [layer.name for layer in placed.layers]
     pairs = {
         ts.pair_name(names[i], names[j]): (i, j) for i in range(len(names)) for j in range(i + 1, len(names))
     }

@@ -13,12 +13,17 @@ _POWERSHELL = """\
 Register-ArgumentCompleter -Native -CommandName %(prog_name)s -ScriptBlock {
     param($wordToComplete, $commandAst, $cursorPosition)
     $before = $commandAst.ToString()
-    if ($before.Length -gt $cursorPosition) { $before = $before.Substring(0, $cursorPosition) }
+    $length = $cursorPosition - $commandAst.Extent.StartOffset
+    if ($before.Length -gt $length) { $before = $before.Substring(0, $length) }
     $env:%(complete_var)s = "powershell_complete"
     $env:COMP_WORDS = $before
     $env:COMP_CWORD = $wordToComplete
     try { $answers = @(& %(prog_name)s) }
-    finally { Remove-Item Env:%(complete_var)s, Env:COMP_WORDS, Env:COMP_CWORD }
+    finally {
+        foreach ($name in "%(complete_var)s", "COMP_WORDS", "COMP_CWORD") {
+            Remove-Item "Env:$name" -ErrorAction SilentlyContinue
+        }
+    }
     foreach ($answer in $answers) {
         $kind, $value, $help = $answer -split "`t", 3
         if ($kind -eq "plain") {
@@ -41,7 +46,7 @@ class PowershellComplete(ShellComplete):
     def get_completion_args(self) -> tuple[list[str], str]:
         """The words before the one being written, and that one."""
         words = split_arg_string(os.environ["COMP_WORDS"])[1:]
-        incomplete = os.environ["COMP_CWORD"]
+        incomplete = os.environ.get("COMP_CWORD", "")  # what is empty PowerShell takes out of the environment
         if incomplete and words:
             words = words[:-1]
         return words, incomplete.strip("'\"")

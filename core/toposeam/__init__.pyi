@@ -47,6 +47,7 @@ from .seam.seam import Seam, apply_paths
 from .seam.thesis_options import ThesisOptions
 from .solid.generate import Solid, generate_solid
 from .texture.fill import BYS, By, fill
+from .texture.keeping_step import closing_size
 from .texture.lay import LayOptions
 from .texture.light import flatten_light
 from .texture.scale import natural_patch
@@ -133,6 +134,7 @@ __all__ = [
     "arrange",
     "border_mismatch",
     "border_visibility",
+    "closing_size",
     "common_canvas",
     "compose",
     "correlations",

@@ -225,7 +225,7 @@ def seed_of(seed: Seed) -> int:
 
 
 def options_from(
-    kind: type[OptionsT], options: OptionsT | None, given: dict[str, Any], owner: str
+    kind: type[OptionsT], options: OptionsT | None, given: dict[str, Any], taker: str
 ) -> OptionsT:
     """The options of one call: an instance, or plain keywords, not both.
 
@@ -236,7 +236,7 @@ def options_from(
     options : instance of it or None
     given : dict
         The keywords.
-    owner : str
+    taker : str
         Whose options they are, for error texts: "method heat".
 
     Raises
@@ -246,7 +246,7 @@ def options_from(
     """
     if options is not None:
         if not isinstance(options, kind):
-            raise OptionError(f"options is of class {type(options).__name__}; {owner} takes {kind.__name__}")
+            raise OptionError(f"options is of class {type(options).__name__}; {taker} takes {kind.__name__}")
         if given:
             raise OptionError(
                 f"{', '.join(sorted(given))} was given beside options; write it into {kind.__name__}"
@@ -255,7 +255,7 @@ def options_from(
     known = [option.name for option in dataclasses.fields(kind)]  # type: ignore[arg-type]
     unknown = sorted(set(given) - set(known))
     if unknown:
-        raise OptionError(f"{owner} does not know {', '.join(unknown)}; its options are {', '.join(known)}")
+        raise OptionError(f"{taker} does not know {', '.join(unknown)}; its options are {', '.join(known)}")
     return kind(**given)
 
 

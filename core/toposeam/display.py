@@ -6,6 +6,7 @@ import io
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from toposeam.errors import OptionError
 from toposeam.images import Image, as_array, as_float, full_scale
@@ -67,6 +68,26 @@ def to_png(image: Image, alpha: Image | None = None) -> bytes:
     buffer = io.BytesIO()
     picture.save(buffer, "PNG")
     return buffer.getvalue()
+
+
+def line_svg(drawing: str, points: npt.NDArray[np.float64]) -> str:
+    """A line as SVG for a notebook.
+
+    Parameters
+    ----------
+    drawing : str
+        The ``d`` of its path.
+    points : (N, 2) array
+        What it has to show: x and y.
+    """
+    (left, top), (right, bottom) = points.min(axis=0), points.max(axis=0)
+    edge = 0.02 * max(right - left, bottom - top, 1.0)
+    box = f"{left - edge:g} {top - edge:g} {right - left + 2 * edge:g} {bottom - top + 2 * edge:g}"
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="400" viewBox="{box}">'
+        f'<path d="{drawing}" fill="none" '
+        'stroke="#c00" stroke-width="2" vector-effect="non-scaling-stroke"/></svg>'
+    )
 
 
 def _pixels(result: Any) -> Image:

@@ -8,10 +8,10 @@ import numpy as np
 
 import toposeam as ts
 from toposeam_engine.layers import colours_of, with_alpha
-from toposeam_engine.serving import Job
+from toposeam_engine.serving import EngineJob
 
 
-def loop(job: Job) -> dict[str, Any]:
+def loop(job: EngineJob) -> dict[str, Any]:
     """The frames of a loop, and which frame of the clip it begins with."""
     frames = []
     for raster in job.request["layers"]:

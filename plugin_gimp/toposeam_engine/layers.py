@@ -14,15 +14,15 @@ import numpy.typing as npt
 import toposeam as ts
 from toposeam.images import Image, Mask, full_scale
 from toposeam.layers.layer import Extent
-from toposeam_engine.serving import Job
+from toposeam_engine.serving import EngineJob
 
 
-def layers_of(job: Job) -> list[ts.Layer]:
+def layers_of(job: EngineJob) -> list[ts.Layer]:
     """The layers of the request: color and alpha of one raster each, with a mask of its own multiplied in."""
     return [layer_of(job, raster) for raster in job.request["layers"]]
 
 
-def layer_of(job: Job, raster: Mapping[str, Any]) -> ts.Layer:
+def layer_of(job: EngineJob, raster: Mapping[str, Any]) -> ts.Layer:
     """A layer of the request."""
     image, alpha = colours_of(job, raster)
     return ts.Layer(
@@ -34,7 +34,7 @@ def layer_of(job: Job, raster: Mapping[str, Any]) -> ts.Layer:
     )
 
 
-def colours_of(job: Job, raster: Mapping[str, Any]) -> tuple[Image, npt.NDArray[Any]]:
+def colours_of(job: EngineJob, raster: Mapping[str, Any]) -> tuple[Image, npt.NDArray[Any]]:
     """Colour and opacity of a raster, its mask multiplied in."""
     pixels = job.read(raster)
     alpha = pixels[..., -1]
@@ -50,7 +50,7 @@ def place_of(raster: Mapping[str, Any]) -> tuple[int, int]:
     return int(x), int(y)
 
 
-def selected_on(job: Job, canvas: Extent) -> Mask | None:
+def selected_on(job: EngineJob, canvas: Extent) -> Mask | None:
     """(H, W) bool on a canvas: what is selected; None without a selection."""
     raster = job.request.get("selection")
     if raster is None:
@@ -70,7 +70,7 @@ def with_alpha(image: Image, alpha: Image | None) -> Image:
 
 
 def masks_of(
-    job: Job, layers: Sequence[ts.Layer], masks: Iterable[Mask], canvas: Extent
+    job: EngineJob, layers: Sequence[ts.Layer], masks: Iterable[Mask], canvas: Extent
 ) -> list[dict[str, Any]]:
     """Each layer's mask, of the layer's own size, 255 where it shows."""
     return [
@@ -80,7 +80,7 @@ def masks_of(
 
 
 def changes_of(
-    job: Job, layers: Sequence[ts.Layer], stitched: ts.Stitched, canvas: Extent
+    job: EngineJob, layers: Sequence[ts.Layer], stitched: ts.Stitched, canvas: Extent
 ) -> dict[str, Any] | None:
     """The pixels in which the composite differs from the layers under their masks, transparent elsewhere;
     None if it does not differ.

@@ -11,10 +11,10 @@ import toposeam as ts
 from toposeam.colours import to_hex
 from toposeam.motif.inked import MAX_PATTERN
 from toposeam.motif.tiling import tile
-from toposeam_engine.serving import Job
+from toposeam_engine.serving import EngineJob
 
 
-def motif(job: Job) -> dict[str, Any]:
+def motif(job: EngineJob) -> dict[str, Any]:
     """Layers of ink: a density per ink, the inks' and the paper's colours, and the recipe."""
     made = generated(job)
     return {
@@ -25,7 +25,7 @@ def motif(job: Job) -> dict[str, Any]:
     }
 
 
-def generated(job: Job) -> ts.Motif:
+def generated(job: EngineJob) -> ts.Motif:
     """The motif itself."""
     options = job.options
     size = options.pop("size")
@@ -41,7 +41,7 @@ def generated(job: Job) -> ts.Motif:
     return ts.generate_motif(size, progress=job.progress, **options)
 
 
-def repeat(job: Job) -> dict[str, Any]:
+def repeat(job: EngineJob) -> dict[str, Any]:
     """Densities laid side by side by a rule, which one, and the colours where a palette was asked for."""
     densities, rule = repeated(job)
     result = {"densities": [job.write(density) for density in densities], "repeat": rule}
@@ -52,7 +52,7 @@ def repeat(job: Job) -> dict[str, Any]:
     return result
 
 
-def repeated(job: Job) -> tuple[list[npt.NDArray[Any]], str]:
+def repeated(job: EngineJob) -> tuple[list[npt.NDArray[Any]], str]:
     """The pattern's densities, and the rule they were laid by."""
     rows, columns = int(job.options["rows"]), int(job.options["columns"])
     rule = str(job.options.get("repeat", "own"))

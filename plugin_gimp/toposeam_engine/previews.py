@@ -18,7 +18,7 @@ from toposeam.images import Image
 from toposeam.motif.mixing import mix
 from toposeam_engine import motifs, seams, textures
 from toposeam_engine.layers import layers_of, with_alpha
-from toposeam_engine.serving import Job
+from toposeam_engine.serving import EngineJob
 
 #: Options that are lengths, and the least that still means something.
 _LENGTHS = {"blend_width": 1, "patch": 8, "overlap": 2, "band": 4, "width": 16, "height": 16}
@@ -26,7 +26,7 @@ _LENGTHS = {"blend_width": 1, "patch": 8, "overlap": 2, "band": 4, "width": 16, 
 _MOTIF_PX, _MOTIF_ITERATIONS = 96, 30
 
 
-def preview(job: Job) -> dict[str, Any]:
+def preview(job: EngineJob) -> dict[str, Any]:
     """The picture of what an operation would give, (H, W, 4) or (H, W, 2) with opacity last."""
     options = _reduced(job.options, float(job.request["scale"]))
     for name in ("width", "height"):  # of a texture, of which only a part is shown
@@ -46,12 +46,12 @@ def _reduced(options: dict[str, Any], scale: float) -> dict[str, Any]:
     }
 
 
-def _stitch(job: Job) -> Image:
+def _stitch(job: EngineJob) -> Image:
     _layers, found = seams.stitched(job, layers_of(job))
     return _with_seams(found.image, found.alpha, found.seams)
 
 
-def _patch(job: Job) -> Image:
+def _patch(job: EngineJob) -> Image:
     found = ts.stitch(seams.patch_layers(job), progress=job.progress, **seams.blending(job.options))
     return _with_seams(found.image, found.alpha, found.seams)
 
@@ -60,22 +60,22 @@ def _with_seams(image: Image, alpha: Any, found: Sequence[ts.Seam]) -> Image:
     return with_alpha(ts.draw_seams(image, found), alpha)
 
 
-def _synthesize(job: Job) -> Image:
+def _synthesize(job: EngineJob) -> Image:
     made = textures.synthesized(job)
     return with_alpha(made.image, made.alpha)
 
 
-def _make_tileable(job: Job) -> Image:
+def _make_tileable(job: EngineJob) -> Image:
     made = textures.made_tileable(job)
     return np.tile(with_alpha(made.image, made.alpha), (2, 2, 1))
 
 
-def _fill(job: Job) -> Image:
+def _fill(job: EngineJob) -> Image:
     image, alpha, _sample = textures.filled(job)
     return with_alpha(image, alpha)
 
 
-def _motif(job: Job) -> Image:
+def _motif(job: EngineJob) -> Image:
     options = dict(job.options)
     options["size"] = min(options["size"], _MOTIF_PX)
     options["iterations"] = min(options["iterations"], _MOTIF_ITERATIONS)
@@ -85,7 +85,7 @@ def _motif(job: Job) -> Image:
     return with_alpha(np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8), None)
 
 
-def _repeat(job: Job) -> Image:
+def _repeat(job: EngineJob) -> Image:
     densities, _rule = motifs.repeated(job)
     name = str(job.options.get("palette", "own"))
     if name == "own":
@@ -98,7 +98,7 @@ def _repeat(job: Job) -> Image:
     return with_alpha(np.rint(image * 255).astype(np.uint8), None)
 
 
-_SHOWN: dict[str, Callable[[Job], Image]] = {
+_SHOWN: dict[str, Callable[[EngineJob], Image]] = {
     "stitch": _stitch,
     "patch": _patch,
     "synthesize": _synthesize,

@@ -1,5 +1,5 @@
-"""What the engine can be asked for about seams: functions from a :class:`~toposeam_engine.serving.Job` to
-what goes into the result.
+"""What the engine can be asked for about seams: functions from an
+:class:`~toposeam_engine.serving.EngineJob` to what goes into the result.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ import toposeam as ts
 from toposeam.layers.layer import Extent
 from toposeam.vector.svg import SvgSeam
 from toposeam_engine.layers import changes_of, layers_of, masks_of, selected_on, with_alpha
-from toposeam_engine.serving import Job
+from toposeam_engine.serving import EngineJob
 
 #: The share of the work that finding places takes, about.
 _FINDING = 0.5
 
 
-def stitch(job: Job) -> dict[str, Any]:
+def stitch(job: EngineJob) -> dict[str, Any]:
     """Layers, first the lowest, joined along seams: masks, seams, the layers' places where these were sought,
     their pixels where they have others now, and what blending changes.
     """
@@ -37,7 +37,7 @@ def stitch(job: Job) -> dict[str, Any]:
     return result | _joined(job, layers, found)
 
 
-def stitched(job: Job, layers: Sequence[ts.Layer]) -> tuple[list[ts.Layer], ts.Stitched]:
+def stitched(job: EngineJob, layers: Sequence[ts.Layer]) -> tuple[list[ts.Layer], ts.Stitched]:
     """The layers, in the places and tones asked for, and what they make."""
     options, start = blending(job.options), 0.0
     places = options.pop("places", "given")
@@ -69,20 +69,20 @@ def _on_canvas(layers: Sequence[ts.Layer], first: tuple[int, int]) -> list[ts.La
     ]
 
 
-def patch(job: Job) -> dict[str, Any]:
+def patch(job: EngineJob) -> dict[str, Any]:
     """The second layer, where it is selected, laid on the first within a seam."""
     layers = patch_layers(job)
     return _joined(job, layers, ts.stitch(layers, progress=job.progress, **blending(job.options)))
 
 
-def patch_layers(job: Job) -> list[ts.Layer]:
+def patch_layers(job: EngineJob) -> list[ts.Layer]:
     """What is below, and the patch where it is selected."""
     below, above = layers_of(job)
     selected = selected_on(job, ts.common_canvas([above]))
     return [below, above if selected is None else dataclasses.replace(above, mask=selected)]
 
 
-def restitch(job: Job) -> dict[str, Any]:
+def restitch(job: EngineJob) -> dict[str, Any]:
     """Layers joined along given paths.
 
     Of two layers the paths say everything. Of more, each pair whose path was touched divides anew what the
@@ -102,7 +102,7 @@ def restitch(job: Job) -> dict[str, Any]:
     }
 
 
-def outside(job: Job, layers: Sequence[ts.Layer]) -> Any:
+def outside(job: EngineJob, layers: Sequence[ts.Layer]) -> Any:
     """(H, W) bool on the layers' canvas: what the selection leaves out; None without one."""
     selected = selected_on(job, ts.common_canvas(layers)) if job.request.get("selection") else None
     return None if selected is None else ~selected
@@ -117,7 +117,7 @@ def blending(options: Mapping[str, Any]) -> dict[str, Any]:
     return chosen
 
 
-def _joined(job: Job, layers: Sequence[ts.Layer], found: ts.Stitched) -> dict[str, Any]:
+def _joined(job: EngineJob, layers: Sequence[ts.Layer], found: ts.Stitched) -> dict[str, Any]:
     canvas = ts.common_canvas(layers)
     return {
         "masks": masks_of(job, layers, found.masks, canvas),

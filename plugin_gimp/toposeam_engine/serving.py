@@ -79,7 +79,7 @@ class Channel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Job:
+class EngineJob:
     """A request, its pixels, and where results go."""
 
     folder: Path
@@ -206,10 +206,10 @@ def _serve(folder: Path, channel: Channel) -> dict[str, Any]:
     name = request.get("operation")
     if name not in OPERATIONS:
         raise OptionError(f"the engine has no operation {name!r}; it has {', '.join(OPERATIONS)}")
-    operation: Callable[[Job], dict[str, Any]] = getattr(
+    operation: Callable[[EngineJob], dict[str, Any]] = getattr(
         import_module(f"toposeam_engine.{OPERATIONS[name]}"), name
     )
-    return operation(Job(folder=folder, request=request, progress=channel.progress))
+    return operation(EngineJob(folder=folder, request=request, progress=channel.progress))
 
 
 def _version() -> str:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 import toposeam as ts
 from toposeam.images import Image, Mask, full_scale
 from toposeam_engine.layers import colours_of, place_of, with_alpha
-from toposeam_engine.serving import Job
+from toposeam_engine.serving import EngineJob
 
 #: What is copied into a hole from around it comes from at least so near.
 _AROUND_PX = 48
@@ -25,13 +25,13 @@ class Sample(NamedTuple):
     selected: npt.NDArray[np.bool_] | None
 
 
-def synthesize(job: Job) -> dict[str, Any]:
+def synthesize(job: EngineJob) -> dict[str, Any]:
     """A texture of any size grown from a layer, or from the selected part of it."""
     made = synthesized(job)
     return {"picture": job.write(with_alpha(made.image, made.alpha))}
 
 
-def synthesized(job: Job) -> ts.Synthesis:
+def synthesized(job: EngineJob) -> ts.Synthesis:
     """The texture itself."""
     sample, options = _sample(job), _usual(job.options, "patch", "overlap")
     return ts.synthesize(
@@ -45,13 +45,13 @@ def synthesized(job: Job) -> ts.Synthesis:
     )
 
 
-def make_tileable(job: Job) -> dict[str, Any]:
+def make_tileable(job: EngineJob) -> dict[str, Any]:
     """A layer that repeats."""
     made = made_tileable(job)
     return {"picture": job.write(with_alpha(made.image, made.alpha))}
 
 
-def made_tileable(job: Job) -> ts.Synthesis:
+def made_tileable(job: EngineJob) -> ts.Synthesis:
     """The tile itself."""
     sample, options = _sample(job), _usual(job.options, "band")
     return ts.make_tileable(
@@ -59,7 +59,7 @@ def made_tileable(job: Job) -> ts.Synthesis:
     )
 
 
-def fill(job: Job) -> dict[str, Any]:
+def fill(job: EngineJob) -> dict[str, Any]:
     """What replaces the selected part of a layer, transparent where the layer stays as it is."""
     image, alpha, sample = filled(job)
     changed = (image != sample.image) if image.ndim == 2 else (image != sample.image).any(axis=2)
@@ -74,7 +74,7 @@ def fill(job: Job) -> dict[str, Any]:
     return {"picture": {**raster, "at": [x + int(columns[0]), y + int(rows[0])]}}
 
 
-def filled(job: Job) -> tuple[Image, npt.NDArray[Any] | None, Sample]:
+def filled(job: EngineJob) -> tuple[Image, npt.NDArray[Any] | None, Sample]:
     """The whole layer with its hole filled, its opacity, and the layer as it was.
 
     What may be copied is asked for by the option ``from``: `layer`, `around` the selection, or `other`, the
@@ -110,7 +110,7 @@ def filled(job: Job) -> tuple[Image, npt.NDArray[Any] | None, Sample]:
     return made.image[own], shown, sample
 
 
-def _white_of(job: Job, shape: tuple[int, ...]) -> Mask:
+def _white_of(job: EngineJob, shape: tuple[int, ...]) -> Mask:
     """(H, W) bool on the layer: where the request's source, a mask, is white."""
     raster, (x, y) = job.request["source"], place_of(job.request["layer"])
     white, (left, top) = job.read(raster) >= 128, place_of(raster)
@@ -143,7 +143,7 @@ def _beside(
     return image, alpha, hole, source
 
 
-def _sample(job: Job) -> Sample:
+def _sample(job: EngineJob) -> Sample:
     image, alpha = colours_of(job, job.request["layer"])
     image = np.array(image)
     selected = None if job.request.get("selection") is None else job.read(job.request["selection"]) >= 128

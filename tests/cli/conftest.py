@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from bad_files import here, inputs  # noqa: F401 - fixtures of more than one file
 from click.testing import CliRunner
+from engine_requests import Request
 from skimage import data
 from three_pictures import three  # noqa: F401 - a fixture of more than one file
 
@@ -109,3 +110,20 @@ def folder(tmp_path, monkeypatch, photographs):
     for name, pixels in zip("ab", photographs, strict=True):
         write_picture(tmp_path / f"{name}.png", Picture(pixels=pixels))
     return tmp_path
+
+
+@pytest.fixture
+def request_folder(tmp_path):
+    made = Request(tmp_path / "request")
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def pair():
+    """Two RGBA patches, the second 20 px to the right and 5 px below."""
+    rng = np.random.default_rng(3)
+    return [
+        np.dstack([rng.integers(0, 256, (30, 40, 3)), np.full((30, 40), 255)]).astype(np.uint8)
+        for _ in range(2)
+    ]

@@ -131,6 +131,7 @@ def check_drawing(data):
         )
 
 
+@pytest.mark.medium
 @quick
 @given(data=any_file)
 def test_any_bytes_as_a_picture(data):
@@ -144,6 +145,7 @@ def test_many_bytes_as_a_picture(data):
     check_file(data)
 
 
+@pytest.mark.medium
 @quick
 @given(data=any_drawing)
 def test_any_bytes_as_a_seam(data):

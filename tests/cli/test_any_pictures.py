@@ -147,6 +147,7 @@ def check_stitch(a, b, placement, chosen):
         return ran
 
 
+@pytest.mark.medium
 @quick
 @given(pair=pairs(), chosen=choices())
 def test_two_small_pictures(pair, chosen):
@@ -219,6 +220,7 @@ spots = st.lists(
 )
 
 
+@pytest.mark.medium
 @settings(quick, max_examples=30)
 @given(pair=pairs(least=6), chosen=choices(), spots=spots)
 def test_any_mask(pair, chosen, spots):

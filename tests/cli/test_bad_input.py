@@ -198,6 +198,7 @@ USAGE = {
 }
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(("line", "phrase"), CASES.values(), ids=CASES)
 def test_it_ends_in_one_sentence_and_the_folder_as_it_was(toposeam, inputs, here, capfd, line, phrase):
     before = snapshot(here), snapshot(inputs)

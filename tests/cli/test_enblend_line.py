@@ -6,7 +6,7 @@ import pytest
 
 import toposeam as ts
 from toposeam_cli.enblend_line import (
-    Frame,
+    CanvasFrame,
     blend_width,
     compression_of,
     files_of,
@@ -53,10 +53,10 @@ def test_what_enblend_has_not_either_is_refused(line):
 @pytest.mark.parametrize(
     ("text", "frame"),
     [
-        ("8000x4000", Frame(8000, 4000, 0, 0)),
-        ("8000x4000+12+340", Frame(8000, 4000, 12, 340)),
-        ("800x400-5+7", Frame(800, 400, -5, 7)),
-        ("800x400+-5+-7", Frame(800, 400, -5, -7)),
+        ("8000x4000", CanvasFrame(8000, 4000, 0, 0)),
+        ("8000x4000+12+340", CanvasFrame(8000, 4000, 12, 340)),
+        ("800x400-5+7", CanvasFrame(800, 400, -5, 7)),
+        ("800x400+-5+-7", CanvasFrame(800, 400, -5, -7)),
     ],
 )
 def test_frames(text, frame):

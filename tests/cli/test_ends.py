@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import living
 
 from toposeam_cli.pictures.picture import Picture, write_picture
 
@@ -32,6 +33,7 @@ def assert_quiet(text):
         assert never not in text, text
 
 
+@pytest.mark.medium
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 @pytest.mark.parametrize(
     "line", ["--help", "--version", "stitch --help", "completion bash", "compare a.png b.png --overlap 20"]
@@ -44,6 +46,7 @@ def test_a_full_disk_behind_stdout_is_one_sentence(folder, photographs, line):
     assert ran.stderr.count("\n") == 1
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("line", ["--help", "bogus", "stitch a.png b.png --overlap 20 -o x.png"])
 def test_a_full_disk_behind_both_streams_ends_without_a_word(folder, photographs, line):
     ran = shell(f"toposeam {line} >/dev/full 2>/dev/full; echo $?", folder)
@@ -114,12 +117,8 @@ WAYS = [
 def children(pid):
     """The processes below one, and what they run."""
     found = {}
-    for task in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            number, parent = int(task.parent.name), int(task.read_text().rpartition(")")[2].split()[1])
-            found.setdefault(parent, []).append((number, (task.parent / "cmdline").read_bytes()))
-        except (OSError, ValueError):
-            continue
+    for process in living():
+        found.setdefault(process.parent, []).append((process.number, process.command))
     below, waiting = [], [pid]
     while waiting:
         for number, command in found.get(waiting.pop(), ()):
@@ -148,6 +147,7 @@ def strike(child, number, whom, rng):
 
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="nobody tells of processes as Linux does")
 @pytest.mark.parametrize("where", [["-j", "2"], ["-j", "2", "--dask", "local"]], ids=["workers", "dask"])
 def test_a_batch_that_is_killed_again_and_again_loses_nothing(many, where):
     if "--dask" in where:
@@ -214,10 +214,6 @@ def rows(table):
 def wait_for_the_group(child):
     """Wait until the processes below a dead one are gone too."""
     deadline = time.monotonic() + 30
-    while True:
-        try:
-            os.killpg(child.pid, 0)
-        except ProcessLookupError:
-            return
+    while any(process.group == child.pid for process in living()):
         assert time.monotonic() < deadline, "something outlived the batch"
         time.sleep(0.05)

@@ -1,102 +1,18 @@
-"""The engine process: requests in a folder, events on stdout."""
-
-import json
-import os
-import signal
-import subprocess
-import sys
-import time
+"""What the engine answers: layers joined, joined again, aligned."""
 
 import numpy as np
 import pytest
+from engine_requests import message_of, result_of
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam_engine.serving import MARKER, PROTOCOL
 
 
-class Request:
-    """A folder as the plug-in fills it."""
-
-    def __init__(self, folder):
-        self.folder = folder
-        folder.mkdir()
-        (folder / MARKER).write_text("7e57")
-
-    def raster(self, name, pixels, offset=(0, 0), **more):
-        pixels = np.asarray(pixels)
-        pixels.tofile(self.folder / f"{name}.raw")
-        channels = 1 if pixels.ndim == 2 else pixels.shape[2]
-        size = {
-            "width": pixels.shape[1],
-            "height": pixels.shape[0],
-            "channels": channels,
-            "dtype": str(pixels.dtype),
-        }
-        return {"file": f"{name}.raw", "name": name, "at": list(offset), **size, **more}
-
-    def ask(self, **request):
-        (self.folder / "request.json").write_text(
-            json.dumps({"protocol": PROTOCOL, "version": ts.__version__, **request})
-        )
-        process = self.start()
-        output, noise = process.communicate(timeout=120)
-        assert b"Traceback" not in noise
-        events = [json.loads(line) for line in output.splitlines()]
-        assert events[0] == {"event": "hello", "protocol": PROTOCOL, "version": ts.__version__}
-        return process.returncode, events
-
-    def start(self):
-        command = [sys.executable, "-m", "toposeam_engine", str(self.folder)]
-        read, self.held = os.pipe()
-        os.write(self.held, b"7e57\n")
-        process = subprocess.Popen(command, stdin=read, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-        os.close(read)
-        return process
-
-    def pixels(self, raster):
-        pixels = np.fromfile(self.folder / raster["file"], raster["dtype"])
-        return pixels.reshape(raster["height"], raster["width"], raster["channels"]).squeeze()
-
-    def close(self):
-        os.close(self.held)
-
-
-@pytest.fixture
-def request_folder(tmp_path):
-    made = Request(tmp_path / "request")
-    yield made
-    made.close()
-
-
-@pytest.fixture
-def pair():
-    """Two RGBA patches, the second 20 px to the right and 5 px below."""
-    rng = np.random.default_rng(3)
-    return [
-        np.dstack([rng.integers(0, 256, (30, 40, 3)), np.full((30, 40), 255)]).astype(np.uint8)
-        for _ in range(2)
-    ]
-
-
-def result_of(answer):
-    code, events = answer
-    assert code == 0, events[-1]
-    assert events[-1]["event"] == "result"
-    return events[-1]["result"]
-
-
-def message_of(answer):
-    code, events = answer
-    assert code == 1
-    assert events[-1]["event"] == "error"
-    return events[-1]["message"]
-
-
-def test_stitch_is_what_core_finds(request_folder, pair):
+@pytest.mark.parametrize("ask", ["ask", "ask_process"])
+def test_stitch_is_what_core_finds(request_folder, pair, ask):
     layers = [request_folder.raster("a", pair[0]), request_folder.raster("b", pair[1], (20, 5))]
     result = result_of(
-        request_folder.ask(operation="stitch", layers=layers, options={"method": "shortest-path"})
+        getattr(request_folder, ask)(operation="stitch", layers=layers, options={"method": "shortest-path"})
     )
     expected = ts.stitch(
         [ts.Layer(image=pair[0][..., :3]), ts.Layer(image=pair[1][..., :3], at=(20, 5))],
@@ -135,7 +51,6 @@ def test_the_found_lines_applied_again_give_the_same_masks(request_folder, pair)
     found = [request_folder.pixels(raster) for raster in first["masks"]]
     for path in request_folder.folder.glob("result-*"):
         path.unlink()
-    request_folder.close()
     seams = [{**seam, "touched": True} for seam in first["seams"]]
     shown = [request_folder.raster(f"shown-{name}", np.zeros((30, 40), np.uint8)) for name in "ab"]
     second = result_of(request_folder.ask(operation="restitch", layers=layers, seams=seams, shown=shown))
@@ -174,7 +89,7 @@ def test_progress_rises_to_the_end(request_folder):
         request_folder.raster(name, rng.random((200, 300, 4), np.float32), (x, 0))
         for name, x in (("a", 0), ("b", 100))
     ]
-    _, events = request_folder.ask(operation="stitch", layers=layers)
+    _, events = request_folder.ask_process(operation="stitch", layers=layers)
     shares = [event["share"] for event in events if event["event"] == "progress"]
     assert len(shares) >= 3
     assert shares == sorted(shares)
@@ -237,82 +152,6 @@ def test_a_full_disk_is_one_sentence(request_folder, pair):
     )
 
 
-def long_request(request_folder):
-    rng = np.random.default_rng(0)
-    layers = [
-        request_folder.raster(name, rng.random((900, 900, 4), np.float32), (x, 0))
-        for name, x in (("a", 0), ("b", 300))
-    ]
-    body = {
-        "protocol": PROTOCOL,
-        "version": ts.__version__,
-        "operation": "stitch",
-        "layers": layers,
-        "options": {"method": "thesis"},
-    }
-    (request_folder.folder / "request.json").write_text(json.dumps(body))
-    process = request_folder.start()
-    assert b"hello" in process.stdout.readline()
-    return process
-
-
-def test_it_ends_and_cleans_up_when_the_asker_is_gone(request_folder):
-    process = long_request(request_folder)
-    os.close(request_folder.held)
-    assert process.wait(timeout=30) == 3
-    assert not request_folder.folder.exists()
-    request_folder.held = os.open(os.devnull, os.O_RDONLY)
-    process.stdout.close()
-    process.stderr.close()
-
-
-def engine(folder, stdin):
-    return subprocess.run(
-        [sys.executable, "-m", "toposeam_engine", str(folder)], input=stdin, capture_output=True, timeout=60
-    )
-
-
-@pytest.mark.parametrize(
-    "stdin", [b"", b"\n", b"7e57\n", b"wrong\n" * 1000], ids=["none", "empty", "7e57", "long"]
-)
-def test_a_folder_that_is_no_request_is_refused_and_left_untouched(tmp_path, stdin):
-    (tmp_path / "photo.jpg").write_bytes(b"precious")
-    (tmp_path / "request.json").write_text("{}")
-    answer = engine(tmp_path, stdin)
-    assert answer.returncode == 1
-    assert b"left untouched" in answer.stdout
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["photo.jpg", "request.json"]
-
-
-@pytest.mark.parametrize("marker", [b"", b"another", b"7e57\n"])
-@pytest.mark.parametrize("stdin", [b"", b"7e57\n"])
-def test_a_request_folder_of_somebody_else_is_left_untouched(tmp_path, marker, stdin):
-    (tmp_path / MARKER).write_bytes(marker)
-    answer = engine(tmp_path, stdin)
-    assert answer.returncode == 1
-    assert [path.name for path in tmp_path.iterdir()] == [MARKER]
-
-
-def test_a_marker_that_is_a_link_is_none(tmp_path):
-    (tmp_path / "elsewhere").write_text("7e57")
-    (tmp_path / "request").mkdir()
-    (tmp_path / "request" / MARKER).symlink_to(tmp_path / "elsewhere")
-    assert b"left untouched" in engine(tmp_path / "request", b"7e57\n").stdout
-    assert (tmp_path / "request").is_dir()
-
-
-def test_it_shows_signs_of_life(request_folder):
-    process = long_request(request_folder)
-    deadline = time.monotonic() + 30
-    while time.monotonic() < deadline:
-        if b"alive" in process.stdout.readline():
-            break
-    else:
-        pytest.fail("no sign of life")
-    process.send_signal(signal.SIGKILL)
-    process.communicate()
-
-
 def test_aligned_layers_come_with_their_places(request_folder):
     rng = np.random.default_rng(4)
     whole = np.kron(rng.integers(0, 256, (30, 45, 3)), np.ones((4, 4, 1))).astype(np.uint8)
@@ -350,110 +189,3 @@ def test_a_patch_is_divided_anew_by_its_path(request_folder, pair):
     expected = np.zeros((30, 40), bool)
     expected[2:25, 2:20] = True
     np.testing.assert_array_equal(request_folder.pixels(result["masks"][1]) > 0, expected)
-
-
-def test_a_warm_engine_is_told_its_folder(request_folder, pair):
-    layers = [request_folder.raster("a", pair[0]), request_folder.raster("b", pair[1], (20, 5))]
-    request = {"operation": "preview", "of": "stitch", "scale": 0.5, "layers": layers}
-    options = {"blend": "feather", "blend_width": 8.0}
-    body = {"protocol": PROTOCOL, "version": ts.__version__, **request, "options": options}
-    (request_folder.folder / "request.json").write_text(json.dumps(body))
-    nonce = (request_folder.folder / "toposeam-request").read_text()
-    request_folder.held = os.open(os.devnull, os.O_RDONLY)
-    command = [sys.executable, "-m", "toposeam_engine", "-"]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
-        process.stdin.write(f"{request_folder.folder}\n{nonce}\n".encode())
-        process.stdin.flush()
-        result = [json.loads(line) for line in process.stdout][-1]["result"]
-    shown = request_folder.pixels(result["picture"])
-    placed = [ts.Layer(pair[0][..., :3]), ts.Layer(pair[1][..., :3], at=(20, 5))]
-    expected = ts.stitch(placed, blend="feather", blend_width=4.0)
-    np.testing.assert_array_equal(shown[..., :3], ts.draw_seams(expected.image, expected.seams))
-
-
-def test_a_warm_engine_that_is_not_needed_goes():
-    process = subprocess.Popen(
-        [sys.executable, "-m", "toposeam_engine", "-"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    )
-    output, _ = process.communicate(timeout=60)
-    assert process.returncode == 1
-    assert b"result" not in output
-
-
-@pytest.mark.parametrize(
-    ("of", "options", "shape"),
-    [
-        (
-            "synthesize",
-            {"width": 120, "height": 100, "patch": 40, "overlap": 0, "tileable": "none", "seed": 1},
-            (50, 60),
-        ),
-        ("make_tileable", {"band": 16, "tileable": "both", "seed": 1}, (120, 160)),
-        ("fill", {"from": "around", "patch": 24, "overlap": 0, "band": 0, "seed": 1}, (60, 80)),
-    ],
-)
-def test_previews_of_textures(request_folder, of, options, shape):
-    pixels = np.dstack([np.random.default_rng(0).integers(0, 256, (60, 80, 3)), np.full((60, 80), 255)])
-    layer = request_folder.raster("layer", pixels.astype(np.uint8))
-    selected = np.zeros((60, 80), np.uint8)
-    selected[20:32, 30:44] = 255
-    selection = request_folder.raster("selection", selected) if of == "fill" else None
-    result = result_of(
-        request_folder.ask(
-            operation="preview", of=of, scale=0.5, layer=layer, selection=selection, options=options
-        )
-    )
-    assert request_folder.pixels(result["picture"]).shape == (*shape, 4)
-
-
-def test_a_preview_of_a_motif_is_small_and_repeats(request_folder):
-    options = {
-        "size": 1024,
-        "repeat": "p4m",
-        "layers": 2,
-        "palette": "random",
-        "mass": 0.0,
-        "penalty": 3.0,
-        "iterations": 500,
-        "seed": 1,
-        "base_strength": 0.7,
-    }
-    request = {"operation": "preview", "of": "motif", "scale": 1.0, "layer": None, "options": options}
-    shown = request_folder.pixels(result_of(request_folder.ask(**request))["picture"])
-    assert shown.shape == (192, 192, 4)
-    np.testing.assert_array_equal(shown[:96], shown[96:])
-
-
-def test_a_preview_of_a_large_texture_shows_a_part_of_it(request_folder):
-    pixels = np.random.default_rng(0).integers(0, 256, (60, 80, 4)).astype(np.uint8)
-    pixels[..., 3] = 255
-    layer = request_folder.raster("layer", pixels)
-    options = {"width": 1000, "height": 800, "patch": 24, "overlap": 0, "tileable": "none", "seed": 1}
-    request = {"of": "synthesize", "scale": 1.0, "extent": 0.1, "layer": layer, "options": options}
-    shown = request_folder.pixels(result_of(request_folder.ask(operation="preview", **request))["picture"])
-    assert shown.shape == (80, 100, 4)
-
-
-def test_a_preview_of_a_pattern_is_in_its_colours(request_folder):
-    density = np.zeros((20, 30), np.uint8)
-    density[:, :10] = 255
-    request = {
-        "of": "repeat",
-        "scale": 1.0,
-        "densities": [request_folder.raster("ink", density)],
-        "repeat": "translate",
-        "inks": ["#204080"],
-        "paper": "#ffffff",
-        "options": {"rows": 1, "columns": 2, "repeat": "reflect", "palette": "own"},
-    }
-    shown = request_folder.pixels(result_of(request_folder.ask(operation="preview", **request))["picture"])
-    assert shown.shape == (20, 60, 4)
-    np.testing.assert_array_equal(
-        shown[0, [0, 15, 45, 59], :3], [[32, 64, 128], [255] * 3, [255] * 3, [32, 64, 128]]
-    )
-    request["options"] = {"rows": 2, "columns": 1, "repeat": "own", "palette": "sea"}
-    shown = request_folder.pixels(result_of(request_folder.ask(operation="preview", **request))["picture"])
-    assert shown.shape == (40, 30, 4)
-    paper, ink = (tuple(int(part[at : at + 2], 16) for at in (1, 3, 5)) for part in ts.PALETTES["sea"][:2])
-    assert tuple(shown[0, 20, :3]) == paper
-    assert np.abs(shown[0, 0, :3].astype(int) - ink).max() <= 40  # the ink on that paper

@@ -76,6 +76,7 @@ def motif(toposeam, folder):
     return folder
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     ("words", "phrase"),
     [
@@ -95,6 +96,7 @@ def test_what_would_be_too_large_is_refused_before_it_is_begun(motif, words, phr
     refused(motif, [*words.split(), "-o", "o.png"], phrase)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     ("words", "phrase"),
     [
@@ -136,6 +138,7 @@ def test_a_narrow_picture_on_a_product_takes_what_it_has_and_no_more(toposeam, f
     assert (folder / "o.png").exists()
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     ("change", "phrase"),
     [
@@ -173,6 +176,7 @@ def test_many_layers_of_one_large_picture(folder, photographs, large):
     refused(folder, ["stitch", "bomb.ora", "-o", "o.png"], "1000 pictures have 100000 megapixels together")
 
 
+@pytest.mark.medium
 def test_a_layout_of_large_pictures(folder, photographs, large):
     text = "".join(f"[[layer]]\nfile='{large}'\nat=[{n}, 0]\nname='{n}'\n" for n in range(6))
     (folder / "six.toml").write_text(text)
@@ -181,6 +185,7 @@ def test_a_layout_of_large_pictures(folder, photographs, large):
     refused(folder, ["stitch", "many.toml", "-o", "o.png"], "1001 layers")
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     "words",
     [

@@ -93,6 +93,7 @@ def in_a_small_file_system(started, inputs, options, *line):
     return ran
 
 
+@pytest.mark.medium
 @pytest.mark.skipif(shutil.which("unshare") is None, reason="no unshare")
 @pytest.mark.parametrize(
     ("options", "outputs", "phrase"),
@@ -187,6 +188,7 @@ def test_a_real_ctrl_c_in_the_middle_of_work(process, inputs, here):
     assert snapshot(here) == before
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("received", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_large_picture_is_not_written_to_its_end_after_ctrl_c(process, inputs, here, received):
     rng = np.random.default_rng(0)

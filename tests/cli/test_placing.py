@@ -77,6 +77,7 @@ def crops(tmp_path, monkeypatch):
     return [f"{name}.png" for name in PLACES]
 
 
+@pytest.mark.medium
 def test_places_are_found_and_kept(crops, toposeam):
     ran = toposeam("stitch", *crops, "-o", "all.png", "--save-layout", "placed.toml", "--json")
     assert ran.code == 0, ran
@@ -89,6 +90,7 @@ def test_places_are_found_and_kept(crops, toposeam):
     np.testing.assert_array_equal(read_picture("again.png").pixels, read_picture("all.png").pixels)
 
 
+@pytest.mark.medium
 def test_a_turned_picture_is_found_kept_and_turned_back(crops, toposeam, tmp_path):
     turned = ndimage.rotate(COFFEE[80:380, 150:520], 2, reshape=False, order=3)[40:260, 40:330]
     write_picture(tmp_path / "t.png", Picture(pixels=turned))
@@ -104,6 +106,7 @@ def test_a_turned_picture_is_found_kept_and_turned_back(crops, toposeam, tmp_pat
     assert np.abs(again - first).mean() < 0.1
 
 
+@pytest.mark.medium
 def test_a_stranger_is_named(crops, toposeam, tmp_path):
     write_picture(tmp_path / "cat.png", Picture(pixels=data.chelsea()[:220, :300].copy()))
     toposeam("stitch", *crops, "cat.png", "-o", "all.png").fails("cat.png fits none of the other pictures")
@@ -111,6 +114,7 @@ def test_a_stranger_is_named(crops, toposeam, tmp_path):
     toposeam("stitch", *crops, "white.png", "-o", "all.png").fails("white.png fits none")
 
 
+@pytest.mark.medium
 def test_a_grid_in_any_order(crops, toposeam):
     for order, names in (
         ("rows", "abdc"),
@@ -128,6 +132,7 @@ def test_a_grid_in_any_order(crops, toposeam):
     toposeam("stitch", *crops, "--row", "-o", "o.png").fails("add --overlap")
 
 
+@pytest.mark.medium
 def test_tiff_files_say_where_they_lie(crops, toposeam):
     for name, (x, y) in PLACES.items():
         tifffile.imwrite(
@@ -145,6 +150,7 @@ def test_tiff_files_say_where_they_lie(crops, toposeam):
     assert places == list(PLACES.values())
 
 
+@pytest.mark.medium
 def test_a_picture_that_cannot_be_read_is_left_out_when_asked(crops, toposeam, tmp_path):
     (tmp_path / "bad.png").write_bytes(b"\x89PNG broken")
     toposeam("stitch", *crops, "bad.png", "-o", "all.png").fails("bad.png")
@@ -154,6 +160,7 @@ def test_a_picture_that_cannot_be_read_is_left_out_when_asked(crops, toposeam, t
     assert "bad.png" in ran.err
 
 
+@pytest.mark.medium
 def test_strangers_at_given_places_give_a_warning_with_the_number(crops, toposeam, tmp_path):
     write_picture(tmp_path / "cat.png", Picture(pixels=data.chelsea()[:220, :300].copy()))
     ran = toposeam("stitch", "a.png", "cat.png", "--offset", "200,0", "-o", "all.png")
@@ -165,6 +172,7 @@ def test_strangers_at_given_places_give_a_warning_with_the_number(crops, toposea
 # What a format can hold
 
 
+@pytest.mark.medium
 def test_a_jpeg_is_cropped_to_what_has_no_holes(crops, toposeam):
     at = ("--at", "0,0", "--at", "200,4")
     assert toposeam("stitch", "a.png", "b.png", *at, "-o", "ab.jpg", "--labels", "l.png").code == 0

@@ -22,6 +22,7 @@ def test_completion_prints_the_script_of_a_shell(toposeam, shell, sign):
     assert "_TOPOSEAM_COMPLETE" in ran.out
 
 
+@pytest.mark.medium
 def test_the_shell_is_told_commands_options_and_choices(started):
     told = {}
     for words in ("toposeam ", "toposeam stitch --me", "toposeam stitch --method h"):
@@ -91,6 +92,7 @@ def test_a_direct_method_ends_at_all_of_its_bar_too(folder, process):
     assert "100%" in seen
 
 
+@pytest.mark.medium
 def test_no_bar_in_a_pipe_and_silence_when_quiet(folder, process, started):
     ran = started("stitch", *STRIP, "-o", "out.png")
     assert (ran.code, ran.err) == (0, "")
@@ -111,6 +113,7 @@ def test_no_bar_in_a_pipe_and_silence_when_quiet(folder, process, started):
     assert on_terminal(process, "stitch", *STRIP, "-o", "out.png", "--force", "-q") == ("", "")
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1", "cp949"])
 def test_a_terminal_that_lacks_a_character_does_not_stop_the_work(folder, started, encoding):
     (folder / "b.png").rename(folder / "☃.png")
@@ -122,6 +125,7 @@ def test_a_terminal_that_lacks_a_character_does_not_stop_the_work(folder, starte
     assert (ran.code, ran.err) == (0, "")
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("stream", ["stdout", "stderr"])
 def test_a_closed_stream_does_not_stop_the_work(folder, stream):
     number = {"stdout": 1, "stderr": 2}[stream]

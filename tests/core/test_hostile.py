@@ -35,6 +35,7 @@ def test_a_value_that_is_shown_stays_on_one_line():
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     "call",
     [

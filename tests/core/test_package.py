@@ -126,6 +126,7 @@ def test_the_version_is_stated_once():
     assert version("toposeam") == ts.__version__
 
 
+@pytest.mark.medium
 def test_what_is_offered_exists():
     assert len(ts.__all__) == len(set(ts.__all__))
     assert all(hasattr(ts, name) for name in ts.__all__)

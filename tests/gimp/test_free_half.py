@@ -46,6 +46,7 @@ def test_versions_and_protocol_agree():
     assert folder.MARKER == MARKER
 
 
+@pytest.mark.medium
 def test_the_tables_offer_what_core_has():
     def choices(name, option):
         (found,) = (entry for entry in PROCEDURES[f"plug-in-toposeam-{name}"].options if entry.name == option)
@@ -71,6 +72,7 @@ def test_every_rule_and_palette_has_its_picture():
                 assert {f"{option.pictures}-{nick}.png" for nick in shown} <= wanted
 
 
+@pytest.mark.medium
 def test_pictures_are_those_that_the_script_draws(tmp_path):
     subprocess.run([sys.executable, PLUG_IN.parent / "make_pictures.py", tmp_path], check=True, timeout=300)
     for file in (PLUG_IN / "pictures").glob("*.png"):
@@ -178,6 +180,7 @@ def test_the_manual_has_a_section_per_entry_and_every_field():
 # Previews.
 
 
+@pytest.mark.medium
 def test_previews_come_from_warm_engines_and_only_the_newest_counts(tmp_path, monkeypatch):
     monkeypatch.setenv("TOPOSEAM_PYTHON", sys.executable)
     pixels = tmp_path / "pixels"

@@ -13,7 +13,7 @@ import pytest
 import toposeam_gimp
 from toposeam.errors import TopoSeamError
 from toposeam.sentence import sentence
-from toposeam_engine.serving import OPERATIONS, Job
+from toposeam_engine.serving import OPERATIONS, EngineJob
 from toposeam_gimp import sentences
 
 KOREAN = gettext.translation("toposeam_gimp", Path(toposeam_gimp.__file__).parent / "locale", ["ko"])
@@ -67,7 +67,7 @@ class Engine:
 
     def says(self, operation, request):
         """What GIMP shows of an operation that does not work; None where it does."""
-        job = Job(folder=self.folder, request=request, progress=lambda share: None)
+        job = EngineJob(folder=self.folder, request=request, progress=lambda share: None)
         work = getattr(import_module(f"toposeam_engine.{OPERATIONS[operation]}"), operation)
         try:
             work(job)

@@ -12,7 +12,7 @@ import numpy as np
 
 import toposeam as ts
 from toposeam_cli.options import FILE, placement
-from toposeam_cli.placing import Arrangement, arrange, read_avoid
+from toposeam_cli.placing import PlacedPictures, arrange, read_avoid
 from toposeam_cli.whereabouts import Where
 
 
@@ -97,7 +97,7 @@ def compare(
             click.echo(f"{row['method']:<14}{'–':>12}  {row['note']}")
 
 
-def _on_canvas(pair: Arrangement, shape: tuple[int, int]) -> list[np.ndarray[Any, Any]]:
+def _on_canvas(pair: PlacedPictures, shape: tuple[int, int]) -> list[np.ndarray[Any, Any]]:
     """Both pictures on arrays of the canvas's size, 0 where they have no pixels."""
     left, top = (min(layer.at[axis] for layer in pair.layers) for axis in (0, 1))
     placed = []

@@ -15,7 +15,7 @@ from toposeam.layers.compose import shown_as
 from toposeam_cli.composing import Outputs
 from toposeam_cli.enblend_line import (
     VERSION,
-    Frame,
+    CanvasFrame,
     blend_width,
     compression_of,
     files_of,
@@ -28,8 +28,9 @@ from toposeam_cli.files.scratch import scratch
 from toposeam_cli.files.writing import all_or_nothing, check_output
 from toposeam_cli.large import Framed, make, write_large
 from toposeam_cli.options import OUTPUT
-from toposeam_cli.pictures.picture import Picture, read_white, write_picture
-from toposeam_cli.placing import Arrangement, arrange
+from toposeam_cli.pictures.masks import read_white
+from toposeam_cli.pictures.picture import Picture, write_picture
+from toposeam_cli.placing import PlacedPictures, arrange
 from toposeam_cli.progress import share_bar
 from toposeam_cli.whereabouts import Where
 
@@ -111,15 +112,15 @@ def enblend(words: tuple[str, ...], **given: Any) -> None:
             write_large(out, composed, large, [])
 
 
-def _moved(layer: ts.Layer, frame: Frame) -> ts.Layer:
+def _moved(layer: ts.Layer, frame: CanvasFrame) -> ts.Layer:
     return dataclasses.replace(layer, at=(layer.at[0] - frame.x, layer.at[1] - frame.y))
 
 
-def _frame(job: Arrangement, text: str | None) -> Frame:
+def _frame(job: PlacedPictures, text: str | None) -> CanvasFrame:
     if text is not None:
         return frame_of(text)
     canvas = ts.common_canvas(job.layers, max_megapixels=_MAX_MEGAPIXELS)
-    return Frame(canvas.shape[1], canvas.shape[0], *canvas.origin)
+    return CanvasFrame(canvas.shape[1], canvas.shape[0], *canvas.origin)
 
 
 def _masks(template: str, files: Sequence[Path], output: Path, shape: tuple[int, int]) -> list[np.ndarray]:

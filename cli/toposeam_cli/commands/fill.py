@@ -8,7 +8,7 @@ import click
 
 import toposeam as ts
 from toposeam_cli.options import FILE, OUTPUT
-from toposeam_cli.pictures.picture import read_white
+from toposeam_cli.pictures.masks import read_white
 from toposeam_cli.progress import share_bar
 from toposeam_cli.texture_files import (
     Patches,

@@ -16,7 +16,7 @@ from toposeam_cli.clips.reading import read_clip
 from toposeam_cli.clips.writing import check_clip_output, folder_for, write_clip
 from toposeam_cli.files.writing import all_or_nothing, check_output, replacing
 from toposeam_cli.options import FILE, OUTPUT, FiniteRange, force_option, quiet_option
-from toposeam_cli.pictures.picture import read_white
+from toposeam_cli.pictures.masks import read_white
 from toposeam_cli.progress import share_bar
 
 

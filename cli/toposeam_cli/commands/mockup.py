@@ -16,7 +16,8 @@ from toposeam_cli.figures.products import product as product_named
 from toposeam_cli.files.writing import check_output
 from toposeam_cli.options import FILE, OUTPUT, PaperLengthType, force_option, quiet_option
 from toposeam_cli.pictures.colour import to_depth, widen
-from toposeam_cli.pictures.picture import MAX_MOTIF, Picture, read_within, write_picture
+from toposeam_cli.pictures.limits import MAX_MOTIF, read_within
+from toposeam_cli.pictures.picture import Picture, write_picture
 from toposeam_cli.pictures.recipe import read_settings
 from toposeam_cli.print_options import RepeatType
 

@@ -11,7 +11,8 @@ import toposeam as ts
 from toposeam_cli.files.writing import atomic_write, check_output
 from toposeam_cli.options import FILE, OUTPUT, FiniteRange, OffsetType, force_option, quiet_option
 from toposeam_cli.pictures.colour import to_depth
-from toposeam_cli.pictures.picture import Picture, read_within, write_picture
+from toposeam_cli.pictures.limits import read_within
+from toposeam_cli.pictures.picture import Picture, write_picture
 from toposeam_cli.progress import share_bar
 
 #: Maps of more pixels are refused: heat is led for 70 iterations.

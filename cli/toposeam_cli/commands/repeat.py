@@ -16,7 +16,8 @@ from toposeam.motif.tiling import tile
 from toposeam_cli.files.writing import check_output
 from toposeam_cli.options import FILE, OUTPUT, OffsetType, PairType, force_option, quiet_option
 from toposeam_cli.pictures.colour import to_depth
-from toposeam_cli.pictures.picture import MAX_MOTIF, Picture, read_within, write_picture
+from toposeam_cli.pictures.limits import MAX_MOTIF, read_within
+from toposeam_cli.pictures.picture import Picture, write_picture
 from toposeam_cli.pictures.printing import SUFFIXES, Print, describe, ink_names, sheet_coverage
 from toposeam_cli.pictures.recipe import read_recipe, read_settings, to_xmp
 from toposeam_cli.print_options import PrintOptions, RepeatType, check_print, print_options, write_print

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,14 +18,14 @@ from toposeam.seam.drawing import draw_seams
 from toposeam_cli.clips.joining import ClipJob, join_clips
 from toposeam_cli.clips.reading import OneFrameError
 from toposeam_cli.composing import Outputs, check_outputs, crop_of, cropped, write
-from toposeam_cli.figures.search import check_search, draw_search
+from toposeam_cli.figures.search import draw_search
 from toposeam_cli.files.scratch import Scratch, scratch
+from toposeam_cli.finding import SeamOptions, by_windows, check_finding, composed_as, correlations, strangers
 from toposeam_cli.large import describe_large, make, summary_of_large, write_large
 from toposeam_cli.options import (
     FILE,
     OUTPUT,
     FiniteRange,
-    Keyed,
     KeyedFile,
     OffsetType,
     PairType,
@@ -36,14 +35,11 @@ from toposeam_cli.options import (
     taken,
 )
 from toposeam_cli.pictures.picture import COMPRESSIONS
-from toposeam_cli.placing import Arrangement, arrange, given_seams, read_avoid, saved_layout
+from toposeam_cli.placing import PlacedPictures, arrange, saved_layout
 from toposeam_cli.progress import share_bar
 from toposeam_cli.report import describe, describe_alignment, describe_placement, summary_of_all
 from toposeam_cli.seam_page import Joined, seam_page
 from toposeam_cli.whereabouts import ORDERS, Where, width_round
-
-#: Below this correlation two pictures hardly show the same.
-_STRANGE = 0.1
 
 
 @click.command()
@@ -194,15 +190,20 @@ def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: 
     files = [path for path in (first, second, *others) if path is not None]
     if given["offset"] is not None and len(given["offset"]) == 3:
         return _stitch_clips(files, given)
-    where, find, out = taken(Where, given), taken(_Find, given), taken(Outputs, given)
+    where, find, out = taken(Where, given), taken(SeamOptions, given), taken(Outputs, given)
     check_outputs(out)
-    _check_find(find, out)
+    check_finding(find, out)
     with scratch(out.output.parent) as files_of_pixels:
         return _stitch(files, where, find, out, given, files_of_pixels)
 
 
 def _stitch(
-    files: Sequence[Path], where: Where, find: _Find, out: Outputs, given: dict[str, Any], store: Scratch
+    files: Sequence[Path],
+    where: Where,
+    find: SeamOptions,
+    out: Outputs,
+    given: dict[str, Any],
+    store: Scratch,
 ) -> dict[str, Any]:
     with share_bar("placing", out.quiet) as progress:
         job = arrange(
@@ -213,7 +214,7 @@ def _stitch(
             max_megapixels=find.max_megapixels,
             skip_bad=given.pop("skip_bad"),
             progress=progress,
-            scratch=store if _by_windows(out, find) else None,
+            scratch=store if by_windows(out, find) else None,
         )
     for reason in job.skipped:
         click.echo(f"left out: {reason}", err=True)
@@ -233,10 +234,10 @@ def _stitch(
         crop = crop_of(out, job.layers)
     else:
         crop = out.crop or ("outside" if out.has_alpha or out.background is not None else "inside")
-    warnings = [] if out.quiet else _strangers(job)
+    warnings = [] if out.quiet else strangers(job)
     if job.stored:
         return _stitch_large(job, find, out, files, crop, store, [*warnings], aligned)
-    stitched = ts_stitched(_composed(job, find, out, files))
+    stitched = ts_stitched(composed_as(job, find, out, files))
     finished, at = cropped(stitched, out.output) if crop == "inside" else (stitched, None)
     overlay = None if out.overlay is None else draw_seams(stitched.image, stitched.seams)
     if overlay is not None and at is not None:
@@ -260,7 +261,7 @@ def _stitch(
             alpha=stitched.alpha,
             seams=list(zip(stitched.pairs, stitched.seams, strict=True)),
             shown=np.bincount(stitched.label_map.ravel() + 1, minlength=len(job.layers) + 1)[1:].tolist(),
-            correlations=_correlations(job),
+            correlations=correlations(job),
         )
         documents.append((out.report, seam_page(page).encode()))
     height, width = finished.image.shape[:2]
@@ -282,33 +283,9 @@ def _stitch(
     return result
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Find:
-    """How seams are found, and what happens across them."""
-
-    avoid: Path | None
-    no_gradient: bool
-    core: float
-    max_megapixels: float
-    align: bool
-    align_radius: int | None
-    method: ts.Method | None
-    formulation: int | None
-    match_tones: bool
-    blend: ts.Blend
-    blend_width: float | None
-    use_seam: tuple[Keyed, ...]
-    wrap: int | None
-
-
-def _by_windows(out: Outputs, find: _Find) -> bool:
-    """Whether the result can be made window by window."""
-    return out.output.suffix.lower() != ".ora" and find.blend != "gradient" and out.history is None
-
-
 def _stitch_large(
-    job: Arrangement,
-    find: _Find,
+    job: PlacedPictures,
+    find: SeamOptions,
     out: Outputs,
     files: Sequence[Path],
     crop: str,
@@ -317,7 +294,7 @@ def _stitch_large(
     aligned: ts.Aligned | None,
 ) -> dict[str, Any]:
     """The same for pictures larger than memory."""
-    composed = _composed(job, find, out, files)
+    composed = composed_as(job, find, out, files)
     with share_bar("writing", out.quiet) as progress:
         large = make(composed, job, out, crop, store, progress)
     documents: list[tuple[Path, bytes]] = []
@@ -333,7 +310,7 @@ def _stitch_large(
             alpha=large.picture.alpha,
             seams=[(seam.pair, seam) for seam in large.seams],
             shown=large.shown,
-            correlations=_correlations(job),
+            correlations=correlations(job),
         )
         documents.append((out.report, seam_page(page).encode()))
     write_large(out, composed, large, documents)
@@ -349,73 +326,6 @@ def _stitch_large(
         click.echo(f"warning: {warning}", err=True)
     result: dict[str, Any] = json.loads(report) if out.as_json else {"report": report}
     return result
-
-
-def _check_find(find: _Find, out: Outputs) -> None:
-    iterates = not find.use_seam and find.method in (None, "heat", "thesis")
-    if out.history is not None:
-        if not iterates:
-            raise ts.OptionError(
-                "--history shows iterations, and only the methods heat and thesis iterate; choose one of "
-                "them or leave it out"
-            )
-        check_search(out.history.suffix)
-    if find.formulation is not None and (find.method != "thesis" or find.use_seam):
-        raise ts.OptionError("--formulation belongs to --method thesis; add that or leave it out")
-    if find.align_radius is not None and not find.align:
-        raise ts.OptionError("--align-radius belongs to --align; add that or leave it out")
-
-
-def _correlations(job: Arrangement) -> dict[tuple[int, int], float]:
-    return ts.correlations(job.layers) if job.placement is None else job.placement.correlations
-
-
-def _strangers(job: Arrangement) -> list[str]:
-    """A sentence for each two pictures that hardly show the same where they overlap."""
-    if job.placement is not None:
-        return []
-    return [
-        f"{job.layers[i].name} and {job.layers[j].name} hardly show the same where they overlap (correlation "
-        f"{value:.2f}); check where they lie"
-        for (i, j), value in ts.correlations(job.layers).items()
-        if value < _STRANGE
-    ]
-
-
-def _composed(job: Arrangement, find: _Find, out: Outputs, files: Sequence[Path]) -> ts.Composition:
-    options: dict[str, Any] = {} if find.formulation is None else {"formulation": find.formulation}
-    try:
-        with share_bar(f"joining {_names(job.layers)}", out.quiet) as progress:
-            return ts.compose(
-                job.layers,
-                method=find.method or "heat",
-                use_path=given_seams(find.use_seam, job),
-                record_frames=out.history is not None,
-                progress=progress,
-                gradient=not find.no_gradient,
-                core=find.core,
-                match_tones=find.match_tones,
-                wrap=find.wrap,
-                blend=find.blend,
-                blend_width=find.blend_width,
-                max_megapixels=max(find.max_megapixels, ts.MAX_PIXELS / 1e6),
-                avoid=None if find.avoid is None else read_avoid(find.avoid, job.shape, find.max_megapixels),
-                **options,
-            )
-    except ts.OverlapError as error:
-        if files[0].suffix.lower() != ".ora":
-            raise
-        hint = "if TopoSeam wrote this file, hide the layers it cut and show its group originals"
-        raise ts.OverlapError(f"{error}; {hint}") from error
-    except ts.PathError as error:
-        one = find.use_seam[0].path if len(find.use_seam) == 1 else None
-        if one is None or str(one) in str(error):
-            raise
-        raise ts.PathError(f"'{one}': {error}") from error
-
-
-def _names(layers: Sequence[ts.Layer]) -> str:
-    return f"{layers[0].name} and {layers[1].name}" if len(layers) == 2 else f"{len(layers)} pictures"
 
 
 def _stitch_clips(files: list[Path], given: dict[str, Any]) -> dict[str, Any]:

@@ -12,14 +12,24 @@ import numpy as np
 
 import toposeam as ts
 from toposeam.images import full_scale
-from toposeam_cli.options import FILE, OUTPUT, FiniteRange, PairType, grouped, refuse_besides
-from toposeam_cli.pictures.picture import check_size, read_picture, read_white, write_picture
+from toposeam_cli.options import (
+    FILE,
+    OUTPUT,
+    AutoSize,
+    FiniteRange,
+    TextureSizeType,
+    grouped,
+    refuse_besides,
+)
+from toposeam_cli.pictures.masks import read_white
+from toposeam_cli.pictures.picture import Picture, check_size, read_picture, write_picture
 from toposeam_cli.progress import share_bar
 from toposeam_cli.texture_files import (
     Destinations,
     Patches,
     Results,
     Search,
+    WeightsType,
     alphas,
     map_outputs,
     patch_options,
@@ -81,7 +91,12 @@ _GUIDE = (
 
 @click.command()
 @click.argument("sources", metavar="SOURCE...", type=FILE, nargs=-1, required=True)
-@click.option("--size", type=PairType(), help="Width and height of the texture, px; one number for a square.")
+@click.option(
+    "--size",
+    type=TextureSizeType(),
+    help="Width and height of the texture, px; one number for a square; auto, or auto: and a size: the "
+    "nearest one on which bricks, threads or lines close without being stretched.",
+)
 @click.option("-o", "--output", type=OUTPUT, required=True, help="The texture: .png, .tif, .jpg or .webp.")
 @patch_options
 @click.option(
@@ -97,6 +112,11 @@ _GUIDE = (
     type=FILE,
     multiple=True,
     help="Copy only from where this picture is white; once per SOURCE.",
+)
+@click.option(
+    "--shares",
+    type=WeightsType(),
+    help="On how much of the texture each SOURCE shows, like 3,1; by default wherever it fits best.",
 )
 @click.option("--flatten", is_flag=True, help="Take slow light out of SOURCE first.")
 @click.option(
@@ -114,11 +134,12 @@ _GUIDE = (
 @result_options
 def synth(
     sources: tuple[Path, ...],
-    size: tuple[int, int] | None,
+    size: tuple[int, int] | AutoSize | None,
     output: Path,
     patches: Patches,
     tileable: ts.Tileable,
     source: tuple[Path, ...],
+    shares: tuple[float, ...] | None,
     flatten: bool,
     level: bool | None,
     guided: Guided,
@@ -141,8 +162,13 @@ def synth(
         refuse_besides("--use-coordinates", _CUT_ALIKE, "the coordinates say where each pixel comes from")
         _cut_alike(sources, output, use_coordinates, tileable, search.smooth, results)
         return
+    if isinstance(size, AutoSize) and tileable == "none":
+        raise ts.OptionError(
+            "--size auto is for textures that repeat; add --tileable both, x or y, or give a size in px"
+        )
     count = len(sources)
-    check_size(output, *size)
+    if not isinstance(size, AutoSize):
+        check_size(output, *size)
     goes = results.destinations(output, map_outputs(output, search.also[::count]))
     if source and len(source) != count:
         raise ts.OptionError(
@@ -155,6 +181,9 @@ def synth(
         read_white(path, shape, name.name, results.max_pixels)
         for path, shape, name in zip(source, shapes, sources, strict=False)
     ]
+    if isinstance(size, AutoSize):
+        size = _closing_size(size, pictures, copied, tileable)
+        check_size(output, *size)
     with share_bar(f"growing {output.name}", results.quiet) as progress:
         made = ts.synthesize(
             [picture.pixels for picture in pictures],
@@ -162,6 +191,7 @@ def synth(
             tileable=tileable,
             alpha=alphas(pictures),
             source_mask=copied or None,
+            shares=shares,
             flatten=flatten,
             level=level,
             maps=[[one.pixels for one in given] for given in maps],
@@ -178,6 +208,28 @@ def synth(
             f"{output}: {size[0]} × {size[1]} px, {made.count} patches of {made.patch[1]} × {made.patch[0]} "
             "px"
         )
+        if made.fits is not None:
+            height, width = made.fits
+            click.echo(
+                f"its order was stretched to close; at {width} × {height} px it closes by itself (--size "
+                f"auto:{size[0]}x{size[1]})"
+            )
+
+
+def _closing_size(
+    size: AutoSize, pictures: list[Picture], copied: list[np.ndarray], tileable: ts.Tileable
+) -> tuple[int, int]:
+    """Width and height on which the first source's order closes; twice the source without a wish."""
+    height, width = pictures[0].pixels.shape[:2]
+    wish = (2 * height, 2 * width) if size.wish is None else size.wish[::-1]
+    found = ts.closing_size(
+        pictures[0].pixels,
+        wish,
+        tileable=tileable,
+        source_mask=copied[0] if copied else None,
+        data_range=white_of(pictures[0])[0],
+    )
+    return found[1], found[0]
 
 
 #: What may be given beside the coordinates of another texture.

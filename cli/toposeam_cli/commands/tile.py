@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import click
 
 import toposeam as ts
 from toposeam_cli.options import FILE, OUTPUT
+from toposeam_cli.pictures.picture import Picture
 from toposeam_cli.progress import share_bar
 from toposeam_cli.texture_files import (
     Results,
@@ -37,6 +39,11 @@ from toposeam_cli.texture_files import (
     show_default=True,
     help="The axes to repeat on.",
 )
+@click.option(
+    "--size",
+    type=click.Choice(["auto"]),
+    help="auto: crop to the largest size on which bricks, threads or lines close without being stretched.",
+)
 @click.option("--preview", type=OUTPUT, help="Also write the picture repeated 3 × 3.")
 @search_options
 @result_options
@@ -45,6 +52,7 @@ def tile(
     output: Path,
     band: int | None,
     tileable: ts.Tileable,
+    size: str | None,
     preview: Path | None,
     search: Search,
     results: Results,
@@ -57,6 +65,16 @@ def tile(
     """  # noqa: D301 - click wants the character
     goes = results.destinations(output, map_outputs(output, search.also), preview)
     picture, maps = read_one(image, search, results)
+    fits = ts.closing_size(
+        picture.pixels,
+        picture.pixels.shape[:2],
+        tileable=tileable,
+        within=True,
+        source_mask=picture.alpha,
+        data_range=white_of(picture)[0],
+    )
+    if size is not None:
+        picture, *maps = (_cropped(one, fits) for one in (picture, *maps))
     with share_bar(f"closing {image.name}", results.quiet) as progress:
         made = ts.make_tileable(
             picture.pixels,
@@ -74,3 +92,18 @@ def tile(
         click.echo(
             f"{output}: {width} × {height} px, {made.count} patches in a band of {made.settings['band']} px"
         )
+        if fits != (height, width):
+            click.echo(
+                f"its order does not close on this size; cropped to {fits[1]} × {fits[0]} px it does (--size "
+                "auto)"
+            )
+
+
+def _cropped(picture: Picture, size: tuple[int, int]) -> Picture:
+    """The middle of a picture."""
+    rows, columns = (
+        slice((length - kept) // 2, (length - kept) // 2 + kept)
+        for length, kept in zip(picture.pixels.shape[:2], size, strict=True)
+    )
+    alpha = None if picture.alpha is None else picture.alpha[rows, columns]
+    return dataclasses.replace(picture, pixels=picture.pixels[rows, columns], alpha=alpha)

@@ -4,9 +4,7 @@ complete.
 
 from __future__ import annotations
 
-import hashlib
 import os
-import secrets
 import shutil
 import stat
 import tempfile
@@ -18,10 +16,10 @@ from pathlib import Path
 
 from toposeam.errors import OptionError, TopoSeamError
 from toposeam_cli.files.interruption import uninterrupted
+from toposeam_cli.files.prepared import Prepared, digest, give_name, put_folder, take_back
 from toposeam_cli.files.temporary import (
     claimed,
     claimed_folder,
-    create,
     not_needed,
     remove,
     temporary_beside,
@@ -37,22 +35,7 @@ class OutputError(TopoSeamError, OSError):
 
 
 @dataclass(slots=True, eq=False)
-class _Prepared:
-    """A complete output under a temporary name."""
-
-    path: Path
-    target: Path
-    temporary: Path
-    force: bool
-    is_folder: bool = False
-    #: What it replaces, kept until all outputs have their names.
-    backup: Path | None = None
-    #: Of the temporary file, by which the output is known to be ours.
-    inode: int | None = None
-
-
-@dataclass(slots=True, eq=False)
-class Outputs:
+class OutputBlock:
     """The outputs of a block, which get their names together; see :func:`all_or_nothing`."""
 
     #: Files that we made earlier, by their real paths, and the SHA-256 of what we wrote: as long as that is
@@ -63,20 +46,20 @@ class Outputs:
     resumed: bool = False
     #: The SHA-256 of every file that the block made, by its real path; at its end, where `digests` was asked.
     made: dict[str, str] = field(default_factory=dict)
-    _prepared: list[_Prepared] = field(default_factory=list)
+    _prepared: list[Prepared] = field(default_factory=list)
     _open: ExitStack = field(default_factory=ExitStack)
 
     def may_replace(self, target: Path) -> bool:
         """Whether a file that is there may be found there, or replaced, though nobody forces it."""
         return self.resumed or self._is_own(target)
 
-    def claim(self, output: _Prepared) -> None:
+    def claim(self, output: Prepared) -> None:
         """Make the empty temporary file or folder, safe from whoever tidies up."""
         tidy_once(output.target.parent)
         claim = claimed_folder if output.is_folder else claimed
         self._open.enter_context(claim(output.temporary))
 
-    def complete(self, output: _Prepared) -> None:
+    def complete(self, output: Prepared) -> None:
         """The temporary file or folder holds all it should."""
         with suppress(OSError):
             shutil.copymode(output.target, output.temporary)  # of what it will replace, if anything
@@ -94,8 +77,8 @@ class Outputs:
     def commit(self, digests: bool) -> None:
         """Give all outputs their names; where one cannot get its own, the others are as they were before."""
         if digests:
-            self.made = {str(output.target): _digest(output.temporary) for output in self._prepared}
-        begun: list[_Prepared] = []
+            self.made = {str(output.target): digest(output.temporary) for output in self._prepared}
+        begun: list[Prepared] = []
         with uninterrupted():
             try:
                 for output in self._prepared:
@@ -105,7 +88,7 @@ class Outputs:
             except BaseException:
                 for output in reversed(begun):
                     with suppress(OSError):
-                        _take_back(output)
+                        take_back(output)
                 raise
             for output in begun:
                 if output.backup is not None:
@@ -119,7 +102,7 @@ class Outputs:
                     remove(path)
         self._open.close()
 
-    def forget(self, *outputs: _Prepared) -> None:
+    def forget(self, *outputs: Prepared) -> None:
         """Remove the temporary files of outputs that will not be."""
         for output in outputs:
             remove(output.temporary)
@@ -131,16 +114,16 @@ class Outputs:
         self.forget(*self._prepared[since:])
 
     def _is_own(self, target: Path) -> bool:
-        return str(target) in self.own and self.own[str(target)] == _digest(target)
+        return str(target) in self.own and self.own[str(target)] == digest(target)
 
-    def _put(self, output: _Prepared) -> None:
+    def _put(self, output: Prepared) -> None:
         force = output.force
         if not force and os.path.lexists(output.target):
-            if self.resumed and _digest(output.target) == _digest(output.temporary):
+            if self.resumed and digest(output.target) == digest(output.temporary):
                 return
             force = self._is_own(output.target)
         if output.is_folder:
-            _put_folder(output, force)
+            put_folder(output, force)
             return
         if force and output.target.exists():
             output.backup = temporary_beside(output.target)
@@ -148,11 +131,11 @@ class Outputs:
                 os.link(output.target, output.backup)
             except OSError:  # no hard links here
                 shutil.copy2(output.target, output.backup)
-        _rename(output.temporary, output.target, force)
+        give_name(output.temporary, output.target, force)
 
 
 #: The outputs of the block we are in.
-_outputs: ContextVar[Outputs | None] = ContextVar("outputs", default=None)
+_outputs: ContextVar[OutputBlock | None] = ContextVar("outputs", default=None)
 
 
 def check_output(
@@ -261,7 +244,7 @@ def replacing(path: Path, force: bool = False, *, folder: bool = False) -> Itera
         return
     with _failures_told(path):
         target = _target(path)
-        output = _Prepared(path, target, temporary_beside(target), force, folder)
+        output = Prepared(path, target, temporary_beside(target), force, folder)
         try:
             outputs.claim(output)
             yield output.temporary
@@ -274,7 +257,7 @@ def replacing(path: Path, force: bool = False, *, folder: bool = False) -> Itera
 @contextmanager
 def all_or_nothing(
     own: Mapping[str, str] | None = None, *, resumed: bool = False, digests: bool = False
-) -> Iterator[Outputs]:
+) -> Iterator[OutputBlock]:
     """Let the files that are written in the block appear together at its end, or none of them.
 
     When the block fails, or one of its outputs cannot get its name, every file is as it was before, also
@@ -292,7 +275,7 @@ def all_or_nothing(
 
     Yields
     ------
-    Outputs
+    OutputBlock
     """
     outer = _outputs.get()
     if outer is not None:
@@ -303,7 +286,7 @@ def all_or_nothing(
             outer.drop(before)
             raise
         return
-    outputs = Outputs(dict(own or {}), resumed)
+    outputs = OutputBlock(dict(own or {}), resumed)
     try:
         _outputs.set(outputs)
         yield outputs
@@ -317,7 +300,7 @@ def all_or_nothing(
                 outputs.close()
 
 
-def _leave(outputs: Outputs) -> None:
+def _leave(outputs: OutputBlock) -> None:
     """What is written from now on is not of that block."""
     if _outputs.get() is outputs:
         _outputs.set(None)
@@ -335,71 +318,6 @@ def _failures_told(path: Path) -> Iterator[None]:
         raise OutputError(
             f"cannot write '{path}' ({reason(error)}); free some space or choose another folder"
         ) from error
-
-
-def _rename(temporary: Path, target: Path, force: bool) -> None:
-    if force:
-        temporary.replace(target)
-        return
-    try:
-        os.link(temporary, target)  # unlike a rename, refuses a name that is taken
-    except FileExistsError:
-        raise
-    except (
-        OSError
-    ):  # no hard links here (FAT, some network drives): claim the name, then replace what is ours
-        os.close(create(target))
-        try:
-            temporary.replace(target)
-        except BaseException:
-            target.unlink()
-            raise
-
-
-def _put_folder(output: _Prepared, force: bool) -> None:
-    if os.path.lexists(output.target):
-        if not force:
-            raise FileExistsError
-        # No temporary name: nobody who tidies up may take it for something unfinished.
-        output.backup = output.target.with_name(f".toposeam-{secrets.token_hex(8)}.old")
-        output.target.rename(output.backup)
-    try:
-        output.temporary.rename(output.target)
-    except BaseException:
-        if output.backup is not None:
-            output.backup.rename(output.target)
-        raise
-
-
-def _take_back(output: _Prepared) -> None:
-    """Undo what :func:`_rename` may have done, unless somebody else has been there since."""
-    if output.inode is None or output.target.stat().st_ino != output.inode:
-        return
-    if output.is_folder:
-        remove(output.target)
-        if output.backup is not None:
-            output.backup.rename(output.target)
-    elif output.backup is not None:
-        output.backup.replace(output.target)
-    else:
-        output.target.unlink()
-
-
-def _digest(path: Path) -> str:
-    """SHA-256 of a file's content, or of a folder's files; one of its own kind for what is neither, equal to
-    no other.
-    """
-    try:
-        if path.is_dir() and not path.is_symlink():
-            files = sorted(each for each in path.rglob("*") if not each.is_dir())
-            told = "".join(f"{each.relative_to(path)}\0{_digest(each)}\0" for each in files)
-            return hashlib.sha256(os.fsencode(told)).hexdigest()
-        if not path.is_file():
-            return secrets.token_hex()
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError:
-        return secrets.token_hex()
 
 
 def _target(path: Path) -> Path:

@@ -26,7 +26,8 @@ from toposeam.sentence import printable
 from toposeam_cli.files.writing import replacing
 from toposeam_cli.pictures.colour import to_depth
 from toposeam_cli.pictures.libvips import channels
-from toposeam_cli.pictures.picture import Picture, encode_png, read_picture, refuse_together
+from toposeam_cli.pictures.limits import refuse_together
+from toposeam_cli.pictures.picture import Picture, encode_png, read_picture
 
 #: Largest stack.xml, and most layers, that are read.
 LARGEST_STACK_BYTES, MOST_LAYERS = 16 * 2**20, 1000

@@ -19,7 +19,7 @@ from toposeam.errors import ImageError
 from toposeam.images import full_scale
 from toposeam_cli.files.writing import OutputError, check_output, replacing
 from toposeam_cli.pictures.colour import DEPTHS, convert_profile, fits_profile, to_depth
-from toposeam_cli.pictures.decode import UNSTATED_RESOLUTION, decode, refuse_large, size_of
+from toposeam_cli.pictures.decode import UNSTATED_RESOLUTION, decode
 from toposeam_cli.pictures.libvips import (
     VipsImage,
     channels,
@@ -32,8 +32,6 @@ from toposeam_cli.pictures.libvips import (
 
 #: Pictures with more pixels are refused unless the user asks: 500 megapixels are 3 GB as 16-bit RGB.
 MAX_PIXELS = 500_000_000
-#: What becomes a motif, a palette or a theme is not taken from larger pictures; no option allows more.
-MAX_MOTIF = 64_000_000
 
 #: A classic TIFF ends at 4 GiB, and what does not compress may grow.
 _BIGTIFF_BYTES = 3_500_000_000
@@ -127,40 +125,6 @@ class Picture:
         return np.ones(self.pixels.shape[:2], bool) if self.alpha is None else self.alpha > 0
 
 
-def read_white(path: Path, shape: tuple[int, int], of: str, max_pixels: int) -> np.ndarray:
-    """(H, W) bool, True where a mask picture is at least half white (and not transparent).
-
-    Parameters
-    ----------
-    path : Path
-    shape : (int, int)
-        Height and width it must have.
-    of : str
-        What it is the mask of; used in error texts.
-    max_pixels : int
-        As for :func:`read_picture`.
-
-    Raises
-    ------
-    ImageError
-        When it is not of that shape, or as :func:`read_picture` raises it.
-    """
-    size = size_of(path)
-    refuse_large(path, *size, max_pixels)
-    height, width = shape
-    if sorted(size) == sorted(shape):  # it may lie on its side, which only decoding tells
-        mask = read_picture(path, max_pixels=max_pixels)
-        size = mask.pixels.shape[1], mask.pixels.shape[0]
-    if size != (width, height):
-        raise ImageError(
-            f"the mask {path.name} is {size[0]} × {size[1]} px, but {of} is {width} × {height} px; make it "
-            "that size"
-        )
-    gray = mask.pixels if mask.pixels.ndim == 2 else mask.pixels.mean(axis=2)
-    white: np.ndarray = (gray >= full_scale(mask.pixels.dtype) / 2) & mask.covered()
-    return white
-
-
 def read_picture(path: str | Path, max_pixels: int = MAX_PIXELS) -> Picture:
     """Read an image file as gray or RGB, upright.
 
@@ -199,45 +163,6 @@ def read_picture(path: str | Path, max_pixels: int = MAX_PIXELS) -> Picture:
         xmp=file.xmp,
         source=path,
     )
-
-
-def read_within(path: Path, max_pixels: int) -> Picture:
-    """:func:`read_picture` for a command whose limit no option raises.
-
-    Raises
-    ------
-    ImageError
-    """
-    refuse_large(path, *size_of(path), max_pixels, raisable=False)
-    return read_picture(path, max_pixels)
-
-
-def check_together(paths: Sequence[Path], max_pixels: int) -> None:
-    """Refuse pictures that are too large together, before one of them is decoded.
-
-    Raises
-    ------
-    ImageError
-    """
-    known = {path: size_of(path) for path in dict.fromkeys(paths)}
-    for path, (width, height) in known.items():
-        refuse_large(path, width, height, max_pixels)
-    if len(paths) > 1:
-        refuse_together(len(paths), sum(known[path][0] * known[path][1] for path in paths), max_pixels)
-
-
-def refuse_together(count: int, total: int, max_pixels: int, where: str = "") -> None:
-    """Refuse so many pixels of so many pictures, if that is too many.
-
-    Raises
-    ------
-    ImageError
-    """
-    if total > max_pixels:
-        raise ImageError(
-            f"{where}the {count} pictures have {total / 1e6:.0f} megapixels together, more than the "
-            f"{max_pixels / 1e6:g} allowed; raise --max-megapixels if they are trusted"
-        )
 
 
 def check_size(path: Path, width: int, height: int) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import toposeam as ts
 from toposeam.colours import parse_colour
 from toposeam.motif.palettes import Palette
-from toposeam_cli.pictures.picture import MAX_MOTIF, read_within
+from toposeam_cli.pictures.limits import MAX_MOTIF, read_within
 from toposeam_cli.pictures.swatches import read_swatches
 
 

@@ -179,7 +179,7 @@ class DirectSolver:
         return theta[self._number]
 
 
-class Level:
+class PlateLevel:
     """One plate of the hierarchy, with its smoother."""
 
     def __init__(self, system: Stencil, shape: tuple[int, int]) -> None:
@@ -215,7 +215,7 @@ class Level:
             step *= damping
             theta += step
 
-    def restrict(self, residual: Singles, coarse: Level) -> Singles:
+    def restrict(self, residual: Singles, coarse: PlateLevel) -> Singles:
         """Pᵀ, joined: the residual on the next coarser plate."""
         self.groups.once(residual)
         (h, w), (ch, cw) = self.shape, coarse.shape
@@ -234,7 +234,7 @@ class Level:
         coarse.groups.gather(flat)
         return flat
 
-    def prolong(self, theta: Singles, coarse: Level) -> Singles:
+    def prolong(self, theta: Singles, coarse: PlateLevel) -> Singles:
         """P: a correction from the next coarser plate."""
         (h, w), (ch, cw) = self.shape, coarse.shape
         field = theta.reshape(ch + 1, cw + 1)
@@ -280,15 +280,15 @@ class Multigrid:
 
     def __init__(self, elements: Floats, patterns: Floats, system: Stencil, hierarchy: Hierarchy) -> None:
         self._system = system
-        self._levels: list[Level] = []
+        self._levels: list[PlateLevel] = []
         for depth, shape in enumerate(hierarchy.shapes[1:]):
-            self._levels.append(Level(system, hierarchy.shapes[depth]))
+            self._levels.append(PlateLevel(system, hierarchy.shapes[depth]))
             elements = coarsen(elements, patterns)
             patterns = np.eye(len(ENTRIES))
             system = stencil(elements, hierarchy.groups[depth + 1])
             assert elements.shape[1:] == shape  # noqa: S101
         self._coarsest = system
-        self._bottom = Level(system, hierarchy.shapes[-1])
+        self._bottom = PlateLevel(system, hierarchy.shapes[-1])
 
     @cached_property
     def _direct(self) -> DirectSolver:

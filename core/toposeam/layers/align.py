@@ -57,6 +57,10 @@ class Aligned:
     #: Correlation of each pair that was used.
     correlations: dict[tuple[int, int], float]
 
+    def __repr__(self) -> str:
+        most = int(np.abs(self.shifts).max(initial=0))
+        return f"Aligned({len(self.layers)} layers, moved by up to {most} px)"
+
 
 def align(layers: Sequence[Layer], *, radius: int = RADIUS) -> Aligned:
     """Move layers from about where they belong to where they agree.

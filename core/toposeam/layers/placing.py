@@ -61,8 +61,8 @@ class Placement:
     Examples
     --------
     >>> from skimage import data
-    >>> whole = data.camera()
-    >>> found = find_places([Layer(whole[:, :300], name="left"), Layer(whole[:, 200:], name="right")])
+    >>> whole = data.camera()[100:260, :300]
+    >>> found = find_places([Layer(whole[:, :180], name="left"), Layer(whole[:, 120:], name="right")])
     >>> found.places.shape, found.misfit < 1
     ((2, 2), True)
     """
@@ -126,10 +126,10 @@ def find_places(
     Examples
     --------
     >>> from skimage import data
-    >>> whole = data.camera()
-    >>> pictures = [Layer(whole[:, :300], name="left"), Layer(whole[:, 200:], name="right")]
+    >>> whole = data.camera()[100:260, :300]
+    >>> pictures = [Layer(whole[:, :180], name="left"), Layer(whole[:, 120:], name="right")]
     >>> [layer.at for layer in find_places(pictures).layers]
-    [(0, 0), (200, 0)]
+    [(0, 0), (120, 0)]
     """
     check_range(0, 1, above=True, least_correlation=least_correlation)
     pictures = check_items("pictures", pictures, Layer, "a sequence of Layers")

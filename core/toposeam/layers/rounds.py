@@ -26,6 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.images import Mask
+from toposeam.layers.junctions import beside_steps, junctions
 from toposeam.layers.labelling import Labelling, Move, Pair
 from toposeam.layers.layer import Box
 from toposeam.layers.maps import dense, new_map, several
@@ -223,37 +224,15 @@ class Rounds:
         """
         for pair in self._labelling.adjoining(self.label_map):
             self._swap(pair)
-        for window in self._meetings():
+        for window in junctions(self.label_map, _WINDOW):
             self.run(most, window)
-
-    def _meetings(self) -> list[Box]:
-        """Boxes round the places where three layers or more meet, none of which overlap."""
-        found: list[tuple[int, int]] = []
-        for block in several(self.label_map, Box(0, 0, *self.label_map.shape)):
-            labels = self.label_map[block.slices]
-            edge = (labels[:-1, :-1] != labels[1:, :-1]) | (labels[:-1, 1:] != labels[1:, 1:])
-            edge &= (labels[:-1, :-1] != labels[:-1, 1:]) | (labels[1:, :-1] != labels[1:, 1:])
-            rows, columns = np.nonzero(edge)
-            around = np.stack([labels[rows + y, columns + x] for y in (0, 1) for x in (0, 1)], axis=1)
-            kinds = (np.diff(np.sort(around, axis=1), axis=1) != 0).sum(axis=1) + 1
-            third = kinds - (around.min(axis=1, initial=0) < 0) >= 3
-            at = np.stack([rows[third] + block.top, columns[third] + block.left], axis=1)
-            found += [(row, column) for row, column in at.tolist()]
-        boxes: list[Box] = []
-        for row, column in sorted(found):
-            box = Box(row, column, row + 2, column + 2).grown(_WINDOW)
-            for other in [other for other in boxes if all(other.shared(box).shape)]:
-                boxes.remove(other)
-                box = box.around(other)
-            boxes.append(box)
-        return boxes
 
     def beside_seams(self) -> Mask:
         """(H, W) bool: pixels beside a seam, or beside flow that the heat had not decided."""
         canvas = self._labelling.canvas
         chosen: Mask = new_map(canvas.shape, False, bool)
         for block in several(self.label_map, canvas):
-            beside = _beside_steps(self.label_map[block.slices], 0)
+            beside = beside_steps(self.label_map[block.slices], 0)
             chosen[block.slices] = chosen[block.slices] | beside
         for box, pixels in self._flows.values():
             inside = box.shared(canvas)
@@ -308,7 +287,7 @@ class Rounds:
 
     def _remember(self, pair: Pair, box: Box, solution: Solution) -> None:
         if self._undecided is not None:
-            undecided = _beside_steps(np.asarray(solution.soft), self._undecided)
+            undecided = beside_steps(np.asarray(solution.soft), self._undecided)
             self._flows[pair] = box, np.flatnonzero(undecided)
         if self._undecided is not None or not self._keeps:
             nothing = np.zeros((0, 0), bool)
@@ -411,13 +390,3 @@ class Rounds:
         return Box(
             top + int(rows[0]), left + int(columns[0]), top + int(rows[-1]) + 1, left + int(columns[-1]) + 1
         ).grown(_MARGIN)
-
-
-def _beside_steps(values: np.ndarray, step: float) -> Mask:
-    """Pixels one of whose neighbours differs by more than a step."""
-    result = np.zeros(values.shape, bool)
-    for s, t in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
-        differs = values[s] != values[t] if step == 0 else np.abs(values[s] - values[t]) > step
-        result[s] |= differs
-        result[t] |= differs
-    return result

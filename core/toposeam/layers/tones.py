@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.images import Image, Mask, Windows
+from toposeam.images import Image, Mask, Windows, as_float
 from toposeam.layers.layer import Box, Layer, check_layers, extent_of
 
 #: Shares of full scale between which a pixel tells the exposure.
@@ -84,6 +84,12 @@ def match_tones(layers: Sequence[Layer]) -> list[Layer]:
     list of Layer
         Values are rounded and kept within their range; masks and places stay.
 
+    Raises
+    ------
+    ImageError
+        Where nobody says which value is white: for integers but uint8 and uint16, and floats like those in
+        0..255.
+
     Examples
     --------
     >>> dark, light = np.full((20, 30), 100, np.uint8), np.full((20, 30), 121, np.uint8)
@@ -92,6 +98,9 @@ def match_tones(layers: Sequence[Layer]) -> list[Layer]:
     (110, 110)
     """
     layers = check_layers(layers)
+    for layer in layers:
+        if not isinstance(layer.image, Windows):
+            as_float(layer.image, data_range=layer.data_range, name=layer.name)  # what is white is known
     canvas = extent_of(layers)
     gains = tone_gains(layers, [canvas.place(layer) for layer in layers])
     return [

@@ -28,25 +28,15 @@ from toposeam.motif.hexagonal import tile_size, to_tile
 from toposeam.motif.layer import Step, optimise_layer, plan
 from toposeam.motif.motif import Motif
 from toposeam.motif.palettes import PALETTES, Palette, palette
-from toposeam.motif.recipe import LARGEST, LAWS, SMALLEST, LayerRecipe, Point, Recipe, pack_base, unpack_base
-from toposeam.motif.symmetry import HEXAGONAL, check_repeat, onto_axes
-
-#: How far apart random spots keep, as a share of what an even spread allows.
-_APART = 0.7
-
-#: Random spots keep this far from the border, as a share of the cell: their strokes are the thickest.
-_MARGIN = 0.06
-
-#: Random spots of one layer are at most so many: placing them takes the square of their number.
-_MAX_POINTS = 200
+from toposeam.motif.recipe import LARGEST, LAWS, SMALLEST, LayerRecipe, Recipe, pack_base, unpack_base
+from toposeam.motif.spots import Points, placed_around, spots
+from toposeam.motif.symmetry import HEXAGONAL, check_repeat
 
 #: Share of random layers that are ink wash.
 _WASH = 0.15
 
 #: Layers whose penalty exponent is at least this are strokes, others are ink wash.
 _STROKES = 1.75
-
-Points = int | Sequence[Sequence[float]]
 
 
 def generate_motif(
@@ -225,7 +215,7 @@ def random_recipe(
         drawn_mass, drawn_ambient = float(draw.uniform(0.14, 0.34)), 0.97 - 0.5 * float(draw.random()) ** 2
         drawn_penalty = float(draw.uniform(1.0, 1.3)) if draw.random() < _WASH else 3.0
         aspect = shape[1] / shape[0]
-        given = _points(
+        given = spots(
             _of_layer(sources, index, layers, "sources"),
             draw,
             many,
@@ -235,12 +225,12 @@ def random_recipe(
             repeat,
             shown,
         )
-        drains = _points(
+        drains = spots(
             _of_layer(sinks, index, layers, "sinks"), draw, few, (low, high), aspect, "sinks", repeat, shown
         )
         if distance is not None:
             check_range(0, 1, above=True, distance=distance)  # of the cell's shorter side
-            drains = _placed_around(given, drains, distance, draw, shape)
+            drains = placed_around(given, drains, distance, draw, shape)
         exponent = _number(penalty, index, layers, drawn_penalty, "penalty")
         recipes.append(
             LayerRecipe(
@@ -330,85 +320,7 @@ def _edge(value: str | Sequence[str] | None, index: int, layers: int, penalty: f
     return str(values[index])
 
 
-def _points(
-    value: Points | None,
-    rng: np.random.Generator,
-    drawn: int,
-    strengths: tuple[float, float],
-    aspect: float,
-    name: str,
-    repeat: str,
-    shown: npt.NDArray[np.float64] | None,
-) -> tuple[Point, ...]:
-    count = drawn if value is None else value
-    if isinstance(count, int | np.integer):
-        if count < 1:
-            raise OptionError(f"{name} is {count}; a layer needs at least one, give a number from 1")
-        if count > _MAX_POINTS:
-            raise OptionError(
-                f"{name} is {count}; so many leave no strokes between them, give {_MAX_POINTS} at most"
-            )
-        places = _spread(int(count), rng, aspect, shown)
-        powers = rng.uniform(*strengths, int(count))
-        for index in range((int(count) + 1) // 2):
-            places[index] = onto_axes(places[index], repeat, rng)
-        return tuple((float(x), float(y), float(s)) for (x, y), s in zip(places, powers, strict=True))
-    try:
-        array = np.asarray(count, np.float64)
-    except (TypeError, ValueError):
-        array = np.zeros(0)
-    if array.ndim != 2 or array.shape[1] not in (2, 3) or len(array) == 0:
-        raise OptionError(f"{name} must be a number or a list of (x, y) or (x, y, strength), one at least")
-    if array.shape[1] == 2:
-        array = np.column_stack([array, np.ones(len(array))])
-    return tuple((float(x), float(y), float(s)) for x, y, s in array)
-
-
 def _shown(packed: str, strength: float, law: str) -> npt.NDArray[np.float64]:
     """Nominal conductivities on the base image's own grid."""
     brightness = unpack_base(packed)
     return nominal_conductivity(brightness, strength, (brightness.shape[0], brightness.shape[1]), law)
-
-
-def _spread(
-    count: int, rng: np.random.Generator, aspect: float, shown: npt.NDArray[np.float64] | None
-) -> npt.NDArray[np.float64]:
-    """Random places that keep apart, also across the border, and out of the parts that a base image
-    blocks.
-    """
-    places: list[npt.NDArray[np.float64]] = []
-    apart = _APART * np.sqrt(aspect / count)
-    for _ in range(count):
-        for attempt in range(30):
-            place = rng.uniform(_MARGIN, 1 - _MARGIN, 2)
-            gaps = [np.abs(place - other) for other in places]
-            wrapped = [np.hypot(min(g[0], 1 - g[0]) * aspect, min(g[1], 1 - g[1])) for g in gaps]
-            if (
-                shown is not None
-                and rng.random() > shown[int(place[1] * shown.shape[0]), int(place[0] * shown.shape[1])]
-            ):
-                continue
-            if all(gap >= apart * (1 - attempt / 30) for gap in wrapped):
-                break
-        places.append(place)
-    return np.array(places)
-
-
-def _placed_around(
-    sources: tuple[Point, ...],
-    sinks: tuple[Point, ...],
-    distance: float,
-    rng: np.random.Generator,
-    shape: tuple[int, int],
-) -> tuple[Point, ...]:
-    """The sinks, moved to the given distance from the sources in turn."""
-    side = min(shape)
-    moved = []
-    for index, (*_, strength) in enumerate(sinks):
-        x, y, _ = sources[index % len(sources)]
-        angle = rng.uniform(0, 2 * np.pi)
-        along = distance * side * np.array([np.cos(angle) / shape[1], np.sin(angle) / shape[0]])
-        place = np.array([x, y]) + along
-        place = np.where((place < 0) | (place > 1), np.array([x, y]) - along, place)
-        moved.append((float(np.clip(place[0], 0, 1)), float(np.clip(place[1], 0, 1)), strength))
-    return tuple(moved)

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -80,6 +81,24 @@ class JoinedMotifs:
 
     def __repr__(self) -> str:
         return f"JoinedMotifs({len(self.motifs)} motifs of {max(self.stages)} stages, weight={self.weight:g})"
+
+    def to_svg(self, path: str | Path | None = None) -> str:
+        """The row as an SVG document; as a file too if a path is given.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            Written whole or not at all.
+
+        Returns
+        -------
+        str
+
+        Raises
+        ------
+        OSError
+        """
+        return arrange(self.motifs, [range(len(self.motifs))]).to_svg(path)
 
     def _repr_png_(self) -> bytes:
         return to_png(np.concatenate([motif.image() for motif in self.motifs], axis=1))

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import check_whole
-from toposeam.colours import LUMA, parse_colour
+from toposeam.colours import LUMA, parse_colour, to_hex
 from toposeam.errors import OptionError
 from toposeam.heat.threads import one_thread
 from toposeam.images import as_float
@@ -48,6 +48,9 @@ class Palette:
     paper: Floats
     #: (n, 3)
     inks: Floats
+
+    def __repr__(self) -> str:
+        return f"Palette({', '.join(map(to_hex, self.inks))} on {to_hex(self.paper)})"
 
 
 def palette(source: str | npt.ArrayLike, n: int) -> Palette:

@@ -100,7 +100,7 @@ class LayerRecipe:
             )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Recipe:
     """A motif's parameters.
 
@@ -136,6 +136,13 @@ class Recipe:
     base_strength: float = 0.0
     #: How its brightness becomes conductivity, one of `LAWS`.
     base_law: str = "contrast"
+
+    def __repr__(self) -> str:
+        rows, columns = self.size
+        return (
+            f"Recipe({len(self.layers)} inks on {rows} × {columns} elements, repeat={self.repeat!r}, "
+            f"seed={self.seed})"
+        )
 
     def __post_init__(self) -> None:
         size = check_pair("size", self.size, SMALLEST, LARGEST)

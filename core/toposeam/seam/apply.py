@@ -288,11 +288,11 @@ def _regions(cut: _Cut, free: Mask) -> tuple[Ints32, Ints32, Ints]:
     """
     # Label everything away from the paths at once; the pixels beside a path are nodes of their own, joined in
     # a small graph.
-    loose = free & _at_cut(cut)
-    node, blobs = ndimage.label(free & ~loose, output=np.int32)
+    beside = free & _at_cut(cut)
+    node, blobs = ndimage.label(free & ~beside, output=np.int32)
     node = node.ravel()
     node -= 1
-    pixels = np.flatnonzero(loose)
+    pixels = np.flatnonzero(beside)
     nodes = blobs + len(pixels)
     node[pixels] = np.arange(blobs, nodes)
     pixel, other, apart = cut.neighbours(pixels)
@@ -325,10 +325,10 @@ def _propagate(label: Mask, decided: Mask, first: Ints, second: Ints, size: Ints
     label, decided = label & decided, decided.copy()
     count = len(label)
     group = _components(first, second, count)
-    settled = np.bincount(group, decided) > 0
+    has_decided = np.bincount(group, decided) > 0
     largest_first = np.lexsort((np.arange(count), -size))
     groups, place = np.unique(group[largest_first], return_index=True)
-    decided[largest_first[place[~settled[groups]]]] = True
+    decided[largest_first[place[~has_decided[groups]]]] = True
     while True:
         news = decided[first] & ~decided[second]
         if not news.any():

@@ -75,8 +75,8 @@ class GroundStructure:
         if count == 0:
             return 0
         ends = np.zeros(count + 1, int)
-        owner, _ = self._ends(component)
-        np.add.at(ends, owner, 1)
+        within, _ = self._ends(component)
+        np.add.at(ends, within, 1)
         total = 0
         for index, box in enumerate(ndimage.find_objects(component), start=1):
             lines = max(1, ends[index] // 2) if ends[index] else 2
@@ -90,9 +90,9 @@ class GroundStructure:
         to_b = (flat[self.first] == B) | (flat[self.second] == B)
         # All free pixels to `a` is one valid cut. Any other has the same ends: the corners it meets an odd
         # number of times.
-        owner = np.maximum(component.ravel()[self.first], component.ravel()[self.second])[to_b]
+        within = np.maximum(component.ravel()[self.first], component.ravel()[self.second])[to_b]
         size = (self.side.shape[0] + 1) * (self.side.shape[1] + 1)
-        key = np.concatenate([owner * size + node[self.start[to_b]], owner * size + node[self.end[to_b]]])
+        key = np.concatenate([within * size + node[self.start[to_b]], within * size + node[self.end[to_b]]])
         key, times = np.unique(key, return_counts=True)
         odd = key[times % 2 == 1]
         return odd // size, odd % size

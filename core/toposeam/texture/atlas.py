@@ -83,6 +83,12 @@ class Atlas:
         return int(self.usable.shape[1])
 
     @property
+    def owner_of_rows(self) -> npt.NDArray[np.intp]:
+        """(AH,) the exemplar that lies at each row of the plane, or above it."""
+        rows = np.arange(self.usable.shape[0])
+        return np.maximum(np.searchsorted(self.corners[:, 0], rows, side="right") - 1, 0)
+
+    @property
     def places(self) -> list[tuple[slice, slice]]:
         """Rows and columns of each exemplar."""
         return [

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from toposeam.checks import check_choice, check_number, check_whole
 from toposeam.errors import ImageError, OptionError, OverlapError
@@ -14,15 +16,18 @@ from toposeam.seam.find import METHODS, Method, find_seam
 from toposeam.seam.match_cost import MatchCost
 from toposeam.texture.atlas import Atlas, Floats32, Ints32, values_at
 from toposeam.texture.canvas import IndexCanvas
+from toposeam.texture.keeping_step import Phase
 from toposeam.texture.nearby import Nearby
 from toposeam.texture.search import Ints, PatchSearch, box_sum
 
 #: How much dearer a place is whose pixels have all shown as often as they should, where there is no other.
-_WORN = 30
+_USED_UP = 30
 #: How much dearer a place is all of whose pixels show near by, per unit of variety.
 _NEAR = 1.0
 #: Share of what there is to copy up to which use is not counted.
 _LITTLE = 0.05
+#: An exemplar that shows on less counts as showing on this much of the canvas.
+_LEAST_SHARE = 0.02
 #: Added to every error, so that a perfect fit does not outweigh everything else; the square of 1 % of the
 #: image's range.
 _FLOOR = 1e-4
@@ -122,6 +127,10 @@ class PatchPlacer:
         Number of canvas pixels that patches will fill, for the average use of a source pixel.
     guide : Guide, optional
         What the patches should look like.
+    phase : Phase, optional
+        Which places keep the texture's order in step with the canvas; others are not taken.
+    shares : sequence of float, optional
+        What part of the canvas each exemplar is to show on, in any unit; without it wherever it fits best.
     """
 
     def __init__(
@@ -133,21 +142,18 @@ class PatchPlacer:
         rng: np.random.Generator,
         area: int,
         guide: Guide | None = None,
+        phase: Phase | None = None,
+        shares: Sequence[float] | None = None,
     ) -> None:
-        self.atlas, self.features, self.canvas, self.options, self.rng, self.guide = (
-            atlas,
-            features,
-            canvas,
-            options,
-            rng,
-            guide,
-        )
+        self.atlas, self.features, self.canvas = atlas, features, canvas
+        self.options, self.rng, self.guide, self.phase = options, rng, guide, phase
         self.search = PatchSearch(atlas, features)
         self._guides = None if guide is None else PatchSearch(atlas, guide.source)
-        # Where little is laid, compared with what there is to copy, nothing is worn out.
-        self._wears = area > _LITTLE * int(atlas.usable.sum())
-        self._average = max(area / max(int(atlas.usable.sum()), 1), 1.0)
-        self._limit = max(1, int(options.most * self._average))
+        # Where little is laid, compared with what there is to copy, no place is used up.
+        self._uses_up = area > _LITTLE * int(atlas.usable.sum())
+        self._shares = None if shares is None else np.asarray(shares, float) / sum(shares)
+        self._average = _average_use(atlas, area, self._shares)
+        self._limit = np.maximum(1, np.floor(options.most * self._average))
         self._nearby = Nearby(atlas, canvas)
         self.margin = atlas.margin
 
@@ -192,6 +198,8 @@ class PatchPlacer:
         """
         terms = self._terms(top, left, shape, known, weight)
         row, column = self._choose(terms, shape, (top, left), known) if terms else self._anywhere(shape)
+        if self.phase is not None:
+            self.phase.begin((top, left), (row, column), shape)
         grid = np.arange(shape[0])[:, np.newaxis] * self.atlas.width + np.arange(shape[1])
         return (row * self.atlas.width + column + grid).astype(np.int32)
 
@@ -306,23 +314,31 @@ class PatchPlacer:
         shows often or near by, and without those that would make a connected copy too large.
         """
         m, f, (n, columns_n) = self.margin, self.search.factor, error.shape
-        raised, worn = error.copy(), np.zeros(error.shape)
-        if self._wears:
+        raised, used_up = error.copy(), np.zeros(error.shape)
+        if self._uses_up:
             usage = self.canvas.usage.reshape(self.atlas.usable.shape)
             on_grid = slice(m, None, f), slice(m, None, f)
-            mean = box_sum(usage, shape)[on_grid][:n, :columns_n] / (shape[0] * shape[1] * self._average)
-            worn = box_sum(usage >= self._limit, shape)[on_grid][:n, :columns_n] / (shape[0] * shape[1])
+            average = shape[0] * shape[1] * self._average[m::f][:n]
+            mean = box_sum(usage, shape)[on_grid][:n, :columns_n] / average
+            used_up = box_sum(usage >= self._limit, shape)[on_grid][:n, :columns_n] / (shape[0] * shape[1])
             raised *= 1 + self.options.variety * np.square(mean)
             if self.options.variety and self.guide is None:
                 near = self._nearby.share(*at, *shape)
                 raised *= 1 + np.float32(_NEAR * self.options.variety) * near(m, f, error.shape)
+        if self._shares is not None:
+            dearer = self._too_often(self._shares)[self.atlas.owner_of_rows]
+            raised *= dearer[m::f][:n, np.newaxis].astype(np.float32)
+        if self.phase is not None:
+            places = (m + f * np.arange(n), m + f * np.arange(columns_n))
+            in_step = np.where(self.phase.allows(at, shape, *places), raised, np.float32(np.inf))
+            raised = in_step if np.isfinite(in_step).any() else raised
         free = raised.copy()
-        free[worn > 0] = np.inf
+        free[used_up > 0] = np.inf
         apart = max(3, min(shape) // 8)
         for row, column in self._exhausted(at, shape, known):
             _block(free, (row - m) / f, (column - m) / f, apart / f)
-        # With few places to choose from, better a worn place or a copy than none.
-        left = free if np.isfinite(free).any() else raised * (1 + _WORN * worn).astype(np.float32)
+        # With few places to choose from, better a place that was used or a copy than none.
+        left = free if np.isfinite(free).any() else raised * (1 + _USED_UP * used_up).astype(np.float32)
         rows: list[int] = []
         columns: list[int] = []
         errors: list[np.float32] = []
@@ -335,6 +351,15 @@ class PatchPlacer:
             errors.append(left[i, j])
             _block(left, i, j, max(1.0, apart / f))
         return np.array(rows, np.intp), np.array(columns, np.intp), np.array(errors, np.float32)
+
+    def _too_often(self, shares: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """How much dearer each exemplar's places are, from what it shows on against its share: steep, so
+        that even unlike exemplars keep to it.
+        """
+        rows = self.canvas.usage.reshape(self.atlas.usable.shape).sum(axis=1)
+        shown = np.add.reduceat(rows, self.atlas.corners[:, 0])
+        part = shown / max(int(shown.sum()), 1)
+        return np.asarray(((part + _LEAST_SHARE) / (shares + _LEAST_SHARE)) ** 6)
 
     def _exhausted(self, at: tuple[int, int], shape: tuple[int, int], known: Ints32) -> list[tuple[int, int]]:
         """Atlas places at which the patch would continue a copy that is known, and make it too large."""
@@ -352,6 +377,15 @@ class PatchPlacer:
             for r, c, a, b, area in zip(row, column, y, x, areas, strict=True)
             if area + new > limit
         ]
+
+
+def _average_use(atlas: Atlas, area: int, shares: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
+    """(AH, 1): how often a usable pixel shows on average, by the atlas's row."""
+    usable = atlas.usable.sum(axis=1)
+    if shares is None:
+        return np.full((len(usable), 1), max(area / max(int(usable.sum()), 1), 1.0))
+    each = np.add.reduceat(usable, atlas.corners[:, 0])
+    return np.maximum(area * shares / np.maximum(each, 1), 1.0)[atlas.owner_of_rows, np.newaxis]
 
 
 def _block(error: Floats32, row: float, column: float, reach: float) -> None:

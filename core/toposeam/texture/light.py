@@ -174,8 +174,8 @@ def levelled_copies(
     difference, weight = np.concatenate(differences).astype(np.float64), np.concatenate(weights)
     count = int(labels.max()) + 1
     at = [_coordinates(atlas, np.concatenate([indices for _, indices in side])) for side in (firsts, seconds)]
-    owner = [np.concatenate([label for label, _ in side]).astype(np.intp) for side in (firsts, seconds)]
-    matrix, wanted = _equations(owner, at, difference, weight, _even(flat, atlas, index, labels, count))
+    patch = [np.concatenate([label for label, _ in side]).astype(np.intp) for side in (firsts, seconds)]
+    matrix, wanted = _equations(patch, at, difference, weight, _even(flat, atlas, index, labels, count))
     solved = linalg.splu(matrix).solve(wanted) if count else wanted
     coefficients = solved.reshape(count, 3, -1)
     found = coefficients[np.maximum(labels, 0)]
@@ -185,7 +185,7 @@ def levelled_copies(
 
 
 def _equations(
-    owner: list[npt.NDArray[np.intp]], at: list[Floats], difference: Floats, weight: Floats, even: Floats
+    patch: list[npt.NDArray[np.intp]], at: list[Floats], difference: Floats, weight: Floats, even: Floats
 ) -> tuple[sparse.csc_matrix, Floats]:
     """The normal equations for three coefficients of each copy, which tend to given ones, (n, 3, C)."""
     count, size = len(even), 3 * len(even)
@@ -193,7 +193,7 @@ def _equations(
     wanted = np.zeros((size, difference.shape[1]))
     for first, sign in ((0, 1.0), (1, -1.0)):
         for k in range(3):
-            line = 3 * owner[first] + k
+            line = 3 * patch[first] + k
             for channel in range(difference.shape[1]):
                 wanted[:, channel] -= np.bincount(
                     line, sign * weight * at[first][:, k] * difference[:, channel], size
@@ -202,13 +202,13 @@ def _equations(
                 both = 1.0 if first == second else -1.0
                 for m in range(3):
                     rows.append(line)
-                    columns.append(3 * owner[second] + m)
+                    columns.append(3 * patch[second] + m)
                     entries.append(both * weight * at[first][:, k] * at[second][:, m])
     matrix = sparse.csc_matrix(
         (np.concatenate(entries), (np.concatenate(rows), np.concatenate(columns))), (size, size)
     )
-    held = sum(np.bincount(label, weight, count) for label in owner) + 1.0
-    least = np.stack([_OFFSET * held, _SLOPE * held, _SLOPE * held], axis=1).ravel()
+    known = sum(np.bincount(label, weight, count) for label in patch) + 1.0
+    least = np.stack([_OFFSET * known, _SLOPE * known, _SLOPE * known], axis=1).ravel()
     wanted += least[:, np.newaxis] * even.reshape(size, -1)
     return sparse.csc_matrix(matrix + sparse.diags(least)), wanted
 

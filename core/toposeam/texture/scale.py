@@ -95,14 +95,15 @@ def patch_for(features: Sequence[Floats32], usable: Sequence[Mask], rooms: Seque
     return int(np.clip(round(_ELEMENTS * span), least, max(min(LARGEST, room // 3), least)))
 
 
-def autocorrelation(features: Floats32, usable: Mask) -> npt.NDArray[np.float32]:
+def autocorrelation(features: Floats32, usable: Mask | Floats32) -> npt.NDArray[np.float32]:
     """How alike pixels are at every distance, 1 at distance 0 and about 0 far away: (H', W'), negative
     distances at the far ends.
 
     Parameters
     ----------
     features : (H, W, F) float32 array
-    usable : (H, W) bool array
+    usable : (H, W) bool or float array
+        Which pixels count, or how much.
     """
     size = [sf.next_fast_len(2 * length, real=True) for length in usable.shape]
     present = usable.astype(np.float32)
@@ -110,7 +111,7 @@ def autocorrelation(features: Floats32, usable: Mask) -> npt.NDArray[np.float32]
     total = np.zeros(pairs.shape, np.float32)
     for channel in range(features.shape[2]):
         plane = features[..., channel]
-        total += _products((plane - plane[usable].mean()) * present, size)
+        total += _products((plane - plane[usable > 0].mean()) * present, size)
     total /= np.maximum(pairs, 1)
     total /= max(float(total[0, 0]), 1e-12)
     return total

@@ -123,10 +123,10 @@ def read_sources(
     for number, given in enumerate(maps, start=1):
         label = f"map {number}"
         found = [_picture(image, label) for image in as_list(given, count, label)]
-        for image, shape, owner in zip(found, shapes, names, strict=True):
+        for image, shape, whose in zip(found, shapes, names, strict=True):
             if image.shape[:2] != shape:
                 raise ImageError(
-                    f"{label} is {image.shape[1]} × {image.shape[0]} px, but {owner} {shape[1]} × {shape[0]} "
+                    f"{label} is {image.shape[1]} × {image.shape[0]} px, but {whose} {shape[1]} × {shape[0]} "
                     "px; scale the maps to one size"
                 )
         planes.append(_alike(found, [label] * count))

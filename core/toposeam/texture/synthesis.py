@@ -55,6 +55,9 @@ class Synthesis:
     exemplar: npt.NDArray[np.int16]
     #: Whether rows and whether columns continue at the opposite border.
     wraps: tuple[bool, bool] = (False, False)
+    #: Height and width near by on which the texture's order would close without being stretched, px; None
+    #: where it does so, or has none.
+    fits: tuple[int, int] | None = None
     #: (height, width) of the patches, px.
     patch: tuple[int, int]
     #: The settings that reproduce it.
@@ -68,7 +71,7 @@ class Synthesis:
     def __repr__(self) -> str:
         height, width = self.labels.shape
         h, w = self.patch
-        return f"<Synthesis: {width} × {height} px, {self.count} patches of {w} × {h} px>"
+        return f"Synthesis({width} × {height} px, {self.count} patches of {w} × {h} px)"
 
     def _repr_png_(self) -> bytes:
         """The picture itself: seams are all over a texture and would hide it; ``to_svg`` shows them."""

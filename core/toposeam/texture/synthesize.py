@@ -9,15 +9,26 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import Seed, check_choice, check_number, check_pair, check_whole, options_from, seed_of
+from toposeam.checks import (
+    Seed,
+    check_choice,
+    check_items,
+    check_number,
+    check_pair,
+    check_whole,
+    options_from,
+    seed_of,
+)
 from toposeam.errors import ImageError, OptionError
 from toposeam.images import MAX_PIXELS, as_array, as_float, full_scale
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.closing import closing_guide, order_axis
+from toposeam.texture.keeping_step import Phase
 from toposeam.texture.lay import Guide, LayOptions, PatchPlacer
 from toposeam.texture.light import flatten_light, has_slow_light, levelled_copies, without_light
 from toposeam.texture.mend import mend
+from toposeam.texture.order import STRETCH, UNSEEN, find_order
 from toposeam.texture.raster import lay_all, patches_along
 from toposeam.texture.rendering import Lift, render
 from toposeam.texture.scale import SMALLEST_PATCH, patch_for
@@ -38,6 +49,7 @@ def synthesize(
     source_mask: Images | None = None,
     maps: Sequence[Images] = (),
     weights: Sequence[float] | None = None,
+    shares: Sequence[float] | None = None,
     data_range: DataRange = None,
     guide: npt.ArrayLike | None = None,
     guide_source: Images | None = None,
@@ -77,6 +89,9 @@ def synthesize(
         exemplar.
     weights : sequence of float, optional
         How much the picture and each map count in the search and in the seams; 1 each by default.
+    shares : sequence of float, optional
+        On how much of the texture each exemplar is to show against the others, nearly; by default wherever
+        it fits best.
     data_range : float, or sequence of float or None, optional
         The value that counts as white in the picture, or in the picture and each map: needed for integers
         other than uint8 and uint16, and for floats beyond ±2.
@@ -130,6 +145,7 @@ def synthesize(
         source, alpha=alpha, mask=source_mask, maps=maps, weights=weights, data_range=data_range
     )
     check_varied(sources)
+    parts = _shares(shares, len(sources.shapes))
     side, overlap = check_patch(sources, patch, overlap)
     atlas = Atlas.of(sources.present, chosen.context, sources.usable)
     if level is None:
@@ -144,15 +160,23 @@ def synthesize(
         patches_along(width, side, overlap, wraps[1]),
     )
     report = _Stages(progress)
-    axis = None
-    if given is None and chosen.close and any(wraps) and min(height, width) >= 4 * side:
-        axis = order_axis(sources.features[0], sources.usable[0])
+    phase, axis, fits = None, None, None
+    if given is None and chosen.close and any(wraps):
+        order = find_order(sources.features[0], sources.usable[0]) if len(sources.shapes) == 1 else None
+        if order is not None:
+            closed, stretch = order.fitted((height, width), wraps)
+            fits = order.closing_size((height, width), wraps) if stretch > UNSEEN else None
+            phase = Phase(order, closed, max(1.0, 0.75 * atlas.factor)) if stretch <= STRETCH else None
+        if phase is None and min(height, width) >= 4 * side:
+            axis = order_axis(sources.features[0], sources.usable[0])
     if axis is not None and wraps[axis]:
         given = closing_guide(
             sources, atlas, chosen, (height, width), wraps, axis, side, overlap, seed, report.stage(0.0, 0.3)
         )
     canvas = IndexCanvas((height, width), wraps, atlas.usable.size)
-    placer = PatchPlacer(atlas, features, canvas, chosen, np.random.default_rng(seed), height * width, given)
+    placer = PatchPlacer(
+        atlas, features, canvas, chosen, np.random.default_rng(seed), height * width, given, phase, parts
+    )
     shape = rows[0], columns[0]
     if not placer.search.room(shape).any():
         where, remedy = (
@@ -173,12 +197,22 @@ def synthesize(
         "smooth": smooth,
         **settings_of(chosen),
     }
-    settings |= {"flatten": flatten, "level": level}
+    settings |= {"flatten": flatten, "level": level, "shares": parts}
     lift = None
     if level:
         plane = atlas.spread(sources.planes[0]).astype(np.float32)
         lift = levelled_copies(plane, features, atlas, canvas.index, canvas.copy_labels(), wraps)
-    return finish(sources, atlas, canvas, shape, settings, smooth, lift=lift)
+    made = finish(sources, atlas, canvas, shape, settings, smooth, lift=lift)
+    return dataclasses.replace(made, fits=fits)
+
+
+def _shares(shares: Sequence[float] | None, count: int) -> list[float] | None:
+    if shares is None:
+        return None
+    found = list(check_items("shares", shares, object, "a list with one number per exemplar"))
+    if len(found) != count:
+        raise OptionError(f"{len(found)} shares were given for {count} exemplars; give one for each")
+    return [check_number("one of the shares", share, 0, 1e6, above=True) for share in found]
 
 
 def _flat(source: Images, mask: Images | None) -> Images:

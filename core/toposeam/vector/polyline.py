@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.display import line_svg
 from toposeam.errors import OptionError, PathError
 
 Floats = npt.NDArray[np.float64]
@@ -70,6 +71,10 @@ class Polyline:
 
     def __repr__(self) -> str:
         return f"Polyline({len(self.points)} points, {'closed' if self.closed else 'open'})"
+
+    def _repr_svg_(self) -> str:
+        along = " ".join(f"{x:g},{y:g}" for x, y in self.points.tolist())
+        return line_svg(f"M {along}{' Z' if self.closed else ''}", self.points)
 
     @property
     def outline(self) -> Floats:

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from toposeam.checks import check_kind, check_number
+from toposeam.display import line_svg
 from toposeam.vector.polyline import Floats, Ints, Polyline
 
 #: How far the curves may be from the line, px: the first value with few enough anchors, else the last one.
@@ -47,6 +48,11 @@ class SmoothPath:
 
     def __repr__(self) -> str:
         return f"SmoothPath({len(self.anchors)} anchors, {'closed' if self.closed else 'open'})"
+
+    def _repr_svg_(self) -> str:
+        x, y = self.anchors[0]
+        bends = " ".join(" ".join(f"{x:g},{y:g}" for x, y in curve[1:]) for curve in self.curves.tolist())
+        return line_svg(f"M {x:g},{y:g} C {bends}", self.dense)
 
     @property
     def anchors(self) -> Floats:

@@ -53,6 +53,14 @@ class SvgSeam:
     #: One name per line; the lines of one ``<path>`` share theirs.
     names: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        lines = f"{len(self.polylines)} line{'s' if len(self.polylines) != 1 else ''}"
+        return f"SvgSeam({lines} on {self.width:g} × {self.height:g} px)"
+
+    def _repr_svg_(self) -> str:
+        width, height = math.ceil(self.width), math.ceil(self.height)
+        return write_svg(self.polylines, width, height, self.metadata or {}, self.names)
+
 
 def write_svg(
     polylines: Sequence[Polyline],

@@ -28,7 +28,7 @@ from toposeam.images import Mask
 from toposeam.optimize.history import Iteration, Termination
 from toposeam.seam.overlap import FREE, A, B
 from toposeam.seam.solution import Solution
-from toposeam.volume.levels import Level, coarser, refined, refined_filling
+from toposeam.volume.levels import VolumeLevel, coarser, refined, refined_filling
 from toposeam.volume.problem import SurfaceProblem
 
 #: Sweeps between two looks at the surface.
@@ -97,7 +97,9 @@ def heat_surface(
     side = problem.overlap.side
     finest, merged, costs = _posed(problem)
     levels = [finest]
-    while (below := coarser(Level(costs, levels[-1].fixed, levels[-1].hot, levels[-1].span))) is not None:
+    while (
+        below := coarser(VolumeLevel(costs, levels[-1].fixed, levels[-1].hot, levels[-1].span))
+    ) is not None:
         levels.append(below)
         costs = below.cost
     run = _Run(options, progress)
@@ -128,7 +130,7 @@ class _Run:
         self._span: tuple[int, ...] = ()
         self._share = 0.0
 
-    def level(self, level: Level, depth: int, merged: Merged | None) -> None:
+    def level(self, level: VolumeLevel, depth: int, merged: Merged | None) -> None:
         """Let heat gather on one grid, starting from the coarser one's."""
         shape = level.fixed.shape
         potential, filled, slab = None, None, None
@@ -201,12 +203,12 @@ class _Run:
                 flow.sweep()
 
 
-def _posed(problem: SurfaceProblem) -> tuple[Level, Merged | None, tuple[Floats32, ...]]:
+def _posed(problem: SurfaceProblem) -> tuple[VolumeLevel, Merged | None, tuple[Floats32, ...]]:
     """The finest grid, its voxels that must not be divided, and the costs that coarser grids are made of."""
     side = problem.overlap.side
     fixed, hot = (side == A) | (side == B), side == B
     if not np.isfinite(problem.forbidden):
-        return Level(problem.costs, fixed, hot, (1,) * side.ndim), None, problem.costs
+        return VolumeLevel(problem.costs, fixed, hot, (1,) * side.ndim), None, problem.costs
     number = np.arange(side.size, dtype=np.intp).reshape(side.shape)
     pairs = [
         (
@@ -244,7 +246,7 @@ def _posed(problem: SurfaceProblem) -> tuple[Level, Merged | None, tuple[Floats3
     if free.any():
         _, numbered = np.unique(group[free], return_inverse=True)
         merged = Merged(voxel[free], numbered)
-    return Level(tuple(inner), fixed, hot, (1,) * side.ndim), merged, tuple(deterred)
+    return VolumeLevel(tuple(inner), fixed, hot, (1,) * side.ndim), merged, tuple(deterred)
 
 
 def _near_flow(flow: GridFlow) -> Mask:

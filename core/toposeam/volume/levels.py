@@ -17,7 +17,7 @@ _SHORTEST = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Level:
+class VolumeLevel:
     """One grid of the hierarchy."""
 
     cost: tuple[Floats32, ...]  #: along each axis, as for :class:`toposeam.heat.grid_flow.GridFlow`
@@ -27,7 +27,7 @@ class Level:
     span: tuple[int, ...]
 
 
-def coarser(level: Level) -> Level | None:
+def coarser(level: VolumeLevel) -> VolumeLevel | None:
     """The grid of blocks of two voxels along each long axis; None where the grid is coarse enough.
 
     Two blocks are joined by all that joins their voxels. A block that holds fixed voxels of one side is fixed
@@ -44,7 +44,7 @@ def coarser(level: Level) -> Level | None:
         cost.append(_blocks(between, across).sum(axis=_within(between.ndim), dtype=np.float32))
     cold: Mask = _blocks(level.fixed & ~level.hot, span).max(axis=_within(len(shape)))
     hot: Mask = _blocks(level.fixed & level.hot, span).max(axis=_within(len(shape)))
-    return Level(tuple(cost), cold ^ hot, hot & ~cold, span)
+    return VolumeLevel(tuple(cost), cold ^ hot, hot & ~cold, span)
 
 
 def refined(values: npt.NDArray[np.generic], span: tuple[int, ...], shape: tuple[int, ...]) -> npt.NDArray:  # type: ignore[type-arg]

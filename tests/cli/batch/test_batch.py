@@ -42,6 +42,7 @@ def write_jobs(text, name="jobs.toml"):
     return name
 
 
+@pytest.mark.medium
 def test_patterns_make_one_picture_for_each_pair(toposeam, pairs):
     ran = toposeam("batch", *PATTERNS, "-j", 2)
     assert (ran.code, ran.err) == (0, "")
@@ -54,6 +55,7 @@ def test_patterns_make_one_picture_for_each_pair(toposeam, pairs):
     assert all(row["status"] == "done" and row["seconds"] > 0 for row in rows.values())
 
 
+@pytest.mark.medium
 def test_the_same_bytes_whatever_the_number_of_processes(toposeam, pairs):
     extra = ("--labels", "{to}/{name}-labels.png", "--overlay", "{to}/{name}-seam.png")
     for processes in (1, 3):
@@ -78,6 +80,7 @@ def test_what_is_missing_or_broken_fails_alone(toposeam, pairs):
     assert table("batch.results.jsonl")["out/1.png"]["message"] in first
 
 
+@pytest.mark.medium
 def test_the_same_again_tries_only_what_failed(toposeam, pairs):
     hidden = (pairs / "right_1.png").rename(pairs / "hidden")
     assert toposeam("batch", *PATTERNS).code == 1
@@ -93,6 +96,7 @@ def test_the_same_again_tries_only_what_failed(toposeam, pairs):
     assert toposeam("batch", *PATTERNS, "--force", "--fresh").out.startswith("4 done in ")
 
 
+@pytest.mark.medium
 def test_a_changed_picture_is_joined_again_also_where_a_layout_names_it(toposeam, pairs):
     Path("layout.toml").write_text(
         '[[layer]]\nfile = "left_0.png"\nat = [0, 0]\n[[layer]]\nfile = "right_0.png"\nat = [36, 0]\n'
@@ -106,6 +110,7 @@ def test_a_changed_picture_is_joined_again_also_where_a_layout_names_it(toposeam
     assert Path("joined.png").read_bytes() != before
 
 
+@pytest.mark.medium
 def test_files_that_exist_are_kept_without_force(toposeam, pairs):
     (pairs / "out").mkdir()
     (pairs / "out" / "1.png").write_text("precious")
@@ -117,6 +122,7 @@ def test_files_that_exist_are_kept_without_force(toposeam, pairs):
     assert read_picture(pairs / "out" / "1.png").pixels.shape == (40, 92, 3)
 
 
+@pytest.mark.medium
 def test_a_file_of_jobs_says_everything_the_command_line_can(toposeam, pairs):
     jobs = write_jobs(
         """
@@ -318,6 +324,7 @@ def test_a_disk_that_fills_costs_only_what_does_not_fit(started, pairs):
     assert started("batch", *PATTERNS).out.startswith("1 done, 3 done before")
 
 
+@pytest.mark.medium
 def test_a_terminal_shows_how_far_it_is_and_ctrl_c_says_how_to_go_on(process, pairs):
     large = np.tile(read_picture("left_0.png").pixels, (5, 5, 1))
     for name in ("left_1", "right_1", "left_2", "right_2"):
@@ -342,6 +349,7 @@ def test_a_terminal_shows_how_far_it_is_and_ctrl_c_says_how_to_go_on(process, pa
     assert not list(pairs.glob("**/*.part"))
 
 
+@pytest.mark.medium
 def test_ctrl_c_on_a_terminal_while_workers_start_is_quiet(process, pairs):
     with process("batch", *PATTERNS, "-j", 2, stderr=subprocess.PIPE, start_new_session=True) as child:
         while (

@@ -181,6 +181,7 @@ def test_half_of_the_patterns_are_meant_to_show_the_theme():
     assert len(SEASONS) == 4
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("name", PRODUCTS)
 def test_products_show_the_pattern_at_its_size(name):
     """Stripes across, in mm, where the cloth lies as flat as it does anywhere."""
@@ -212,6 +213,7 @@ def test_products_show_the_pattern_at_its_size(name):
     )
 
 
+@pytest.mark.medium
 def test_a_second_pattern_goes_where_it_belongs():
     red, blue = (np.full((9, 9, 3), colour, np.uint8) for colour in ((200, 30, 30), (30, 30, 200)))
     drawn = draw_product("shirt", red, 9, np.ones(3), np.zeros(3), second=(blue, 9)).astype(int)
@@ -221,6 +223,7 @@ def test_a_second_pattern_goes_where_it_belongs():
     assert chest[0] > 2 * chest[2]
 
 
+@pytest.mark.medium
 def test_folds_shift_and_shade_the_pattern():
     plain = np.full((9, 9, 3), 200, np.uint8)
     scarf = draw_product("scarf", plain, 9, np.ones(3), np.zeros(3))[300:900, 200:900, 0].astype(float)

@@ -55,6 +55,7 @@ def at(page, x_mm, y_mm):
     return page.getpixel((round(x_mm / 25.4 * 300), round(y_mm / 25.4 * 300)))
 
 
+@pytest.mark.medium
 def test_a_book_is_a_pdf_of_a4_pages_and_the_same_again(folder):
     rows = [row(number) for number in range(1, 22)]  # one more than fits on a sheet
     made = pdf.to_pdf("Discs", folder, rows, [(row(1, season="fall"), "tie")])

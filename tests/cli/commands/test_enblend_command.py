@@ -66,6 +66,7 @@ def strip(tmp_path, monkeypatch):
 FILES = ["v0.tif", "v1.tif", "v2.tif"]
 
 
+@pytest.mark.medium
 def test_views_are_blended_where_their_tags_say(strip, toposeam):
     ran = toposeam("enblend", "--compression=LZW", "-o", "out.tif", "-a", "-x", "--", *FILES)
     assert (ran.code, ran.out, ran.err) == (0, "", "")
@@ -88,6 +89,7 @@ def test_views_are_blended_where_their_tags_say(strip, toposeam):
     assert inner.mean() < 2
 
 
+@pytest.mark.medium
 def test_a_frame_larger_than_the_views_is_empty_around_them(strip, toposeam):
     assert toposeam("enblend", f"-f{WIDTH}x{HEIGHT}", "-o", "out.tif", *FILES).code == 0
     result = read_picture("out.tif")
@@ -195,6 +197,7 @@ def test_a_width_nobody_says_is_asked_for(strip, toposeam):
     toposeam(*words, "--wrap", "150", "--blend", "soft").fails("wrap goes with the blends")
 
 
+@pytest.mark.medium
 @pytest.mark.skipif(
     not all(map(shutil.which, ("nona", "hugin_executor"))), reason="no hugin-tools on this machine"
 )

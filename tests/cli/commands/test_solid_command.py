@@ -15,6 +15,7 @@ def corners(path):
     return np.frombuffer(content[84:], [("n", "<f4", 3), ("c", "<f4", (3, 3)), ("a", "<u2")])["c"]
 
 
+@pytest.mark.medium
 def test_a_solid_is_the_one_of_the_library_and_in_millimetres(folder, toposeam):
     ran = toposeam(
         "motif", "-o", "vase.stl", *BLOCK, "--repeat", "p4m", "--motif-width", "8cm", "--seed", "3"
@@ -29,6 +30,7 @@ def test_a_solid_is_the_one_of_the_library_and_in_millimetres(folder, toposeam):
     assert found.max() <= 80
 
 
+@pytest.mark.medium
 def test_ply_and_relatives_of_a_motif(folder, toposeam):
     assert toposeam("motif", "-o", "m.png", "--size", "32", "--iterations", "4", "--repeat", "p4").code == 0
     assert toposeam("motif", "-o", "a.ply", "--like", "m.png", "--depth", "16").code == 0

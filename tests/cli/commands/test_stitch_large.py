@@ -102,6 +102,7 @@ def test_depths_profiles_and_gray_are_matched(three, toposeam, stored, monkeypat
     assert (result.icc, result.resolution) == (PROFILE, again.resolution)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("in_files", [False, True])
 def test_a_pyramid_has_the_picture_at_every_size(three, toposeam, in_files, request):
     if in_files:

@@ -178,9 +178,40 @@ def test_a_mask_and_a_guide_are_read_from_pictures(toposeam):
     assert made[:, 45:].mean() > made[:, :45].mean() * 1.1
 
 
+def test_an_ordered_texture_takes_the_size_on_which_it_closes(toposeam):
+    y, x = np.mgrid[:120, :130]
+    checks = np.where((x // 10 + y // 12) % 2, 40, 210) + np.random.default_rng(0).integers(0, 9, x.shape)
+    write_picture("checks.png", Picture(pixels=checks.astype(np.uint8)))
+    asked = ("synth", "checks.png", "--tileable", "both", "--patch", "40", "-o", "o.png", "--force")
+    ran = toposeam(*asked, "--size", "auto:150x130")
+    assert ran.code == 0, ran
+    assert read_picture("o.png").pixels.shape == (120, 140)
+    assert "stretched" not in ran.out
+    ran = toposeam(*asked, "--size", "150x130")
+    assert ran.code == 0
+    assert read_picture("o.png").pixels.shape == (130, 150)
+    assert "it closes by itself (--size auto:150x130)" in ran.out
+    assert toposeam(*asked, "--size", "auto").code == 0
+    assert read_picture("o.png").pixels.shape == (240, 260)
+
+
+def test_sources_show_on_the_shares_asked_for(toposeam):
+    asked = ("synth", "moss.png", "gray.tif", "--size", "150x140", "--patch", "24", "-o", "o.png", "--force")
+    parts = []
+    for shares in ("4,1", "1,4"):
+        assert toposeam(*asked, "--coordinates", "c.png", "--shares", shares).code == 0
+        parts.append((read_picture("c.png").pixels[..., 2] == 0).mean())
+    assert parts[0] > 0.7
+    assert parts[1] < 0.3
+
+
 @pytest.mark.parametrize(
     ("arguments", "phrase", "code"),
     [
+        (("moss.png", "--size", "90", "--shares", "1,2", "-o", "o.png"), "2 shares were given for 1", 1),
+        (("moss.png", "--size", "auto", "-o", "o.png"), "add --tileable", 1),
+        (("moss.png", "--size", "auto:none", "--tileable", "x", "-o", "o.png"), "is not a size", 2),
+        (("moss.png", "--size", "auto:99999999", "--tileable", "x", "-o", "o.png"), "more than", 1),
         (("moss.png", "--size", "90x70", "--patch", "65", "-o", "o.png"), "smaller than a patch", 1),
         (("moss.png", "--size", "90x70", "--overlap", "40", "-o", "o.png"), "overlap is 40", 1),
         (("thin.png", "--size", "90x70", "--patch", "auto", "-o", "o.png"), "at least 4 px a side", 1),

@@ -64,3 +64,19 @@ def test_when_one_of_several_outputs_fails_none_is_left(toposeam, folder):
     write_picture("gravel.png", Picture(pixels=gravel, alpha=alpha), force=True)
     toposeam("tile", "gravel.png", "-o", "o.png", "--preview", "o.jpg").fails("partly transparent")
     assert [path.name for path in folder.iterdir()] == ["gravel.png"]
+
+
+def test_an_ordered_picture_is_cropped_to_where_it_closes_when_asked(toposeam):
+    y, x = np.mgrid[:131, :149]
+    checks = np.where((x // 10 + y // 12) % 2, 40, 210) + np.random.default_rng(0).integers(0, 9, x.shape)
+    write_picture("checks.png", Picture(pixels=checks.astype(np.uint8)))
+    ran = toposeam("tile", "checks.png", "-o", "whole.png")
+    assert ran.code == 0, ran
+    assert read_picture("whole.png").pixels.shape == (131, 149)
+    assert "cropped to 140 × 120 px it does (--size auto)" in ran.out
+    ran = toposeam("tile", "checks.png", "--size", "auto", "-o", "tile.png")
+    assert ran.code == 0, ran
+    made = read_picture("tile.png").pixels.astype(int)
+    assert made.shape == (120, 140)
+    np.testing.assert_array_less(np.abs(made - np.roll(made, (24, 20), (0, 1))), 60)
+    assert "close" not in ran.out

@@ -251,7 +251,7 @@ def test_a_block_within_a_block_ends_with_that(tmp_path):
 
 
 def test_a_file_that_another_process_put_there_since_is_not_taken_back(tmp_path, monkeypatch):
-    put = output.Outputs._put
+    put = output.OutputBlock._put
 
     def put_and_be_overtaken(self, prepared):
         if prepared.path.name == "b.txt":
@@ -260,7 +260,7 @@ def test_a_file_that_another_process_put_there_since_is_not_taken_back(tmp_path,
             raise OSError(5, "Input/output error")
         put(self, prepared)
 
-    monkeypatch.setattr(output.Outputs, "_put", put_and_be_overtaken)
+    monkeypatch.setattr(output.OutputBlock, "_put", put_and_be_overtaken)
     with pytest.raises(OutputError), all_or_nothing():
         write_all(tmp_path, {"a.txt": "ours", "b.txt": "ours"})
     assert contents(tmp_path) == {"a.txt": "theirs"}
@@ -337,13 +337,13 @@ def test_without_locks_only_old_leftovers_go(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interruption_while_names_are_given_comes_after_all_of_them(tmp_path, monkeypatch, number):
-    put = output.Outputs._put
+    put = output.OutputBlock._put
 
     def interrupted(self, prepared):
         os.kill(os.getpid(), number)
         put(self, prepared)
 
-    monkeypatch.setattr(output.Outputs, "_put", interrupted)
+    monkeypatch.setattr(output.OutputBlock, "_put", interrupted)
     with pytest.raises((KeyboardInterrupt, Terminated)), terminations_raised(), all_or_nothing():
         write_all(tmp_path, {"a": "a", "b": "b", "c": "c"})
     assert contents(tmp_path) == {"a": "a", "b": "b", "c": "c"}

@@ -161,6 +161,7 @@ def test_gimp3_directory_is_where_gimp_looks_then(home, monkeypatch):
     assert (home / "elsewhere" / "plug-ins" / "toposeam_gimp" / "toposeam_gimp.py").is_file()
 
 
+@pytest.mark.medium
 def test_doctor_finds_a_working_engine_and_no_gimp(home):
     run("install", "--gimp-version", "3.0")
     output = run("doctor", "--gimp-version", "3.0", code=1)
@@ -193,6 +194,7 @@ def test_doctor_sees_a_folder_in_a_folder_and_a_file_without_one(home):
     assert "a folder of its own" in run("doctor", "--gimp-version", "3.2", code=1)
 
 
+@pytest.mark.medium
 def test_doctor_knows_whether_gimp_was_started_since(home):
     run("install", "--gimp-version", "3.0")
     record = home / ".config" / "GIMP" / "3.0" / "pluginrc"

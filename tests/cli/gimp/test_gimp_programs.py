@@ -36,6 +36,7 @@ def test_a_gimp_that_was_never_started_gets_its_profile(home):
     assert "settings of 3.2" in output
 
 
+@pytest.mark.medium
 def test_doctor_asks_each_gimp_with_its_own_profile(home):
     fake_gimp(home, "gimp-console-3.0")
     fake_gimp(home, "gimp-console-3.2", says="TOPOSEAM False", tail="echo 'ImportError: no'")

@@ -188,6 +188,7 @@ HOSTILE = {
 }
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(("make", "phrase"), HOSTILE.values(), ids=HOSTILE)
 def test_a_hostile_openraster_file_is_refused(three, toposeam, make, phrase):
     make(three / "in.ora")

@@ -10,7 +10,8 @@ from picture_samples import DEPTHS, fails, names, sample, smooth
 from PIL import Image, ImageOps
 
 import toposeam as ts
-from toposeam_cli.pictures.picture import Picture, read_picture, read_white, write_picture
+from toposeam_cli.pictures.masks import read_white
+from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
 
 CMYK = pyvips.Image.profile_load("cmyk")
 

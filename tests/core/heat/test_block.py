@@ -77,6 +77,7 @@ def test_the_energy_is_the_slope_of_the_compliance(joined):
         assert -state.energy[place] == pytest.approx(slope, rel=1e-4, abs=1e-8)
 
 
+@pytest.mark.medium
 def test_iterations_hardly_grow_with_the_block():
     counts = []
     for side in (16, 32):

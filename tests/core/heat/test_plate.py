@@ -40,6 +40,7 @@ def _dense_solution(plate, heat, sinks, k):
     return (t @ np.linalg.solve(t.T @ matrix @ t, t.T @ load)).reshape(h + 1, w + 1), t.T @ load
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("joint", JOINTS)
 @pytest.mark.parametrize("shape", [(24, 32), (26, 36)])
 def test_temperatures_are_those_of_the_assembled_system(joint, shape):

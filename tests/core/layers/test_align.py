@@ -27,6 +27,7 @@ def crops(places=PLACES, off=6, seed=0, size=(220, 240), noise=6):
     return layers, np.array(errors)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("off", [3, 14])
 def test_known_shifts_are_found_again(seed, off):
@@ -55,6 +56,7 @@ def test_narrow_strips_and_transparency():
     np.testing.assert_array_equal(ts.align(layers).shifts, -errors)
 
 
+@pytest.mark.medium
 def test_what_agrees_with_nothing_is_refused():
     layers, _ = crops()
     stranger = ts.Layer(image=data.coffee()[:220, :240].copy(), at=(200, 150), name="stranger")

@@ -39,6 +39,7 @@ def shown(stitched):
     return np.any(stitched.masks, axis=0)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("kind", BLURS)
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
 def test_where_layers_agree_nothing_changes(kind, dtype):
@@ -81,6 +82,7 @@ def test_a_wider_feather_is_smoother():
     assert step("feather", 25) < step("feather", 5) < step("none")
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("kind", ["feather", "multiband"])
 def test_far_from_the_seam_every_pixel_is_its_layer_s(kind):
     gains = ((1.1, 1.1, 1.1), (0.9, 0.9, 0.9), (1, 1, 1))
@@ -98,6 +100,7 @@ def test_far_from_the_seam_every_pixel_is_its_layer_s(kind):
     np.testing.assert_array_equal(changed, changed & near)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("kind", BLURS)
 def test_tiles_leave_no_trace(kind, monkeypatch):
     gains = ((1.1, 1.1, 1.1), (0.9, 0.9, 0.9), (1, 1, 1))
@@ -147,6 +150,7 @@ def test_opacity_fades_too():
     assert (stitched.image == 100).all()
 
 
+@pytest.mark.medium
 def test_gradient_is_the_least_squares_solution():
     layers = crops(((1.1, 1, 1), (0.9, 1, 1), (1, 1, 1)), dtype=np.float32)
     stitched = ts.stitch(layers)

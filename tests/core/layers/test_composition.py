@@ -79,6 +79,7 @@ def test_a_tile_map_reads_and_writes_like_an_array(monkeypatch):
     assert list(several(tiles, Box(0, 0, 37, 53))) == []
 
 
+@pytest.mark.medium
 def test_a_map_of_a_gigapixel_is_small():
     label_map = new_map((30_000, 40_000), -1, np.int16)
     for index in range(12):
@@ -86,6 +87,7 @@ def test_a_map_of_a_gigapixel_is_small():
     assert label_map.nbytes < 120e6  # of 2.4 GB
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("blend", ["none", "feather", "soft", "multiband"])
 @pytest.mark.parametrize("alpha", [False, True])
 def test_windows_of_layers_read_by_windows_are_the_picture_made_at_once(blend, alpha, sparse):

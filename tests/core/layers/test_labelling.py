@@ -123,6 +123,7 @@ def test_a_reduced_interface_is_a_mean_of_the_least_of_three_and_the_middle_one(
     assert reduction._of_three(cost)[0, 1] == 0
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_reduced_first_ends_within_two_percent_of_all_at_once(seed, monkeypatch):
     rng = np.random.default_rng(seed)

@@ -1,7 +1,5 @@
 """Many layers: total cost against α-expansion, and what holds of every labelling."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from alpha_expansion import Expansion
@@ -10,9 +8,10 @@ from hypothesis import strategies as st
 from skimage import data
 
 import toposeam as ts
+from toposeam.layers.junctions import beside_steps, junctions
 from toposeam.layers.layer import Box
 from toposeam.layers.posing import exclusive_covers, pose_labelling
-from toposeam.layers.rounds import Rounds, _beside_steps, best_rounds
+from toposeam.layers.rounds import best_rounds
 
 PHOTOGRAPHS = (data.coffee(), data.chelsea(), data.astronaut(), data.rocket())
 
@@ -79,6 +78,7 @@ def test_the_order_hardly_matters(seed):
     assert max(costs) <= 1.1 * min(costs)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("method", ["heat", "graph-cut", "shortest-path"])
 def test_every_method_that_knows_networks_ends_at_the_same_cost(method):
     pytest.importorskip("maxflow")
@@ -95,6 +95,7 @@ RECTANGLES = st.lists(
 )
 
 
+@pytest.mark.medium
 @settings(deadline=None, max_examples=40, derandomize=True)
 @given(RECTANGLES, st.booleans(), st.sampled_from(["none", "feather", "multiband", "gradient", "soft"]))
 def test_no_hole_no_double_cover_no_pixel_unassigned(rectangles, holes, blend):
@@ -249,7 +250,7 @@ def test_a_given_seam_of_one_pair_is_followed_and_the_others_found():
 def test_beside_a_step_are_both_pixels_of_a_pair_that_differs_by_more(step, columns):
     values = np.tile(np.array([5, 5, 6, 6, 9, 9], np.int16), (3, 1))
     for turned in (False, True):
-        found = _beside_steps(values.T if turned else values, step)
+        found = beside_steps(values.T if turned else values, step)
         assert np.flatnonzero(found.all(axis=1 if turned else 0)).tolist() == columns
         assert found.sum() == 3 * len(columns)
 
@@ -265,10 +266,8 @@ def test_rounds_divide_pairs_anew_and_keep_how_sure_they_were():
 def test_where_three_layers_meet_is_solved_once_more_and_where_two_do_is_not():
     labels = np.zeros((90, 120), np.int16)
     labels[40:] = 1
-    two = SimpleNamespace(label_map=labels.copy())
-    assert Rounds._meetings(two) == []
+    assert junctions(labels, 24) == []
     labels[40:, 70:] = 2
-    three = SimpleNamespace(label_map=labels)
-    assert Rounds._meetings(three) == [Box(39, 69, 41, 71).grown(24)]
+    assert junctions(labels, 24) == [Box(39, 69, 41, 71).grown(24)]
     labels[:40] = -1  # nothing is no layer
-    assert Rounds._meetings(three) == []
+    assert junctions(labels, 24) == []

@@ -53,3 +53,14 @@ def test_gains_are_the_same_in_every_depth(dtype, white):
     first, second = ts.match_tones(layers)
     assert abs(first.image[0, 0] / full - second.image[0, 0] / full) <= 1.5 / 255
     assert first.image[0, 0] / full == pytest.approx(np.sqrt(0.4 * 0.5), abs=0.005)
+
+
+@pytest.mark.parametrize("dtype", [np.int16, np.int64, np.float32])
+def test_layers_of_which_nobody_knows_what_is_white_are_refused(dtype):
+    values = np.full((20, 30), 200, dtype)
+    with pytest.raises(ts.ImageError, match="say with data_range="):
+        ts.match_tones([ts.Layer(values), ts.Layer(values, at=(20, 0))])
+    first, _ = ts.match_tones(
+        [ts.Layer(values, data_range=255), ts.Layer(values, at=(20, 0), data_range=255)]
+    )
+    assert (first.image == 200).all()

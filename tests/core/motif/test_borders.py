@@ -47,6 +47,7 @@ def test_mass_is_met_from_the_inside():
     np.testing.assert_array_equal(found[:5], field[:5])
 
 
+@pytest.mark.medium
 def test_joined_motifs_show_no_borders():
     """As conspicuous as inner lines at most, also by the thesis's way; with nothing done for it two of these
     four are above, and all by the thesis's way.

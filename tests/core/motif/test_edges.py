@@ -79,6 +79,7 @@ def test_the_level_parts_the_asked_share():
     assert np.mean(values > level(values, 0.23)) == pytest.approx(0.23, abs=1e-3)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("repeat", ["translate", "rotate", "p4m", "p6m", "none"])
 @pytest.mark.parametrize("edge", ["crisp", "ink"])
 def test_pixels_and_drawing_are_the_same_contours(repeat, edge):

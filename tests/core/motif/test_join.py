@@ -29,6 +29,7 @@ def test_without_weight_each_motif_is_what_it_is_alone():
         assert np.array_equal(motif.densities, ts.generate_motif(recipe).densities)
 
 
+@pytest.mark.medium
 def test_motifs_join_each_other_the_better_the_more_the_compound_weighs():
     apart, together = _joined(0.0), _joined(0.5)
     assert together.mismatch() < 0.7 * apart.mismatch()
@@ -68,6 +69,7 @@ def test_the_mismatch_falls_with_the_stages():
     assert third < second < first
 
 
+@pytest.mark.medium
 def test_a_stage_leaves_the_motifs_before_it_alone():
     one, two = _joined(0.5), _joined(0.5, stages=2)
     assert np.array_equal(one.motifs[0].densities, two.motifs[0].densities)
@@ -83,6 +85,7 @@ def test_a_shared_border_joins_any_motif_to_any():
         assert ts.border_mismatch(motifs[0], other) < 1.5
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("shared", [0, 3])
 def test_every_motif_keeps_its_mass(shared):
     for motif in _joined(0.5, stages=2, shared=shared).motifs:

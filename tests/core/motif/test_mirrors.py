@@ -51,6 +51,7 @@ def test_rows_at_a_mirror_hold_as_much_as_those_beyond(repeat):
     np.testing.assert_allclose(orbits.mean(found), found, rtol=1e-12)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("repeat", ["reflect", "pm", "pmm", "p6", "p6m", "drop", "pgg"])
 def test_no_border_shows(repeat):
     """Rules whose borders showed in one of these seeds while nothing was done about it."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.motif.generate import _spread
+from toposeam.motif.spots import _spread
 from toposeam.motif.symmetry import HEXAGONAL
 
 QUICK = {"size": 48, "layers": 2, "iterations": 6}
@@ -60,6 +60,7 @@ def test_subtractive_mixing_is_a_product_over_paper():
     assert motif.image() == pytest.approx(expected, abs=1e-5)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("repeat", ["none", "reflect", "translate", "rotate", "p4g", "p6m"])
 def test_any_size_is_the_same_picture(repeat):
     motif = ts.generate_motif(48, layers=1, repeat=repeat, seed=2)

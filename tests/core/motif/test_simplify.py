@@ -15,6 +15,7 @@ def test_the_heaviest_inks_are_kept_as_they_are():
     assert ts.simplify(recipe, inks=9) == recipe
 
 
+@pytest.mark.medium
 def test_ink_wash_is_sharpened_to_strokes():
     recipe = ts.random_recipe(24, layers=1, penalty=1, seed=1, iterations=8)
     soft = ts.generate_motif(recipe).coverage((96, 96))

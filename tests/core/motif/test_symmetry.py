@@ -42,6 +42,7 @@ def test_groups_have_their_order(repeat, order):
     assert len(operations(repeat)) == order
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("repeat", GENERATORS)
 def test_generators_leave_the_repeated_picture_as_it_is(repeat):
     h = 48
@@ -55,6 +56,7 @@ def test_generators_leave_the_repeated_picture_as_it_is(repeat):
         assert np.abs(picture[to_y, to_x] - picture).max() <= ONE_STEP
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("repeat", HEXAGONAL)
 def test_generators_of_hexagonal_groups_leave_the_repeated_picture_as_it_is(repeat):
     """On 2n × 2n pixels a tile has lattice node (u, v) in row v and column 2u - v, and turns by 60° take
@@ -69,6 +71,7 @@ def test_generators_of_hexagonal_groups_leave_the_repeated_picture_as_it_is(repe
         assert np.abs(turned - picture[v, (2 * u - v) % (4 * n)]).max() <= ONE_STEP
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("repeat", HEXAGONAL)
 def test_hexagonal_tiles_have_true_geometry(repeat):
     """A turn of the printed picture itself, square pixels, interpolated: p6 by 60°, p3 by 120°."""
@@ -99,6 +102,7 @@ def _steps(picture, axis):
     return np.moveaxis(np.abs(np.diff(picture, axis=axis)).max(axis=2), axis, 0)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("repeat", [r for r in ts.REPEATS if r != "none"])
 def test_no_border_can_be_seen(repeat):
     """The colour step's 99th percentile across a border is at most that across the most conspicuous line of
@@ -112,6 +116,7 @@ def test_no_border_can_be_seen(repeat):
         assert steps[border].max() <= steps[~border].max()
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("repeat", ["reflect", "translate", "rotate"])
 def test_borders_of_the_thesis_rules_are_calmer_than_the_inside(repeat):
     """Across every border the 99th percentile of the colour step is at most that of inner neighbours."""

@@ -38,6 +38,7 @@ def test_round_a_wall_through_its_nearer_end():
     assert shortest - 1e-6 <= found.length < 1.02 * shortest
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("seed", range(4))
 def test_terrain_costs_no_more_than_the_grid_s_shortest_way(seed):
     rng = np.random.default_rng(seed)
@@ -49,6 +50,7 @@ def test_terrain_costs_no_more_than_the_grid_s_shortest_way(seed):
     assert found.cost <= 1.01 * dijkstra_cost(cost, (5, 5), (58, 50))
 
 
+@pytest.mark.medium
 def test_stopovers_are_visited_in_order():
     stops = [(50, 6), (8, 34)]
     found = ts.plan_path((40, 60), (5, 5), (50, 34), stopovers=stops)

@@ -112,6 +112,7 @@ def test_seam_of_patches_that_overlap_by_a_corner_survives():
     assert_round_trip((x - 12) * 13 + (y - 9) * 14 > 13 * 13, overlap, side, valid=side != NONE)
 
 
+@pytest.mark.medium
 @settings(deadline=None)
 @given(st.data())
 def test_any_labels_with_a_fixed_pixel_per_component_survive(data):
@@ -171,6 +172,7 @@ coordinates = st.one_of(
 )
 
 
+@pytest.mark.medium
 @settings(max_examples=200, deadline=None)
 @given(st.lists(st.tuples(coordinates, coordinates), min_size=3, max_size=8))
 def test_any_closed_path_follows_the_even_odd_rule(points):

@@ -16,6 +16,7 @@ def blob(rng, shape):
     return smooth > np.quantile(smooth, rng.uniform(0.05, 0.7))
 
 
+@pytest.mark.medium
 def test_on_overlaps_of_any_shape_it_costs_what_a_maximum_flow_costs(monkeypatch):
     by_path, by_flow = [], []
     path, flow = exact.shortest_path, exact._maximum_flow
@@ -81,6 +82,7 @@ def test_a_zone_keeps_the_path_beside_its_pixels(crops):
 # --- what is proven
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("shape", [None, *SHAPES])
 def test_no_seam_costs_less_than_what_is_proven(shape, crops):
     masks = SHAPES[shape]() if shape else (None, None)

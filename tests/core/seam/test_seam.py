@@ -56,6 +56,7 @@ def test_its_settings_reproduce_it(crops):
     np.testing.assert_array_equal(ts.find_seam(a, b, cost=cost, **options).labels, first.labels)
 
 
+@pytest.mark.medium
 def test_simplified_lines_stay_within_the_tolerance_and_apply_nearly_alike(seam):
     (exact,), (bent,) = seam.paths, seam.simplified()
     assert len(bent.points) < 0.7 * len(exact.points)

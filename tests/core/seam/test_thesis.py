@@ -191,6 +191,7 @@ def test_n_q_counts_the_elements_of_the_path_and_falls_back_where_heat_is_spread
     assert run._n_flux() == pytest.approx(2 * (1 + 250 * 0.009**2))
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     "options",
     [
@@ -256,6 +257,7 @@ def test_not_solving_again_for_equal_ratios_keeps_the_path_to_rounding(crops, mo
     assert (quick.labels == full.labels).all()
 
 
+@pytest.mark.medium
 def test_leaving_out_dead_elements_keeps_the_path_and_the_seam(crops, monkeypatch):
     """The first stage decides on the outline: its objective stays within a few percent, and nearly every seam
     is the same.

@@ -23,6 +23,7 @@ def edges_of(mesh):
     return counted
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("repeat", REPEATS)
 def test_every_edge_lies_between_two_faces_in_opposite_directions(repeat):
     mesh = ts.generate_solid(recipe(repeat=repeat), 20).mesh()
@@ -34,6 +35,7 @@ def test_every_edge_lies_between_two_faces_in_opposite_directions(repeat):
     assert mesh.vertices.max() <= 20
 
 
+@pytest.mark.medium
 def test_a_mesh_with_a_hole_or_a_turned_face_is_not_closed():
     mesh = ts.generate_solid(recipe(), 16).mesh()
     turned = mesh.faces.copy()
@@ -52,6 +54,7 @@ def test_a_box_has_its_own_volume_and_area():
     assert np.isclose(mesh.vertices[:, 0].max(), 16)
 
 
+@pytest.mark.medium
 def test_what_is_solid_stands_on_the_floor_and_weighs_what_it_should():
     solid = ts.generate_solid(recipe(32, iterations=30), 32)
     pieces, count = ndimage.label(solid.filled, np.ones((3, 3, 3)))
@@ -63,17 +66,20 @@ def test_what_is_solid_stands_on_the_floor_and_weighs_what_it_should():
     assert last < 0.2 * first
 
 
+@pytest.mark.medium
 def test_every_floor_has_the_symmetry_of_the_rule():
     density = ts.generate_solid(recipe(repeat="p4m"), 16).density
     for turned in (density[:, ::-1], density[:, :, ::-1], density.swapaxes(1, 2)):
         np.testing.assert_allclose(density, turned, atol=1e-6)
 
 
+@pytest.mark.medium
 def test_the_same_recipe_makes_the_same_solid():
     one, two = (ts.generate_solid(recipe(), 16) for _ in range(2))
     np.testing.assert_array_equal(one.density, two.density)
 
 
+@pytest.mark.medium
 def test_files_hold_the_mesh(tmp_path):
     mesh = ts.generate_solid(recipe(), 16).mesh(2.5)
     mesh.to_stl(tmp_path / "a.stl")

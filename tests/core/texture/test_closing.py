@@ -69,6 +69,7 @@ def test_bricks_that_repeat_are_broken_less_often_with_a_plan():
     assert cuts(True) < cuts(False)
 
 
+@pytest.mark.medium
 def test_mending_makes_the_seams_better():
     image = skimage.data.brick()[:128, :128]
 

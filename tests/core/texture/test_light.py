@@ -33,6 +33,7 @@ def test_slow_light_is_told_from_structure(lit, sample):
     assert not has_slow_light(sample(1, (128, 128), channels=3) / np.float32(255), everywhere)
 
 
+@pytest.mark.medium
 def test_patches_under_unlike_light_show_no_squares(lit):
     image, structure = lit
     made = ts.synthesize(image, 256, patch=32, seed=1)
@@ -61,6 +62,7 @@ def test_maps_are_cut_alike_and_keep_their_values(lit, sample):
     np.testing.assert_array_equal(made.maps[0], other[made.source[..., 0], made.source[..., 1]])
 
 
+@pytest.mark.medium
 def test_flattening_divides_the_light_away(lit):
     image, structure = lit
     flat = ts.flatten_light(image)

@@ -26,6 +26,7 @@ def two_alike(sample):
     return image, disc(image.shape[:2], 60, 45, 20)
 
 
+@pytest.mark.medium
 def test_what_the_picture_has_twice_is_restored_exactly(sample):
     image, hole = two_alike(sample)
     spoiled = np.where(hole[..., np.newaxis], 0, image).astype(np.uint8)
@@ -33,9 +34,10 @@ def test_what_the_picture_has_twice_is_restored_exactly(sample):
     np.testing.assert_array_equal(made.image, image)
     shift = made.source[hole] - np.argwhere(hole)
     assert (shift == (0, 90)).all()
-    assert repr(made).startswith("<Synthesis: 180 × 120 px, 1 patches of")
+    assert repr(made).startswith("Synthesis(180 × 120 px, 1 patches of")
 
 
+@pytest.mark.medium
 def test_a_slope_of_light_runs_on_and_nothing_appears_in_it():
     rng = np.random.default_rng(1)
     y, x = np.mgrid[:160, :200]
@@ -57,6 +59,7 @@ def test_a_slope_of_light_runs_on_and_nothing_appears_in_it():
     )  # all copies, but for the mixing at seams
 
 
+@pytest.mark.medium
 def test_only_the_hole_and_its_band_change_and_only_what_may_be_is_copied():
     image = skimage.data.chelsea()[60:180, 120:300]
     hole, avoid = disc(image.shape[:2], 55, 60, 18), np.zeros(image.shape[:2], bool)
@@ -71,6 +74,7 @@ def test_only_the_hole_and_its_band_change_and_only_what_may_be_is_copied():
     np.testing.assert_array_equal(again.image, made.image)
 
 
+@pytest.mark.medium
 def test_holes_apart_are_filled_each_for_itself_and_transparent_ground_is_left():
     image = skimage.data.coffee()[:140, 400:600]
     alpha = np.full(image.shape[:2], 255, np.uint8)
@@ -86,6 +90,7 @@ def test_holes_apart_are_filled_each_for_itself_and_transparent_ground_is_left()
     assert (made.source[made.labels > 0][:, 0] >= 10).all()
 
 
+@pytest.mark.medium
 def test_a_hole_that_hardly_any_shift_can_reach_is_filled_all_the_same(sample):
     image = sample(2, (90, 120), channels=3)
     hole = np.zeros(image.shape[:2], bool)
@@ -95,6 +100,7 @@ def test_a_hole_that_hardly_any_shift_can_reach_is_filled_all_the_same(sample):
     assert not hole[made.source[hole][:, 0], made.source[hole][:, 1]].any()
 
 
+@pytest.mark.medium
 def test_maps_are_cut_alike_and_not_levelled(sample):
     image, hole = skimage.data.rocket()[100:220, 200:360], disc((120, 160), 60, 70, 16)
     other = sample(3, (120, 160), dtype=np.uint16)
@@ -160,6 +166,7 @@ def test_moves_lower_the_cost_below_what_chance_finds(sample):
             assert moves.total(other) >= after * (1 - 2e-3)
 
 
+@pytest.mark.medium
 def test_the_shift_by_which_a_picture_repeats_is_among_the_candidates(sample):
     image, hole = two_alike(sample)
     values = np.where(hole[..., np.newaxis], 0, image / np.float32(255)).astype(np.float32)

@@ -12,6 +12,7 @@ def step_at_border(image, axis):
     return across / np.abs(np.diff(values, axis=axis)).mean()
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("channels", [None, 1, 3])
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
 def test_size_channels_and_depth_are_as_asked(sample, dtype, channels):
@@ -48,6 +49,7 @@ def test_without_smoothing_every_pixel_is_a_copy_and_with_it_only_pixels_at_seam
     assert not (differs & ~seam).any()
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     ("tileable", "closed"), [(True, (True, True)), ("x", (False, True)), ("y", (True, False))]
 )
@@ -76,6 +78,7 @@ def test_the_same_seed_gives_the_same_bytes_and_another_one_another_texture(samp
     assert (first.image != other.image).mean() > 0.5
 
 
+@pytest.mark.medium
 def test_no_source_pixel_shows_much_more_often_than_the_average(sample):
     source = sample(5, (96, 96))
     made = ts.synthesize(source, 200, patch=24)
@@ -92,6 +95,7 @@ def largest_copy(made):
     return max(areas)
 
 
+@pytest.mark.medium
 def test_patches_continue_one_another_up_to_a_limit(sample):
     source = sample(6, (128, 128))
     made, free = (
@@ -107,6 +111,7 @@ def test_patches_continue_one_another_up_to_a_limit(sample):
     assert (shift[:, 1:] != shift[:, :-1]).any(axis=2)[borders].all()
 
 
+@pytest.mark.medium
 def test_objects_larger_than_the_overlap_stay_whole():
     """Discs of 22 px on noise: of those that do not touch the border nearly all have the sample's area."""
     rng = np.random.default_rng(30)
@@ -133,6 +138,7 @@ def test_objects_larger_than_the_overlap_stay_whole():
     assert whole >= 0.9 * total
 
 
+@pytest.mark.medium
 def test_the_same_place_comes_again_at_a_distance_where_there_is_a_choice(sample):
     source = sample(31, (128, 128))
 
@@ -263,7 +269,7 @@ def test_a_pil_picture_is_a_source_and_a_result_shows_itself(sample):
     pixels = sample(23, channels=3)
     made = ts.synthesize(Image.fromarray(pixels), (50, 60), patch=24, tileable="x")
     np.testing.assert_array_equal(made.image, ts.synthesize(pixels, (50, 60), patch=24, tileable="x").image)
-    assert repr(made) == f"<Synthesis: 60 × 50 px, {made.count} patches of 24 × 24 px>"
+    assert repr(made) == f"Synthesis(60 × 50 px, {made.count} patches of 24 × 24 px)"
     assert made._repr_png_().startswith(b"\x89PNG")
 
 
@@ -373,3 +379,21 @@ def test_bad_input_is_refused_in_one_sentence(change, error, text):
     with pytest.raises(error, match=text) as caught:
         ts.synthesize(**arguments)
     assert "\n" not in str(caught.value)
+
+
+def test_exemplars_show_on_the_shares_asked_for(sample):
+    dark, light = sample(0, (64, 64)) // 2, 128 + sample(1, (64, 64)) // 2
+    shown = [
+        (ts.synthesize([dark, light], 160, patch=24, seed=0, shares=shares).exemplar == 0).mean()
+        for shares in ((4, 1), (1, 1), (1, 4))
+    ]
+    assert shown == pytest.approx([0.8, 0.5, 0.2], abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("shares", "phrase"),
+    [((1,), "1 shares were given for 2"), ((1, 0), "one of the shares"), (5, "a list with one number")],
+)
+def test_shares_that_fit_nothing_are_refused(sample, shares, phrase):
+    with pytest.raises(ts.OptionError, match=phrase):
+        ts.synthesize([sample(0, (64, 64)), sample(1, (64, 64))], 80, shares=shares)

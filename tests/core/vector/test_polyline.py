@@ -205,6 +205,7 @@ def distance(point, outline):
     return np.hypot(*(point - start - share[:, np.newaxis] * step).T).min()
 
 
+@pytest.mark.medium
 @settings(deadline=None)
 @given(label_maps, st.sampled_from([0.3, 0.75, 1.5, 4.0]))
 def test_no_point_is_farther_from_the_simplified_line_than_the_tolerance(labels, tolerance):

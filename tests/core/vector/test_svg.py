@@ -85,6 +85,7 @@ json_values = st.recursive(
 )
 
 
+@pytest.mark.medium
 @settings(deadline=None)
 @given(
     st.lists(lines, min_size=1, max_size=3),
@@ -100,6 +101,7 @@ def test_what_was_written_is_read_back_equal(polylines, width, height, metadata)
         np.testing.assert_array_equal(line.points, same.points)
 
 
+@pytest.mark.medium
 @settings(deadline=None)
 @given(st.lists(st.text(), min_size=1, max_size=4))
 def test_any_names_give_a_readable_document(names):

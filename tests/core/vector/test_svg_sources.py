@@ -145,6 +145,7 @@ def test_a_path_that_goes_on_for_ever_after_it_was_closed_is_refused():
         read_svg(path("M0,0" + "l1,1z" * 102))
 
 
+@pytest.mark.medium
 def test_what_topo_seam_writes_of_a_very_long_seam_is_read():
     line = Polyline(
         np.cumsum(np.random.default_rng(0).integers(0, 2, (300_000, 2)), axis=0).astype(float), False

@@ -53,6 +53,7 @@ def test_every_voxel_is_one_of_the_stacks_where_they_lie(offset):
     assert (joined.volume[(on_canvas == 0).all(axis=0)] == 0).all()
 
 
+@pytest.mark.medium
 def test_blocks_find_nearly_the_surface_of_the_whole():
     a, b, offset = stacks()
     whole = ts.join_volumes(a, b, offset=offset)
@@ -65,6 +66,7 @@ def test_blocks_find_nearly_the_surface_of_the_whole():
     assert blocks.volume.shape == whole.volume.shape
 
 
+@pytest.mark.medium
 def test_coarse_voxels_and_a_second_round_hardly_cost_anything(monkeypatch):
     monkeypatch.setattr("toposeam.volume.block_surface._COARSE", 8000)
     a, b, offset = stacks(seed=1)
@@ -74,6 +76,7 @@ def test_coarse_voxels_and_a_second_round_hardly_cost_anything(monkeypatch):
     assert cost_of(blocks.labels, a, b, offset) <= 1.03 * cost_of(whole.labels, a, b, offset)
 
 
+@pytest.mark.medium
 def test_blocks_agree_however_they_are_cut_and_kept(tmp_path):
     pytest.importorskip("zarr")
     a, b, offset = stacks((20, 30, 50), 20)

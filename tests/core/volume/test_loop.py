@@ -91,6 +91,7 @@ def test_what_is_to_stand_still_does():
     assert (np.diff(made.frames[:, ~still], axis=0) != 0).any()
 
 
+@pytest.mark.medium
 def test_growing_makes_a_longer_clip_that_still_repeats():
     clip = drifting(60)
     made = ts.loop(clip, grow=150, transition=6, seed=3)

@@ -7,7 +7,7 @@ from scipy import ndimage
 import toposeam as ts
 from toposeam.heat.grid_flow import GridFlow, along
 from toposeam.volume.heat import SurfaceOptions, heat_surface
-from toposeam.volume.levels import Level, coarser, refined, refined_filling
+from toposeam.volume.levels import VolumeLevel, coarser, refined, refined_filling
 from toposeam.volume.posing import face_areas, surface_problem
 
 pytest.importorskip("maxflow")
@@ -71,6 +71,7 @@ def test_any_topology_ends_near_the_optimum_and_says_how_near(topology):
     assert surface.shown[side == 1].all()
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("topology", SHAPES)
 def test_a_slab_loses_next_to_nothing(topology):
     a, b, on_a, on_b = topology((20, 40, 40))
@@ -79,6 +80,7 @@ def test_a_slab_loses_next_to_nothing(topology):
     assert surface.bound == 0  # nothing is proven of what lies outside
 
 
+@pytest.mark.medium
 def test_a_slab_that_is_too_thin_grows(monkeypatch):
     problem, _ = surface_problem(*noise((48, 48, 48), 0, 2.0), None, None, 0, ts.MatchCost())
     best, _ = heat_surface(problem, SurfaceOptions())
@@ -302,14 +304,14 @@ def test_on_a_plane_the_sweeps_find_the_best_seam():
 
 def test_blocks_of_voxels_are_joined_by_all_that_joins_their_voxels():
     cost, fixed, hot = cube(3, (18, 17, 16))
-    level = coarser(Level(tuple(cost), fixed, hot, (1, 1, 1)))
+    level = coarser(VolumeLevel(tuple(cost), fixed, hot, (1, 1, 1)))
     assert level.span == (2, 2, 2)
     assert level.fixed.shape == (9, 9, 8)
     assert level.cost[0][3, 2, 1] == pytest.approx(cost[0][7, 4:6, 2:4].sum())
     assert level.cost[1][2, 7, 5] == pytest.approx(cost[1][4:6, 15, 10:12].sum())
     assert level.fixed[0].all()
     assert level.hot[-1].all()
-    assert coarser(Level(level.cost, level.fixed, level.hot, (2, 2, 2))) is None
+    assert coarser(VolumeLevel(level.cost, level.fixed, level.hot, (2, 2, 2))) is None
 
 
 def test_what_blocks_found_spreads_to_their_voxels():

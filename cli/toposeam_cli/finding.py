@@ -1,0 +1,125 @@
+"""How seams are to be found: the options that say so, what they mean together, and the call they become."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import toposeam as ts
+from toposeam_cli.composing import Outputs
+from toposeam_cli.figures.search import check_search
+from toposeam_cli.options import Keyed
+from toposeam_cli.placing import PlacedPictures, given_seams, read_avoid
+from toposeam_cli.progress import share_bar
+
+#: Below this correlation two pictures hardly show the same.
+_STRANGE = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeamOptions:
+    """How seams are found, and what happens across them."""
+
+    avoid: Path | None
+    no_gradient: bool
+    core: float
+    max_megapixels: float
+    align: bool
+    align_radius: int | None
+    method: ts.Method | None
+    formulation: int | None
+    match_tones: bool
+    blend: ts.Blend
+    blend_width: float | None
+    use_seam: tuple[Keyed, ...]
+    wrap: int | None
+
+
+def by_windows(out: Outputs, find: SeamOptions) -> bool:
+    """Whether the result can be made window by window."""
+    return out.output.suffix.lower() != ".ora" and find.blend != "gradient" and out.history is None
+
+
+def check_finding(find: SeamOptions, out: Outputs) -> None:
+    """Refuse options that mean nothing together.
+
+    Raises
+    ------
+    OptionError
+    """
+    iterates = not find.use_seam and find.method in (None, "heat", "thesis")
+    if out.history is not None:
+        if not iterates:
+            raise ts.OptionError(
+                "--history shows iterations, and only the methods heat and thesis iterate; choose one of "
+                "them or leave it out"
+            )
+        check_search(out.history.suffix)
+    if find.formulation is not None and (find.method != "thesis" or find.use_seam):
+        raise ts.OptionError("--formulation belongs to --method thesis; add that or leave it out")
+    if find.align_radius is not None and not find.align:
+        raise ts.OptionError("--align-radius belongs to --align; add that or leave it out")
+
+
+def correlations(job: PlacedPictures) -> dict[tuple[int, int], float]:
+    """How much each two layers that overlap look alike there, -1 to 1."""
+    return ts.correlations(job.layers) if job.placement is None else job.placement.correlations
+
+
+def strangers(job: PlacedPictures) -> list[str]:
+    """A sentence for each two pictures that hardly show the same where they overlap."""
+    if job.placement is not None:
+        return []
+    return [
+        f"{job.layers[i].name} and {job.layers[j].name} hardly show the same where they overlap (correlation "
+        f"{value:.2f}); check where they lie"
+        for (i, j), value in ts.correlations(job.layers).items()
+        if value < _STRANGE
+    ]
+
+
+def composed_as(
+    job: PlacedPictures, find: SeamOptions, out: Outputs, files: Sequence[Path]
+) -> ts.Composition:
+    """Join the layers along seams.
+
+    Raises
+    ------
+    TopoSeamError
+        As :func:`toposeam.compose` raises it, with the file that is meant.
+    """
+    options: dict[str, Any] = {} if find.formulation is None else {"formulation": find.formulation}
+    try:
+        with share_bar(f"joining {_names(job.layers)}", out.quiet) as progress:
+            return ts.compose(
+                job.layers,
+                method=find.method or "heat",
+                use_path=given_seams(find.use_seam, job),
+                record_frames=out.history is not None,
+                progress=progress,
+                gradient=not find.no_gradient,
+                core=find.core,
+                match_tones=find.match_tones,
+                wrap=find.wrap,
+                blend=find.blend,
+                blend_width=find.blend_width,
+                max_megapixels=max(find.max_megapixels, ts.MAX_PIXELS / 1e6),
+                avoid=None if find.avoid is None else read_avoid(find.avoid, job.shape, find.max_megapixels),
+                **options,
+            )
+    except ts.OverlapError as error:
+        if files[0].suffix.lower() != ".ora":
+            raise
+        hint = "if TopoSeam wrote this file, hide the layers it cut and show its group originals"
+        raise ts.OverlapError(f"{error}; {hint}") from error
+    except ts.PathError as error:
+        one = find.use_seam[0].path if len(find.use_seam) == 1 else None
+        if one is None or str(one) in str(error):
+            raise
+        raise ts.PathError(f"'{one}': {error}") from error
+
+
+def _names(layers: Sequence[ts.Layer]) -> str:
+    return f"{layers[0].name} and {layers[1].name}" if len(layers) == 2 else f"{len(layers)} pictures"

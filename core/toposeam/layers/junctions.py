@@ -1,0 +1,49 @@
+"""Where seams run on a label map, and where they meet."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toposeam.images import Mask
+from toposeam.layers.layer import Box
+from toposeam.layers.maps import several
+from toposeam.layers.painting import LabelMap
+
+
+def junctions(label_map: LabelMap, reach: int) -> list[Box]:
+    """Boxes that reach so many px beyond the places where three layers or more meet; no two overlap.
+
+    Examples
+    --------
+    >>> junctions(np.array([[0, 0, 1, 1], [0, 0, 1, 1], [2, 2, 2, 2]], np.int16), 1)
+    [Box(top=0, left=0, bottom=4, right=4)]
+    """
+    found: list[tuple[int, int]] = []
+    for block in several(label_map, Box(0, 0, *label_map.shape)):
+        labels = label_map[block.slices]
+        edge = (labels[:-1, :-1] != labels[1:, :-1]) | (labels[:-1, 1:] != labels[1:, 1:])
+        edge &= (labels[:-1, :-1] != labels[:-1, 1:]) | (labels[1:, :-1] != labels[1:, 1:])
+        rows, columns = np.nonzero(edge)
+        around = np.stack([labels[rows + y, columns + x] for y in (0, 1) for x in (0, 1)], axis=1)
+        kinds = (np.diff(np.sort(around, axis=1), axis=1) != 0).sum(axis=1) + 1
+        third = kinds - (around.min(axis=1, initial=0) < 0) >= 3
+        at = np.stack([rows[third] + block.top, columns[third] + block.left], axis=1)
+        found += [(row, column) for row, column in at.tolist()]
+    boxes: list[Box] = []
+    for row, column in sorted(found):
+        box = Box(row, column, row + 2, column + 2).grown(reach)
+        for other in [other for other in boxes if all(other.shared(box).shape)]:
+            boxes.remove(other)
+            box = box.around(other)
+        boxes.append(box)
+    return boxes
+
+
+def beside_steps(values: np.ndarray, step: float) -> Mask:
+    """Pixels one of whose neighbours differs by more than a step."""
+    result = np.zeros(values.shape, bool)
+    for s, t in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+        differs = values[s] != values[t] if step == 0 else np.abs(values[s] - values[t]) > step
+        result[s] |= differs
+        result[t] |= differs
+    return result

@@ -1,0 +1,121 @@
+"""Ordered textures that repeat: sizes on which their order closes, and places that keep step with it."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.checks import check_choice, check_pair
+from toposeam.images import Mask
+from toposeam.texture.order import Floats, Order, find_order
+from toposeam.texture.sources import DataRange, Images, read_sources
+from toposeam.texture.tileable import Tileable, wraps_of
+
+
+class Phase:
+    """Where on a canvas that closes pixels of the exemplar keep step with its order.
+
+    Parameters
+    ----------
+    order : Order
+        Of the exemplar.
+    closed : (n, 2) float array
+        The reciprocal vectors on the canvas (:meth:`Order.fitted`).
+    tolerance : float
+        How many px a patch may be out of step, measured in its middle.
+    """
+
+    def __init__(self, order: Order, closed: Floats, tolerance: float) -> None:
+        self._given, self._closed, self._periods = order.reciprocal, closed, order.periods
+        self._tolerance = tolerance
+        self._start: Floats | None = None
+
+    def begin(self, at: tuple[int, int], place: tuple[int, int], shape: tuple[int, int]) -> None:
+        """The first patch decides: laid at a place of the canvas, taken from one of the exemplar."""
+        if self._start is None:
+            middle = np.array(shape) / 2
+            self._start = self._closed @ (at + middle) - self._given @ (place + middle)
+
+    def allows(
+        self,
+        at: tuple[int, int],
+        shape: tuple[int, int],
+        rows: npt.NDArray[np.intp],
+        columns: npt.NDArray[np.intp],
+    ) -> Mask:
+        """(n, m) bool: from which rows and columns of the exemplar a patch may be taken.
+
+        Parameters
+        ----------
+        at, shape : (int, int)
+            First pixel of the window, and its height and width.
+        rows, columns : (n,) and (m,) int arrays
+            First row and column of the patch in the exemplar.
+        """
+        if self._start is None:
+            return np.ones((len(rows), len(columns)), bool)
+        middle = np.array(shape) / 2
+        wanted = self._closed @ (at + middle) - self._start
+        there = self._given[:, :1, np.newaxis] * (rows + middle[0])[:, np.newaxis] + self._given[
+            :, 1:, np.newaxis
+        ] * (columns + middle[1])
+        apart = wanted[:, np.newaxis, np.newaxis] - there
+        apart -= np.rint(apart)
+        off = np.tensordot(self._periods, apart, (0, 0))
+        return np.asarray(np.hypot(off[0], off[1]) <= self._tolerance)
+
+
+def closing_size(
+    source: Images,
+    size: tuple[int, int],
+    *,
+    tileable: Tileable = "both",
+    within: bool = False,
+    source_mask: Images | None = None,
+    data_range: DataRange = None,
+) -> tuple[int, int]:
+    """The size nearest to one wished for on which an ordered texture repeats without being stretched.
+
+    Bricks, hexagons, threads and lines of text close after whole numbers of them only. Where there is no such
+    order any size will do, and the one wished for comes back.
+
+    Parameters
+    ----------
+    source : (H, W[, C]) array_like, or a list of such
+        The exemplars; the first one's order counts.
+    size : (int, int)
+        Height and width wished for, px.
+    tileable : {"both", "x", "y", "none"} or bool
+        The axes on which the texture is to repeat.
+    within : bool
+        Whether the size must not be larger, as when a picture is cropped to it.
+    source_mask : (H, W) array_like, or a list with one per exemplar
+        What may be copied.
+    data_range : float, optional
+        The value that counts as white, as for :func:`toposeam.synthesize`.
+
+    Returns
+    -------
+    (int, int)
+        Height and width, px.
+
+    Raises
+    ------
+    ImageError
+        For images or masks that cannot be used.
+    OptionError
+        For a size that is none.
+
+    Examples
+    --------
+    >>> import numpy as np, toposeam as ts
+    >>> stripes = np.tile(np.repeat([40, 200], 8), (128, 8)).astype(np.uint8)
+    >>> ts.closing_size(stripes, (100, 100), tileable="x")
+    (100, 96)
+    """
+    height, width = check_pair("size", size, 1)
+    check_choice("within", within, (True, False))
+    wraps = wraps_of(tileable)
+    sources = read_sources(source, mask=source_mask, data_range=data_range)
+    order = find_order(sources.features[0], sources.usable[0])
+    return (height, width) if order is None else order.closing_size((height, width), wraps, within)

@@ -1,0 +1,310 @@
+"""The order of a texture: the lattice on which it repeats itself, and the sizes on which that lattice closes.
+
+What repeats by two vectors (bricks, hexagons, threads) or along one direction only (lines of text, courses of
+stones) shows in the autocorrelation: it is high at every sum of the vectors. An order is kept as its
+reciprocal vectors k, in cycles per pixel: a shift d leaves the order in step when d · k is whole for each.
+A texture that repeats after (H, W) px keeps step across its border when H k_y and W k_x are whole.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import scipy.fft as sf
+from scipy import ndimage
+
+from toposeam.images import Mask
+from toposeam.texture.atlas import Floats32
+from toposeam.texture.scale import autocorrelation
+
+#: Mean correlation with itself on the lattice from which on a texture counts as ordered, by two vectors and
+#: along one direction.
+ORDERED, ORDERED_LINES = 0.25, 0.15
+#: Share of the best lattice's correlation that a finer one must reach to be taken.
+_FINER = 0.85
+#: Largest correlation half-way between two lattice points, as a share of that on them.
+_BETWEEN = 0.6
+#: Lines that keep step correlate with the next ones at least this much of how they do with themselves; and
+#: lattices as much far away as near by. What does not is ordered by eye, but wanders.
+_KEPT = 0.85
+#: How much an order may be stretched, as a share, so that it closes, and how much nobody sees.
+STRETCH, UNSEEN = 0.05, 0.005
+#: Of larger exemplars, px a side, the middle tells the order.
+_LOOKED_AT = 512
+#: Peaks of the autocorrelation that are tried as vectors, and lattices that are fitted.
+_PEAKS, _FITTED = 24, 20
+#: Waves whose directions are tried.
+_WAVES = 6
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Order:
+    """On which lattice a texture repeats itself."""
+
+    #: (n, 2) reciprocal vectors (y, x), cycles per px; n is 1 or 2.
+    reciprocal: Floats
+    #: Mean autocorrelation on the lattice.
+    strength: float
+
+    @property
+    def periods(self) -> Floats:
+        """(n, 2) shifts (y, x) in px that leave the order in step."""
+        return np.asarray(np.linalg.pinv(self.reciprocal).T)
+
+    def fitted(self, size: tuple[int, int], wraps: tuple[bool, bool]) -> tuple[Floats, float]:
+        """The reciprocal vectors nearest to these that close on a size, and the stretch that this needs, as
+        a share.
+        """
+        length = np.asarray(size, float)
+        whole = np.rint(self.reciprocal * length) / length
+        closed = np.where(wraps, whole, self.reciprocal)
+        return closed, float(
+            (np.linalg.norm(closed - self.reciprocal, axis=1) / np.linalg.norm(self.reciprocal, axis=1)).max()
+        )
+
+    def closing_size(
+        self, size: tuple[int, int], wraps: tuple[bool, bool], within: bool = False
+    ) -> tuple[int, int]:
+        """The size nearest to one wished for, or within it, on which the order nearly closes by itself."""
+        if self.fitted(size, wraps)[1] <= UNSEEN:
+            return size
+        finest = float(np.linalg.norm(self.reciprocal, axis=1).max())
+        height, width = (
+            _closing(cycles, finest, length, within) if wrapping else length
+            for cycles, length, wrapping in zip(self.reciprocal.T, size, wraps, strict=True)
+        )
+        return height, width
+
+
+def _closing(cycles: Floats, finest: float, length: int, within: bool) -> int:
+    """The length nearest to one at which every count of cycles is nearly whole; stretch is told by the
+    finest period.
+    """
+    if float(np.abs(cycles).max()) * length < 0.5:
+        return length
+    steep = np.abs(cycles)[np.abs(cycles) >= finest / 4]
+    reach = max(math.ceil(1 / steep.min(initial=finest)), length // 20)
+    lengths = np.arange(max(length - reach, 1), length + (0 if within else reach) + 1)
+    count = lengths[:, np.newaxis] * cycles
+    stretch = (np.abs(count - np.rint(count)) / lengths[:, np.newaxis]).max(axis=1) / finest
+    return int(lengths[(stretch / UNSEEN + np.abs(lengths - length) / reach).argmin()])
+
+
+def find_order(features: Floats32, usable: Mask) -> Order | None:
+    """The order of a texture, None where there is none.
+
+    Parameters
+    ----------
+    features : (H, W, F) float32 array
+    usable : (H, W) bool array
+    """
+    middle = tuple(
+        slice(max(length - _LOOKED_AT, 0) // 2, (length + min(length, _LOOKED_AT)) // 2)
+        for length in usable.shape
+    )
+    if not usable[middle].any():
+        return None
+    near = _near(features[middle], usable[middle])
+    height, width = (length // 2 for length in near.shape)
+    distance = np.hypot(*np.ogrid[-height : height + 1, -width : width + 1])
+    ring = np.array([near[(distance >= r) & (distance < r + 1)].mean() for r in range(min(height, width))])
+    ends = np.flatnonzero(ring < 0.05)
+    if not len(ends):
+        return None
+    element = max(int(ends[0]), 4)
+    smooth = ndimage.gaussian_filter(near, 1.0)
+    lattice = _lattice(smooth, element)
+    if lattice is not None:
+        strength = _on(smooth, lattice)
+        far = _on(smooth, lattice, beyond=0.4)
+        between = max(_on(smooth, lattice, half) for half in (lattice[0] / 2, lattice[1] / 2))
+        if strength >= ORDERED and between <= _BETWEEN * strength and far >= _KEPT * strength:
+            return Order(np.asarray(np.linalg.inv(lattice).T, np.float64), strength)
+    return _lines(smooth, element)
+
+
+def _near(features: Floats32, usable: Mask) -> Floats:
+    """The autocorrelation without slow light, shifts up to half the exemplar, 0 in the middle. Pixels near
+    the border count less: elements cut by it would move the maxima.
+    """
+    slow = np.stack(
+        [ndimage.gaussian_filter(features[..., c], 24.0) for c in range(features.shape[2])], axis=2
+    )
+    height, width = (length // 2 for length in usable.shape)
+    taper = np.outer(*[np.sin(np.pi * (np.arange(n) + 0.5) / n) for n in usable.shape])
+    weight = (usable * taper).astype(np.float32)
+    found = np.roll(autocorrelation(features - slow, weight), (height, width), (0, 1))
+    return found[: 2 * height + 1, : 2 * width + 1].astype(np.float64)
+
+
+def _lattice(smooth: Floats, element: int) -> Floats | None:
+    """The (2, 2) vectors of the finest lattice on which the autocorrelation is about as high as on any."""
+    peaks = _peaks(smooth, element)
+    loose = ndimage.maximum_filter(smooth, 5)
+    room = smooth.size / 16
+    first = []
+    for i, one in enumerate(peaks):
+        for other in peaks[:i]:
+            vectors = _reduced(np.stack([one, other]))
+            if vectors is not None and np.linalg.norm(vectors[0]) >= 0.7 * element:
+                area = abs(np.linalg.det(vectors))
+                if area <= room:
+                    first.append((_on(loose, vectors), area, vectors))
+    if not first:
+        return None
+    most = max(score for score, _, _ in first)
+    tried = sorted((one for one in first if one[0] >= 0.75 * most), key=lambda one: one[1])[:_FITTED]
+    fitted = []
+    for _, _, vectors in tried:
+        better = _reduced(_refined(smooth, vectors))
+        if better is not None:
+            fitted.append((_on(smooth, better), abs(np.linalg.det(better)), better))
+    if not fitted:
+        return None
+    most = max(score for score, _, _ in fitted)
+    fine = [one for one in fitted if one[0] >= _FINER * most] or fitted
+    return min(fine, key=lambda one: one[1])[2]
+
+
+def _peaks(smooth: Floats, element: int) -> Floats:
+    """(n, 2) maxima beyond one element, in one half-plane: the highest, and the nearest of the high ones."""
+    height, width = (length // 2 for length in smooth.shape)
+    y, x = np.nonzero(ndimage.maximum_filter(smooth, 7) == smooth)
+    y, x = y - height, x - width
+    kept = (np.hypot(y, x) > element) & ((y > 0) | ((y == 0) & (x > 0)))
+    y, x = y[kept], x[kept]
+    value, distance = smooth[y + height, x + width], np.hypot(y, x)
+    highest = np.argsort(-value, kind="stable")[: _PEAKS // 2]
+    nearest = np.argsort(np.where(value >= 0.4 * value.max(initial=0), distance, np.inf), kind="stable")
+    chosen = np.unique(np.concatenate([highest, nearest[: _PEAKS // 2]]))
+    return np.stack([y[chosen], x[chosen]], axis=1).astype(float)
+
+
+def _reduced(vectors: Floats) -> Floats | None:
+    """The shortest vectors of the same lattice (Lagrange's reduction); None where they span none."""
+    short, long = vectors
+    for _ in range(30):
+        if short @ short > long @ long:
+            short, long = long, short
+        if not short @ short > 9:
+            return None
+        times = np.rint(short @ long / (short @ short))
+        if times == 0:
+            found = np.stack([short, long])
+            return found if abs(np.linalg.det(found)) > 30 else None
+        long = long - times * short
+    return None
+
+
+def _points(vectors: Floats, room: tuple[float, float]) -> tuple[Floats, Floats]:
+    """Whole coordinates and shifts of the lattice's points in one half of a box, but 0."""
+    most = int(np.ceil(1.5 * max(room) / max(float(np.linalg.norm(vectors, axis=1).min()), 3.0))) + 1
+    line = np.arange(-most, most + 1)
+    whole = np.stack(np.meshgrid(line, line, indexing="ij"), axis=-1).reshape(-1, 2).astype(float)
+    shifts = whole @ vectors
+    kept = (np.abs(shifts) <= room).all(axis=1) & (whole != 0).any(axis=1)
+    kept &= (shifts[:, 0] > 0) | ((shifts[:, 0] == 0) & (shifts[:, 1] > 0))
+    return whole[kept], shifts[kept]
+
+
+def _on(smooth: Floats, vectors: Floats, beside: Floats | float = 0.0, beyond: float = 0.0) -> float:
+    """Mean autocorrelation on the lattice's points, or beside them; on those beyond a share of the room."""
+    height, width = (length // 2 for length in smooth.shape)
+    _, shifts = _points(vectors, (0.75 * height, 0.75 * width))
+    shifts = shifts[(np.abs(shifts) >= [beyond * height, beyond * width]).any(axis=1)]
+    if len(shifts) < 3:
+        return 0.0
+    at = shifts + beside + [height, width]
+    return float(ndimage.map_coordinates(smooth, at.T, order=1, mode="nearest").mean())
+
+
+def _refined(smooth: Floats, vectors: Floats) -> Floats:
+    """Least squares over the maxima nearest to the lattice's points, from near ones outwards."""
+    height, width = (length // 2 for length in smooth.shape)
+    steps = np.stack(np.meshgrid(*[np.arange(-2, 3)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+    for share in (0.35, 0.6, 0.8, 0.8):
+        whole, shifts = _points(vectors, (share * height, share * width))
+        around = np.rint(shifts).astype(int)[:, np.newaxis] + steps + [height, width]
+        np.clip(around, 1, np.subtract(smooth.shape, 2), out=around)
+        values = smooth[around[..., 0], around[..., 1]]
+        best = values.argmax(axis=1)
+        top = around[np.arange(len(best)), best]
+        value = values.max(axis=1, initial=0)
+        clear = value > 0.3 * value.max(initial=1e-9)
+        if np.count_nonzero(clear) < 3:
+            break
+        top, value = top[clear], value[clear]
+        exact = top.astype(float)
+        for axis in (0, 1):  # the top of the parabola through three values
+            step = np.eye(2, dtype=int)[axis]
+            before, after = (smooth[tuple((top + way * step).T)] for way in (-1, 1))
+            bend = np.minimum(before - 2 * smooth[tuple(top.T)] + after, -1e-9)
+            exact[:, axis] += np.clip(0.5 * (before - after) / bend, -0.5, 0.5)
+        weight = np.sqrt(value)[:, np.newaxis]
+        vectors = np.linalg.lstsq(whole[clear] * weight, (exact - [height, width]) * weight, rcond=None)[0]
+    return vectors
+
+
+def _lines(smooth: Floats, element: int) -> Order | None:
+    """The order of a texture that repeats across one direction only: the direction and the period at which
+    the mean autocorrelation along lines rises and falls most regularly.
+    """
+    best, angle, period = 0.0, 0.0, 0.0
+    for turns in (_directions(smooth), np.deg2rad(np.arange(-3, 3.1, 0.25))):
+        for turn in turns + angle:
+            score, length = _rhythm(_profile(smooth, turn), element)
+            if score > best:
+                best, angle, period = score, float(turn), length
+        if best < 0.5 * ORDERED_LINES:
+            return None
+    return Order(np.array([[np.sin(angle), np.cos(angle)]]) / period, best) if best >= ORDERED_LINES else None
+
+
+def _directions(smooth: Floats) -> Floats:
+    """Angles of the strongest waves in the autocorrelation."""
+    window = np.outer(*[np.hanning(length) for length in smooth.shape])
+    power = np.abs(sf.rfft2((smooth - smooth.mean()) * window))
+    power[np.hypot(*np.ogrid[: power.shape[0], : power.shape[1]]) < 2] = 0
+    tops = np.argwhere((ndimage.maximum_filter(power, 3, mode="wrap") == power) & (power > 0))
+    tops = tops[np.argsort(-power[tuple(tops.T)], kind="stable")[:_WAVES]]
+    y, x = sf.fftfreq(smooth.shape[0])[tops[:, 0]], sf.rfftfreq(smooth.shape[1])[tops[:, 1]]
+    return np.asarray(np.arctan2(y, x))
+
+
+def _profile(smooth: Floats, angle: float) -> Floats:
+    """Mean autocorrelation along lines, by their distance from 0 in half px; the angle is the normal's."""
+    height, width = (length // 2 for length in smooth.shape)
+    reach = int(0.9 * min(height, width))
+    normal = np.array([np.sin(angle), np.cos(angle)])
+    along = np.arange(-reach, reach + 1, 2.0)[:, np.newaxis] * [normal[1], -normal[0]]
+    at = np.arange(0, reach, 0.5)[:, np.newaxis, np.newaxis] * normal + along + [height, width]
+    values = ndimage.map_coordinates(smooth, at.reshape(-1, 2).T, order=1, mode="nearest")
+    return np.asarray(values.reshape(-1, len(along)).mean(axis=1))
+
+
+def _rhythm(profile: Floats, element: int) -> tuple[float, float]:
+    """How much higher a profile is at multiples of a period than half-way between them, for the period (px)
+    at which that is most; the shortest of those that do about as well.
+    """
+    periods = np.arange(max(0.7 * element, 4.0), 0.25 * len(profile), 0.25)
+    if not len(periods):
+        return 0.0, 1.0
+    distance = np.arange(len(profile)) / 2
+    scores = []
+    for period in periods:
+        multiples = np.arange(1, int(distance[-1] / period) + 1) * period
+        on, off = (np.interp(at, distance, profile) for at in (multiples, multiples - period / 2))
+        kept = on.min() >= _KEPT * profile[0]
+        scores.append(min(on.mean(), 0.5 * (on.mean() - off.mean())) if kept else 0.0)
+    found = np.asarray(scores)
+    if found.max() <= 0:
+        return 0.0, 1.0
+    tops = np.flatnonzero(found >= 0.9 * found.max())
+    first = tops[: 1 + int(np.flatnonzero(np.diff(tops, append=len(found) + 2) > 1)[0])]
+    best = int(first[found[first].argmax()])
+    return float(found[best]), float(periods[best])

@@ -1,0 +1,87 @@
+"""What results say of themselves, and how they show in notebooks."""
+
+import numpy as np
+import pytest
+from defusedxml import ElementTree
+from skimage import data
+
+import toposeam as ts
+
+PICTURE = data.coffee()[:40, :70]
+LAYERS = ts.Layer(PICTURE[:, :40]), ts.Layer(PICTURE[:, 30:], at=(30, 0))
+SMALL = {"layers": 2, "iterations": 2, "repeat": "translate", "palette": "sumi"}
+NAMESPACE = "{http://www.w3.org/2000/svg}"
+
+
+@pytest.fixture(scope="module")
+def results():
+    seam = ts.find_seam(PICTURE[:, 30:40], PICTURE[:, 31:41])
+    recipe = ts.random_recipe(16, seed=1, **SMALL)
+    motif = ts.generate_motif(recipe)
+    line = seam.paths[0]
+    return {
+        "seam": seam,
+        "stitched": ts.stitch(LAYERS),
+        "composition": ts.compose(LAYERS),
+        "aligned": ts.align(LAYERS, radius=4),
+        "synthesis": ts.synthesize(PICTURE, (50, 60), patch=16, seed=1),
+        "palette": ts.palette("indigo", 3),
+        "recipe": recipe,
+        "motif": motif,
+        "arrangement": ts.arrange([motif, motif], [[0, 1]]),
+        "joined": ts.join_motifs([recipe, ts.random_recipe(16, seed=2, **SMALL)]),
+        "path": ts.plan_path((12, 12), (2, 2), (9, 9)),
+        "line": line,
+        "closed line": ts.Polyline([[0, 0], [30, 0], [0, 40]], closed=True),
+        "curve": ts.smooth_path(ts.Polyline([[0, 0], [0, 90], [60, 90]])),
+        "drawing": ts.read_svg(seam.to_svg()),
+    }
+
+
+def test_what_they_say_is_a_short_line(results):
+    for result in results.values():
+        assert "\n" not in repr(result)
+        assert len(repr(result)) <= 100
+    assert repr(results["palette"]).startswith("Palette(#")
+    assert repr(results["aligned"]) == "Aligned(2 layers, moved by up to 0 px)"
+    assert repr(results["drawing"]) == "SvgSeam(1 line on 10 × 40 px)"
+    assert repr(results["recipe"]) == "Recipe(2 inks on 16 × 16 elements, repeat='translate', seed=1)"
+
+
+@pytest.mark.parametrize("name", ["seam", "stitched", "synthesis", "motif", "arrangement", "joined"])
+def test_pictures_show_in_notebooks(results, name):
+    assert results[name]._repr_png_().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("name", ["path", "line", "closed line", "curve", "drawing"])
+def test_vectors_show_in_notebooks(results, name):
+    root = ElementTree.fromstring(results[name]._repr_svg_().encode())
+    assert root.tag == f"{NAMESPACE}svg"
+    assert len(list(root.iter(f"{NAMESPACE}path"))) == 1
+
+
+def test_a_line_in_a_notebook_is_drawn_where_it_runs(results):
+    root = ElementTree.fromstring(results["closed line"]._repr_svg_())
+    assert root.find(f"{NAMESPACE}path").get("d") == "M 0,0 30,0 0,40 Z"
+    left, top, width, height = map(float, root.get("viewBox").split())
+    assert (left, top, left + width, top + height) == pytest.approx((-0.8, -0.8, 30.8, 40.8))
+    d = ElementTree.fromstring(results["curve"]._repr_svg_()).find(f"{NAMESPACE}path").get("d")
+    assert d.startswith("M 0,0 C ")
+    assert d.endswith(" 60,90")
+
+
+@pytest.mark.parametrize("name", ["seam", "stitched", "synthesis", "motif", "arrangement", "joined", "path"])
+def test_drawings_are_written_whole(results, name, tmp_path):
+    text = results[name].to_svg(tmp_path / "drawn.svg")
+    assert (tmp_path / "drawn.svg").read_text(encoding="utf-8") == text
+    with pytest.raises(OSError, match="no such"):
+        results[name].to_svg(tmp_path / "no such" / "drawn.svg")
+    assert [path.name for path in tmp_path.iterdir()] == ["drawn.svg"]
+
+
+def test_the_row_of_joined_motifs_is_drawn_in_its_order(results):
+    joined = results["joined"]
+    row = ts.arrange(joined.motifs, [range(len(joined.motifs))])
+    assert joined.to_svg() == row.to_svg()
+    assert row.densities.shape[2] == 16 * len(joined.motifs)
+    np.testing.assert_array_equal(row.densities[:, :, :16], joined.motifs[0].densities)

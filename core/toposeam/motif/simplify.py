@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from toposeam.checks import check_whole
+from toposeam.checks import check_kind, check_whole
 from toposeam.motif.recipe import Recipe
 
 
@@ -35,6 +35,7 @@ def simplify(recipe: Recipe, *, inks: int | None = None, edge: str | None = None
     >>> [layer.mass for layer in simplify(recipe, inks=2, edge="crisp").layers]
     [0.3, 0.2]
     """
+    check_kind("recipe", recipe, Recipe, "a Recipe")
     layers = recipe.layers
     if inks is not None:
         check_whole("inks", inks, 1)

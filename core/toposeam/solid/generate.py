@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.checks import check_range, check_whole
+from toposeam.checks import check_kind, check_range, check_whole
 from toposeam.errors import OptionError
 from toposeam.heat.block import Block
 from toposeam.heat.conjugate import Floats
@@ -35,7 +35,7 @@ from toposeam.volume.mesh import Mesh, closed_mesh
 #: Rules that a block can have: those of one cell that are the same on every floor.
 REPEATS = ("none", "reflect", "translate", *GENERATORS)
 #: Most cubes, and the least side.
-_MOST, _LEAST = 16_000_000, 8
+_MOST, _LEAST = 4_200_000, 8
 #: Coarser blocks have at least so many cubes across.
 _COARSEST = 12
 #: Iterations at full size and on the blocks between.
@@ -87,7 +87,7 @@ class Solid:
         OverlapError
             When nothing stands on the floor.
         """
-        check_range(0, above=True, element=element)
+        check_range(0, 1e6, above=True, element=element)
         return closed_mesh(self._projected()[0], element)
 
     def _projected(self) -> tuple[npt.NDArray[np.float32], float]:
@@ -139,6 +139,7 @@ def generate_solid(recipe: Recipe, depth: int, *, progress: Callable[[float], No
     >>> ts.generate_solid(recipe, 24).mesh(2.5).closed
     True
     """
+    check_kind("recipe", recipe, Recipe, "a Recipe")
     check_whole("depth", depth, _LEAST)
     if len(recipe.layers) != 1:
         raise OptionError(f"the recipe has {len(recipe.layers)} layers; a solid is of one material, give one")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import subprocess
@@ -11,12 +12,13 @@ from pathlib import Path
 
 from mutations import ROOT, SOURCES
 
-#: Which tests the map knows, and which are tried by their names when those pass.
-QUICK, LONGER = "not slow and not medium", "slow or medium"
-
 #: Tests run for one mutation at most; a line of common code is executed by hundreds.
-MOST_TESTS = 60
+MOST_TESTS = 250
 
+#: From so many seconds on, under coverage, a test is tried after all others.
+LONG_S = 1.0
+
+_TOOK = re.compile(r"([0-9.]+)s call +(.*)$")
 _FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+::.*?)(?: - .*)?$", re.MULTILINE)
 
 
@@ -32,29 +34,41 @@ def pieces() -> dict[str, list[str]]:
 
 
 def measure(cache: Path, until: float) -> bool:
-    """Let the quick tests run under coverage, piece by piece, each once; False where time is up before."""
+    """Let the tests that are not slow run under coverage, piece by piece, each once for as long as its files
+    stay as they are; False where time is up before.
+    """
     cache.mkdir(parents=True, exist_ok=True)
     for name, tests in pieces().items():
-        if (cache / f"{name}.failed").exists():
+        piece = cache / f"{name}-{_digest(tests)}"
+        if piece.with_suffix(".failed").exists():
             continue
+        for old in cache.glob(f"{name}-????????.*"):
+            old.unlink()
         if time.monotonic() > until:
             return False
-        command = [sys.executable, "-m", "pytest", *tests, "-q", "-m", QUICK, "-p", "no:cacheprovider"]
+        command = [sys.executable, "-m", "pytest", *tests, "-q", "-m", "not slow", "-p", "no:cacheprovider"]
         command += ["-p", "no:xdist", "-rfE", "--durations=0", "--durations-min=0.1"]
         command += [*(f"--cov={source}" for source in SOURCES), "--cov-context=test", "--cov-report="]
-        environment = {**os.environ, "COVERAGE_FILE": str(cache / f"{name}.coverage")}
+        environment = {**os.environ, "COVERAGE_FILE": str(piece.with_suffix(".coverage"))}
         ended = subprocess.run(
             command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True, check=False
         )
-        (cache / f"{name}.log").write_text(ended.stdout, encoding="utf-8")
+        piece.with_suffix(".log").write_text(ended.stdout, encoding="utf-8")
         failed = "".join(f"{test}\n" for test in _FAILED.findall(ended.stdout))
-        (cache / f"{name}.failed").write_text(failed, encoding="utf-8")
+        piece.with_suffix(".failed").write_text(failed, encoding="utf-8")
         print(f"measured: {name}", flush=True)
     return True
 
 
+def _digest(tests: list[str]) -> str:
+    told = hashlib.sha256()
+    for name in tests:
+        told.update(name.encode() + ((ROOT / name).read_bytes() if name.endswith(".py") else b""))
+    return told.hexdigest()[:8]
+
+
 def covering_tests(cache: Path) -> dict[str, dict[int, list[str]]]:
-    """Per file and line, the quick tests that execute it and pass, as `measure` found."""
+    """Per file and line, the tests that execute it and pass, as `measure` found."""
     from coverage import CoverageData  # of make check-deep alone
 
     failed = {
@@ -75,19 +89,30 @@ def covering_tests(cache: Path) -> dict[str, dict[int, list[str]]]:
     return {file: {line: sorted(tests) for line, tests in lines.items()} for file, lines in found.items()}
 
 
-def nearest(tests: list[str], file: str) -> list[str]:
+def long_tests(cache: Path) -> set[str]:
+    """The tests that took long when the map was made."""
+    return {
+        found[2]
+        for path in cache.glob("*.log")
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if (found := _TOOK.match(line)) and float(found[1]) >= LONG_S
+    }
+
+
+def nearest(tests: list[str], file: str, long: set[str]) -> list[str]:
     """At most `MOST_TESTS` of the tests: those of the file's own test file first, then those of its room,
-    then some of all others.
+    then some of all others; long ones last.
     """
     source = Path(file)
     room = source.parent.name
 
     def group(test: str) -> int:
         path = Path(test.partition("::")[0])
-        return 0 if path.stem == f"test_{source.stem}" else 1 if path.parent.name == room else 2
+        near = 0 if path.stem.startswith(f"test_{source.stem}") else 1 if path.parent.name == room else 2
+        return near + 3 * (test in long)
 
     taken: list[str] = []
-    for wanted in range(3):
+    for wanted in range(6):
         near = [test for test in tests if group(test) == wanted]
         step = max(1, len(near) // max(1, MOST_TESTS - len(taken)))
         taken += near[::step][: MOST_TESTS - len(taken)]
@@ -119,9 +144,3 @@ def nearby_tests(file: str) -> list[str]:
     ordered = sorted((path for path in files if groups[path] < 3), key=groups.__getitem__)
     examples = [file] if file.startswith("core/") else []
     return [*examples, *(path.relative_to(ROOT).as_posix() for path in ordered)]
-
-
-def own_tests(file: str) -> list[str]:
-    """The test files of a file of the same name."""
-    stem = Path(file).stem
-    return sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "tests").rglob(f"test_{stem}*.py"))

@@ -3,7 +3,7 @@ it.
 
 A mutation changes one operator, constant, condition, bound or call of a line that the quick tests execute,
 draws of which follow from a seed; then only the tests that execute the line are run, in a copy of the
-checkout, nearest first, until one fails; then the longer ones of the file's own test files. What survives is
+checkout, nearest first and long ones last, until one fails or their time is spent. What survives is
 printed. Mutations that change no behaviour do not count: those that compile to the same code, and those
 listed with the reason in ``mutants_equal.toml``. Which tests execute a line, a map says that takes several
 minutes to make; without it (``--nearby``) tests are looked for by their names.
@@ -24,6 +24,7 @@ import contextlib
 import dataclasses
 import hashlib
 import importlib
+import itertools
 import json
 import os
 import resource
@@ -38,7 +39,7 @@ from pathlib import Path
 
 import pytest
 
-from covering import LONGER, QUICK, covering_tests, measure, nearby_tests, nearest, own_tests
+from covering import covering_tests, long_tests, measure, nearby_tests, nearest
 from mutations import ROOT, SOURCES, Mutation, chosen, same_code
 
 COPIED = (
@@ -55,7 +56,7 @@ COPIED = (
 )
 EQUAL = Path(__file__).with_name("mutants_equal.toml")
 #: Processor time after which no further test is begun for a mutation, and the time after which it hangs.
-BUDGET_S, LIMIT_S = 8, 600
+BUDGET_S, LIMIT_S = 12, 600
 #: What most tests load.
 PRELOADED = (
     *("numpy", "numpy.testing", "scipy.ndimage", "scipy.sparse.linalg", "scipy.sparse.csgraph", "scipy.fft"),
@@ -92,7 +93,7 @@ class Trial:
         self._until = time.monotonic() + LIMIT_S
         self._process = os.fork()
         if not self._process:
-            _run_tests(tests, own_tests(mutation.file), copy)
+            _run_tests(tests, copy)
 
     def survived(self) -> bool | None:
         """Whether no test noticed; None while they run."""
@@ -112,12 +113,12 @@ class Trial:
         return failed[0][:160] if failed else "not one: they hung, or died"
 
 
-def _run_tests(tests: list[str], own: list[str], copy: Path) -> None:
+def _run_tests(tests: list[str], copy: Path) -> None:
     """In a forked process, which ends here."""
     code = 1
     try:
         os.setsid()
-        resource.setrlimit(resource.RLIMIT_CPU, (5 * BUDGET_S, resource.RLIM_INFINITY))
+        resource.setrlimit(resource.RLIMIT_CPU, (5 * BUDGET_S, 5 * BUDGET_S))
         log = os.open(copy / "log", os.O_RDWR | os.O_CREAT | os.O_TRUNC)
         for stream in range(3):
             os.dup2(log, stream)
@@ -125,23 +126,19 @@ def _run_tests(tests: list[str], own: list[str], copy: Path) -> None:
         sys.path[:] = [*rooms, *(place for place in sys.path if not place.startswith(str(ROOT / "tests")))]
         os.environ["PYTHONPATH"] = os.pathsep.join(rooms)
         os.chdir(copy)
-        code = _first_failure(tests, QUICK)
-        if code in PASSED:  # then the longer ones of its own test files too
-            resource.setrlimit(resource.RLIMIT_CPU, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
-            code = _first_failure(own, LONGER)
+        code = _first_failure(tests)
     finally:
         os._exit(code)
 
 
-def _first_failure(tests: list[str], marked: str) -> int:
+def _first_failure(tests: list[str]) -> int:
     """Run tests until one fails or the budget is spent; pytest's exit status."""
     code = int(pytest.ExitCode.OK)
     begun = time.process_time()
-    words = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-m", marked]
-    for file in dict.fromkeys(test.partition("::")[0] for test in tests):
+    words = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-m", "not slow"]
+    for _, its in itertools.groupby(tests, lambda test: test.partition("::")[0]):
         # One file after the other: what is not needed is not even collected.
         budget = _Budget(begun)
-        its = [test for test in tests if test.partition("::")[0] == file]
         code = int(pytest.main([*words, *its], plugins=[budget]))
         if budget.spent and code == pytest.ExitCode.INTERRUPTED:
             code = 0
@@ -241,11 +238,11 @@ def main() -> int:
     options = parser.parse_args()
     until = time.monotonic() + 60 * options.minutes
     cache = options.cache / code_digest()
-    tests = None
+    tests, long = None, set[str]()
     if not options.nearby:
         if not measure(cache, until):
             return 3
-        tests = covering_tests(cache)
+        tests, long = covering_tests(cache), long_tests(cache)
     mutations = chosen(options.count, options.seed, options.only, tests)
     equal = {
         (entry["file"], entry["before"], entry["after"])
@@ -268,7 +265,7 @@ def main() -> int:
     def tests_of(mutation: Mutation) -> list[str]:
         if tests is None:
             return nearby_tests(mutation.file)
-        return nearest(tests[mutation.file][mutation.line], mutation.file)
+        return nearest(tests[mutation.file][mutation.line], mutation.file, long)
 
     waiting = [
         mutation

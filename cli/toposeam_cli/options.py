@@ -19,6 +19,7 @@ from click.core import ParameterSource
 
 import toposeam as ts
 from toposeam.errors import OptionError
+from toposeam_cli.files.regular import check_regular
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,22 +207,27 @@ class KeyedFile(click.Path):
             return value
         before, sign, file = str(value).partition("=")
         if not self._needed and (not sign or Path(value).exists()):
+            check_regular(Path(value))
             return Keyed(None, Path(value))
         if not sign or not file or not Path(before).name:
             self.fail(f"{value!r} does not say for which picture; write it like 0=mask.png", param, ctx)
+        check_regular(Path(before).parent / file)
         return Keyed(Path(before).name, Path(before).parent / file)
 
 
 class FileType(click.Path):
-    """The name of a file."""
+    """The name of a file, which is to be read or made."""
 
-    def __init__(self) -> None:
+    def __init__(self, read: bool) -> None:
         super().__init__(path_type=Path, readable=False)  # whoever reads or writes it says more
+        self._read = read
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Refuse what names no file."""
         if not str(value) or "\0" in str(value):
             self.fail(f"{str(value)!r} is not the name of a file; write one", param, ctx)
+        if self._read:
+            check_regular(Path(value))
         return super().convert(value, param, ctx)
 
 
@@ -285,9 +291,9 @@ jobs_option = click.option(
 #: Millions of pixels; nobody has more than a million of them.
 MEGAPIXELS = FiniteRange(min=0, max=1e6, min_open=True)
 
-FILE = FileType()
+FILE = FileType(read=True)
 #: A file that a command makes: ``toposeam batch`` has to know it from those it reads.
-OUTPUT = FileType()
+OUTPUT = FileType(read=False)
 
 
 def is_output(parameter: click.Parameter) -> bool:

@@ -13,12 +13,14 @@ import numpy as np
 
 import toposeam as ts
 from toposeam.motif.inked import Inked
+from toposeam.motif.kaleidoscope import GROUPS
 from toposeam.motif.mixing import mix
 from toposeam.motif.tiling import shift_of
 from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_output
 from toposeam_cli.options import FiniteRange, PaperLengthType
 from toposeam_cli.pictures.picture import write_picture
 from toposeam_cli.pictures.printing import Print, plate_path, printable, separation
+from toposeam_cli.pictures.recipe import read_recipe
 
 
 class RepeatType(click.Choice[str]):
@@ -33,6 +35,33 @@ class RepeatType(click.Choice[str]):
         """Parse the text."""
         text = " ".join(str(value).split())
         return text if shift_of(text) is not None else super().convert(value, param, ctx)
+
+
+def check_laid(path: Path, rule: str, instead: str) -> None:
+    """Refuse to lay a picture by a wallpaper group that it was not made for: its copies would be the same as
+    those of any other group.
+
+    Parameters
+    ----------
+    path : Path
+    rule : str
+    instead : str
+        What else can be done, for the error's text.
+
+    Raises
+    ------
+    OptionError
+    """
+    if rule not in GROUPS or rule == "p1":
+        return
+    try:
+        made = read_recipe(path).repeat
+    except ts.TopoSeamError:
+        made = None
+    if made != rule:
+        raise ts.OptionError(
+            f"{path.name} was not made for {rule}, so its copies side by side would not show that; {instead}"
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,6 +16,7 @@ import click
 from click.core import ParameterSource
 
 from toposeam.errors import TopoSeamError
+from toposeam.sentence import causes
 
 #: What a match of a pattern becomes, from the values of the command's parameters; None leaves it.
 Words = Callable[[re.Match[str], Mapping[str, Any]], str | None]
@@ -78,16 +79,14 @@ def retold(text: str, command: click.Command, given: Mapping[str, Any]) -> str:
 
 def _said_by_core(error: BaseException) -> str:
     """What of an error's text comes from core; the command line itself speaks its own words already."""
-    source: BaseException | None = error
-    seen: list[BaseException] = []
-    while source is not None and source not in seen and str(source) in str(error):
-        seen.append(source)
+    for source in causes(error):
+        if str(source) not in str(error):
+            break
         trace = source.__traceback__
         while trace is not None and trace.tb_next is not None:
             trace = trace.tb_next
         if trace is not None and str(trace.tb_frame.f_globals.get("__name__")).startswith("toposeam."):
             return str(source)
-        source = source.__cause__
     return ""
 
 
@@ -170,7 +169,7 @@ _SAID: Mapping[str, Sequence[tuple[str, Words]]] = {
     "compare": _JOINED,
     "synth": (
         *_TEXTURES,
-        (r"\b(?:the )?source(?: (\d+))?\b(?!s| of\b)", _source),
+        (r"\b(?:the )?source(?: (\d+)(?! ×))?\b(?!s| of\b)", _source),
         (r"\b(?:its|the) mask\b", lambda found, given: "--from"),
     ),
     "tile": (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 
 from toposeam.errors import TopoSeamError
 
@@ -35,3 +36,12 @@ def printable(text: str) -> str:
     worse.
     """
     return "".join(character if character.isprintable() else ascii(character)[1:-1] for character in text)
+
+
+def causes(error: BaseException | None) -> Iterator[BaseException]:
+    """An error, then what it came from, and so on, each once: a cause may be its own."""
+    seen: set[int] = set()
+    while error is not None and id(error) not in seen:
+        seen.add(id(error))
+        yield error
+        error = error.__cause__ or error.__context__

@@ -19,7 +19,7 @@ CASES = {
     "empty": ("{a} {in}/empty.png " + IN, "export the picture again"),
     "text": ("{a} {in}/text.png " + IN, "export it again as PNG or TIFF"),
     "folder": ("{a} {in}/folder.png " + IN, "name a picture inside it"),
-    "device": ("{a} /dev/zero " + IN, "save the picture to disk first"),
+    "device": ("{a} /dev/zero " + IN, "save it to disk"),
     "standard input": ("- {b} " + IN, "there is no file '-'"),
     "vector": ("{a} {in}/vector.svg " + IN, "export it as PNG or TIFF"),
     "half a png": ("{a} {in}/cut.png " + IN, "export it again"),
@@ -84,7 +84,7 @@ CASES = {
     "no seam": ("{a} {b} --use-seam {in}/nowhere.svg " + IN, "check the name of the SVG file"),
     "seam is a folder": ("{a} {b} --use-seam {in} " + IN, "check the name of the SVG file"),
     "seam is a picture": ("{a} {b} --use-seam {a} " + IN, "save or export the path as SVG"),
-    "seam without end": ("{a} {b} --use-seam /dev/zero " + IN, "larger than 64 MiB"),
+    "seam without end": ("{a} {b} --use-seam /dev/zero " + IN, "not a regular file"),
     **{
         f"seam: {name}": (f"{{a}} {{b}} --use-seam {{in}}/{name}.svg {IN}", phrase)
         for name, phrase in {

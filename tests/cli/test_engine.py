@@ -45,6 +45,25 @@ def test_a_selection_that_reaches_over_the_layers_keeps_the_seam_within(request_
         np.testing.assert_array_equal(request_folder.pixels(raster) > 0, mask[part])
 
 
+@pytest.mark.parametrize("place", [(-15, -9), (10, -2), (-3, 4)])
+def test_a_selection_counts_where_it_lies(request_folder, pair, place):
+    """Squares are left out here and there, so that any other place gives another seam."""
+    layers = [request_folder.raster("a", pair[0]), request_folder.raster("b", pair[1], (20, 5))]
+    y, x = np.indices((60, 60))
+    selected = np.where((x % 7 < 4) | (y % 7 < 4), 255, 0).astype(np.uint8)
+    selection = request_folder.raster("selection", selected, place)
+    avoid = np.ones((35, 60), bool)
+    y, x = np.indices(avoid.shape)
+    x, y = x - place[0], y - place[1]
+    inside = (x >= 0) & (y >= 0) & (x < 60) & (y < 60)
+    avoid[inside & ((x % 7 < 4) | (y % 7 < 4))] = False
+    layers_of_core = [ts.Layer(pair[0][..., :3]), ts.Layer(pair[1][..., :3], at=(20, 5))]
+    expected = ts.stitch(layers_of_core, avoid=avoid)
+    result = result_of(request_folder.ask(operation="stitch", layers=layers, selection=selection))
+    shown = request_folder.pixels(result["masks"][1]) > 0
+    np.testing.assert_array_equal(shown, expected.masks[1][5:, 20:])
+
+
 def test_the_found_lines_applied_again_give_the_same_masks(request_folder, pair):
     layers = [request_folder.raster("a", pair[0], (-7, 3)), request_folder.raster("b", pair[1], (13, 8))]
     first = result_of(request_folder.ask(operation="stitch", layers=layers))

@@ -55,6 +55,7 @@ def some(folder, photographs):
             "synth noise.png more.png --size 64 --also noise.png --also small.png",
             "noise.png or small.png is 30 × 30 px, but more.png 80 × 60 px",
         ),
+        ("synth noise.png --size 64 --also small.png", "30 × 30 px, but noise.png 80 × 60 px"),
         ("tile plain.png", "plain.png has one value everywhere"),
         ("synth plain.png --size 64", "plain.png has one value everywhere"),
         ("tile noise.png --band 1", "--band is 1; for 80 × 60 px"),

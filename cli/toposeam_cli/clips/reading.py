@@ -19,6 +19,11 @@ from toposeam_cli.pictures.picture import read_picture
 ANIMATED = (".gif", ".webp", ".png", ".apng")
 #: What a folder of frames is searched for.
 FRAMES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp")
+#: What FFmpeg may take a video for: containers that hold it. Playlists (HLS, concat, DASH) name other files.
+_CONTAINERS = (
+    "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,mpegvideo,flv,asf,ogg,gif,apng,mjpeg,m4v,h264,hevc,"
+    "av1,obu,ivf,nut,mxf,dv,rm,wtv,yuv4mpegpipe"
+)
 
 _Frame = npt.NDArray[np.uint8]
 
@@ -146,10 +151,12 @@ def _read_video(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
     frames: list[_Frame] = []
     starts: list[Fraction] = []
     try:
-        with av.open(str(path)) as container:
+        with av.open(str(path), options={"format_whitelist": _CONTAINERS}) as container:
             if not container.streams.video:
                 raise ImageError(f"{path} holds no pictures; give a video")
             stream = container.streams.video[0]
+            if stream.codec_context is None:
+                raise ImageError(f"{path} is coded in a way that FFmpeg does not know; convert it to H.264")
             stream.thread_type = "AUTO"
             expected = stream.frames
             last = 1 / stream.average_rate if stream.average_rate else Fraction(1, 25)

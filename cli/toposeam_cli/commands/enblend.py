@@ -69,6 +69,14 @@ def enblend(words: tuple[str, ...], **given: Any) -> None:
     compression, quality = compression_of(given["compression"])
     jpeg = output.suffix.lower() in (".jpg", ".jpeg")
     check_output(output, True)
+    made = [output]
+    if given["save_masks"] is not None:
+        made += [mask_name(given["save_masks"], index, file, output) for index, file in enumerate(files)]
+    for name in made:
+        if any(name.exists() and file.exists() and name.samefile(file) for file in files):
+            raise ts.OptionError(
+                f"'{name}' is one of the pictures to be blended; give the output another name"
+            )
     out = Outputs(
         output=output,
         crop="outside",

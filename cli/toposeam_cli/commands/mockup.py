@@ -19,7 +19,7 @@ from toposeam_cli.pictures.colour import to_depth, widen
 from toposeam_cli.pictures.limits import MAX_MOTIF, read_within
 from toposeam_cli.pictures.picture import Picture, write_picture
 from toposeam_cli.pictures.recipe import read_settings
-from toposeam_cli.print_options import RepeatType
+from toposeam_cli.print_options import RepeatType, check_laid
 
 
 @click.command()
@@ -84,6 +84,7 @@ def mockup(
     elif inks is not None or edge is not None:
         raise ts.OptionError("--inks and --edge change a motif by its recipe; leave --repeat out")
     else:
+        check_laid(motif, rule, "say --repeat translate, or make it so with toposeam repeat --cell")
         picture = read_within(motif, MAX_MOTIF)
         pixels = to_depth(widen(picture.pixels), np.dtype(np.uint8))
         if picture.alpha is not None:  # printed on white

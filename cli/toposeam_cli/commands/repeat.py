@@ -20,7 +20,14 @@ from toposeam_cli.pictures.limits import MAX_MOTIF, read_within
 from toposeam_cli.pictures.picture import Picture, write_picture
 from toposeam_cli.pictures.printing import SUFFIXES, Print, describe, ink_names, sheet_coverage
 from toposeam_cli.pictures.recipe import read_recipe, read_settings, to_xmp
-from toposeam_cli.print_options import PrintOptions, RepeatType, check_print, print_options, write_print
+from toposeam_cli.print_options import (
+    PrintOptions,
+    RepeatType,
+    check_laid,
+    check_print,
+    print_options,
+    write_print,
+)
 from toposeam_cli.progress import share_bar
 
 
@@ -152,6 +159,7 @@ def _copied(
             )
         shown = rule = recipe.repeat
     else:
+        check_laid(path, rule, "make a kaleidoscope of it with --cell, or say --repeat translate")
         shown = rule
     height, width = motif.pixels.shape[:2]
     if counts[0] * counts[1] * height * width > MAX_PATTERN:

@@ -15,6 +15,8 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any, TypeVar
 
+from toposeam.sentence import causes
+
 Value = TypeVar("Value")
 
 #: How often a waiting main thread looks for signals, s; only Windows needs it.
@@ -87,15 +89,11 @@ def terminations_raised() -> Iterator[None]:
         sys.unraisablehook = told
 
 
-def _interruption_behind(error: BaseException | None) -> BaseException | None:
+def _interruption_behind(error: BaseException) -> BaseException | None:
     """The interruption that an exception hides: Python 3.11 tells of one that comes while a class is made, as
     importing does, by a RuntimeError of its own.
     """
-    for _ in range(100):  # a cause may be its own
-        if error is None or isinstance(error, KeyboardInterrupt | Terminated):
-            return error
-        error = error.__cause__ or error.__context__
-    return None
+    return next((each for each in causes(error) if isinstance(each, KeyboardInterrupt | Terminated)), None)
 
 
 @contextmanager

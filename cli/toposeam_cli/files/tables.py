@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import stat
 import tomllib
 from pathlib import Path
 from typing import Any
 
 from toposeam.errors import OptionError
+from toposeam_cli.files.regular import check_regular
 
 #: Longer ones are no tables that anybody has written.
 LARGEST_BYTES = 4 * 2**20
@@ -53,9 +53,7 @@ def read_table(path: Path, what: str) -> tuple[Any, str]:
 
 def _text(path: Path, what: str) -> str:
     try:
-        state = path.stat()
-        if not stat.S_ISREG(state.st_mode):
-            raise OptionError(f"'{path}' is not a regular file; save {what} to disk, and name that")
+        check_regular(path, what, folders=False)
         with path.open("rb") as file:
             content = file.read(LARGEST_BYTES + 1)
         if len(content) > LARGEST_BYTES:

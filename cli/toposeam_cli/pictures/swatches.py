@@ -10,6 +10,7 @@ import numpy as np
 
 import toposeam as ts
 from toposeam.colours import LUMA
+from toposeam_cli.files.regular import check_regular
 
 #: Files of swatches are not larger.
 _LARGEST_BYTES = 1_000_000
@@ -25,6 +26,7 @@ def read_swatches(path: Path) -> np.ndarray:
     OptionError
         When it cannot be read, or has no colours.
     """
+    check_regular(path, "the swatches")
     try:
         if path.stat().st_size > _LARGEST_BYTES:
             raise ts.OptionError(

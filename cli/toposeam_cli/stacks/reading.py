@@ -9,6 +9,7 @@ import defusedxml.ElementTree
 import numpy as np
 
 from toposeam.errors import ImageError, MissingPackageError
+from toposeam_cli.files.regular import check_regular_below
 from toposeam_cli.stacks.stack import Stack
 
 #: Micrometres per unit, as OME and ImageJ write them.
@@ -182,6 +183,7 @@ def _known(sizes: list[float]) -> tuple[tuple[float, float, float] | None, str]:
 
 
 def _read_zarr(path: Path) -> Stack:
+    check_regular_below(path, "all of the stack")
     zarr = needs("zarr", path)
     array = needs("dask.array", path)
     try:

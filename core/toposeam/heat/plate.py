@@ -28,6 +28,8 @@ from toposeam.heat.plate_multigrid import Hierarchy, Multigrid, Stencil, pack
 CONDUCTION = np.array([[4.0, -1, -1, -2], [-1, 4, -2, -1], [-1, -2, 4, -1], [-2, -1, -1, 4]]) / 6
 #: Convection of a square element with h = 1, lumped.
 CONVECTION = np.eye(4) / 4
+#: Iterations of multigrid after which a plate is solved by elimination.
+MOST_ITERATIONS = 60
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -103,7 +105,7 @@ class Plate:
         start: Floats | None = None,
         *,
         tolerance: float = 1e-5,
-        max_iterations: int = 60,
+        max_iterations: int = MOST_ITERATIONS,
     ) -> Temperature:
         """The steady state for (h, w) conductivities, all positive, from an optional guess (the nodes of
         another state).

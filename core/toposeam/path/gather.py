@@ -18,10 +18,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy import ndimage
 
 from toposeam.checks import check_range, check_whole
-from toposeam.heat.plate import Plate
+from toposeam.heat.plate import MOST_ITERATIONS, Plate
 from toposeam.optimize.oc import OCOptions, oc_step
+from toposeam.path.strip import Strip
 
 Floats = npt.NDArray[np.float64]
 
@@ -29,6 +31,8 @@ Floats = npt.NDArray[np.float64]
 _INSULATION = 1e-6
 #: Convection of a sink element.
 _CONVECTION = 1.0
+#: On grounds of fewer rows or columns multigrid has no coarser ones.
+_NARROW = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,6 +86,8 @@ class PathIteration:
     bound: float
     #: Penalty exponent (2.6).
     penalty: float
+    #: Side of an element, px: grounds of more than 30,000 px are reduced first. Masses count elements.
+    cell_px: int = 1
 
 
 def gather(
@@ -91,15 +97,18 @@ def gather(
     options: PathOptions,
     leg: int,
     report: Callable[[float], None],
+    *,
+    cell_px: int = 1,
 ) -> tuple[Floats, list[PathIteration]]:
     """The material at the end of the optimisation, and its history."""
-    free = np.isfinite(cost)
+    free = _reached(cost, sources + sinks)
     heat, convection = np.zeros(cost.shape), np.zeros(cost.shape)
     for point in sources:
         heat[point] = 1.0
     for point in sinks:
         convection[point] = _CONVECTION
-    plate = Plate(heat, convection)
+    few = 2 * np.count_nonzero(free) < free.size or min(free.shape) < _NARROW
+    plate: Plate | Strip = Strip(heat, convection, free) if few else Plate(heat, convection)
     typical = float(np.median(cost[free]))
     nominal = np.where(free, (typical / np.where(free, cost, 1.0)) ** 2, _INSULATION)
     volume = float(np.count_nonzero(free))
@@ -117,6 +126,8 @@ def gather(
         bound = max(volume / n**2, least)  # (2.9), (2.10)
         steady = plate.solve(nominal * (_INSULATION + (1 - _INSULATION) * density**p), nodes)  # (2.6)
         nodes = steady.nodes
+        if steady.iterations > MOST_ITERATIONS and isinstance(plate, Plate):  # walls that multigrid minds
+            plate = Strip(heat, convection, free)
         sensitivity = -p * nominal * density ** (p - 1) * steady.energy  # ∂Π/∂ρ
         step = OCOptions(move=1.0 if p == 1.0 else 0.2, damping=1 / (p + 1))
         moved = oc_step(density[free], sensitivity[free], 1.0, bound, 1e-4, 1.0, step)
@@ -124,8 +135,19 @@ def gather(
         density[free] = moved
         history.append(
             PathIteration(
-                leg=leg, compliance=steady.compliance, mass=float(moved.sum()), bound=bound, penalty=p
+                leg=leg,
+                compliance=steady.compliance,
+                mass=float(moved.sum()),
+                bound=bound,
+                penalty=p,
+                cell_px=cell_px,
             )
         )
         report(n / total)
     return density, history
+
+
+def _reached(cost: Floats, ends: list[tuple[int, int]]) -> npt.NDArray[np.bool_]:
+    """The pixels that hang together with any of the ends."""
+    pieces, _ = ndimage.label(np.isfinite(cost))
+    return np.isin(pieces, [pieces[end] for end in ends if pieces[end]])  # sinks may lie off a strip

@@ -15,8 +15,9 @@ from scipy import ndimage
 from toposeam.checks import check_kind, check_numbers, options_from
 from toposeam.errors import ImageError, OptionError, PathError
 from toposeam.heat.threads import one_thread
-from toposeam.path.gather import PathIteration, PathOptions, gather
-from toposeam.path.trace import cost_along, taut, trace
+from toposeam.path.gather import PathIteration, PathOptions
+from toposeam.path.levels import lead
+from toposeam.path.trace import cost_along, taut
 from toposeam.saving import save
 from toposeam.vector.polyline import Polyline
 from toposeam.vector.svg import write_svg
@@ -178,10 +179,10 @@ def plan_path(
                 progress((done + share) / len(legs))
 
         with one_thread():
-            gathered, records = gather(cost, here, there, chosen, number + 1, report)
+            gathered, records, traced = lead(cost, here, there, chosen, number + 1, report)
         density = np.maximum(density, gathered)
         history += records
-        for line, points in zip(lines, trace(gathered, cost, here, there), strict=True):
+        for line, points in zip(lines, traced, strict=True):
             line.append(taut(points, cost) if chosen.taut else points)
     whole = [np.concatenate([line[0], *(part[1:] for part in line[1:])]) for line in lines]
     return PlannedPath(

@@ -18,7 +18,7 @@ def trace(
     """The way of least resistance through the material, from pixel centre to pixel centre."""
     free = np.isfinite(cost)
     height, width = cost.shape
-    number = np.arange(height * width).reshape(height, width)
+    number = np.arange(height * width, dtype=np.int32).reshape(height, width)
     resistance = np.where(free, 1.0 / (density + 1e-3), np.inf)
     rows, columns, weights = [], [], []
     for dy, dx in ((0, 1), (1, 0), (1, 1), (1, -1)):
@@ -52,12 +52,27 @@ def trace(
     return lines
 
 
-def taut(points: Floats, cost: Floats) -> Floats:
-    """Leave points out wherever the straight line past them costs no more than the way through them."""
-    steps = np.array([cost_along(points[at : at + 2], cost) for at in range(len(points) - 1)])
+#: A longer line is drawn taut between so many of its points, fewer if it leads far: straight lines through so
+#: many pixels are tried.
+_MOST_POINTS, _MOST_PIXELS = 512, 100_000_000
+
+
+def taut(line: Floats, cost: Floats) -> Floats:
+    """Leave points out wherever the straight line past them costs no more than the way through them.
+
+    `line` leads from centre to centre of neighbouring pixels.
+    """
+    columns, rows = line.astype(np.int64).T
+    prices = cost[rows, columns]
+    steps = np.hypot(*np.diff(line, axis=0).T) * 0.5 * (prices[1:] + prices[:-1])
     upto = np.concatenate([[0.0], np.cumsum(steps)])
+    lines_each = 72 * float(np.ptp(line, axis=0).max() + 1)
+    every = -(-len(line) // int(np.clip(_MOST_PIXELS / lines_each, 16, _MOST_POINTS)))
+    chosen = np.unique(np.append(np.arange(0, len(line), every), len(line) - 1))
+    points = line[chosen]
     least = np.full(len(points), np.inf)  # cost of the cheapest way to the end through some of the points
     following = np.zeros(len(points), np.int64)
+    straight_on = np.ones(len(points), bool)  # whether to that one in a straight line, or as the line goes
     least[-1] = 0.0
     for at in range(len(points) - 2, -1, -1):
         reach = np.unique(
@@ -69,14 +84,22 @@ def taut(points: Floats, cost: Floats) -> Floats:
             )
         )
         straight = np.array([cost_along(points[[at, to]], cost) for to in reach])
+        along = upto[chosen[at + 1]] - upto[chosen[at]]
+        straight_on[at] = straight[0] <= along * (1 + 1e-9)
+        straight[0] = min(straight[0], along)
         totals = straight + least[reach]
         best = int(totals.argmin())
         least[at], following[at] = totals[best], reach[best]
-    assert least[0] <= upto[-1] + 1e-6  # noqa: S101 - single steps are among the choices
-    chain = [0]
-    while chain[-1] < len(points) - 1:
-        chain.append(int(following[chain[-1]]))
-    return points[chain]
+    assert least[0] <= upto[-1] * (1 + 1e-9) + 1e-6  # noqa: S101 - the line as it goes is among the choices
+    kept = [0]
+    at = 0
+    while at < len(points) - 1:
+        to = int(following[at])
+        if to == at + 1 and not straight_on[at]:
+            kept.extend(range(int(chosen[at]) + 1, int(chosen[to])))
+        kept.append(int(chosen[to]))
+        at = to
+    return line[kept]
 
 
 def cost_along(points: Floats, cost: Floats) -> float:
@@ -93,13 +116,13 @@ def cost_along(points: Floats, cost: Floats) -> float:
         share = np.sort(np.concatenate(crossings))
         middle = 0.5 * (share[1:] + share[:-1])
         inside = share[1:] - share[:-1] > 1e-12
-        for at in share[1:][~inside].tolist():  # where the line runs through a corner
-            column, row = round(x + at * (to_x - x)), round(y + at * (to_y - y))
-            if not (0 < column < cost.shape[1] and 0 < row < cost.shape[0]):
-                continue
-            rising = (to_x - x) * (to_y - y) < 0
-            if np.isinf([cost[row - 1, column - rising], cost[row, column - (not rising)]]).all():
-                return float("inf")
+        at = share[1:][~inside]  # where the line runs through a corner
+        column, row = (np.rint(a + at * (b - a)).astype(np.int64) for a, b in ((x, to_x), (y, to_y)))
+        within = (column > 0) & (column < cost.shape[1]) & (row > 0) & (row < cost.shape[0])
+        column, row = column[within], row[within]
+        rising = (to_x - x) * (to_y - y) < 0
+        if (np.isinf(cost[row - 1, column - rising]) & np.isinf(cost[row, column - (not rising)])).any():
+            return float("inf")
         columns = (x + middle[inside] * (to_x - x)).astype(np.int64)
         rows = (y + middle[inside] * (to_y - y)).astype(np.int64)
         values = cost[np.minimum(rows, cost.shape[0] - 1), np.minimum(columns, cost.shape[1] - 1)]

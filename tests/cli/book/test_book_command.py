@@ -3,6 +3,7 @@ number of processes.
 """
 
 import csv
+import dataclasses
 import json
 import re
 from html.parser import HTMLParser
@@ -10,8 +11,10 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from toposeam.colours import parse_colour
 from toposeam.motif.book import SEASONS, book_recipe
 from toposeam.motif.kinds import CLEAR, Kind, measure
+from toposeam_cli.figures import products
 from toposeam_cli.figures.products import PRODUCTS, draw_product, product
 from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
 from toposeam_cli.pictures.recipe import read_recipe
@@ -221,6 +224,18 @@ def test_a_second_pattern_goes_where_it_belongs():
     collar, chest = (drawn[round(y * scale), round(x * scale)] for x, y in ((380, 180), (380, 600)))
     assert collar[2] > 2 * collar[0]
     assert chest[0] > 2 * chest[2]
+
+
+def test_folds_are_blurred_by_their_share_of_the_longer_side(monkeypatch):
+    """A point of light in the drawing becomes a Gaussian of that deviation."""
+    shown = dataclasses.replace(product("tie"), folds='<path d="M0 0"/>')
+    point = np.full((301, 301, 4), parse_colour("#808080")[0])
+    point[150, 150] += 0.5
+    monkeypatch.setattr(products, "_rendered", lambda *arguments: point)
+    for folds, share in (('<path d="M0 0"/>', 0.014), ('<path filter="url(#fine)"/>', 0.006)):
+        blurred = products._folds(dataclasses.replace(shown, folds=folds), (301, 301))
+        spread = (blurred[150] * (np.arange(301) - 150.0) ** 2).sum() / blurred[150].sum()
+        assert np.sqrt(spread) == pytest.approx(share * 1200, rel=0.02)
 
 
 @pytest.mark.medium

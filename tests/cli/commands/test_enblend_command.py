@@ -66,6 +66,16 @@ def strip(tmp_path, monkeypatch):
 FILES = ["v0.tif", "v1.tif", "v2.tif"]
 
 
+def test_no_input_is_replaced(strip, toposeam):
+    before = {name: Path(name).read_bytes() for name in FILES}
+    toposeam("enblend", "-o", "v1.tif", *FILES).fails("'v1.tif' is one of the pictures to be blended")
+    os.link("v0.tif", "same.tif")
+    toposeam("enblend", "-o", "same.tif", *FILES).fails("one of the pictures")
+    toposeam("enblend", "-o", "out.tif", "--save-masks=v%i.tif", *FILES).fails("one of the pictures")
+    assert {name: Path(name).read_bytes() for name in FILES} == before
+    assert not Path("out.tif").exists()
+
+
 @pytest.mark.medium
 def test_views_are_blended_where_their_tags_say(strip, toposeam):
     ran = toposeam("enblend", "--compression=LZW", "-o", "out.tif", "-a", "-x", "--", *FILES)

@@ -259,3 +259,12 @@ def test_the_last_frame_of_a_video_is_shown_as_long_as_the_others(video):
     doubled = read_clip(path, Fraction(50), 10**9)
     assert (len(doubled.frames), doubled.rate) == (20, 50)
     assert len(read_clip(path, None, 10**9).frames) == 10
+
+
+def test_a_video_in_a_code_that_nobody_knows(toposeam, video):
+    clip = video()
+    content = clip.read_bytes()
+    for tag in (b"avc1", b"mp4v", b"avcC", b"esds"):
+        content = content.replace(tag, b"zzzz")
+    clip.write_bytes(content)
+    toposeam("loop", clip, "-o", clip.with_name("o.gif")).fails("does not know")

@@ -170,3 +170,17 @@ def test_the_same_pictures_give_the_same_bytes(folder, toposeam):
         assert toposeam("stitch", *STRIP, "-o", f"{name}.png", "--seam", f"{name}.svg").code == 0
     for suffix in ("png", "svg"):
         assert (folder / f"first.{suffix}").read_bytes() == (folder / f"again.{suffix}").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("output", "phrase"),
+    [
+        ("no such folder/x.png", "there is no folder"),
+        ("x.gif", "is not supported"),
+        ("a.png", "exists already"),
+    ],
+)
+def test_where_nothing_can_be_written_nothing_is_read(folder, toposeam, output, phrase):
+    """The output is judged first: the pictures are none, and that is not what is said."""
+    (folder / "a.png").write_bytes(b"no picture")
+    toposeam("stitch", "a.png", "b.png", "--overlap", "20", "-o", output).fails(phrase)

@@ -289,6 +289,16 @@ def test_a_torn_last_line_is_dropped_and_the_rows_before_it_hold(tmp_path, funct
     assert table.read_bytes() == whole
 
 
+def test_what_is_added_after_a_torn_line_begins_a_line_of_its_own(tmp_path, functions):
+    table, jobs = tmp_path / "results.jsonl", [writing(tmp_path / f"{name}.txt") for name in "abc"]
+    list(run(jobs[:2], journal=table))
+    table.write_bytes(table.read_bytes() + b'{"name": "a.t')
+    going = run(jobs, journal=table)
+    assert [next(going).status for _ in jobs] == ["skipped", "skipped", "done"]
+    rows = [json.loads(line) for line in table.read_text().splitlines()]  # before the end tidies it
+    assert [row["name"] for row in rows if row["status"] == "done"] == ["a.txt", "b.txt", "c.txt"]
+
+
 def test_two_runs_do_not_share_a_table(tmp_path, functions):
     first = run(
         [writing(tmp_path / f"{name}.txt", seconds=0.05) for name in "ab"], journal=tmp_path / "results.jsonl"

@@ -83,6 +83,13 @@ def test_opacity_of_layers_and_groups(three, toposeam):
     assert set(np.unique(alpha)) == {0, 63, 255}
 
 
+def test_what_says_no_opacity_has_that_of_its_group(three):
+    make_ora("in.ora", STACK.replace('name="group" opacity="1.0"', 'name="group" opacity="0.5"'))
+    layers = {layer.name: layer.picture for layer in read_ora(three / "in.ora", 10**6)}
+    np.testing.assert_array_equal(layers["b.png"].alpha, 127)
+    assert layers["c.png"].alpha is None or (layers["c.png"].alpha == 255).all()
+
+
 def test_a_pixel_of_least_opacity_is_still_a_pixel(three, toposeam):
     make_ora("in.ora", STACK.replace('name="b.png"', 'name="b.png" opacity="0.001"'))
     layers = {layer.name: layer.picture for layer in read_ora(three / "in.ora", 10**6)}

@@ -10,7 +10,7 @@ import pytest
 from toposeam.errors import OptionError, SolverError
 from toposeam.heat.plate import CONDUCTION, Plate
 from toposeam.heat.plate_joints import Groups, Joint, Shift
-from toposeam.heat.plate_multigrid import DirectSolver, coarsen
+from toposeam.heat.plate_multigrid import DirectSolver, Hierarchy, coarsen
 
 JOINTS = [*Joint, Shift(1, Fraction(1, 2)), Shift(0, Fraction(1, 2))]
 EXACT = {"tolerance": 1e-12, "max_iterations": 300}
@@ -153,3 +153,19 @@ def test_a_coarser_plate_counts_what_is_beyond_an_odd_border_as_nothing(shape):
     found = coarsen(elements, patterns)
     assert found.shape == (10, -(-shape[0] // 2), -(-shape[1] // 2))
     np.testing.assert_array_equal(found, coarsen(padded, patterns))
+
+
+@pytest.mark.parametrize(
+    ("shape", "joint", "coarser"),
+    [
+        ((19, 19), Joint.FREE, []),  # 400 nodes are few enough
+        ((20, 19), Joint.FREE, [(10, 10)]),
+        ((7, 60), Joint.FREE, []),  # too narrow
+        ((8, 60), Joint.FREE, [(4, 30)]),
+        ((40, 80), Joint.FREE, [(20, 40), (10, 20)]),
+        ((40, 80), Joint.TRANSLATE, [(20, 40), (10, 20)]),
+        ((41, 80), Joint.TRANSLATE, []),  # joined borders have to meet on the coarser plate too
+    ],
+)
+def test_plates_are_halved_while_they_are_large_wide_and_even(shape, joint, coarser):
+    assert Hierarchy(shape, joint).shapes == [shape, *coarser]

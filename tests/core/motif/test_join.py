@@ -41,19 +41,19 @@ def test_motifs_join_each_other_the_better_the_more_the_compound_weighs():
 
 
 def test_border_mismatch_is_the_step_across_over_the_steps_beside():
-    """By hand: columns of A rise by 0.1, those of B by 0.2, rows are even."""
-    columns = {"a": [0.0, 0.1, 0.2, 0.3], "b": [0.5, 0.7, 0.9, 0.7]}
+    """By hand: columns rise and fall by steps of their own, rows are even."""
+    columns = {"a": [0.0, 0.1, 0.2, 0.25], "b": [0.5, 0.8, 0.9, 0.7]}
     motifs = {}
     for name, values in columns.items():
         recipe = ts.random_recipe(8, layers=1, repeat="translate", seed=1, iterations=1)
         density = np.tile(np.array(values, np.float32), (4, 1))[None]
         motifs[name] = dataclasses.replace(ts.generate_motif(recipe), densities=density)
     a, b = motifs["a"], motifs["b"]
-    # a|b: 0.3 to 0.5, b|a: 0.7 to 0.0; over one another: the mean step between the rows of a and of b
+    # a|b: 0.25 to 0.5, b|a: 0.7 to 0.0; over one another: the mean step between the rows of a and of b
     between = np.mean([abs(x - y) for x, y in zip(columns["a"], columns["b"], strict=True)])
-    across = (0.2 + between + 0.7 + between) / 4
-    # beside a|b: 0.3 - 0.2 in a, 0.7 - 0.5 in b; beside b|a: 0.7 - 0.9 in b, 0.1 in a; rows do not change
-    within = (0.1 + 0.2 + 0 + 0 + 0.2 + 0.1 + 0 + 0) / 8
+    across = (0.25 + between + 0.7 + between) / 4
+    # beside a|b: 0.25 - 0.2 in a, 0.8 - 0.5 in b; beside b|a: 0.7 - 0.9 in b, 0.1 in a; rows do not change
+    within = (0.05 + 0.3 + 0 + 0 + 0.2 + 0.1 + 0 + 0) / 8
     assert ts.border_mismatch(a, b) == pytest.approx(across / within, rel=1e-5)
 
 

@@ -170,3 +170,9 @@ def test_a_finer_plate_begins_with_temperatures_between_those_of_the_coarser_one
     y, x = np.mgrid[:4, :6].astype(float)
     fine_y, fine_x = np.mgrid[:7, :11] / 2
     np.testing.assert_array_equal(finer_temperature(3 * x + 5 * y, (6, 10)), 3 * fine_x + 5 * fine_y)
+
+
+@pytest.mark.parametrize(("radius", "plates"), [(2.5, 2), (2.49, 1)])
+def test_coarser_plates_serve_from_a_filter_of_two_and_a_half_elements_on(radius, plates):
+    recipe = replace(ts.random_recipe(100, layers=1, seed=1), filter_radius=radius)
+    assert len(plan(recipe)) == plates

@@ -6,6 +6,9 @@ from scipy import ndimage
 from skimage.graph import MCP_Geometric
 
 import toposeam as ts
+from toposeam.heat.plate import Plate
+from toposeam.path import levels
+from toposeam.path.trace import cost_along, taut, trace
 
 
 def dijkstra_cost(cost, start, end):
@@ -130,6 +133,98 @@ def test_progress_reaches_the_end():
     ts.plan_path((20, 20), (2, 2), (17, 17), stopovers=[(2, 17)], progress=shares.append)
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
+
+
+# Large grounds, led over from coarse to fine.
+
+
+def test_a_large_even_ground_gives_the_straight_line():
+    found = ts.plan_path((210, 300), (9, 12), (280, 190))
+    assert found.length == pytest.approx(np.hypot(271, 178), rel=1e-3)
+    assert [record.cell_px for record in found.history][:: len(found.history) - 1] == [2, 1]
+    assert found.density.shape == (210, 300)
+    assert found.density[20, 280] == 0
+
+
+def test_a_large_terrain_costs_no_more_than_led_over_as_a_whole(monkeypatch):
+    rng = np.random.default_rng(5)
+    height = ndimage.gaussian_filter(rng.random((170, 190)), 7)
+    cost = 1 + 6 * (height - height.min()) / np.ptp(height)
+    cost[60:70, 40:] = np.inf
+    found = ts.plan_path(cost, (150, 8), (170, 160))
+    monkeypatch.setattr(levels, "WHOLE_PX", cost.size)
+    whole = ts.plan_path(cost, (150, 8), (170, 160))
+    assert {record.cell_px for record in whole.history} == {1}
+    assert found.cost <= 1.01 * whole.cost
+    assert found.cost <= dijkstra_cost(cost, (150, 8), (170, 160))
+
+
+def test_a_gap_that_the_reduced_ground_does_not_have_is_found():
+    wall = np.zeros((400, 420), bool)
+    wall[:380, 200:203] = True
+    wall[151, :] = False  # one pixel wide; the other way round is twice as long
+    found = ts.plan_path(wall.shape, (100, 150), (300, 150), obstacles=wall)
+    assert found.length < 201
+    assert found.history[0].cell_px == 3
+
+
+def test_a_large_ground_in_pieces_leads_no_heat_where_none_gets():
+    rng = np.random.default_rng(0)
+    blocks = rng.random((60, 80)) < 0.62  # many pieces, many corners that touch
+    ground = np.kron(np.where(blocks, 1.0, np.inf), np.ones((4, 4)))
+    pieces, _ = ndimage.label(np.isfinite(ground))
+    largest = np.argwhere(pieces == np.bincount(pieces[pieces > 0]).argmax())
+    start, end = largest[0][::-1], largest[-1][::-1]
+    found = ts.plan_path(ground, start, end)
+    (line,) = trace(1 / ground, ground, [tuple(largest[0])], [tuple(largest[-1])])
+    assert found.cost <= cost_along(line, ground)
+    assert found.density[np.isfinite(ground) & (pieces != pieces[tuple(largest[0])])].max() == 0
+
+
+def test_on_a_large_ground_a_sink_may_be_one_that_nobody_takes():
+    found = ts.plan_path((180, 190), (20, 0), [(30, 5), (170, 160), (0, 0)])
+    assert found.length == pytest.approx(np.hypot(10, 5))
+    assert found.density[160, 170] == 0
+
+
+@pytest.mark.slow
+def test_on_a_large_ground_ends_may_be_near_and_many():
+    near = ts.plan_path((260, 260), (50, 50), (51, 50))
+    assert near.length == 1.0
+    found = ts.plan_path((200, 260), [(5, 5), (5, 190), (250, 5)], [(130, 100), (10, 100)])
+    assert [tuple(path.points[-1]) for path in found.paths] == [(10.5, 100.5)] * 2 + [(130.5, 100.5)]
+    shares = []
+    stops = ts.plan_path((200, 260), (5, 5), (250, 190), stopovers=[(250, 5)], progress=shares.append)
+    assert stops.length == pytest.approx(245 + 185, rel=0.01)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def test_walls_that_multigrid_does_not_get_round_are_eliminated(monkeypatch):
+    ground = np.ones((96, 120))
+    for number in range(1, 12):
+        ground[8 * number : 8 * number + 2] = np.inf
+        gap = 100 if number % 2 else 10
+        ground[8 * number : 8 * number + 2, gap : gap + 3] = 1
+    solved = []
+    solve = Plate.solve
+    monkeypatch.setattr(Plate, "solve", lambda self, *given: solved.append(1) or solve(self, *given))
+    found = ts.plan_path(ground, (60, 2), (60, 94))
+    assert len(solved) < 10
+    assert found.cost <= dijkstra_cost(ground, (60, 2), (60, 94))
+
+
+def test_a_long_line_is_drawn_taut_between_some_of_its_points():
+    steps = np.repeat([[[3, 0], [0, 3]]], 130, axis=0).reshape(-1, 2)
+    line = np.repeat(np.sign(steps), 3, axis=0).cumsum(axis=0) + 0.5  # 780 points of a stair
+    cost = np.ones((392, 392))
+    assert cost_along(taut(line, cost), cost) == pytest.approx(np.hypot(*(line[-1] - line[0])))
+    cost[:] = np.inf
+    cost[line[:, 1].astype(int), line[:, 0].astype(int)] = 1  # the stair is all there is
+    assert np.isfinite(cost_along(taut(line, cost), cost))
+    assert cost_along(taut(line, cost), cost) <= cost_along(line, cost)
+    even = ts.plan_path((2, 60_000), (3, 0), (59_000, 1))
+    assert even.length == pytest.approx(58_997, abs=1)
 
 
 @pytest.mark.parametrize(

@@ -369,3 +369,11 @@ def test_shapes_that_do_not_fit_are_refused(shape):
 def test_unknown_side_is_refused():
     with pytest.raises(OptionError, match="value 4"):
         labels_from_paths([], np.ones((1, 1), bool), np.full((1, 1), 4, np.uint8))
+
+
+def test_a_short_edge_counts_where_all_are_short():
+    """Three rows: no edge is as long as a speck may be, and yet the path has to part them."""
+    overlap, side = strip(3, 12)
+    labels_from_paths([drawn([6, 0], [6, 3])], overlap, side)
+    with pytest.raises(PathError, match="of 3 px"):
+        labels_from_paths([drawn([0, 1], [12, 1])], overlap, side)

@@ -220,3 +220,8 @@ def test_values_per_element_spread_to_interfaces():
     assert np.count_nonzero(right) == 4 * 4
     assert np.count_nonzero(down) == 5 * 3
     assert sorted(np.r_[right[right > 0], down[down > 0]]) == list(range(1, 32))
+
+
+@pytest.mark.parametrize(("name", "count"), [("ell", 160), ("ring", 254)])
+def test_elements_to_the_ground_beyond_the_border_are_part_of_the_structure(name, count):
+    assert int((shape(name).cost == OUTERMOST).sum()) == count

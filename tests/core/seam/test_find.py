@@ -136,9 +136,11 @@ def test_the_history_records_each_iteration(crops):
 def test_progress_rises_to_one(crops):
     a, b = crops(np.random.default_rng(14), 40, 16)
     seen: list[float] = []
-    ts.find_seam(a, b, progress=seen.append)
+    seam = ts.find_seam(a, b, progress=seen.append)
     assert seen[-1] == 1.0
     assert seen == sorted(seen)
+    steps = len(seam.history) - 2  # the last is where it ends, and one more the seam itself
+    assert seen[:-1] == [min(0.95, (step + 1) / 10) for step in range(steps)]
 
 
 def test_dynamic_programming_is_exact_when_the_seam_never_turns_back(crops):

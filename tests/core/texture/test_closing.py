@@ -6,7 +6,7 @@ import skimage.data
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.texture.closing import _sheared, order_axis
+from toposeam.texture.closing import _mismatch, _sheared, order_axis
 from toposeam.texture.mend import _seam_costs
 
 
@@ -94,3 +94,12 @@ def test_coordinates_alone_cut_other_pictures_alike(sample):
         ts.apply_coordinates([first, second[:20]], made.source, made.exemplar)
     with pytest.raises(ts.ImageError, match="row and column"):
         ts.apply_coordinates(first, made.source[..., 0])
+
+
+@pytest.mark.parametrize("shift", [3, 5, -3, -5])
+def test_what_a_shift_brings_from_beyond_an_open_side_counts_as_the_rest_does(shift):
+    """One row of twelve columns; where the shifted end has no column of its own the mean stands."""
+    beginning, end = np.zeros((1, 12, 1), np.float32), np.arange(12, dtype=np.float32).reshape(1, 12, 1)
+    square = np.roll(np.arange(12.0), -shift) ** 2
+    square[range(12 - shift, 12) if shift > 0 else range(-shift)] = square.mean()
+    np.testing.assert_allclose(_mismatch(beginning, end, shift, 1, "nearest"), square[::4])

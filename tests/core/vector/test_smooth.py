@@ -60,3 +60,9 @@ def test_short_and_straight_lines(points):
 def test_a_tolerance_must_be_a_positive_number():
     with pytest.raises(ts.OptionError, match="tolerance is 'x'"):
         ts.smooth_path(wandering(), tolerance="x")
+
+
+@pytest.mark.parametrize("side", [1, 2, 3])
+def test_however_small_a_closed_line_is_two_curves_at_least(side):
+    ring = ts.Polyline([[0, 0], [side, 0], [side, side], [0, side]], closed=True)
+    assert len(ts.smooth_path(ring, tolerance=50).curves) == 2

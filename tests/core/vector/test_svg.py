@@ -309,6 +309,15 @@ def test_bezier_curves_stay_within_the_stated_tolerance(control, cubic):
     assert distance.max() <= svg_shapes.FLATNESS_PX + 1e-6
 
 
+@pytest.mark.parametrize("handle", [-30, 40])
+def test_a_curve_along_its_chord_that_reaches_beyond_an_end_is_drawn_to_there(handle):
+    x, y = one(path(f"M0,0 C {handle},0 {handle},0 10,0")).points.T
+    t = np.linspace(0, 1, 300)
+    there = 3 * handle * t * (1 - t) + 10 * t**3
+    assert not y.any()
+    assert (x.min(), x.max()) == pytest.approx((there.min(), there.max()), abs=0.1)
+
+
 def test_straight_curves_need_no_extra_points():
     assert one(path("M0,0 C 0,0 30,40 30,40")).points.tolist() == [[0, 0], [30, 40]]
 

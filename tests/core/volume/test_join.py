@@ -1,7 +1,10 @@
 """Stacks joined: whole, and by blocks."""
 
+import io
+
 import numpy as np
 import pytest
+from PIL import Image
 from scipy import ndimage
 
 import toposeam as ts
@@ -115,7 +118,9 @@ def test_a_result_is_one_line_and_a_picture():
     a, b, offset = stacks((12, 20, 40), 16)
     joined = ts.join_volumes(a, b, offset=offset)
     assert repr(joined).startswith("JoinedVolume(12 × 20 × 40 voxels")
-    assert joined._repr_png_().startswith(b"\x89PNG")
+    shown = np.asarray(Image.open(io.BytesIO(joined._repr_png_())).convert("L"))
+    middle = joined.volume[6]
+    np.testing.assert_allclose(shown, 255.0 * middle / middle.max(), atol=2)
 
 
 @pytest.mark.parametrize(

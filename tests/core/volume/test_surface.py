@@ -6,9 +6,10 @@ from scipy import ndimage
 
 import toposeam as ts
 from toposeam.heat.grid_flow import GridFlow, along
+from toposeam.seam.overlap import A, B
 from toposeam.volume.heat import SurfaceOptions, heat_surface
 from toposeam.volume.levels import VolumeLevel, coarser, refined, refined_filling
-from toposeam.volume.posing import face_areas, surface_problem
+from toposeam.volume.posing import end_to_end, face_areas, surface_problem
 
 pytest.importorskip("maxflow")
 
@@ -321,3 +322,10 @@ def test_what_blocks_found_spreads_to_their_voxels():
     filled = [np.array([[0.2, 0.4], [0.6, 0.8]], np.float32)]
     along_rows = refined_filling(filled, (2, 1), (5, 2))[0]
     np.testing.assert_allclose(along_rows[:, 0], [0.2, 0.2, 0.4, 0.6])
+
+
+def test_only_three_axes_have_two_ends():
+    with pytest.raises(ts.OptionError, match="choose one of"):
+        end_to_end((4, 4, 4), 3)
+    overlap = end_to_end((4, 2, 3), 1)
+    assert overlap.side.ravel().tolist() == ([A] * 3 + [B] * 3) * 4

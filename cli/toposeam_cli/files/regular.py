@@ -1,0 +1,44 @@
+"""Which files may be read: those on a disk, for a pipe or a device may never come to an end."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+from toposeam.errors import OptionError
+
+
+def check_regular(path: Path, what: str = "it", *, folders: bool = True) -> None:
+    """Refuse pipes, devices and sockets; whoever reads says what else is wrong.
+
+    Parameters
+    ----------
+    path : Path
+    what : str
+        What the file should be, for the error's text.
+    folders : bool
+        Whether it may be a folder.
+
+    Raises
+    ------
+    OptionError
+    """
+    try:
+        mode = path.stat().st_mode
+    except (OSError, ValueError):
+        return
+    if not (stat.S_ISREG(mode) or (folders and stat.S_ISDIR(mode))):
+        raise OptionError(f"'{path}' is not a regular file; save {what} to disk, and name that")
+
+
+def check_regular_below(folder: Path, what: str) -> None:
+    """Refuse folders in which anything is neither a file nor a folder.
+
+    Raises
+    ------
+    OptionError
+    """
+    for place, _, names in os.walk(folder):
+        for name in names:
+            check_regular(Path(place, name), what)

@@ -37,7 +37,7 @@ SCRIPTS: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
     "motif_figures.py": (("motifs-*",), ("motif", "recipe"), ()),
     "make_pattern_figures.py": (("patterns-*", "paths-*"), ("motif", "recipe"), ()),
     "pattern_studies.py": (
-        ("studies-*", "book-*"),
+        ("studies-*",),
         ("motif", "recipe"),
         ("docs/pattern_cases.py", "docs/make_pattern_figures.py"),
     ),

@@ -1,17 +1,15 @@
-"""Draw the parameter studies, the two laws for base images, the book's sheets and solids: ``python
-docs/pattern_studies.py``, about eight minutes.
+"""Draw the parameter studies, the two laws for base images and solids: ``python docs/pattern_studies.py``, about
+a minute.
 """
 
 from __future__ import annotations
 
 import sys
-import tempfile
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from make_pattern_figures import _DARK, _GRAY, _PAPER, THEME, _theme, bytes_of, font, save
+from make_pattern_figures import _DARK, _GRAY, _PAPER, _theme, bytes_of, font, save
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LightSource
 from matplotlib.figure import Figure
@@ -20,16 +18,11 @@ from pattern_cases import STUDIES
 from PIL import Image, ImageDraw
 
 import toposeam as ts
-from toposeam.motif.kinds import Kind
-from toposeam_cli.main import main as toposeam
-
-#: Patterns of the book, and elements of their sides.
-_PATTERNS, _ELEMENTS = 400, 128
 
 
 def main() -> None:
     """Draw what is named on the command line, or every picture."""
-    drawings = (studies, laws, solids, book)
+    drawings = (studies, laws, solids)
     for draw in drawings:
         if len(sys.argv) > 1 and draw.__name__ not in sys.argv[1:]:
             continue
@@ -115,61 +108,6 @@ def solids() -> None:
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     save(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy()), "studies-solids.jpg")
-
-
-def book() -> None:
-    """The whole of a book of 400 patterns on two sheets, kind by kind, and its mock-ups."""
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        words = ["book", str(THEME), "-n", str(_PATTERNS), "--size", str(_ELEMENTS), "-o", str(folder / "b")]
-        toposeam([*words, "--title", "Ginkgo", "-q"], standalone_mode=False)
-        lines = (folder / "b" / "patterns.csv").read_text(encoding="utf-8").splitlines()
-        names = lines[0].split(",")
-        at, kind = names.index("file"), names.index("kind")
-        rows = [line.split(",") for line in lines[1:]]
-        for sheet, kinds in enumerate((("A", "C"), ("B", "D")), 1):
-            _contact_sheet(folder / "b", [(row[at], row[kind]) for row in rows if row[kind] in kinds], sheet)
-        _products_sheet(folder / "b" / "products")
-
-
-def _contact_sheet(folder: Path, rows: list[tuple[str, str]], sheet: int) -> None:
-    across, side, gap, head = 16, 64, 4, 24
-    kinds = sorted({kind for _, kind in rows})
-    down = [-(-sum(kind == one for _, kind in rows) // across) for one in kinds]
-    canvas = Image.new(
-        "RGB", (across * (side + gap) - gap, sum(down) * (side + gap) + head * len(kinds)), _PAPER
-    )
-    pen = ImageDraw.Draw(canvas)
-    y = 0
-    for one, lines in zip(kinds, down, strict=True):
-        files = [file for file, kind in rows if kind == one]
-        pen.text(
-            (0, y + 4), f"{one}: {Kind(one).words}, {len(files)} of {_PATTERNS}", font=font(13), fill=_DARK
-        )
-        for index, file in enumerate(files):
-            place = index % across * (side + gap), y + head + index // across * (side + gap)
-            canvas.paste(
-                Image.open(folder / file).convert("RGB").resize((side, side), Image.Resampling.LANCZOS), place
-            )
-        y += head + lines * (side + gap)
-    save(canvas, f"book-sheet-{sheet}.jpg", quality=78)
-
-
-def _products_sheet(folder: Path) -> None:
-    height, gap = 270, 10
-    pictures = []
-    for path in sorted(folder.glob("*.png")):
-        picture = Image.open(path).convert("RGB")
-        pictures.append(picture.resize((round(picture.width * height / picture.height), height)))
-    lines = [pictures[start : start + 4] for start in range(0, len(pictures), 4)]
-    width = max(sum(picture.width + gap for picture in line) for line in lines) - gap
-    canvas = Image.new("RGB", (width, len(lines) * (height + gap) - gap), _PAPER)
-    for row, line in enumerate(lines):
-        x = 0
-        for picture in line:
-            canvas.paste(picture, (x, row * (height + gap)))
-            x += picture.width + gap
-    save(canvas, "book-products.jpg", quality=78)
 
 
 if __name__ == "__main__":

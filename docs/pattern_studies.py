@@ -1,5 +1,5 @@
-"""Draw the parameter studies, the two laws for base images and solids: ``python docs/pattern_studies.py``, about
-a minute.
+"""Draw the parameter studies, the two laws for base images and solids: ``python docs/pattern_studies.py``,
+about a minute.
 """
 
 from __future__ import annotations

@@ -98,8 +98,11 @@ class Mirrors:
         count = 2 * density.shape[1]
         # Every second row has an element in a column.
         mean = np.bincount(self._columns.ravel(), density.ravel(), count) / (density.shape[0] / 2)
-        both = rows + self._factors(1, mean)[self._columns]
-        return density * np.exp(self.symmetry.mean(both))
+        both = self.symmetry.mean(rows + self._factors(1, mean)[self._columns])
+        for along in ((0, 1), (1, 0), (1, 1)):  # else centres, where all lines cross, have more than the rest
+            back = (-along[0], -along[1])
+            both = (np.roll(both, along, (0, 1)) + 2 * both + np.roll(both, back, (0, 1))) / 4
+        return density * np.exp(both)
 
     def _factors(self, axis: int, mean: Floats) -> Floats:
         found = np.zeros(len(mean))

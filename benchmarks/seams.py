@@ -45,7 +45,7 @@ import toposeam as ts
 from seam_pairs import IRREGULAR, Labels, Picture, pair
 from stamp import stamp
 from toposeam.heat.threads import one_thread
-from toposeam.seam import exact
+from toposeam.seam import corner_graph
 from toposeam.seam.dynamic_programming import dp_labels
 from toposeam.seam.exact import exact_labels
 from toposeam.seam.graph_cut import graph_cut_labels
@@ -118,7 +118,7 @@ def timed(solve: Callable[[SeamProblem], Labels]) -> Callable[..., tuple[Labels,
 
 def shortest_path(problem: SeamProblem) -> tuple[Labels, float, float]:
     """The exact seam, the seconds of the whole method, and those of SciPy's Dijkstra alone."""
-    alone, inner = [], exact.dijkstra
+    alone, inner = [], corner_graph.dijkstra
 
     def watched(*arguments: object, **options: object) -> object:
         started = time.process_time()
@@ -126,11 +126,11 @@ def shortest_path(problem: SeamProblem) -> tuple[Labels, float, float]:
         alone.append(time.process_time() - started)
         return result
 
-    exact.dijkstra = watched
+    corner_graph.dijkstra = watched
     try:
         labels, whole = timed(exact_labels)(problem)
     finally:
-        exact.dijkstra = inner
+        corner_graph.dijkstra = inner
     return labels, whole, sum(alone)
 
 

@@ -190,9 +190,9 @@ def main() -> None:
         if sample.objects.any():
             whole, total = whole_objects(made, sample)
             objects = f"{whole}/{total}", str(near_pairs(made, sample))
-        order = find_order(
-            (sample.image / np.float32(255)).reshape(SIDE, SIDE, -1), np.ones((SIDE, SIDE), bool)
-        )
+        height, width = sample.image.shape[:2]
+        values = (sample.image / np.float32(255)).reshape(height, width, -1)
+        order = find_order(values, np.ones((height, width), bool))
         lines = "–" if order is None else str(broken(repeats.image, order))
         print(
             f"{sample.name:14}{seconds:6.2f}{ratio:8.2f}{cells[0]:7.2f}{theirs:7.2f}{cells[1]:7.2f}"

@@ -361,18 +361,24 @@ PLACEMENT: tuple[Callable[[Any], Any], ...] = (
         show_default=True,
         help="For a picture inside the others: the share of its depth that must show.",
     ),
-    click.option(
-        "--max-megapixels",
-        type=MEGAPIXELS,
-        default=500.0,
-        show_default=True,
-        help="Refuse pictures that are larger, each or all together.",
-    ),
 )
 
 
-def placement(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options that say which pictures overlap where."""
-    for option in reversed(PLACEMENT):
-        command = option(command)
-    return command
+def placement(megapixels: float) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Options that say which pictures overlap where, and how large they may be unless something else is
+    said.
+    """
+    limit = click.option(
+        "--max-megapixels",
+        type=MEGAPIXELS,
+        default=megapixels,
+        show_default=True,
+        help="Refuse pictures that are larger, each or all together.",
+    )
+
+    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        for option in reversed((*PLACEMENT, limit)):
+            command = option(command)
+        return command
+
+    return decorate

@@ -193,6 +193,7 @@ def test_a_layout_of_large_pictures(folder, photographs, large):
         ["synth", "LARGE", "--size", "64x64", "-o", "o.png"],
         ["synth", "a.png", "--also", "LARGE", "--size", "64x64", "-o", "o.png"],
         ["fill", "LARGE", "--mask", "a.png", "-o", "o.png"],
+        ["compare", "LARGE", "a.png", "--overlap", "20"],
     ],
     ids=lambda words: words[0],
 )
@@ -307,6 +308,16 @@ def test_file_names_that_are_not_utf_8(toposeam, folder, photographs):
     ran = toposeam("stitch", os.fsdecode(b"latin-\xe9.png"), "b.png", "--overlap", "20", "-o", "o.ora")
     assert ran.code == 0, ran
     assert len(read_ora(folder / "o.ora", 10**6)) == 2
+    words = ["stitch", os.fsdecode(b"latin-\xe9.png"), "b.png", "--overlap", "20", "-o", "o.png"]
+    assert toposeam(*words, "--report", "o.html").code == 0
+    assert "latin-\\udce9.png" in (folder / "o.html").read_text()
+    toposeam(*words, "--force", "--save-layout", "o.toml").fails("which is not UTF-8; rename the file")
+    assert not (folder / "o.toml").exists()
+
+
+def test_steps_through_black_that_cost_more_than_can_be_summed(toposeam, folder, photographs):
+    line = ["path", "a.png", "--from", "1,1", "--to", "9,9", "--steepest", "1e308", "-o", "o.svg"]
+    toposeam(*line).fails("--steepest", 2)
 
 
 def test_a_format_that_cannot_hold_it_is_said_before_the_work(toposeam, folder, photographs):

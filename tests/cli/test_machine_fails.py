@@ -154,7 +154,7 @@ def test_ctrl_c_at_any_moment_leaves_nothing_half_written(toposeam, inputs, here
         "search": ("toposeam.compose",),
         "figure": ("toposeam_cli.figures.search.history_figure",),
         "write": (output.os, "fsync"),
-        "rename": (output, "_rename"),
+        "rename": (output, "give_name"),
     }[moment]
     monkeypatch.setattr(*target, fail_with(KeyboardInterrupt()))
     before = snapshot(here)

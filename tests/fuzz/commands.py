@@ -39,7 +39,7 @@ LIKELY = {
     "text": ["2x1", "fall", "winter", "soft", "clean", "A B/B A", "name"],
     "integer": ["1", "4", "8"],
 }
-HOSTILE_SIZES = ["0x0", "1x100000", "999999x999999", "100000x1", "3x", "x3", "1x1", "-2x2", "2x2x2"]
+HOSTILE_SIZES = ["0x0", "1x30000", "999999x999999", "30000x1", "3x", "x3", "1x1", "-2x2", "2x2x2"]
 SUFFIXES = [".png", ".tif", ".jpg", ".webp", ".svg", ".ora", ".pdf", ".gif", ".toml", ".json", ".xyz", ""]
 #: They make more than one file, and keep what they made when something fails later.
 KEEPING = {"batch", "book"}

@@ -87,7 +87,12 @@ def read_entries(path: Path, commands: Mapping[str, click.Command]) -> list[Entr
             named = {"name": settings["name"]} if "name" in settings and "name" not in known_here else {}
             own = _by_parameter(entry, {key: value for key, value in settings.items() if key not in named})
             general = _by_parameter(
-                entry, {key: value for key, value in defaults.items() if _plain(key) in known_here}
+                entry,
+                {
+                    key: value
+                    for key, value in defaults.items()
+                    if _plain(key) in known_here and _is_meant(commands, table, name, key, value)
+                },
             )
             entries.append(replace(entry, settings=general | own | named))
     if not entries:
@@ -99,6 +104,22 @@ def read_entries(path: Path, commands: Mapping[str, click.Command]) -> list[Entr
                 "it out"
             )
     return entries
+
+
+def _is_meant(
+    commands: Mapping[str, click.Command], table: Mapping[str, Any], name: str, key: str, value: object
+) -> bool:
+    """Whether a default is for a command that knows its name: not where its option has choices, none of which
+    this is, and another command of the file takes it.
+    """
+
+    def takes(other: str) -> bool:
+        parameter = setting_names(commands[other]).get(_plain(key))
+        if parameter is None or not isinstance(parameter.type, click.Choice):
+            return parameter is not None
+        return value in parameter.type.choices
+
+    return takes(name) or not any(takes(other) for other in table)
 
 
 def parse_patterns(command: click.Command, words: Sequence[str], folder: Path) -> Entry:

@@ -43,6 +43,7 @@ def evenly(
     last: Fraction,
     rate: Fraction | None,
     name: str,
+    max_pixels: int,
 ) -> tuple[Frames, Fraction]:
     """Frames at an even rate.
 
@@ -57,11 +58,14 @@ def evenly(
         Frames a second to take, each the one that is shown at that moment; otherwise they must be even.
     name : str
         Of the file, for error texts.
+    max_pixels : int
+        Of all frames that are taken.
 
     Raises
     ------
     ImageError
-        When frames differ in size, or their times are uneven and no rate is given.
+        When frames differ in size, or their times are uneven and no rate is given; when a rate takes too
+        many.
     """
     shapes = {frame.shape[1::-1] for frame in frames}
     if len(shapes) > 1:
@@ -70,7 +74,9 @@ def evenly(
     count = len(frames)
     if rate is not None:
         end = starts[-1] + last
-        wanted = [starts[0] + index / rate for index in range(max(1, int((end - starts[0]) * rate)))]
+        taken = max(1, int((end - starts[0]) * rate))
+        check_pixels(f"{name} at {float(rate):g} frames a second", taken, frames[0].shape, max_pixels)
+        wanted = [starts[0] + index / rate for index in range(taken)]
         return np.stack([frames[bisect.bisect_right(starts, at) - 1] for at in wanted]), rate
     step = (starts[-1] - starts[0]) / (count - 1) if count > 1 else last
     if step <= 0:
@@ -82,3 +88,18 @@ def evenly(
                 "how many frames a second to read it"
             )
     return np.stack(frames), (1 / step).limit_denominator(1001)
+
+
+def check_pixels(name: str, count: int, shape: tuple[int, ...], max_pixels: int) -> None:
+    """Refuse more frames of a shape than are allowed.
+
+    Raises
+    ------
+    ImageError
+    """
+    height, width = shape[:2]
+    if count * width * height > max_pixels:
+        raise ImageError(
+            f"{name} has {count} frames of {width} × {height} px, {count * width * height / 1e6:.0f} "
+            "megapixels; cut or shrink it, or allow more with --max-megapixels"
+        )

@@ -26,9 +26,9 @@ class ClipJob:
     output: Path
     #: When and where the second begins in the first: frames, px to the right, px down.
     offset: tuple[int, int, int]
-    gradient: bool = True
-    max_pixels: int = 500_000_000
-    force: bool = False
+    gradient: bool
+    max_pixels: int
+    force: bool
 
 
 def join_clips(job: ClipJob, progress: Callable[[float], None] | None = None) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.errors import ImageError, MissingPackageError
-from toposeam_cli.clips.clip import DEFAULT_RATE, Clip, evenly
+from toposeam_cli.clips.clip import DEFAULT_RATE, Clip, check_pixels, evenly
 from toposeam_cli.pictures.picture import read_picture
 
 #: Pictures that may hold several frames, read by Pillow.
@@ -112,7 +112,7 @@ def _read_animated(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
     try:
         with Image.open(path) as picture:
             count = getattr(picture, "n_frames", 1)
-            _check_size(path, count, picture.width, picture.height, max_pixels)
+            check_pixels(str(path), count, (picture.height, picture.width), max_pixels)
             if count < 2:
                 raise OneFrameError(f"{path} holds one frame; a clip needs several")
             wide = picture.mode in ("RGBA", "LA", "PA") or "transparency" in picture.info
@@ -136,7 +136,7 @@ def _read_animated(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
         raise OneFrameError(f"{path} holds one frame; a clip needs several")
     if wide and all((frame[..., 3] == 255).all() for frame in frames):
         frames = [np.ascontiguousarray(frame[..., :3]) for frame in frames]
-    stacked, even = evenly(frames, starts, shown, rate, str(path))
+    stacked, even = evenly(frames, starts, shown, rate, str(path), max_pixels)
     return Clip(frames=stacked, rate=even)
 
 
@@ -160,11 +160,11 @@ def _read_video(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
             stream.thread_type = "AUTO"
             expected = stream.frames
             last = 1 / stream.average_rate if stream.average_rate else Fraction(1, 25)
-            _check_size(path, max(expected, 1), stream.width, stream.height, max_pixels)
+            check_pixels(str(path), max(expected, 1), (stream.height, stream.width), max_pixels)
             for frame in container.decode(stream):
                 frames.append(_upright(frame))
                 starts.append(Fraction(frame.pts or 0) * (frame.time_base or 1))
-                _check_size(path, len(frames), frame.width, frame.height, max_pixels)
+                check_pixels(str(path), len(frames), (frame.height, frame.width), max_pixels)
             sound = bool(container.streams.audio)
     except (av.FFmpegError, OSError) as error:
         if isinstance(error, ImageError):
@@ -181,7 +181,12 @@ def _read_video(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
         )
     order = sorted(range(len(frames)), key=starts.__getitem__)
     stacked, even = evenly(
-        [frames[index] for index in order], [starts[index] for index in order], last, rate, str(path)
+        [frames[index] for index in order],
+        [starts[index] for index in order],
+        last,
+        rate,
+        str(path),
+        max_pixels,
     )
     return Clip(frames=stacked, rate=even, sound=sound)
 
@@ -191,11 +196,3 @@ def _upright(frame: Any) -> _Frame:
     pixels: _Frame = frame.to_ndarray(format="rgb24")
     turns = round((getattr(frame, "rotation", 0) or 0) / 90) % 4
     return np.ascontiguousarray(np.rot90(pixels, turns))
-
-
-def _check_size(path: Path, count: int, width: int, height: int, max_pixels: int) -> None:
-    if count * width * height > max_pixels:
-        raise ImageError(
-            f"{path} has {count} frames of {width} × {height} px, {count * width * height / 1e6:.0f} "
-            "megapixels; cut or shrink it, or allow more with --max-megapixels"
-        )

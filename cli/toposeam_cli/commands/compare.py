@@ -19,7 +19,7 @@ from toposeam_cli.whereabouts import Where
 @click.command()
 @click.argument("first", metavar="A", type=FILE)
 @click.argument("second", metavar="B", type=FILE)
-@placement
+@placement(100.0)  # which it holds whole
 @click.option(
     "--method",
     "methods",

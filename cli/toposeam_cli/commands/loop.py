@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 import toposeam as ts
-from toposeam_cli.clips.clip import Clip
+from toposeam_cli.clips.clip import Clip, check_pixels
 from toposeam_cli.clips.reading import read_clip
 from toposeam_cli.clips.writing import check_clip_output, folder_for, write_clip
 from toposeam_cli.files.writing import all_or_nothing, check_output, replacing
@@ -79,9 +79,7 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
 )
 @click.option("--level", is_flag=True, help="Even out slow changes of light.")
 @click.option("--still", type=FILE, help="A picture of the frames' size, white where nothing shall move.")
-@click.option(
-    "--fps", type=FiniteRange(0, 1000, min_open=True), help="Read the clip at so many frames a second."
-)
+@click.option("--fps", type=FiniteRange(0.01, 1000), help="Read the clip at so many frames a second.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of --grow: decides the order.")
 @click.option("--no-gradient", is_flag=True, help="Match cost without gradients, (3.22) instead of (2.4).")
 @click.option("--mesh", type=OUTPUT, help="Also write the surface in x, y and time: .ply or .stl.")
@@ -115,6 +113,8 @@ def loop(clip: Path, output: Path, **given: Any) -> None:
     rate = None if given["fps"] is None else Fraction(given["fps"]).limit_denominator(1001)
     read = read_clip(clip, rate, max_pixels)
     options = _options(read, given)
+    if "grow" in options:
+        check_pixels("the grown clip", options["grow"], read.frames.shape[1:], max_pixels)
     if given["still"] is not None:
         options["still"] = read_white(given["still"], read.frames.shape[1:3], clip.name, max_pixels)
     with share_bar(f"looping {clip.name}", quiet) as progress:

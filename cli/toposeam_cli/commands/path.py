@@ -41,7 +41,7 @@ _SUFFIXES = (".svg", ".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp")
 @click.option("--via", type=OffsetType(), multiple=True, help="A stopover; several are visited in order.")
 @click.option(
     "--steepest",
-    type=FiniteRange(1),
+    type=FiniteRange(1, 1e6),
     default=10.0,
     show_default=True,
     help="What a step through black costs; one through white costs 1.",

@@ -71,7 +71,7 @@ from toposeam_cli.whereabouts import ORDERS, Where, width_round
     type=click.Choice(ORDERS),
     help="With --grid: how the pictures follow each other; rows by default.",
 )
-@placement
+@placement(500.0)
 @click.option(
     "--save-layout",
     type=OUTPUT,
@@ -263,7 +263,7 @@ def _stitch(
             shown=np.bincount(stitched.label_map.ravel() + 1, minlength=len(job.layers) + 1)[1:].tolist(),
             correlations=correlations(job),
         )
-        documents.append((out.report, seam_page(page).encode()))
+        documents.append((out.report, seam_page(page).encode(errors="backslashreplace")))
     height, width = finished.image.shape[:2]
     text = f"{out.output}: {width} × {height} px, {describe(stitched)}"
     if at is not None:
@@ -312,7 +312,7 @@ def _stitch_large(
             shown=large.shown,
             correlations=correlations(job),
         )
-        documents.append((out.report, seam_page(page).encode()))
+        documents.append((out.report, seam_page(page).encode(errors="backslashreplace")))
     write_large(out, composed, large, documents)
     height, width = large.picture.pixels.shape[:2]
     text = f"{out.output}: {width} × {height} px, {describe_large(composed, large)}"

@@ -104,6 +104,7 @@ def _local_cluster(count: int) -> Any:
             "a Dask cluster that nobody else can use needs cryptography; install it with: pip install "
             "'toposeam[dask]'"
         ) from error
+    _silence()
     try:
         with ctrl_c_later():
             return LocalCluster(
@@ -120,6 +121,18 @@ def _local_cluster(count: int) -> Any:
             f"the local Dask cluster does not start ({_first_line(error)}); run the same again, or without "
             "--dask"
         ) from error
+
+
+def _is_critical(record: logging.LogRecord) -> bool:
+    return record.levelno >= logging.CRITICAL
+
+
+def _silence() -> None:
+    """Keep Dask from telling of connections that end with us: it does so with tracebacks, and also after the
+    cluster is closed, which ends its own silence.
+    """
+    for handler in logging.getLogger("distributed").handlers:
+        handler.addFilter(_is_critical)
 
 
 def _first_line(error: BaseException) -> str:

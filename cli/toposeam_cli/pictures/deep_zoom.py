@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 from toposeam.errors import OptionError
@@ -12,6 +13,8 @@ from toposeam_cli.pictures.picture import Picture, vips_image
 
 #: Tiles of opaque pictures.
 _QUALITY = 90
+#: Where a tile lies: level, column, row.
+_TILE = re.compile(r"\d+/\d+_\d+\.(?:jpe?g|png|webp)")
 
 
 def tiles_of(path: Path) -> Path:
@@ -30,6 +33,24 @@ def check_deep_zoom(path: Path, force: bool) -> None:
     folder = tiles_of(path)
     if os.path.lexists(folder) and not (force and folder.is_dir() and not folder.is_symlink()):
         raise OptionError(f"'{folder}' exists already; pass --force to replace it, or choose another name")
+    foreign = _foreign(folder)
+    if foreign is not None:
+        raise OptionError(
+            f"'{folder}' holds {foreign}, which is no tile, and is left alone; choose another name"
+        )
+
+
+def _foreign(folder: Path) -> str | None:
+    """What in a folder of tiles is no tile."""
+    for place, folders, files in os.walk(folder):
+        for name in files:
+            inside = Path(place, name).relative_to(folder).as_posix()
+            if _TILE.fullmatch(inside) is None:
+                return inside
+        for name in folders:
+            if not name.isdigit() or Path(place, name).is_symlink():
+                return Path(place, name).relative_to(folder).as_posix()
+    return None
 
 
 def write_deep_zoom(path: Path, picture: Picture, force: bool, quality: int | None = None) -> None:

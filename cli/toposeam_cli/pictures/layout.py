@@ -126,12 +126,20 @@ def _number(where: str, entry: dict[str, Any], key: str, usual: float, low: floa
 
 
 def layout_text(folder: Path, layers: Sequence[LayoutLayer]) -> str:
-    """A layout in TOML, for :func:`read_layout`; files in or below the folder are named from there."""
+    """A layout in TOML, for :func:`read_layout`; files in or below the folder are named from there.
+
+    Raises
+    ------
+    OptionError
+        For names that are not UTF-8, as TOML is.
+    """
     entries = []
     for layer in layers:
         file = os.path.relpath(layer.file.resolve(), folder.resolve())
         turned = layer.turn != 0 or layer.scale != 1
         x, y = (f"{value:.3f}" if turned else f"{round(value)}" for value in layer.at)
+        if any("\udc80" <= character <= "\udcff" for character in file + layer.name):
+            raise ts.OptionError(f"a layout cannot name '{file}', which is not UTF-8; rename the file")
         lines = [
             "[[layer]]",
             f"file = {json.dumps(Path(file).as_posix(), ensure_ascii=False)}",

@@ -10,24 +10,28 @@ on, or with their region between two flows. There the heat starts anew, and so o
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import coo_array
 
 from toposeam.errors import SolverError
 from toposeam.heat.network import Floats, Ints, Network
 from toposeam.heat.primal_dual import PrimalDual
 from toposeam.images import Mask
 from toposeam.seam.grid import CutGrid
+from toposeam.seam.merging import merge_nodes, merge_pixels
 
 #: Overlaps with up to this many free pixels are solved whole.
 WHOLE_NODES = 30_000
 
 #: Coarse networks up to this many free nodes are not made coarser still.
 COARSEST_NODES = 12_000
+
+#: In a network of so many nodes heat shows the way to a path between corners.
+ENOUGH_NODES = 10_000
 
 #: The heat of a coarse network has gathered enough when its best cut is proven within this share; steps at
 #: most.
@@ -43,8 +47,6 @@ OPENED_NODES_LAST = 16
 #: ... those beside the strongest flux, but none with less than this.
 OPEN_FLUX = 0.005
 
-_UNEVENNESS = 1e-3
-_GOLDEN = np.uint32(2654435769)  # 2^32 times the golden ratio
 
 _Ints32 = npt.NDArray[np.int32]
 _Floats32 = npt.NDArray[np.float32]
@@ -61,6 +63,68 @@ class _Level:
     weight: Floats
     #: (n + 2,) pixels per node.
     size: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gathered:
+    """What coarse networks show of an (h, w) window."""
+
+    #: (h, w) bool: the best cut of the last of them.
+    labels: Mask
+    #: (n + 2,) bool: its nodes beside flow.
+    active: Mask
+    #: (n + 2,) int32: the region of the others; those of the terminals come last.
+    region: _Ints32
+    #: (h, w) int32: the node of every pixel, a terminal where it is not free.
+    node_of_pixel: _Ints32
+
+
+def gather(grid: CutGrid, watch: Callable[[PrimalDual], None] | None = None, early: bool = False) -> Gathered:
+    """Let heat gather on coarse networks, as :func:`restrict` describes it.
+
+    Parameters
+    ----------
+    grid : CutGrid
+    watch : callable, optional
+        Called with every state of every network.
+    early : bool
+        End with the first network of so many nodes that it shows where the seam may run.
+    """
+    below, count = merge_pixels(grid)
+    elements, free = _pixel_elements(grid, below, count), below[grid.free]
+    del grid  # the largest of all arrays
+    level = _quotient(count, *elements, free, None)
+    del elements, free
+    levels, parents = [level], [below]
+    while level.n > COARSEST_NODES:
+        parent = merge_nodes(level.n, level.tail, level.head, level.weight, level.size)
+        coarser = _quotient(
+            int(parent[-1]) - 1, parent[level.tail], parent[level.head], level.weight, parent, level.size
+        )
+        if coarser.n > 0.8 * level.n or coarser.n == 0:
+            break
+        levels.append(coarser)
+        parents.append(parent)
+        level = coarser
+    network, weight, node_of = (
+        _network(level.n, level.tail, level.head),
+        level.weight,
+        np.arange(level.n + 2, dtype=np.int32),
+    )
+    while True:
+        most = OPENED_NODES if len(levels) > 1 else OPENED_NODES_LAST
+        level, parent = levels.pop(), parents.pop()
+        children = np.bincount(parent.ravel(), minlength=level.n + 2).astype(np.float64)
+        active, region, hot = _decided(level, network, weight, node_of, children, most, watch)
+        if not levels or (early and level.n >= ENOUGH_NODES):
+            for finer in reversed(parents):
+                parent = parent[finer]
+            break
+        node_of, n = _freed(active, region, parent)
+        level = levels[-1]
+        tail, head, (weight,) = _parallel(n, node_of[level.tail], node_of[level.head], level.weight)
+        network = _network(n, tail, head)
+    return Gathered(hot[node_of][parent], active, region, parent)
 
 
 def restrict(grid: CutGrid) -> tuple[Network, Floats, Floats, _Ints32]:
@@ -92,35 +156,8 @@ def restrict(grid: CutGrid) -> tuple[Network, Floats, Floats, _Ints32]:
     node_of_pixel : (h, w) int32 array
         The node of every free pixel; that of the cold terminal elsewhere.
     """
-    below, count = _merge_pixels(grid)
-    level = _quotient(count, *_pixel_elements(grid, below, count), below[grid.free], None)
-    levels, parents = [level], [below]
-    while level.n > COARSEST_NODES:
-        parent = _merge_nodes(level)
-        coarser = _quotient(
-            int(parent[-1]) - 1, parent[level.tail], parent[level.head], level.weight, parent, level.size
-        )
-        if coarser.n > 0.8 * level.n or coarser.n == 0:
-            break
-        levels.append(coarser)
-        parents.append(parent)
-        level = coarser
-    network, weight, node_of = (
-        _network(level.n, level.tail, level.head),
-        level.weight,
-        np.arange(level.n + 2, dtype=np.int32),
-    )
-    while True:
-        most = OPENED_NODES if len(levels) > 1 else OPENED_NODES_LAST
-        level, parent = levels.pop(), parents.pop()
-        children = np.bincount(parent.ravel(), minlength=level.n + 2).astype(np.float64)
-        active, region = _decided(level, network, weight, node_of, children, most)
-        node_of, n = _freed(active, region, parent)
-        if not levels:
-            break
-        level = levels[-1]
-        tail, head, (weight,) = _parallel(n, node_of[level.tail], node_of[level.head], level.weight)
-        network = _network(n, tail, head)
+    gathered = gather(grid)
+    node_of, n = _freed(gathered.active, gathered.region, gathered.node_of_pixel)
     tail, head, cost = _pixel_elements(grid, node_of, n)
     tail, head, (weight, multiplicity) = _parallel(n, tail, head, cost, np.ones_like(cost))
     return _network(n, tail, head), weight, multiplicity, node_of
@@ -130,71 +167,6 @@ def _network(n: int, tail: _Ints32, head: _Ints32) -> Network:
     return Network(
         n, tail.astype(np.intp), head.astype(np.intp)
     )  # numpy uses 64-bit indices without converting them every time
-
-
-def _merge_pixels(grid: CutGrid) -> tuple[_Ints32, int]:
-    """Group every free pixel with the neighbour it costs most to divide from; (h, w) group numbers and their
-    count.
-    """
-    shape = grid.free.shape
-    best = np.zeros(shape, np.float32)
-    target = np.zeros(shape, np.int32)
-    for cost, s, t, stride in (
-        (grid.right, np.s_[:, :-1], np.s_[:, 1:], 1),
-        (grid.down, np.s_[:-1], np.s_[1:], shape[1]),
-    ):
-        score = cost * _uneven(cost.size, stride).reshape(cost.shape)
-        for here, offset in ((s, stride), (t, -stride)):
-            better = score > best[here]
-            np.copyto(best[here], score, where=better)
-            np.copyto(target[here], np.int32(offset), where=better)
-    target += np.arange(target.size, dtype=np.int32).reshape(shape)
-    count, group = _components(target.ravel())
-    free = grid.free.ravel()
-    if not free.all():
-        kept = np.zeros(count, bool)
-        kept[group[free]] = True
-        number = np.cumsum(kept, dtype=np.int32) - 1
-        count = int(number[-1]) + 1
-        group = np.where(free, number[group], np.int32(count))
-    return group.reshape(shape), count
-
-
-def _merge_nodes(level: _Level) -> _Ints32:
-    """Group every node with the neighbour it costs most to divide from, relative to the nodes' sizes; (n +
-    2,) group numbers.
-    """
-    n = level.n
-    share = 1.0 / np.sqrt(np.maximum(level.size, 1.0))
-    share[n:] = 0.0
-    score = level.weight * share.take(level.tail) * share.take(level.head) * _uneven(len(level.weight), 0)
-    best = np.full(n + 2, np.finfo(float).tiny)
-    target = np.arange(n + 2, dtype=np.int32)
-    for here in (level.tail, level.head):
-        np.maximum.at(best, here, score)
-    for here, there in ((level.tail, level.head), (level.head, level.tail)):
-        found = np.flatnonzero(score == best.take(here))
-        target[here[found]] = there[found]
-    return _components(target)[1]  # the terminals stay alone, and last
-
-
-def _uneven(count: int, start: int) -> _Floats32:
-    """Factors just above 1 that tell equal costs apart, by a golden-ratio sequence: flat places must not
-    merge into one node.
-    """
-    spread = np.arange(start, start + count, dtype=np.uint32)
-    spread *= _GOLDEN
-    factor = spread.astype(np.float32)
-    factor *= np.float32(_UNEVENNESS / 2**32)
-    factor += np.float32(1)
-    return factor
-
-
-def _components(target: _Ints32) -> tuple[int, _Ints32]:
-    """Components of the graph in which every node points to one other or to itself."""
-    n = len(target)
-    graph = csr_array((np.ones(n, np.int8), target, np.arange(n + 1, dtype=np.int32)), shape=(n, n))
-    return connected_components(graph, directed=False)  # type: ignore[no-any-return]
 
 
 def _pixel_elements(grid: CutGrid, group: _Ints32, n: int) -> tuple[_Ints32, _Ints32, _Floats32]:
@@ -222,12 +194,14 @@ def _parallel(
     terminals are left out.
     """
     low, high = np.minimum(one, other), np.maximum(one, other)
+    del one, other
     alive = (low != high) & (low < n)
-    pair = low[alive], high[alive]
+    kept = slice(None) if alive.all() else alive
+    pair = low[kept], high[kept]
     del low, high
     sums = []
     for value in values:
-        table = coo_array((value[alive], pair), shape=(n + 2, n + 2)).tocsc().tocsr()
+        table = coo_array((value[kept], pair), shape=(n + 2, n + 2)).tocsc().tocsr()
         sums.append(table.data.astype(np.float64))
     tail = np.repeat(np.arange(n + 2, dtype=np.int32), np.diff(table.indptr))
     return tail, table.indices, sums
@@ -244,8 +218,14 @@ def _quotient(
 
 
 def _decided(
-    level: _Level, network: Network, weight: Floats, node_of: _Ints32, children: Floats, opened: float
-) -> tuple[Mask, _Ints32]:
+    level: _Level,
+    network: Network,
+    weight: Floats,
+    node_of: _Ints32,
+    children: Floats,
+    opened: float,
+    watch: Callable[[PrimalDual], None] | None,
+) -> tuple[Mask, _Ints32, Mask]:
     """Let heat gather on the restricted network of a level; at most `opened` nodes per interface of the seam
     are active.
 
@@ -255,9 +235,13 @@ def _decided(
         Nodes beside flow.
     region : (level.n + 2,) int array
         The region of every node that is not active; those of the terminals come last.
+    hot : (n + 2,) bool array
+        The best cut, for the nodes of the restricted network.
     """
     state = PrimalDual(network, weight)
     for left in reversed(range(STEPS + 1)):
+        if watch is not None:
+            watch(state)
         if state.best_cut()[0] <= (1 + GATHERED) * state.bound or not left:
             threshold, flux, strongest = _threshold(state, level, node_of, children, opened)
             region = _regions(network, flux <= threshold)
@@ -277,7 +261,8 @@ def _decided(
     # Only regions that keep a node are numbered.
     kept = np.zeros(int(region[-1]) + 1, bool)
     kept[region[~active]] = True
-    return active, (np.cumsum(kept, dtype=np.int32) - 1)[region]
+    hot = state.potential > state.best_cut()[1]
+    return active, (np.cumsum(kept, dtype=np.int32) - 1)[region], hot
 
 
 def _regions(network: Network, closed: Mask) -> _Ints32 | None:

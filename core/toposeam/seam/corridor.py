@@ -4,10 +4,11 @@ What coarse networks merged on the way to a seam never comes back by itself, and
 detours of ten to sixty pixels. So when heat has found where the seam runs, everything near it is open again,
 and near the other ways that heat was still free to take, and divided by its best cut. Where the seam leads
 from one gap to another that is a shortest path between corners (:mod:`toposeam.seam.exact`), which takes a
-small part of the time that the heat took. A seam that closes on itself is opened at one place after another:
-a line of pixels across it keeps what it shows, so that the seam passes there as before, and the rest is a
-path. Of overlaps that several seams divide each is opened alone, in a corridor so narrow that they do not
-meet.
+small part of the time that the heat took; there everything near the best path of half the resolution is open,
+too, for of ways that lead far from each other a coarse network may take the wrong one. A seam that closes on
+itself is opened at one place after another: a line of pixels across it keeps what it shows, so that the seam
+passes there as before, and the rest is a path. Of overlaps that several seams divide each is opened alone, in
+a corridor so narrow that they do not meet.
 """
 
 from __future__ import annotations
@@ -20,13 +21,11 @@ from scipy import ndimage
 
 from toposeam.images import Mask
 from toposeam.seam.exact import cut_cost, shortest_path
+from toposeam.seam.grid import SEAM_CELLS, grown
 from toposeam.seam.overlap import FREE, NONE, A, B
 from toposeam.seam.problem import SeamProblem
 
-#: Corridors are made of squares of so many px.
-CELL = 8
-#: So many of them on either side of the seam, and of what else heat was free to choose from.
-SEAM_CELLS = 8
+#: So many cells on either side of what else heat was free to choose from are open, too.
 FLOW_CELLS = 3
 #: At so many places a closed seam is opened in turn.
 _OPENINGS = 2
@@ -36,14 +35,19 @@ _TRIES = 8
 _Box = tuple[slice, slice]
 
 
-def best_nearby(problem: SeamProblem, labels: Mask, open_pixels: Mask) -> Mask:
+def best_nearby(
+    problem: SeamProblem, labels: Mask, open_pixels: Mask | None = None, *, rough: bool = False
+) -> Mask:
     """The best labelling whose seam stays near a given one, or near other pixels; never a dearer one.
 
     Parameters
     ----------
     problem : SeamProblem
         Without unary costs, which belong to no path.
-    labels, open_pixels : (h, w) bool arrays
+    labels : (h, w) bool array
+    open_pixels : (h, w) bool array, optional
+    rough : bool
+        Where the seam is one path, look near the best one of half the resolution, too.
 
     Returns
     -------
@@ -51,14 +55,16 @@ def best_nearby(problem: SeamProblem, labels: Mask, open_pixels: Mask) -> Mask:
     """
     best = problem.complete(labels).astype(bool, copy=False)
     component, _ = ndimage.label(problem.overlap.side == FREE)
-    flows = grown(open_pixels, FLOW_CELLS)
+    flows = None if open_pixels is None else grown(open_pixels, FLOW_CELLS)
     for index, around in enumerate(ndimage.find_objects(component), 1):
         box = around[0].start - 1, around[0].stop + 1, around[1].start - 1, around[1].stop + 1
         here = slice(*box[:2]), slice(*box[2:])
         piece = component[here] == index
         seam = beside_seam(best[here], piece, problem.overlap.side[here] != NONE)
-        zone = grown(seam, SEAM_CELLS) | flows[here]
-        found = shortest_path(problem, here, piece, cut_cost(problem, here, piece, best[here]), zone)
+        zone = grown(seam, SEAM_CELLS)
+        if flows is not None:
+            zone |= flows[here]
+        found = shortest_path(problem, here, piece, cut_cost(problem, here, piece, best[here]), zone, rough)
         if found is None:
             found = _closed(problem, here, piece, best, zone)
         if found is not None:
@@ -69,17 +75,6 @@ def best_nearby(problem: SeamProblem, labels: Mask, open_pixels: Mask) -> Mask:
             if parted:
                 break
     return best
-
-
-def grown(places: Mask, cells: int) -> Mask:
-    """All pixels within so many cells of some places, (h, w) bool."""
-    h, w = places.shape
-    padded = np.zeros((-(-h // CELL) * CELL, -(-w // CELL) * CELL), bool)
-    padded[:h, :w] = places
-    coarse = padded.reshape(padded.shape[0] // CELL, CELL, -1, CELL).any(axis=(1, 3))
-    coarse = ndimage.binary_dilation(coarse, np.ones((2 * cells + 1,) * 2, bool))
-    wide: Mask = coarse.repeat(CELL, axis=0).repeat(CELL, axis=1)[:h, :w]
-    return wide
 
 
 def beside_seam(labels: Mask, piece: Mask, covered: Mask) -> Mask:

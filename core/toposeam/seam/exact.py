@@ -8,23 +8,25 @@ Rings, islands and overlaps with more than two gaps are solved by maximum flow w
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import breadth_first_order, connected_components, dijkstra, maximum_flow
+from scipy.sparse.csgraph import breadth_first_order, connected_components, maximum_flow
 
-from toposeam.heat.network import Ints, Network
+from toposeam.heat.network import Floats, Ints, Network
 from toposeam.images import Mask
+from toposeam.seam.corner_graph import beside_rough_path, cheapest_path
 from toposeam.seam.match_cost import Floats32
 from toposeam.seam.overlap import FREE, NONE, TOUCHING, A, B
 from toposeam.seam.problem import SeamProblem, geometry
 
 _Box = tuple[slice, slice]
 #: Each pixel and its right, or lower, neighbour.
-_ACROSS, _ALONG = (np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])
+_PAIRS: tuple[tuple[_Box, _Box], ...] = (np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1, :], np.s_[1:, :])
 
 #: Capacities of the maximum flow are rounded so that their sum stays below this.
 _CAPACITY = 2**31 - 2
@@ -50,9 +52,7 @@ def exact_labels(
     side = problem.overlap.side
     labels = problem.complete(np.zeros(side.shape, bool)).astype(bool, copy=False)
     component, count = ndimage.label(side == FREE)
-    for index, box in enumerate(ndimage.find_objects(component), 1):
-        # The piece and one pixel around it, which always is there.
-        box = tuple(slice(part.start - 1, part.stop + 1) for part in box)
+    for index, box in enumerate(_boxes(component), 1):
         pixels = component[box] == index
         # Costs beside further layers belong to no interface, hence to no path.
         found = None if problem.tied else shortest_path(problem, box, pixels, most if count == 1 else np.inf)
@@ -65,7 +65,13 @@ def exact_labels(
 
 
 def shortest_path(
-    problem: SeamProblem, box: _Box, free: Mask, most: float = np.inf, zone: Mask | None = None
+    problem: SeamProblem,
+    box: _Box,
+    free: Mask,
+    most: float = np.inf,
+    zone: Mask | None = None,
+    rough: bool = False,
+    distance: Floats | None = None,
 ) -> Mask | None:
     """Labels of the free pixels of a box, cut by one shortest path between corners; None where the cut is not
     a single path.
@@ -81,6 +87,10 @@ def shortest_path(
         What some seam there is known to cost: none dearer is looked for.
     zone : (h, w) bool array, optional
         On the box: the seam runs beside these pixels only.
+    rough : bool
+        The zone is wider by what is near the cheapest path of half the resolution.
+    distance : (h + 1, w + 1) float64 array, optional
+        Gets how far each corner of the box is from one end of the seam, at most as far as the other end.
 
     Returns
     -------
@@ -100,120 +110,149 @@ def shortest_path(
     """
     side = problem.overlap.side[box]
     h, w = side.shape
-    rows, columns = box
-    # Beyond the last row, and the last column, nothing leads anywhere.
-    below, beside = (np.full((h + 1, w + 1), np.inf, np.float32) for _ in range(2))
-    to_b: list[Mask] = []
-    gaps: list[Mask] = []
-    reaches_a, all_a = False, 0.0
-    for cost, costs, (s, t) in (
-        (problem.right[rows, columns.start : columns.stop - 1], below[:-1, 1:-1], _ACROSS),
-        (problem.down[rows.start : rows.stop - 1, columns], beside[1:-1, :-1], _ALONG),
-    ):
-        within = (free[s] | free[t]) & (cost > 0)
-        if zone is not None:
-            within &= zone[s] | zone[t]
-        np.copyto(costs, cost, where=within)
-        # Of the interfaces with what is decided there are few.
-        outer = np.flatnonzero(free[s] != free[t])
-        one, other = (side[part].ravel()[outer] for part in (s, t))
-        beyond = np.where(one == FREE, other, one)
-        usable = cost.ravel()[outer] > 0
-        reaches_a |= bool((usable & (beyond == A)).any())
-        for found, chosen in ((to_b, usable & (beyond == B)), (gaps, beyond == NONE)):
-            found.append(np.zeros(costs.shape, bool))
-            found[-1].ravel()[outer[chosen]] = True
-        all_a += float(cost.ravel()[outer[usable & (beyond == B)]].sum(dtype=np.float64))
-        costs[gaps[-1]] = 0.0
-    if not any(mask.any() for mask in to_b):
+    border = _border(problem, box, free)
+    if not border.to_b:
         return np.zeros(side.shape, bool)
-    if not reaches_a:
+    if not border.to_a:
         return np.ones(side.shape, bool)
-    ends = _ends(to_b, gaps)
+    ends = border.ends()
     if ends is None:
         return None
-    path, length = _cheapest_path(below, beside, ends, min(most, all_a) * (1 + 1e-6))
+    # Beyond the last row, and the last column, nothing leads anywhere.
+    below, beside = (np.full((h + 1, w + 1), np.inf, np.float32) for _ in range(2))
+    layout = (below[:-1, 1:-1], beside[1:-1, :-1])
+    for costs, cost, gap, (s, t) in zip(layout, _costs(problem, box), border.gaps, _PAIRS, strict=True):
+        np.copyto(costs, cost, where=(free[s] | free[t]) & (cost > 0))
+        costs[gap] = 0.0
+    if zone is not None:
+        zone = zone | beside_rough_path(below, beside, ends, free) if rough else zone
+        for costs, gap, (s, t) in zip(layout, border.gaps, _PAIRS, strict=True):
+            np.copyto(costs, np.float32(np.inf), where=~(zone[s] | zone[t] | gap))
+    path, length = cheapest_path(below, beside, ends, min(most, border.to_b) * (1 + 1e-6), distance)
     if path is None:
         return None
-    for flip in (False, True):
-        labels = _sides_of(path, side, free, flip)
-        if labels is not None and cut_cost(problem, box, free, labels) <= length * (1 + 1e-6):
+    del below, beside, layout, costs
+    for labels in _sides_of(path, side, free):
+        if cut_cost(problem, box, free, labels) <= length * (1 + 1e-6):
             return labels
     return None
 
 
+def laid_by_distances(problem: SeamProblem) -> tuple[Mask, Floats, float] | None:
+    """The best labelling of an overlap that one path divides, and a heat flow of its size, which proves it.
+
+    Distances from one end of the seam are a heat flow seen from the corners: across each interface as much
+    flows as its two corners differ in distance, never more than it costs, nothing is lost in a pixel, and
+    between the two sides in all as much as the best seam costs (Hassin 1981,
+    doi:10.1016/0020-0190(81)90120-4).
+
+    Returns
+    -------
+    labels : (h, w) bool array
+    flow : (E,) float64 array
+        Along every element of the pattern's network.
+    size : float
+        What of it arrives. None instead of all three where the cut is not one path.
+    """
+    side = problem.overlap.side
+    _, count = ndimage.label(side == FREE)
+    if count != 1 or problem.tied:
+        return None
+    distance = np.zeros((side.shape[0] + 1, side.shape[1] + 1))
+    whole = slice(0, side.shape[0]), slice(0, side.shape[1])
+    labels = shortest_path(problem, whole, side == FREE, distance=distance)
+    if labels is None:
+        return None
+    kept = problem.pattern
+    flow = distance.ravel()[kept.end] - distance.ravel()[kept.start]
+    np.negative(flow, out=flow, where=kept.end - kept.start == 1)
+    into = kept.network.terminal_elements[1]
+    size = float(flow[into] @ np.where(kept.network.head[into] == kept.network.n + 1, 1.0, -1.0))
+    return labels, flow * np.sign(size), abs(size)
+
+
 def cut_cost(problem: SeamProblem, box: _Box, free: Mask, labels: Mask) -> float:
     """What a labelling of a box costs beside its free pixels."""
-    rows, columns = box
     return sum(
         float(cost[(labels[s] != labels[t]) & (free[s] | free[t])].sum(dtype=np.float64))
-        for cost, (s, t) in (
-            (problem.right[rows, columns.start : columns.stop - 1], _ACROSS),
-            (problem.down[rows.start : rows.stop - 1, columns], _ALONG),
+        for cost, (s, t) in zip(_costs(problem, box), _PAIRS, strict=True)
+    )
+
+
+def divided_by_paths(problem: SeamProblem) -> bool:
+    """Whether one path between corners divides each piece of what is free."""
+    component, _ = ndimage.label(problem.overlap.side == FREE)
+    for index, box in enumerate(_boxes(component), 1):
+        border = _border(problem, box, component[box] == index)
+        if border.to_a and border.to_b and border.ends() is None:
+            return False
+    return True
+
+
+def _boxes(component: npt.NDArray[np.integer]) -> list[_Box]:
+    """The window of every numbered piece, and one pixel around it, which always is there."""
+    found = ndimage.find_objects(component)
+    return [(slice(y.start - 1, y.stop + 1), slice(x.start - 1, x.stop + 1)) for y, x in found]
+
+
+def _costs(problem: SeamProblem, box: _Box) -> tuple[Floats32, Floats32]:
+    """Costs of the interfaces of a box, those of neighbours in a row first."""
+    (rows, columns), before = box, [slice(part.start, part.stop - 1) for part in box]
+    return problem.right[rows, before[1]], problem.down[before[0], columns]
+
+
+class _Border(NamedTuple):
+    """Interfaces between what is free in a box and what is decided, those of neighbours in a row first."""
+
+    on_b: list[Mask]  #: where ``b`` is
+    gaps: list[Mask]  #: where nothing is
+    to_a: float  #: what it costs to cut off ``a``, and ``b``
+    to_b: float
+
+    def ends(self) -> tuple[int, int] | None:
+        """The two corners between which the seam runs; None where it is no single path.
+
+        All free pixels to ``a`` is one valid cut. Any other has the same ends: those it meets an odd number
+        of times, corners along one gap counting as one.
+        """
+        on_cut, along_gap = geometry(*self.on_b)[2:], geometry(*self.gaps)[2:]
+        corners, place = np.unique(np.concatenate([*on_cut, *along_gap]), return_inverse=True)
+        start, end, gap_start, gap_end = np.split(
+            place, np.cumsum([len(on_cut[0])] * 2 + [len(along_gap[0])])
         )
-    )
+        joined = coo_array(
+            (np.ones(len(gap_start), np.int8), (gap_start, gap_end)), shape=(len(corners),) * 2
+        )
+        _, group = connected_components(joined, directed=False)
+        odd = np.flatnonzero(np.bincount(group[np.concatenate([start, end])]) % 2)
+        if len(odd) != 2:
+            return None
+        first, last = (int(corners[np.argmax(group == one)]) for one in odd)
+        return first, last
 
 
-def _ends(to_b: list[Mask], gaps: list[Mask]) -> tuple[int, int] | None:
-    """The two corners between which the seam runs; None where it is no single path.
-
-    All free pixels to ``a`` is one valid cut. Any other has the same ends: those it meets an odd number of
-    times, corners along one gap counting as one.
-    """
-    on_cut, along_gap = geometry(*to_b)[2:], geometry(*gaps)[2:]
-    corners, place = np.unique(np.concatenate([*on_cut, *along_gap]), return_inverse=True)
-    start, end, gap_start, gap_end = np.split(place, np.cumsum([len(on_cut[0])] * 2 + [len(along_gap[0])]))
-    joined = coo_array((np.ones(len(gap_start), np.int8), (gap_start, gap_end)), shape=(len(corners),) * 2)
-    _, group = connected_components(joined, directed=False)
-    odd = np.flatnonzero(np.bincount(group[np.concatenate([start, end])]) % 2)
-    if len(odd) != 2:
-        return None
-    first, last = (int(corners[np.argmax(group == one)]) for one in odd)
-    return first, last
-
-
-def _cheapest_path(
-    below: Floats32, beside: Floats32, ends: tuple[int, int], limit: float
-) -> tuple[npt.NDArray[np.intp] | None, float]:
-    """The corners of the cheapest path from one end to the other, flat indices, and its length; None where
-    there is none.
-
-    The graph is laid out by arithmetic: each corner that has an edge gets four, up, left, right and down,
-    those that are missing to itself at infinite cost, which is beyond the limit.
-    """
-    stride = below.shape[1]
-    edges = np.isfinite(below), np.isfinite(beside)
-    corner = edges[0] | edges[1]
-    corner[1:] |= edges[0][:-1]
-    corner[:, 1:] |= edges[1][:, :-1]
-    used = np.flatnonzero(corner)
-    number = np.zeros(corner.size, np.int32)
-    number[used] = np.arange(len(used), dtype=np.int32)
-    neighbour, cost = np.empty((len(used), 4), np.int32), np.empty((len(used), 4))
-    # Counted from the end, what is before the first corner is the last one, from which nothing leads on.
-    for column, (step, costs, back) in enumerate(
-        ((-stride, below, True), (-1, beside, True), (1, beside, False), (stride, below, False))
-    ):
-        there = used + step
-        neighbour[:, column] = number.take(there, mode="wrap")
-        cost[:, column] = costs.ravel().take(there if back else used, mode="wrap")
-    graph = csr_array(
-        (cost.ravel(), neighbour.ravel(), np.arange(0, 4 * len(used) + 1, 4, dtype=np.int32)),
-        shape=(len(used), len(used)),
-    )
-    source, target = (int(number[end]) for end in ends)
-    length, before = dijkstra(graph, indices=source, return_predecessors=True, limit=limit)
-    path = [target]
-    while path[-1] != source:
-        if before[path[-1]] < 0:
-            return None, np.inf
-        path.append(int(before[path[-1]]))
-    return used[path[::-1]], float(length[target])
+def _border(problem: SeamProblem, box: _Box, free: Mask) -> _Border:
+    side = problem.overlap.side[box]
+    on_b: list[Mask] = []
+    gaps: list[Mask] = []
+    cost_of = {A: 0.0, B: 0.0}
+    for cost, (s, t) in zip(_costs(problem, box), _PAIRS, strict=True):
+        # Of the interfaces with what is decided there are few.
+        outer = np.flatnonzero(free[s] != free[t])
+        one, other = (side[part].ravel()[outer] for part in (s, t))
+        beyond = np.where(one == FREE, other, one)
+        paid = cost.ravel()[outer]
+        for ground in cost_of:
+            cost_of[ground] += float(paid[beyond == ground].sum(dtype=np.float64))
+        for found, chosen in ((on_b, (beyond == B) & (paid > 0)), (gaps, beyond == NONE)):
+            found.append(np.zeros(cost.shape, bool))
+            found[-1].ravel()[outer[chosen]] = True
+    return _Border(on_b, gaps, cost_of[A], cost_of[B])
 
 
-def _sides_of(path: npt.NDArray[np.intp], side: npt.NDArray[np.uint8], free: Mask, flip: bool) -> Mask | None:
-    """Which pixels show ``b``, once a path of corners divides them: those on its right, or on its left with
-    `flip`; None when a piece of them lies on both.
+def _sides_of(path: npt.NDArray[np.intp], side: npt.NDArray[np.uint8], free: Mask) -> Iterator[Mask]:
+    """Which pixels show ``b``, once a path of corners divides them: those on its right, or else on its left;
+    neither where a piece of them would lie on both.
 
     The free pixels beside the path are marked by its direction; what they leave are whole pieces
     (:func:`scipy.ndimage.label`), and each takes after its neighbours.
@@ -225,21 +264,21 @@ def _sides_of(path: npt.NDArray[np.intp], side: npt.NDArray[np.uint8], free: Mas
     # Somebody who walks right has the upper pixel on the left, somebody who walks down the right one.
     on_left = y * w + x - np.where(right == 1, w, 0) - (down == -1)
     on_right = y * w + x - np.where(right == -1, w, 0) - (down == 1)
-    a_shows, b_shows = 1, 2
-    known = np.where(side == A, a_shows, np.where(side == B, b_shows, 0)).astype(np.uint8)
-    for beside, mark in ((on_left, b_shows if flip else a_shows), (on_right, a_shows if flip else b_shows)):
-        inner = beside[free.ravel()[beside]]
-        known.ravel()[inner] = mark
+    is_a, is_b, left, righthand = 1, 2, 3, 4
+    known = np.where(side == A, is_a, np.where(side == B, is_b, 0)).astype(np.uint8)
+    for beside, mark in ((on_left, left), (on_right, righthand)):
+        known.ravel()[beside[free.ravel()[beside]]] = mark
     piece, count = ndimage.label(free & (known == 0), TOUCHING)
-    takes = np.zeros((3, count + 1), bool)
-    for s, t in (_ACROSS, _ALONG):
+    beside_piece = np.zeros((5, count + 1), bool)
+    for s, t in _PAIRS:
         for here, there in ((s, t), (t, s)):
-            border = (piece[here] > 0) & (known[there] > 0)
-            takes[known[there][border], piece[here][border]] = True
-    if (takes[a_shows] & takes[b_shows]).any():
-        return None
-    labels: Mask = np.where(piece > 0, takes[b_shows][piece], known == b_shows)
-    return labels
+            border = np.flatnonzero((piece[here] > 0) & (known[there] > 0))
+            beside_piece[known[there].ravel()[border], piece[here].ravel()[border]] = True
+    for a_shows, b_shows in ((left, righthand), (righthand, left)):
+        takes_b = beside_piece[is_b] | beside_piece[b_shows]
+        if not (takes_b & (beside_piece[is_a] | beside_piece[a_shows])).any():
+            takes_b[0] = False
+            yield takes_b[piece] | (known == is_b) | (known == b_shows)
 
 
 def _maximum_flow(problem: SeamProblem, pixels: Mask) -> Mask:

@@ -10,10 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy import ndimage
 
 from toposeam.heat.network import Floats, Ints, Network
 from toposeam.images import Mask
 from toposeam.seam.overlap import FREE, A, B
+
+#: Corridors are made of squares of so many px; so many of them are open on either side of a seam.
+CELL, SEAM_CELLS = 8, 8
 
 Floats32 = npt.NDArray[np.float32]
 
@@ -101,3 +105,14 @@ def grid_from_sides(side: npt.NDArray[np.uint8], right: Floats32, down: Floats32
     return CutGrid(
         np.where(both_right, right, np.float32(0)), np.where(both_down, down, np.float32(0)), cold, hot, free
     )
+
+
+def grown(places: Mask, cells: int) -> Mask:
+    """All pixels within so many cells of some places, (h, w) bool."""
+    h, w = places.shape
+    padded = np.zeros((-(-h // CELL) * CELL, -(-w // CELL) * CELL), bool)
+    padded[:h, :w] = places
+    coarse = padded.reshape(padded.shape[0] // CELL, CELL, -1, CELL).any(axis=(1, 3))
+    coarse = ndimage.binary_dilation(coarse, np.ones((2 * cells + 1,) * 2, bool))
+    wide: Mask = coarse.repeat(CELL, axis=0).repeat(CELL, axis=1)[:h, :w]
+    return wide

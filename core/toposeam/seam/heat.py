@@ -13,12 +13,20 @@ label map.
 *Its solution.* Setting k ← |q| / M again and again converges, and slows down the closer it comes. Newton
 steps on the potential and its dual flow together (:mod:`toposeam.heat.primal_dual`) are heat networks just as
 well, take six to ten of them, and prove how good the seam is: the flow bounds every seam's cost from below.
-Large overlaps start out contracted by what coarser networks show (:mod:`toposeam.seam.coarse`); there the
-proof holds for the choices that are left.
+
+*What need not be heated.* Where the seam leads from one gap to another, distances between corners are the
+largest flow (:func:`toposeam.seam.exact.laid_by_distances`). From 1,000 pixels on they are found sooner than
+heat gathers: the search starts at the potential and the flow they give, sees that nothing is left to gain,
+and ends. ``Seam.soft`` heats the overlap when it is read; whoever asks for frames, or for less than the usual
+proof, sees every step.
+
+*Large overlaps* start out contracted by what coarser networks show (:mod:`toposeam.seam.coarse`), and are
+opened again along the seam (:mod:`toposeam.seam.corridor`); a proof holds for the choices that are left.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -33,12 +41,18 @@ from toposeam.heat.primal_dual import PrimalDual
 from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
 from toposeam.optimize.history import Frame, Iteration, Termination
-from toposeam.seam.coarse import WHOLE_NODES, restrict
-from toposeam.seam.corridor import beside_seam, best_nearby, grown, keeping
+from toposeam.seam.coarse import PROVEN, WHOLE_NODES, gather, restrict
+from toposeam.seam.corridor import beside_seam, best_nearby, keeping
+from toposeam.seam.exact import divided_by_paths, laid_by_distances
+from toposeam.seam.grid import grid_from_sides, grown
 from toposeam.seam.overlap import FREE, NONE
 from toposeam.seam.problem import SeamProblem
 from toposeam.seam.solution import Solution
 
+#: From this many free pixels on distances between corners are found sooner than heat gathers.
+DISTANCE_PIXELS = 1000
+#: A flow laid by them is right up to this share of its size.
+_LOST = 1e-9
 #: An interface with less flux does not belong to the heat path (thesis, q_threshold).
 FLUX_THRESHOLD = 0.01
 #: ``soft`` is the last potential whose cost exceeded what is proven by this share.
@@ -89,13 +103,20 @@ def heat_path(
     Returns
     -------
     Solution
-        ``soft`` is the label potential of the last step before the seam was proven within 10 %; where the
-        overlap was contracted first, it varies only between the pixels that were left to choose from, and
-        :func:`potential_beside` has a better one. The last record of the history is the seam itself, all heat
-        on one line.
+        ``soft`` is the label potential of the last step before the seam was proven within 10 %; where it says
+        ``contracted``, the overlap was never heated whole, and :func:`potential_beside` has a better one. The
+        last record of the history is the seam itself, all heat on one line.
     """
-    network, cost, multiplicity, node_of_pixel = _network(problem)
+    # Who asks for frames, or for a rough answer, wants to see the flows.
+    if not record_frames and options.tolerance <= PROVEN and not problem.tied and _by_path(problem):
+        known = (_along_path if _is_large(problem) else _known_at_once)(problem)
+        if known is not None:
+            if progress is not None:
+                progress(1.0)
+            return known
+    large = _is_large(problem)
     history: list[Iteration] = []
+    network, cost, multiplicity, node_of_pixel = _network(problem)
     frames: list[Frame] = []
     hot = np.append(np.zeros(network.n, bool), [False, True])
     soft = hot.astype(np.float64)
@@ -142,7 +163,7 @@ def heat_path(
 
     labels = hot[node_of_pixel]
     potential = np.clip(soft, 0.0, 1.0).astype(np.float32)[node_of_pixel]
-    if _is_large(problem) and not problem.tied:
+    if large and not problem.tied:
         labels = _opened_again(problem, labels, node_of_pixel)
     if history:
         least = problem.total(labels)
@@ -163,7 +184,7 @@ def heat_path(
             frames.append(_frame(problem, labels, len(history), 2))
     if progress is not None:
         progress(1.0)
-    if _is_large(problem):
+    if large:
         bound = 0.0  # it holds for the choices that were left
     elif not network.n:
         bound = problem.total(labels)
@@ -171,7 +192,7 @@ def heat_path(
         bound=bound,
         labels=labels,
         soft=potential,
-        contracted=_is_large(problem),
+        contracted=large,
         history=tuple(history),
         frames=tuple(frames),
         termination=termination,
@@ -179,8 +200,8 @@ def heat_path(
 
 
 def potential_beside(problem: SeamProblem, labels: Mask) -> npt.NDArray[np.float32]:
-    """The label potential of an overlap too large to be solved whole: the heat of the last step before the
-    seam is proven within 10 %, in a band of some thirty pixels on either side of it.
+    """The label potential of an overlap that was not heated whole: the heat of the last step before the seam
+    is proven within 10 %; of a large one in a band of some thirty pixels on either side of it.
 
     Parameters
     ----------
@@ -194,7 +215,9 @@ def potential_beside(problem: SeamProblem, labels: Mask) -> npt.NDArray[np.float
     """
     free = problem.overlap.side == FREE
     labels = problem.complete(labels).astype(bool, copy=False)
-    band = grown(beside_seam(labels, free, problem.overlap.side != NONE), _SOFT_CELLS) & free
+    band = free
+    if _is_large(problem):
+        band = grown(beside_seam(labels, free, problem.overlap.side != NONE), _SOFT_CELLS) & free
     network, cost, _, node_of_pixel = _pixel_network(keeping(problem, band, labels))
     potential: npt.NDArray[np.float32] = labels.astype(np.float32)
     if not network.n:
@@ -212,6 +235,88 @@ def potential_beside(problem: SeamProblem, labels: Mask) -> npt.NDArray[np.float
                 break
     potential[band] = np.clip(soft, 0.0, 1.0)[node_of_pixel[band]]
     return potential
+
+
+def _by_path(problem: SeamProblem) -> bool:
+    """Whether a path between corners ends sooner what the heat begins."""
+    free = int(np.count_nonzero(problem.overlap.side == FREE))
+    return free >= DISTANCE_PIXELS and divided_by_paths(problem)
+
+
+def _along_path(problem: SeamProblem) -> Solution:
+    """The best seam near the one that heat shows on coarse networks."""
+    history: list[Iteration] = []
+    labels = gather(
+        grid_from_sides(problem.overlap.side, problem.right, problem.down),  # which is not kept
+        lambda state: history.append(_record(state)),
+        early=True,
+    ).labels
+    return _solved(problem, best_nearby(problem, labels, rough=True), tuple(history))
+
+
+def _known_at_once(problem: SeamProblem) -> Solution | None:
+    """The seam where the heat need not be found step by step: its flow, laid by distances between corners, is
+    the largest there is, and the potential that is 1 on ``b``'s side of the seam belongs to it. None where
+    the proof fails, or several pieces are free.
+    """
+    laid = laid_by_distances(problem)
+    if laid is None:
+        return None
+    labels, flow, size = laid
+    network, cost, hot = problem.network, problem.element_cost, labels.ravel()[problem.pattern.pixels]
+    jump = network.difference(np.append(hot, [0.0, 1.0]))
+    least = float(cost @ jump)
+    lost = float(np.abs(network.surplus(flow)).max())
+    overflow = float((np.abs(flow) - cost).max())
+    if max(lost, overflow, least - size) > _LOST * size:
+        return None
+    record = Iteration(
+        stage=1,
+        objective=least,
+        compliance=size,
+        bound=float("nan"),
+        n_flux=int(np.count_nonzero(jump)),
+        change=1.0,
+        unknowns=network.n,
+    )
+    return _solved(problem, labels, (record,), size)
+
+
+def _record(state: PrimalDual) -> Iteration:
+    """A step on a coarse network."""
+    flux = np.abs(state.jump)
+    return Iteration(
+        stage=1,
+        objective=float(state.cost @ flux),
+        compliance=state.bound,
+        bound=float("nan"),
+        n_flux=int(np.count_nonzero(flux > FLUX_THRESHOLD)),
+        change=1.0,
+        unknowns=state.network.n,
+    )
+
+
+def _solved(
+    problem: SeamProblem, labels: Mask, history: tuple[Iteration, ...], bound: float = 0.0
+) -> Solution:
+    """What a path between corners ended."""
+    least = problem.total(labels)
+    last = dataclasses.replace(
+        history[-1],
+        stage=2,
+        objective=least,
+        compliance=least,
+        n_flux=len(problem.crossed(labels)),
+        unknowns=0,
+    )
+    return Solution(
+        labels=labels,
+        soft=labels.astype(np.float32),
+        contracted=True,
+        history=(*history, last),
+        termination=Termination.SINGLE_LINE,
+        bound=bound,
+    )
 
 
 def _is_large(problem: SeamProblem) -> bool:

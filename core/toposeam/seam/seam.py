@@ -108,8 +108,8 @@ class Seam:
         """(H, W) float32 in [0, 1]: 0 where ``a`` shows, 1 where ``b`` shows, between them the label
         potential before the seam was decided.
 
-        On an overlap too large to be solved whole it is that of a band of some thirty pixels on either side
-        of the seam, which is solved when this is read first.
+        Where heat had not to be found step by step it is solved when this is read first; on an overlap of
+        more than 30,000 px in a band of some thirty pixels on either side of the seam.
         """
         return self.problem.on_canvas(potential_on_window(self), self.only_b).astype(np.float32, copy=False)
 

@@ -17,7 +17,7 @@ class Solution:
 
     labels: Mask
     soft: npt.NDArray[np.float32]
-    #: Whether `soft` varies only between the pixels that coarser networks left to choose from.
+    #: Whether the overlap was not heated whole, so that `soft` says less than it could.
     contracted: bool = False
     history: tuple[Iteration, ...] = ()
     frames: tuple[Frame, ...] = ()

@@ -59,3 +59,11 @@ def test_defaults_go_to_every_command_that_knows_them_and_an_entry_s_own_come_fi
         ("synth", ["25%"], ["64x48"]),
         ("tile", [], []),
     ]
+
+
+def test_a_default_that_no_command_takes_is_refused_by_the_first_that_knows_it(toposeam, jobs):
+    """``size`` is a size for one command and a choice for another; what is neither is told."""
+    Path(jobs).write_text(JOBS.replace('size = "64x48"', 'tileable = "bth"'))
+    toposeam("batch", jobs, "--dry-run").fails("is not one of 'both'")
+    Path(jobs).write_text('[defaults]\nsize = "64x48"\n[[tile]]\nimage = "a.png"\noutput = "t.png"\n')
+    toposeam("batch", jobs, "--dry-run").fails("'64x48' is not 'auto'")

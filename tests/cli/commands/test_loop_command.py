@@ -268,3 +268,11 @@ def test_a_video_in_a_code_that_nobody_knows(toposeam, video):
         content = content.replace(tag, b"zzzz")
     clip.write_bytes(content)
     toposeam("loop", clip, "-o", clip.with_name("o.gif")).fails("does not know")
+
+
+def test_a_rate_or_a_length_that_makes_too_many_frames(toposeam, tmp_path):
+    slow = animated(tmp_path / "slow.gif", frames(4), 600_000)
+    out = ["-o", tmp_path / "o.gif"]
+    toposeam("loop", slow, "--fps", "1000", *out).fails("frames a second has 2")
+    toposeam("loop", slow, "--fps", "1e-300", *out).fails("--fps", 2)
+    toposeam("loop", slow, "--grow", "9000000", *out).fails("the grown clip has 9000000 frames")

@@ -128,6 +128,16 @@ def test_a_pyramid_has_the_picture_at_every_size(three, toposeam, in_files, requ
     toposeam("stitch", *FILES, *AT, "-o", "other.png", "--pyramid").fails("--pyramid is for .tif")
 
 
+@pytest.mark.parametrize("foreign", ["0/notes.txt", "thumbs.db", "mine/0_0.png"])
+def test_a_folder_with_more_than_tiles_is_left_alone(three, toposeam, foreign):
+    words = ["stitch", *FILES, *AT, "-o", "out.dzi", "--force"]
+    assert toposeam(*words).code == 0
+    (three / "out_files" / foreign).parent.mkdir(exist_ok=True)
+    (three / "out_files" / foreign).write_text("precious")
+    toposeam(*words).fails("which is no tile")
+    assert (three / "out_files" / foreign).read_text() == "precious"
+
+
 def test_transparent_deep_zoom_has_tiles_of_png(three, toposeam):
     assert toposeam("stitch", *FILES, *AT, "-o", "out.dzi").code == 0
     deepest = max((three / "out_files").iterdir(), key=lambda path: int(path.name))

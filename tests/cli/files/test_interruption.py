@@ -178,7 +178,14 @@ unclosed = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionW
 class AtStep:
     """A signal at one step of our own code that writes, and of what it is in."""
 
-    WHERE = ("files/writing.py", "files/temporary.py", "jobs/workers.py", "contextlib.py", "saving.py")
+    WHERE = (
+        "files/writing.py",
+        "files/prepared.py",
+        "files/temporary.py",
+        "jobs/workers.py",
+        "contextlib.py",
+        "saving.py",
+    )
 
     def __init__(self, step, number=signal.SIGTERM):
         self.left, self.number = step, number

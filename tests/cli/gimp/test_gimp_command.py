@@ -5,6 +5,7 @@ import os
 import stat
 import subprocess
 import sys
+import time
 import zipfile
 from pathlib import Path
 
@@ -98,6 +99,15 @@ def test_a_failed_installation_brings_the_old_one_back(home, monkeypatch):
     assert "cannot write" in run("install", "--gimp-version", "3.0", code=1)
     assert {path.name: path.stat().st_mtime_ns for path in plug_in(home, "3.0").iterdir()} == before
     assert [path.name for path in plug_in(home, "3.0").parent.iterdir()] == ["toposeam_gimp"]
+
+
+def test_gimp_sees_that_what_was_installed_is_new(home):
+    """GIMP asks a plug-in for its procedures where its file is newer than what it remembers."""
+    begun = time.time()
+    run("install", "--gimp-version", "3.0")
+    main = plug_in(home, "3.0") / "toposeam_gimp.py"
+    assert main.stat().st_mtime >= begun - 2
+    assert main.stat().st_mtime > (main.parent / "texts.py").stat().st_mtime
 
 
 def test_uninstall_leaves_nothing(home):

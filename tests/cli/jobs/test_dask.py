@@ -174,6 +174,21 @@ def listening():
                 yield connection.laddr.ip, connection.laddr.port
 
 
+def test_what_dask_tells_of_connections_that_end_is_not_told_on(tmp_path):
+    (tmp_path / "ends.py").write_text(
+        "import logging\n"
+        "from toposeam_cli.jobs.dask_workers import dask_workers\n"
+        "if __name__ == '__main__':\n"
+        "    with dask_workers('local', 1):\n"
+        "        pass\n"
+        "    logging.getLogger('distributed.batched').info('closed')\n"
+    )
+    ran = subprocess.run(
+        [sys.executable, "ends.py"], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=True
+    )
+    assert "closed" not in ran.stderr
+
+
 def test_an_address_without_tls_is_warned_of_once(tmp_path, functions, caplog):
     jobs = [
         Job(name, "dask_functions:write", {"output": str(tmp_path / name), "seconds": 0}, (tmp_path / name,))

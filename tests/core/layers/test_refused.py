@@ -41,6 +41,16 @@ ERRORS = {
         ts.OptionError,
         "more than 0.001 megapixels",
     ),
+    "limit is a word": (
+        lambda: ts.common_canvas([crop(0, 0)], max_megapixels="x"),
+        ts.OptionError,
+        "max_megapixels is 'x'; it must be a positive number",
+    ),
+    "limit is nothing": (
+        lambda: ts.common_canvas([crop(0, 0)], max_megapixels=0),
+        ts.OptionError,
+        "max_megapixels is 0",
+    ),
     "nan": (
         lambda: ts.stitch(
             [ts.Layer(image=np.full((9, 9), np.nan)), ts.Layer(image=np.zeros((9, 9)), at=(5, 0))]

@@ -230,3 +230,10 @@ def test_places_keep_out_of_what_a_base_image_blocks(axis):
     (shown if axis else shown.T)[:2] = 0  # the upper third, or the left fifth
     places = _spread(12, np.random.default_rng(0), 1.0, shown)
     assert (places[:, axis] >= (2 / 6 if axis else 2 / 10)).all()
+
+
+def test_layers_that_are_drawn_are_strokes_of_three_or_washes_of_hardly_more_than_one():
+    drawn = [layer.penalty for seed in range(40) for layer in ts.random_recipe(16, seed=seed).layers]
+    washes = [value for value in drawn if value != 3.0]
+    assert all(1.0 <= value <= 1.3 for value in washes)
+    assert 5 <= len(washes) <= 40  # 15 % of 120

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 from shapes import SHAPES
 
 import toposeam as ts
-from toposeam.seam import coarse, heat, posing
+from toposeam.seam import coarse, heat, merging, posing
 from toposeam.seam.grid import CutGrid
 from toposeam.seam.match_cost import MatchCost
 from toposeam.seam.posing import seam_problem
@@ -130,3 +132,15 @@ def test_pixels_that_are_nodes_alone_are_opened_again(monkeypatch):
     monkeypatch.setattr(heat, "best_nearby", lambda problem, labels, near: opened.append(near))
     heat._opened_again(problem, np.zeros_like(nodes, bool), nodes)
     assert np.argwhere(opened[0]).tolist() == [[1, 4], [1, 7]]
+
+
+def test_who_follows_pointers_comes_to_the_components():
+    rng = np.random.default_rng(0)
+    for n in (1, 2, 7, 60, 500):
+        for _ in range(20):
+            target = rng.integers(0, n, n).astype(np.int32)  # with circles of any length
+            graph = csr_array((np.ones(n), target, np.arange(n + 1)), shape=(n, n))
+            count, expected = connected_components(graph, directed=False)
+            found, group = merging._components(target)
+            assert found == count == len(set(zip(group.tolist(), expected.tolist(), strict=True)))
+            assert group.max() == count - 1

@@ -7,7 +7,7 @@ import pytest
 from shapes import SHAPES
 
 import toposeam as ts
-from toposeam.seam import corridor
+from toposeam.seam import corridor, exact, grid
 from toposeam.seam.overlap import FREE
 
 
@@ -59,14 +59,30 @@ def test_other_open_pixels_let_the_seam_go_where_no_corridor_leads():
     assert problem.cost(goes) < 0.6 * problem.cost(stays)
 
 
+def test_the_best_path_of_half_the_resolution_shows_another_way():
+    """Two valleys far apart; the seam that is known runs along the dearer one."""
+    a = np.zeros((200, 240))
+    b = np.full(a.shape, 0.5)
+    b[:, 30:32], b[:, 200:202] = 0.02, 0.01
+    problem = ts.find_seam(a, b, method="dp", gradient=False).problem
+    start = np.zeros(problem.overlap.side.shape, bool)
+    start[:, 32:] = True
+    nothing = np.zeros_like(start)
+    stays = corridor.best_nearby(problem, start, nothing)
+    goes = corridor.best_nearby(problem, start, rough=True)
+    best = problem.cost(exact.exact_labels(problem))
+    assert problem.cost(goes) == pytest.approx(best)
+    assert problem.cost(stays) > 1.1 * best
+
+
 def test_squares_about_places_reach_as_far_as_they_say():
     places = np.zeros((100, 70), bool)
     places[50, 33] = True
-    wide = corridor.grown(places, 2)
+    wide = grid.grown(places, 2)
     rows, columns = np.nonzero(wide)
-    assert 50 - rows.min() >= 2 * corridor.CELL
-    assert rows.max() - 50 >= 2 * corridor.CELL
-    assert columns.max() - columns.min() + 1 == 5 * corridor.CELL
+    assert 50 - rows.min() >= 2 * grid.CELL
+    assert rows.max() - 50 >= 2 * grid.CELL
+    assert columns.max() - columns.min() + 1 == 5 * grid.CELL
     assert wide.shape == places.shape
 
 

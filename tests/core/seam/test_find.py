@@ -295,3 +295,16 @@ def test_identical_patches_take_the_shortest_way():
     seam = ts.find_seam(a, a)
     assert seam.paths[0].length == 30
     assert seam.optimum_ratio() == pytest.approx(1.0)
+
+
+def test_a_flow_laid_by_distances_proves_the_seam_at_once(crops):
+    for gradient in (True, False):
+        pair = crops(np.random.default_rng(21), 100, 30)
+        seam = ts.find_seam(*pair, gradient=gradient)
+        watched = ts.find_seam(*pair, gradient=gradient, record_frames=True)  # who asks for frames sees steps
+        assert len(seam.history) == 2 < len(watched.history)
+        assert seam.termination == ts.Termination.SINGLE_LINE
+        assert seam.bound == pytest.approx(seam.cost, rel=1e-9)
+        assert seam.cost <= watched.cost * (1 + 1e-9)
+        assert watched.bound <= seam.cost * (1 + 1e-9)
+        np.testing.assert_allclose(seam.soft, watched.soft, atol=1e-6)

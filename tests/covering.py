@@ -22,9 +22,14 @@ _TOOK = re.compile(r"([0-9.]+)s call +(.*)$")
 _FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+::.*?)(?: - .*)?$", re.MULTILINE)
 
 
+def _free() -> list[str]:
+    """The plug-in's tests that need no GIMP."""
+    return sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "tests/gimp").glob("test_free_*.py"))
+
+
 def pieces() -> dict[str, list[str]]:
     """The tests in pieces that take a few minutes at most, by name: up to six files of a folder."""
-    named = {"examples": ["core"], "plugin": ["tests/gimp/test_free_half.py"]}
+    named = {"examples": ["core"], "plugin": _free()}
     for side in ("core", "cli"):
         for folder in (ROOT / "tests" / side, *sorted((ROOT / "tests" / side).iterdir())):
             files = sorted(path.relative_to(ROOT).as_posix() for path in folder.glob("test_*.py"))
@@ -130,7 +135,7 @@ def nearby_tests(file: str) -> list[str]:
     files += sorted(within.glob("test_*.py"))
     files += sorted(path for path in within.rglob("test_*.py") if path not in files)
     if file.startswith("plugin_gimp/"):
-        files = [*sorted(within.glob("test_engine*.py")), ROOT / "tests/gimp/test_free_half.py"]
+        files = [*sorted(within.glob("test_engine*.py")), *(ROOT / file for file in _free())]
     named = re.compile(rf"[.\"]{re.escape(source.stem)}( import|\")")
 
     def group(path: Path) -> int:

@@ -270,10 +270,6 @@ def test_no_two_classes_share_a_name():
     assert not {name: files for name, files in places.items() if len(files) > 1}
 
 
-#: Waiting to be split.
-LONG = {"tests/gimp/test_free_half.py", "tests/gimp/test_stitch.py"}
-
-
 def test_no_file_is_longer_than_a_reader_holds():
     """400 lines; longer ones are split by theme."""
     folders = ("core", "cli", "plugin_gimp", "tests", "benchmarks", "docs", "samples", "tools")
@@ -283,7 +279,7 @@ def test_no_file_is_longer_than_a_reader_holds():
         for path in (HERE / folder).rglob("*.py")
         if (lines := len(path.read_text(encoding="utf-8").splitlines())) > 400
     }
-    assert set(long) <= LONG
+    assert not long
 
 
 def test_what_core_gives_away_cannot_be_changed():

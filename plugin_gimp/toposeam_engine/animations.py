@@ -13,6 +13,12 @@ from toposeam_engine.serving import EngineJob
 
 def loop(job: EngineJob) -> dict[str, Any]:
     """The frames of a loop, and which frame of the clip it begins with."""
+    made = looped(job)
+    return {"frames": [job.write(with_alpha(frame, None)) for frame in made.frames], "start": made.start}
+
+
+def looped(job: EngineJob) -> ts.Loop:
+    """The loop itself."""
     frames = []
     for raster in job.request["layers"]:
         image, alpha = colours_of(job, raster)
@@ -21,7 +27,7 @@ def loop(job: EngineJob) -> dict[str, Any]:
         frames.append(np.asarray(image))
     clip = np.stack(frames)
     options = {name: value or None for name, value in job.options.items()}
-    made = ts.loop(
+    return ts.loop(
         clip,
         length=options["length"],
         transition=options["transition"],
@@ -29,4 +35,3 @@ def loop(job: EngineJob) -> dict[str, Any]:
         data_range=1.0 if clip.dtype.kind == "f" else None,
         progress=job.progress,
     )
-    return {"frames": [job.write(with_alpha(frame, None)) for frame in made.frames], "start": made.start}

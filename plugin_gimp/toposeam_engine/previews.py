@@ -1,5 +1,7 @@
 """What will come of a request, as one small picture: the dialogs show it while options change.
 
+Of an animation it is all frames, one below the other.
+
 The asker sends reduced pixels and says by how much they are reduced; lengths in px among the options shrink
 alike.
 """
@@ -16,14 +18,14 @@ import toposeam as ts
 from toposeam.colours import parse_colour
 from toposeam.images import Image
 from toposeam.motif.mixing import mix
-from toposeam_engine import motifs, seams, textures
+from toposeam_engine import animations, motifs, seams, textures
 from toposeam_engine.layers import layers_of, with_alpha
 from toposeam_engine.serving import EngineJob
 
 #: Options that are lengths, and the least that still means something.
 _LENGTHS = {"blend_width": 1, "patch": 8, "overlap": 2, "band": 4, "width": 16, "height": 16}
 #: Motifs are made at this size at most, and with as many iterations.
-_MOTIF_PX, _MOTIF_ITERATIONS = 96, 30
+_MOTIF_PX, _MOTIF_ITERATIONS = 96, 24
 
 
 def preview(job: EngineJob) -> dict[str, Any]:
@@ -98,6 +100,10 @@ def _repeat(job: EngineJob) -> Image:
     return with_alpha(np.rint(image * 255).astype(np.uint8), None)
 
 
+def _loop(job: EngineJob) -> Image:
+    return with_alpha(np.concatenate(list(animations.looped(job).frames)), None)
+
+
 _SHOWN: dict[str, Callable[[EngineJob], Image]] = {
     "stitch": _stitch,
     "patch": _patch,
@@ -106,4 +112,5 @@ _SHOWN: dict[str, Callable[[EngineJob], Image]] = {
     "fill": _fill,
     "motif": _motif,
     "repeat": _repeat,
+    "loop": _loop,
 }

@@ -11,11 +11,12 @@ on stdout, one JSON object a line::
     {"event": "alive"}                                  every few seconds, so that silence means trouble
     {"event": "result", "result": {…}}                  or {"event": "error", "message": "what to do"}
 
-Called with ``-`` in place of a folder, it loads its libraries, and waits for the folder's name as the first
-line on stdin: previews come sooner so.
+Called with ``-`` in place of a folder, and perhaps with what previews will be of, it loads its libraries and
+serves one request after another, as previews are: each is two lines on stdin, the folder's name and its
+nonce, and comes to one result or error.
 
-It ends, and takes the folder with it, when its stdin is closed after that line: then whoever asked is gone.
-To cancel, end the process.
+It ends when its stdin is closed, and takes the folder it works on with it: then whoever asked is gone. To
+cancel, end the process.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from __future__ import annotations
 import hmac
 import json
 import os
+import queue
 import shutil
 import sys
 import threading
@@ -39,7 +41,7 @@ PROTOCOL = 2
 #: The file with the nonce in a request's folder; the plug-in writes it.
 MARKER = "toposeam-request"
 _LONGEST_NONCE = 200
-_LONGEST_PATH = 4096
+_LONGEST_LINE = 4096
 #: What can be asked for, and the module whose function of that name does it; loaded when it is wanted.
 OPERATIONS = {
     "stitch": "seams",
@@ -76,6 +78,58 @@ class Channel:
         if share >= self._share + 0.002 or share >= 1.0 > self._share:
             self._share = share
             self.send("progress", share=round(min(max(share, 0.0), 1.0), 4))
+
+    def restart(self) -> None:
+        """The next request begins at 0."""
+        self._share = -1.0
+
+
+class Asker:
+    """Whoever asks, at the other end of stdin, which a thread reads: once it is closed, nobody is left who
+    could use a result, or clean up.
+    """
+
+    def __init__(self) -> None:
+        self._lines: queue.Queue[bytes | None] = queue.Queue()
+        self._folder: Path | None = None
+        self._gone = False
+        self._lock = threading.Lock()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def line(self) -> bytes | None:
+        """The next line; what stands before the end counts as one, and None is the end."""
+        return self._lines.get()
+
+    def waits_for(self, folder: Path | None) -> None:
+        """What is worked on from now on, and goes when the asker does."""
+        with self._lock:
+            self._folder = folder
+            gone = self._gone
+        if gone and folder is not None:
+            _leave(folder)
+
+    def join_if_gone(self) -> None:
+        """Wait for the end of this process where a request was pulled away from under it."""
+        if self._gone and self._folder is not None:
+            self._reader.join()
+
+    def _read(self) -> None:
+        rest = b""
+        while block := os.read(
+            0, 4096
+        ):  # not through sys.stdin, whose lock would abort the interpreter's end
+            *lines, rest = (rest + block).split(b"\n")
+            for line in [*lines, *([rest] if len(rest) > _LONGEST_LINE else [])]:
+                self._lines.put(line[: _LONGEST_LINE + 1])
+            rest = rest if len(rest) <= _LONGEST_LINE else b""
+        if rest:
+            self._lines.put(rest)
+        self._lines.put(None)
+        with self._lock:
+            self._gone, folder = True, self._folder
+        if folder is not None:
+            _leave(folder)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,37 +194,59 @@ class EngineJob:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Serve one request."""
+    """Serve one request, or all that come."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    waits = arguments == ["-"]
+    waits = arguments[:1] == ["-"] and len(arguments) <= 2
     if not waits and (len(arguments) != 1 or not Path(arguments[0]).is_dir()):
         print("usage: python -m toposeam_engine FOLDER   (the GIMP plug-in calls it)", file=sys.stderr)  # noqa: T201
         return 2
     # What libraries print must not end up between the events.
     channel = Channel(os.fdopen(os.dup(1), "w", encoding="utf-8"))
     os.dup2(2, 1)
-    gone = threading.Event()
+    asker = Asker()
     try:
         channel.send("hello", protocol=PROTOCOL, version=_version())
         if waits:
-            for module in set(OPERATIONS.values()):
-                import_module(f"toposeam_engine.{module}")
-        folder = Path(os.fsdecode(_first_line(_LONGEST_PATH)) if waits else arguments[0]).resolve()
-        _check_folder(folder)
-        watcher = threading.Thread(target=_end_with_asker, args=(folder, gone), daemon=True)
-        watcher.start()
-        threading.Thread(target=_beat, args=(channel,), daemon=True).start()
-        result = _serve(folder, channel)
+            _load(arguments[1:])
     except Exception as error:
-        if gone.is_set():  # the request was pulled away from under us; the watcher ends this process
-            watcher.join()
+        channel.send("error", message=sentence(error))
+        return 1
+    threading.Thread(target=_beat, args=(channel,), daemon=True).start()
+    if not waits:
+        return _answer(asker, channel, Path(arguments[0]), asker.line())
+    code = 0
+    while name := asker.line():
+        code = _answer(asker, channel, Path(os.fsdecode(name)), asker.line())
+        channel.restart()
+    return code
+
+
+def _load(wanted: list[str]) -> None:
+    """Load all that requests may need, which takes longer than most previews."""
+    for module in set(OPERATIONS.values()):
+        import_module(f"toposeam_engine.{module}")
+    for of in wanted:
+        import_module("toposeam_engine.rehearsing").rehearse(of)
+
+
+def _answer(asker: Asker, channel: Channel, folder: Path, nonce: bytes | None) -> int:
+    """Serve one request."""
+    try:
+        folder = folder.resolve()
+        _check_folder(folder, nonce or b"")
+        asker.waits_for(folder)
+        result = _serve(folder, channel)
+        asker.waits_for(None)
+    except Exception as error:
+        asker.join_if_gone()
+        asker.waits_for(None)
         channel.send("error", message=sentence(error))
         return 1
     channel.send("result", result=result)
     return 0
 
 
-def _check_folder(folder: Path) -> None:
+def _check_folder(folder: Path, told: bytes) -> None:
     """Refuse a folder that whoever asks did not make for this request: it would be removed at the end."""
     from toposeam.errors import OptionError
 
@@ -179,19 +255,11 @@ def _check_folder(folder: Path) -> None:
     if marker.is_file() and not marker.is_symlink():
         with marker.open("rb") as file:
             nonce = file.read(_LONGEST_NONCE)
-    if not nonce or not hmac.compare_digest(nonce, _first_line()):
+    if not nonce or not hmac.compare_digest(nonce, told):
         raise OptionError(
             f"'{folder}' is no request of TopoSeam's plug-in, and was left untouched; only GIMP calls "
             "the engine (after an update, run “toposeam gimp install” and start GIMP again)"
         )
-
-
-def _first_line(longest: int = _LONGEST_NONCE) -> bytes:
-    """What stands on stdin before the first line break or the end; not a byte more is read."""
-    line = b""
-    while len(line) <= longest and (byte := os.read(0, 1)) not in (b"", b"\n"):
-        line += byte
-    return line
 
 
 def _serve(folder: Path, channel: Channel) -> dict[str, Any]:
@@ -218,11 +286,7 @@ def _version() -> str:
     return toposeam.__version__
 
 
-def _end_with_asker(folder: Path, gone: threading.Event) -> None:
-    """Wait until stdin is closed; then nobody is left who could use the result, or clean up."""
-    while os.read(0, 4096):  # not through sys.stdin, whose lock would abort the interpreter's end
-        pass
-    gone.set()
+def _leave(folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
     os._exit(3)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from toposeam_gimp.entries import Option, Procedure
+from toposeam_gimp.entries import Option, Procedure, number
 from toposeam_gimp.texts import _
 
 ANIMATION_ENTRIES = (
@@ -18,13 +18,12 @@ ANIMATION_ENTRIES = (
             "shows least. The result is a new image; delays in the layers' names are kept."
         ),
         options=(
-            Option(
-                name="length",
-                label=_("_Frames"),
-                help=_("How many frames the loop has; 0 finds out what fits best"),
-                default=0,
-                low=0,
-                high=10000,
+            number(
+                "length",
+                _("_Frames"),
+                _("How many frames the loop has; 0 finds out what fits best"),
+                0,
+                (0, 10000),
                 automatic=_("What fits best"),
                 typical=24,
             ),
@@ -34,18 +33,18 @@ ANIMATION_ENTRIES = (
                 help=_("Spread what the end is lighter or darker than the beginning over the whole loop"),
                 default=False,
             ),
-            Option(
-                name="transition",
-                label=_("_Transition (frames)"),
-                help=_("In how many frames pixels change over; 0 is a quarter of the clip, 24 at most"),
-                default=0,
-                low=0,
-                high=200,
+            number(
+                "transition",
+                _("_Transition (frames)"),
+                _("In how many frames pixels change over; 0 is a quarter of the clip, 24 at most"),
+                0,
+                (0, 200),
                 automatic=_("As the clip allows"),
                 typical=8,
                 advanced=True,
             ),
         ),
         returns=("layer", "The last frame"),
+        preview="clip",
     ),
 )

@@ -1,4 +1,4 @@
-"""GI-free: the engine process that does the numerics.
+"""GI-free: the engine process that does the numerics, and how a request gets there.
 
 It is the Python of an installed TopoSeam, named in ``engine.json`` beside this file by ``toposeam gimp
 install``. The request and all pixels lie in a private folder; JSON lines come back on its stdout. It dies
@@ -15,7 +15,7 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
@@ -52,6 +52,10 @@ _INSTALL = _("Run “toposeam gimp install” in a terminal, as the README of To
 
 class EngineError(Exception):
     """The engine could not do it; the text says what to do."""
+
+
+class _SaidError(EngineError):
+    """The engine's own sentence, after which it can be asked again."""
 
 
 def settings_file() -> Path:
@@ -125,7 +129,7 @@ def ask(
     *,
     command: Iterable[str] | None = None,
     silence_s: float = SILENCE_S,
-    waiting: subprocess.Popen[bytes] | None = None,
+    waiting: Engine | None = None,
 ) -> dict[str, Any]:
     """Let the engine work on a request whose pixels are in the folder already.
 
@@ -140,8 +144,9 @@ def ask(
         What to run instead of the engine; the folder is appended.
     silence_s : float
         Give up after so many seconds without a sign of life.
-    waiting : process, optional
-        An engine that was started before and waits; it ends with the request.
+    waiting : Engine, optional
+        One that was started before and waits; it waits again when it has answered, and is ended if it does
+        not.
 
     Returns
     -------
@@ -155,80 +160,130 @@ def ask(
     """
     text = json.dumps({"protocol": PROTOCOL, "version": __version__, **request})
     (folder.path / "request.json").write_text(text, encoding="utf-8")
+    if waiting is not None:
+        try:
+            waiting.tell(str(folder.path), folder.nonce)
+            return _listen(waiting, folder, progress, silence_s)
+        except _SaidError:
+            raise
+        except BaseException:
+            waiting.end()
+            raise
     log = folder.path / "engine.log"
-    if waiting is None:
-        with log.open("wb") as noise:
-            process = start(str(folder.path), noise, command)
-    else:
-        process = waiting
+    with log.open("wb") as noise:
+        started = Engine([str(folder.path)], noise, command)
     try:
-        _introduce(process, [folder.nonce] if waiting is None else [str(folder.path), folder.nonce])
-        return _listen(process, folder, progress, silence_s, log)
+        started.tell(folder.nonce)
+        return _listen(started, folder, progress, silence_s, log)
     finally:
-        end(process)
+        started.end()
 
 
-def start(
-    place: str = "-", noise: IO[bytes] | int = subprocess.DEVNULL, command: Iterable[str] | None = None
-) -> subprocess.Popen[bytes]:
-    """An engine for a request's folder; without one it loads its libraries and waits to be told.
+class Engine:
+    """A process, and what it says.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        A request's folder; or ``-``, and perhaps what previews will be of, for one that waits to be told.
+    noise : file, optional
+        Where it may complain.
+    command : iterable of str, optional
+        What to run instead.
 
     Raises
     ------
     EngineError
         When there is none, or it cannot be started.
     """
-    python = [find_python(), "-P", "-m", "toposeam_engine"] if command is None else list(command)
-    try:
-        return subprocess.Popen(  # noqa: S603 - the program the installer recorded, and no shell
-            [*python, place],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=noise,
-            cwd=tempfile.gettempdir(),
-            env=clean_environment(os.environ),
-            creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
-        )
-    except OSError as error:
-        text = _("TopoSeam's engine {python} does not start ({reason}).")
-        said = text.format(python=python[0], reason=error.strerror)
-        raise EngineError(f"{said} {_INSTALL}") from error
 
+    def __init__(
+        self,
+        arguments: Sequence[str] = ("-",),
+        noise: IO[bytes] | int = subprocess.DEVNULL,
+        command: Iterable[str] | None = None,
+    ) -> None:
+        python = [find_python(), "-P", "-m", "toposeam_engine"] if command is None else list(command)
+        try:
+            self._process = subprocess.Popen(  # noqa: S603 - the program the installer recorded, and no shell
+                [*python, *arguments],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=noise,
+                cwd=tempfile.gettempdir(),
+                env=clean_environment(os.environ),
+                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+            )
+        except OSError as error:
+            text = _("TopoSeam's engine {python} does not start ({reason}).")
+            said = text.format(python=python[0], reason=error.strerror)
+            raise EngineError(f"{said} {_INSTALL}") from error
+        #: Whether it has said what it is.
+        self.greeted = False
+        self._lines: queue.Queue[bytes | None] = queue.Queue()
+        threading.Thread(target=self._read, daemon=True).start()
 
-def end(process: subprocess.Popen[bytes]) -> None:
-    """End an engine, whatever it does."""
-    if process.poll() is None:
-        process.kill()
-    process.wait()
-    for pipe in (process.stdin, process.stdout):
-        if pipe is not None:
-            with suppress(OSError):
-                pipe.close()
+    @property
+    def lives(self) -> bool:
+        """Whether it can still be asked."""
+        return self._process.poll() is None
 
+    def tell(self, *lines: str) -> None:
+        """Say lines: the nonce of a folder, so that it takes no other for a request's; before it the folder,
+        if it does not know it yet.
+        """
+        with suppress(OSError):  # it is gone already; what became of it is told by its silence
+            if self._process.stdin is not None:
+                self._process.stdin.write("".join(f"{line}\n" for line in lines).encode())
+                self._process.stdin.flush()
 
-def _introduce(process: subprocess.Popen[bytes], lines: Iterable[str]) -> None:
-    """Tell the engine the nonce of the folder, so that it takes no other for a request's; and the folder, if
-    it does not know it yet.
-    """
-    with suppress(OSError):  # it is gone already; what became of it is told below
-        if process.stdin is not None:
-            process.stdin.write("".join(f"{line}\n" for line in lines).encode())
-            process.stdin.flush()
+    def heard(self, silence_s: float) -> bytes | None:
+        """The next line; None once it has ended.
+
+        Raises
+        ------
+        queue.Empty
+            After so many seconds of silence.
+        """
+        return self._lines.get(timeout=silence_s)
+
+    def kill(self) -> None:
+        """Stop it, whatever it does."""
+        if self.lives:
+            self._process.kill()
+
+    def end(self) -> int:
+        """Stop it and wait until it is gone; its exit code."""
+        self.kill()
+        code = self.wait()
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                with suppress(OSError):
+                    pipe.close()
+        return code
+
+    def wait(self) -> int:
+        """Wait until it is gone; its exit code."""
+        return self._process.wait()
+
+    def _read(self) -> None:
+        if self._process.stdout is not None:
+            with suppress(OSError, ValueError):  # closed under our hands
+                for line in self._process.stdout:
+                    self._lines.put(line)
+        self._lines.put(None)
 
 
 def _listen(
-    process: subprocess.Popen[bytes],
+    process: Engine,
     folder: RequestFolder,
     progress: Callable[[float], None],
     silence_s: float,
-    log: Path,
+    log: Path | None = None,
 ) -> dict[str, Any]:
-    lines: queue.Queue[bytes | None] = queue.Queue()
-    threading.Thread(target=_read, args=(process, lines), daemon=True).start()
-    greeted = False
     while True:
         try:
-            line = lines.get(timeout=silence_s)
+            line = process.heard(silence_s)
         except queue.Empty:
             raise EngineError(
                 _(
@@ -237,7 +292,7 @@ def _listen(
                 ).format(seconds=round(silence_s))
             ) from None
         if line is None:
-            raise EngineError(_obituary(process, log, greeted))
+            raise EngineError(_obituary(process, log))
         folder.touch()
         try:
             event = json.loads(line)
@@ -245,7 +300,7 @@ def _listen(
         except (ValueError, KeyError, TypeError):
             continue
         if kind == "hello":
-            greeted = True
+            process.greeted = True
             if (event.get("protocol"), event.get("version")) != (PROTOCOL, __version__):
                 raise EngineError(
                     _(
@@ -256,29 +311,22 @@ def _listen(
         elif kind == "progress":
             progress(float(event["share"]))
         elif kind == "error":
-            raise EngineError(in_gimps_words(str(event["message"])))
+            raise _SaidError(in_gimps_words(str(event["message"])))
         elif kind == "result":
             result: dict[str, Any] = event["result"]
             return result
 
 
-def _read(process: subprocess.Popen[bytes], lines: queue.Queue[bytes | None]) -> None:
-    if process.stdout is not None:
-        for line in process.stdout:
-            lines.put(line)
-    lines.put(None)
-
-
-def _obituary(process: subprocess.Popen[bytes], log: Path, greeted: bool) -> str:
+def _obituary(process: Engine, log: Path | None) -> str:
     """What to tell the user about an engine that ended without a word."""
     code = process.wait()
     said = [
         line.strip()
-        for line in (log.read_text(encoding="utf-8", errors="replace") if log.exists() else "").splitlines()
+        for line in (log.read_text(encoding="utf-8", errors="replace") if log else "").splitlines()
         if line.strip()
     ][-1:]
     last = " " + _("Its last words: {words}").format(words=said[0][:300]) if said else ""
-    if not greeted:
+    if not process.greeted:
         return _("TopoSeam's engine does not start.") + f"{last} {_INSTALL}"
     if code in (-9, 137):
         return _(

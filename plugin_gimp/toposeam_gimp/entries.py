@@ -37,6 +37,33 @@ class Option:
         return _plain(self.label)
 
 
+def number(
+    name: str,
+    label: str,
+    about: str,
+    default: float,
+    within: tuple[float, float],
+    *,
+    automatic: str | None = None,
+    typical: float = 1,
+    applies: tuple[str, tuple[bool | str, ...]] | None = None,
+    advanced: bool = False,
+) -> Option:
+    """A size in pixels, a count, or a share: whole where its default is; see :class:`Option`."""
+    return Option(
+        name=name,
+        label=label,
+        help=about,
+        default=default,
+        low=within[0],
+        high=within[1],
+        automatic=automatic,
+        typical=typical,
+        applies=applies,
+        advanced=advanced,
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class Procedure:
     """A menu entry and its procedure."""

@@ -123,8 +123,9 @@ def _new_path(image: Gimp.Image, name: str) -> Gimp.Path:
 
 def lines_to_apply(
     image: Gimp.Image, seam: dict[str, Any], others: Sequence[Gimp.Path]
-) -> tuple[list[dict[str, Any]], bool]:
-    """The lines that the paths of an image say for a seam, and whether they differ from what was found.
+) -> tuple[list[dict[str, Any]], bool, str | None]:
+    """The lines that the paths of an image say for a seam, whether they differ from what was found, and what
+    people should know about it.
 
     Parameters
     ----------
@@ -144,21 +145,23 @@ def lines_to_apply(
         if path is not None:
             found, touched = curves.lines_of(strokes_of(path), lines)
             candidates.append(_candidate(path, selected, own=True, touched=touched, lines=found))
+    made = max(seam["smooth"], seam["exact"])
     for path in others:
         found, _touched = curves.lines_of(strokes_of(path), ())
-        candidates.append(_candidate(path, selected, own=False, touched=True, lines=found))
+        newer = path.get_tattoo() > made  # GIMP counts them up
+        candidates.append(_candidate(path, selected, own=False, touched=True, newer=newer, lines=found))
     if not candidates:
         raise RefusedError(
             _("The path of the seam {name} is gone; undo its deletion, or stitch the layers again.").format(
                 name=seam["name"]
             )
         )
-    meant = choosing.chosen(candidates, seam["name"])
+    meant, remark = choosing.chosen(candidates, seam["name"])
     applied = [line for candidate in meant for line in candidate.lines]
     if not applied:
         text = _("The path “{name}” is empty; draw the seam from border to border of the overlap.")
         raise RefusedError(text.format(name=meant[0].name))
-    return applied, any(candidate.touched for candidate in meant)
+    return applied, any(candidate.touched for candidate in meant), remark
 
 
 def other_paths(image: Gimp.Image, seams: Sequence[dict[str, Any]]) -> list[Gimp.Path]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from toposeam_gimp.entries import Option, Procedure
+from toposeam_gimp.entries import Option, Procedure, number
 from toposeam_gimp.texts import _
 from toposeam_gimp.texture_entries import SEED
 
@@ -64,14 +64,7 @@ MOTIF_ENTRIES = (
             "a pattern of it."
         ),
         options=(
-            Option(
-                name="size",
-                label=_("Si_ze (px)"),
-                help=_("Width and height of the motif"),
-                default=256,
-                low=32,
-                high=4096,
-            ),
+            number("size", _("Si_ze (px)"), _("Width and height of the motif"), 256, (32, 4096)),
             Option(
                 name="repeat",
                 label=_("Repeats _by"),
@@ -80,14 +73,7 @@ MOTIF_ENTRIES = (
                 choices=(("none", _("Nothing: it stays alone")), *_RULES, *_GROUPS),
                 pictures="rule",
             ),
-            Option(
-                name="layers",
-                label=_("_Inks"),
-                help=_("Number of layers of ink"),
-                default=3,
-                low=1,
-                high=6,
-            ),
+            number("layers", _("_Inks"), _("Number of layers of ink"), 3, (1, 6)),
             Option(
                 name="palette",
                 label=_("_Palette"),
@@ -96,13 +82,12 @@ MOTIF_ENTRIES = (
                 choices=(("random", _("From the seed")), *_PALETTES),
                 pictures="palette",
             ),
-            Option(
-                name="mass",
-                label=_("In_k (share)"),
-                help=_("How much of the paper each ink covers; 0 leaves it to the seed"),
-                default=0.0,
-                low=0.0,
-                high=0.9,
+            number(
+                "mass",
+                _("In_k (share)"),
+                _("How much of the paper each ink covers; 0 leaves it to the seed"),
+                0.0,
+                (0.0, 0.9),
                 automatic=_("From the seed"),
                 typical=0.25,
             ),
@@ -120,23 +105,21 @@ MOTIF_ENTRIES = (
                     "How strokes end on the paper; what fits is soft for ink wash, and crisp for the others"
                 ),
             ),
-            Option(
-                name="penalty",
-                label=_("Disti_nctness"),
+            number(
+                "penalty",
+                _("Disti_nctness"),
+                _("The penalty exponent p: 1 looks like ink wash, 3 gives distinct strokes"),
+                3.0,
+                (1.0, 6.0),
                 advanced=True,
-                default=3.0,
-                low=1.0,
-                high=6.0,
-                help=_("The penalty exponent p: 1 looks like ink wash, 3 gives distinct strokes"),
             ),
-            Option(
-                name="iterations",
-                label=_("I_terations"),
+            number(
+                "iterations",
+                _("I_terations"),
+                _("Strokes become finer and more distinct with each"),
+                40,
+                (1, 1000),
                 advanced=True,
-                help=_("Strokes become finer and more distinct with each"),
-                default=40,
-                low=1,
-                high=1000,
             ),
             SEED,
             Option(
@@ -146,14 +129,13 @@ MOTIF_ENTRIES = (
                 engine=False,
                 help=_("Strokes keep to the bright parts of the selected layer, a logo or a photograph"),
             ),
-            Option(
-                name="base-strength",
-                label=_("Stren_gth of its shape"),
+            number(
+                "base-strength",
+                _("Stren_gth of its shape"),
+                _("How strongly the layer shows; below 0 the strokes keep to its dark parts"),
+                0.7,
+                (-1.0, 1.0),
                 applies=("use-layer", (True,)),
-                default=0.7,
-                low=-1.0,
-                high=1.0,
-                help=_("How strongly the layer shows; below 0 the strokes keep to its dark parts"),
             ),
         ),
         returns=("layer", "The group of inks"),
@@ -170,22 +152,8 @@ MOTIF_ENTRIES = (
             "has now, or in the colours of a palette. The result is a new image."
         ),
         options=(
-            Option(
-                name="rows",
-                label=_("Ro_ws"),
-                help=_("Number of motifs from top to bottom"),
-                default=4,
-                low=1,
-                high=200,
-            ),
-            Option(
-                name="columns",
-                label=_("Colu_mns"),
-                help=_("Number of motifs from left to right"),
-                default=4,
-                low=1,
-                high=200,
-            ),
+            number("rows", _("Ro_ws"), _("Number of motifs from top to bottom"), 4, (1, 200)),
+            number("columns", _("Colu_mns"), _("Number of motifs from left to right"), 4, (1, 200)),
             Option(
                 name="repeat",
                 label=_("Repeat _by"),

@@ -1,20 +1,31 @@
-"""GI-free: one preview after another from engines that are warm; what is no longer wanted is ended."""
+"""GI-free: one preview after another from an engine that is kept; what is no longer wanted is ended, and
+another engine, which waits meanwhile, goes on.
+"""
 
 from __future__ import annotations
 
 import shutil
-import subprocess
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from toposeam_gimp import engine
 from toposeam_gimp.folder import FolderError, RequestFolder
 
-#: Width, height, channels and 8-bit pixels of a preview.
-Picture = tuple[int, int, int, bytes]
+#: So many engines wait at most.
+_MOST_WARM = 2
+
+
+class Preview(NamedTuple):
+    """A picture, in 8 bits; of an animation all frames, one below the other."""
+
+    width: int
+    height: int
+    channels: int
+    content: bytes
+    frames: int = 1
 
 
 class Rehearsal:
@@ -23,22 +34,25 @@ class Rehearsal:
     Parameters
     ----------
     done : callable
-        Called with a `Picture`, or with a sentence instead of it, from another thread.
+        Called with a `Preview`, or with a sentence instead of it, from another thread.
+    of : str
+        What they will be of, so that engines prepare for it.
     """
 
-    def __init__(self, done: Callable[[Picture | str], object]) -> None:
-        self._done = done
-        self._spare: subprocess.Popen[bytes] | None = None
-        self._running: subprocess.Popen[bytes] | None = None
+    def __init__(self, done: Callable[[Preview | str], object], of: str = "") -> None:
+        self._done, self._arguments = done, ("-", of) if of else ("-",)
+        self._warm: list[engine.Engine] = []
+        self._running: engine.Engine | None = None
         self._number = 0
         self._closed = False
         self._lock = threading.Lock()
 
-    def warm_up(self) -> None:
-        """Start an engine that waits, unless one does."""
+    def warm_up(self, count: int = 1) -> None:
+        """Have so many engines wait."""
         with self._lock, suppress(engine.EngineError):
-            if not self._closed and (self._spare is None or self._spare.poll() is not None):
-                self._spare = engine.start()
+            self._warm = [one for one in self._warm if one.lives]
+            while not self._closed and len(self._warm) < count:
+                self._warm.insert(0, engine.Engine(self._arguments))
 
     def show(self, scene: Mapping[str, Any], options: Mapping[str, Any], pixels: Path) -> None:
         """Ask for a preview in place of any that is under way.
@@ -54,21 +68,19 @@ class Rehearsal:
         self.cancel()
         try:
             with self._lock:
-                process = self._spare or engine.start()
-                self._spare, self._running = None, process
-                number = self._number
+                process = self._next()
+                self._running, number = process, self._number
         except engine.EngineError as error:
             self._done(str(error))
             return
         request = {"operation": "preview", **scene, "options": dict(options)}
         threading.Thread(target=self._ask, args=(number, process, request, pixels), daemon=True).start()
-        self.warm_up()
 
     def cancel(self) -> None:
         """End the preview that is under way."""
         with self._lock:
             self._number += 1
-            if self._running is not None and self._running.poll() is None:
+            if self._running is not None:
                 self._running.kill()
             self._running = None
 
@@ -77,24 +89,39 @@ class Rehearsal:
         self.cancel()
         with self._lock:
             self._closed = True
-            if self._spare is not None:
-                engine.end(self._spare)
-                self._spare = None
+            while self._warm:
+                self._warm.pop().end()
 
-    def _ask(
-        self, number: int, process: subprocess.Popen[bytes], request: dict[str, Any], pixels: Path
-    ) -> None:
-        found: Picture | str
+    def _next(self) -> engine.Engine:
+        """The engine that has waited, or answered, last."""
+        while self._warm:
+            process = self._warm.pop()
+            if process.lives:
+                return process
+            process.end()
+        return engine.Engine(self._arguments)
+
+    def _ask(self, number: int, process: engine.Engine, request: dict[str, Any], pixels: Path) -> None:
+        found: Preview | str
         try:
             with RequestFolder() as folder:
                 for file in pixels.glob("*.raw"):
                     shutil.copyfile(file, folder.path / file.name)
                 raster = engine.ask(folder, request, lambda share: None, waiting=process)["picture"]
                 content = (folder.path / raster["file"]).read_bytes()
-                found = raster["width"], raster["height"], raster["channels"], content
+            frames = raster["height"] // request["layers"][0]["height"] if request["of"] == "loop" else 1
+            found = Preview(raster["width"], raster["height"], raster["channels"], content, frames)
         except (engine.EngineError, FolderError, OSError) as error:
             found = str(error)
         with self._lock:
             wanted = number == self._number
+            keep = wanted and process.lives and not self._closed
+            if wanted:
+                self._running = None
+            if keep:
+                self._warm.append(process)
+        if not keep:
+            process.end()
         if wanted:
             self._done(found)
+            self.warm_up(_MOST_WARM)  # for when one has to be ended

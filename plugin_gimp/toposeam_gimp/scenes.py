@@ -9,6 +9,7 @@ from typing import Any
 from gi.repository import Gimp
 
 from toposeam_gimp import pixels
+from toposeam_gimp.animation import delay_of, frames_of
 from toposeam_gimp.folder import RequestFolder
 from toposeam_gimp.layers import RefusedError, check_selection, chosen_layers, lowest_first
 from toposeam_gimp.motifs import colours_of, inks_of, motif_of
@@ -16,10 +17,24 @@ from toposeam_gimp.pixels import Box
 from toposeam_gimp.texts import _
 from toposeam_gimp.textures import send_source
 
+#: What the engine calls what a preview shows.
+OF = {
+    "stitch": "stitch",
+    "patch": "patch",
+    "sample": "synthesize",
+    "tile": "make_tileable",
+    "hole": "fill",
+    "motif": "motif",
+    "pattern": "repeat",
+    "clip": "loop",
+}
 #: A preview is made of so many pixels at most.
 MOST_PIXELS = 300_000
 #: What takes longer than seams has fewer, so that a preview takes a second at most (benchmarks/gimp.py).
-_MOST_PLACED, _MOST_TILED, _MOST_GROWN = 120_000, 100_000, 40_000
+_MOST_PLACED, _MOST_TILED, _MOST_SAMPLED = 120_000, 100_000, 60_000
+_MOST_GROWN, _MOST_LOOPED = 40_000, 150_000
+#: The least that a frame of an animation is shown at.
+_LEAST_FRAME = 200
 
 Scene = dict[str, Any]
 Layers = Sequence[Gimp.Drawable]
@@ -92,7 +107,7 @@ def _patch(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _options
 
 
 def _sample(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
-    made = _texture("synthesize", folder, image, drawables, 1.0, most=_MOST_TILED)
+    made = _texture("synthesize", folder, image, drawables, 1.0, most=_MOST_SAMPLED)
     # A part of the texture, not all of it reduced: its patches would be too small to be patches.
     grown = options["width"] * options["height"] * made["scale"] ** 2
     return {**made, "extent": _scale(grown, _MOST_GROWN)}
@@ -132,6 +147,19 @@ def _pattern(folder: RequestFolder, image: Gimp.Image, drawables: Layers, option
     ]
     about = {"repeat": memory["repeat"], **colours_of(group)}
     return {"of": "repeat", "scale": 1.0, "densities": densities, **about}
+
+
+def _clip(folder: RequestFolder, image: Gimp.Image, _drawables: Layers, _options: Scene) -> Scene:
+    frames = frames_of(image)
+    area = image.get_width() * image.get_height()
+    if _LEAST_FRAME * len(frames) > _MOST_LOOPED:
+        raise RefusedError(_("There is no preview of so many frames."))
+    scale = _scale(area * len(frames), _MOST_LOOPED)
+    rasters = [
+        pixels.send_reduced(folder, image, frame, f"frame-{index}", scale)
+        for index, frame in enumerate(frames)
+    ]
+    return {"of": "loop", "scale": scale, "layers": rasters, "delay": delay_of(frames)}
 
 
 def _texture(
@@ -189,4 +217,5 @@ _SCENES: dict[str, Callable[..., Scene]] = {
     "hole": _hole,
     "motif": _motif,
     "pattern": _pattern,
+    "clip": _clip,
 }

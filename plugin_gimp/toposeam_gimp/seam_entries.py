@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from toposeam_gimp.entries import Option, Procedure
+from toposeam_gimp.entries import Option, Procedure, number
 from toposeam_gimp.texts import _
 
 _METHOD = Option(
@@ -47,13 +47,12 @@ _BLEND = Option(
         ("gradient", _("Gradient domain (no step in tone)")),
     ),
 )
-_WIDTH = Option(
-    name="blend-width",
-    label=_("Blend _width (px)"),
-    default=0.0,
-    low=0.0,
-    high=512.0,
-    help=_("How far feather, multiband and gradient reach; 0 is the usual width"),
+_WIDTH = number(
+    "blend-width",
+    _("Blend _width (px)"),
+    _("How far feather, multiband and gradient reach; 0 is the usual width"),
+    0.0,
+    (0.0, 512.0),
     automatic=_("Usual width"),
     typical=16,
     applies=("blend", ("feather", "multiband", "gradient")),
@@ -98,16 +97,15 @@ _MERGE = Option(
     engine=False,
     help=_("Make one layer of the result instead of a group of layers with masks"),
 )
-_CORE = Option(
-    name="core",
-    label=_("Core that m_ust show"),
-    default=0.5,
-    low=0.05,
-    high=1.0,
-    help=_(
+_CORE = number(
+    "core",
+    _("Core that m_ust show"),
+    _(
         "The share of the patch's depth, from its innermost point outwards, that the seam must leave to the "
         "patch"
     ),
+    0.5,
+    (0.05, 1.0),
 )
 _SHOW = Option(
     name="show-seam",

@@ -107,7 +107,7 @@ def restitch(call: Call) -> Gimp.Layer:
     layers = [image.get_layer_by_tattoo(tattoo) for tattoo in memory["layers"]]
     if any(layer is None for layer in layers):
         raise RefusedError(_("A layer of this group was deleted or merged; stitch the layers again."))
-    seams = _seams_to_apply(image, memory["seams"])
+    seams = _seams_to_apply(call, memory["seams"])
     with _request(image, layers, with_masks=False) as (folder, rasters):
         if memory["kind"] == "patch":
             rasters.insert(0, picture_below(folder, image, layers[0], pixels.box_of(rasters[0])))
@@ -185,8 +185,9 @@ def _draw_seams(call: Call, answer: Options, undone: list[Callable[[], Any]]) ->
     return seams
 
 
-def _seams_to_apply(image: Gimp.Image, seams: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+def _seams_to_apply(call: Call, seams: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """Each seam with the lines that the image's paths say for it."""
+    image = call.image
     others = other_paths(image, seams)
     selected = {path.get_id() for path in image.get_selected_paths()}
     applied, used = [], set()
@@ -194,10 +195,13 @@ def _seams_to_apply(image: Gimp.Image, seams: Sequence[dict[str, Any]]) -> list[
         fitting = [
             path
             for path in others
-            if choosing.fits(path.get_name(), seam["name"]) or (len(seams) == 1 and path.get_id() in selected)
+            if choosing.fits(path.get_name(), seam["name"])
+            or (len(seams) == 1 and (path.get_id() in selected or choosing.is_seam(path.get_name())))
         ]
         used |= {path.get_id() for path in fitting}
-        lines, touched = lines_to_apply(image, seam, fitting)
+        lines, touched, remark = lines_to_apply(image, seam, fitting)
+        if remark is not None:
+            call.tell(remark)
         applied.append({"pair": seam["pair"], "name": seam["name"], "lines": lines, "touched": touched})
     for path in others:
         if path.get_id() in selected and path.get_id() not in used:

@@ -2,36 +2,31 @@
 
 from __future__ import annotations
 
-from toposeam_gimp.entries import Option, Procedure
+from toposeam_gimp.entries import Option, Procedure, number
 from toposeam_gimp.texts import _
 
-SEED = Option(
-    name="seed",
-    label=_("S_eed"),
-    default=0,
-    low=0,
-    high=2_147_483_647,
-    help=_("The same seed gives the same picture; another one, another picture"),
+SEED = number(
+    "seed",
+    _("S_eed"),
+    _("The same seed gives the same picture; another one, another picture"),
+    0,
+    (0, 2_147_483_647),
 )
-_PATCH = Option(
-    name="patch",
-    label=_("_Patch (px)"),
-    default=40,
-    low=0,
-    high=1024,
-    help=_(
-        "Side of the patches that are laid; larger than the elements of the texture. 0 measures the texture"
-    ),
+_PATCH = number(
+    "patch",
+    _("_Patch (px)"),
+    _("Side of the patches that are laid; larger than the elements of the texture. 0 measures the texture"),
+    40,
+    (0, 1024),
     automatic=_("By the texture's scale"),
     typical=40,
 )
-_OVERLAP = Option(
-    name="overlap",
-    label=_("Overl_ap (px)"),
-    default=0,
-    low=0,
-    high=512,
-    help=_("How far neighbouring patches overlap; the seams run there. 0 is a quarter of the patch"),
+_OVERLAP = number(
+    "overlap",
+    _("Overl_ap (px)"),
+    _("How far neighbouring patches overlap; the seams run there. 0 is a quarter of the patch"),
+    0,
+    (0, 512),
     automatic=_("A quarter of the patch"),
     typical=10,
     advanced=True,
@@ -49,22 +44,8 @@ TEXTURE_ENTRIES = (
             "selection, only what is selected is copied; it need not be a rectangle."
         ),
         options=(
-            Option(
-                name="width",
-                label=_("_Width (px)"),
-                help=_("Width of the texture"),
-                default=512,
-                low=16,
-                high=65536,
-            ),
-            Option(
-                name="height",
-                label=_("He_ight (px)"),
-                help=_("Height of the texture"),
-                default=512,
-                low=16,
-                high=65536,
-            ),
+            number("width", _("_Width (px)"), _("Width of the texture"), 512, (16, 65536)),
+            number("height", _("He_ight (px)"), _("Height of the texture"), 512, (16, 65536)),
             Option(
                 name="tileable",
                 label=_("_Tileable"),
@@ -103,13 +84,12 @@ TEXTURE_ENTRIES = (
                 default="both",
                 choices=_BORDERS,
             ),
-            Option(
-                name="band",
-                label=_("_Band (px)"),
-                help=_("How much along each border may change; 0 is an eighth of the shorter side"),
-                default=0,
-                low=0,
-                high=4096,
+            number(
+                "band",
+                _("_Band (px)"),
+                _("How much along each border may change; 0 is an eighth of the shorter side"),
+                0,
+                (0, 4096),
                 automatic=_("An eighth of the shorter side"),
                 typical=32,
             ),
@@ -150,25 +130,23 @@ TEXTURE_ENTRIES = (
                 engine=False,
                 applies=("from", ("other",)),
             ),
-            Option(
-                name="patch",
-                label=_("_Patch (px)"),
-                help=_PATCH.help,
-                default=0,
-                low=0,
-                high=1024,
+            number(
+                "patch",
+                _("_Patch (px)"),
+                _PATCH.help,
+                0,
+                (0, 1024),
                 automatic=_("By the picture's scale"),
                 typical=40,
             ),
             SEED,
             _OVERLAP,
-            Option(
-                name="band",
-                label=_("_Band (px)"),
-                default=0,
-                low=0,
-                high=1024,
-                help=_("Width of the band round the selection that may change as well; 0 is the overlap"),
+            number(
+                "band",
+                _("_Band (px)"),
+                _("Width of the band round the selection that may change as well; 0 is the overlap"),
+                0,
+                (0, 1024),
                 automatic=_("As wide as the overlap"),
                 typical=10,
                 advanced=True,

@@ -84,3 +84,14 @@ def test_a_preview_of_a_pattern_is_in_its_colours(request_folder):
     paper, ink = (tuple(int(part[at : at + 2], 16) for at in (1, 3, 5)) for part in ts.PALETTES["sea"][:2])
     assert tuple(shown[0, 20, :3]) == paper
     assert np.abs(shown[0, 0, :3].astype(int) - ink).max() <= 40  # the ink on that paper
+
+
+def test_a_preview_of_an_animation_has_its_frames_one_below_the_other(request_folder):
+    clip = np.random.default_rng(0).integers(0, 256, (10, 12, 16, 4)).astype(np.uint8)
+    clip[..., 3] = 255
+    layers = [request_folder.raster(str(index), frame) for index, frame in enumerate(clip)]
+    options = {"length": 6, "transition": 2, "level": False}
+    request = {"of": "loop", "scale": 0.5, "layers": layers, "options": options}
+    shown = request_folder.pixels(result_of(request_folder.ask(operation="preview", **request))["picture"])
+    expected = ts.loop(clip[..., :3], length=6, transition=2).frames
+    np.testing.assert_array_equal(shown[..., :3].reshape(6, 12, 16, 3), expected)

@@ -53,3 +53,8 @@ def image(gimp):
 @pytest.fixture
 def samples():
     return CHECKOUT / "samples"
+
+
+@pytest.fixture
+def still_life(samples):
+    return [samples / "still_life_left.png", samples / "still_life_right.png"]

@@ -6,6 +6,8 @@ import sys
 import numpy as np
 
 STITCH = "plug-in-toposeam-stitch"
+#: Where the two halves of the still life belong.
+STILL_LIFE = (0, 0), (310, -6)
 
 
 def cli(*arguments):

@@ -5,15 +5,18 @@ import shutil
 import threading
 import time
 
+import numpy as np
 import pytest
 from inside import STITCH, succeeded
+from pictures import write_png
+from PIL import Image
 from running import Gimp, Screen, find_gimp, needs_gimp
 
 from toposeam_gimp.procedures import PROCEDURES
 
 needs_gimp()
 
-MOTIF, FILL = "plug-in-toposeam-motif", "plug-in-toposeam-fill"
+MOTIF, FILL, LOOP = (f"plug-in-toposeam-{name}" for name in ("motif", "fill", "loop"))
 #: An animation has a test of its own.
 DIALOGS = [name for name, entry in PROCEDURES.items() if entry.options and not name.endswith("loop")]
 
@@ -133,6 +136,28 @@ def test_every_dialog_opens_and_works_with_its_defaults(screen, windowed, opened
     time.sleep(1)
     screen.press(window, "Return")
     succeeded(asked.answer())
+
+
+def test_the_dialog_of_an_animation_plays_its_loop(screen, windowed, tmp_path):
+    rng = np.random.default_rng(0)
+    files = []
+    for index in range(8):
+        files.append(str(tmp_path / f"{index}.png"))
+        write_png(files[-1], rng.integers(0, 256, (40, 60, 3)).astype(np.uint8))
+    loaded = windowed.load(files=files)
+    show = "answer = Gimp.Display.new(image_of(number)).get_id()"
+    display = windowed.python(code=show, number=loaded["image"])
+    asked = Asked(windowed, LOOP, loaded, loaded["layers"][:1])
+    window = screen.window(title(LOOP))
+    seen, deadline = set(), time.monotonic() + 60
+    while len(seen) < 6 and time.monotonic() < deadline:  # empty, “drawing …”, and frames
+        screen.shoot(tmp_path / "seen.png", window)
+        seen.add(np.asarray(Image.open(tmp_path / "seen.png").convert("RGB")).tobytes())
+    screen.press(window, "alt+o")
+    answer = succeeded(asked.answer())
+    assert len(seen) >= 6
+    assert answer["layer"] is not None
+    windowed.python(code="Gimp.Display.get_by_id(number).delete()", number=display)
 
 
 def test_cancelling_a_dialog_changes_nothing(screen, windowed, opened):

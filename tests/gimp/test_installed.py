@@ -6,14 +6,18 @@ import sys
 from pathlib import Path
 
 import pytest
-from running import CHECKOUT, Gimp, needs_gimp
+from running import CHECKOUT, Gimp, find_gimp, needs_gimp
 
 needs_gimp()
+
+#: "3.0", "3.2", …
+VERSION = find_gimp().rpartition("-")[2]
 
 
 @pytest.fixture
 def home(tmp_path):
-    (tmp_path / ".config" / "GIMP" / "3.0").mkdir(parents=True)
+    for version in ("3.0", VERSION):  # what an older GIMP has left behind is no trouble
+        (tmp_path / ".config" / "GIMP" / version).mkdir(parents=True, exist_ok=True)
     return tmp_path
 
 
@@ -33,7 +37,7 @@ def test_doctor_is_content_after_install(home):
 
 def test_doctor_says_what_keeps_gimp_from_loading_it(home):
     toposeam(home, "install")
-    (home / ".config" / "GIMP" / "3.0" / "plug-ins" / "toposeam_gimp" / "plugin.py").write_text(
+    (home / ".config" / "GIMP" / VERSION / "plug-ins" / "toposeam_gimp" / "plugin.py").write_text(
         "import nothing_of_that_name\n"
     )
     ran = toposeam(home, "doctor")
@@ -50,7 +54,7 @@ def test_an_installed_plug_in_finds_its_engine_by_itself(home, tmp_path, samples
     folder = tmp_path / "gimp"
     folder.mkdir()
     gimp = Gimp(
-        folder, environment={"TOPOSEAM_PYTHON": ""}, plug_ins=home / ".config" / "GIMP" / "3.0" / "plug-ins"
+        folder, environment={"TOPOSEAM_PYTHON": ""}, plug_ins=home / ".config" / "GIMP" / VERSION / "plug-ins"
     )
     try:
         loaded = gimp.load(

@@ -289,5 +289,18 @@ path.stroke_new_from_points(Gimp.PathStrokeType.BEZIER, controls, False)
     np.testing.assert_array_equal(masks(gimp, stitched["image"])[0], found)
 
 
+def test_a_selected_path_of_the_group_counts_more_than_a_newer_one(gimp, stitched, tmp_path, samples):
+    for side, layer in zip("ab", stitched["layers"], strict=True):
+        assert gimp.export_layer(layer=layer, file=str(tmp_path / f"{side}.png"))
+    command = ["stitch", tmp_path / "a.png", tmp_path / "b.png", "--offset", "310,0", "--method", "dp"]
+    cli(*command, "-o", tmp_path / "joined.png", "--seam", tmp_path / "seam.svg")
+    found = masks(gimp, stitched["image"])
+    assert import_path(gimp, stitched["image"], tmp_path / "seam.svg")
+    select = "image = image_of(number); image.set_selected_paths(image.get_paths()[start:end])"
+    gimp.python(code=select, number=stitched["image"], start=1, end=2)  # the smooth one of the group
+    succeeded(restitch(gimp, stitched))
+    np.testing.assert_array_equal(masks(gimp, stitched["image"])[0], found[0])
+
+
 def test_a_layer_that_was_never_stitched(gimp, stitched):
     refused(gimp, stitched, "Select a group that Stitch Layers has made", RESTITCH)

@@ -44,7 +44,7 @@ def examine(profiles: Sequence[Profile]) -> Iterator[Finding]:
         yield Finding(True, f"{profile.title}: the plug-in is in {profile.plug_in}")
         yield from _folder(profile)
         yield from _engine(profile)
-        yield from _asked(found, profile)
+        yield from _asked(found, profile, profiles)
         yield from _registered(profile)
 
 
@@ -65,23 +65,21 @@ def _gimps(found: Sequence[Program]) -> Iterator[Finding]:
         yield Finding(False, "no GIMP 3 was found on this machine", remedy)
 
 
-def _asked(found: Sequence[Program], profile: Profile) -> Iterator[Finding]:
+def _asked(found: Sequence[Program], profile: Profile, profiles: Sequence[Profile]) -> Iterator[Finding]:
     """Every GIMP that reads a profile, asked whether it loads the plug-in from there."""
-    readers = [
-        program
-        for program in found
-        if program.is_3
-        and profile.version in (None, program.version)
-        and profile.kind in ("folder", "GIMP3_DIRECTORY", program.kind)
-    ]
-    if not readers and any(program.is_3 for program in found):
-        others = " and ".join(sorted({program.version for program in found if program.is_3}))
-        yield Finding(
-            False,
-            f"{profile.title} was not found; the GIMP on this machine is {others}, which does not read this "
-            "profile",
-            "run: toposeam gimp install (without --gimp-version), which installs for every GIMP there is",
+    there = [program for program in found if program.is_3]
+    readers = [program for program in there if _reads(program, profile)]
+    if there and not readers:
+        served = all(
+            any(_reads(program, other) and _missing(other) is None for other in profiles) for program in there
         )
+        others = " and ".join(sorted({program.version for program in there}))
+        text = (
+            f"{profile.title} was not found; the GIMP on this machine is {others}, which does not read this "
+            "profile"
+        )
+        remedy = "run: toposeam gimp install (without --gimp-version), which installs for every GIMP there is"
+        yield Finding(served, text, "it has one of its own, so this one does no harm" if served else remedy)
     for program in readers:
         if program.console is not None:
             yield _probe(program, profile)
@@ -91,6 +89,15 @@ def _asked(found: Sequence[Program], profile: Profile) -> Iterator[Finding]:
                 f"GIMP {program.version} runs in a Flatpak and could not be asked",
                 "its sandbox cannot run this Python: give it one of its own, see “Flatpak” in docs/gimp.md",
             )
+
+
+def _reads(program: Program, profile: Profile) -> bool:
+    """Whether a GIMP 3 looks for plug-ins in a profile."""
+    return profile.version in (None, program.version) and profile.kind in (
+        "folder",
+        "GIMP3_DIRECTORY",
+        program.kind,
+    )
 
 
 def _missing(profile: Profile) -> Finding | None:

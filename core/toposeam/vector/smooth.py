@@ -1,9 +1,10 @@
 """Few Bézier curves along a line of many points: what a hand can bend.
 
 Each stretch becomes one cubic curve, by least squares over its two handles (Schneider 1990, *An algorithm for
-automatically fitting digitized curves*, Graphics Gems, without held tangents); stretches are as long as the
-tolerance allows. Anchors lie on points of the line, so that any curve can be replaced by the exact piece of
-the line that it stands for.
+automatically fitting digitized curves*, Graphics Gems, without held tangents), then by weights that grow
+where it is too far, until the greatest distance is small; stretches are as long as the tolerance allows.
+Anchors lie on points of the line, so that any curve can be replaced by the exact piece of the line that it
+stands for.
 """
 
 from __future__ import annotations
@@ -18,11 +19,14 @@ from toposeam.display import line_svg
 from toposeam.vector.polyline import Floats, Ints, Polyline
 
 #: How far the curves may be from the line, px: the first value with few enough anchors, else the last one.
-TOLERANCES_PX: tuple[float, ...] = (2.0, 2.5)
-#: An anchor on so many px of the line's extent is few enough.
+TOLERANCES_PX: tuple[float, ...] = (2.0, 2.25, 2.5)
+#: A curve on so many px of the line's extent is few enough.
 FEW_PX = 40.0
 
 _REFITS = 6
+#: What least squares leaves too far is levelled out so often, by weights (Lawson 1961), unless hopeless.
+_LEVELLINGS = 20
+_HOPELESS = 1.7
 _FIRST_STRETCH = 16  # px along the line
 
 
@@ -88,8 +92,8 @@ def smooth_path(line: Polyline, tolerance: float | None = None) -> SmoothPath:
     ----------
     line : Polyline
     tolerance : float, optional
-        How far curves and line may be from each other, px. By default 2 px, and 2.5 px where that would take
-        more than an anchor on 40 px of the line's width or height.
+        How far curves and line may be from each other, px. By default 2 px, and up to 2.5 px where that would
+        take more than a curve on 40 px of the line's width or height.
 
     Returns
     -------
@@ -107,7 +111,7 @@ def smooth_path(line: Polyline, tolerance: float | None = None) -> SmoothPath:
         tolerances = (check_number("tolerance", tolerance, 0, above=True),)
     check_kind("line", line, Polyline, "a Polyline")
     dense = _dense(line.outline)
-    few = float(np.ptp(dense, axis=0).max()) / FEW_PX + 1
+    few = max(float(np.ptp(dense, axis=0).max()) / FEW_PX, 1)
     for allowed in tolerances:
         curves, along = _fit(dense, allowed, line.closed)
         if len(curves) <= few:
@@ -135,10 +139,10 @@ def _fit(dense: Floats, tolerance: float, closed: bool) -> tuple[list[Floats], l
         # A closed line is at least two curves: one alone would have to begin and end at one point.
         limit = min(last, last // 2 + 1) if closed and not curves else last
         end, reach, beyond = start + 1, _FIRST_STRETCH, None
-        found = _curve(dense[start : end + 1])[0]  # one step is a straight line, which always fits
+        found = _curve(dense[start : end + 1], tolerance)[0]  # one step is a straight line, which always fits
         while end < limit and (beyond is None or beyond - end > 1):
             tried = min(start + reach, limit) if beyond is None else (end + beyond) // 2
-            curve, miss = _curve(dense[start : tried + 1])
+            curve, miss = _curve(dense[start : tried + 1], tolerance)
             if miss <= tolerance:
                 end, found = tried, curve
                 reach += max(_FIRST_STRETCH, reach // 2)
@@ -149,26 +153,34 @@ def _fit(dense: Floats, tolerance: float, closed: bool) -> tuple[list[Floats], l
     return curves, along
 
 
-def _curve(points: Floats) -> tuple[Floats, float]:
-    """The cubic from the first to the last of some points that is closest to those between, and its greatest
-    distance from them.
+def _curve(points: Floats, tolerance: float) -> tuple[Floats, float]:
+    """The cubic from the first to the last of some points that stays as close as the tolerance to all
+    between, or the closest that was found, and its greatest distance from them.
     """
     start, end = points[0], points[-1]
     length = len(points) - 1
-    share = np.linspace(0, 1, length + 1)
+    share, weight = np.linspace(0, 1, length + 1), np.ones(length + 1)
     samples = np.linspace(0, 1, max(length, 8) + 1)
+    tree = cKDTree(points)
     best, least = np.stack([start, start, end, end]), np.inf
-    for _ in range(_REFITS):
+    for refit in range(_REFITS + _LEVELLINGS):
         u = share[:, np.newaxis]
         rest = points - start * (1 - u) ** 3 - end * u**3
-        handles = np.linalg.lstsq(np.hstack([3 * u * (1 - u) ** 2, 3 * u**2 * (1 - u)]), rest, rcond=1e-6)[0]
+        bases = np.hstack([3 * u * (1 - u) ** 2, 3 * u**2 * (1 - u)])
+        much = np.sqrt(weight)[:, np.newaxis]
+        handles = np.linalg.lstsq(bases * much, rest * much, rcond=1e-6)[0]
         curve = np.stack([start, handles[0], handles[1], end])
         drawn = _cubic(curve, samples[:, np.newaxis])
         distance, nearest = cKDTree(drawn).query(points)
-        miss = float(max(distance.max(), cKDTree(points).query(drawn)[0].max()))
+        miss = float(max(distance.max(), tree.query(drawn)[0].max()))
         if miss < least:
             best, least = curve, miss
+        if least <= tolerance or (refit == _REFITS and least > _HOPELESS * tolerance):
+            break
         share = samples[nearest]
+        if refit >= _REFITS:
+            weight *= distance + 0.1 * tolerance
+            weight /= weight.mean()
     return best, least
 
 

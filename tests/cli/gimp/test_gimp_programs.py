@@ -56,6 +56,16 @@ def test_doctor_sees_that_the_only_gimp_does_not_read_the_profile(home):
     assert "the GIMP on this machine is 3.0, which does not read this profile" in output
 
 
+def test_doctor_lets_the_profile_of_an_earlier_gimp_be(home):
+    fake_gimp(home, "gimp-console-3.2")
+    (home / ".config" / "GIMP" / "3.0").mkdir(exist_ok=True)
+    run("install")
+    output = run("doctor")
+    assert "ok       GIMP 3.0 was not found; the GIMP on this machine is 3.2" in output
+    assert "it has one of its own, so this one does no harm" in output
+    assert "ok       GIMP 3.2 loads the plug-in" in output
+
+
 def test_doctor_looks_where_the_profile_tells_gimp_to_look(home):
     profile = home / ".config" / "GIMP" / "3.0"
     (profile / "gimprc").write_text('(plug-in-path "${gimp_dir}/mine:/opt/plug-ins")\n')

@@ -1,10 +1,15 @@
 """Few curves along a line of many points."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from PIL import Image
 
 import toposeam as ts
 from toposeam.vector.smooth import FEW_PX, TOLERANCES_PX
+
+SAMPLES = Path(__file__).parents[3] / "samples"
 
 
 def wandering(seed=1, height=400, calm=6):
@@ -23,8 +28,21 @@ def test_curves_stay_close_and_are_few(seed):
     line = wandering(seed)
     smooth = ts.smooth_path(line)
     assert smooth.distance() <= TOLERANCES_PX[-1]
-    assert len(smooth.anchors) <= np.ptp(line.points, axis=0).max() / FEW_PX + 2 < len(line.points) / 20
+    assert len(smooth.curves) <= np.ptp(line.points, axis=0).max() / FEW_PX < len(line.points) / 20
     np.testing.assert_array_equal(smooth.anchors[[0, -1]], line.points[[0, -1]])
+
+
+def test_few_curves_are_enough_for_seams_of_photographs():
+    left, right = (
+        np.asarray(Image.open(SAMPLES / f"still_life_{side}.png").convert("RGB"))
+        for side in ("left", "right")
+    )
+    for method in ("heat", "dp"):
+        (seam,) = ts.stitch([ts.Layer(left), ts.Layer(right, at=(310, 0))], method=method).seams
+        (line,) = seam.paths
+        smooth = ts.smooth_path(line, tolerance=2)
+        assert smooth.distance() <= 2.1  # between the samples at which the curve was compared
+        assert len(smooth.anchors) <= np.ptp(line.points[:, 1]) / FEW_PX
 
 
 def test_the_pieces_are_the_line():

@@ -1,0 +1,58 @@
+"""Tiny previews of nothing, so that what libraries load at their first use is loaded when people ask."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toposeam_engine.previews import preview
+from toposeam_engine.serving import EngineJob
+
+_SIDE = 48
+
+
+class _Rehearsal(EngineJob):
+    """A job whose pixels are made up, and whose results go nowhere."""
+
+    def read(self, raster: Mapping[str, Any]) -> Any:
+        shape = int(raster["height"]), int(raster["width"]), int(raster["channels"])
+        pixels = np.random.default_rng(0).integers(1, 255, shape, np.uint8)
+        pixels[..., -1] = 255
+        if shape[2] > 1:
+            return pixels
+        pixels[16:24, 16:24, 0] = 0
+        return 255 - pixels[..., 0]
+
+    def write(self, pixels: Any) -> dict[str, Any]:
+        return {}
+
+
+def rehearse(of: str) -> None:
+    """Make a picture of what a dialog will show; nothing for what is not known."""
+    request = _requests().get(of)
+    if request is not None:
+        job = _Rehearsal(
+            folder=Path(), request={"of": of, "scale": 1.0, **request}, progress=lambda _share: None
+        )
+        preview(job)
+
+
+def _requests() -> dict[str, dict[str, Any]]:
+    size = {"width": _SIDE, "height": _SIDE, "dtype": "uint8"}
+    left, right = ({**size, "channels": 4, "at": [x, 0], "name": str(x)} for x in (0, _SIDE // 2))
+    hole = {**size, "channels": 1, "at": [0, 0]}
+    texture: dict[str, Any] = {"layer": left, "selection": None}
+    patch = {"patch": 12, "overlap": 0, "seed": 0}
+    motif = {"size": 32, "repeat": "translate", "layers": 1, "palette": "random", "mass": 0.0}
+    return {
+        "stitch": {"layers": [left, right], "options": {"blend": "gradient"}},
+        "patch": {"layers": [left, right], "selection": None, "options": {"blend": "gradient", "core": 0.5}},
+        "synthesize": {**texture, "options": {**patch, "width": 64, "height": 64}},
+        "make_tileable": {**texture, "options": {"band": 0, "seed": 0}},
+        "fill": {**texture, "selection": hole, "source": None, "options": {**patch, "band": 0}},
+        "motif": {"layer": None, "options": {**motif, "base_strength": 0.0, "iterations": 1, "seed": 0}},
+        "loop": {"layers": [left] * 8, "options": {"length": 4, "transition": 2, "level": True}},
+    }

@@ -1,0 +1,153 @@
+"""Of the half of the plug-in that needs no GIMP: lines as strokes, and which path is meant."""
+
+from itertools import pairwise
+
+import pytest
+
+from toposeam_gimp import choosing, curves
+
+
+def test_a_line_becomes_a_stroke_of_straight_pieces():
+    assert curves.straight_stroke([1, 2, 3, 4]) == [1, 2, 1, 2, 1, 2, 3, 4, 3, 4, 3, 4]
+
+
+#: Two curves: a straight one and one with handles; what they stand for.
+CURVES = [[0, 0, 0, 0, 5, 9, 5, 9], [5, 9, 8, 12, 8, 16, 5, 20]]
+PIECES = [[0, 0, 0, 9, 5, 9], [5, 9, 7, 9, 7, 20, 5, 20]]
+LINE = [0, 0, 0, 9, 5, 9, 7, 9, 7, 20, 5, 20]
+
+
+def known_line(closed=False):
+    curves_ = [*CURVES, [5, 20, 3, 20, 0, 5, 0, 0]] if closed else CURVES
+    pieces = [*PIECES, [5, 20, 0, 20, 0, 0]] if closed else PIECES
+    return {"stroke": curves.stroke_of(curves_, closed), "closed": closed, "pieces": pieces}
+
+
+def test_curves_become_a_stroke_and_come_back():
+    stroke = known_line()["stroke"]
+    assert stroke == [0, 0, 0, 0, 0, 0, 5, 9, 5, 9, 8, 12, 8, 16, 5, 20, 5, 20]
+    assert curves.curves_of(stroke, False) == CURVES
+    ring = known_line(closed=True)["stroke"]
+    assert ring[:2] == [0, 5]
+    assert curves.curves_of(ring, True)[:2] == CURVES
+
+
+def test_an_untouched_stroke_gives_the_exact_line():
+    stroke = [value + 0.001 for value in known_line()["stroke"]]
+    assert curves.lines_of([(stroke, False)], [known_line()]) == ([{"points": LINE, "closed": False}], False)
+    ring = known_line(closed=True)
+    (line,), touched = curves.lines_of([(ring["stroke"], True)], [ring])
+    assert (line["points"], line["closed"], touched) == ([*LINE, 0, 20], True, False)
+
+
+def test_only_what_was_bent_is_followed():
+    stroke = known_line()["stroke"]
+    stroke[-2] += 6  # the last anchor
+    stroke[-4] += 6
+    (line,), touched = curves.lines_of([(stroke, False)], [known_line()])
+    assert touched
+    assert line["points"][:6] == PIECES[0]
+    assert line["points"][-2:] == [11, 20]
+    assert len(line["points"]) > 12
+
+
+@pytest.mark.parametrize("strokes", [[], [known_line()["stroke"], curves.straight_stroke([1, 1, 2, 2])]])
+def test_strokes_added_or_removed_count_as_touched(strokes):
+    assert curves.lines_of([(stroke, False) for stroke in strokes], [known_line()])[1]
+
+
+def test_a_curve_is_followed_in_small_steps():
+    points = curves.followed([0, 0, 0, 40, 60, 40, 60, 0])
+    x, y = points[::2], points[1::2]
+    assert (points[:2], points[-2:]) == ([0, 0], [60, 0])
+    assert max(y) == pytest.approx(30, abs=0.05)
+    assert all(abs(b - a) < 2 for a, b in pairwise(x))
+    assert curves.followed([1, 2, 1, 2, 3, 4, 3, 4]) == [1, 2, 3, 4]
+
+
+def path(name, *, own=False, selected=False, touched=False, newer=False):
+    return choosing.Candidate(name=name, own=own, selected=selected, touched=touched, newer=newer)
+
+
+SMOOTH, EXACT = path("smooth", own=True), path("exact", own=True)
+BENT_SMOOTH, BENT_EXACT = path("smooth", own=True, touched=True), path("exact", own=True, touched=True)
+
+
+@pytest.mark.parametrize(
+    ("candidates", "meant"),
+    [
+        ([path("smooth", own=True), path("exact", own=True)], ["smooth"]),
+        ([path("smooth", own=True), path("exact", own=True, touched=True)], ["exact"]),
+        ([path("smooth", own=True, selected=True), path("mine")], ["smooth"]),
+        ([path("smooth", own=True, selected=True), BENT_EXACT], ["exact"]),
+        ([BENT_SMOOTH, path("exact", own=True, selected=True)], ["exact"]),
+        ([SMOOTH, EXACT, path("new 1", newer=True), path("new 2", newer=True)], ["new 1", "new 2"]),
+        ([SMOOTH, path("exact", own=True, selected=True), path("new", newer=True)], ["exact"]),
+        ([SMOOTH, path("new", newer=True), path("old", selected=True)], ["old"]),
+        ([path("smooth", own=True), path("mine", selected=True)], ["mine"]),
+        (
+            [path("smooth", own=True), path("seam 1", selected=True), path("seam 2", selected=True)],
+            ["seam 1", "seam 2"],
+        ),
+        (
+            [path("smooth", own=True), path("a : b", selected=True), path("a : b #1", selected=True)],
+            ["a : b", "a : b #1"],
+        ),
+    ],
+)
+def test_the_path_that_is_meant(candidates, meant):
+    assert [one.name for one in choosing.chosen(candidates, "a : b").paths] == meant
+
+
+def test_what_could_surprise_is_told():
+    new = path("new", newer=True)
+    assert choosing.chosen([SMOOTH, EXACT], "a : b").remark is None
+    assert choosing.chosen([SMOOTH, path("new", newer=True, selected=True)], "a : b").remark is None
+    assert choosing.chosen([SMOOTH, new], "a : b").remark == (
+        "“new” was followed, the newest path of the seam a : b."
+    )
+    for meant in (
+        path("exact", own=True, selected=True),
+        path("smooth", own=True, selected=True, touched=True),
+    ):
+        assert choosing.chosen([meant, new], "a : b").remark == (
+            f"“{meant.name}” was followed, and not “new”, which is newer: the path that is selected counts."
+        )
+
+
+@pytest.mark.parametrize(
+    ("candidates", "phrase"),
+    [
+        ([path("smooth", own=True), path("mine")], "“smooth”, “mine”. Select the one that counts"),
+        ([SMOOTH, path("mine"), path("new", newer=True)], "“mine”, “new”. Select the one that counts"),
+        ([SMOOTH, path("b", newer=True), path("c", newer=True)], "“b”, “c”. Select the one that counts"),
+        ([BENT_SMOOTH, path("new", newer=True)], "“smooth”, “new”. Select the one that counts"),
+        ([BENT_SMOOTH, BENT_EXACT], "were bent"),
+        ([path("smooth", own=True, selected=True), path("mine", selected=True)], "Select one of them"),
+    ],
+)
+def test_a_doubt_is_a_sentence(candidates, phrase):
+    with pytest.raises(choosing.UnclearError, match=phrase):
+        choosing.chosen(candidates, "a : b")
+
+
+@pytest.mark.parametrize(
+    ("name", "seam", "does"),
+    [
+        ("a : b", "a : b", True),
+        ("a : b #1", "a : b", True),
+        ("a : b (2)", "a : b", True),
+        ("a : c", "a : b", False),
+    ],
+)
+def test_names_say_which_seam_a_path_is_for(name, seam, does):
+    assert choosing.fits(name, seam) is does
+
+
+def test_seams_of_the_command_line_are_known_by_their_names():
+    assert [choosing.is_seam(name) for name in ("seam 1", "a.png : b.png #1", "my drawing", "seams")] == [
+        True,
+        True,
+        False,
+        False,
+    ]

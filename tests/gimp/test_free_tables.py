@@ -1,0 +1,203 @@
+"""Of the half of the plug-in that needs no GIMP: its tables, texts and pictures."""
+
+import ast
+import gettext
+import re
+import string
+import subprocess
+import sys
+from collections import Counter
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import toposeam as ts
+import toposeam_gimp
+from toposeam.motif.edges import EDGES
+from toposeam_engine.serving import MARKER, OPERATIONS, PROTOCOL
+from toposeam_gimp import engine, folder, help_page, sentences
+from toposeam_gimp.call import Call
+from toposeam_gimp.procedures import PROCEDURES
+
+PLUG_IN = Path(toposeam_gimp.__file__).parent
+KOREAN = gettext.translation("toposeam_gimp", PLUG_IN / "locale", ["ko"])
+
+
+def test_versions_and_protocol_agree():
+    assert toposeam_gimp.__version__ == ts.__version__
+    assert engine.PROTOCOL == PROTOCOL
+    assert folder.MARKER == MARKER
+
+
+@pytest.mark.medium
+def test_the_tables_offer_what_core_has():
+    def choices(name, option):
+        (found,) = (entry for entry in PROCEDURES[f"plug-in-toposeam-{name}"].options if entry.name == option)
+        return [nick for nick, _ in found.choices]
+
+    assert sorted(choices("stitch", "method")) == sorted(ts.METHODS)
+    assert sorted(choices("stitch", "blend")) == sorted(ts.BLENDS)
+    assert sorted(choices("motif", "repeat")) == sorted(ts.REPEATS)
+    assert sorted(choices("motif", "palette")) == sorted(["random", *ts.PALETTES])
+    assert sorted(choices("motif", "edge")) == sorted(["auto", *EDGES])
+    assert sorted(choices("repeat", "palette")) == sorted(["own", *ts.PALETTES])
+    assert set(choices("repeat", "repeat")) < {"own", *ts.REPEATS}
+
+
+def test_every_rule_and_palette_has_its_picture():
+    wanted = {f"rule-{rule}.png" for rule in ts.REPEATS} | {f"palette-{name}.png" for name in ts.PALETTES}
+    assert {file.name for file in (PLUG_IN / "pictures").glob("*.png")} == wanted
+    assert (PLUG_IN / "pictures" / "dice-symbolic.svg").is_file()
+    for entry in PROCEDURES.values():
+        for option in entry.options:
+            if option.pictures:
+                shown = {nick for nick, _ in option.choices} - {"own", "random"}
+                assert {f"{option.pictures}-{nick}.png" for nick in shown} <= wanted
+
+
+@pytest.mark.medium
+def test_pictures_are_those_that_the_script_draws(tmp_path):
+    subprocess.run([sys.executable, PLUG_IN.parent / "make_pictures.py", tmp_path], check=True, timeout=300)
+    for file in (PLUG_IN / "pictures").glob("*.png"):
+        drawn, kept = (
+            np.asarray(Image.open(one).convert("RGB"), int) for one in (tmp_path / file.name, file)
+        )
+        assert np.abs(drawn - kept).mean() < 3, file.name
+
+
+@pytest.mark.parametrize("entry", PROCEDURES.values(), ids=PROCEDURES)
+def test_every_entry_is_complete(entry):
+    assert re.fullmatch(r"plug-in-toposeam-[a-z]+", entry.name)
+    assert len(entry.help) > 60
+    for option in entry.options:
+        assert option.label
+        assert option.help
+        if option.default is None:
+            assert not option.engine
+        elif isinstance(option.default, str):
+            assert option.default in [nick for nick, _ in option.choices]
+        elif not isinstance(option.default, bool):
+            assert option.low <= option.default <= option.high
+    module, function = entry.work.split(".")
+    assert f"\ndef {function}(call: Call)" in (PLUG_IN / f"{module}.py").read_text()
+    asked = re.findall(r'"operation": "(\w+)"', (PLUG_IN / f"{module}.py").read_text())
+    assert asked
+    assert set(asked) <= set(OPERATIONS)
+
+
+@pytest.mark.parametrize("entry", PROCEDURES.values(), ids=PROCEDURES)
+@pytest.mark.parametrize("translate", [str, KOREAN.gettext], ids=["English", "Korean"])
+def test_no_two_fields_of_a_dialog_share_a_mnemonic(entry, translate):
+    labels = [option.label for option in entry.options]
+    labels += ["A_dvanced"] * any(option.advanced for option in entry.options)
+    labels += ["Pre_view"] * (entry.preview is not None)
+    keys = Counter(match[1].lower() for label in labels if (match := re.search("_(.)", translate(label))))
+    assert all(count == 1 for count in keys.values()), keys
+    assert not set(keys) & set("hcorls")  # Help, Cancel, OK, Reset, Load and Save settings are GIMP's
+
+
+@pytest.mark.parametrize("entry", PROCEDURES.values(), ids=PROCEDURES)
+def test_what_an_option_depends_on_is_there(entry):
+    by_name = {option.name: option for option in entry.options}
+    for option in entry.options:
+        if option.applies is not None:
+            other, values = option.applies
+            possible = [nick for nick, _ in by_name[other].choices] or [True, False]
+            assert set(values) < set(possible)
+        if option.automatic is not None:
+            assert option.low == 0
+            assert 0 < option.typical <= option.high
+
+
+@pytest.mark.parametrize(
+    ("said", "shown"),
+    [
+        (
+            "right.png (at 441,0): the patches do not overlap: no pixel is covered by both; move one of them",
+            "“right.png” does not overlap the other layers; move it onto them.",
+        ),
+        (
+            "nothing is left to copy from: the mask covers the whole picture; paint less",
+            "The selection covers the whole layer; select only what is to be replaced.",
+        ),
+        (
+            "the source is 96 × 80 px, smaller than a patch of 400 px; use a patch of 80 px or less",
+            "The layer is 96 × 80 px, smaller than a patch of 400 px; use smaller patches.",
+        ),
+        (
+            "b fits none of the other pictures (it has nothing in common, 0.5 is needed); leave it out",
+            "“b” shows nothing that the other layers show too, so where it belongs cannot be found out. "
+            "Select the others without it, or lay it where it belongs and switch “Positions” back.",
+        ),
+        (
+            "transition is 20 frames, and the clip has 12: end and beginning: use at most 6",
+            "The transition takes 20 of 12 frames; use 6 at most.",
+        ),
+        ("something new; do this", "something new; do this"),
+    ],
+)
+def test_the_engines_sentences_are_said_in_gimps_words(said, shown):
+    assert sentences.in_gimps_words(said) == shown
+
+
+def test_no_sentence_speaks_of_the_command_line():
+    for text in sources():
+        assert " --" not in text
+        assert "pip install" not in text
+
+
+def test_the_manual_has_a_section_per_entry_and_every_field():
+    page = help_page.help_page(PROCEDURES.values())
+    assert "http" not in page
+    for name, entry in PROCEDURES.items():
+        assert f'<h2 id="{name.rpartition("-")[2]}">' in page
+        for option in entry.options:
+            assert f"<code>{option.name}</code>" in page
+    parser = HTMLParser()
+    parser.feed(page)
+
+
+def sources():
+    """Every text that is translated."""
+    for path in PLUG_IN.glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "_":
+                yield ast.literal_eval(node.args[0])
+
+
+def test_korean_is_complete_and_keeps_placeholders_and_mnemonics():
+    for text in sources():
+        translated = KOREAN.gettext(text)
+        assert re.search("[가-힣]", translated), text
+        fields = [
+            sorted(field for _, field, _, _ in string.Formatter().parse(one) if field)
+            for one in (text, translated)
+        ]
+        assert fields[0] == fields[1]
+        assert ("_" in text) == ("_" in translated)
+        assert text.endswith("...") == translated.endswith("...")
+
+
+def test_the_compiled_translation_is_that_of_the_source():
+    source = (PLUG_IN / "locale" / "ko" / "LC_MESSAGES" / "toposeam_gimp.po").read_text(encoding="utf-8")
+    pairs = re.findall(r'^msgid (".+")\nmsgstr (".+")$', source, re.MULTILINE)
+    assert len(pairs) == len(set(sources()))
+    for original, translated in pairs:
+        assert KOREAN.gettext(ast.literal_eval(original)) == ast.literal_eval(translated)
+
+
+def test_options_for_the_engine_leave_out_the_plug_ins_own():
+    entry = PROCEDURES["plug-in-toposeam-stitch"]
+    options = {option.name: option.default for option in entry.options}
+    call = Call(image=None, drawables=[], options=options, entry=entry, interactive=False)
+    assert sorted(call.for_engine) == [
+        "blend",
+        "blend_width",
+        "gradient",
+        "match_tones",
+        "method",
+        "places",
+    ]

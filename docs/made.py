@@ -36,6 +36,11 @@ SCRIPTS: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
     ),
     "motif_figures.py": (("motifs-*",), ("motif", "recipe"), ()),
     "make_pattern_figures.py": (("patterns-*", "paths-*"), ("motif", "recipe"), ()),
+    "pattern_studies.py": (
+        ("studies-*",),
+        ("motif", "recipe"),
+        ("docs/pattern_cases.py", "docs/make_pattern_figures.py"),
+    ),
     "volume_figures.py": (("loop-*", "surface-*", "volume-*"), (), ("samples/clips.py",)),
     "stitching_figures.py": (("stitching-*",), ("seam", "three layers"), ()),
     "picture_page.py": (

@@ -37,7 +37,7 @@ _PAPER = (255, 255, 255)
 
 def main() -> None:
     """Draw every picture."""
-    for draw in (sheet, studies, kinds, products, drawing, obstacles, terrain):
+    for draw in (sheet, kinds, products, drawing, obstacles, terrain):
         started = time.perf_counter()
         draw()
         print(f"{draw.__name__}: {time.perf_counter() - started:.0f} s", flush=True)
@@ -93,39 +93,6 @@ def sheet() -> None:
     save(canvas, "patterns-rules.jpg")
 
 
-def studies() -> None:
-    """One motif with one parameter changed at a time."""
-    fixed = {
-        "layers": 2,
-        "seed": 21,
-        "repeat": "translate",
-        "palette": "winter",
-        "sources": 3,
-        "sinks": 3,
-        "ambient": 0.5,
-        "mass": 0.25,
-    }
-    rows: tuple[tuple[str, tuple[dict[str, float], ...]], ...] = (
-        ("--mass {mass}", tuple({"mass": m} for m in (0.1, 0.2, 0.3, 0.4, 0.5))),
-        ("--penalty {penalty}", tuple({"penalty": p} for p in (1.0, 1.5, 2.0, 3.0, 5.0))),
-        ("{sources} sources, 1 sink", tuple({"sources": n, "sinks": 1} for n in (1, 2, 4, 8, 16))),
-        ("1 source, {sinks} sinks", tuple({"sources": 1, "sinks": n} for n in (1, 2, 4, 8, 16))),
-        ("{sources} sources, {sinks} sinks", tuple({"sources": n, "sinks": n} for n in (1, 2, 4, 8, 16))),
-        ("--ambient {ambient}", tuple({"ambient": a} for a in (0.0, 0.1, 0.3, 0.6, 1.0))),
-        ("--iterations {iterations}", tuple({"iterations": n} for n in (5, 10, 20, 40, 80))),
-    )
-    side, gap, foot, left = 176, 12, 26, 0
-    canvas = Image.new("RGB", (left + 5 * side + 4 * gap, len(rows) * (side + foot)), _PAPER)
-    pen = ImageDraw.Draw(canvas)
-    for line, (words, values) in enumerate(rows):
-        for column, value in enumerate(values):
-            motif = ts.generate_motif(96, **(fixed | {"coarse": "iterations" not in value} | value))
-            x, y = left + column * (side + gap), line * (side + foot)
-            canvas.paste(Image.fromarray(bytes_of(motif.image((side, side)))), (x, y))
-            pen.text((x, y + side + 4), words.format(**value), font=font(13), fill=_GRAY)
-    save(canvas, "patterns-parameters.jpg")
-
-
 def _theme() -> npt.NDArray[np.floating]:
     return np.asarray(Image.open(THEME).convert("L"), float) / 255
 
@@ -143,8 +110,8 @@ def kinds() -> None:
             continue
         character = measure(motif.image(), resample(unpack_base(recipe.base), "none", recipe.size))
         pattern = Image.fromarray(bytes_of(ts.repeat(motif, (2, 2), size=(side // 2, side // 2))))
-        found[character.kind, season].append((abs(character.likeness), pattern))
-    left, top, gap, foot = 0, 30, 12, 34
+        found[character.kind, season].append((character.likeness, pattern))
+    left, top, gap, foot = 0, 30, 12, 46
     canvas = Image.new("RGB", (left + 4 * side + 3 * gap, top + 4 * (side + foot)), _PAPER)
     pen = ImageDraw.Draw(canvas)
     for column, season in enumerate(SEASONS):
@@ -154,11 +121,12 @@ def kinds() -> None:
         for column, season in enumerate(SEASONS):
             if found[kind, season]:  # the most and the least alike
                 choose = max if kind in (Kind.THICK_CLEAR, Kind.THIN_CLEAR) else min
-                canvas.paste(
-                    choose(found[kind, season], key=lambda pair: pair[0])[1],
-                    (left + column * (side + gap), y),
-                )
-        pen.text((left, y + side + 6), f"{kind}: {kind.words}", font=font(14), fill=_GRAY)
+                likeness, pattern = choose(found[kind, season], key=lambda pair: pair[0])
+                x = left + column * (side + gap)
+                canvas.paste(pattern, (x, y))
+                words = f"likeness {likeness:.2f}"
+                pen.text((x + side, y + side + 6), words, font=font(12), fill=_DARK, anchor="ra")
+        pen.text((left, y + side + 20), f"{kind}: {kind.words}", font=font(14), fill=_GRAY)
     save(canvas, "patterns-kinds.jpg")
 
 

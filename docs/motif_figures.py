@@ -127,11 +127,11 @@ def joined() -> None:
 
 def stages() -> None:
     """Figures 4.8 and 4.9: the row of motifs after each stage, and patterns of them."""
-    recipes, side, large = _recipes(), 228, 392
+    recipes, side, large = _recipes(), 228, 291
     free = ts.join_motifs(recipes, weight=0.5, stages=3, shared=0)
     shared = ts.join_motifs(recipes, weight=0.5, stages=3)
     width = 5 * side + 4 * _GAP
-    canvas = Canvas(max(width, 3 * large + 2 * _GAP), 3 * (side + _FOOT) + large + _FOOT)
+    canvas = Canvas(max(width, 4 * large + 3 * _GAP), 3 * (side + _FOOT) + large + _FOOT)
     for stage in (1, 2, 3):
         row = free.at_stage(stage)
         for index, motif in enumerate(row):
@@ -141,8 +141,9 @@ def stages() -> None:
     y, cell = 3 * (side + _FOOT), (large // 7, large // 7)
     patterns = (
         (free.at_stage(1), None, "stage 1, at random"),
-        (free.at_stage(3), 1, "stage 3, neighbours in the row side by side"),
-        (shared.motifs, None, f"shared border (mismatch {shared.mismatch():.2f}), at random"),
+        (free.at_stage(2), 1, "stage 2, neighbours in the row together"),
+        (free.at_stage(3), 1, "stage 3, likewise"),
+        (shared.motifs, None, f"shared border ({shared.mismatch():.2f}), at random"),
     )
     for column, (motifs, reach, words) in enumerate(patterns):
         canvas.picture(

@@ -47,6 +47,7 @@ ARROWS = {
     "toposeam.motif": BELOW,
     "toposeam.path": BELOW,
     "toposeam.volume": BELOW | {"toposeam.seam"},
+    "toposeam.solid": BELOW | {"toposeam.motif", "toposeam.volume"},
     "toposeam_cli": set(),
     "toposeam_cli.files": CLI_CORE,
     "toposeam_cli.pictures": CLI_CORE | {"toposeam_cli.files", "toposeam.motif", "toposeam.vector"},

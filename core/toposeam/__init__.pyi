@@ -30,6 +30,7 @@ from .motif.layer import Step
 from .motif.motif import Motif, repeat, repeat_densities
 from .motif.palettes import PALETTES, Palette, palette
 from .motif.recipe import LayerRecipe, Recipe
+from .motif.simplify import simplify
 from .motif.svg import SvgOptions, draw_svg
 from .motif.symmetry import REPEATS
 from .motif.vary import vary
@@ -44,6 +45,7 @@ from .seam.match_cost import MatchCost
 from .seam.overlap import SIDES, Side
 from .seam.seam import Seam, apply_paths
 from .seam.thesis_options import ThesisOptions
+from .solid.generate import Solid, generate_solid
 from .texture.fill import BYS, By, fill
 from .texture.keeping_step import closing_size
 from .texture.lay import LayOptions
@@ -111,6 +113,7 @@ __all__ = [
     "Seam",
     "Side",
     "SmoothPath",
+    "Solid",
     "SolverError",
     "Step",
     "Stitched",
@@ -143,6 +146,7 @@ __all__ = [
     "find_surface",
     "flatten_light",
     "generate_motif",
+    "generate_solid",
     "join_motifs",
     "join_volumes",
     "kaleidoscope",
@@ -163,6 +167,7 @@ __all__ = [
     "repeat_densities",
     "restitch",
     "seam_likeness",
+    "simplify",
     "smooth_path",
     "stitch",
     "synthesize",

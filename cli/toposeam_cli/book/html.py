@@ -53,10 +53,11 @@ def to_html(title: str, rows: Sequence[Row], products: Sequence[tuple[Row, str, 
 
 
 def _product(row: Row, product: str, path: str) -> str:
+    beside = f" and {row['beside']}" if row.get("beside") else ""
     return (
         f'<figure><a href="{escape(path)}"><img src="{escape(path)}" alt="{product} with pattern '
         f'{row["number"]}" loading="lazy"></a><figcaption>{product}, {row["season"]}, <a '
-        f'href="#n{row["number"]}">no. {row["number"]}</a></figcaption></figure>'
+        f'href="#n{row["number"]}">no. {row["number"]}</a>{beside}</figcaption></figure>'
     )
 
 
@@ -73,8 +74,9 @@ def caption(row: Row) -> str:
     """The parameters of a pattern."""
     masses = " ".join(f"{mass:.2f}" for mass in row["mass"])
     spots = " ".join(f"{a}–{b}" for a, b in zip(row["sources"], row["sinks"], strict=True))
+    theme = f"{row['theme']}, " if row.get("several") else ""
     return (
-        f"{row['repeat']}, p {row['p']:g}, mass {masses}, sources–sinks {spots}, {row['iterations']} "
+        f"{theme}{row['repeat']}, p {row['p']:g}, mass {masses}, sources–sinks {spots}, {row['iterations']} "
         f"iterations, base {row['base_strength']:+.2f}; stroke {row['stroke']:.1%}, likeness "
         f"{row['likeness']:.2f}"
     )

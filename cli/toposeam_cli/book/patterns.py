@@ -13,13 +13,14 @@ import numpy as np
 import toposeam as ts
 from toposeam.motif.book import SEASONS, book_recipe
 from toposeam.motif.kinds import measure
+from toposeam.motif.mixing import mix
 from toposeam.motif.recipe import unpack_base
 from toposeam.motif.sampling import resample
 from toposeam.motif.tiling import period
 from toposeam_cli.figures.products import draw_product, pattern_px
 from toposeam_cli.pictures.colour import to_depth
 from toposeam_cli.pictures.picture import Picture, write_picture
-from toposeam_cli.pictures.printing import Print, printable
+from toposeam_cli.pictures.printing import Print, printable, sheet_coverage
 from toposeam_cli.pictures.recipe import read_recipe
 from toposeam_cli.pictures.theme import read_theme
 
@@ -30,6 +31,7 @@ _SWATCH = 2
 #: What :func:`draw_pattern` returns, and of which kind it is.
 ROW: dict[str, type] = {
     "number": int,
+    "theme": str,
     "kind": str,
     "season": str,
     "stroke": float,
@@ -48,14 +50,25 @@ ROW: dict[str, type] = {
 
 
 def draw_pattern(
-    theme: str, seed: int, number: int, size: int, motif: str, swatch: str, force: bool = False
+    theme: str,
+    seed: int,
+    number: int,
+    size: int,
+    motif: str,
+    swatch: str,
+    force: bool = False,
+    width_mm: float | None = None,
+    dpi: float | None = None,
 ) -> dict[str, Any]:
-    """Make one pattern: the motif with its recipe, and a swatch that repeats by translation. Returns what was
-    measured.
+    """Make one pattern: the motif with its recipe, at its size on paper, and a swatch that repeats by
+    translation. Returns what was measured.
     """
     recipe = book_recipe(_theme(theme), seed, number, size)
     made = ts.generate_motif(recipe)
-    write_picture(motif, printable(made.image(), None, {**Print().note(), "recipe": recipe.to_dict()}), force)
+    paper = Print(width_mm=width_mm, dpi=dpi)
+    image = mix(sheet_coverage(made, paper), made.inks, made.paper)
+    settings = {**paper.note(), "recipe": recipe.to_dict()}
+    write_picture(motif, printable(image, paper.resolution, settings), force)
     write_picture(
         swatch, Picture(pixels=to_depth(ts.repeat(made, (_SWATCH, _SWATCH)), np.dtype(np.uint8))), force
     )
@@ -66,6 +79,7 @@ def draw_pattern(
     first = recipe.layers[0]
     return {
         "number": number,
+        "theme": Path(theme).stem,
         "kind": str(character.kind),
         "season": SEASONS[number % len(SEASONS)],
         "stroke": round(character.stroke, 4),
@@ -90,19 +104,25 @@ def draw_on_product(
     motif_mm: float | None = None,
     force: bool = True,
     second: str | None = None,
+    inks: int | None = None,
+    edge: str | None = None,
 ) -> None:
-    """Make one mock-up from a motif's recipe, and from a second one's where two are wanted."""
+    """Make one mock-up from a motif's recipe, and from a second one's where two are wanted; the first may be
+    simplified (`ts.simplify`).
+    """
     across = pattern_px(product, motif_mm)
-    made, pattern = _sharp(motif, across)
+    made, pattern = _sharp(motif, across, inks, edge)
     other = None if second is None else (_sharp(second, across)[1], across)
     dark = made.inks[int(np.argmin(made.inks.sum(axis=1)))]
     drawn = draw_product(product, pattern, across, made.paper, dark * made.paper, motif_mm, other)
     write_picture(output, Picture(pixels=drawn), force=force)
 
 
-def _sharp(motif: str, across: int) -> tuple[ts.Motif, np.ndarray]:
+def _sharp(
+    motif: str, across: int, inks: int | None = None, edge: str | None = None
+) -> tuple[ts.Motif, np.ndarray]:
     """A motif, and a piece of its pattern that repeats by translation, with motifs of that width in px."""
-    made = ts.generate_motif(read_recipe(Path(motif)))
+    made = ts.generate_motif(ts.simplify(read_recipe(Path(motif)), inks=inks, edge=edge))
     height, width = made.densities.shape[1:]
     size = (max(1, round(across * height / width)), across)
     return made, to_depth(ts.repeat(made, period(made.repeat), size=size), np.dtype(np.uint8))

@@ -179,7 +179,8 @@ def _products(folder: Path, products: Sequence[tuple[Row, str]]) -> list[_Page]:
             picture = read_picture(folder / "products" / f"{product}-{season}.png").pixels
             picture = _filling(picture, width / height)
             page.picture(picture, x, y, width, height)
-            page.words(f"{product}, pattern {row['number']}", x, y + height + 2, 9, _SOFT)
+            beside = f" and {row['beside']}" if row.get("beside") else ""
+            page.words(f"{product}, pattern {row['number']}{beside}", x, y + height + 2, 9, _SOFT)
         pages.append(page)
     return pages
 

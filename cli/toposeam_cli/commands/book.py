@@ -16,14 +16,15 @@ from typing import Any
 import click
 
 import toposeam as ts
-from toposeam.motif.book import SEASONS, book_recipe, choose
+from toposeam.motif.book import BESIDE, FINISH, SEASONS, book_recipe, choose
 from toposeam.motif.kinds import Kind
 from toposeam_cli.book.patterns import ROW
 from toposeam_cli.files.interruption import Terminated
 from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_output
 from toposeam_cli.jobs.journal import Journal
 from toposeam_cli.jobs.runner import Job, run
-from toposeam_cli.options import FILE, jobs_option, quiet_option
+from toposeam_cli.options import FILE, FiniteRange, PaperLengthType, jobs_option, quiet_option
+from toposeam_cli.pictures.printing import Print
 from toposeam_cli.pictures.theme import read_theme
 from toposeam_cli.progress import progress_bar
 
@@ -35,7 +36,7 @@ _PAGES = "pages"
 
 
 @click.command()
-@click.argument("theme", type=FILE)
+@click.argument("themes", metavar="THEME...", type=FILE, nargs=-1, required=True)
 @click.option(
     "-n",
     "--number",
@@ -62,18 +63,31 @@ _PAGES = "pages"
     show_default=True,
     help="Everything follows from it and the theme.",
 )
+@click.option(
+    "--motif-width",
+    "width_mm",
+    type=PaperLengthType(),
+    help="Print motifs so wide on paper: 80mm, 8cm or 3in.",
+)
+@click.option(
+    "--dpi",
+    type=FiniteRange(1, 10_000),
+    help="Resolution of motifs, pixels per inch.  [default: 300 with --motif-width]",
+)
 @click.option("--title", help="Of the book.  [default: the theme's name]")
 @click.option("--no-pdf", is_flag=True, help="Write no book.pdf.")
 @click.option("--fresh", is_flag=True, help="Make everything again, also what a former run made.")
 @click.option("--force", is_flag=True, help="Replace files in the folder that no former run made.")
 @quiet_option
 def book(
-    theme: Path,
+    themes: tuple[Path, ...],
     number: int,
     folder: Path,
     processes: int,
     size: int,
     seed: int,
+    width_mm: float | None,
+    dpi: float | None,
     title: str | None,
     no_pdf: bool,
     fresh: bool,
@@ -84,6 +98,7 @@ def book(
 
     \b
     toposeam book logo.png -n 400 -o mybook -j 4
+    toposeam book leaf.png bird.png shell.png -n 120 -o mybook
 
     The folder gets every motif as PNG with its recipe, patterns.csv, book.html and book.pdf. The same command
     again goes on after an interruption, and makes nothing twice. What it made may be made again; any other
@@ -93,21 +108,28 @@ def book(
         raise ts.OptionError(
             f"--size is {size}; mirrored and turned patterns need an even one, use {size + 1}"
         )
-    book_recipe(
-        read_theme(theme), seed, 0, size
-    )  # whatever is wrong with the theme is said before anything is written
+    paper = Print(width_mm=width_mm, dpi=dpi)
+    for theme in themes:  # whatever is wrong with one is said before anything is written
+        paper.check(book_recipe(read_theme(theme), seed, 0, size), False)
     journal = folder / "book.results.jsonl"
-    _check_folder(folder, theme, journal, force)
+    _check_folder(folder, themes, journal, force)
     _make_folder(folder)
     start = time.monotonic()
     rows, failed = _run(
-        _pattern_jobs(theme, number, folder, size, seed, force), processes, journal, fresh, quiet, "patterns"
+        _pattern_jobs(themes, number, folder, size, seed, paper, force),
+        processes,
+        journal,
+        fresh,
+        quiet,
+        "patterns",
     )
     if rows:
-        chosen = choose(rows)
+        for row in rows:
+            row["several"] = len(themes) > 1
+        chosen = _beside(choose(rows))
         _, lost = _run(_product_jobs(chosen, folder, force), processes, journal, fresh, quiet, "mock-ups")
         failed += lost
-        name = title if title is not None else theme.stem
+        name = title if title is not None else ", ".join(theme.stem for theme in themes)
         products = [
             (row, product) for row, product in chosen if (folder / _product_path(row, product)).exists()
         ]
@@ -143,14 +165,23 @@ def _made(table: Journal) -> dict[str, str]:
     return dict(table.rows.get(_PAGES, {}).get("made", {}))
 
 
-def _check_folder(folder: Path, theme: Path, journal: Path, force: bool) -> None:
+def _beside(chosen: Sequence[tuple[Row, str]]) -> list[tuple[Row, str]]:
+    """The products, with the number of the pattern that goes beside the first on some of them."""
+    number = {(row["season"], product): row["number"] for row, product in chosen}
+    return [
+        ({**row, "beside": number.get((row["season"], BESIDE.get(product, "")))}, product)
+        for row, product in chosen
+    ]
+
+
+def _check_folder(folder: Path, themes: Sequence[Path], journal: Path, force: bool) -> None:
     """Refuse, before any work is spent on it, a folder with files that are not of a book's making."""
-    inside = any(theme.resolve().parent == (folder / name).resolve() for name in _FOLDERS)
-    if inside:
-        raise ts.OptionError(
-            f"the theme '{theme}' lies where the book's own pictures go; copy it elsewhere, or choose "
-            "another folder"
-        )
+    for theme in themes:
+        if any(theme.resolve().parent == (folder / name).resolve() for name in _FOLDERS):
+            raise ts.OptionError(
+                f"the theme '{theme}' lies where the book's own pictures go; copy it elsewhere, or choose "
+                "another folder"
+            )
     own: dict[str, str] = {}
     if journal.is_file():
         with Journal(journal) as table:
@@ -172,9 +203,12 @@ def _make_folder(folder: Path) -> None:
         ) from error
 
 
-def _pattern_jobs(theme: Path, number: int, folder: Path, size: int, seed: int, force: bool) -> list[Job]:
+def _pattern_jobs(
+    themes: Sequence[Path], number: int, folder: Path, size: int, seed: int, paper: Print, force: bool
+) -> list[Job]:
     jobs = []
     for index in range(1, number + 1):
+        theme = themes[(index - 1) // len(SEASONS) % len(themes)]  # each in every season
         motif, swatch = (folder / kind / f"{index:04d}.png" for kind in ("motifs", "swatches"))
         arguments = {
             "theme": str(theme),
@@ -183,6 +217,8 @@ def _pattern_jobs(theme: Path, number: int, folder: Path, size: int, seed: int, 
             "size": size,
             "motif": str(motif),
             "swatch": str(swatch),
+            "width_mm": paper.width_mm,
+            "dpi": paper.dpi,
         }
         jobs.append(
             Job(
@@ -202,14 +238,23 @@ def _product_jobs(chosen: Sequence[tuple[Row, str]], folder: Path, force: bool) 
     jobs = []
     for row, product in chosen:
         motif, output = folder / "motifs" / f"{row['number']:04d}.png", folder / _product_path(row, product)
-        arguments = {"motif": str(motif), "product": product, "output": str(output)}
+        inks, edge = FINISH[product]
+        second = None if row["beside"] is None else folder / "motifs" / f"{row['beside']:04d}.png"
+        arguments = {
+            "motif": str(motif),
+            "product": product,
+            "output": str(output),
+            "second": None if second is None else str(second),
+            "inks": inks,
+            "edge": edge,
+        }
         jobs.append(
             Job(
                 f"{product} {row['season']}",
                 "toposeam_cli.book.patterns:draw_on_product",
                 arguments,
                 outputs=(output,),
-                inputs=(motif,),
+                inputs=(motif,) if second is None else (motif, second),
                 manner={"force": force},
                 remakes=True,
             )
@@ -271,8 +316,8 @@ def _is_row(result: Any) -> bool:
 def _table(rows: Sequence[Row]) -> str:
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(["file", *rows[0]])
+    writer.writerow(["file", *ROW])
     for row in rows:
-        values = [json.dumps(value) if isinstance(value, list) else value for value in row.values()]
+        values = [json.dumps(row[name]) if kind is list else row[name] for name, kind in ROW.items()]
         writer.writerow([f"motifs/{row['number']:04d}.png", *values])
     return buffer.getvalue()

@@ -61,9 +61,8 @@ from toposeam_cli.progress import share_bar
 @click.option(
     "--shared",
     type=click.IntRange(0, 100),
-    default=1,
-    show_default=True,
-    help="Elements along the border that all motifs have alike; 0 is the thesis's way.",
+    help="Elements along the border that all motifs have alike; 0 is the thesis's way.  [default: 3 % of the "
+    "motif]",
 )
 @print_options
 @force_option
@@ -79,7 +78,7 @@ def join(
     reach: int | None,
     seed: int,
     motif_pixels: tuple[int, int] | None,
-    shared: int,
+    shared: int | None,
     ink: PrintOptions,
     force: bool,
     quiet: bool,

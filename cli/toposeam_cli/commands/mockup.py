@@ -8,6 +8,7 @@ import click
 import numpy as np
 
 import toposeam as ts
+from toposeam.motif.edges import EDGES
 from toposeam.motif.tiling import period, tile
 from toposeam_cli.book.patterns import draw_on_product
 from toposeam_cli.figures.products import PRODUCTS, draw_product
@@ -41,6 +42,8 @@ from toposeam_cli.print_options import RepeatType, check_laid
     type=PaperLengthType(),
     help="Width of one motif on it, like 3cm; by default what is customary.",
 )
+@click.option("--inks", type=click.IntRange(1), help="Simplify: keep so many inks, those with the most ink.")
+@click.option("--edge", type=click.Choice(EDGES), help="Sharpen, or soften: how all strokes end.")
 @click.option(
     "--repeat",
     "rule",
@@ -55,6 +58,8 @@ def mockup(
     second: Path | None,
     output: Path,
     motif_width: float | None,
+    inks: int | None,
+    edge: str | None,
     rule: str | None,
     force: bool,
     quiet: bool,
@@ -65,6 +70,7 @@ def mockup(
     toposeam mockup motif.png --on tie -o tie.png
     toposeam mockup motif.png --on scarf --motif-width 15cm -o scarf.png
     toposeam mockup motif.png --on shirt --second collar.png -o shirt.jpg
+    toposeam mockup motif.png --on tie --inks 2 --edge crisp -o tie.png
     """  # noqa: D301 - click wants the character
     check_output(output, force)
     if motif_width is not None and not 2 <= motif_width <= 5000:
@@ -73,9 +79,10 @@ def mockup(
         read_settings(motif, ", or say with --repeat how this repeats")
         if second is not None:
             read_settings(second, "; a second pattern needs one")
-        draw_on_product(
-            str(motif), product, str(output), motif_width, force, None if second is None else str(second)
-        )
+        other = None if second is None else str(second)
+        draw_on_product(str(motif), product, str(output), motif_width, force, other, inks, edge)
+    elif inks is not None or edge is not None:
+        raise ts.OptionError("--inks and --edge change a motif by its recipe; leave --repeat out")
     else:
         check_laid(motif, rule, "say --repeat translate, or make it so with toposeam repeat --cell")
         picture = read_within(motif, MAX_MOTIF)

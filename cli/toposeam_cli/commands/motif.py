@@ -11,7 +11,7 @@ import click
 
 import toposeam as ts
 from toposeam.motif.palettes import Palette
-from toposeam_cli.files.writing import atomic_write, check_output
+from toposeam_cli.files.writing import atomic_write, check_output, replacing
 from toposeam_cli.motif_options import Beginning, Wanted, beginning_options, recipe_options
 from toposeam_cli.options import OUTPUT, PairType, force_option, quiet_option
 from toposeam_cli.pictures.printing import SUFFIXES, Print, describe, ink_names, sheet_coverage
@@ -65,6 +65,11 @@ _OF_LAYERS = ("mass", "penalty", "ambient")
     type=PairType(cells=True),
     help="A page of COLUMNSxROWS relatives to choose from, as .html; with --like or --config of that one.",
 )
+@click.option(
+    "--depth",
+    type=click.IntRange(8, 512),
+    help="Let heat take its ways in a block of so many elements' height, and write the mesh: .stl or .ply.",
+)
 @click.option("--palettes", is_flag=True, help="Print the palettes that have a name.")
 @click.option("--show-recipe", is_flag=True, help="Print the recipe as TOML; without -o nothing is made.")
 @force_option
@@ -79,6 +84,7 @@ def motif(
     spot_names: str | None,
     edge: str | None,
     explore: tuple[int, int] | None,
+    depth: int | None,
     palettes: bool,
     show_recipe: bool,
     force: bool,
@@ -91,6 +97,7 @@ def motif(
     toposeam motif -o sheet.svg --sheet 4x4 --motif-width 60mm --base logo.png
     toposeam motif -o sister.png --like motif.png --vary 0.3 --seed 2
     toposeam motif -o relatives.html --like motif.png --explore 5x4
+    toposeam motif -o vase.stl --depth 64 --repeat p4m --motif-width 80mm
     """  # noqa: D301 - click wants the character
     if palettes:
         for name, colours in ts.PALETTES.items():
@@ -99,7 +106,15 @@ def motif(
     if output is None and not show_recipe:
         raise click.UsageError("say where the motif goes: -o motif.png, .tif or .svg")
     if output is not None:
-        check_output(output, force, SUFFIXES if explore is None else (".html",))
+        check_output(output, force, (".html",) if explore else (".stl", ".ply") if depth else SUFFIXES)
+    if depth is not None:
+        if explore or sheet or pixels or ink != PrintOptions(width_mm=ink.width_mm):
+            raise ts.OptionError(
+                "--depth makes a solid, which is not printed on paper; of the options for that it knows "
+                "--motif-width only"
+            )
+        _solid(output, depth, wanted.given(), beginning, ink.width_mm, force, quiet)
+        return
     if explore is not None:
         _explore(output, explore, wanted.given(), beginning, force, quiet)
         return
@@ -122,6 +137,36 @@ def motif(
     extent = write_print(output, made, lambda: sheet_coverage(made, paper), paper, ink, force)
     if not quiet:
         click.echo(f"{output}: {extent}, {describe(made, paper.counts)}", err=show_recipe)
+
+
+def _solid(
+    output: Path | None,
+    depth: int,
+    given: dict[str, Any],
+    beginning: Beginning,
+    width_mm: float | None,
+    force: bool,
+    quiet: bool,
+) -> None:
+    """A mesh of what heat builds in a block."""
+    if output is None:
+        raise ts.OptionError("--depth makes a mesh; say where it goes with -o vase.stl, or .ply")
+    alone = beginning.config is None and beginning.like is None
+    given = {"size": (depth, depth)} | ({"repeat": "none", "layers": 1} if alone else {}) | given
+    recipe, _ = _recipe(given, beginning)
+    recipe = dataclasses.replace(recipe, layers=recipe.layers[:1])
+    with share_bar(f"inventing {output.name}", quiet) as bar:
+        solid = ts.generate_solid(recipe, depth, progress=bar)
+    element = 1.0 if width_mm is None else width_mm / recipe.size[1]
+    mesh = solid.mesh(element)
+    with replacing(output, force) as temporary:
+        (mesh.to_ply if output.suffix.lower() == ".ply" else mesh.to_stl)(temporary)
+    if not quiet:
+        rows, columns = recipe.size
+        extent = " × ".join(f"{side * element:.0f}" for side in (columns, rows, depth))
+        click.echo(
+            f"{output}: a block of {extent} mm, {len(mesh.faces)} triangles, {mesh.volume / 1000:.1f} ml"
+        )
 
 
 def _explore(
@@ -223,7 +268,7 @@ def _checked(table: Mapping[str, Any], config: Path) -> dict[str, Any]:
 
 _NOT_IN_FILES = {
     *("output", "config", "like", "amount", "sheet", "pixels", "palettes", "show_recipe", "force", "quiet"),
-    "explore",
+    *("explore", "depth"),
     *("width_mm", "dpi", "levels", "transparent", "separations", "spot_names"),
 }
 

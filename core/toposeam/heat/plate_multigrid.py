@@ -28,6 +28,7 @@ from scipy.sparse import coo_array, dia_array
 from scipy.sparse.linalg import splu
 
 from toposeam.errors import SolverError
+from toposeam.heat.conjugate import DAMPING, conjugate_gradients
 from toposeam.heat.plate_joints import Floats, Groups, Joint, Shift
 
 Singles = npt.NDArray[np.float32]
@@ -38,10 +39,6 @@ ENTRIES = [(a, b) for a in range(4) for b in range(a, 4)]
 _COARSEST_NODES = 400
 #: Coarsest systems up to this size are factorised as dense matrices.
 _DENSE_NODES = 500
-#: Eigenvalues of D⁻¹K that the smoother damps, and its two dampings.
-_SMOOTHED = (0.45, 1.6)
-_middle, _half = sum(_SMOOTHED) / 2, (_SMOOTHED[1] - _SMOOTHED[0]) / 2 / np.sqrt(2.0)
-_DAMPING = (np.float32(1.0 / (_middle + _half)), np.float32(1.0 / (_middle - _half)))
 
 
 def pack(matrix: Floats) -> Floats:
@@ -203,16 +200,16 @@ class PlateLevel:
     def first_sweeps(self, load: Singles) -> Singles:
         """Two sweeps from zero."""
         step = self._jacobi * load
-        theta = step * _DAMPING[0]
+        theta = step * DAMPING[0]
         step = self.residual(load, theta)
         step *= self._jacobi
-        step *= _DAMPING[1]
+        step *= DAMPING[1]
         theta += step
         return theta
 
     def last_sweeps(self, load: Singles, theta: Singles) -> None:
         """Two sweeps, in place, in the opposite order."""
-        for damping in reversed(_DAMPING):
+        for damping in reversed(DAMPING):
             step = self.residual(load, theta)
             step *= self._jacobi
             step *= damping
@@ -333,34 +330,21 @@ class Multigrid:
             return self._direct.solve(load), 0
         groups = self._system.groups
         matrix = self._system.matrix(np.float64)
-        goal = tolerance * np.sqrt(groups.dot(load, load))
-        theta = np.zeros_like(load) if start is None else start.copy()
-        residual = load.copy()
-        if start is not None:
-            product = matrix @ theta
+
+        def multiply(theta: Floats) -> Floats:
+            product: Floats = matrix @ theta
             groups.gather(product)
-            residual -= product
-        direction, before = np.zeros_like(load), 1.0
-        for iteration in range(max_iterations):
-            size = np.sqrt(groups.dot(residual, residual))
-            if size <= goal:
-                return theta, iteration
-            scaled = (residual * (1.0 / size)).astype(np.float32)
-            preconditioned = self.cycle(scaled).astype(np.float64)
-            preconditioned *= size
-            slope = groups.dot(residual, preconditioned)
-            direction *= slope / before if iteration else 0.0
-            direction += preconditioned
-            before = slope
-            product = matrix @ direction
-            groups.gather(product)
-            curvature = groups.dot(direction, product)
-            if not curvature > 0:
-                break
-            step = slope / curvature
-            theta += step * direction
-            product *= step
-            residual -= product
-        if np.sqrt(groups.dot(residual, residual)) <= goal:
-            return theta, max_iterations
+            return product
+
+        theta, iterations = conjugate_gradients(
+            multiply,
+            self.cycle,
+            load,
+            start,
+            inner=groups.dot,
+            tolerance=tolerance,
+            max_iterations=max_iterations,
+        )
+        if theta is not None:
+            return theta, iterations
         return DirectSolver(self._system).solve(load), max_iterations + 1

@@ -46,6 +46,17 @@ FITTING: dict[str, tuple[Kind, ...]] = {
     "canvas": (Kind.THICK_CLEAR, Kind.THICK_HIDDEN, Kind.THIN_CLEAR, Kind.THIN_HIDDEN),
 }
 
+#: What a pattern is made into for a product: how many inks are kept at most, and how strokes end; None where
+#: that stays. Ties are woven of few threads, scarves are vivid.
+FINISH: dict[str, tuple[int | None, str | None]] = {
+    "tie": (2, "crisp"),
+    "scarf": (None, "crisp"),
+    "shirt": (None, None),
+    "canvas": (None, None),
+}
+#: The second pattern of a product is what another product of the season has: collar, border.
+BESIDE = {"shirt": "tie", "scarf": "shirt", "tie": "scarf"}
+
 
 def book_recipe(theme: npt.ArrayLike, seed: int, number: int, size: int) -> Recipe:
     """The recipe of one pattern of a book: everything about it is drawn by chance, but the season, which goes
@@ -80,7 +91,10 @@ def book_recipe(theme: npt.ArrayLike, seed: int, number: int, size: int) -> Reci
     layers = int(rng.integers(2, 4 if shown else 5))  # on one place more inks than three turn black
     inks = season.inks[rng.permutation(6)[:layers]]
     repeat = str(rng.choice(_REPEATS[:6] if shown else _REPEATS))
-    strength = float(rng.uniform(0.7, 1.0) if shown else rng.uniform(0.05, 0.35))
+    # In proportion to the brightness, what is black is closed to strokes: they draw the theme's outline. Less
+    # than the whole of it lets them out, and nobody knows what it is.
+    hint = float(rng.uniform(0.05, 0.35))
+    strength = 1.0 if shown else hint
     # Ink goes where the theme has less: a dark sign on light ground is drawn in ink, a light one on dark
     # ground too.
     if unpack_base(pack_base(theme)).mean() > 0.5:
@@ -111,6 +125,7 @@ def book_recipe(theme: npt.ArrayLike, seed: int, number: int, size: int) -> Reci
         filter_radius=float(rng.uniform(1.5, 3.0) if thick else rng.uniform(0.6, 1.2)),
         base=theme,
         base_strength=strength,
+        base_law="brightness" if shown else "contrast",
     )
 
 

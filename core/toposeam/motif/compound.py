@@ -14,9 +14,10 @@ from toposeam.heat.plate_joints import Floats
 from toposeam.heat.threads import one_thread
 from toposeam.motif.conduction import LayerProblem
 from toposeam.motif.layer import THINNEST, TOLERANCE, Step, carry, finer_temperature, plan, problem_at, update
+from toposeam.motif.mirrors import Mirrors, mirrors
 from toposeam.motif.recipe import LayerRecipe, Recipe
 from toposeam.motif.sampling import resample
-from toposeam.motif.symmetry import Symmetry, joint, symmetry
+from toposeam.motif.symmetry import joint, symmetry
 from toposeam.optimize.oc import OCOptions
 
 #: How a compound repeats, in which two motifs alternate in both directions.
@@ -97,7 +98,8 @@ def _optimise(
     1. solves all three for their temperatures. AB's plate lies over the designs of A and B side by side;
     2. takes ∂Π/∂ρ on each. AB's is cut in its two halves, and A's slope is 0.7 times its own plus 0.3
        times the left half, which is the derivative of (4.10);
-    3. moves A, then B, by an OC step under a mass bound each (4.11);
+    3. moves A, then B, by an OC step under a mass bound each (4.11), with as much mass in each row near the
+       border as in those beyond, as at mirrors;
     4. where a ring is shared, replaces the ring of both by the mean of their rings, and takes the step
        again with the ring held, so that the mass still meets its bound.
 
@@ -124,12 +126,14 @@ def _optimise(
         ]
         if not temperatures and len(new) < len(row):
             _interpolate(designs, new, [part.mass for part in layers])
-        ring = _Ring(shape, options.shared, designs, new)
+        width = max(1, round(options.shared * shape[0] / recipes[0].size[0])) if options.shared else 0
+        ring = _Ring(shape, width, designs, new)
+        border = mirrors(recipes[0].repeat, shape, options.weight > 0)
         for _ in range(count):
             slopes, found = _slopes(plates, designs, penalties)
             for index in new:
                 steps[index].append(replace(found[index], mass=float(designs[index].mean())))
-            _move(designs, slopes, new, problems[new[0]].symmetry, layers, recipes[0].move, ring)
+            _move(designs, slopes, new, border, layers, recipes[0].move, ring)
             options.report()
         temperatures = [plate.temperature for plate in plates]
     return designs, steps
@@ -158,7 +162,7 @@ def _move(
     designs: list[Floats],
     slopes: list[Floats],
     new: list[int],
-    orbits: Symmetry,
+    border: Mirrors,
     layers: list[LayerRecipe],
     limit: float,
     ring: _Ring,
@@ -166,11 +170,14 @@ def _move(
     """The next design of every new member, in place."""
     bounds = OCOptions(move=limit)
 
-    def proposed(*limits: Floats) -> dict[int, Floats]:
-        return {
-            index: update(designs[index], slopes[index], orbits, layers[index].mass, bounds, *limits)
-            for index in new
-        }
+    def proposed(lower: Floats | float = THINNEST, upper: Floats | float = 1.0) -> dict[int, Floats]:
+        found = {}
+        for index in new:
+            before, mass = designs[index], layers[index].mass
+            step = update(before, slopes[index], border.symmetry, mass, bounds, lower, upper)
+            lowest, highest = np.maximum(before - limit, lower), np.minimum(before + limit, upper)
+            found[index] = border.held(step, mass, lowest, highest)
+        return found
 
     found = proposed()
     if ring.width:

@@ -31,7 +31,7 @@ SMOOTHING = 0.25
 #: Ink goes on to this share of the level of equal mass.
 _WET = 0.5
 #: Cells smaller than this are doubled before their contours are taken.
-_FINE = 1024
+_FINE = 512
 #: Rows that are worked on at once have at most so many px.
 _STRIP_PX = 8_000_000
 

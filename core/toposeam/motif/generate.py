@@ -22,6 +22,7 @@ from toposeam.checks import (
 from toposeam.checks import shown as shown_value
 from toposeam.errors import OptionError
 from toposeam.heat.threads import one_thread
+from toposeam.motif.calming import calmed
 from toposeam.motif.conduction import nominal_conductivity
 from toposeam.motif.hexagonal import tile_size, to_tile
 from toposeam.motif.layer import Step, optimise_layer, plan
@@ -101,7 +102,7 @@ def generate_motif(
             density, steps = optimise_layer(layer, recipe, report)
         densities.append(density)
         history.append(steps)
-    return make_motif(recipe, densities, history)
+    return calmed(densities, recipe, lambda layers: make_motif(recipe, layers, history))
 
 
 def make_motif(

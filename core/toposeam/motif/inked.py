@@ -88,7 +88,15 @@ class Inked(ABC):
         OptionError
         """
         elements = self.densities.shape[1], self.densities.shape[2]
-        size = elements if size is None else checked_size(size)
+        if size is None or size == elements:
+            return self._own_coverage()
+        return self._covered(checked_size(size))
+
+    def _own_coverage(self) -> npt.NDArray[np.float32]:
+        return self._covered((self.densities.shape[1], self.densities.shape[2]))
+
+    def _covered(self, size: tuple[int, int]) -> npt.NDArray[np.float32]:
+        elements = self.densities.shape[1], self.densities.shape[2]
         return np.stack(
             [
                 printed(partial(self.sampled, index), edge, self.repeat, elements, size)

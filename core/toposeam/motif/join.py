@@ -28,7 +28,8 @@ from toposeam.checks import check_items, check_kind, check_range, check_whole
 from toposeam.display import to_png
 from toposeam.errors import OptionError
 from toposeam.motif.arrange import arrange
-from toposeam.motif.borders import border_visibility, evened, faded, with_mass
+from toposeam.motif.borders import border_visibility, faded, with_mass
+from toposeam.motif.calming import calmed_row
 from toposeam.motif.compound import JoinOptions, Member, generate_row
 from toposeam.motif.generate import make_motif
 from toposeam.motif.layer import plan
@@ -37,6 +38,8 @@ from toposeam.motif.recipe import LayerRecipe, Point, Recipe
 
 #: Rules under which a motif joins itself on all four sides by translation.
 _JOINABLE = ("translate", "p1")
+#: Width of the border that motifs share, as a share of the cell's shorter side.
+_SHARED = 0.03
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -145,7 +148,7 @@ def join_motifs(
     weight: float = 0.5,
     stages: int = 1,
     between: int = 1,
-    shared: int = 1,
+    shared: int | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> JoinedMotifs:
     """Generate motifs that join each other and themselves.
@@ -162,9 +165,8 @@ def join_motifs(
     between : int
         How many new motifs a stage puts between two.
     shared : int
-        Elements along the border that are the same in all motifs, so that any may lie beside any; towards
-        them the motifs go over into each other without a line. 0 is the thesis's way: the compound motifs
-        alone make the borders alike.
+        Elements along the border that are the same in all motifs, so that any may lie beside any; 3 % of the
+        cell without it. 0 is the thesis's way: the compound motifs alone make the borders alike.
     progress : callable, optional
         Called with the share done, in [0, 1].
 
@@ -187,6 +189,8 @@ def join_motifs(
     (1, 16, 16)
     """
     recipes = check_items("recipes", recipes, Recipe, "a sequence of Recipes")
+    if shared is None:
+        shared = max(1, round(_SHARED * min(recipes[0].size))) if recipes else 1
     _check(recipes, weight, stages, between, shared)
     first = recipes[0]
     per_stage = sum(count for _, count in plan(first)) * len(first.layers)
@@ -210,7 +214,7 @@ def join_motifs(
             longer.append(right)
         row = longer
         generate_row(row, options)
-    layers = [_without_lines(row, layer, shared) for layer in range(len(first.layers))]
+    layers = [_without_lines(row, layer, shared, weight) for layer in range(len(first.layers))]
     motifs = [
         make_motif(member.recipe, [layer[index] for layer in layers], member.history)
         for index, member in enumerate(row)
@@ -218,17 +222,27 @@ def join_motifs(
     return JoinedMotifs(motifs=tuple(motifs), stages=tuple(member.stage for member in row), weight=weight)
 
 
-def _without_lines(row: list[Member], layer: int, shared: int) -> list[npt.NDArray[np.float32]]:
-    """One layer of all members; where they share a border, without a line along it."""
+def _without_lines(
+    row: list[Member], layer: int, shared: int, weight: float
+) -> list[npt.NDArray[np.float32]]:
+    """One layer of all members, without a line along their borders; members that know nothing of each other
+    as they are.
+    """
     found = []
     for member in row:
         assert member.densities is not None  # noqa: S101
-        found.append(member.densities[layer])
-    if shared:
-        even = evened(faded(np.stack(found).astype(np.float64), shared), shared)
-        masses = [member.recipe.layers[layer].mass for member in row]
-        return [with_mass(one, mass).astype(np.float32) for one, mass in zip(even, masses, strict=True)]
-    return found
+        found.append(member.densities[layer].astype(np.float64))
+    if weight == 0 and shared == 0:
+        return [one.astype(np.float32) for one in found]
+    first = row[0].recipe
+    masses = [member.recipe.layers[layer].mass for member in row]
+    if shared and first.layers[layer].edge == "soft":
+        found = list(faded(np.stack(found), shared))
+    given = [index for index, member in enumerate(row) if member.stage == 1]
+    for _ in range(2):  # the mass changes the level at which strokes end a little
+        found = calmed_row(found, first.layers[layer].edge, first.repeat, shared, given)
+        found = [with_mass(one, mass) for one, mass in zip(found, masses, strict=True)]
+    return [one.astype(np.float32) for one in found]
 
 
 def _blend(a: Recipe, b: Recipe, share: float) -> Recipe:

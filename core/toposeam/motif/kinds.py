@@ -20,12 +20,13 @@ Floats = npt.NDArray[np.float64]
 #: Strokes wider than this share of the motif's shorter side are thick: where, looking at some hundred motifs,
 #: lines turn into areas.
 THICK = 0.09
-#: From this correlation on, with either sign, the base image is recognised by somebody who has not seen it.
+#: From this overlap of the two silhouettes on, the base image is recognised by somebody who has not seen it.
+#: Of 32 motifs round a leaf, the 16 with 0.60 and more were named at sight, those with 0.50 and less not.
 CLEAR = 0.55
 
-#: Standard deviation of the widest blur before brightnesses are compared, as a share of the motif's shorter
-#: side.
-_WIDEST_BLUR = 0.03
+#: Standard deviation of the blur before silhouettes are taken, as a share of the motif's shorter side: closes
+#: what lies between strokes, as the eye does that sees a half-tone.
+_BLUR = 0.02
 
 
 class Kind(StrEnum):
@@ -56,13 +57,13 @@ class Character:
 
     #: Mean width of its strokes as a share of the shorter side.
     stroke: float
-    #: Correlation of its brightness with the base image's, in [-1, 1]; 0 without a base image.
+    #: Overlap of its silhouette with the base image's, in [0, 1]; 0 without a base image.
     likeness: float
 
     @property
     def kind(self) -> Kind:
         """The kind, by the thresholds `THICK` and `CLEAR`."""
-        thick, clear = self.stroke > THICK, abs(self.likeness) >= CLEAR
+        thick, clear = self.stroke > THICK, self.likeness >= CLEAR
         if thick:
             return Kind.THICK_CLEAR if clear else Kind.THICK_HIDDEN
         return Kind.THIN_CLEAR if clear else Kind.THIN_HIDDEN
@@ -73,9 +74,11 @@ def measure(image: npt.ArrayLike, base: npt.ArrayLike | None = None) -> Characte
 
     Strokes are what is darker than Otsu's threshold (1979, doi:10.1109/TSMC.1979.4310076). Within a strip of
     width w the distance to its border is w / 4 on average, so four times that average is the width; wide
-    strokes count by their area. The likeness is Pearson's correlation of the two brightnesses, blurred over a
-    stroke's width (at most by `_WIDEST_BLUR`, since few wide strokes are like anything), as the eye does that
-    sees a half-tone.
+    strokes count by their area.
+
+    The likeness is that of silhouettes: what the motif, blurred a little, and the base image have on one side
+    of their thresholds, as the area in both divided by the area in either (Jaccard's index). The base image's
+    silhouette is the smaller of its two sides, the motif's the side that overlaps it better.
 
     Parameters
     ----------
@@ -106,10 +109,8 @@ def measure(image: npt.ArrayLike, base: npt.ArrayLike | None = None) -> Characte
             raise ImageError(
                 f"base has shape {other.shape}, the motif {brightness.shape}; resize it to the motif's size"
             )
-        blur = min(stroke_px / 2, _WIDEST_BLUR * min(height, width))
-        likeness = _correlation(
-            *(ndimage.gaussian_filter(values, blur, mode="wrap") for values in (brightness, other))
-        )
+        blurred = ndimage.gaussian_filter(brightness, _BLUR * min(height, width), mode="wrap")
+        likeness = _overlap(_dark(blurred), _dark(other))
     return Character(stroke=stroke_px / min(height, width), likeness=likeness)
 
 
@@ -129,7 +130,9 @@ def _dark(values: Floats) -> npt.NDArray[np.bool_]:
     return dark
 
 
-def _correlation(a: Floats, b: Floats) -> float:
-    a, b = a - a.mean(), b - b.mean()
-    scale = float(np.sqrt((a**2).sum() * (b**2).sum()))
-    return float((a * b).sum()) / scale if scale > 1e-12 else 0.0
+def _overlap(dark: npt.NDArray[np.bool_], base: npt.NDArray[np.bool_]) -> float:
+    """Jaccard's index of the smaller side of a base image with the side of a motif that has more of it."""
+    shape = base if base.mean() <= 0.5 else ~base
+    if not shape.any():
+        return 0.0
+    return max(float((side & shape).sum() / (side | shape).sum()) for side in (dark, ~dark))

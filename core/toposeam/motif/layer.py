@@ -15,6 +15,7 @@ import numpy.typing as npt
 from toposeam.heat.plate_joints import Floats
 from toposeam.motif.conduction import LayerProblem, filter_radius
 from toposeam.motif.hexagonal import HexagonalProblem
+from toposeam.motif.mirrors import mirrors
 from toposeam.motif.recipe import LayerRecipe, Recipe
 from toposeam.motif.symmetry import HEXAGONAL, Symmetry, joint
 from toposeam.optimize.oc import OCOptions, oc_step
@@ -120,7 +121,12 @@ def optimise_layer(
                 )
             )
             slope = problem.filtered(density, problem.sensitivity(density, layer.penalty, state.energy))
-            density = update(density, slope, problem.symmetry, layer.mass, OCOptions(move=recipe.move))
+            proposed = update(density, slope, problem.symmetry, layer.mass, OCOptions(move=recipe.move))
+            lowest, highest = (
+                np.maximum(density - recipe.move, THINNEST),
+                np.minimum(density + recipe.move, 1),
+            )
+            density = mirrors(recipe.repeat, shape).held(proposed, layer.mass, lowest, highest)
             if progress is not None:
                 progress(len(steps))
     assert density is not None  # noqa: S101

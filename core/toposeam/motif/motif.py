@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -67,6 +68,14 @@ class Motif(Inked):
         if self.lattice is not None:
             return to_tile(self.lattice[layer], self.repeat, size)
         return resample(self.densities[layer], self.repeat, size)
+
+    def _own_coverage(self) -> npt.NDArray[np.float32]:
+        """Worked out once; it is asked for again and again."""
+        return self._own.copy()
+
+    @cached_property
+    def _own(self) -> npt.NDArray[np.float32]:
+        return self._covered((self.densities.shape[1], self.densities.shape[2]))
 
     def __repr__(self) -> str:
         rows, columns = self.densities.shape[1:]

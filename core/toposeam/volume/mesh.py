@@ -47,6 +47,21 @@ class Mesh:
         """Area of all triangles, in the spacing's unit squared."""
         return float(np.linalg.norm(self._crosses(), axis=1).sum() / 2)
 
+    @property
+    def volume(self) -> float:
+        """Volume that a closed mesh holds; positive where its faces, seen from outside with x first, run
+        anticlockwise.
+        """
+        x = self.vertices[:, ::-1].astype(np.float64)[self.faces]
+        return float(np.einsum("ij,ij->", x[:, 0], np.cross(x[:, 1], x[:, 2])) / 6)
+
+    @property
+    def closed(self) -> bool:
+        """Whether every edge lies between two faces that run along it in opposite directions."""
+        ends = self.faces.astype(np.int64)[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+        along, back = (ends @ step for step in ((len(self.vertices), 1), (1, len(self.vertices))))
+        return len(np.unique(along)) == len(along) and np.array_equal(np.sort(along), np.sort(back))
+
     def to_ply(self, path: str | Path) -> None:
         """Write a binary PLY file, x first; an existing one is replaced.
 
@@ -128,3 +143,32 @@ def mesh_of(
         raise OverlapError("there is no surface inside the overlap to make a mesh of") from error
     shift = np.asarray(start) * np.asarray(spacing)
     return Mesh((vertices + shift).astype(np.float32), faces.astype(np.int32))
+
+
+def closed_mesh(field: npt.NDArray[np.floating], element: float) -> Mesh:
+    """The closed surface of where a field is above 0, also along the sides of its box, facing outwards.
+
+    Parameters
+    ----------
+    field : (d, h, w) float array
+    element : float
+        Side of one element.
+
+    Raises
+    ------
+    OverlapError
+        When it is above 0 nowhere.
+    """
+    from skimage.measure import marching_cubes
+
+    if not (field > 0).any():
+        raise OverlapError("nothing solid is left to make a mesh of; ask for more mass")
+    around = np.pad(field, 1, mode="edge")
+    inside = np.zeros(around.shape, bool)
+    inside[1:-1, 1:-1, 1:-1] = True
+    # Beyond the box the field is what it is inside, with the other sign: the surface runs along the box.
+    around = np.where(inside, around, -np.abs(around)).astype(np.float32)
+    around[around == 0] = -1e-6  # a corner on the surface itself makes triangles without an area
+    vertices, faces, _, _ = marching_cubes(around, 0.0)  # type: ignore[no-untyped-call]
+    mesh = Mesh(((vertices - 0.5) * element).astype(np.float32), faces.astype(np.int32))
+    return mesh if mesh.volume > 0 else Mesh(mesh.vertices, mesh.faces[:, ::-1].copy())

@@ -9,6 +9,7 @@ import pytest
 
 import toposeam as ts
 from toposeam.motif.layer import finer_temperature, optimise_layer, plan, problem_at
+from toposeam.motif.mirrors import mirrors
 from toposeam.motif.recipe import pack_base, unpack_base
 
 EXACT = {"tolerance": 1e-12, "max_iterations": 300}
@@ -45,8 +46,10 @@ def test_compliance_falls_at_every_iteration_after_the_first_ones(repeat):
     recipe = _recipe(64, repeat=repeat, coarse=False, filter_radius=0, penalty=3.0)
     _, steps = optimise_layer(recipe.layers[0], recipe)
     compliance = np.array([step.compliance for step in steps])
-    # The compliance of a state solved to 1e-3 is known to about 1e-6.
-    assert (np.diff(compliance[5:]) < 1e-5 * compliance[5:-1]).all()
+    # The compliance of a state solved to 1e-3 is known to about 1e-6. What rows at mirrors must hold is what
+    # those beyond them hold, which changes: that may cost a little.
+    slack = 2e-3 if mirrors(repeat, (64, 64)).any else 1e-5
+    assert (np.diff(compliance[5:]) < slack * compliance[5:-1]).all()
     assert compliance[-1] < 0.4 * compliance[0]
 
 

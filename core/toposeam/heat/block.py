@@ -1,0 +1,254 @@
+r"""A block that conducts heat, in cubes of side 1: the plate's third dimension.
+
+Temperatures belong to the cubes. What flows between two is their difference times the conductance of half of
+each in series, :math:`g = 2 k_1 k_2 / (k_1 + k_2)`; heat leaves by convection, as from a plate. So there are
+seven couplings a cube, and
+
+.. math:: \partial\Pi / \partial k_1 = -\sum_{faces} \frac{2 k_2^2}{(k_1 + k_2)^2} (\theta_1 - \theta_2)^2 .
+
+*Multigrid.* A coarse cube is 2 × 2 × 2 fine ones at one temperature. Four faces between two of them, over
+twice the way: their sum is halved, which makes up for what constant temperatures overestimate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.errors import OptionError, SolverError
+from toposeam.heat.conjugate import DAMPING, Floats, Singles, conjugate_gradients
+
+#: Grids are made coarser until they have no more cubes than this.
+_COARSEST = 300
+#: Smoothing steps of two sweeps on either side.
+_STEPS = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BlockTemperature:
+    """A steady state."""
+
+    #: Temperatures of the (d, h, w) cubes.
+    cubes: Floats
+    #: Compliance Fᵀθ.
+    compliance: float
+    #: -∂Π/∂k of every cube, (d, h, w).
+    energy: Floats
+    #: Iterations the solver took.
+    iterations: int
+
+
+class Block:
+    """Where heat comes from, and where it goes.
+
+    Parameters
+    ----------
+    heat : (d, h, w) float array
+        Heat generated in every cube, not negative.
+    convection : (d, h, w) float array
+        Convection of every cube, not negative.
+    joined : bool
+        Whether opposite sides are the same (not floor and ceiling); else they are insulated.
+
+    Raises
+    ------
+    OptionError
+        When there is no heat, or no way for it to leave.
+
+    Examples
+    --------
+    >>> heat, sink = np.zeros((2, 4, 4)), np.zeros((2, 4, 4))
+    >>> heat[1, 0, 0], sink[0, 3, 3] = 1, 1
+    >>> bool(np.isclose(Block(heat, sink).solve(np.ones((2, 4, 4))).cubes[0, 3, 3], 1))
+    True
+    """
+
+    def __init__(self, heat: Floats, convection: Floats, joined: bool = False) -> None:
+        if heat.shape != convection.shape or heat.ndim != 3:
+            raise OptionError(
+                f"heat has shape {heat.shape} and convection {convection.shape}; pass two (d, h, w) arrays"
+            )
+        if not (np.isfinite(heat).all() and np.isfinite(convection).all()):
+            raise OptionError("heat and convection must be finite")
+        if min(heat.min(), convection.min()) < 0 or not heat.any() or not convection.any():
+            raise OptionError("heat and convection must not be negative, and both somewhere above 0")
+        self.shape: tuple[int, int, int] = heat.shape
+        self.heat, self.convection = heat.astype(np.float64), convection.astype(np.float64)
+        self.joined = joined
+
+    def solve(
+        self,
+        conductivity: Floats,
+        start: Floats | None = None,
+        *,
+        tolerance: float = 1e-5,
+        max_iterations: int = 300,
+    ) -> BlockTemperature:
+        """The steady state for (d, h, w) conductivities, all positive, from an optional guess.
+
+        Raises
+        ------
+        SolverError
+        """
+        faces = [self._conductance(conductivity, axis) for axis in range(3)]
+        levels = [_Level(faces, self.convection)]
+        while levels[-1].sink.size > _COARSEST and (coarser := levels[-1].coarser()) is not None:
+            levels.append(coarser)
+
+        def multiply(theta: Floats) -> Floats:
+            field = theta.reshape(self.shape)
+            product = self.convection * field
+            _add_flow(product, field, faces)
+            return product.ravel()
+
+        theta, iterations = conjugate_gradients(
+            multiply,
+            lambda load: _cycle(levels, load.reshape(self.shape)).ravel(),
+            self.heat.ravel(),
+            None if start is None else start.ravel(),
+            inner=lambda a, b: float(a @ b),
+            tolerance=tolerance,
+            max_iterations=max_iterations,
+        )
+        if theta is None:
+            raise SolverError(
+                f"the block's temperatures did not settle in {max_iterations} iterations; give more, or a "
+                "larger tolerance"
+            )
+        cubes = theta.reshape(self.shape)
+        return BlockTemperature(
+            cubes=cubes,
+            compliance=float(self.heat.ravel() @ theta),
+            energy=self._energy(cubes, conductivity),
+            iterations=iterations,
+        )
+
+    def _ends(self, axis: int) -> bool:
+        """Whether faces at the far end of an axis lead nowhere."""
+        return axis == 0 or not self.joined
+
+    def _conductance(self, k: Floats, axis: int) -> Floats:
+        """Of the face between every cube and the next along an axis, (d, h, w)."""
+        beyond = np.roll(k, -1, axis)
+        g: Floats = 2.0 * k * beyond / (k + beyond)
+        if self._ends(axis):
+            g[_last(axis)] = 0.0
+        return g
+
+    def _energy(self, cubes: Floats, k: Floats) -> Floats:
+        energy = np.zeros(self.shape)
+        for axis in range(3):
+            beyond = np.roll(k, -1, axis)
+            flow = 2.0 * np.square((np.roll(cubes, -1, axis) - cubes) / (k + beyond))
+            if self._ends(axis):
+                flow[_last(axis)] = 0.0
+            energy += flow * np.square(beyond)
+            energy += np.roll(flow * np.square(k), 1, axis)
+        return energy
+
+
+def _last(axis: int) -> tuple[slice | int, ...]:
+    return (*(slice(None) for _ in range(axis)), -1)
+
+
+def _add_flow(
+    product: npt.NDArray[np.floating],
+    field: npt.NDArray[np.floating],
+    faces: Sequence[npt.NDArray[np.floating]],
+) -> None:
+    """Add what flows out of every cube, in place."""
+    for axis, g in enumerate(faces):
+        here, there = [slice(None)] * 3, [slice(None)] * 3
+        here[axis], there[axis] = slice(None, -1), slice(1, None)
+        one, other = tuple(here), tuple(there)
+        flow = field[one] - field[other]
+        flow *= g[one]
+        product[one] += flow
+        product[other] -= flow
+        here[axis], there[axis] = slice(-1, None), slice(None, 1)
+        one, other = tuple(here), tuple(there)
+        if g[one].any():
+            flow = (field[one] - field[other]) * g[one]
+            product[one] += flow
+            product[other] -= flow
+
+
+class _Level:
+    """One grid: conductances of faces, convection of cubes, and the smoother."""
+
+    def __init__(self, faces: list[Floats], sink: Floats) -> None:
+        self.exact, self.sink = faces, sink
+        self.faces = [g.astype(np.float32) for g in faces]
+        self._convection: Singles = sink.astype(np.float32)
+        diagonal = sink + sum(g + np.roll(g, 1, axis) for axis, g in enumerate(faces))
+        self._jacobi: Singles = (1.0 / np.maximum(diagonal, 1e-30)).astype(np.float32)
+
+    def coarser(self) -> _Level | None:
+        """The grid of 2 × 2 × 2 cubes; None where a side is odd."""
+        if any(side % 2 for side in self.sink.shape) or min(self.sink.shape) < 4:
+            return None
+        faces = []
+        for axis, g in enumerate(self.exact):
+            between = [slice(None)] * 3
+            between[axis] = slice(1, None, 2)
+            faces.append(0.5 * _summed(g[tuple(between)], [other for other in range(3) if other != axis]))
+        return _Level(faces, _summed(self.sink, [0, 1, 2]))
+
+    def residual(self, load: Singles, theta: Singles) -> Singles:
+        """Load - K θ."""
+        product: Singles = self._convection * theta
+        _add_flow(product, theta, self.faces)
+        return load - product
+
+    def sweep(self, load: Singles, theta: Singles, dampings: tuple[np.float32, ...]) -> None:
+        """Jacobi sweeps, in place."""
+        for damping in dampings:
+            theta += damping * self._jacobi * self.residual(load, theta)
+
+    @cached_property
+    def _inverse(self) -> Floats:
+        count = self.sink.size
+        matrix = np.empty((count, count))
+        for column, unit in enumerate(np.eye(count).reshape(count, *self.sink.shape)):
+            product = self.sink * unit
+            _add_flow(product, unit, self.exact)
+            matrix[:, column] = product.ravel()
+        inverse: Floats = np.asarray(np.linalg.inv((matrix + matrix.T) / 2), np.float64)
+        return inverse
+
+    def solved(self, load: Singles) -> Singles:
+        """Directly, on the coarsest grid."""
+        solved: Singles = (self._inverse @ load.ravel()).reshape(load.shape).astype(np.float32)
+        return solved
+
+
+def _summed(values: Floats, axes: list[int]) -> Floats:
+    """Values in pairs along some axes."""
+    for axis in axes:
+        even, odd = [slice(None)] * 3, [slice(None)] * 3
+        even[axis], odd[axis] = slice(None, None, 2), slice(1, None, 2)
+        values = values[tuple(even)] + values[tuple(odd)]
+    return values
+
+
+def _cycle(levels: list[_Level], load: Singles, depth: int = 0) -> Singles:
+    """One W-cycle from zero."""
+    level = levels[depth]
+    if depth == len(levels) - 1:
+        return level.solved(load)
+    theta = np.zeros_like(load)
+    for _ in range(_STEPS):
+        level.sweep(load, theta, DAMPING)
+    for _ in range(2 if depth else 1):
+        coarse = _summed(level.residual(load, theta), [0, 1, 2])  # type: ignore[arg-type]
+        correction = _cycle(levels, coarse, depth + 1)  # type: ignore[arg-type]
+        for axis in range(3):
+            correction = correction.repeat(2, axis)
+        theta += correction
+    for _ in range(_STEPS):
+        level.sweep(load, theta, DAMPING[::-1])
+    return theta

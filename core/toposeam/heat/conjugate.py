@@ -1,0 +1,82 @@
+"""Conjugate gradients preconditioned by a multigrid cycle, whatever the number of dimensions.
+
+Smoothers are two damped Jacobi sweeps, with the dampings of the Chebyshev polynomial of degree two. Cycles
+run in single precision, the conjugate gradients around them in double.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Singles = npt.NDArray[np.float32]
+
+#: Eigenvalues of D⁻¹K that the smoother damps, and its two dampings.
+_SMOOTHED = (0.45, 1.6)
+_middle, _half = sum(_SMOOTHED) / 2, (_SMOOTHED[1] - _SMOOTHED[0]) / 2 / np.sqrt(2.0)
+DAMPING = (np.float32(1.0 / (_middle + _half)), np.float32(1.0 / (_middle - _half)))
+
+
+def conjugate_gradients(
+    multiply: Callable[[Floats], Floats],
+    cycle: Callable[[Singles], Singles],
+    load: Floats,
+    start: Floats | None,
+    *,
+    inner: Callable[[Floats, Floats], float],
+    tolerance: float,
+    max_iterations: int,
+) -> tuple[Floats | None, int]:
+    """Solve K θ = f.
+
+    Parameters
+    ----------
+    multiply : callable
+        K θ.
+    cycle : callable
+        A symmetric positive approximation of K⁻¹, for a residual of norm 1.
+    load : (N,) float array
+        f.
+    start : (N,) float array, optional
+        A guess.
+    inner : callable
+        Inner product.
+    tolerance : float
+        Stop when the residual's norm is this share of the load's.
+    max_iterations : int
+
+    Returns
+    -------
+    theta : (N,) float array or None
+        None where it did not get there.
+    iterations : int
+    """
+    goal = tolerance * np.sqrt(inner(load, load))
+    theta = np.zeros_like(load) if start is None else start.copy()
+    residual = load.copy()
+    if start is not None:
+        residual -= multiply(theta)
+    direction, before = np.zeros_like(load), 1.0
+    for iteration in range(max_iterations):
+        size = np.sqrt(inner(residual, residual))
+        if size <= goal:
+            return theta, iteration
+        scaled = (residual * (1.0 / size)).astype(np.float32)
+        preconditioned = cycle(scaled).astype(np.float64)
+        preconditioned *= size
+        slope = inner(residual, preconditioned)
+        direction *= slope / before if iteration else 0.0
+        direction += preconditioned
+        before = slope
+        product = multiply(direction)
+        curvature = inner(direction, product)
+        if not curvature > 0:
+            break
+        step = slope / curvature
+        theta += step * direction
+        product *= step
+        residual -= product
+    return (theta if np.sqrt(inner(residual, residual)) <= goal else None), max_iterations

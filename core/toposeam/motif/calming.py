@@ -1,0 +1,183 @@
+"""The last of a line that shows where motifs meet.
+
+A border may be more conspicuous than what lies inside by chance alone, if no stroke or a thick one happens to
+lie there. Where it is (`border_visibility` above 1), the strokes along it are widened or thinned a little:
+the densities are multiplied by a factor that fades out to both sides, with which the row's print is what the
+rows beside it are in the mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.colours import LUMA
+from toposeam.motif.borders import line_visibility, reach_of
+from toposeam.motif.edges import beyond, level
+from toposeam.motif.hexagonal import tile_size, to_tile
+from toposeam.motif.layer import THINNEST
+from toposeam.motif.mixing import mix
+from toposeam.motif.motif import Motif, repeat_densities
+from toposeam.motif.recipe import Recipe
+from toposeam.motif.symmetry import HEXAGONAL, symmetry
+from toposeam.motif.tiling import period, tile
+
+Singles = npt.NDArray[np.float32]
+Floats = npt.NDArray[np.float64]
+
+#: Factors lie within e^±, and so many halvings find one.
+_LARGEST, _HALVINGS = 3.0, 10
+#: Of motifs that join, how often rows and columns take turns.
+_TURNS = 3
+#: Half the width of what is changed, in units of how far off it is compared, in each round.
+_WIDTHS = (1.0, 1.0, *(3.0,) * 8)
+
+
+def calmed(densities: Sequence[Singles], recipe: Recipe, make: Callable[[list[Singles]], Motif]) -> Motif:
+    """The motif that `make` gives, of densities whose borders do not show in print.
+
+    Parameters
+    ----------
+    densities : sequence of (h, w) float32 array
+        Of the layers; for hexagonal groups, on the lattice.
+    recipe : Recipe
+    make : callable
+    """
+    motif = make(list(densities))
+    if recipe.repeat == "none":
+        return motif
+    best, shows = motif, conspicuous(motif)
+    layers = list(densities)
+    for width in _WIDTHS:
+        if shows.max() <= 1:
+            break
+        for index, layer in enumerate(recipe.layers):
+            for axis in np.flatnonzero(shows > 1):
+                layers[index] = _level(layers[index], int(axis), layer.mass, layer.edge, recipe.repeat, width)
+        motif = make(layers)
+        found = conspicuous(motif)
+        if found.max() < shows.max():
+            best, shows = motif, found
+    return best
+
+
+def conspicuous(motif: Motif) -> npt.NDArray[np.float64]:
+    """`border_visibility` of rows and of columns, the largest of all inks and of the composite."""
+    layers = repeat_densities(motif, period(motif.repeat))
+    rows, columns = motif.densities.shape[1:]
+    planes = (*layers, mix(layers, motif.inks, motif.paper) @ LUMA.astype(np.float32))
+    found: Floats = np.max(
+        [(line_visibility(one, rows), line_visibility(one.T, columns)) for one in planes], axis=0
+    )
+    return found
+
+
+def _level(density: Singles, axis: int, mass: float, edge: str, repeat: str, width: float) -> Singles:
+    """A density half way to where the print along one border is what it is beside it."""
+    bump, before = _bump(density.shape, axis, repeat, width), density.astype(np.float64)
+    (balanced,) = _balanced([before], bump, axis, edge, repeat)
+    changed = np.sqrt(balanced * before)
+    with_mass: Singles = np.clip(changed * (mass / changed.mean()), THINNEST, 1.0).astype(np.float32)
+    return with_mass
+
+
+def _excess(density: Floats, axis: int, edge: str, repeat: str, at: float | None = None) -> float:
+    """How much darker the print is along borders than beside them, with strokes that end at a level, or at
+    that of equal mass.
+    """
+    field = density.astype(np.float32)
+    if repeat in HEXAGONAL:
+        field = to_tile(field, repeat, tile_size(len(field)))
+    side = field.shape[axis]
+    if edge != "soft":
+        inside = beyond(field, level(field, float(field.mean())) if at is None else at, repeat)
+        field = inside if edge == "crisp" else inside * field
+    mean = tile(field, repeat, period(repeat)).mean(axis=1 - axis, dtype=np.float64)
+    border = np.arange(0, len(mean), side)
+    reach = reach_of(side)
+    line = np.roll(mean, 1) + mean
+    beside = np.roll(line, reach) + np.roll(line, -reach)
+    return float((line / 2 - beside / 4)[border].mean())
+
+
+def _bump(shape: tuple[int, ...], axis: int, repeat: str, width: float = 1.0) -> Floats:
+    """1 on the border in the mean, 0 from where it is compared with on, but for what makes it equal along the
+    rule's orbits.
+    """
+    h, w = shape
+    if repeat in HEXAGONAL:
+        v, u = np.ogrid[:h, :w]
+        place = v / h if axis == 0 else ((2 * u - v) % (2 * w)) / (2 * w)
+        side = tile_size(h)[axis]
+    else:
+        side = shape[axis]
+        place = (np.arange(side)[:, np.newaxis] + 0.5) / side
+        place = place if axis == 0 else place.T
+    away = np.minimum(place, 1 - place) * side
+    bump = 0.5 + 0.5 * np.cos(np.pi * np.clip(away / (width * reach_of(side) + 0.5), 0, 1))
+    spread = symmetry(repeat, (h, w)).mean(np.broadcast_to(bump, (h, w)).astype(np.float64))
+    on_border = np.broadcast_to(away <= away.min(), (h, w))
+    return spread / float(spread[on_border].mean())
+
+
+def calmed_row(
+    fields: Sequence[Floats], edge: str, repeat: str, shared: int, given: Sequence[int]
+) -> list[Floats]:
+    """One layer of motifs that lie beside each other in any order, none of which shows a border in print.
+
+    Parameters
+    ----------
+    fields : sequence of (h, w) float array
+        The layer's density in each motif.
+    edge : str
+        How its strokes end, of `EDGES`.
+    repeat : str
+        The rule of all.
+    shared : int
+        Rows and columns along the border that are the same in all motifs, and are left so: one factor serves
+        all there, and what is left to do for a motif is done beside them.
+    given : sequence of int
+        Which motifs were there first: side by side all are printed with one level, which is taken from these,
+        so that those that come later change nothing.
+    """
+    row = list(fields)
+    for axis in (0, 1) * _TURNS:
+        whole = np.stack([row[index] for index in given])
+        at = level(whole, float(whole.mean()))
+        on, beside = _bump(row[0].shape, axis, repeat), _beside(row[0].shape, axis, shared)
+        if shared:
+            row = _balanced(row, on, axis, edge, repeat, at)
+            row = [_balanced([one], -beside, axis, edge, repeat, at)[0] for one in row]
+        else:
+            row = [_balanced([one], on, axis, edge, repeat, at)[0] for one in row]
+    return row
+
+
+def _balanced(
+    row: list[Floats], bump: Floats, axis: int, edge: str, repeat: str, at: float | None = None
+) -> list[Floats]:
+    """Densities multiplied by one factor to the power of a bump, with which the print along the borders is
+    that beside them in the mean over all.
+    """
+    low, high = -_LARGEST, _LARGEST
+    for _ in range(_HALVINGS):
+        power = (low + high) / 2
+        changed = [np.clip(one * np.exp(power * bump), THINNEST, 1.0) for one in row]
+        excess = sum(_excess(one, axis, edge, repeat, at) for one in changed)
+        low, high = (power, high) if excess < 0 else (low, power)
+    return changed
+
+
+def _beside(shape: tuple[int, ...], axis: int, shared: int) -> Floats:
+    """1 on the rows that a border is compared with, 0 on it and on those that are shared."""
+    side = shape[axis]
+    away = np.minimum(np.arange(side), np.arange(side)[::-1]) + 0.5
+    reach = reach_of(side)
+    line = np.cos(np.pi / 2 * np.clip((away - 0.5 - reach) / max(reach + 0.5 - shared, 1), -1, 1)) ** 2
+    line[away < shared] = 0
+    inside = np.zeros(shape)
+    inside[shared : shape[0] - shared, shared : shape[1] - shared] = 1
+    result: Floats = inside * (line[:, np.newaxis] if axis == 0 else line)
+    return result

@@ -1,0 +1,1 @@
+"""Solids: what heat builds in a block, as a mesh. See docs/patterns.md."""

@@ -13,6 +13,7 @@ from toposeam.checks import (
     Seed,
     check_choice,
     check_items,
+    check_number,
     check_numbers,
     check_pair,
     check_range,
@@ -298,14 +299,14 @@ def _number(value: float | Sequence[float] | None, index: int, layers: int, draw
     if value is None:
         return drawn
     if np.ndim(value) == 0:
-        return float(value)  # type: ignore[arg-type]
+        return check_number(name, value)
     values = list(value)  # type: ignore[arg-type]
     if len(values) != layers:
         raise OptionError(
             f"{name} is given for {len(values)} layers, the motif has {layers}; give one number or one for "
             "each"
         )
-    return float(values[index])
+    return check_number(name, values[index])
 
 
 def _edge(value: str | Sequence[str] | None, index: int, layers: int, penalty: float) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import map_coordinates
 
-from toposeam.checks import check_choice, check_number, check_numbers, check_pair
+from toposeam.checks import check_choice, check_number, check_numbers, check_pair, shown
 from toposeam.errors import OptionError
 from toposeam.images import as_float
 from toposeam.motif.symmetry import GENERATORS, HEXAGONAL, check_repeat, operations
@@ -84,7 +84,7 @@ def kaleidoscope(
     height, width = picture.shape[:2]
     place = check_numbers("at", (width / 2, height / 2) if at is None else at)
     if place.shape != (2,):
-        raise OptionError(f"at is {at!r}; pass two numbers, x and y in px")
+        raise OptionError(f"at is {shown(at)}; pass two numbers, x and y in px")
     x, y = place.tolist()
     if not (0 <= x <= width and 0 <= y <= height):
         raise OptionError(

@@ -293,8 +293,8 @@ def test_bezier_curves_stay_within_the_stated_tolerance(control, cubic):
     )
     try:
         line = one(path(data))
-    except PathError:
-        assert np.ptp(control, axis=0).max() == 0
+    except PathError:  # it comes back to where it began, and goes no further than the tolerance
+        assert np.ptp(control, axis=0).max() <= 2 * svg_shapes.FLATNESS_PX
         return
     t = np.linspace(0, 1, 300)[:, np.newaxis]
     while len(control) > 1:

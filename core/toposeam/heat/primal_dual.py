@@ -30,6 +30,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from toposeam.errors import SolverError
 from toposeam.heat.network import Floats, Network
 
 #: Share of the way to the boundary that a step goes.
@@ -142,7 +143,7 @@ class PrimalDual:
         Raises
         ------
         SolverError
-            When the factorisation breaks down.
+            When the factorisation breaks down, or what it gives is not finite.
         """
         up, down, flow, jump = self._up, self._down, self.flow, self.jump
         left_up, left_down = self.cost - flow, self.cost + flow
@@ -174,6 +175,8 @@ class PrimalDual:
         more_up, more_down = toward_up + up * (x - 1.0), toward_down - down * (y + 1.0)
         primal = _share(-min(float((more_up / up).min()), float((more_down / down).min())))
         dual = _share(max(float(x.max()), -float(y.min())))
+        if not (np.isfinite(change).all() and np.isfinite(more).all()):
+            raise SolverError("the heat network cannot be solved: its conductances are too far apart")
         self.potential = self.potential + primal * change
         self._up, self._down = up + primal * more_up, down + primal * more_down
         self.jump = self._jumps(self.potential)

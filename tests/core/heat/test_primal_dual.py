@@ -7,6 +7,7 @@ import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import maximum_flow
 
+from toposeam.errors import SolverError
 from toposeam.heat.network import Network
 from toposeam.heat.primal_dual import PrimalDual
 
@@ -108,3 +109,14 @@ def test_costs_of_forbidden_elements_do_not_hide_the_others():
     state = solved(network, dear)
     limited = least_cut(network, np.minimum(dear, cost.sum()))
     assert state.best_cut()[0] == pytest.approx(limited)
+
+
+def test_a_step_that_leaves_the_numbers_changes_nothing(monkeypatch):
+    """As when conductances lie further apart than double precision reaches: the best cut so far stands."""
+    tail, head = np.array([2, 2, 0, 0, 1]), np.array([0, 1, 1, 3, 3])
+    state = PrimalDual(Network(2, tail, head), np.array([1.0, 5.0, 1.0, 5.0, 1.5]))
+    before = state.potential.copy()
+    monkeypatch.setattr(Network, "factor", lambda self, conductance: lambda flows: np.full(2, np.nan))
+    with np.errstate(invalid="ignore"), pytest.raises(SolverError, match="too far apart"):
+        state.step()
+    np.testing.assert_array_equal(state.potential, before)

@@ -122,6 +122,7 @@ class PrimalDual:
         best = int(ties[np.argmin(np.abs(ties - (_THRESHOLDS - 1) / 2))])
         return float(costs[best]), (best + 0.5) / _THRESHOLDS
 
+    @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # what is not finite is refused below
     def step(self) -> None:
         """One Newton step.
 

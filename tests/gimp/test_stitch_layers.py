@@ -181,7 +181,7 @@ def test_a_selection_that_leaves_no_way(gimp, image, still_life):
         code="image_of(number).select_rectangle(Gimp.ChannelOps.REPLACE, 0, 0, 20, 20)",
         number=loaded["image"],
     )
-    refused(gimp, loaded, "avoid")
+    refused(gimp, loaded, "The selection leaves the seam no way through")
 
 
 def test_nan_pixels(gimp, image, still_life):

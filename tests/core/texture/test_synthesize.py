@@ -289,6 +289,8 @@ def test_the_natural_patch_holds_about_four_elements():
     checks = np.kron(np.indices((20, 20)).sum(axis=0) % 2, np.ones((12, 12))).astype(np.uint8) * 255
     # The correlation, 1 - 2 × distance / 12, is below 0.2 from 5 px on: 4 elements of 2 × 5 px.
     assert ts.natural_patch(checks) == 40
+    # With checks of 24 px from 10 px on, which no bound meets: at 0.4 it were 8 px, and a patch of 64.
+    assert ts.natural_patch(np.kron(checks // 255, np.full((2, 2), 255, np.uint8))) == 80
     masked = np.zeros(checks.shape, bool)
     masked[:100, :100] = True
     assert 24 <= ts.natural_patch(checks, source_mask=masked) <= 96

@@ -102,7 +102,8 @@ def test_levels_of_a_drawing_lie_half_way_between_the_densities_they_part():
     density = disc(64, 16)
     assert _Bands(density, "soft", "translate", 4, 2).thresholds == pytest.approx([1 / 8, 3 / 8, 5 / 8, 7 / 8])
     at, gain = shading(density, "ink", "translate", 2)
-    assert _Bands(density, "crisp", "translate", 4, 2).thresholds == pytest.approx([at])
+    edge = shading(density, "crisp", "translate", 2)[0]
+    assert _Bands(density, "crisp", "translate", 4, 2).thresholds == pytest.approx([edge])
     # Ink begins at the stroke's edge; inside it levels part what is printed, the density times the gain.
     ink = _Bands(density, "ink", "translate", 4, 2)
     printed = [t / gain for t in (1 / 8, 3 / 8, 5 / 8, 7 / 8)]

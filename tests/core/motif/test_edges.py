@@ -100,7 +100,9 @@ def test_pixels_and_drawing_are_the_same_contours(repeat, edge):
 
 def test_levels_of_a_drawing_lie_half_way_between_the_densities_they_part():
     density = disc(64, 16)
-    assert _Bands(density, "soft", "translate", 4, 2).thresholds == pytest.approx([1 / 8, 3 / 8, 5 / 8, 7 / 8])
+    assert _Bands(density, "soft", "translate", 4, 2).thresholds == pytest.approx(
+        [1 / 8, 3 / 8, 5 / 8, 7 / 8]
+    )
     at, gain = shading(density, "ink", "translate", 2)
     edge = shading(density, "crisp", "translate", 2)[0]
     assert _Bands(density, "crisp", "translate", 4, 2).thresholds == pytest.approx([edge])

@@ -1,8 +1,9 @@
 """Places of pictures of which nobody says where they belong.
 
 1. Each picture, reduced, is described by its SIFT features (Lowe 2004,
-   doi:10.1023/B:VISI.0000029664.99615.94; scikit-image's). For each two pictures those that match give a
-   similarity by RANSAC, and the overlap then has to correlate.
+   doi:10.1023/B:VISI.0000029664.99615.94; scikit-image's). For two pictures those that match give a
+   similarity by RANSAC, and the overlap then has to correlate. Where many show the same, the pairs that share
+   most are enough.
 2. At full size, patches spread over each overlap are laid exactly by phase correlation to a twentieth of a
    pixel.
 3. All patches of all pairs together give each picture's place, turn and scale by linear least squares: with
@@ -16,6 +17,8 @@ perspective, lenses - is refused; it is the business of Hugin, whose results ``t
 
 from __future__ import annotations
 
+import hashlib
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -27,7 +30,7 @@ from scipy import ndimage
 
 from toposeam.checks import check_items, check_range
 from toposeam.errors import OptionError, OverlapError
-from toposeam.layers.features import Look, cornered, look_at
+from toposeam.layers.features import Look, cornered, look_at, shared_features
 from toposeam.layers.labelling import Pair
 from toposeam.layers.layer import Layer
 from toposeam.layers.turning import placed
@@ -50,6 +53,9 @@ _LEAST_MATCHES, _LEAST_PATCHES = 5, 2
 _PATCH, _PATCHES = 64, 6  # px a side; in rows and columns of so many over the overlap
 _UPSAMPLING = 20
 _LEAST_OWN = 0.6  # correlation of a patch that counts
+#: Two pictures that so many forests of pairs already join, no pair in two of them, are not tried: the pairs
+#: of 12 pictures that all show the same are tried, and of more pictures up to so many for each.
+_FORESTS = 6
 
 Floats = npt.NDArray[np.float64]
 
@@ -136,20 +142,15 @@ def find_places(
     if len(pictures) < 2:
         raise OptionError(f"{len(pictures)} picture was given; pass at least two")
     report: Callable[[float], None] = progress or (lambda _: None)
-    looks = []
+    looks: dict[bytes, Look] = {}
+    which = []
     for index, picture in enumerate(pictures):
-        looks.append(look_at(picture))
-        report(0.4 * (index + 1) / len(pictures))
-    pairs = list(combinations(range(len(pictures)), 2))
-    matches: dict[Pair, _Match] = {}
-    best = np.full(len(pictures), -1.0)
-    for number, (i, j) in enumerate(pairs):
-        match = _match(looks[i], looks[j])
-        if match is not None:
-            best[[i, j]] = np.maximum(best[[i, j]], match.correlation)
-            if match.correlation >= least_correlation:
-                matches[i, j] = match
-        report(0.4 + 0.5 * (number + 1) / len(pairs))
+        digest = _digest(picture)
+        if digest not in looks:
+            looks[digest] = look_at(picture)
+        which.append(digest)
+        report(0.3 * (index + 1) / len(pictures))
+    matches, best = _matches([looks[digest] for digest in which], which, least_correlation, report)
     _check_joined(pictures, matches, best, least_correlation)
     transforms, misfit = _solve(pictures, matches)
     turns = np.degrees(np.arctan2(transforms[:, 1], transforms[:, 0]))
@@ -169,17 +170,56 @@ def find_places(
     )
 
 
-def _match(a: Look, b: Look) -> _Match | None:
-    """Points that both show; None where they show nothing in common."""
-    from skimage import feature, measure, transform
+def _digest(picture: Layer) -> bytes:
+    """Of what is compared of a picture: equal pictures are looked at once."""
+    hashed = hashlib.sha256(repr((picture.image.shape, picture.image.dtype, picture.data_range)).encode())
+    hashed.update(np.ascontiguousarray(picture.image).data)
+    hashed.update(np.packbits(picture.covered).data)
+    return hashed.digest()
 
-    if a.descriptors is None or b.descriptors is None:
-        return None
-    match_descriptors: Any = feature.match_descriptors  # carry no types
-    ransac: Any = measure.ransac
+
+def _matches(
+    looks: Sequence[Look], which: Sequence[bytes], least: float, report: Callable[[float], None]
+) -> tuple[dict[Pair, _Match], Floats]:
+    """The pairs that show the same, and the best correlation of each picture.
+
+    Which features two pictures share is cheap to tell and asked of all pairs. Those that share most are tried
+    first, and the rest only where they join what few others do. Equal pairs of pictures are tried once.
+    """
+    pairs = list(combinations(range(len(looks)), 2))
+    shared: dict[tuple[bytes, bytes], npt.NDArray[np.intp]] = {}
+    for number, (i, j) in enumerate(pairs):
+        if (which[i], which[j]) not in shared:
+            shared[which[i], which[j]] = shared_features(looks[i], looks[j])
+        report(0.3 + 0.2 * (number + 1) / len(pairs))
+    pairs.sort(key=lambda pair: -len(shared[which[pair[0]], which[pair[1]]]))
+    known: dict[tuple[bytes, bytes], _Match | None] = {}
+    matches: dict[Pair, _Match] = {}
+    best = np.full(len(looks), -1.0)
+    trees = np.tile(np.arange(len(looks)), (_FORESTS, 1))  # which tree each picture is in, per forest
+    for number, (i, j) in enumerate(pairs):
+        key, apart = (which[i], which[j]), np.flatnonzero(trees[:, i] != trees[:, j])
+        if len(apart):
+            if key not in known:
+                known[key] = _match(looks[i], looks[j], shared[key])
+            match = known[key]
+            if match is not None:
+                best[[i, j]] = np.maximum(best[[i, j]], match.correlation)
+                if match.correlation >= least:
+                    matches[i, j] = match
+                    tree = trees[apart[0]]
+                    tree[tree == tree[j]] = tree[i]
+        report(0.5 + 0.4 * (number + 1) / len(pairs))
+    return dict(sorted(matches.items())), best
+
+
+def _match(a: Look, b: Look, found: npt.NDArray[np.intp]) -> _Match | None:
+    """Points that both show, of (N, 2) numbers of shared features; None where they show nothing in common."""
+    from skimage import measure, transform
+
+    ransac: Any = measure.ransac  # carry no types
     kind: Any = transform.SimilarityTransform
-    found = match_descriptors(a.descriptors, b.descriptors, max_ratio=0.85, cross_check=True)
-    if len(found) < _LEAST_MATCHES:
+    if len(found) < _LEAST_MATCHES or not _agree(a, b, found):
         return None
     first, second = a.keypoints[found[:, 0]], b.keypoints[found[:, 1]]
     model, inliers = ransac(
@@ -206,6 +246,15 @@ def _match(a: Look, b: Look) -> _Match | None:
                 return None
             matrix = np.asarray(better.params, float)
     return match
+
+
+def _agree(a: Look, b: Look, found: npt.NDArray[np.intp]) -> bool:
+    """Whether enough features moved by about as much: no more apart than turn and scale may take them."""
+    moved = a.keypoints[found[:, 0]] - b.keypoints[found[:, 1]]
+    reach = (math.radians(LARGEST_TURN) + LARGEST_SCALE) * math.hypot(*b.detail.shape)
+    reach = 1.1 * reach + 8.0 * max(a.scale, b.scale)
+    near = (np.abs(moved[:, np.newaxis] - moved[np.newaxis]) <= reach).all(axis=2)
+    return bool(near.sum(axis=1).max() >= _LEAST_MATCHES)
 
 
 def _patches(a: Look, b: Look, matrix: Floats) -> _Match | None:

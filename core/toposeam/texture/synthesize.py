@@ -32,7 +32,15 @@ from toposeam.texture.order import STRETCH, UNSEEN, find_order
 from toposeam.texture.raster import lay_all, patches_along
 from toposeam.texture.rendering import Lift, render
 from toposeam.texture.scale import SMALLEST_PATCH, patch_for
-from toposeam.texture.sources import DataRange, Images, Sources, as_list, check_varied, read_sources
+from toposeam.texture.sources import (
+    DataRange,
+    Images,
+    Sources,
+    as_list,
+    check_varied,
+    read_sources,
+    white_of,
+)
 from toposeam.texture.synthesis import Synthesis
 from toposeam.texture.tileable import Tileable, wraps_of
 
@@ -140,7 +148,7 @@ def synthesize(
     check_choice("flatten", flatten, (True, False))
     check_choice("level", level, (True, False, None))
     if flatten:
-        source = _flat(source, source_mask)
+        source = _flat(source, source_mask, white_of(data_range, 1 + len(maps))[0])
     sources = read_sources(
         source, alpha=alpha, mask=source_mask, maps=maps, weights=weights, data_range=data_range
     )
@@ -215,10 +223,13 @@ def _shares(shares: Sequence[float] | None, count: int) -> list[float] | None:
     return [check_number("one of the shares", share, 0, 1e6, above=True) for share in found]
 
 
-def _flat(source: Images, mask: Images | None) -> Images:
+def _flat(source: Images, mask: Images | None, white: float | None) -> Images:
     several: list[Any] = list(source) if isinstance(source, list | tuple) else [source]
     masks = as_list(mask, len(several), "source_mask")
-    return [flatten_light(image, source_mask=where) for image, where in zip(several, masks, strict=True)]
+    return [
+        flatten_light(image, source_mask=where, data_range=white)
+        for image, where in zip(several, masks, strict=True)
+    ]
 
 
 class _Stages:

@@ -132,7 +132,7 @@ def test_nobody_else_can_submit_to_a_local_cluster(tmp_path, how):
             [sys.executable, "-c", textwrap.dedent(SCRIPT), how, scheduler],
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=300,
             cwd=tmp_path,
         )
         assert outsider.returncode != 0
@@ -184,7 +184,7 @@ def test_what_dask_tells_of_connections_that_end_is_not_told_on(tmp_path):
         "    logging.getLogger('distributed.batched').info('closed')\n"
     )
     ran = subprocess.run(
-        [sys.executable, "ends.py"], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=True
+        [sys.executable, "ends.py"], cwd=tmp_path, capture_output=True, text=True, timeout=300, check=True
     )
     assert "closed" not in ran.stderr
 

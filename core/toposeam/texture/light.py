@@ -22,6 +22,7 @@ from toposeam.errors import ImageError
 from toposeam.images import Image, Mask, as_array, as_mask, check_values, full_scale
 from toposeam.texture.atlas import Atlas, Floats32, Ints32
 from toposeam.texture.rendering import Lift
+from toposeam.texture.sources import Images, as_list
 
 #: Share of a sample's variance that a quadratic surface explains, from which on its light counts as slow.
 _SLOW = 0.1
@@ -116,6 +117,16 @@ def flatten_light(
         flat = np.rint(np.clip(flat, 0, float(data_range or full_scale(array.dtype))))
     result: Image = flat.astype(array.dtype)
     return result
+
+
+def flattened(source: Images, mask: Images | None, white: float | None) -> list[Any]:
+    """Several samples without their slow light, white being one value."""
+    several: list[Any] = list(source) if isinstance(source, list | tuple) else [source]
+    masks = as_list(mask, len(several), "source_mask")
+    return [
+        flatten_light(image, source_mask=where, data_range=white)
+        for image, where in zip(several, masks, strict=True)
+    ]
 
 
 def _surface(values: npt.NDArray[Any], where: Mask) -> Floats:

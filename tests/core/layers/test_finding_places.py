@@ -5,7 +5,7 @@ import pytest
 from skimage import data, feature
 
 import toposeam as ts
-from toposeam.layers import placing
+from toposeam.layers import pairing
 from toposeam.layers.features import Look, look_at, shared_features
 
 WHOLE = data.camera()[120:220, 100:360]
@@ -17,8 +17,8 @@ def crops(*lefts):
 
 def counted(monkeypatch, name):
     """How often a function of the module is called."""
-    calls, own = [], getattr(placing, name)
-    monkeypatch.setattr(placing, name, lambda *given: (calls.append(given), own(*given))[1])
+    calls, own = [], getattr(pairing, name)
+    monkeypatch.setattr(pairing, name, lambda *given: (calls.append(given), own(*given))[1])
     return calls
 
 
@@ -51,8 +51,8 @@ def test_what_makes_pictures_equal_is_all_that_is_compared():
         ts.Layer(np.ascontiguousarray(one.T)),
         ts.Layer(one[..., np.newaxis].repeat(3, 2)),
     ]
-    assert len({placing._digest(layer) for layer in unlike}) == len(unlike)
-    assert placing._digest(ts.Layer(one, at=(5, 5), name="x")) == placing._digest(ts.Layer(one.copy()))
+    assert len({pairing._digest(layer) for layer in unlike}) == len(unlike)
+    assert pairing._digest(ts.Layer(one, at=(5, 5), name="x")) == pairing._digest(ts.Layer(one.copy()))
 
 
 @pytest.mark.slow
@@ -60,7 +60,7 @@ def test_pictures_that_enough_pairs_join_are_not_tried_with_each_other(monkeypat
     tried = counted(monkeypatch, "_match")
     assert len(ts.find_places(crops(0, 15, 30, 45)).correlations) == len(tried) == 6
     tried.clear()
-    monkeypatch.setattr(placing, "_FORESTS", 1)
+    monkeypatch.setattr(pairing, "_FORESTS", 1)
     found = ts.find_places(crops(0, 15, 30, 45))
     assert len(found.correlations) == len(tried) == 3  # a tree of four
     assert [layer.at[0] for layer in found.layers] == pytest.approx([0, 15, 30, 45], abs=1)
@@ -85,8 +85,8 @@ def test_shared_features_are_those_of_skimage():
 def test_features_that_moved_every_which_way_are_not_tried(monkeypatch):
     a, b = (look_at(layer) for layer in crops(0, 30))
     found = shared_features(a, b)
-    assert placing._agree(a, b, found)
+    assert pairing._agree(a, b, found)
     rng = np.random.default_rng(0)
     far = Look(b.detail, b.known, 1, rng.uniform(-4000, 4000, b.keypoints.shape), b.descriptors)
-    assert not placing._agree(a, far, found)
-    assert placing._match(a, far, found) is None
+    assert not pairing._agree(a, far, found)
+    assert pairing._match(a, far, found) is None

@@ -27,6 +27,25 @@ def two_alike(sample):
     return image, disc(image.shape[:2], 60, 45, 20)
 
 
+def test_places_are_sought_that_look_like_windows_on_the_rim_of_the_hole(sample, monkeypatch):
+    image = sample(3, (160, 160), channels=3).astype(np.float32) / 255
+    hole = disc(image.shape[:2], 80, 80, 32)
+    atlas = Atlas.of([~hole], 4)
+    weights = []
+
+    class Watching(offsets.PatchSearch):
+        def fit(self, target, weight, margin, shape):
+            weights.append(weight)
+            return super().fit(target, weight, margin, shape)
+
+    monkeypatch.setattr(offsets, "PatchSearch", Watching)
+    offsets._fitting(atlas, atlas.spread([image]), hole, hole)
+    # Centred on the rim of a disc, a window sees as much of its outside as of its inside.
+    shares = [weight.mean() for weight in weights[-offsets._RIM :]]
+    assert len(shares) == offsets._RIM
+    assert all(0.4 < share < 0.75 for share in shares)
+
+
 @pytest.mark.medium
 def test_what_the_picture_has_twice_is_restored_exactly(sample):
     image, hole = two_alike(sample)

@@ -129,7 +129,8 @@ def book(
         chosen = _beside(choose(rows))
         _, lost = _run(_product_jobs(chosen, folder, force), processes, journal, fresh, quiet, "mock-ups")
         failed += lost
-        name = title if title is not None else ", ".join(theme.stem for theme in themes)
+        # Names that are not UTF-8 have characters that no page can hold.
+        name = click.format_filename(title if title is not None else ", ".join(theme.stem for theme in themes))
         products = [
             (row, product) for row, product in chosen if (folder / _product_path(row, product)).exists()
         ]

@@ -6,6 +6,8 @@ way. Beyond the last row, and the last column, nothing leads anywhere.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
@@ -17,53 +19,66 @@ from toposeam.seam.grid import SEAM_CELLS, grown
 from toposeam.seam.match_cost import Floats32
 
 
-def cheapest_path(
-    below: Floats32,
-    beside: Floats32,
-    ends: tuple[int, int],
-    limit: float,
-    distance: Floats | None = None,
-) -> tuple[npt.NDArray[np.intp] | None, float]:
-    """The corners of the cheapest path from one end to the other, flat indices, and its length; None where
-    there is none.
+class CornerGraph(NamedTuple):
+    """Corners joined by edges, and the two ends of a path."""
 
-    The graph is laid out by arithmetic: each corner that has an edge gets four, up, left, right and down,
-    those that are missing to itself at infinite cost, which is beyond the limit.
-    """
-    stride = below.shape[1]
-    edges = np.isfinite(below), np.isfinite(beside)
-    corner = edges[0] | edges[1]
-    corner[1:] |= edges[0][:-1]
-    corner[:, 1:] |= edges[1][:, :-1]
-    if not all(corner.ravel()[end] for end in ends):
-        return None, np.inf
-    used = np.flatnonzero(corner)
-    number = np.zeros(corner.size, np.int32)
-    number[used] = np.arange(len(used), dtype=np.int32)
-    neighbour, cost = np.empty((len(used), 4), np.int32), np.empty((len(used), 4))
-    # Counted from the end, what is before the first corner is the last one, from which nothing leads on.
-    for column, (step, costs, back) in enumerate(
-        ((-stride, below, True), (-1, beside, True), (1, beside, False), (stride, below, False))
-    ):
-        there = used + step
-        neighbour[:, column] = number.take(there, mode="wrap")
-        cost[:, column] = costs.ravel().take(there if back else used, mode="wrap")
-    graph = csr_array(
-        (cost.ravel(), neighbour.ravel(), np.arange(0, 4 * len(used) + 1, 4, dtype=np.int32)),
-        shape=(len(used), len(used)),
-    )
-    source, target = (int(number[end]) for end in ends)
-    del edges, corner, number, there  # the search needs the memory
-    length, before = dijkstra(graph, indices=source, return_predecessors=True, limit=limit)
-    path = [target]
-    while path[-1] != source:
-        if before[path[-1]] < 0:
-            return None, np.inf
-        path.append(int(before[path[-1]]))
-    if distance is not None:
-        distance.fill(length[target])
-        distance.ravel()[used] = np.minimum(length, length[target])
-    return used[path[::-1]], float(length[target])
+    #: (n, n), the cost of each edge, and (n,) the flat index of each corner.
+    edges: csr_array
+    corner: npt.NDArray[np.intp]
+    source: int
+    target: int
+    #: Rows and columns of corners.
+    shape: tuple[int, int]
+
+    @classmethod
+    def of(cls, below: Floats32, beside: Floats32, ends: tuple[int, int]) -> CornerGraph | None:
+        """The graph of some costs between two ends; None where nothing leads from one of them.
+
+        It is laid out by arithmetic: each corner that has an edge gets four, up, left, right and down, those
+        that are missing to itself at infinite cost, which is beyond any limit.
+        """
+        stride = below.shape[1]
+        edges = np.isfinite(below), np.isfinite(beside)
+        corner = edges[0] | edges[1]
+        corner[1:] |= edges[0][:-1]
+        corner[:, 1:] |= edges[1][:, :-1]
+        del edges
+        if not all(corner.ravel()[end] for end in ends):
+            return None
+        used = np.flatnonzero(corner)
+        number = np.zeros(corner.size, np.int32)
+        number[used] = np.arange(len(used), dtype=np.int32)
+        source, target = (int(number[end]) for end in ends)
+        neighbour, cost = np.empty((len(used), 4), np.int32), np.empty((len(used), 4))
+        # Counted from the end, what is before the first corner is the last one, from which nothing leads on.
+        for column, (step, costs, back) in enumerate(
+            ((-stride, below, True), (-1, beside, True), (1, beside, False), (stride, below, False))
+        ):
+            there = used + step
+            neighbour[:, column] = number.take(there, mode="wrap")
+            cost[:, column] = costs.ravel().take(there if back else used, mode="wrap")
+        table = csr_array(
+            (cost.ravel(), neighbour.ravel(), np.arange(0, 4 * len(used) + 1, 4, dtype=np.int32)),
+            shape=(len(used), len(used)),
+        )
+        return cls(table, used, source, target, below.shape)
+
+    def cheapest_path(
+        self, limit: float = np.inf, distance: Floats | None = None
+    ) -> tuple[npt.NDArray[np.intp] | None, float]:
+        """The corners of the cheapest path from one end to the other, flat indices, and its length; None
+        where there is none within the limit. `distance` gets how far each corner is from the first end.
+        """
+        length, before = dijkstra(self.edges, indices=self.source, return_predecessors=True, limit=limit)
+        path = [self.target]
+        while path[-1] != self.source:
+            if before[path[-1]] < 0:
+                return None, np.inf
+            path.append(int(before[path[-1]]))
+        if distance is not None:
+            distance.fill(length[self.target])
+            distance.ravel()[self.corner] = np.minimum(length, length[self.target])
+        return self.corner[path[::-1]], float(length[self.target])
 
 
 def beside_rough_path(below: Floats32, beside: Floats32, ends: tuple[int, int], free: Mask) -> Mask:
@@ -79,7 +94,9 @@ def beside_rough_path(below: Floats32, beside: Floats32, ends: tuple[int, int], 
     coarse = halved(below.T, beside.T).T, halved(beside, below)
     width = coarse[0].shape[1]
     source, target = ((ends_at - first) // 2 @ [width, 1]).tolist()
-    path, _ = cheapest_path(*coarse, (source, target), np.inf)
+    graph = CornerGraph.of(*coarse, (source, target))
+    del below, beside, coarse  # the search needs the memory
+    path = None if graph is None else graph.cheapest_path()[0]
     near = np.zeros(free.shape, bool)
     if path is not None:
         corner = 2 * np.stack(np.divmod(path, width)) + first[:, np.newaxis]

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from toposeam.images import Mask
-from toposeam.seam.exact import cut_cost, shortest_path
+from toposeam.seam.exact import cut_cost, pieces, shortest_path
 from toposeam.seam.grid import SEAM_CELLS, grown
 from toposeam.seam.overlap import FREE, NONE, A, B
 from toposeam.seam.problem import SeamProblem
@@ -54,12 +54,8 @@ def best_nearby(
     (h, w) bool array
     """
     best = problem.complete(labels).astype(bool, copy=False)
-    component, _ = ndimage.label(problem.overlap.side == FREE)
     flows = None if open_pixels is None else grown(open_pixels, FLOW_CELLS)
-    for index, around in enumerate(ndimage.find_objects(component), 1):
-        box = around[0].start - 1, around[0].stop + 1, around[1].start - 1, around[1].stop + 1
-        here = slice(*box[:2]), slice(*box[2:])
-        piece = component[here] == index
+    for here, piece, _ in pieces(problem.overlap.side == FREE):
         seam = beside_seam(best[here], piece, problem.overlap.side[here] != NONE)
         zone = grown(seam, SEAM_CELLS)
         if flows is not None:

@@ -14,8 +14,6 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from toposeam.heat.network import Floats
-from toposeam.images import Mask
-from toposeam.seam.grid import SEAM_CELLS, grown
 from toposeam.seam.match_cost import Floats32
 
 
@@ -79,52 +77,3 @@ class CornerGraph(NamedTuple):
             distance.fill(length[self.target])
             distance.ravel()[self.corner] = np.minimum(length, length[self.target])
         return self.corner[path[::-1]], float(length[self.target])
-
-
-def beside_rough_path(below: Floats32, beside: Floats32, ends: tuple[int, int], free: Mask) -> Mask:
-    """Free pixels near the cheapest path through every other corner of every other line; none where these
-    corners are not joined.
-
-    Such a path is 10 to 20 % dearer than the best one, but it is so everywhere: of ways that lead far from
-    each other it takes the one that the best seam takes, for a quarter of the search.
-    """
-    ends_at = np.array([divmod(end, below.shape[1]) for end in ends])
-    first = ends_at[0] % 2
-    below, beside = (costs[first[0] :, first[1] :] for costs in (below, beside))
-    coarse = halved(below.T, beside.T).T, halved(beside, below)
-    width = coarse[0].shape[1]
-    source, target = ((ends_at - first) // 2 @ [width, 1]).tolist()
-    graph = CornerGraph.of(*coarse, (source, target))
-    del below, beside, coarse  # the search needs the memory
-    path = None if graph is None else graph.cheapest_path()[0]
-    near = np.zeros(free.shape, bool)
-    if path is not None:
-        corner = 2 * np.stack(np.divmod(path, width)) + first[:, np.newaxis]
-        near[tuple(np.minimum(corner, np.array([free.shape]).T - 1))] = True
-    return grown(near, SEAM_CELLS) & free
-
-
-def halved(along: Floats32, across: Floats32) -> Floats32:
-    """What it costs to go on by two corners along every other line, each of the two steps, or both at once,
-    straight or by way of the line before or behind; `across` is what changing lines costs.
-    """
-    one = along[::2].copy()
-    lines, pairs = len(along) // 2, (along.shape[1] - 1) // 2
-    first, second, third = (
-        np.s_[:, : 2 * pairs : 2],
-        np.s_[:, 1 : 2 * pairs : 2],
-        np.s_[:, 2 : 2 * pairs + 1 : 2],
-    )
-    two = np.full((len(one), pairs + 1), np.inf, np.float32)
-    np.add(one[first], one[second], out=two[:, :-1])
-    before, behind = np.s_[1 : 2 * len(one) - 2 : 2], np.s_[: 2 * lines : 2]
-    for here, other, rung in (
-        (np.s_[1:], along[before], across[before]),
-        (np.s_[:lines], along[1::2], across[behind]),
-    ):
-        step = rung[:, :-1] + other[:, :-1] + rung[:, 1:]
-        np.minimum(one[here, :-1], step, out=one[here, :-1])
-        both = rung[first] + other[first] + other[second] + rung[third]
-        np.minimum(two[here, :-1], both, out=two[here, :-1])
-    np.minimum(two[:, :-1], one[first] + one[second], out=two[:, :-1])
-    return two

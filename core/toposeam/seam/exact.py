@@ -19,7 +19,8 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, maxi
 
 from toposeam.heat.network import Floats, Ints, Network
 from toposeam.images import Mask
-from toposeam.seam.corner_graph import CornerGraph, beside_rough_path
+from toposeam.seam.corner_graph import CornerGraph
+from toposeam.seam.lattice import beside_cheap_paths
 from toposeam.seam.match_cost import Floats32
 from toposeam.seam.overlap import FREE, NONE, TOUCHING, A, B
 from toposeam.seam.problem import SeamProblem, geometry
@@ -87,7 +88,7 @@ def shortest_path(
     zone : (h, w) bool array, optional
         On the box: the seam runs beside these pixels only.
     rough : bool
-        The zone is wider by what is near the cheapest path of half the resolution.
+        The zone is wider by what the cheapest paths of a lattice pass (:mod:`toposeam.seam.lattice`).
     distance : (h + 1, w + 1) float64 array, optional
         Gets how far each corner of the box is from one end of the seam, at most as far as the other end.
 
@@ -124,7 +125,7 @@ def shortest_path(
         np.copyto(costs, cost, where=(free[s] | free[t]) & (cost > 0))
         costs[gap] = 0.0
     if zone is not None:
-        zone = zone | beside_rough_path(below, beside, ends, free) if rough else zone
+        zone = zone | beside_cheap_paths(below, beside, ends, free) if rough else zone
         for costs, gap, (s, t) in zip(layout, border.gaps, _PAIRS, strict=True):
             np.copyto(costs, np.float32(np.inf), where=~(zone[s] | zone[t] | gap))
     graph = CornerGraph.of(below, beside, ends)

@@ -110,7 +110,7 @@ def gather(grid: CutGrid, watch: Callable[[PrimalDual], None] | None = None, ear
             parent[level.tail],
             parent[level.head],
             level.weight,
-            np.bincount(parent, level.size, int(parent[-1]) + 1),
+            np.bincount(parent, level.size, int(parent[-1]) + 1).astype(np.float64, copy=False),
         )
         if coarser.n > 0.8 * level.n or coarser.n == 0:
             break
@@ -184,9 +184,8 @@ def _pixel_elements(grid: CutGrid, group: _Ints32, n: int) -> tuple[_Ints32, _In
     """The interfaces between n groups of pixels and the two terminals: two nodes each, and the cost."""
     pairs = ((grid.right, group[:, :-1], group[:, 1:]), (grid.down, group[:-1], group[1:]))
     divided = [(one != other) & (cost > 0) for cost, one, other in pairs]
-    for mask, (s, t) in zip(divided, ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])), strict=True):
-        mask &= grid.free[s]
-        mask &= grid.free[t]
+    divided[0] &= grid.free[:, :-1] & grid.free[:, 1:]
+    divided[1] &= grid.free[:-1] & grid.free[1:]
     crossings = [int(np.count_nonzero(mask)) for mask in divided]
     terminals = ((n, grid.cold, np.flatnonzero(grid.cold)), (n + 1, grid.hot, np.flatnonzero(grid.hot)))
     count = sum(crossings) + sum(len(touching) for _, _, touching in terminals)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from toposeam.texture.atlas import Atlas
-from toposeam.texture.search import PatchSearch, box_sum
+from toposeam.texture.search import PatchSearch, box_sum, reduced
 
 
 def brute_force(features, usable, values, weight, margin, patch):
@@ -37,6 +37,23 @@ def test_the_fit_is_the_weighted_mean_squared_difference(holes):
     assert np.isfinite(expected).sum() > 100
     # float32 transforms of sums of about 100 terms
     np.testing.assert_allclose(found[np.isfinite(found)], expected[np.isfinite(expected)], atol=2e-5)
+
+
+def test_the_nine_places_round_one_have_the_same_error():
+    rng = np.random.default_rng(4)
+    image, usable = rng.random((30, 33, 2)).astype(np.float32), np.ones((30, 33), bool)
+    usable[20:, :3] = False
+    atlas = Atlas.of([usable], 3)
+    features = atlas.spread([image]) * atlas.usable[..., None]
+    m, patch = atlas.margin, (7, 6)
+    values = rng.random((patch[0] + 2 * m, patch[1] + 2 * m, 2)).astype(np.float32)
+    weight = rng.random(values.shape[:2]).astype(np.float32)
+    expected = brute_force(features, atlas.usable, values, weight, m, patch)
+    rows, columns, error = PatchSearch(atlas, features).around(
+        2 * m + 4, m + 2, 3, values, weight, (m, m), patch
+    )
+    assert (rows.reshape(3, 3)[:, 0] - rows[0]).tolist() == [0, 3, 6]
+    np.testing.assert_allclose(error, expected[rows - m, columns - m], rtol=1e-4)
 
 
 def test_a_large_exemplar_is_searched_reduced_and_then_exactly():
@@ -75,6 +92,14 @@ def test_box_sums_are_the_sums_of_boxes():
     values = np.random.default_rng(3).integers(0, 9, (11, 13))
     expected = np.lib.stride_tricks.sliding_window_view(values, (4, 5)).sum(axis=(2, 3))
     np.testing.assert_array_equal(box_sum(values, (4, 5)), expected)
+
+
+def test_blocks_have_the_weighted_mean_of_their_pixels_and_their_share_of_weight():
+    values = np.float32([[1, 3, 10], [5, 7, 20]])[..., np.newaxis]
+    weight = np.float32([[1, 1, 1], [1, 0, 0]])
+    mean, share = reduced(values, weight, 2)
+    assert mean[..., 0] == pytest.approx(np.array([[3, 10]]))  # what has no weight does not count
+    assert share == pytest.approx(np.array([[0.75, 0.25]]))  # nor what lies outside
 
 
 def test_indices_lead_back_to_exemplar_row_and_column():

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ast
-import random
+import hashlib
+import math
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from types import CodeType
@@ -180,25 +182,30 @@ def _is_text(node: ast.expr) -> bool:
 
 def chosen(count: int, seed: int, only: str, tests: dict[str, dict[int, list[str]]] | None) -> list[Mutation]:
     """Some mutations, with a map those of executed lines, spread over the files by their square roots, so
-    that no room is left out. What is drawn follows from the code: added tests change nothing but that
-    lines take part which none executed before.
+    that no room is left out. Each one's chance follows from the seed and its own text, as if it drew a lot
+    (Efraimidis and Spirakis 2006, doi:10.1016/j.ipl.2005.11.003): a change of the code changes the draw by
+    the lines that changed, so that a share which once was reached stays comparable.
     """
-    rng = random.Random(seed)  # noqa: S311
-    pool: dict[str, list[Mutation]] = {}
+    lots: list[tuple[float, Mutation]] = []
     for source in SOURCES:
         for path in sorted((ROOT / source).rglob("*.py")):
-            name = path.relative_to(ROOT).as_posix()
-            if name.startswith(only) and (found := mutations_of(path)):
-                pool[name] = found
-    names = sorted(pool)
-    weights = [len(pool[name]) ** 0.5 for name in names]
+            if not path.relative_to(ROOT).as_posix().startswith(only):
+                continue
+            found = mutations_of(path)
+            lines = path.read_text(encoding="utf-8").splitlines()
+            met: Counter[str] = Counter()
+            for mutation in found:
+                text = "\0".join((lines[mutation.line - 1].strip(), mutation.before, mutation.after))
+                met[text] += 1
+                told = hashlib.sha256(f"{seed}\0{mutation.file}\0{text}\0{met[text]}".encode()).digest()
+                chance = (int.from_bytes(told[:8]) + 1) / 2.0**64
+                lots.append((-math.log(chance) * len(found) ** 0.5, mutation))
     drawn: dict[str, Mutation] = {}
-    for _ in range(100 * count):
+    for _, mutation in sorted(lots, key=lambda lot: lot[0]):
         if len(drawn) == count:
             break
-        mutation = rng.choice(pool[rng.choices(names, weights)[0]])
         executed = tests is None or mutation.line in tests.get(mutation.file, {})
-        if executed and _parses(mutation):
+        if executed and mutation.name not in drawn and _parses(mutation):
             drawn[mutation.name] = mutation
     return list(drawn.values())
 

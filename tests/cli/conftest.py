@@ -87,7 +87,7 @@ def started(process):
         } | options
         with process(*arguments, **settings) as child:
             out, err = (
-                text.decode(errors="replace") if text else "" for text in child.communicate(timeout=120)
+                text.decode(errors="replace") if text else "" for text in child.communicate(timeout=600)
             )
         return Ran(child.returncode, out, err)
 

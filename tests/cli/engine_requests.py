@@ -56,7 +56,7 @@ class Request:
         """The same of a process of its own, as GIMP starts it."""
         self.put(**request)
         process = self.start()
-        output, noise = process.communicate(timeout=120)
+        output, noise = process.communicate(timeout=600)
         assert b"Traceback" not in noise
         events = [json.loads(line) for line in output.splitlines()]
         assert events[0] == {"event": "hello", "protocol": PROTOCOL, "version": ts.__version__}

@@ -24,7 +24,7 @@ QUIET = ("Traceback", "resource_tracker", "Exception ignored", "something went w
 def shell(line, folder):
     script = f'toposeam() {{ "{sys.executable}" -m toposeam_cli "$@"; }}; {line}'
     return subprocess.run(
-        ["bash", "-c", script], cwd=folder, capture_output=True, text=True, timeout=120, check=False
+        ["bash", "-c", script], cwd=folder, capture_output=True, text=True, timeout=600, check=False
     )
 
 
@@ -97,7 +97,7 @@ def test_ctrl_c_again_and_again_is_one_ctrl_c(many, delay, what):
         except ProcessLookupError:
             break
         time.sleep(0.03)
-    _, told = child.communicate(timeout=60)
+    _, told = child.communicate(timeout=300)
     assert child.returncode in (130, -signal.SIGINT, 0)
     assert_quiet(told)
     assert not list(many.rglob(".toposeam-*"))
@@ -179,7 +179,7 @@ def test_a_batch_that_is_killed_again_and_again_loses_nothing(many, where):
                         kills += 1
                         break
                     time.sleep(rng.uniform(0.0, 0.2))
-            _, told = child.communicate(timeout=120)
+            _, told = child.communicate(timeout=600)
             code = child.returncode
             if way != (signal.SIGKILL, "process"):
                 assert_quiet(told)  # else a worker it was starting may say that nobody told it what to do

@@ -37,7 +37,7 @@ def long_request(request_folder):
 def test_it_ends_and_cleans_up_when_the_asker_is_gone(request_folder):
     process = long_request(request_folder)
     os.close(request_folder.held)
-    assert process.wait(timeout=30) == 3
+    assert process.wait(timeout=300) == 3
     assert not request_folder.folder.exists()
     request_folder.held = os.open(os.devnull, os.O_RDONLY)
     process.stdout.close()
@@ -46,7 +46,7 @@ def test_it_ends_and_cleans_up_when_the_asker_is_gone(request_folder):
 
 def engine(folder, stdin):
     return subprocess.run(
-        [sys.executable, "-m", "toposeam_engine", str(folder)], input=stdin, capture_output=True, timeout=60
+        [sys.executable, "-m", "toposeam_engine", str(folder)], input=stdin, capture_output=True, timeout=300
     )
 
 
@@ -132,7 +132,7 @@ def test_a_warm_engine_is_told_one_folder_after_another(tmp_path, request_folder
         answer = tell(process, request_folder, **request, options={"blend": "none"})
         assert answer["event"] == "result"
         process.stdin.close()
-        assert process.wait(timeout=60) == 0
+        assert process.wait(timeout=300) == 0
     assert request_folder.folder.is_dir()
     assert (tmp_path / "another").is_dir()
 
@@ -153,13 +153,13 @@ def test_a_warm_engine_ends_with_its_asker(request_folder):
         while b"progress" not in process.stdout.readline():
             pass
         process.stdin.close()
-        assert process.wait(timeout=60) == 3
+        assert process.wait(timeout=300) == 3
     assert not request_folder.folder.exists()
 
 
 def test_a_warm_engine_that_is_not_needed_goes():
     with warm() as process:
-        output, _ = process.communicate(timeout=60)
+        output, _ = process.communicate(timeout=300)
     assert process.returncode == 0
     assert b"result" not in output
 
@@ -170,7 +170,7 @@ def test_a_warm_engine_that_is_not_needed_goes():
 )
 def test_an_engine_can_prepare_for_every_preview(of):
     with warm(of) as process:
-        output, noise = process.communicate(timeout=120)
+        output, noise = process.communicate(timeout=600)
     assert process.returncode == 0, output
     assert not noise
     assert b"error" not in output

@@ -5,11 +5,11 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from toposeam.errors import MissingPackageError, OptionError
-from toposeam_cli.files.interruption import ctrl_c_later, start_resource_tracker
+from toposeam_cli.files.interruption import ctrl_c_later, start_resource_tracker, uninterrupted
 from toposeam_cli.jobs.workers import Workers
 
 #: Of a local cluster: no pages, of which Dask's own switch leaves some.
@@ -17,6 +17,8 @@ _NO_PAGES: dict[str, list[str]] = {
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
 }
+#: How long the end of a local cluster is waited for, s.
+_CLOSING_S = 10
 
 
 class _Dask(Workers):
@@ -86,8 +88,7 @@ def dask_workers(address: str, count: int) -> Iterator[Workers]:
                     )
                 yield _Dask(client.get_executor(pure=False), threads)
         finally:
-            if cluster is not None:
-                cluster.close()
+            _close(cluster)
 
 
 def _local_cluster(count: int) -> Any:
@@ -105,9 +106,10 @@ def _local_cluster(count: int) -> Any:
             "'toposeam[dask]'"
         ) from error
     _silence()
+    cluster = None
     try:
         with ctrl_c_later():
-            return LocalCluster(
+            cluster = LocalCluster(
                 n_workers=count,
                 threads_per_worker=1,
                 security=security,
@@ -116,11 +118,23 @@ def _local_cluster(count: int) -> Any:
                 scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
                 silence_logs=logging.CRITICAL,
             )
+            cluster.shutdown_on_close = False  # we close it; at exit Dask would tell what fails then
     except Exception as error:  # whatever Dask raises when its processes end while they start
         raise OptionError(
             f"the local Dask cluster does not start ({_first_line(error)}); run the same again, or without "
             "--dask"
         ) from error
+    except BaseException:  # an interruption that came meanwhile
+        _close(cluster)
+        raise
+    return cluster
+
+
+def _close(cluster: Any) -> None:
+    """End a cluster's processes; where the same signal has ended them already, nothing is to be told."""
+    if cluster is not None:
+        with uninterrupted(), suppress(Exception):
+            cluster.close(timeout=_CLOSING_S)
 
 
 def _is_critical(record: logging.LogRecord) -> bool:

@@ -32,7 +32,7 @@ def seen(path, folder, hash_=""):
         f"--user-data-dir={folder / 'profile'}",
     ]
     line = [*command, "--virtual-time-budget=3000", "--dump-dom", f"file://{path}{hash_}"]
-    ran = subprocess.run(line, capture_output=True, text=True, timeout=120, check=True)
+    ran = subprocess.run(line, capture_output=True, text=True, timeout=600, check=True)
     return ran.stdout
 
 

@@ -60,7 +60,7 @@ window.onload = () => {
     command = [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
     command += [f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=3000", "--dump-dom"]
     ran = subprocess.run(
-        [*command, f"file://{moving}"], capture_output=True, text=True, timeout=240, check=True
+        [*command, f"file://{moving}"], capture_output=True, text=True, timeout=600, check=True
     )
     (told,) = re.findall(r"<pre>(.*?)</pre>", ran.stdout)
     width, height, wide, clip, chosen, display = told.split(";")

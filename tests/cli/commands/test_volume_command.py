@@ -195,7 +195,7 @@ def test_ctrl_c_leaves_nothing(process, tmp_path, how):
         time.sleep(0.05)
     time.sleep(1)
     child.send_signal(signal.SIGINT)
-    _, err = child.communicate(timeout=60)
+    _, err = child.communicate(timeout=300)
     assert child.returncode == 130
     assert b"no file was left unfinished" in err
     assert sorted(tmp_path.iterdir()) == files

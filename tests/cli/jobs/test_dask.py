@@ -132,7 +132,7 @@ def test_nobody_else_can_submit_to_a_local_cluster(tmp_path, how):
             [sys.executable, "-c", textwrap.dedent(SCRIPT), how, scheduler],
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=300,
             cwd=tmp_path,
         )
         assert outsider.returncode != 0
@@ -184,7 +184,7 @@ def test_what_dask_tells_of_connections_that_end_is_not_told_on(tmp_path):
         "    logging.getLogger('distributed.batched').info('closed')\n"
     )
     ran = subprocess.run(
-        [sys.executable, "ends.py"], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=True
+        [sys.executable, "ends.py"], cwd=tmp_path, capture_output=True, text=True, timeout=300, check=True
     )
     assert "closed" not in ran.stderr
 
@@ -208,3 +208,27 @@ def test_an_address_where_nobody_answers_is_one_sentence(toposeam, folder, photo
     toposeam("batch", "a.png", "?.png", "--overlap", "20", "-o", "out_{name}.png", "--dask", address).fails(
         "Dask scheduler"
     )
+
+
+def test_a_cluster_that_is_interrupted_while_it_starts_is_closed_and_says_nothing(monkeypatch):
+    """The signal may end its processes as well, so that closing it fails; Dask would try once more at the
+    exit, and tell.
+    """
+    closed = []
+
+    class Interrupted:
+        shutdown_on_close = True
+
+        def __init__(self, **settings):
+            closed.append(self)
+            os.kill(os.getpid(), signal.SIGINT)
+
+        def close(self, timeout):
+            assert not self.shutdown_on_close
+            closed.append("closed")
+            raise OSError("the scheduler is gone")
+
+    monkeypatch.setattr(distributed, "LocalCluster", Interrupted)
+    with pytest.raises(KeyboardInterrupt), dask_workers("local", 1):
+        pytest.fail("there is no cluster")
+    assert closed[1:] == ["closed"]

@@ -122,6 +122,17 @@ def test_a_dead_worker_costs_only_its_job_a_second_try(tmp_path, functions):
     assert "memory" in next(outcome.message for outcome in outcomes if outcome.status == "failed")
 
 
+def test_an_input_that_was_saved_again_makes_another_job(tmp_path):
+    source = tmp_path / "source.png"
+    source.write_text("pixels")
+    job = Job("a", "job_functions:write", {}, (tmp_path / "a",), (source,))
+    before = job.key
+    assert job.key == before
+    source.write_text("PIXELS")  # as long as before
+    os.utime(source, ns=(0, source.stat().st_mtime_ns + 1_000_000))
+    assert job.key != before
+
+
 def test_what_is_done_is_not_done_again(tmp_path, functions):
     table, source = tmp_path / "results.jsonl", tmp_path / "source.png"
     source.write_text("pixels")
@@ -188,7 +199,7 @@ def test_a_run_that_ends_too_early_goes_on(tmp_path, functions, end):
         children = [process.number for process in living() if process.parent == child.pid]
         assert children
         child.send_signal(end)
-        child.wait(timeout=20)
+        child.wait(timeout=300)
     assert {status for _, status in first} == {"done"}
     deadline = time.monotonic() + 10
     while set(children) & {process.number for process in living()}:
@@ -200,7 +211,7 @@ def test_a_run_that_ends_too_early_goes_on(tmp_path, functions, end):
     )
     (folder / ".toposeam-0123456789abcdef.part").write_text("half")
     rest = subprocess.run(
-        [sys.executable, str(script), str(folder)], capture_output=True, text=True, timeout=60, check=True
+        [sys.executable, str(script), str(folder)], capture_output=True, text=True, timeout=300, check=True
     )
     second = dict(line.split() for line in rest.stdout.splitlines())
     assert set(second.values()) == {"done", "skipped"}, rest

@@ -96,6 +96,15 @@ def test_a_pixel_of_least_opacity_is_still_a_pixel(three, toposeam):
     np.testing.assert_array_equal(layers["b.png"].alpha, 1)
 
 
+def test_what_is_transparent_stays_so_at_any_opacity(three):
+    pixels = np.dstack([crop("b"), np.full(crop("b").shape[:2], 200, np.uint8)])
+    pixels[:5, :, 3] = 0
+    make_ora("in.ora", STACK.replace('name="b.png"', 'name="b.png" opacity="0.5"'), b=png(pixels))
+    layers = {layer.name: layer.picture for layer in read_ora(three / "in.ora", 10**6)}
+    assert (layers["b.png"].alpha[:5] == 0).all()
+    assert (layers["b.png"].alpha[5:] == 100).all()
+
+
 def test_an_openraster_file_keeps_the_layers_and_loses_nothing(three, toposeam):
     assert toposeam("stitch", *FILES, *AT, "-o", "out.ora", "--labels", "labels.png").code == 0
     assert toposeam("stitch", *FILES, *AT, "-o", "flat.png").code == 0

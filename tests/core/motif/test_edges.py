@@ -7,7 +7,8 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.motif.edges import EDGES, beyond, level
+from toposeam.motif.edges import EDGES, beyond, level, shading
+from toposeam.motif.svg import _Bands
 
 
 def disc(size, radius, hazy=1.5):
@@ -95,6 +96,23 @@ def test_pixels_and_drawing_are_the_same_contours(repeat, edge):
     # Where they differ a curve misses its polygon by up to a quarter of a px, two px here.
     assert np.abs(drawn - painted).mean() < (2 if edge == "crisp" else 4)
     assert np.mean(np.abs(drawn - painted).max(axis=2) > 60) < 0.02
+
+
+def test_levels_of_a_drawing_lie_half_way_between_the_densities_they_part():
+    density = disc(64, 16)
+    assert _Bands(density, "soft", "translate", 4, 2).thresholds == pytest.approx(
+        [1 / 8, 3 / 8, 5 / 8, 7 / 8]
+    )
+    at, gain = shading(density, "ink", "translate", 2)
+    edge = shading(density, "crisp", "translate", 2)[0]
+    assert _Bands(density, "crisp", "translate", 4, 2).thresholds == pytest.approx([edge])
+    # Ink begins at the stroke's edge; inside it levels part what is printed, the density times the gain.
+    ink = _Bands(density, "ink", "translate", 4, 2)
+    printed = [t / gain for t in (1 / 8, 3 / 8, 5 / 8, 7 / 8)]
+    assert ink.thresholds == pytest.approx([at, *(t for t in printed if t >= at)])
+    assert len(ink.thresholds) < 5  # one of them would lie in the haze beside the stroke
+    assert ink.tones(density.astype(float))[0] == 0
+    assert 0 < _Bands(density, "soft", "translate", 4, 2).tones(density.astype(float))[0] < 1 / 8
 
 
 @pytest.mark.parametrize("repeat", ["translate", "reflect", "rotate", "p6"])

@@ -159,6 +159,13 @@ def test_a_large_terrain_costs_no_more_than_led_over_as_a_whole(monkeypatch):
     assert found.cost <= dijkstra_cost(cost, (150, 8), (170, 160))
 
 
+def test_reduced_ground_has_the_geometric_mean_of_its_pixels_and_keeps_obstacles():
+    cost = np.array([[1.0, 4.0, 2.0], [16.0, 1.0, np.inf], [3.0, 3.0, 5.0]])
+    np.testing.assert_allclose(levels.reduced(cost, 2, []), [[8**0.5, np.inf], [3.0, 5.0]])
+    # Where a way leads the obstacle is left out.
+    assert levels.reduced(cost, 2, [np.array([[0, 2]])])[0, 1] == pytest.approx(2.0)
+
+
 def test_a_gap_that_the_reduced_ground_does_not_have_is_found():
     wall = np.zeros((400, 420), bool)
     wall[:380, 200:203] = True

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
+from toposeam.texture.fill import _grouped
 from toposeam.texture.lay import PatchPlacer
 
 
@@ -37,6 +38,23 @@ def test_one_small_hole_is_closed_by_one_closed_seam(sample):
     hole[50:62, 55:70] = True
     made = ts.fill(image, hole, patch=32)
     assert [line.closed for line in made.paths] == [True]
+
+
+@pytest.mark.parametrize(("side", "many"), [(50, False), (80, True)])
+def test_a_hole_of_up_to_two_patches_is_closed_by_one(sample, side, many):
+    image = sample(1, (320, 320))
+    hole = np.zeros(image.shape, bool)
+    hole[120 : 120 + side, 130 : 130 + side] = True
+    made = ts.fill(image, hole, patch=32, band=4, by="patches")
+    assert (made.count > 1) == many
+
+
+def test_holes_near_each_other_are_filled_together():
+    hole = np.zeros((60, 200), bool)
+    hole[20:26, 20:26] = hole[20:26, 50:56] = hole[20:26, 150:156] = True
+    together = _grouped(hole, hole)
+    # Small holes reach 16 px: the first two, 24 px apart, meet, the third does not.
+    assert together[22, 22] == together[22, 52] != together[22, 152] != 0
 
 
 def test_a_periodic_pattern_is_restored_exactly():

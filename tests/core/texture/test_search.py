@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from toposeam.texture.atlas import Atlas
-from toposeam.texture.search import PatchSearch, box_sum
+from toposeam.texture.search import PatchSearch, box_sum, reduced
 
 
 def brute_force(features, usable, values, weight, margin, patch):
@@ -75,6 +75,14 @@ def test_box_sums_are_the_sums_of_boxes():
     values = np.random.default_rng(3).integers(0, 9, (11, 13))
     expected = np.lib.stride_tricks.sliding_window_view(values, (4, 5)).sum(axis=(2, 3))
     np.testing.assert_array_equal(box_sum(values, (4, 5)), expected)
+
+
+def test_blocks_have_the_weighted_mean_of_their_pixels_and_their_share_of_weight():
+    values = np.float32([[1, 3, 10], [5, 7, 20]])[..., np.newaxis]
+    weight = np.float32([[1, 1, 1], [1, 0, 0]])
+    mean, share = reduced(values, weight, 2)
+    assert mean[..., 0] == pytest.approx(np.array([[3, 10]]))  # what has no weight does not count
+    assert share == pytest.approx(np.array([[0.75, 0.25]]))  # nor what lies outside
 
 
 def test_indices_lead_back_to_exemplar_row_and_column():

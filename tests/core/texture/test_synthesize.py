@@ -218,13 +218,6 @@ def test_a_guide_says_what_goes_where():
     assert made.image[:, 56:].mean() < 80
 
 
-def test_the_patch_is_chosen_by_the_size_of_the_elements(sample):
-    fine = sample(15, (192, 192))
-    coarse = ndimage.zoom(sample(15, (64, 64)), 3, order=1)
-    patches = [ts.synthesize(image, 40, patch=None).settings["patch"] for image in (fine, coarse)]
-    assert 8 <= patches[0] < patches[1] <= 64
-
-
 def test_options_come_as_keywords_or_as_one_value(sample):
     one = ts.synthesize(sample(18), 80, patch=24, options=ts.LayOptions(tolerance=0.5, most=4))
     two = ts.synthesize(sample(18), 80, patch=24, tolerance=0.5, most=4)
@@ -280,18 +273,6 @@ def test_a_pil_picture_is_a_source_and_a_result_shows_itself(sample):
 def test_the_axes_have_one_set_of_names(sample, names, wraps):
     for name in names:
         assert ts.synthesize(sample(24), (60, 70), patch=24, tileable=name).wraps == wraps
-
-
-def test_the_natural_patch_holds_about_four_elements():
-    stripes = np.tile(np.repeat(np.array([0, 255], np.uint8), 6), (240, 20))
-    # Along the stripes nothing changes: four elements would be more than a third of the sample.
-    assert ts.natural_patch(stripes) == 80
-    checks = np.kron(np.indices((20, 20)).sum(axis=0) % 2, np.ones((12, 12))).astype(np.uint8) * 255
-    # The correlation, 1 - 2 × distance / 12, is below 0.2 from 5 px on: 4 elements of 2 × 5 px.
-    assert ts.natural_patch(checks) == 40
-    masked = np.zeros(checks.shape, bool)
-    masked[:100, :100] = True
-    assert 24 <= ts.natural_patch(checks, source_mask=masked) <= 96
 
 
 def test_seams_run_between_patches_and_can_be_read_back(sample):

@@ -5,7 +5,7 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.volume.period import Jump, changes
+from toposeam.volume.period import Jump, changes, small_frames, small_mask
 from toposeam.volume.walk import closed_walk, length
 
 
@@ -22,6 +22,20 @@ def drifting(frames, size=(20, 28), seed=0):
     texture = ndimage.gaussian_filter(rng.standard_normal((size[0], size[1] + 4 * frames)), 2, mode="wrap")
     texture = (texture - texture.min()) / np.ptp(texture)
     return np.stack([texture[:, 2 * t : 2 * t + size[1]] for t in range(frames)]).astype(np.float32)
+
+
+def test_frames_are_compared_by_means_over_squares():
+    frames = np.zeros((2, 80, 81, 1), np.uint8)
+    frames[0, ::2] = 255  # every other row
+    frames[1, :, :27] = 255
+    small = small_frames(frames, None)
+    assert small.shape == (2, 26, 27, 1)  # squares of 3 px, so that about 1500 are left at most
+    assert small[0, :2, 0, 0].tolist() == pytest.approx([2 / 3, 1 / 3])
+    assert small[1, :, :9] == pytest.approx(1.0)
+    assert small[1, :, 9:] == pytest.approx(0.0)
+    mask = np.zeros((80, 81), bool)
+    mask[:, :28] = True  # a third of the squares in the tenth column
+    assert small_mask(mask, (26, 27)).sum(axis=1).tolist() == [9] * 26
 
 
 def test_a_period_is_found():

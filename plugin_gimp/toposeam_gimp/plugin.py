@@ -94,7 +94,7 @@ def _run(
             return procedure.new_return_values(Gimp.PDBStatusType.CANCEL, None)
         options = {option.name: config.get_property(option.name) for option in entry.options}
         for option in entry.options:
-            if option.default is None:  # GIMP cannot write down which layer it was, and says so on the console
+            if option.default is None:  # GIMP cannot write down which layer it was, and would complain
                 config.set_property(option.name, None)
         Gimp.progress_init(entry.title)
         call = Call(

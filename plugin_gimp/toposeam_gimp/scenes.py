@@ -31,8 +31,8 @@ OF = {
 #: A preview is made of so many pixels at most.
 MOST_PIXELS = 300_000
 #: What takes longer than seams has fewer, so that a preview takes a second at most (benchmarks/gimp.py).
-_MOST_PLACED, _MOST_TILED, _MOST_SAMPLED = 120_000, 100_000, 60_000
-_MOST_GROWN, _MOST_LOOPED = 40_000, 150_000
+_MOST_PLACED, _MOST_TILED, _MOST_SAMPLED = 120_000, 80_000, 50_000
+_MOST_GROWN, _MOST_LOOPED = 32_000, 150_000
 #: The least that a frame of an animation is shown at.
 _LEAST_FRAME = 200
 

@@ -46,8 +46,9 @@ kinds = {"one": kinds.DRAWABLE, "two": kinds.DRAWABLES, "none": kinds.NO_IMAGE}
 answer = {}
 for name in names:
     procedure = Gimp.get_pdb().lookup_procedure(name)
-    mask = procedure.get_sensitivity_mask()
-    answer[name] = [[kind for kind, bit in kinds.items() if int(mask) & int(bit)], procedure.get_image_types()]
+    mask = int(procedure.get_sensitivity_mask())
+    allowed = [kind for kind, bit in kinds.items() if mask & int(bit)]
+    answer[name] = [allowed, procedure.get_image_types()]
 """
     found = gimp.python(code=code, names=NAMES)
     for selected, names in CHOOSABLE.items():

@@ -35,6 +35,8 @@ def test_a_whole_number_is_no_float(value):
 def test_seeds_are_whole_numbers_generators_or_none():
     assert seed_of(np.int32(5)) == 5
     assert seed_of(np.random.default_rng(1)) == seed_of(np.random.default_rng(1))
+    # Up to 2⁵³, which JSON keeps in a recipe.
+    assert seed_of(np.random.default_rng(1)) == np.random.default_rng(1).integers(2**53)
     assert seed_of(None) != seed_of(None)
     with pytest.raises(ts.OptionError, match="seed is -3; pass a whole number from 0 on"):
         seed_of(-3)

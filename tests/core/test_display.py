@@ -65,6 +65,8 @@ def test_a_line_in_a_notebook_is_drawn_where_it_runs(results):
     assert root.find(f"{NAMESPACE}path").get("d") == "M 0,0 30,0 0,40 Z"
     left, top, width, height = map(float, root.get("viewBox").split())
     assert (left, top, left + width, top + height) == pytest.approx((-0.8, -0.8, 30.8, 40.8))
+    point = ElementTree.fromstring(ts.Polyline([[4, 5], [4.25, 5]])._repr_svg_()).get("viewBox")
+    assert point == "3.98 4.98 0.29 0.04"  # what is smaller than a pixel has a pixel's margin
     d = ElementTree.fromstring(results["curve"]._repr_svg_()).find(f"{NAMESPACE}path").get("d")
     assert d.startswith("M 0,0 C ")
     assert d.endswith(" 60,90")

@@ -25,6 +25,8 @@ def test_an_animation_has_a_frame_for_each_iteration_and_ends_on_the_two_sides(s
     assert left[2] > left[0] + 10  # a is blue
     assert right[0] > right[2] + 10  # b is amber
     assert content == animate(seam, suffix)
+    # Nothing is lost: a film has few colours.
+    assert len(np.unique(last.reshape(-1, 3), axis=0)) < 256
 
 
 def test_a_seam_without_frames_is_refused():

@@ -114,6 +114,20 @@ def test_an_environment_for_gimp_is_made_where_each_system_keeps_data(
     assert environment.usual_folder() == tmp_path / expected
 
 
+@pytest.mark.parametrize(
+    ("platform", "expected"),
+    [("win32", "AppData/Local/TopoSeam/venv"), ("linux", ".local/share/toposeam/venv")],
+)
+def test_an_environment_for_gimp_has_a_place_where_the_system_names_none(
+    tmp_path, monkeypatch, platform, expected
+):
+    monkeypatch.setattr(sys, "platform", platform)
+    monkeypatch.setattr(Path, "home", lambda: tmp_path)
+    monkeypatch.delenv("LOCALAPPDATA", raising=False)
+    monkeypatch.delenv("XDG_DATA_HOME", raising=False)
+    assert environment.usual_folder() == tmp_path / expected
+
+
 @pytest.mark.parametrize(("platform", "python"), [("win32", "Scripts/python.exe"), ("darwin", "bin/python")])
 def test_the_python_of_a_made_environment_is_named_as_the_system_does(
     tmp_path, monkeypatch, platform, python

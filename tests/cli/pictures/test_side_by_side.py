@@ -8,6 +8,7 @@ import pytest
 from picture_samples import DEPTHS, GRAY22, OTHER_SRGB, P3, SRGB, fails, gray_profile, sample, smooth
 from PIL import Image, ImageCms
 
+from toposeam.errors import ImageError
 from toposeam_cli.pictures.picture import Picture, match_pictures
 
 
@@ -52,6 +53,17 @@ def test_profiles_are_converted_to_the_first():
         second.pixels, np.asarray(expected).astype(int), atol=1
     )  # both round to 8 bits
     assert np.abs(second.pixels.astype(int) - values).max() > 5
+
+
+def test_floats_from_black_to_white_are_converted_and_others_refused():
+    values = (smooth() / 255).astype(np.float32)
+    values[0, 0], values[0, 1] = 0, 1
+    converted = match_pictures([Picture(pixels=values, icc=P3), Picture(pixels=values, icc=SRGB)])[1].pixels
+    assert converted[0, 0] == pytest.approx(0, abs=1e-4)
+    assert converted[0, 1] == pytest.approx(1, abs=1e-4)
+    values[0, 0] = -0.01
+    with pytest.raises(ImageError, match=r"float pixels from -0.01 to 1 cannot be converted"):
+        match_pictures([Picture(pixels=values, icc=P3), Picture(pixels=values, icc=SRGB)])
 
 
 def test_a_picture_without_profile_counts_as_srgb():

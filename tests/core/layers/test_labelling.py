@@ -79,6 +79,18 @@ def test_where_cores_meet_a_later_layer_wins():
     assert [bool(mask[15, 20]) for mask in posed(layers[::-1]).allowed] == [False, False, True]
 
 
+def test_a_layer_that_reaches_out_by_one_pixel_keeps_no_core():
+    large = ts.Layer(np.full((20, 20), 0.2))
+    alpha = np.ones((10, 10))
+    alpha[:, 6:] = 0
+    inside = ts.Layer(np.full((10, 10), 0.4), at=(14, 5), alpha=alpha)
+    assert not posed([large, inside]).allowed[0][10, 16]  # its core, where no other layer may show
+    alpha = alpha.copy()
+    alpha[4, 6] = 1
+    reaching = ts.Layer(np.full((10, 10), 0.4), at=(14, 5), alpha=alpha)
+    assert posed([large, reaching]).allowed[0][10, 16]
+
+
 def test_costs_of_a_band_are_those_of_the_whole(monkeypatch):
     photograph = data.coffee()[:90, :120]
     layers = [ts.Layer(photograph[:, :80].copy()), ts.Layer(photograph[:, 30:].copy() // 2, at=(30, 4))]

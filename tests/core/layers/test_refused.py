@@ -78,6 +78,11 @@ ERRORS = {
         ts.OptionError,
         "say between which two it runs",
     ),
+    "no path": (
+        lambda: ts.stitch([crop(0, 0), crop(20, 0)], use_path="seam.svg"),
+        ts.OptionError,
+        "pass an SvgSeam, or one for each pair of layers",
+    ),
     "path elsewhere": (
         lambda: ts.stitch([crop(0, 0), crop(20, 0)], use_path=ts.read_svg(SVG)),
         ts.PathError,

@@ -166,6 +166,12 @@ def test_reduced_ground_has_the_geometric_mean_of_its_pixels_and_keeps_obstacles
     assert levels.reduced(cost, 2, [np.array([[0, 2]])])[0, 1] == pytest.approx(2.0)
 
 
+def test_a_finer_ground_is_open_beside_the_ways_only():
+    ground = levels._along([np.array([[10, 12]])], np.ones((9, 11)), 2, 2)
+    assert np.isfinite(ground).sum() == 25
+    assert np.isfinite(ground[3:8, 4:9]).all()
+
+
 def test_a_gap_that_the_reduced_ground_does_not_have_is_found():
     wall = np.zeros((400, 420), bool)
     wall[:380, 200:203] = True

@@ -49,6 +49,19 @@ def test_a_hole_of_up_to_two_patches_is_closed_by_one(sample, side, many):
     assert (made.count > 1) == many
 
 
+def test_without_tolerance_the_best_place_is_taken_whatever_the_seed(sample):
+    image = sample(1, (160, 160))
+    hole = np.zeros(image.shape, bool)
+    hole[60:100, 60:100] = True
+    made = [
+        ts.fill(image, hole, patch=32, band=4, by="patches", tolerance=tolerance, seed=seed)
+        for tolerance in (0.0, 1.0)
+        for seed in range(4)
+    ]
+    assert all((one.source == made[0].source).all() for one in made[:4])
+    assert any((one.source != made[0].source).any() for one in made[4:])
+
+
 def test_holes_near_each_other_are_filled_together():
     hole = np.zeros((60, 200), bool)
     hole[20:26, 20:26] = hole[20:26, 50:56] = hole[20:26, 150:156] = True

@@ -4,7 +4,7 @@ from scipy import ndimage
 
 import toposeam as ts
 from toposeam.texture.keeping_step import Phase
-from toposeam.texture.order import Order, find_order
+from toposeam.texture.order import Order, _points, find_order
 
 
 def bricks(height=160, width=192, brick=(16, 40), seed=0):
@@ -119,3 +119,12 @@ def test_a_synthesis_says_which_size_would_fit():
     assert ts.closing_size(image, (197, 213)) == (192, 200)
     assert ts.closing_size(image, (197, 213), tileable="y") == (192, 213)
     assert ts.closing_size(image, (190, 213), within=True) == (160, 200)
+
+
+@pytest.mark.parametrize("period", [3, 4, 10])
+def test_all_points_of_a_lattice_in_one_half_of_a_box(period):
+    whole, shifts = _points(period * np.eye(2), (40.0, 40.0))
+    side = 2 * (40 // period) + 1
+    assert len(whole) == (side**2 - 1) // 2
+    np.testing.assert_array_equal(shifts, period * whole)
+    assert len(np.unique(np.vstack([shifts, -shifts]), axis=0)) == side**2 - 1

@@ -39,6 +39,23 @@ def test_the_fit_is_the_weighted_mean_squared_difference(holes):
     np.testing.assert_allclose(found[np.isfinite(found)], expected[np.isfinite(expected)], atol=2e-5)
 
 
+def test_the_nine_places_round_one_have_the_same_error():
+    rng = np.random.default_rng(4)
+    image, usable = rng.random((30, 33, 2)).astype(np.float32), np.ones((30, 33), bool)
+    usable[20:, :3] = False
+    atlas = Atlas.of([usable], 3)
+    features = atlas.spread([image]) * atlas.usable[..., None]
+    m, patch = atlas.margin, (7, 6)
+    values = rng.random((patch[0] + 2 * m, patch[1] + 2 * m, 2)).astype(np.float32)
+    weight = rng.random(values.shape[:2]).astype(np.float32)
+    expected = brute_force(features, atlas.usable, values, weight, m, patch)
+    rows, columns, error = PatchSearch(atlas, features).around(
+        2 * m + 4, m + 2, 3, values, weight, (m, m), patch
+    )
+    assert (rows.reshape(3, 3)[:, 0] - rows[0]).tolist() == [0, 3, 6]
+    np.testing.assert_allclose(error, expected[rows - m, columns - m], rtol=1e-4)
+
+
 def test_a_large_exemplar_is_searched_reduced_and_then_exactly():
     rng = np.random.default_rng(1)
     image = rng.random((400, 360, 1)).astype(np.float32)

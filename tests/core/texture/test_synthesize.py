@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy import ndimage
@@ -373,8 +375,16 @@ def test_exemplars_show_on_the_shares_asked_for(sample):
 
 @pytest.mark.parametrize(
     ("shares", "phrase"),
-    [((1,), "1 shares were given for 2"), ((1, 0), "one of the shares"), (5, "a list with one number")],
+    [((1,), "shares has length 1 for 2"), ((1, 0), "one of the shares"), (5, "a list with one number")],
 )
 def test_shares_that_fit_nothing_are_refused(sample, shares, phrase):
     with pytest.raises(ts.OptionError, match=phrase):
         ts.synthesize([sample(0, (64, 64)), sample(1, (64, 64))], 80, shares=shares)
+
+
+def test_seams_run_with_the_later_patch_on_their_right(sample):
+    made = ts.synthesize(sample(16), (40, 60), patch=32)
+    labels = np.zeros((40, 60), np.int32)
+    labels[:, 25:] = 1
+    (line,) = dataclasses.replace(made, labels=labels).paths
+    assert line.points.tolist() == [[25, 40], [25, 0]]

@@ -177,3 +177,15 @@ def test_a_walk_that_no_cheap_jump_closes_takes_a_dear_one_as_long_as_a_transiti
     home = Jump(8, 4, 9.0)
     walk = closed_walk([Jump(6, 4, 1.0), Jump(12, 9, 3.0), home], 4, 4, np.random.default_rng(0))
     assert walk[0] == home
+
+
+def test_a_walk_prefers_cheap_jumps_whatever_the_scale_of_their_costs():
+    costs = {30: 1.0, 25: 1.6, 38: 1.9}
+    walks = []
+    for scale in (1e-4, 1.0, 1e4):
+        jumps = [Jump(leaves, 4, scale * cost) for leaves, cost in costs.items()]
+        walk = closed_walk(jumps, 4, 3000, np.random.default_rng(1))
+        walks.append([jump.leaves for jump in walk])
+    assert walks[0] == walks[1] == walks[2]
+    # Each is taken in its turn: what was taken less often comes first, and then what is cheaper.
+    assert walks[1].count(30) >= walks[1].count(25) >= walks[1].count(38) > len(walks[1]) / 4

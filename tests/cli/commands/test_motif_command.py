@@ -103,6 +103,9 @@ def test_relatives_keep_what_they_share(made, toposeam):
         return np.mean([np.hypot(a[0] - b[0], a[1] - b[1]) for a, b in pairs])
 
     assert 0 < moved(near) < 0.08 < moved(far)
+    # Without a seed, that of the motif and one: a row of relatives counts up.
+    toposeam("motif", "-o", "next.png", "--like", "motif.png", "--vary", "0.1")
+    assert read_recipe(made / "next.png") == ts.vary(first, amount=0.1, seed=first.seed + 1)
 
 
 def test_a_recipe_as_toml_and_back(made, toposeam):

@@ -93,7 +93,7 @@ ARROWS = {
         "toposeam_cli.placing",
         "toposeam_cli.progress",
     },
-    "toposeam_cli.enblend_line": CLI_CORE,
+    "toposeam_cli.enblend_line": CLI_CORE | {"toposeam_cli.files"},
     "toposeam_cli.seam_page": CLI_CORE,
     "toposeam_cli.shells": {"toposeam_cli"},
     "toposeam_cli.texture_files": CLI_CORE

@@ -5,9 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from glob import escape, glob
 from pathlib import Path
 
 import toposeam as ts
+from toposeam_cli.files.tables import read_text
 
 #: What Hugin's preferences and scripts ask for the version.
 VERSION = "enblend 4.2 (TopoSeam)"
@@ -211,15 +213,16 @@ def files_of(words: Sequence[str]) -> list[Path]:
             files.append(Path(word))
             continue
         path = Path(word[1:])
-        try:
-            lines = path.read_text(encoding="utf-8").splitlines()
-        except (OSError, UnicodeError) as error:
-            raise ts.OptionError(f"cannot read '{path}' ({error}); check its name") from error
-        for line in lines:
+        for line in read_text(path, "a list of pictures").splitlines():
             name = line.partition("#")[0].strip()
             if not name:
                 continue
-            found = sorted(path.parent.glob(name)) if re.search(r"[*?\[]", name) else [path.parent / name]
+            if "\0" in name:
+                raise ts.OptionError(f"'{path}' is no list of pictures: no name holds NUL; check the file")
+            found = [path.parent / name]
+            if re.search(r"[*?\[]", name):
+                pattern = Path(escape(str(path.parent))) / name  # or the name alone, where it is absolute
+                found = [Path(one) for one in sorted(glob(str(pattern)))]  # noqa: PTH207
             if not found:
                 raise ts.OptionError(f"'{path}' names '{name}', and there is no such file; correct it")
             files += found

@@ -159,7 +159,8 @@ def _mask(found: re.Match[str], given: Mapping[str, Any]) -> str | None:
 
 _TEXTURES: tuple[tuple[str, Words], ...] = (
     (r"\bmap (\d+)\b", _map),
-    (r"\bthe exemplars\b", lambda found, given: "the pictures"),
+    (r"\bexemplars\b", lambda found, given: "pictures"),
+    (r"^one of the (shares|weights)\b", lambda found, given: f"one of --{found[1]}"),
     (r"weights were given for the picture and", lambda found, given: "--weights for the picture and"),
 )
 
@@ -167,6 +168,7 @@ _TEXTURES: tuple[tuple[str, Words], ...] = (
 _SAID: Mapping[str, Sequence[tuple[str, Words]]] = {
     "stitch": _JOINED,
     "compare": _JOINED,
+    "motif": ((r"^(?:rows|columns)\b", lambda found, given: "--sheet" if "sheet" in given else None),),
     "synth": (
         *_TEXTURES,
         (r"\b(?:the )?source(?: (\d+)(?! ×))?\b(?!s| of\b)", _source),

@@ -172,8 +172,10 @@ def check_numbers(name: str, values: Any) -> npt.NDArray[np.float64]:
     Raises
     ------
     OptionError
-        For text, objects and lists of unequal lengths.
+        For text, objects, lists of unequal lengths, and masked arrays.
     """
+    if isinstance(values, np.ma.MaskedArray):
+        raise OptionError(f"{name} is a masked array; pass {name}.filled(…)")
     try:
         array = np.asarray(values)
         if array.dtype.kind in "biuf":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from typing import Any
 
@@ -149,10 +150,47 @@ def as_float(
     array([0., 1.], dtype=float32)
     """
     array = as_array(image, name)
+    check_values(array, name, data_range)
     if array.ndim == 2:
         array = array[..., np.newaxis]
+    if np.issubdtype(array.dtype, np.integer):
+        return array.astype(np.float32) * np.float32(1.0 / (data_range or np.iinfo(array.dtype).max))
+    result = array.astype(np.float32)
+    if array.dtype != bool and data_range is not None and data_range != 1:
+        result /= np.float32(data_range)
+    return result
+
+
+def check_values(array: Image, name: str = "image", data_range: float | None = None) -> None:
+    """Refuse an image of which nobody can tell what counts as white, or whose values cannot be reckoned with.
+
+    Parameters
+    ----------
+    array : (H, W) or (H, W, C) array
+    name : str
+        What the caller calls it.
+    data_range : float, optional
+        The value that counts as 1, as for :func:`as_float`.
+
+    Raises
+    ------
+    ImageError
+        For NaN, infinite and huge values; and where `data_range` is needed: for integers but uint8 and
+        uint16, and for floats beyond ±2.
+    OptionError
+        When `data_range` is not positive.
+
+    Examples
+    --------
+    >>> check_values(np.zeros((2, 2), np.uint8))
+    >>> check_values(np.zeros((2, 2), np.int16))
+    Traceback (most recent call last):
+        ...
+    toposeam.errors.ImageError: image has dtype int16 and values up to 0; pass uint8 or uint16, or say with \
+data_range= which value is white
+    """
     if array.dtype == bool:
-        return array.astype(np.float32)
+        return
     if data_range is not None:
         check_number("data_range", data_range, 0, above=True)
     if np.issubdtype(array.dtype, np.integer):
@@ -161,15 +199,13 @@ def as_float(
                 f"{name} has dtype {array.dtype} and values up to {array.max()}; pass uint8 or uint16, or "
                 "say with data_range= which value is white"
             )
-        return array.astype(np.float32) * np.float32(1.0 / (data_range or np.iinfo(array.dtype).max))
-    result = array.astype(np.float32)
-    if not np.isfinite(result).all():
+        return
+    low, high = float(array.min()), float(array.max())  # NaN if any is
+    largest = max(-low, high) / (data_range or 1)
+    if not math.isfinite(low + high):
         raise ImageError(
             f"{name} has NaN or infinite values; replace them, or exclude those pixels with a mask"
         )
-    if data_range is not None and data_range != 1:
-        result /= np.float32(data_range)
-    largest = max(-float(result.min()), float(result.max()))
     if largest > LARGEST:
         raise ImageError(f"{name} has values beyond ±{LARGEST:g}; scale its range to [0, 1]")
     if data_range is None and largest > _NOMINAL:
@@ -177,7 +213,6 @@ def as_float(
             f"{name} is of floats up to {largest:g}, where 1 counts as white; say with data_range= which "
             "value does (255? 1, for a wide range?)"
         )
-    return result
 
 
 def full_scale(dtype: np.dtype[Any]) -> Any:
@@ -191,8 +226,10 @@ def as_mask(mask: npt.ArrayLike, shape: tuple[int, ...], name: str) -> Mask:
     Raises
     ------
     ImageError
-        When the shape differs.
+        When the shape differs, and for masked arrays.
     """
+    if isinstance(mask, np.ma.MaskedArray):
+        raise ImageError(f"{name} is a masked array; pass {name}.filled(0)")
     try:
         array = np.asarray(mask)
     except ValueError as error:

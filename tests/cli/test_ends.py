@@ -107,6 +107,8 @@ def test_ctrl_c_again_and_again_is_one_ctrl_c(many, delay, what):
 
 #: The full measure is TOPOSEAM_KILLS=100: about ten minutes each.
 KILLS = int(os.environ.get("TOPOSEAM_KILLS", "12"))
+#: Other moments: TOPOSEAM_KILLS_SEED.
+SEED = int(os.environ.get("TOPOSEAM_KILLS_SEED", "7"))
 WAYS = [
     (number, whom)
     for whom in ("process", "group", "worker")
@@ -152,7 +154,7 @@ def strike(child, number, whom, rng):
 def test_a_batch_that_is_killed_again_and_again_loses_nothing(many, where):
     if "--dask" in where:
         pytest.importorskip("distributed")
-    rng = random.Random(7)  # noqa: S311 - no secret
+    rng = random.Random(SEED)  # noqa: S311 - no secret
     words = [sys.executable, "-m", "toposeam_cli", "batch", "a*.png", "b*.png", "--overlap", "40", "-q"]
     whole = [*words, "-o", "whole/{name}.png", "--labels", "whole/{name}.tif", "--results", "whole.jsonl"]
     subprocess.run(whole, cwd=many, check=True)

@@ -229,54 +229,6 @@ def test_tables_with_more_than_anybody_writes(toposeam, folder, photographs, com
     assert phrase in ran.err
 
 
-@pytest.mark.parametrize("place", ["pipe.toml", "/dev/zero", "/dev/null", "."])
-def test_a_file_of_parameters_that_is_no_file(toposeam, folder, place):
-    os.mkfifo(folder / "pipe.toml")
-    toposeam("motif", "--config", place, "-o", "o.png", "--size", "32").fails("not a regular file")
-
-
-PIPES = [
-    ("loop", "pipe.mp4", "-o", "o.gif"),
-    ("loop", "pipe.gif", "-o", "o.gif"),
-    ("loop", "pipe.xyz", "-o", "o.gif"),
-    ("volume", "pipe.tif", "pipe.tif", "--offset", "0,0,1", "-o", "o.tif"),
-    ("volume", "pipe.npy", "pipe.npy", "--offset", "0,0,1", "-o", "o.tif"),
-    ("volume", "stack.zarr", "stack.zarr", "--offset", "0,0,1", "-o", "o.tif"),
-    ("motif", "--palette", "pipe.gpl", "-o", "o.png", "--size", "32"),
-    ("motif", "--palette", "pipe.ase", "-o", "o.png", "--size", "32"),
-    ("stitch", "pipe.ora", "-o", "o.png"),
-    ("stitch", "a.png", "b.png", "--overlap", "20", "-o", "o.png", "--use-seam", "pipe.svg"),
-    ("path", "pipe.png", "--from", "1,1", "--to", "5,5", "-o", "o.svg"),
-]
-
-
-@pytest.mark.timeout(60)  # else they are waited for, for ever
-@pytest.mark.parametrize("line", PIPES, ids=lambda line: " ".join(line[:2]))
-def test_nobody_waits_for_what_comes_through_a_pipe(toposeam, folder, photographs, line):
-    (folder / "stack.zarr").mkdir()
-    for name in ("mp4", "gif", "xyz", "tif", "npy", "gpl", "ase", "ora", "svg", "png"):
-        os.mkfifo(folder / f"pipe.{name}")
-    for name in (".zarray", ".zgroup", "zarr.json"):
-        os.mkfifo(folder / "stack.zarr" / name)
-    toposeam(*line).fails("not a regular file")
-
-
-@pytest.mark.timeout(60)
-@pytest.mark.parametrize(
-    "text",
-    [
-        "#EXTM3U\n#EXT-X-TARGETDURATION:10\n#EXTINF:10,\npipe.ts\n#EXT-X-ENDLIST\n",
-        "ffconcat version 1.0\nfile pipe.ts\n",
-    ],
-    ids=["hls", "concat"],
-)
-def test_a_video_that_is_a_list_of_other_files_is_none(toposeam, folder, text):
-    pytest.importorskip("av")
-    os.mkfifo(folder / "pipe.ts")
-    (folder / "clip.mp4").write_text(text)
-    toposeam("loop", "clip.mp4", "-o", "o.gif").fails("cannot be read as a video")
-
-
 @pytest.mark.parametrize("number", ["1e308", "1e309", "nan", "0", "-1"])
 def test_limits_that_are_none(toposeam, folder, photographs, number):
     toposeam("tile", "a.png", "-o", "o.png", "--max-megapixels", number).fails("--max-megapixels", 2)

@@ -70,6 +70,8 @@ def some(folder, photographs):
         ("synth noise.png --size 64 --from thread.png --patch 16", "no place in --from has room"),
         ("synth clear.png --size 64", "clear.png is transparent everywhere"),
         ("synth noise.png --size 64 --weights 1,1", "2 --weights for the picture and 0 further maps"),
+        ("synth noise.png more.png --size 64 --shares 1", "--shares has length 1 for 2 pictures"),
+        ("synth noise.png more.png --size 64 --shares 1,0", "one of --shares is 0"),
         ("fill noise.png --mask black.png", "black.png is empty"),
         ("fill noise.png --mask white.png", "white.png covers the whole picture"),
         (
@@ -101,6 +103,12 @@ def test_files_and_options_are_called_as_they_were_given(toposeam, some, words, 
     assert not PYTHON.search(ran.err), ran.err
     if "--from" not in words and "mask" not in words:
         assert "mask" not in ran.err
+
+
+def test_a_drawn_sheet_is_called_by_its_option(toposeam, tmp_path):
+    toposeam("motif", "--size", "32", "--sheet", "2x99999", "-o", tmp_path / "o.svg").fails(
+        "--sheet is 99999"
+    )
 
 
 def test_jobs_of_a_batch_speak_so_too(toposeam, some):

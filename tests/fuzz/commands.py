@@ -39,7 +39,7 @@ LIKELY = {
     "text": ["2x1", "fall", "winter", "soft", "clean", "A B/B A", "name"],
     "integer": ["1", "4", "8"],
 }
-HOSTILE_SIZES = ["0x0", "1x30000", "999999x999999", "30000x1", "3x", "x3", "1x1", "-2x2", "2x2x2"]
+HOSTILE_SIZES = ["0x0", "1x100000", "999999x999999", "100000x1", "3x", "x3", "1x1", "-2x2", "2x2x2"]
 SUFFIXES = [".png", ".tif", ".jpg", ".webp", ".svg", ".ora", ".pdf", ".gif", ".toml", ".json", ".xyz", ""]
 #: They make more than one file, and keep what they made when something fails later.
 KEEPING = {"batch", "book"}
@@ -367,10 +367,10 @@ class Fuzzer:
 
 
 def is_large(path):
-    """Whether a file is a picture that, given to `fill` as its own mask, would take long and show nothing."""
+    """Whether a picture is beyond a megapixel, which may take a command longer than a case may take."""
     try:
         with Image.open(path) as picture:
-            return picture.width * picture.height > 300_000
+            return picture.width * picture.height > 1_000_000
     except (OSError, Image.DecompressionBombError):
         return False
 

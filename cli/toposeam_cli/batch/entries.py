@@ -179,7 +179,9 @@ def expand(entry: Entry) -> Iterator[tuple[dict[str, Any], str]]:
         return
     for pattern, matches in patterns.items():
         if not matches:
-            raise entry.refuse(f"no file matches {pattern!r}; check its folder and spelling")
+            raise entry.refuse(
+                f"no file matches {pattern!r}; check its folder and spelling, and your right to look into it"
+            )
     counts = {pattern: len(_WILDCARD.findall(pattern)) for pattern in patterns}
     if len(set(counts.values())) > 1:
         raise entry.refuse(

@@ -16,6 +16,7 @@ from toposeam.errors import OptionError, TopoSeamError
 from toposeam_cli.batch.entries import NAME, Entry, expand, parse_patterns, read_entries, to_words
 from toposeam_cli.batch.running import commands_with_outputs
 from toposeam_cli.files.interruption import Terminated
+from toposeam_cli.files.writing import check_output
 from toposeam_cli.jobs.journal import Journal
 from toposeam_cli.jobs.runner import Job, check, finished, run
 from toposeam_cli.options import FILE, force_option, is_input, is_output, jobs_option, quiet_option
@@ -91,6 +92,8 @@ def batch(
     if dry_run:
         _show(jobs, results, fresh)
         return
+    if results.parent.is_dir():  # before any folder is made
+        check_output(results, force=True, suffixes=None)
     for folder in {path.parent for job in jobs for path in job.outputs}:
         folder.mkdir(parents=True, exist_ok=True)
     start, tally = time.monotonic(), Counter[str]()

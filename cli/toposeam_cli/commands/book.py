@@ -129,7 +129,9 @@ def book(
         chosen = _beside(choose(rows))
         _, lost = _run(_product_jobs(chosen, folder, force), processes, journal, fresh, quiet, "mock-ups")
         failed += lost
+        # Names that are not UTF-8 have characters that no page can hold.
         name = title if title is not None else ", ".join(theme.stem for theme in themes)
+        name = click.format_filename(name)
         products = [
             (row, product) for row, product in chosen if (folder / _product_path(row, product)).exists()
         ]

@@ -97,6 +97,11 @@ def join(
         raise ts.OptionError("one motif alone joins itself already; name two at least")
     recipes = _alike([read_recipe(path) for path in files], files)
     places = None if grid is None else _parse(grid)
+    count = 1 + (len(files) - 1) * (1 + between) ** (stages - 1)
+    if places is not None and places.max() > count:
+        raise ts.OptionError(
+            f"--grid names motif {places.max()}, but with those between there are {count}; use 1 to that"
+        )
     if places is None and sheet[0] * sheet[1] * math.prod(recipes[0].size) > MAX_PATTERN:
         raise ts.OptionError(
             f"a sheet of {sheet[1]} × {sheet[0]} motifs has more than {MAX_PATTERN:,} px; ask for fewer"
@@ -114,11 +119,6 @@ def join(
             between=between,
             shared=shared,
             progress=bar,
-        )
-    if places is not None and places.max() > len(joined.motifs):
-        raise ts.OptionError(
-            f"--grid names motif {places.max()}, but with those between there are {len(joined.motifs)}; use "
-            "1 to that"
         )
     laid = ts.arrange(joined.motifs, sheet if places is None else places - 1, seed=seed, reach=reach)
     settings = {

@@ -34,7 +34,7 @@ def read_table(path: Path, what: str) -> tuple[Any, str]:
     OptionError
         When there is no such regular file, or it is too large, too deep, not UTF-8 or not TOML (JSON).
     """
-    text = _text(path, what)
+    text = read_text(path, what)
     kind = "JSON" if path.suffix.lower() == ".json" else "TOML"
     try:
         table = json.loads(text) if kind == "JSON" else tomllib.loads(text)
@@ -51,7 +51,20 @@ def read_table(path: Path, what: str) -> tuple[Any, str]:
     return table, text
 
 
-def _text(path: Path, what: str) -> str:
+def read_text(path: Path, what: str) -> str:
+    """The text in a file that is no larger than a table may be.
+
+    Parameters
+    ----------
+    path : Path
+    what : str
+        What it should be, for the error's text: "a list of pictures".
+
+    Raises
+    ------
+    OptionError
+        Also for pipes and devices, which may never come to an end.
+    """
     try:
         check_regular(path, what, folders=False)
         with path.open("rb") as file:

@@ -55,7 +55,7 @@ def decode(path: Path, max_pixels: int) -> Decoded:
     ImageError
         If there is no such file, or it is no picture, damaged, cut short or larger than `max_pixels`.
     """
-    _check_input(path)
+    check_input(path)
     vips = load_vips()
     try:
         image = vips.Image.new_from_source(
@@ -110,7 +110,7 @@ def size_of(path: Path) -> tuple[int, int]:
     ImageError
         If there is no such file, or it is no picture.
     """
-    _check_input(path)
+    check_input(path)
     vips = load_vips()
     try:
         image = vips.Image.new_from_source(vips.Source.new_from_file(os.fsencode(path)), "")
@@ -122,7 +122,13 @@ def size_of(path: Path) -> tuple[int, int]:
     return image.width, image.height
 
 
-def _check_input(path: Path) -> None:
+def check_input(path: Path) -> None:
+    """Refuse what is no file with something in it, or none that may be read.
+
+    Raises
+    ------
+    ImageError
+    """
     try:
         mode = path.stat().st_mode
         if stat.S_ISDIR(mode):

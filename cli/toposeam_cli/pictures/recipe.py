@@ -18,7 +18,7 @@ import toposeam as ts
 from toposeam.errors import ImageError, OptionError
 from toposeam.vector.svg import read_metadata
 from toposeam_cli.files.tables import read_table
-from toposeam_cli.pictures.decode import RECIPE_NAMESPACE
+from toposeam_cli.pictures.decode import RECIPE_NAMESPACE, check_input
 from toposeam_cli.pictures.libvips import load_vips
 
 _RECIPE = f"{{{RECIPE_NAMESPACE}}}recipe"
@@ -66,11 +66,8 @@ def read_recipe(path: Path) -> ts.Recipe:
 
 
 def _from_picture(path: Path) -> dict[str, Any] | None:
+    check_input(path)
     vips = load_vips()
-    if path.is_dir():
-        raise ImageError(f"'{path}' is a folder; name a motif inside it")
-    if not path.is_file():
-        raise ImageError(f"there is no file '{path}'; check its name and folder")
     try:
         image = vips.Image.new_from_source(vips.Source.new_from_file(os.fsencode(path)), "")
         packet = bytes(image.get("xmp-data")) if image.get_typeof("xmp-data") else b""

@@ -17,6 +17,7 @@ Floats = npt.NDArray[np.float64]
 _REDUCED_PIXELS = 200_000
 _CONTRAST = 0.004  # of features, three times as faint as usual
 _BLUR = 8.0  # px; slower changes are exposure, not content
+_CLEARLY = 0.85  # distance of a feature that matches, by that of the next one
 _LEAST_CORNER = 0.1  # least of how much a patch changes along its straightest direction, by that across it
 
 
@@ -51,6 +52,32 @@ def look_at(picture: Layer) -> Look:
         return Look(detail, known, scale, np.zeros((0, 2)), None)
     points = (sift.keypoints[:, ::-1] + 0.5) * scale - 0.5
     return Look(detail, known, scale, points.astype(float), sift.descriptors)
+
+
+def shared_features(a: Look, b: Look) -> npt.NDArray[np.intp]:
+    """Numbers of the features that are each other's nearest and clearly nearer than the next one.
+
+    Returns
+    -------
+    (N, 2) int array
+        In `a` and in `b`.
+    """
+    if a.descriptors is None or b.descriptors is None:
+        return np.zeros((0, 2), np.intp)
+    # Whole numbers up to 128 · 255² are exact in float32, so this is what skimage.feature.match_descriptors
+    # gives, in a tenth of its time.
+    first, second = (look.descriptors.astype(np.float32) for look in (a, b))  # type: ignore[union-attr]
+    lengths = np.square(first).sum(axis=1)[:, np.newaxis] + np.square(second).sum(axis=1)
+    distance = lengths - 2 * (first @ second.T)
+    near = distance.argmin(axis=1)
+    mine = np.arange(len(first))
+    mutual = mine == distance.argmin(axis=0)[near]
+    least = distance[mine, near]
+    distance[mine, near] = np.inf
+    next_one = np.maximum(distance.min(axis=1), np.finfo(float).eps ** 2) if len(second) > 1 else np.inf
+    clear = np.sqrt(least.astype(float)) / np.sqrt(next_one) < _CLEARLY
+    chosen = mutual & clear
+    return np.stack([mine[chosen], near[chosen]], axis=1)
 
 
 def cornered(patch: npt.NDArray[np.float32]) -> bool:

@@ -1,8 +1,9 @@
 """Places of pictures of which nobody says where they belong.
 
 1. Each picture, reduced, is described by its SIFT features (Lowe 2004,
-   doi:10.1023/B:VISI.0000029664.99615.94; scikit-image's). For each two pictures those that match give a
-   similarity by RANSAC, and the overlap then has to correlate.
+   doi:10.1023/B:VISI.0000029664.99615.94; scikit-image's). For two pictures those that match give a
+   similarity by RANSAC, and the overlap then has to correlate. Where many show the same, the pairs that share
+   most are enough.
 2. At full size, patches spread over each overlap are laid exactly by phase correlation to a twentieth of a
    pixel.
 3. All patches of all pairs together give each picture's place, turn and scale by linear least squares: with
@@ -18,24 +19,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import combinations
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
 
 from toposeam.checks import check_items, check_range
 from toposeam.errors import OptionError, OverlapError
-from toposeam.layers.features import Look, cornered, look_at
 from toposeam.layers.labelling import Pair
 from toposeam.layers.layer import Layer
+from toposeam.layers.pairing import Match, find_matches
 from toposeam.layers.turning import placed
 
 #: Least correlation of two overlaps that are taken to show the same.
 LEAST_CORRELATION = 0.5
-#: Farthest that pictures may be turned against each other, degrees, and scaled, as a share.
-LARGEST_TURN, LARGEST_SCALE = 3.5, 0.035
 #: Below this, px at the farthest corner, nothing counts as turned or scaled.
 _NOT_TURNED = 0.35
 #: Patches that do not lie within so many px of where the others say do not count; a pair whose patches are
@@ -46,10 +42,6 @@ LARGEST_DOUBT = 0.5
 #: What pictures may do, the simplest first.
 _FREEDOMS = ("shift", "turn", "similarity")
 
-_LEAST_MATCHES, _LEAST_PATCHES = 5, 2
-_PATCH, _PATCHES = 64, 6  # px a side; in rows and columns of so many over the overlap
-_UPSAMPLING = 20
-_LEAST_OWN = 0.6  # correlation of a patch that counts
 
 Floats = npt.NDArray[np.float64]
 
@@ -84,15 +76,6 @@ class Placement:
             f"Placement({len(self.layers)} pictures, {len(self.correlations)} pairs, misfit "
             f"{self.misfit:.2f} px)"
         )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Match:
-    """Points of one picture and the same ones of another."""
-
-    first: Floats
-    second: Floats
-    correlation: float
 
 
 def find_places(
@@ -136,20 +119,7 @@ def find_places(
     if len(pictures) < 2:
         raise OptionError(f"{len(pictures)} picture was given; pass at least two")
     report: Callable[[float], None] = progress or (lambda _: None)
-    looks = []
-    for index, picture in enumerate(pictures):
-        looks.append(look_at(picture))
-        report(0.4 * (index + 1) / len(pictures))
-    pairs = list(combinations(range(len(pictures)), 2))
-    matches: dict[Pair, _Match] = {}
-    best = np.full(len(pictures), -1.0)
-    for number, (i, j) in enumerate(pairs):
-        match = _match(looks[i], looks[j])
-        if match is not None:
-            best[[i, j]] = np.maximum(best[[i, j]], match.correlation)
-            if match.correlation >= least_correlation:
-                matches[i, j] = match
-        report(0.4 + 0.5 * (number + 1) / len(pairs))
+    matches, best = find_matches(pictures, least_correlation, report)
     _check_joined(pictures, matches, best, least_correlation)
     transforms, misfit = _solve(pictures, matches)
     turns = np.degrees(np.arctan2(transforms[:, 1], transforms[:, 0]))
@@ -169,101 +139,7 @@ def find_places(
     )
 
 
-def _match(a: Look, b: Look) -> _Match | None:
-    """Points that both show; None where they show nothing in common."""
-    from skimage import feature, measure, transform
-
-    if a.descriptors is None or b.descriptors is None:
-        return None
-    match_descriptors: Any = feature.match_descriptors  # carry no types
-    ransac: Any = measure.ransac
-    kind: Any = transform.SimilarityTransform
-    found = match_descriptors(a.descriptors, b.descriptors, max_ratio=0.85, cross_check=True)
-    if len(found) < _LEAST_MATCHES:
-        return None
-    first, second = a.keypoints[found[:, 0]], b.keypoints[found[:, 1]]
-    model, inliers = ransac(
-        (second, first),
-        kind,
-        min_samples=2,
-        residual_threshold=2.0 * max(a.scale, b.scale),
-        max_trials=500,
-        rng=0,
-    )
-    if inliers is None or inliers.sum() < _LEAST_MATCHES or not np.isfinite(model.params).all():
-        return None
-    if abs(np.degrees(model.rotation)) > LARGEST_TURN or abs(model.scale - 1) > LARGEST_SCALE:
-        return None
-    matrix = np.asarray(model.params, float)
-    match = None
-    for _ in range(2):  # from about where they belong to exactly
-        match = _patches(a, b, matrix)
-        if match is None:
-            return None
-        if len(match.first) >= 2:
-            better = kind.from_estimate(match.second, match.first)
-            if not better:
-                return None
-            matrix = np.asarray(better.params, float)
-    return match
-
-
-def _patches(a: Look, b: Look, matrix: Floats) -> _Match | None:
-    """Patches of the overlap laid exactly on each other, `matrix` taking points of `b` to about where they
-    are in `a`.
-    """
-    from skimage.registration import phase_cross_correlation
-
-    height, width = b.detail.shape
-    corners = (
-        np.array([[0, 0, 1], [width - 1, 0, 1], [0, height - 1, 1], [width - 1, height - 1, 1]]) @ matrix.T
-    )
-    low = np.maximum(corners[:, :2].min(axis=0), 0)
-    high = np.minimum(corners[:, :2].max(axis=0), np.array(a.detail.shape[::-1]) - 1.0)
-    size = int(min(_PATCH, *(0.7 * (high - low))))
-    if size < 16:
-        return None
-    inverse = np.linalg.inv(matrix)
-    points_a, points_b, energy = [], [], np.zeros(3)
-    register: Any = phase_cross_correlation  # carries no types
-    tops, lefts = (np.linspace(low[k], high[k] - size + 1, _PATCHES).astype(int) for k in (1, 0))
-    for top in tops:
-        for left in lefts:
-            y, x = np.mgrid[top : top + size, left : left + size]
-            where = inverse[:2, :2] @ np.stack([x.ravel(), y.ravel()]) + inverse[:2, 2:]
-            inside = (where >= 0).all() and where[0].max() <= width - 1 and where[1].max() <= height - 1
-            if not inside or not a.known[top : top + size, left : left + size].all():
-                continue
-            one = a.detail[top : top + size, left : left + size]
-            if not b.known[np.rint(where[1]).astype(int), np.rint(where[0]).astype(int)].all():
-                continue
-            other = ndimage.map_coordinates(b.detail, where[::-1], order=1).reshape(one.shape)
-            shift = np.zeros(2)
-            if one.std() > 0 and other.std() > 0:
-                shift = register(one, other, upsample_factor=_UPSAMPLING, normalization=None)[0]
-            moved = ndimage.shift(other, shift, order=1)
-            inner = np.s_[4:-4, 4:-4]
-            energy += [
-                float((one * moved)[inner].sum()),
-                float((one**2)[inner].sum()),
-                float((moved**2)[inner].sum()),
-            ]
-            own = float((one * moved)[inner].sum()) / np.sqrt(
-                max(float((one**2)[inner].sum() * (moved**2)[inner].sum()), 1e-12)
-            )
-            if own > _LEAST_OWN and cornered(one) and np.abs(shift).max() <= size / 4:
-                centre = np.array([left + (size - 1) / 2, top + (size - 1) / 2])
-                points_a.append(centre)
-                points_b.append(inverse[:2, :2] @ (centre - shift[::-1]) + inverse[:2, 2])
-    if energy[1] * energy[2] <= 0:
-        return None
-    correlation = float(energy[0] / np.sqrt(energy[1] * energy[2]))
-    if len(points_a) < _LEAST_PATCHES:
-        return _Match(np.zeros((0, 2)), np.zeros((0, 2)), min(correlation, 0.0))
-    return _Match(np.array(points_a), np.array(points_b), correlation)
-
-
-def _check_joined(pictures: Sequence[Layer], matches: dict[Pair, _Match], best: Floats, least: float) -> None:
+def _check_joined(pictures: Sequence[Layer], matches: dict[Pair, Match], best: Floats, least: float) -> None:
     """Refuse pictures that are not joined to most of the others by pairs that agree."""
     group = list(range(len(pictures)))
     for i, j in matches:
@@ -288,7 +164,7 @@ def _check_joined(pictures: Sequence[Layer], matches: dict[Pair, _Match], best: 
     )
 
 
-def _solve(pictures: Sequence[Layer], matches: dict[Pair, _Match]) -> tuple[Floats, float]:
+def _solve(pictures: Sequence[Layer], matches: dict[Pair, Match]) -> tuple[Floats, float]:
     """(N, 4) a, b, u, v of each picture, and the largest misfit in px: by shifts alone if that is enough,
     else also by turns, else also by scales.
     """
@@ -318,7 +194,7 @@ def _solve(pictures: Sequence[Layer], matches: dict[Pair, _Match]) -> tuple[Floa
     return transforms, misfit
 
 
-def _residuals(transforms: Floats, i: int, j: int, match: _Match) -> Floats:
+def _residuals(transforms: Floats, i: int, j: int, match: Match) -> Floats:
     distance = _applied(transforms[i], match.first) - _applied(transforms[j], match.second)
     return np.asarray(np.hypot(*distance.T))
 
@@ -330,7 +206,7 @@ def _applied(transform: Floats, points: Floats) -> Floats:
     )
 
 
-def _least_squares(count: int, matches: dict[Pair, _Match], freedom: str) -> tuple[Floats, float, Floats]:
+def _least_squares(count: int, matches: dict[Pair, Match], freedom: str) -> tuple[Floats, float, Floats]:
     """All transforms at once, the largest misfit of a pair, and the standard deviations of a, b, u, v;
     patches that disagree with a solution are left out of the next.
     """

@@ -12,7 +12,7 @@ from scipy import ndimage
 
 from toposeam.checks import check_kind, check_number, check_numbers
 from toposeam.errors import OptionError
-from toposeam.images import Mask, full_scale
+from toposeam.images import Mask, check_values, full_scale
 from toposeam.layers.layer import Layer
 
 Floats = npt.NDArray[np.float64]
@@ -36,6 +36,11 @@ def placed(layer: Layer, *, at: tuple[float, float], turn: float = 0.0, scale: f
     -------
     Layer
         Where it was resampled, transparent beyond the edges of what it was.
+
+    Raises
+    ------
+    ImageError, OptionError
+        For numbers out of range; where a picture that is turned or scaled needs its `data_range`.
 
     Examples
     --------
@@ -63,7 +68,9 @@ def placed(layer: Layer, *, at: tuple[float, float], turn: float = 0.0, scale: f
     base = inverse @ np.array([top - v, left - u])
     inside = _inside(inverse, base, shape, (height, width))
     dtype = layer.image.dtype
-    planes = np.asarray(layer.image).reshape(height, width, -1)
+    whole = np.asarray(layer.image)
+    check_values(whole, layer.name, layer.data_range)
+    planes = whole.reshape(height, width, -1)
     image = np.zeros((*shape, planes.shape[2]), dtype)
     for channel in range(planes.shape[2]):
         values = _warped(planes[..., channel], inverse, base, shape, 3)

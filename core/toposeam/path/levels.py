@@ -6,6 +6,7 @@ one before, and along the shortest way on the grid, which has gaps that the redu
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -129,13 +130,27 @@ def shortest_ways(cost: Floats, sources: list[Cell], sinks: list[Cell]) -> list[
 
     price = np.clip(cost / float(np.median(cost[np.isfinite(cost)])), 1e-6, 1e6)
     search = MCP_Geometric(np.where(np.isfinite(cost), price, -1.0))
-    search.find_costs(sinks, sources, find_all_ends=True)
-    found = [_over_sides(np.array(search.traceback(source)), cost) for source in sources]
+    _, steps = search.find_costs(sinks, sources, find_all_ends=True)
+    offsets = [(int(down), int(right)) for down, right in search.offsets]
+    found = [_over_sides(_back(steps, offsets, source), cost) for source in sources]
     if all(way is not None for way in found):
         return [way for way in found if way is not None]
     lines = trace(1 / price, cost, sources, sinks)  # minds such corners, and takes three times the memory
     ways = [_over_sides(line[:, ::-1].astype(np.int64), cost) for line in lines]
     return [way for way in ways if way is not None]
+
+
+def _back(steps: npt.NDArray[np.integer], offsets: list[Cell], cell: Cell) -> Ints:
+    """(n, 2) rows and columns from where a search began to a cell, by the step that led to each; a list of
+    Python's would take ten times the memory.
+    """
+    row, column = cell
+    way = array("q", cell)
+    while (step := int(steps[row, column])) >= 0:
+        down, right = offsets[step]
+        row, column = row - down, column - right
+        way.extend((row, column))
+    return np.array(way, np.int64).reshape(-1, 2)[::-1]
 
 
 def _over_sides(way: Ints, cost: Floats) -> Ints | None:

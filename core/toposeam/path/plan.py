@@ -28,7 +28,7 @@ Mask = npt.NDArray[np.bool_]
 Point = tuple[float, float]
 
 #: A plate of more px does not fit into the memory of usual machines.
-MAX_PIXELS = 20_000_000
+MAX_PIXELS = 4_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from itertools import pairwise
 
 import numpy as np
@@ -16,9 +17,34 @@ def trace(
     density: Floats, cost: Floats, sources: list[tuple[int, int]], sinks: list[tuple[int, int]]
 ) -> list[Floats]:
     """The way of least resistance through the material, from pixel centre to pixel centre."""
-    free = np.isfinite(cost)
-    height, width = cost.shape
-    number = np.arange(height * width, dtype=np.int32).reshape(height, width)
+    cells = np.flatnonzero(np.isfinite(cost))
+    number = np.full(cost.shape, -1, np.int32)
+    number.ravel()[cells] = np.arange(len(cells))
+    _, before, _ = dijkstra(
+        _neighbours(density, number),
+        directed=False,
+        indices=[number[sink] for sink in sinks],
+        return_predecessors=True,
+        min_only=True,
+    )
+    lines = []
+    for source in sources:
+        here = int(number[source])
+        chain = array("q", [here])
+        while before[here] >= 0:
+            here = int(before[here])
+            chain.append(here)
+        rows, columns = np.divmod(cells[np.array(chain)], cost.shape[1])
+        lines.append(np.column_stack([columns, rows]) + 0.5)
+    return lines
+
+
+def _neighbours(density: Floats, number: npt.NDArray[np.int32]) -> csr_array:
+    """The resistance between pixels that touch, by their numbers, -1 where there is an obstacle; what it is
+    made from is gone when it is used.
+    """
+    free = number >= 0
+    height, width = number.shape
     resistance = np.where(free, 1.0 / (density + 1e-3), np.inf)
     rows, columns, weights = [], [], []
     for dy, dx in ((0, 1), (1, 0), (1, 1), (1, -1)):
@@ -30,26 +56,10 @@ def trace(
         rows.append(number[one][open_])
         columns.append(number[other][open_])
         weights.append((np.hypot(dy, dx) * 0.5 * (resistance[one] + resistance[other]))[open_])
-    graph = csr_array(
+    return csr_array(
         (np.concatenate(weights), (np.concatenate(rows), np.concatenate(columns))),
-        shape=(height * width,) * 2,
+        shape=(int(number.max()) + 1,) * 2,
     )
-    _, before, _ = dijkstra(
-        graph,
-        directed=False,
-        indices=[number[sink] for sink in sinks],
-        return_predecessors=True,
-        min_only=True,
-    )
-    lines = []
-    for source in sources:
-        here = int(number[source])
-        chain = [here]
-        while before[here] >= 0:
-            here = int(before[here])
-            chain.append(here)
-        lines.append(np.column_stack([np.array(chain) % width, np.array(chain) // width]) + 0.5)
-    return lines
 
 
 #: A longer line is drawn taut between so many of its points, fewer if it leads far: straight lines through so

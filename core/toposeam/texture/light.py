@@ -19,9 +19,10 @@ from scipy import sparse
 from scipy.sparse import linalg
 
 from toposeam.errors import ImageError
-from toposeam.images import Image, Mask, as_array, as_mask, full_scale
+from toposeam.images import Image, Mask, as_array, as_mask, check_values, full_scale
 from toposeam.texture.atlas import Atlas, Floats32, Ints32
 from toposeam.texture.rendering import Lift
+from toposeam.texture.sources import Images, as_list
 
 #: Share of a sample's variance that a quadratic surface explains, from which on its light counts as slow.
 _SLOW = 0.1
@@ -63,7 +64,12 @@ def without_light(features: Floats32, present: Mask, copied: Mask) -> Floats32:
     return result
 
 
-def flatten_light(image: npt.ArrayLike, *, source_mask: npt.ArrayLike | None = None) -> Image:
+def flatten_light(
+    image: npt.ArrayLike,
+    *,
+    source_mask: npt.ArrayLike | None = None,
+    data_range: float | None = None,
+) -> Image:
     """A sample without its slow light.
 
     Each channel is divided by the quadratic surface that fits it best, and keeps its mean.
@@ -74,16 +80,18 @@ def flatten_light(image: npt.ArrayLike, *, source_mask: npt.ArrayLike | None = N
         Colours; for normals or heights it makes no sense.
     source_mask : (H, W) array_like, optional
         Where it has values that count.
+    data_range : float, optional
+        The value that counts as white, as for :func:`toposeam.synthesize`.
 
     Returns
     -------
     (H, W) or (H, W, C) array of the image's dtype
-        Within the full scale of integers.
+        Of integers none below 0 or beyond white.
 
     Raises
     ------
     ImageError
-        For images or masks that cannot be used.
+        For images or masks that cannot be used; where `data_range` is needed.
 
     Examples
     --------
@@ -97,16 +105,28 @@ def flatten_light(image: npt.ArrayLike, *, source_mask: npt.ArrayLike | None = N
     where = np.ones(shape, bool) if source_mask is None else as_mask(source_mask, shape, "source_mask")
     if not where.any():
         raise ImageError("source_mask is empty, so there is no light to find; paint it white somewhere")
-    values = array.astype(np.float64)
+    gone = ~where if array.ndim == 2 else ~where[..., np.newaxis]
+    check_values(np.where(gone, array.dtype.type(0), array), "image", data_range)
+    values = np.where(gone & ~np.isfinite(array), 0.0, array.astype(np.float64))
     deep = values[..., np.newaxis] if values.ndim == 2 else values
     light = _surface(deep, where)
     mean = deep[where].mean(axis=0)
     flat = deep * mean / np.maximum(light, np.maximum(_DARKEST * np.abs(mean), 1e-12))
     flat = flat[..., 0] if values.ndim == 2 else flat
     if np.issubdtype(array.dtype, np.integer):
-        flat = np.rint(np.clip(flat, 0, float(full_scale(array.dtype))))
+        flat = np.rint(np.clip(flat, 0, float(data_range or full_scale(array.dtype))))
     result: Image = flat.astype(array.dtype)
     return result
+
+
+def flattened(source: Images, mask: Images | None, white: float | None) -> list[Any]:
+    """Several samples without their slow light, white being one value."""
+    several: list[Any] = list(source) if isinstance(source, list | tuple) else [source]
+    masks = as_list(mask, len(several), "source_mask")
+    return [
+        flatten_light(image, source_mask=where, data_range=white)
+        for image, where in zip(several, masks, strict=True)
+    ]
 
 
 def _surface(values: npt.NDArray[Any], where: Mask) -> Floats:

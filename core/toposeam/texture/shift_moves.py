@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +25,13 @@ _LEAST_LINK = 1e-6
 #: A move has to lower the cost by this share of it.
 _LEAST_GAIN = 1e-6
 
+#: Where more pixels than this would be decided, counted once for each shift that may expand there, it is done
+#: window by window, of so many rows and columns, and shifts expand only beyond their own edges.
+_AT_ONCE, _SIDE = 1_000_000, 128
+
 Ints = npt.NDArray[np.intp]
+Part = tuple[slice, slice]
+EVERYWHERE: Part = np.s_[:, :]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -102,41 +108,50 @@ class ShiftMoves:
         self.weight = (np.float32(_DATA * stride / radius) * self.hole).astype(np.float32)
         self._like = like
         self.label = np.full(self.hole.shape, self.itself, np.intp)
-        self._known: dict[int, tuple[Mask, Floats32]] = {}
+        #: How far beyond their edges shifts expand; None for anywhere.
+        self._reach: int | None = None
 
-    def shown(
-        self, label: Ints, dy: int = 0, dx: int = 0, part: tuple[slice, slice] = np.s_[:, :]
-    ) -> Floats32:
+    def shown(self, label: Ints, dy: int = 0, dx: int = 0, part: Part = EVERYWHERE) -> Floats32:
         """What a labelling of a part of the region brings to each pixel's neighbour (dy, dx)."""
         height, width = self.ground.hole.shape
         row = self.rows[part[0], np.newaxis] + self.shifts[label, 0] + dy * self.stride
         column = self.columns[part[1]] + self.shifts[label, 1] + dx * self.stride
-        found: Floats32 = self.features[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
+        at = np.clip(row, 0, height - 1) * width + np.clip(column, 0, width - 1)
+        found: Floats32 = self.features.reshape(height * width, -1).take(at, axis=0)
         return found
 
-    def brings(self, index: int) -> tuple[Mask, Floats32]:
-        """Of one shift: where it is allowed, and its data term."""
-        if index not in self._known:
-            ground = self.ground
-            height, width = ground.hole.shape
-            row, column = self.rows + self.shifts[index, 0], self.columns + self.shifts[index, 1]
-            inside = ((row >= 0) & (row < height))[:, np.newaxis] & ((column >= 0) & (column < width))
-            at = np.ix_(np.clip(row, 0, height - 1), np.clip(column, 0, width - 1))
-            if index == self.itself:
-                allowed = self.present & ~self.hole
-                data = np.zeros(allowed.shape, np.float32)
-            else:
-                allowed = ground.copied[at] & inside & self.near
-                data = self.weight * np.abs(self._like[at] - self.wanted).sum(axis=2)
-            self._known[index] = allowed, data
-        return self._known[index]
+    def allows(self, index: int, part: Part = EVERYWHERE) -> Mask:
+        """Where in a part of the region one shift may show."""
+        if index == self.itself:
+            beyond: Mask = self.present[part] & ~self.hole[part]
+            return beyond
+        height, width = self.ground.hole.shape
+        row, column = (
+            self.rows[part[0]] + self.shifts[index, 0],
+            self.columns[part[1]] + self.shifts[index, 1],
+        )
+        inside = ((row >= 0) & (row < height))[:, np.newaxis] & ((column >= 0) & (column < width))
+        at = np.ix_(np.clip(row, 0, height - 1), np.clip(column, 0, width - 1))
+        allowed: Mask = self.ground.copied[at] & inside & self.near[part]
+        return allowed
+
+    def data(self, label: Ints, part: Part = EVERYWHERE) -> Floats32:
+        """The data term of a labelling of a part of the region."""
+        height, width = self.ground.hole.shape
+        row = self.rows[part[0], np.newaxis] + self.shifts[label, 0]
+        column = self.columns[part[1]] + self.shifts[label, 1]
+        at = np.clip(row, 0, height - 1) * width + np.clip(column, 0, width - 1)
+        like = self._like.reshape(height * width, -1).take(at, axis=0)
+        cost: Floats32 = self.weight[part] * np.abs(like - self.wanted[part]).sum(axis=2)
+        cost[label == self.itself] = 0
+        return cost
 
     def begin(self) -> None:
         """Each pixel of the hole gets the shift whose data term is least there."""
         best = np.full(self.hole.shape, np.inf, np.float32)
         for index in range(self.itself):
-            allowed, data = self.brings(index)
-            better = self.hole & allowed & (data < best)
+            data = self.data(np.full(self.hole.shape, index, np.intp))
+            better = self.hole & self.allows(index) & (data < best)
             best[better], self.label[better] = data[better], index
 
     def refine(self, label: Ints, coarser: int) -> None:
@@ -147,7 +162,7 @@ class ShiftMoves:
         self.label = np.where((found < 0) | ~self.near, self.itself, found)
         wrong = self.hole & (self.label == self.itself)
         for index in np.unique(self.label).tolist():
-            wrong |= (self.label == index) & ~self.brings(index)[0] & self.near
+            wrong |= (self.label == index) & ~self.allows(index) & self.near
         self._repair(wrong & self.hole)
         self.label[wrong & ~self.hole] = self.itself
         seam = np.zeros(self.label.shape, bool)
@@ -157,6 +172,7 @@ class ShiftMoves:
             seam |= np.pad(differs, [(1, 0) if a == axis else (0, 0) for a in (0, 1)])
         reach = max(1, _BAND * coarser // self.stride)
         self.free = self.near & ndimage.binary_dilation(seam | wrong, iterations=reach)
+        self._reach = reach
 
     def _repair(self, wrong: Mask) -> None:
         """Give pixels whose shift is not allowed there the nearest one that is."""
@@ -169,7 +185,7 @@ class ShiftMoves:
         for k, index in enumerate(order.tolist()):
             if index == self.itself:
                 continue
-            here = self.brings(index)[0] & wrong
+            here = self.allows(index) & wrong
             far = ndimage.distance_transform_edt(~(usable & (self.label == index))) if usable.any() else wrong
             distance[k] = np.where(here[wrong], np.asarray(far, float)[wrong], np.inf)
         best = order[distance.argmin(axis=0)]
@@ -179,71 +195,105 @@ class ShiftMoves:
         self.label[wrong] = values
         left[wrong] = ~found
         for index in range(self.itself):
-            here = left & self.brings(index)[0]
+            here = left & self.allows(index)
             self.label[here] = index
             left &= ~here
 
-    def total(self, label: Ints) -> float:
-        """What a labelling costs."""
-        cost = self._data(label)
+    def total(self, label: Ints, part: Part = EVERYWHERE) -> float:
+        """What a labelling of a part of the region costs."""
+        present = self.present[part]
+        here = self.shown(label, part=part)
+        cost = float(self.data(label, part).sum(dtype=float))
         for dy, dx, s, t in _NEIGHBOURS:
-            ahead, here = self.shown(label, dy, dx), self.shown(label)
-            behind = self.shown(label, -dy, -dx)
-            differs = (label[s] != label[t]) & self.present[s] & self.present[t]
-            cost += float((_norm(here[s], behind[t]) + _norm(ahead[s], here[t]))[differs].sum())
-        return cost
-
-    def _data(self, label: Ints) -> float:
-        cost = 0.0
-        for index in np.unique(label).tolist():
-            cost += float(self.brings(index)[1][label == index].sum())
+            ahead, behind = self.shown(label, dy, dx, part), self.shown(label, -dy, -dx, part)
+            differs = (label[s] != label[t]) & present[s] & present[t]
+            both = _norm(here[s], behind[t]) + _norm(ahead[s], here[t])
+            cost += float(both[differs].sum(dtype=float))
         return cost
 
     def sweep(
         self, order: Iterable[int], most: int, method: Method, progress: Callable[[float], None] | None
     ) -> None:
-        """Expand shift after shift until nothing gets better."""
-        total, options = self.total(self.label), method_options(method, {})
-        active = set(order) | {self.itself}
+        """Expand shift after shift until nothing gets better, in one window after another."""
+        order, options = set(order), method_options(method, {})
+        if np.count_nonzero(self.free) * len(order) <= _AT_ONCE:
+            self._reach = None
+        windows = list(self._windows())
+        for number, window in enumerate(windows):
+            tried = order if self._reach is None else set(np.unique(self.label[_grown(window)]).tolist())
+            told = None if progress is None else stage(progress, number / len(windows), 1 / len(windows))
+            self._sweep(window, tried | {self.itself}, most, method, options, told)
+
+    def _sweep(
+        self,
+        window: Part,
+        active: set[int],
+        most: int,
+        method: Method,
+        options: object,
+        progress: Callable[[float], None] | None,
+    ) -> None:
+        total = self.total(self.label[window], window)
         for number in range(most):
             gained: set[int] = set()
             before = total
             for done, index in enumerate(sorted(active, key=lambda one: (one != self.itself, one))):
-                new = self._expanded(index, method, options)
-                if new is not None:
-                    cost = self.total(new)
-                    if cost < total * (1 - _LEAST_GAIN):
-                        self.label, total = new, cost
-                        gained.add(index)
+                gain = self._expand(index, window, total, method, options)
+                if gain:
+                    total -= gain
+                    gained.add(index)
                 if progress is not None:
                     progress((number + (done + 1) / len(active)) / most)
             if not gained or total > 0.995 * before:
                 break
             # Shifts that show, and a few that nearly did, are worth another try.
-            active = set(np.unique(self.label).tolist()) | gained | {self.itself}
+            active = set(np.unique(self.label[window]).tolist()) | gained | {self.itself}
 
-    def _expanded(self, index: int, method: Method, options: object) -> Ints | None:
-        """The labelling after one shift has expanded as is best."""
-        allowed = self.brings(index)[0]
-        own = self.label == index
-        free = self.free & allowed & ~own
-        if not free.any():
-            return None
-        rows, columns = (np.flatnonzero(free.any(axis=axis)) for axis in (1, 0))
-        part = np.s_[
-            max(int(rows[0]) - 1, 0) : int(rows[-1]) + 2, max(int(columns[0]) - 1, 0) : int(columns[-1]) + 2
+    def _windows(self) -> Iterator[Part]:
+        """The whole region, or windows of it that have something to decide, where that is much."""
+        height, width = self.label.shape
+        side = max(height, width) if self._reach is None else _SIDE
+        for top in range(0, height, side):
+            for left in range(0, width, side):
+                window = slice(top, min(top + side, height)), slice(left, min(left + side, width))
+                if self._reach is None or self.free[window].any():
+                    yield window
+
+    def _expand(self, index: int, window: Part, total: float, method: Method, options: object) -> float:
+        """By how much the cost falls when one shift expands in a window as is best; 0 where it does not."""
+        around = _grown(window)
+        own = self.label[around] == index
+        free = np.zeros(own.shape, bool)
+        inside = np.s_[
+            window[0].start - around[0].start : window[0].stop - around[0].start,
+            window[1].start - around[1].start : window[1].stop - around[1].start,
         ]
-        problem = self._problem(index, part, free[part], own[part])
+        free[inside] = self.free[window] & self.allows(index, window)
+        free &= ~own
+        if self._reach is not None:
+            free &= ndimage.binary_dilation(own, iterations=self._reach)
+        if not free.any():
+            return 0.0
+        rows, columns = (np.flatnonzero(free.any(axis=axis)) for axis in (1, 0))
+        box = _grown((slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)))
+        part = (
+            slice(around[0].start + box[0].start, around[0].start + box[0].stop),
+            slice(around[1].start + box[1].start, around[1].start + box[1].stop),
+        )
+        label, free, own = self.label[part], free[box], own[box]
+        problem = self._problem(index, part, free, own)
         if not (problem.overlap.side == FREE).any():
             turned = problem.overlap.side == B
         else:
             turned = problem.complete(solve(problem, method, options).labels).astype(bool)  # type: ignore[arg-type]
-        turned = turned[1:-1, 1:-1]
-        new = self.label.copy()
-        new[part] = np.where(turned & free[part], index, self.label[part])
-        return new
+        new = np.where(turned[1:-1, 1:-1] & free, index, label)
+        gain = self.total(label, part) - self.total(new, part)
+        if gain <= _LEAST_GAIN * total:
+            return 0.0
+        self.label[part] = new
+        return gain
 
-    def _problem(self, index: int, part: tuple[slice, slice], free: Mask, own: Mask) -> SeamProblem:
+    def _problem(self, index: int, part: Part, free: Mask, own: Mask) -> SeamProblem:
         """Whether to let a shift show more of itself: ``b`` is the shift."""
         label = self.label[part]
         other = np.full(label.shape, index, np.intp)
@@ -265,7 +315,7 @@ class ShiftMoves:
             links.append(np.where(known, link, np.float32(0)))
             turned[s] += np.where(known & free[s], (turn_p - turn_q - both) / 2, np.float32(0))
             turned[t] += np.where(known & free[t], (turn_q - turn_p - both) / 2, np.float32(0))
-        turned += np.where(free, self.brings(index)[1][part] - self._shown_data(part), np.float32(0))
+        turned += np.where(free, self.data(other, part) - self.data(label, part), np.float32(0))
         side = np.full(label.shape, A, np.uint8)
         side[own], side[free] = B, FREE
         padded = np.pad(side, 1, constant_values=A)
@@ -280,14 +330,6 @@ class ShiftMoves:
             showing_b=np.pad(np.maximum(turned, 0), 1),
         )
         return _decided(problem, label.shape)
-
-    def _shown_data(self, part: tuple[slice, slice]) -> Floats32:
-        label = self.label[part]
-        data = np.zeros(label.shape, np.float32)
-        for index in np.unique(label).tolist():
-            here = label == index
-            data[here] = self.brings(index)[1][part][here]
-        return data
 
     def spread(self, before: Ints) -> Ints:
         """The labels at full size: each stands for the pixels round it."""
@@ -308,6 +350,17 @@ _NEIGHBOURS = (
     (0, 1, np.s_[:, :-1], np.s_[:, 1:]),
     (1, 0, np.s_[:-1], np.s_[1:]),
 )
+
+
+def _grown(part: Part) -> Part:
+    """A part with one more pixel on every side; slices end by themselves."""
+    rows, columns = (slice(max(side.start - 1, 0), side.stop + 1) for side in part)
+    return rows, columns
+
+
+def stage(progress: Callable[[float], None], start: float, share: float) -> Callable[[float], None]:
+    """Progress through a stage that begins at some share of the whole, and is some share of it."""
+    return lambda part: progress(start + share * part)
 
 
 def _norm(a: Floats32, b: Floats32) -> Floats32:

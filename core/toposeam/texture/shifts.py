@@ -13,7 +13,8 @@ is a metric, so letting one shift expand over all others is a seam problem
 (``Labelling.expansion`` of :mod:`toposeam.layers.labelling` derives it).
 
 Coarse to fine: at stride f every f-th pixel of the picture blurred over f pixels stands for f × f, but shifts
-stay exact to the pixel. A finer stride decides again only near the seams of the coarser one.
+stay exact to the pixel. A finer stride decides again only near the seams of the coarser one, and not at all
+where that is much.
 """
 
 from __future__ import annotations
@@ -27,10 +28,12 @@ from toposeam.seam.find import Method
 from toposeam.texture.atlas import Floats32
 from toposeam.texture.levelling import membrane
 from toposeam.texture.offsets import Shifts
-from toposeam.texture.shift_moves import Ground, Ints, ShiftMoves
+from toposeam.texture.shift_moves import Ground, Ints, ShiftMoves, stage
 
 #: Pixels of the region that decides, at the coarsest stride.
 _COARSE = 1500
+#: Where more pixels than this lie near the seams, these stay as a coarser stride has them.
+_MOST_FREE = 150_000
 #: Sweeps over all shifts at the coarsest stride at most, and over those that show at finer ones.
 _SWEEPS, _FINE_SWEEPS = 3, 1
 
@@ -65,21 +68,20 @@ def shift_map(
     for level in range(levels):
         report = None
         if progress is not None:
-            report = _part(progress, level / levels, 1 / levels)
+            report = stage(progress, level / levels, 1 / levels)
         moves = ShiftMoves(ground, shifts, box, stride, expected, like)
         if stride == first:
             moves.begin()
             moves.sweep(range(len(shifts)), _SWEEPS, method, report)
         else:
             moves.refine(label, 2 * stride)
-            moves.sweep(np.unique(moves.label).tolist(), _FINE_SWEEPS, method, report)
+            if np.count_nonzero(moves.free) <= _MOST_FREE:
+                moves.sweep(np.unique(moves.label).tolist(), _FINE_SWEEPS, method, report)
+            elif report is not None:
+                report(1.0)
         label = moves.spread(label)
         stride //= 2
     return label
-
-
-def _part(progress: Callable[[float], None], start: float, share: float) -> Callable[[float], None]:
-    return lambda part: progress(start + share * part)
 
 
 def _expectation(ground: Ground) -> tuple[Floats32, Floats32]:

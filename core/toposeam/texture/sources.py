@@ -118,7 +118,7 @@ def read_sources(
         for m, shape in zip(as_list(mask, count, "mask"), shapes, strict=True)
     ]
     factors = _weights(weights, 1 + len(maps))
-    white = _white(data_range, 1 + len(maps))
+    white = white_of(data_range, 1 + len(maps))
     planes, gray = [_alike(pictures, names)], [all(picture.ndim == 2 for picture in pictures)]
     for number, given in enumerate(maps, start=1):
         label = f"map {number}"
@@ -236,8 +236,8 @@ def _weights(weights: Sequence[float] | None, count: int) -> list[float]:
     return found
 
 
-def _white(data_range: DataRange, count: int) -> list[float | None]:
-    """What counts as white in each of the maps."""
+def white_of(data_range: DataRange, count: int) -> list[float | None]:
+    """What counts as white in the picture and in each of the maps; None where its dtype says it."""
     if data_range is None or not isinstance(data_range, Sequence | np.ndarray):
         given: list[Any] = [data_range] + [None] * (count - 1)
     else:

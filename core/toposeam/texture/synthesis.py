@@ -176,7 +176,7 @@ def apply_coordinates(
     Raises
     ------
     ImageError
-        For images that differ in kind, or coordinates beyond them.
+        For images that differ in kind, NaN or infinite values to be mixed, or coordinates beyond the images.
 
     Examples
     --------
@@ -193,9 +193,9 @@ def apply_coordinates(
             f"source has shape {place.shape} and dtype {place.dtype}; pass (H, W, 2) whole numbers, row and "
             "column"
         )
-    number = (
-        np.zeros(place.shape[:2], np.int16) if exemplar is None else np.asarray(exemplar).astype(np.int16)
-    )
+    number = np.zeros(place.shape[:2], np.int16) if exemplar is None else np.asarray(exemplar)
+    if not np.issubdtype(number.dtype, np.integer):
+        raise ImageError(f"exemplar has dtype {number.dtype}; pass whole numbers")
     if number.shape != place.shape[:2]:
         raise ImageError(
             f"exemplar has shape {number.shape}, the coordinates {place.shape[:2]}; pass one value per pixel"
@@ -211,8 +211,15 @@ def apply_coordinates(
         )
     atlas = Atlas.of([np.ones(image.shape[:2], bool) for image in found], 2)
     deep = [image[..., np.newaxis] if image.ndim == 2 else image for image in found]
+    for image in found if smooth else ():
+        if np.issubdtype(image.dtype, np.floating) and not np.isfinite(image).all():
+            raise ImageError("an image has NaN or infinite values, which cannot be mixed; say smooth=0")
     made = render(
-        atlas.index_of(number, place.astype(np.int32)), atlas.spread(deep), atlas.usable, wraps, smooth
+        atlas.index_of(number.astype(np.int16), place.astype(np.int32)),
+        atlas.spread(deep),
+        atlas.usable,
+        wraps,
+        smooth,
     )
     return made[..., 0] if found[0].ndim == 2 else made
 

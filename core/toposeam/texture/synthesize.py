@@ -26,13 +26,21 @@ from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.closing import closing_guide, order_axis
 from toposeam.texture.keeping_step import Phase
 from toposeam.texture.lay import Guide, LayOptions, PatchPlacer
-from toposeam.texture.light import flatten_light, has_slow_light, levelled_copies, without_light
+from toposeam.texture.light import flattened, has_slow_light, levelled_copies, without_light
 from toposeam.texture.mend import mend
 from toposeam.texture.order import STRETCH, UNSEEN, find_order
 from toposeam.texture.raster import lay_all, patches_along
 from toposeam.texture.rendering import Lift, render
 from toposeam.texture.scale import SMALLEST_PATCH, patch_for
-from toposeam.texture.sources import DataRange, Images, Sources, as_list, check_varied, read_sources
+from toposeam.texture.sources import (
+    DataRange,
+    Images,
+    Sources,
+    as_list,
+    check_varied,
+    read_sources,
+    white_of,
+)
 from toposeam.texture.synthesis import Synthesis
 from toposeam.texture.tileable import Tileable, wraps_of
 
@@ -140,7 +148,7 @@ def synthesize(
     check_choice("flatten", flatten, (True, False))
     check_choice("level", level, (True, False, None))
     if flatten:
-        source = _flat(source, source_mask)
+        source = flattened(source, source_mask, white_of(data_range, 1 + len(maps))[0])
     sources = read_sources(
         source, alpha=alpha, mask=source_mask, maps=maps, weights=weights, data_range=data_range
     )
@@ -211,14 +219,8 @@ def _shares(shares: Sequence[float] | None, count: int) -> list[float] | None:
         return None
     found = list(check_items("shares", shares, object, "a list with one number per exemplar"))
     if len(found) != count:
-        raise OptionError(f"{len(found)} shares were given for {count} exemplars; give one for each")
+        raise OptionError(f"shares has length {len(found)} for {count} exemplars; give one number for each")
     return [check_number("one of the shares", share, 0, 1e6, above=True) for share in found]
-
-
-def _flat(source: Images, mask: Images | None) -> Images:
-    several: list[Any] = list(source) if isinstance(source, list | tuple) else [source]
-    masks = as_list(mask, len(several), "source_mask")
-    return [flatten_light(image, source_mask=where) for image, where in zip(several, masks, strict=True)]
 
 
 class _Stages:

@@ -6,6 +6,7 @@ import csv
 import dataclasses
 import json
 import re
+import sys
 from html.parser import HTMLParser
 
 import numpy as np
@@ -166,6 +167,14 @@ def test_a_book_replaces_its_own_pages_until_somebody_edits_them(theme, toposeam
     assert (theme / "b" / "book.html").read_text() == "edited"
     assert toposeam(*words, "--force").code == 0
     assert "theme" in (theme / "b" / "book.html").read_text()
+
+
+@pytest.mark.skipif(sys.platform == "darwin", reason="its file names are UTF-8")
+def test_names_that_are_not_utf_8_are_written_as_far_as_they_can_be(theme, toposeam, made_quickly):
+    (theme / "theme.png").rename(theme / "a\udcff.png")
+    assert toposeam("book", "a\udcff.png", *SMALL, "-o", "b", "--no-pdf").code == 0
+    assert "<title>a\ufffd" in (theme / "b" / "book.html").read_text(encoding="utf-8")
+    assert toposeam("book", "a\udcff.png", *SMALL, "-o", "c", "--no-pdf", "--title", "\udcfe").code == 0
 
 
 @pytest.mark.parametrize("folder", ["motifs", "swatches", "products"])

@@ -131,6 +131,17 @@ def test_what_is_transparent_is_printed_white(tmp_path, toposeam):
     assert np.median(read_picture(tmp_path / "c.png").pixels[582:785, 655:916]) > 240
 
 
+@pytest.mark.parametrize(("stages", "count"), [(1, 2), (2, 5), (3, 17)])
+def test_a_motif_that_will_not_be_there_is_said_before_the_work(
+    motifs, tmp_path, toposeam, monkeypatch, stages, count
+):
+    monkeypatch.setattr("toposeam.join_motifs", lambda *given, **options: 1 / 0)
+    line = ("join", motifs / "one.png", motifs / "two.png", "-o", tmp_path / "m.png", "--between", 3)
+    grid = f"1 {count + 1}"
+    ran = toposeam(*line, "--stages", stages, "--grid", grid)
+    ran.fails(f"names motif {count + 1}, but with those between there are {count};")
+
+
 @pytest.mark.parametrize(
     ("line", "phrase", "code"),
     [

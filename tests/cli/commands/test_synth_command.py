@@ -208,7 +208,7 @@ def test_sources_show_on_the_shares_asked_for(toposeam):
 @pytest.mark.parametrize(
     ("arguments", "phrase", "code"),
     [
-        (("moss.png", "--size", "90", "--shares", "1,2", "-o", "o.png"), "2 shares were given for 1", 1),
+        (("moss.png", "--size", "90", "--shares", "1,2", "-o", "o.png"), "--shares has length 2 for 1", 1),
         (("moss.png", "--size", "auto", "-o", "o.png"), "add --tileable", 1),
         (("moss.png", "--size", "auto:none", "--tileable", "x", "-o", "o.png"), "is not a size", 2),
         (("moss.png", "--size", "auto:99999999", "--tileable", "x", "-o", "o.png"), "more than", 1),

@@ -42,7 +42,7 @@ def test_an_unreadable_file_ends_in_one_sentence(tmp_path, monkeypatch):
 
     (tmp_path / "in.png").touch()
     monkeypatch.setattr("pathlib.Path.open", fail)
-    text = fails(decode._check_input, tmp_path / "in.png")
+    text = fails(decode.check_input, tmp_path / "in.png")
     monkeypatch.undo()
     assert "Permission denied" in text
     assert "right to read" in text

@@ -6,7 +6,8 @@ import skimage.data
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.texture import offsets
+from toposeam.texture import levelling, offsets, shift_moves
+from toposeam.texture import shifts as texture_shifts
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.homogeneity import is_texture
 from toposeam.texture.levelling import levelled, membrane
@@ -183,6 +184,73 @@ def test_moves_lower_the_cost_below_what_chance_finds(sample):
             other = moves.label.copy()
             other[row, column] = index
             assert moves.total(other) >= after * (1 - 2e-3)
+
+
+@pytest.mark.medium
+def test_much_to_decide_is_decided_in_windows_and_costs_hardly_more(sample, monkeypatch):
+    """Windows of 24 px on a region of 80: their seams cost a little more than those decided at once."""
+    image = ndimage.gaussian_filter(sample(4, (120, 130), channels=3) / np.float32(255), (2, 2, 0))
+    hole = disc((120, 130), 60, 64, 34)
+    near = ndimage.binary_dilation(hole, iterations=4)
+    shifts = np.array([(0, 70), (62, 0), (-64, 5), (9, -75), (-70, -8)])
+    ground = Ground(features=image, hole=hole, copied=~hole, present=np.ones_like(hole), near=near)
+    like = np.concatenate([image, image[..., :1]], axis=2)
+    box = np.s_[20:101, 24:105]
+    start = ShiftMoves(ground, shifts, box, 4, like, like)
+    start.begin()
+    start.sweep(range(5), 3, "heat", None)
+    label, costs, windows = start.spread(np.full(hole.shape, -1)), [], []
+    for at_once in (10**9, 0):
+        monkeypatch.setattr(shift_moves, "_AT_ONCE", at_once)
+        monkeypatch.setattr(shift_moves, "_SIDE", 24)
+        moves = ShiftMoves(ground, shifts, box, 1, like, like)
+        moves.refine(label, 4)
+        before, seen = moves.total(moves.label), []
+        free, first = moves.free.copy(), moves.label.copy()
+        moves.sweep(range(5), 1, "heat", seen.append)
+        windows.append(len(list(moves._windows())))
+        costs.append(moves.total(moves.label))
+        assert costs[-1] < before
+        assert (moves.label[~free] == first[~free]).all()
+        new = moves.label != first
+        assert all(moves.allows(index)[new & (moves.label == index)].all() for index in range(5))
+        assert seen == sorted(seen)
+    assert windows[0] == 1
+    assert windows[1] > 9
+    assert costs[1] < 1.03 * costs[0]
+
+
+@pytest.mark.medium
+def test_too_much_to_decide_keeps_the_seams_of_the_coarser_stride(sample, monkeypatch):
+    image = sample(4, (120, 130), channels=3)
+    hole = disc((120, 130), 60, 64, 34)
+    swept, own = [], ShiftMoves.sweep
+    monkeypatch.setattr(
+        ShiftMoves, "sweep", lambda moves, *given: (swept.append(moves.stride), own(moves, *given))[1]
+    )
+    seen = []
+    ts.fill(image, hole, by="shifts")
+    assert swept == [2, 1]
+    swept.clear()
+    monkeypatch.setattr(texture_shifts, "_MOST_FREE", 0)
+    made = ts.fill(image, hole, by="shifts", progress=seen.append)
+    assert swept == [2]
+    assert seen[-1] == pytest.approx(1)
+    assert not hole[made.source[hole][:, 0], made.source[hole][:, 1]].any()
+
+
+def test_many_unknowns_are_iterated_to_what_few_are_solved_to(monkeypatch):
+    rng = np.random.default_rng(0)
+    region = rng.random((90, 100)) > 0.05
+    values = ndimage.gaussian_filter(rng.random((90, 100, 2)), (3, 3, 0)).astype(np.float32)
+    steps = [
+        (rng.normal(0, 0.02, values[s].shape).astype(np.float32), rng.random(region[s].shape, np.float32))
+        for s in (np.s_[:, :-1], np.s_[:-1])
+    ]
+    solved = levelling._poisson(values, region, steps)
+    monkeypatch.setattr(levelling, "_DIRECT", 2000)
+    monkeypatch.setattr(levelling, "_MOST_STEPS", 40)  # far fewer than it takes without the coarse system
+    assert np.abs(levelling._poisson(values, region, steps) - solved).mean() < 1 / 512
 
 
 @pytest.mark.medium

@@ -375,7 +375,7 @@ def test_exemplars_show_on_the_shares_asked_for(sample):
 
 @pytest.mark.parametrize(
     ("shares", "phrase"),
-    [((1,), "1 shares were given for 2"), ((1, 0), "one of the shares"), (5, "a list with one number")],
+    [((1,), "shares has length 1 for 2"), ((1, 0), "one of the shares"), (5, "a list with one number")],
 )
 def test_shares_that_fit_nothing_are_refused(sample, shares, phrase):
     with pytest.raises(ts.OptionError, match=phrase):

@@ -76,19 +76,8 @@ def test_a_picture_of_another_shape_is_filled_and_cut_not_stretched(made, topose
 
 
 def test_relatives_keep_what_they_share(made, toposeam):
-    toposeam(
-        "motif",
-        "-o",
-        "near.png",
-        "--like",
-        "motif.png",
-        "--vary",
-        "0.1",
-        "--seed",
-        "9",
-        "--palette",
-        "#fff0e0 #102030 #405060",
-    )
+    near = ("--vary", "0.1", "--seed", "9", "--palette", "#fff0e0 #102030 #405060")
+    toposeam("motif", "-o", "near.png", "--like", "motif.png", *near)
     toposeam("motif", "-o", "far.png", "--like", "motif.png", "--seed", "9")
     first, near, far = (read_recipe(made / f"{name}.png") for name in ("motif", "near", "far"))
     assert near.repeat == far.repeat == "rotate"

@@ -191,19 +191,19 @@ def scenes(folder):
         yield f"stitch, {blend}", stitch, options("stitch", blend=blend)
     yield "stitch, aligned", stitch, options("stitch", places="near")
     yield "stitch, places found", {**stitch, "layers": small}, options("stitch", places="anywhere")
-    hole = np.zeros((200, 200), np.uint8)
+    hole = np.zeros((179, 179), np.uint8)
     hole[70:130, 80:120] = 255
     y, x = np.ogrid[:400, :620]
     round_ = np.where(np.hypot(y - 200, x - 300) < 120, 255, 0).astype(np.uint8)[80:320, 180:420]
     patch = [raster("below", whole), raster("patch", whole[80:320, 185:425], (180, 80))]
     selected = raster("round", round_, (180, 80))
     yield "patch", {"of": "patch", "scale": 0.5, "layers": patch, "selection": selected}, options("patch")
-    layer = {"scale": 0.5, "layer": raster("layer", whole[:200, :200]), "selection": None}
-    sample = {"of": "synthesize", **layer, "scale": 1.0, "layer": raster("sample", whole[:245, :245])}
-    yield "synthesize", sample, options("synthesize", width=200, height=200)
+    layer = {"scale": 0.5, "layer": raster("layer", whole[:179, :179]), "selection": None}
+    sample = {"of": "synthesize", **layer, "scale": 1.0, "layer": raster("sample", whole[:224, :224])}
+    yield "synthesize", sample, options("synthesize", width=179, height=179)
     yield (
         "tile",
-        {"of": "make_tileable", **layer, "layer": raster("tile", whole[:316, :316])},
+        {"of": "make_tileable", **layer, "layer": raster("tile", whole[:283, :283])},
         options("tile"),
     )
     fill = {"of": "fill", **layer, "selection": raster("hole", hole), "source": None}

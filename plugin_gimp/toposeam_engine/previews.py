@@ -25,7 +25,7 @@ from toposeam_engine.serving import EngineJob
 #: Options that are lengths, and the least that still means something.
 _LENGTHS = {"blend_width": 1, "patch": 8, "overlap": 2, "band": 4, "width": 16, "height": 16}
 #: Motifs are made at this size at most, and with as many iterations.
-_MOTIF_PX, _MOTIF_ITERATIONS = 96, 24
+_MOTIF_PX, _MOTIF_ITERATIONS = 96, 18
 
 
 def preview(job: EngineJob) -> dict[str, Any]:

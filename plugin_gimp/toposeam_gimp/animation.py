@@ -69,6 +69,11 @@ def frames_of(image: Gimp.Image) -> list[Gimp.Layer]:
     return frames
 
 
+def check_clip(image: Gimp.Image, _drawables: Sequence[Gimp.Drawable]) -> None:
+    """Refuse what is no clip."""
+    frames_of(image)
+
+
 def delay_of(frames: Sequence[Gimp.Layer]) -> int:
     """How long the first frame is shown, ms."""
     found = _DELAY.search(frames[0].get_name())

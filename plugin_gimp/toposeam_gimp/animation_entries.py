@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from toposeam_gimp.entries import Option, Procedure, number
+from toposeam_gimp.entries import LAYERS, Option, Procedure, number
 from toposeam_gimp.texts import _
 
 ANIMATION_ENTRIES = (
     Procedure(
         name="plug-in-toposeam-loop",
         label=_("_Loop Animation..."),
+        menu=LAYERS,
         work="animation.loop",
+        check="check_clip",
         needs="layers",
         blurb=_("Make the visible layers, as the frames of an animation, repeat without a jump"),
         help=_(

@@ -28,6 +28,15 @@ _SPACE = 12
 _DICE = 20
 #: Numbers of so small a range are set with a slider.
 _NARROW = 10
+#: GIMP draws sliders that are insensitive like the others.
+_FADED = 0.45
+#: GIMP's own buttons, where its translation has gaps.
+_BUTTONS = {
+    "_OK": _("_OK"),
+    "_Cancel": _("_Cancel"),
+    "_Load Saved Settings": _("_Load Saved Settings"),
+    "_Save Settings": _("_Save Settings"),
+}
 
 
 class Dialog:
@@ -54,6 +63,9 @@ class Dialog:
         self._dialog.get_content_area().pack_start(body, True, True, 0)
         body.show_all()
         self._replace_help()
+        for button in _inside(self._dialog, Gtk.Button):
+            if button.get_label() in _BUTTONS:
+                button.set_label(_BUTTONS[button.get_label()])
         config.connect("notify", lambda *_event: self._changed())
         self._changed()
 
@@ -130,12 +142,15 @@ class Dialog:
             value = self._config.get_property(option.name)
             kept["value"] = value or kept["value"]
             box.set_active(not value)
-            widget.set_sensitive(bool(value))
+            _enable(widget, bool(value))
 
         def toggled(_box: Gtk.CheckButton) -> None:
             if box.get_active() == bool(self._config.get_property(option.name)):
                 self._config.set_property(option.name, kind(0) if box.get_active() else kept["value"])
 
+        for spin in _inside(widget, Gtk.SpinButton):
+            spin.connect("output", _nothing_for_zero)
+            spin.update()
         follow()
         box.connect("toggled", toggled)
         self._config.connect(f"notify::{option.name}", follow)
@@ -148,7 +163,7 @@ class Dialog:
         for option in self._entry.options:
             if option.applies is not None:
                 name, values = option.applies
-                self._rows[option.name].set_sensitive(self._config.get_property(name) in values)
+                _enable(self._rows[option.name], self._config.get_property(name) in values)
         if self._pane is not None:
             self._pane.changed()
 
@@ -178,6 +193,29 @@ class Dialog:
         text.format_secondary_text(f"{self._entry.help}\n\n{page}")
         text.run()
         text.destroy()
+
+
+def _enable(row: Gtk.Widget, applies: bool) -> None:
+    """Let a row be used, or show that it does not apply."""
+    row.set_sensitive(applies)
+    for slider in _inside(row, GimpUi.SpinScale):
+        slider.set_opacity(1 if slider.is_sensitive() else _FADED)
+
+
+def _nothing_for_zero(spin: Gtk.SpinButton) -> bool:
+    """Show no number where the box beside the field says what happens."""
+    if spin.get_value():
+        return False
+    spin.set_text("")
+    return True
+
+
+def _inside(widget: Gtk.Widget, kind: type) -> list[Gtk.Widget]:
+    """All widgets of a kind in another one, itself included."""
+    found = [widget] if isinstance(widget, kind) else []
+    for child in widget.get_children() if isinstance(widget, Gtk.Container) else ():
+        found += _inside(child, kind)
+    return found
 
 
 def _replace(row: Gtk.Widget, field: Gtk.Widget) -> None:

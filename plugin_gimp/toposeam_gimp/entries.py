@@ -5,6 +5,11 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from toposeam_gimp.texts import _
+
+#: The submenus. GIMP gives plug-ins no separators, and sorts submenus by their names, which keep this order.
+LAYERS, TEXTURES, WALLPAPERS = _("_Layers"), _("_Textures"), _("_Wallpapers")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Option:
@@ -71,10 +76,14 @@ class Procedure:
     name: str
     #: Menu entry, with its mnemonic.
     label: str
+    #: The submenu it is in.
+    menu: str
     blurb: str
     help: str
     #: Module of this package, and its function.
     work: str
+    #: Its function that refuses what cannot work before the dialog asks; "" where GIMP itself can tell.
+    check: str = ""
     options: tuple[Option, ...] = ()
     #: When the entry can be used: "layer" when one is selected, "layers" for one or more, "several" for two
     #: or more, "nothing" always.

@@ -17,6 +17,8 @@ PARASITE = "toposeam-seam"
 #: On the paths that a stitched group has made: their own tattoo, so that a copy is known to be one.
 PATH_PARASITE = "toposeam-path"
 _PARASITE_VERSION = 2
+#: Saved with the file, and part of the undo step; without the latter GIMP complains when it is undone.
+_KEPT = Gimp.PARASITE_PERSISTENT | Gimp.PARASITE_UNDOABLE
 
 
 class RefusedError(Exception):
@@ -115,9 +117,8 @@ def draw_seam(
 def _new_path(image: Gimp.Image, name: str) -> Gimp.Path:
     path = Gimp.Path.new(image, name)
     image.insert_path(path, None, 0)
-    path.attach_parasite(
-        Gimp.Parasite.new(PATH_PARASITE, Gimp.PARASITE_PERSISTENT, list(str(path.get_tattoo()).encode()))
-    )
+    mark = list(str(path.get_tattoo()).encode())
+    path.attach_parasite(Gimp.Parasite.new(PATH_PARASITE, _KEPT, mark))
     return path
 
 
@@ -209,10 +210,8 @@ def remember(
         "blended": None if blended is None else blended.get_tattoo(),
     }
     memory = {"version": _PARASITE_VERSION, "kind": kind, **tattoos, "seams": seams, "options": options}
-    flags = Gimp.PARASITE_PERSISTENT | Gimp.PARASITE_UNDOABLE
-    group.attach_parasite(
-        Gimp.Parasite.new(PARASITE, flags, list(json.dumps(memory, separators=(",", ":")).encode()))
-    )
+    text = json.dumps(memory, separators=(",", ":"))
+    group.attach_parasite(Gimp.Parasite.new(PARASITE, _KEPT, list(text.encode())))
 
 
 def stitched_group(layers: Sequence[Gimp.Layer]) -> tuple[Gimp.Layer, dict[str, Any]]:

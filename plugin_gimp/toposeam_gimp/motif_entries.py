@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from toposeam_gimp.entries import Option, Procedure, number
+from toposeam_gimp.entries import WALLPAPERS, Option, Procedure, number
 from toposeam_gimp.texts import _
 from toposeam_gimp.texture_entries import SEED
 
@@ -53,6 +53,7 @@ MOTIF_ENTRIES = (
     Procedure(
         name="plug-in-toposeam-motif",
         label=_("_Generate Motif..."),
+        menu=WALLPAPERS,
         work="motifs.generate",
         needs="nothing",
         blurb=_(
@@ -144,7 +145,9 @@ MOTIF_ENTRIES = (
     Procedure(
         name="plug-in-toposeam-repeat",
         label=_("Repeat _Motif..."),
+        menu=WALLPAPERS,
         work="motifs.repeat",
+        check="motif_of",
         needs="layers",
         blurb=_("Lay copies of a motif side by side by its own rule"),
         help=_(

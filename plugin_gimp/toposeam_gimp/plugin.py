@@ -48,7 +48,7 @@ class TopoSeam(Gimp.PlugIn):  # type: ignore[misc]
         procedure.set_sensitivity_mask(_SENSITIVE[entry.needs])
         procedure.set_menu_label(entry.label)
         # GIMP sorts by name; sections, which nobody sees, keep the order of the table.
-        procedure.add_menu_path(f"{_MENU}/[{list(PROCEDURES).index(name)}]")
+        procedure.add_menu_path(f"{_MENU}/{entry.menu}/[{list(PROCEDURES).index(name)}]")
         procedure.set_documentation(entry.blurb, entry.help, name)
         procedure.set_attribution("The TopoSeam developers", "The TopoSeam developers", "2026")
         for option in entry.options:
@@ -87,11 +87,16 @@ def _run(
     entry = PROCEDURES[procedure.get_name()]
     try:
         asks = run_mode == Gimp.RunMode.INTERACTIVE and entry.options
+        name, function = entry.work.split(".")
+        if asks and entry.check:
+            getattr(import_module(f"toposeam_gimp.{name}"), entry.check)(image, drawables)
         if asks and not _ask_user(procedure, config, entry, image, drawables):
             return procedure.new_return_values(Gimp.PDBStatusType.CANCEL, None)
         options = {option.name: config.get_property(option.name) for option in entry.options}
+        for option in entry.options:
+            if option.default is None:  # GIMP cannot write down which layer it was, and would complain
+                config.set_property(option.name, None)
         Gimp.progress_init(entry.title)
-        module, function = entry.work.split(".")
         call = Call(
             image=image,
             drawables=drawables,
@@ -99,7 +104,7 @@ def _run(
             entry=entry,
             interactive=run_mode == Gimp.RunMode.INTERACTIVE,
         )
-        layer = getattr(import_module(f"toposeam_gimp.{module}"), function)(call)
+        layer = getattr(import_module(f"toposeam_gimp.{name}"), function)(call)
         Gimp.displays_flush()
         if call.interactive and call.remarks:
             Gimp.message("\n".join(call.remarks))

@@ -15,7 +15,7 @@ from toposeam_gimp.layers import RefusedError, check_selection, chosen_layers, l
 from toposeam_gimp.motifs import colours_of, inks_of, motif_of
 from toposeam_gimp.pixels import Box
 from toposeam_gimp.texts import _
-from toposeam_gimp.textures import send_source
+from toposeam_gimp.textures import check_fill, selected_rectangle, send_source
 
 #: What the engine calls what a preview shows.
 OF = {
@@ -31,8 +31,8 @@ OF = {
 #: A preview is made of so many pixels at most.
 MOST_PIXELS = 300_000
 #: What takes longer than seams has fewer, so that a preview takes a second at most (benchmarks/gimp.py).
-_MOST_PLACED, _MOST_TILED, _MOST_SAMPLED = 120_000, 100_000, 60_000
-_MOST_GROWN, _MOST_LOOPED = 40_000, 150_000
+_MOST_PLACED, _MOST_TILED, _MOST_SAMPLED = 120_000, 80_000, 50_000
+_MOST_GROWN, _MOST_LOOPED = 32_000, 150_000
 #: The least that a frame of an animation is shown at.
 _LEAST_FRAME = 200
 
@@ -114,15 +114,12 @@ def _sample(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options
 
 
 def _tile(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _options: Scene) -> Scene:
-    bounds = _bounds(image)
-    if bounds is not None and not pixels.is_rectangle(image, bounds):
-        raise RefusedError(_("The selection is not a rectangle."))
-    return _texture("make_tileable", folder, image, drawables, 1.0, box=bounds, most=_MOST_TILED)
+    box = selected_rectangle(image)
+    return _texture("make_tileable", folder, image, drawables, 1.0, box=box, most=_MOST_TILED)
 
 
 def _hole(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
-    if _bounds(image) is None:
-        raise RefusedError(_("Nothing is selected; select what is to be replaced and try again."))
+    check_fill(image, drawables)
     made = _texture("fill", folder, image, drawables, 1.0, most=_MOST_GROWN)
     return {**made, "source": send_source(folder, image, drawables[0], options, made["scale"])}
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from toposeam_gimp.entries import Option, Procedure, number
+from toposeam_gimp.entries import LAYERS, Option, Procedure, number
 from toposeam_gimp.texts import _
 
 _METHOD = Option(
@@ -119,6 +119,7 @@ SEAM_ENTRIES = (
     Procedure(
         name="plug-in-toposeam-stitch",
         label=_("_Stitch Layers..."),
+        menu=LAYERS,
         work="seams.stitch_layers",
         needs="several",
         blurb=_("Join the selected layers where they overlap, along seams that nobody sees"),
@@ -135,6 +136,7 @@ SEAM_ENTRIES = (
     Procedure(
         name="plug-in-toposeam-restitch",
         label=_("_Re-stitch from Paths"),
+        menu=LAYERS,
         work="seams.restitch",
         needs="layers",
         blurb=_("Apply the seams of a stitched group again after you have bent their paths"),
@@ -149,6 +151,7 @@ SEAM_ENTRIES = (
     Procedure(
         name="plug-in-toposeam-patch",
         label=_("Stitch Selection as _Patch..."),
+        menu=LAYERS,
         work="seams.patch_selection",
         blurb=_(
             "Lay the selected part of this layer on what is below it, within a closed seam that nobody sees"

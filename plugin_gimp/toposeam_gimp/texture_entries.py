@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from toposeam_gimp.entries import Option, Procedure, number
+from toposeam_gimp.entries import TEXTURES, Option, Procedure, number
 from toposeam_gimp.texts import _
 
 SEED = number(
@@ -37,6 +37,7 @@ TEXTURE_ENTRIES = (
     Procedure(
         name="plug-in-toposeam-synthesize",
         label=_("S_ynthesize Texture..."),
+        menu=TEXTURES,
         work="textures.synthesize",
         blurb=_("Grow a texture of any size from this layer, or from the selected part of it"),
         help=_(
@@ -70,7 +71,9 @@ TEXTURE_ENTRIES = (
     Procedure(
         name="plug-in-toposeam-tile",
         label=_("Make Seamless _Tile..."),
+        menu=TEXTURES,
         work="textures.make_tileable",
+        check="check_tile",
         blurb=_("Make this layer, or the selected rectangle of it, repeat without a visible border"),
         help=_(
             "Only a band along the borders changes: patches of the picture itself are laid over them and cut "
@@ -100,7 +103,9 @@ TEXTURE_ENTRIES = (
     Procedure(
         name="plug-in-toposeam-fill",
         label=_("_Fill Selection..."),
+        menu=TEXTURES,
         work="textures.fill",
+        check="check_fill",
         blurb=_("Replace what is selected by what the rest of this layer, or another one, is like"),
         help=_(
             "The hole is filled from outside inwards with patches of the layer, cut along seams found by "

@@ -4,7 +4,7 @@ back.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gi.repository import Gimp
@@ -42,6 +42,12 @@ def synthesize(call: Call) -> Gimp.Layer:
     return result
 
 
+def check_tile(image: Gimp.Image, drawables: Sequence[Gimp.Drawable]) -> None:
+    """Refuse selections that cannot be laid side by side."""
+    chosen_layers(image, drawables)
+    selected_rectangle(image)
+
+
 def make_tileable(call: Call) -> Gimp.Layer:
     """A copy of a layer, or of the selected rectangle of it, that repeats."""
     (layer,) = chosen_layers(call.image, call.drawables)
@@ -54,13 +60,19 @@ def make_tileable(call: Call) -> Gimp.Layer:
         return _add(call, folder, layer, {**picture, "at": request["layer"]["at"]}, name)
 
 
+def check_fill(image: Gimp.Image, drawables: Sequence[Gimp.Drawable]) -> None:
+    """Refuse to fill nothing."""
+    chosen_layers(image, drawables)
+    if Gimp.Selection.is_empty(image):
+        raise RefusedError(_("Nothing is selected; select what is to be replaced and try again."))
+
+
 def fill(call: Call) -> Gimp.Layer:
     """A layer that covers what is selected with what the rest of the layer is like."""
-    (layer,) = chosen_layers(call.image, call.drawables)
+    check_fill(call.image, call.drawables)
+    (layer,) = call.drawables
     with RequestFolder(needed=2 * pixels.size_of(call.image, layer)) as folder:
         request = _sample(call, folder, layer)
-        if request["selection"] is None:
-            raise RefusedError(_("Nothing is selected; select what is to be replaced and try again."))
         request["source"] = send_source(folder, call.image, layer, call.options)
         picture = engine.ask(folder, {"operation": "fill", **request}, Gimp.progress_update)["picture"]
         return _add(call, folder, layer, picture, _("Fill of {name}").format(name=layer.get_name()))
@@ -92,15 +104,8 @@ def _sample(
     """The layer and, on its place, what is selected of it; with `rectangle` only the part of the layer within
     the selection's bounds.
     """
-    something, left, top, right, bottom = Gimp.Selection.bounds(call.image)[1:]
-    box = (left, top, right - left, bottom - top) if something and rectangle else None
-    if box is not None and not pixels.is_rectangle(call.image, box):
-        raise RefusedError(
-            _(
-                "The selection is not a rectangle, and only rectangles can be laid side by side. Select a "
-                "rectangle with the Rectangle Select tool, or nothing for the whole layer."
-            )
-        )
+    something = not Gimp.Selection.is_empty(call.image)
+    box = selected_rectangle(call.image) if rectangle else None
     raster = pixels.send_layer(folder, call.image, layer, "layer", box=box)
     selection = None
     if something and not rectangle and raster is not None:
@@ -112,6 +117,22 @@ def _sample(
             )
         )
     return {"layer": raster, "selection": selection, "options": call.for_engine}
+
+
+def selected_rectangle(image: Gimp.Image) -> pixels.Box | None:
+    """The selection, which must be a rectangle; None without one."""
+    something, left, top, right, bottom = Gimp.Selection.bounds(image)[1:]
+    if not something:
+        return None
+    box = (left, top, right - left, bottom - top)
+    if not pixels.is_rectangle(image, box):
+        raise RefusedError(
+            _(
+                "The selection is not a rectangle, and only rectangles can be laid side by side. Select a "
+                "rectangle with the Rectangle Select tool, or nothing for the whole layer."
+            )
+        )
+    return box
 
 
 def _add(

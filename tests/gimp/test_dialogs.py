@@ -1,6 +1,7 @@
 """The real windows, on a display that nobody sees: dialogs, menu, last values, undo, cancel."""
 
 import json
+import re
 import shutil
 import threading
 import time
@@ -45,6 +46,9 @@ def windowed(screen, tmp_path_factory):
     )
     yield running
     running.close()
+    said = running.log.read_text(errors="replace")
+    ours = re.findall(r"^\(toposeam_gimp\S*:\d+\): .*(?:WARNING|CRITICAL).*$", said, re.MULTILINE)
+    assert [line for line in ours if "accessib" not in line] == []
 
 
 @pytest.fixture
@@ -112,10 +116,14 @@ def test_the_menu_entry_opens_the_dialog_and_one_undo_takes_everything_back(scre
     after = wait_for_change(windowed, opened, before)
     assert [len(layer.get("children", [])) for layer in after["layers"]] == [2, 0, 0]
     assert len(after["paths"]) == 2
-    screen.press(screen.window("Background|grass|GIMP"), "ctrl+z")
+    picture = screen.window("Background|grass|GIMP")
+    screen.press(picture, "ctrl+z")
     undone = wait_for_change(windowed, opened, after)
     assert undone == before
     assert windowed.python(code="answer = image_of(number).is_dirty()", number=opened["image"]) is False
+    assert screen.do("search", "--onlyvisible", "--name", "GIMP Message") == ""
+    screen.press(picture, "ctrl+y")
+    assert wait_for_change(windowed, opened, undone) == after
 
 
 @pytest.mark.parametrize("name", DIALOGS)
@@ -158,6 +166,25 @@ def test_the_dialog_of_an_animation_plays_its_loop(screen, windowed, tmp_path):
     assert len(seen) >= 6
     assert answer["layer"] is not None
     windowed.python(code="Gimp.Display.get_by_id(number).delete()", number=display)
+
+
+@pytest.mark.parametrize(
+    ("name", "phrase"),
+    [
+        ("fill", "select what is to be replaced"),
+        ("tile", "not a rectangle"),
+        ("repeat", "make one with Generate Motif"),
+        ("loop", "is not of the image's size"),
+    ],
+)
+def test_what_cannot_work_is_said_before_any_dialog(windowed, opened, name, phrase):
+    if name == "tile":
+        code = "image_of(number).select_ellipse(Gimp.ChannelOps.REPLACE, 140, 60, 40, 40)"
+        windowed.python(code=code, number=opened["image"])
+    procedure = f"plug-in-toposeam-{name}"
+    asked = Asked(windowed, procedure, opened, opened["layers"][1:]).answer()
+    assert asked["status"] == "execution-error"
+    assert phrase in asked["message"]
 
 
 def test_cancelling_a_dialog_changes_nothing(screen, windowed, opened):

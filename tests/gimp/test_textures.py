@@ -147,6 +147,26 @@ open(file, "wb").write(image.get_selection().get_buffer().get(box, 1.0, "Y u8", 
 SELECT = "image_of(number).select_rectangle(Gimp.ChannelOps.REPLACE, 40, 30, 24, 20)"
 
 
+def test_a_hole_is_filled_from_around_it(gimp, image, tmp_path):
+    pixels = photograph(120, 320, seed=5) // 2
+    pixels[:, 160:] |= 128  # far from the hole
+    write_png(tmp_path / "halves.png", pixels)
+    loaded = image([tmp_path / "halves.png"])
+    gimp.python(code=SELECT, number=loaded["image"])
+    options = {"from": "around", "patch": 16, "seed": 1}
+    result = succeeded(
+        gimp.run(procedure=FILL, image=loaded["image"], layers=loaded["layers"], options=options)
+    )
+    filled = gimp.pixels(result["layer"], "R'G'B'A u8")[0]
+    assert filled[filled[..., 3] > 0][:, :3].max() < 128
+    hole = np.zeros((120, 320), bool)
+    hole[30:50, 40:64] = True
+    near = np.zeros_like(hole)
+    near[: 50 + 48, : 64 + 48] = True
+    expected = ts.fill(pixels, hole, source=near, patch=16, seed=1).image
+    np.testing.assert_array_equal(gimp.projection(loaded["image"], "R'G'B'A u8")[..., :3], expected)
+
+
 def test_a_hole_is_filled_from_another_layer(gimp, image, tmp_path):
     pixels = photograph(80, 100, seed=5) // 2
     write_png(tmp_path / "dark.png", pixels)

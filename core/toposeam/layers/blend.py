@@ -194,9 +194,9 @@ def _colours(placed: Placed, index: int, box: Box, channels: int) -> tuple[Float
 
 
 def _planes(placed: Placed, index: int, box: Box, channels: int) -> tuple[Floats32, Mask]:
-    """As :func:`_colours`, one plane after the other, (C, h, w)."""
+    """As :func:`_colours`, one plane after the other, (C, h, w), to be written to."""
     values, present = _colours(placed, index, box, channels)
-    return np.ascontiguousarray(np.moveaxis(values, 2, 0)), present
+    return np.array(np.moveaxis(values, 2, 0), order="C"), present
 
 
 def _channels(placed: Placed) -> int:

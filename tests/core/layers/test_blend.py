@@ -51,6 +51,16 @@ def test_where_layers_agree_nothing_changes(kind, dtype):
     np.testing.assert_array_equal(stitched.masks, hard.masks)
 
 
+@pytest.mark.parametrize("kind", BLURS)
+def test_gray_layers_are_blended_too(kind):
+    coloured = crops(((1.1,) * 3, (0.9,) * 3, (1,) * 3))
+    gray = [ts.Layer(image=layer.image[..., 1], at=layer.at) for layer in coloured]
+    blended, hard = (ts.stitch(gray, blend=name, max_rounds=0) for name in (kind, "none"))
+    change = np.abs(blended.image.astype(int) - hard.image)
+    assert 0 < change.max() < 60
+    assert (change[~shown(hard)] == 0).all()
+
+
 def step(kind, width=None, gains=((1.1, 1.1, 1.1), (0.9, 0.9, 0.9), (1, 1, 1))):
     """Mean jump across the seams beyond that of the photograph, and the largest difference to it."""
     stitched = ts.stitch(crops(gains), blend=kind, blend_width=width, max_rounds=0)

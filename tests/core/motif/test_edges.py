@@ -115,6 +115,13 @@ def test_levels_of_a_drawing_lie_half_way_between_the_densities_they_part():
     assert 0 < _Bands(density, "soft", "translate", 4, 2).tones(density.astype(float))[0] < 1 / 8
 
 
+def test_the_haze_between_soft_strokes_is_drawn_and_none_beside_crisp_ones():
+    density = np.maximum(disc(64, 16), np.float32(0.04))
+    haze = re.compile(r'<rect x="-\d+" y="-\d+" [^>]*fill="#f5f5f5"/>')  # 4 % of black
+    assert haze.search(motif_of(density, "soft").to_svg())
+    assert not haze.search(motif_of(density, "crisp").to_svg())
+
+
 @pytest.mark.parametrize("repeat", ["translate", "reflect", "rotate", "p6"])
 def test_edges_go_on_across_the_border(repeat):
     motif = ts.generate_motif(48, layers=1, repeat=repeat, seed=2, iterations=20, edge="crisp")

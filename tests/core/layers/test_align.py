@@ -57,6 +57,15 @@ def test_narrow_strips_and_transparency():
 
 
 @pytest.mark.medium
+def test_no_layer_is_moved_beyond_the_radius_along_either_axis():
+    scene = np.random.default_rng(0).random((60, 110))
+    for off in ((5, 0), (0, 5), (-5, 1)):
+        layers = ts.Layer(scene[:, :70]), ts.Layer(scene[:, 40:], at=(40 + off[0], off[1]))
+        assert ts.align(layers, radius=5).layers[1].at == (40, 0)
+        with pytest.raises(ts.TopoSeamError):
+            ts.align(layers, radius=4)
+
+
 def test_what_agrees_with_nothing_is_refused():
     layers, _ = crops()
     stranger = ts.Layer(image=data.coffee()[:220, :240].copy(), at=(200, 150), name="stranger")

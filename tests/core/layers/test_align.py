@@ -1,13 +1,11 @@
 """Positions: known shifts are found again, and what does not fit is refused."""
 
-from contextlib import suppress
-
 import numpy as np
 import pytest
-from scipy import ndimage
 from skimage import data
 
 import toposeam as ts
+from toposeam.layers import align
 
 PHOTOGRAPH = data.astronaut()
 PLACES = [(0, 0), (150, 10), (90, 140), (230, 170)]
@@ -59,15 +57,13 @@ def test_narrow_strips_and_transparency():
     np.testing.assert_array_equal(ts.align(layers).shifts, -errors)
 
 
-@pytest.mark.medium
-def test_no_layer_is_moved_beyond_the_radius_along_either_axis():
-    scene = ndimage.gaussian_filter(np.random.default_rng(0).random((60, 110)), 3)  # alike a px further too
-    for off in ((5, 0), (0, 5), (-5, 1)):
-        layers = ts.Layer(scene[:, :70]), ts.Layer(scene[:, 40:], at=(40 + off[0], off[1]))
-        assert ts.align(layers, radius=5).layers[1].at == (40, 0)
-        with suppress(ts.TopoSeamError):  # or it is moved as far as that
-            x, y = ts.align(layers, radius=4).layers[1].at
-            assert max(abs(x - layers[1].at[0]), abs(y - layers[1].at[1])) <= 4
+@pytest.mark.parametrize("shift", [(0, 9), (-9, 0)])
+def test_a_pair_that_fits_beyond_the_radius_only_tells_nothing(monkeypatch, shift):
+    scene = np.random.default_rng(0).random((60, 110))
+    pair = ts.Layer(scene[:, :70]), ts.Layer(scene[:, 40:], at=(40, 0))
+    monkeypatch.setattr(align, "_refined", lambda *_: (np.array(shift), 0.9, 5000))
+    assert align._match(*pair, radius=8) is None
+    assert align._match(*pair, radius=9)[0].tolist() == [shift[1], shift[0]]
 
 
 def test_what_agrees_with_nothing_is_refused():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
+from toposeam.motif.compound import _interpolate
 
 SIZE = 48
 
@@ -162,3 +163,13 @@ def test_what_cannot_be_joined_is_refused_in_one_sentence():
     for arrangement in ([[0, 2]], [[0.5]], (0, 3), []):
         with pytest.raises(ts.OptionError):
             ts.arrange(motifs, arrangement)
+
+
+def test_members_begin_as_blends_of_the_fixed_ones_beside_them():
+    left, right = np.zeros((4, 4)), np.full((4, 4), 0.4)
+    left[0], right[-1] = 0.6, 0.1
+    designs = [left.copy(), None, None, right.copy()]
+    _interpolate(designs, [1, 2], [0.2, 0.2, 0.2, 0.2])
+    for index, share in ((1, 1 / 3), (2, 2 / 3)):
+        blend = (1 - share) * left + share * right
+        np.testing.assert_allclose(designs[index], 0.2 * blend / blend.mean())

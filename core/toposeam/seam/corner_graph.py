@@ -16,6 +16,9 @@ from scipy.sparse.csgraph import dijkstra
 from toposeam.heat.network import Floats
 from toposeam.seam.match_cost import Floats32
 
+#: Edges are laid out for so many corners at a time.
+_BLOCK = 1 << 16
+
 
 class CornerGraph(NamedTuple):
     """Corners joined by edges, and the two ends of a path."""
@@ -49,12 +52,13 @@ class CornerGraph(NamedTuple):
         source, target = (int(number[end]) for end in ends)
         neighbour, cost = np.empty((len(used), 4), np.int32), np.empty((len(used), 4))
         # Counted from the end, what is before the first corner is the last one, from which nothing leads on.
-        for column, (step, costs, back) in enumerate(
-            ((-stride, below, True), (-1, beside, True), (1, beside, False), (stride, below, False))
-        ):
-            there = used + step
-            neighbour[:, column] = number.take(there, mode="wrap")
-            cost[:, column] = costs.ravel().take(there if back else used, mode="wrap")
+        ways = ((-stride, below, True), (-1, beside, True), (1, beside, False), (stride, below, False))
+        for start in range(0, len(used), _BLOCK):
+            part = slice(start, start + _BLOCK)
+            for column, (step, costs, back) in enumerate(ways):
+                there = used[part] + step
+                neighbour[part, column] = number.take(there, mode="wrap")
+                cost[part, column] = costs.ravel().take(there if back else used[part], mode="wrap")
         table = csr_array(
             (cost.ravel(), neighbour.ravel(), np.arange(0, 4 * len(used) + 1, 4, dtype=np.int32)),
             shape=(len(used), len(used)),

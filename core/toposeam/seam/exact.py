@@ -128,11 +128,13 @@ def shortest_path(
         zone = zone | beside_cheap_paths(below, beside, ends, free) if rough else zone
         for costs, gap, (s, t) in zip(layout, border.gaps, _PAIRS, strict=True):
             np.copyto(costs, np.float32(np.inf), where=~(zone[s] | zone[t] | gap))
+    limit = min(most, border.to_b) * (1 + 1e-6)
+    del border, gap, zone  # the search needs the memory
     graph = CornerGraph.of(below, beside, ends)
-    del below, beside, layout, costs  # the search needs the memory
+    del below, beside, layout, costs
     if graph is None:
         return None
-    path, length = graph.cheapest_path(min(most, border.to_b) * (1 + 1e-6), distance)
+    path, length = graph.cheapest_path(limit, distance)
     del graph
     if path is None:
         return None

@@ -23,8 +23,8 @@ from toposeam.seam.match_cost import Floats32
 
 #: Corners from one of a half of the lattice to the next in its row, or column.
 PITCH = 4
-#: So many cells are open for every one that the cheapest path crosses: about as many as a corridor has.
-_CELLS = 2 * SEAM_CELLS - 1
+#: So many cells are open for every one that the cheapest path crosses: nearly as many as a corridor has.
+_CELLS = 2 * SEAM_CELLS - 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +115,7 @@ def beside_cheap_paths(below: Floats32, beside: Floats32, ends: tuple[int, int],
     Returns
     -------
     (h, w) bool array
-        In squares of 8 px, as many in all as a corridor along the cheapest path would have.
+        In squares of 8 px, nearly as many in all as a corridor along the cheapest path would have.
     """
     at = [divmod(end, below.shape[1]) for end in ends]
     first = at[0][0] % 2, at[0][1] % 2

@@ -192,6 +192,8 @@ class Fuzzer:
         if is_output(parameter):
             return self.output()
         name = str(kind.name)
+        if "INPUT" in (parameter.metavar or ""):  # files, and lists of them
+            return ("@" if rng.random() < 0.2 else "") + self.file()
         if not self.careful and rng.random() < 0.15:
             return rng.choice(HOSTILE_SIZES if "x" in name and rng.random() < 0.6 else WORDS)
         if isinstance(kind, click.Choice):

@@ -106,16 +106,22 @@ def draw_on_product(
     second: str | None = None,
     inks: int | None = None,
     edge: str | None = None,
+    dpi: float | None = None,
 ) -> None:
     """Make one mock-up from a motif's recipe, and from a second one's where two are wanted; the first may be
     simplified (`ts.simplify`).
     """
-    across = pattern_px(product, motif_mm)
+    across = pattern_px(product, motif_mm, dpi)
     made, pattern = _sharp(motif, across, inks, edge)
     other = None if second is None else (_sharp(second, across)[1], across)
     dark = made.inks[int(np.argmin(made.inks.sum(axis=1)))]
-    drawn = draw_product(product, pattern, across, made.paper, dark * made.paper, motif_mm, other)
-    write_picture(output, Picture(pixels=drawn), force=force)
+    drawn = draw_product(product, pattern, across, made.paper, dark * made.paper, motif_mm, other, dpi)
+    write_picture(output, shown_at(drawn, dpi), force=force)
+
+
+def shown_at(drawn: np.ndarray, dpi: float | None) -> Picture:
+    """A mock-up as a picture, with its resolution where one was asked for."""
+    return Picture(pixels=drawn, resolution=None if dpi is None else (dpi / 25.4, dpi / 25.4))
 
 
 def _sharp(

@@ -10,14 +10,14 @@ import numpy as np
 import toposeam as ts
 from toposeam.motif.edges import EDGES
 from toposeam.motif.tiling import period, tile
-from toposeam_cli.book.patterns import draw_on_product
+from toposeam_cli.book.patterns import draw_on_product, shown_at
 from toposeam_cli.figures.products import PRODUCTS, draw_product
 from toposeam_cli.figures.products import product as product_named
 from toposeam_cli.files.writing import check_output
-from toposeam_cli.options import FILE, OUTPUT, PaperLengthType, force_option, quiet_option
+from toposeam_cli.options import FILE, OUTPUT, FiniteRange, PaperLengthType, force_option, quiet_option
 from toposeam_cli.pictures.colour import to_depth, widen
 from toposeam_cli.pictures.limits import MAX_MOTIF, read_within
-from toposeam_cli.pictures.picture import Picture, write_picture
+from toposeam_cli.pictures.picture import write_picture
 from toposeam_cli.pictures.recipe import read_settings
 from toposeam_cli.print_options import RepeatType, check_laid
 
@@ -42,6 +42,11 @@ from toposeam_cli.print_options import RepeatType, check_laid
     type=PaperLengthType(),
     help="Width of one motif on it, like 3cm; by default what is customary.",
 )
+@click.option(
+    "--dpi",
+    type=FiniteRange(1, 10_000),
+    help="Pixels per inch of the thing itself.  [default: 1200 px along its longer side]",
+)
 @click.option("--inks", type=click.IntRange(1), help="Simplify: keep so many inks, those with the most ink.")
 @click.option("--edge", type=click.Choice(EDGES), help="Sharpen, or soften: how all strokes end.")
 @click.option(
@@ -58,6 +63,7 @@ def mockup(
     second: Path | None,
     output: Path,
     motif_width: float | None,
+    dpi: float | None,
     inks: int | None,
     edge: str | None,
     rule: str | None,
@@ -71,16 +77,18 @@ def mockup(
     toposeam mockup motif.png --on scarf --motif-width 15cm -o scarf.png
     toposeam mockup motif.png --on shirt --second collar.png -o shirt.jpg
     toposeam mockup motif.png --on tie --inks 2 --edge crisp -o tie.png
+    toposeam mockup motif.png --on phone --dpi 300 -o phone.tif
     """  # noqa: D301 - click wants the character
     check_output(output, force)
     if motif_width is not None and not 2 <= motif_width <= 5000:
         raise ts.OptionError(f"--motif-width is {motif_width:g} mm; on a {product} use 2 mm to 5 m")
+    shown = product_named(product, dpi)
     if rule is None:
         read_settings(motif, ", or say with --repeat how this repeats")
         if second is not None:
             read_settings(second, "; a second pattern needs one")
         other = None if second is None else str(second)
-        draw_on_product(str(motif), product, str(output), motif_width, force, other, inks, edge)
+        draw_on_product(str(motif), product, str(output), motif_width, force, other, inks, edge, dpi)
     elif inks is not None or edge is not None:
         raise ts.OptionError("--inks and --edge change a motif by its recipe; leave --repeat out")
     else:
@@ -98,8 +106,9 @@ def mockup(
             np.ones(3),
             pixels.reshape(-1, 3).min(axis=0) / 255,
             motif_width,
+            dpi=dpi,
         )
-        write_picture(output, Picture(pixels=drawn), force)
+        write_picture(output, shown_at(drawn, dpi), force)
     if not quiet:
-        width = product_named(product).motif_mm if motif_width is None else motif_width
+        width = shown.motif_mm if motif_width is None else motif_width
         click.echo(f"{output}: {product}, one motif {width:g} mm wide")

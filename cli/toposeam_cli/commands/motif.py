@@ -166,6 +166,7 @@ def _solid(
         extent = " × ".join(f"{side * element:.0f}" for side in (columns, rows, depth))
         click.echo(
             f"{output}: a block of {extent} mm, {len(mesh.faces)} triangles, {mesh.volume / 1000:.1f} ml"
+            + (f" in {solid.pieces} pieces" if solid.pieces > 1 else "")
         )
 
 

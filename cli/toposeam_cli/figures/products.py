@@ -8,6 +8,7 @@ data attributes say is in :class:`toposeam_cli.figures.cloth.Piece`.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -23,8 +24,8 @@ from toposeam_cli.pictures.libvips import load_vips, to_vips
 
 #: Every product by name, in the order of books.
 PRODUCTS = ("tie", "scarf", "shirt", "canvas", "cushion", "wallpaper", "wrapping", "phone")
-#: Longer side of a mock-up, px.
-_LONGER_PX = 1200
+#: Longer side of a mock-up, px, where nothing is said; at least, and of all px at most.
+_LONGER_PX, _LEAST_PX, _MOST_PX = 1200, 64, 20_000_000
 #: The pattern is sampled from a picture of so many px per px of the mock-up.
 _FINER = 1.5
 #: Nothing finer repeats on a product, mm.
@@ -57,16 +58,24 @@ class Product:
     over: str
     #: The attributes of each piece's path.
     pieces: tuple[dict[str, str], ...]
+    #: Resolution of the mock-up.
+    px_per_mm: float
 
     @property
-    def px_per_mm(self) -> float:
-        """Resolution of a mock-up."""
-        return _LONGER_PX / max(self.width, self.height)
+    def longer_px(self) -> float:
+        """Longer side of the mock-up, px."""
+        return self.px_per_mm * max(self.width, self.height)
 
 
 @cache
-def product(name: str) -> Product:
-    """The product of that name."""
+def product(name: str, dpi: float | None = None) -> Product:
+    """The product of that name, drawn with so many px per inch of its own; 1200 px long without.
+
+    Raises
+    ------
+    OptionError
+        Where that is hardly a picture, or too large a one.
+    """
     from defusedxml.ElementTree import fromstring, tostring
 
     root = fromstring(files("toposeam_cli.figures").joinpath("drawings", f"{name}.svg").read_text("utf-8"))
@@ -74,8 +83,16 @@ def product(name: str) -> Product:
     _, _, width, height = (float(number) for number in root.get("viewBox").split())
     drawn = {key: tostring(groups[key], encoding="unicode") for key in ("ground", "folds", "over")}
     pieces = groups["pieces"].iter(f"{_SVG}path")
+    scale = _LONGER_PX / max(width, height) if dpi is None else dpi / 25.4
+    if scale * max(width, height) < _LEAST_PX or scale**2 * width * height > _MOST_PX:
+        least, most = _LEAST_PX / max(width, height), (_MOST_PX / (width * height)) ** 0.5
+        raise OptionError(
+            f"at {dpi:g} dpi a {name} of {width:g} × {height:g} mm would be {scale * width:,.0f} × "
+            f"{scale * height:,.0f} px; ask for {math.ceil(25.4 * least)} to {math.floor(25.4 * most)} dpi"
+        )
     return Product(
         name=name,
+        px_per_mm=scale,
         width=width,
         height=height,
         motif_mm=float(root.get("data-motif-mm")),
@@ -84,9 +101,9 @@ def product(name: str) -> Product:
     )
 
 
-def pattern_px(name: str, motif_mm: float | None = None) -> int:
+def pattern_px(name: str, motif_mm: float | None = None, dpi: float | None = None) -> int:
     """Width of one motif in px with which a mock-up is sharp."""
-    shown = product(name)
+    shown = product(name, dpi)
     return max(8, round((shown.motif_mm if motif_mm is None else motif_mm) * shown.px_per_mm * _FINER))
 
 
@@ -98,6 +115,7 @@ def draw_product(
     ink: np.ndarray,
     motif_mm: float | None = None,
     second: tuple[np.ndarray, int] | None = None,
+    dpi: float | None = None,
 ) -> np.ndarray:
     """A product with a pattern on it.
 
@@ -115,18 +133,20 @@ def draw_product(
         Width of one motif on the product; the customary one without it.
     second : (pattern, motif_px), optional
         Another one, for lining, collar, border, ribbon or wainscot; the first one, or plain ink, without it.
+    dpi : float, optional
+        Px per inch of the product.
 
     Returns
     -------
     (H, W, 3) uint8 array
-        The longer side has 1200 px.
+        The longer side has 1200 px without `dpi`.
 
     Raises
     ------
     OptionError
-        For a pattern too fine for the product.
+        For a pattern too fine for the product, or a resolution that makes no picture of it.
     """
-    shown = product(name)
+    shown = product(name, dpi)
     scale = shown.px_per_mm
     wide = shown.motif_mm if motif_mm is None else motif_mm
     swatches: list[tuple[np.ndarray, float] | None]
@@ -157,7 +177,7 @@ def _folds(shown: Product, shape: tuple[int, ...]) -> np.ndarray:
     share = _FINE if "url(#fine)" in shown.folds else _WIDE
     drawing = shown.folds.replace('filter="url(#fine)"', "").replace('filter="url(#wide)"', "")
     height = 2.0 * (_rendered(shown, drawing, {}, _LEVEL)[..., 0] - parse_colour(_LEVEL)[0])
-    blurred: np.ndarray = gaussian_filter(height, share * _LONGER_PX)
+    blurred: np.ndarray = gaussian_filter(height, share * shown.longer_px)
     return blurred
 
 

@@ -28,6 +28,8 @@ cut at any threshold is a seam. When the two meet, the seam is proven to be the 
 
 from __future__ import annotations
 
+from math import isfinite
+
 import numpy as np
 
 from toposeam.errors import SolverError
@@ -112,14 +114,17 @@ class PrimalDual:
         """The cheapest cut of the potential: its cost, and the threshold above which nodes are hot; of
         equals, the middle one.
         """
-        level = np.ceil(np.clip(self.potential, 0.0, 1.0) * _THRESHOLDS - 0.5).astype(np.intp)
+        scaled = np.minimum(np.maximum(self.potential, 0.0), 1.0)  # np.clip takes longer on small networks
+        scaled *= _THRESHOLDS
+        scaled -= 0.5
+        level = np.ceil(scaled, out=scaled).astype(np.intp)
         tail, head = level.take(self.network.tail), level.take(self.network.head)
         # Threshold j divides the elements whose levels lie at or below j on one side, above j on the other.
         opened = np.bincount(np.minimum(tail, head), self.cost, _THRESHOLDS + 1)
         closed = np.bincount(np.maximum(tail, head), self.cost, _THRESHOLDS + 1)
-        costs = np.cumsum(opened - closed)[:-1]
-        ties = np.flatnonzero(costs <= (1 + 1e-9) * costs.min() + 1e-14 * costs.max())
-        best = int(ties[np.argmin(np.abs(ties - (_THRESHOLDS - 1) / 2))])
+        costs = (opened - closed).cumsum()[:-1]
+        ties = (costs <= (1 + 1e-9) * costs.min() + 1e-14 * costs.max()).nonzero()[0]
+        best = int(ties[0] if len(ties) == 1 else ties[np.argmin(np.abs(ties - (_THRESHOLDS - 1) / 2))])
         return float(costs[best]), (best + 0.5) / _THRESHOLDS
 
     @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # what is not finite is refused below
@@ -175,8 +180,10 @@ class PrimalDual:
         x, y = more / left_up, more / left_down
         more_up, more_down = toward_up + up * (x - 1.0), toward_down - down * (y + 1.0)
         primal = _share(-min(float((more_up / up).min()), float((more_down / down).min())))
-        dual = _share(max(float(x.max()), -float(y.min())))
-        if not (np.isfinite(change).all() and np.isfinite(more).all()):
+        fastest = max(float(x.max()), -float(y.min()))
+        dual = _share(fastest)
+        # Whatever is not finite is so in x and y, too.
+        if not isfinite(fastest) and not (np.isfinite(change).all() and np.isfinite(more).all()):
             raise SolverError("the heat network cannot be solved: its conductances are too far apart")
         self.potential = self.potential + primal * change
         self._up, self._down = up + primal * more_up, down + primal * more_down

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy.typing as npt
 
 from toposeam.checks import Seed, check_items, check_pair, check_whole, seed_of
 from toposeam.errors import OptionError
+from toposeam.motif.edges import fineness, shading
 from toposeam.motif.inked import MAX_PATTERN, Inked
 from toposeam.motif.motif import Motif
 from toposeam.motif.sampling import resample
@@ -61,6 +63,26 @@ class Arrangement(Inked):
     def sampled(self, layer: int, size: tuple[int, int]) -> npt.NDArray[np.float32]:
         """One layer's density, smoothly interpolated to (rows, columns)."""
         return resample(self.densities[layer], self.repeat, size)
+
+    def ends(self, layer: int) -> tuple[float, np.float32]:
+        """Those of all motifs together, each counted once: wherever they lie, and however often, a motif
+        looks the same, and strokes meet across borders as the optimisation left them.
+        """
+        return self._ends[layer]
+
+    @cached_property
+    def _ends(self) -> tuple[tuple[float, np.float32], ...]:
+        rows, columns = self.motifs[0].densities.shape[1:]
+        fine = fineness((rows, columns))
+        return tuple(
+            shading(
+                [motif.sampled(layer, (fine * rows, fine * columns)) for motif in self.motifs],
+                edge,
+                self.repeat,
+                fine,
+            )
+            for layer, edge in enumerate(self.edges)
+        )
 
     def __repr__(self) -> str:
         rows, columns = self.grid.shape

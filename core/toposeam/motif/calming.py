@@ -4,11 +4,16 @@ A border may be more conspicuous than what lies inside by chance alone, if no st
 lie there. Where it is (`border_visibility` above 1), the strokes along it are widened or thinned a little:
 the densities are multiplied by a factor that fades out to both sides, with which the row's print is what the
 rows beside it are in the mean.
+
+Motifs that lie beside each other in any order and share no border have one more reason to show it: one may
+be darker than the other there, and the step between them is a line. Where it is, the tone of all goes over
+into the mean of all towards the border.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +36,10 @@ Floats = npt.NDArray[np.float64]
 _LARGEST, _HALVINGS = 3.0, 10
 #: Of motifs that join, how often rows and columns take turns.
 _TURNS = 3
+#: Motifs that share no border are evened where it shows more than that in one of so many patterns of 4 × 4.
+_SHOWN, _PATTERNS = 0.85, 64
+#: Factors of that lie within e^±, and fade out at so many times the distance of what a line is compared with.
+_GENTLE, _DEPTH = 0.25, 4
 #: Half the width of what is changed, in units of how far off it is compared, in each round.
 _WIDTHS = (1.0, 1.0, *(3.0,) * 8)
 
@@ -87,19 +96,27 @@ def _excess(density: Floats, axis: int, edge: str, repeat: str, at: float | None
     """How much darker the print is along borders than beside them, with strokes that end at a level, or at
     that of equal mass.
     """
-    field = density.astype(np.float32)
-    if repeat in HEXAGONAL:
-        field = to_tile(field, repeat, tile_size(len(field)))
+    field = _print(density, edge, repeat, at)
     side = field.shape[axis]
-    if edge != "soft":
-        inside = beyond(field, level(field, float(field.mean())) if at is None else at, repeat)
-        field = inside if edge == "crisp" else inside * field
     mean = tile(field, repeat, period(repeat)).mean(axis=1 - axis, dtype=np.float64)
     border = np.arange(0, len(mean), side)
     reach = reach_of(side)
     line = np.roll(mean, 1) + mean
     beside = np.roll(line, reach) + np.roll(line, -reach)
     return float((line / 2 - beside / 4)[border].mean())
+
+
+def _print(density: Floats, edge: str, repeat: str, at: float | None = None) -> Singles:
+    """About what is printed of a density, on its own elements, with strokes that end at a level, or at that
+    of equal mass.
+    """
+    field = density.astype(np.float32)
+    if repeat in HEXAGONAL:
+        field = to_tile(field, repeat, tile_size(len(field)))
+    if edge == "soft":
+        return field
+    inside = beyond(field, level(field, float(field.mean())) if at is None else at, repeat)
+    return inside if edge == "crisp" else inside * field
 
 
 def _bump(shape: tuple[int, ...], axis: int, repeat: str, width: float = 1.0) -> Floats:
@@ -150,9 +167,61 @@ def calmed_row(
         if shared:
             row = _balanced(row, on, axis, edge, repeat, at)
             row = [_balanced([one], -beside, axis, edge, repeat, at)[0] for one in row]
-        else:
+            continue
+        row = [_balanced([one], on, axis, edge, repeat, at)[0] for one in row]
+        tones = _Tones(axis, edge, repeat, at)
+        if tones.shown([row[index] for index in given]) > _SHOWN:
+            row = tones.evened(row, given)
             row = [_balanced([one], on, axis, edge, repeat, at)[0] for one in row]
     return row
+
+
+class _Tones:
+    """How dark motifs are in print towards the borders across an axis, with strokes that end at a level."""
+
+    def __init__(self, axis: int, edge: str, repeat: str, at: float) -> None:
+        self._axis = axis
+        self._print = partial(_print, edge=edge, repeat=repeat, at=at)
+
+    def of(self, density: Floats) -> Floats:
+        """The mean of every row, or column."""
+        mean: Floats = self._print(density).mean(axis=1 - self._axis, dtype=np.float64)
+        return mean
+
+    def shown(self, row: list[Floats]) -> float:
+        """How conspicuous borders are, the most in some patterns of all motifs."""
+        tones = np.stack([self.of(one) for one in row])
+        rng = np.random.default_rng(0)
+        grids = rng.integers(len(row), size=(_PATTERNS, 4, 4))
+        side = tones.shape[1]
+        return max(line_visibility(tones[grid].mean(axis=1).reshape(-1, 1), side) for grid in grids)
+
+    def evened(self, row: list[Floats], given: Sequence[int]) -> list[Floats]:
+        """Densities multiplied by a little, with which all are nearer to the mean tone of some where they
+        meet: first where a line is compared with, then on it.
+        """
+        side = row[0].shape[self._axis]
+        reach = reach_of(side)
+        tones = np.stack([self.of(row[index]) for index in given])
+        wanted = float(np.concatenate([tones[:, : reach + 1], tones[:, -reach - 1 :]], axis=1).mean())
+        result = row
+        for place in (np.arange(side), np.arange(side)[::-1]):
+            deep = np.clip((place - reach) / ((_DEPTH - 1) * reach), 0, 1)
+            for lines, away in (((place == reach) | (place == reach - 1), deep), (place == 0, place / reach)):
+                factor = 0.5 + 0.5 * np.cos(np.pi * np.clip(away, 0, 1))
+                bump = factor[:, np.newaxis] if self._axis == 0 else factor[np.newaxis]
+                result = [self._nearer(one, bump, lines, wanted) for one in result]
+        return result
+
+    def _nearer(self, density: Floats, bump: Floats, lines: npt.NDArray[np.bool_], wanted: float) -> Floats:
+        """A density multiplied by the power of a bump with which some lines have the tone that is wanted."""
+        low, high = -_GENTLE, _GENTLE
+        changed = density
+        for _ in range(_HALVINGS):
+            power = (low + high) / 2
+            changed = np.clip(density * np.exp(power * bump), THINNEST, 1.0)
+            low, high = (power, high) if self.of(changed)[lines].mean() < wanted else (low, power)
+        return changed
 
 
 def _balanced(

@@ -12,7 +12,7 @@ a straight edge along the pixels, and within 1/8 for any other.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -75,6 +75,7 @@ def printed(
     repeat: str,
     elements: tuple[int, int],
     size: tuple[int, int],
+    ends: tuple[float, np.float32],
 ) -> Singles:
     """A layer as it is printed.
 
@@ -90,6 +91,9 @@ def printed(
         Of the optimisation.
     size : (rows, columns)
         Of the print, px. Fewer than elements are the means of a print with more.
+    ends : (level, gain)
+        Where strokes end, and by what densities inside are multiplied: what `shading` found. Nothing for
+        soft ones.
 
     Returns
     -------
@@ -102,8 +106,7 @@ def printed(
     check_choice("edge", edge, EDGES)
     if edge == "soft":
         return sample(size)
-    fine = fineness(elements)
-    at, gain = shading(sample((fine * elements[0], fine * elements[1])), edge, repeat, fine)
+    at, gain = ends
     down, across = (-(-many // px) for many, px in zip(elements, size, strict=True))
     wide = down * size[0], across * size[1]
     field = smoothed(sample(wide), repeat, (wide[0] / elements[0], wide[1] / elements[1]))
@@ -122,12 +125,16 @@ def fineness(elements: tuple[int, int]) -> int:
     return 2 if max(elements) < _FINE else 1
 
 
-def shading(density: Singles, edge: str, repeat: str, px_per_element: int) -> tuple[float, np.float32]:
+def shading(
+    densities: Sequence[Singles], edge: str, repeat: str, px_per_element: int
+) -> tuple[float, np.float32]:
     """The level at which a layer's strokes end, and the factor of the densities inside: with both the mean
-    stays what it is.
+    stays what it is, of several cells that of all together.
     """
-    mass = float(density.mean())
-    field = smoothed(density, repeat, (px_per_element, px_per_element))
+    if edge == "soft":
+        return 0.0, np.float32(1.0)
+    mass = float(np.mean([density.mean() for density in densities]))
+    field = np.stack([smoothed(density, repeat, (px_per_element, px_per_element)) for density in densities])
     at = level(field, mass)
     if edge == "crisp":
         return at, np.float32(1.0)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from toposeam.checks import check_pair
 from toposeam.display import to_png
 from toposeam.errors import OptionError
-from toposeam.motif.edges import printed
+from toposeam.motif.edges import fineness, printed, shading
 from toposeam.motif.mixing import mix
 from toposeam.motif.svg import draw_svg
 from toposeam.saving import save
@@ -55,6 +55,12 @@ class Inked(ABC):
     @abstractmethod
     def sampled(self, layer: int, size: tuple[int, int]) -> npt.NDArray[np.float32]:
         """One layer's density, smoothly interpolated to (rows, columns)."""
+
+    def ends(self, layer: int) -> tuple[float, np.float32]:
+        """The density at which a layer's strokes end in print, and the factor of those inside."""
+        fine = fineness((self.densities.shape[1], self.densities.shape[2]))
+        size = fine * self.densities.shape[1], fine * self.densities.shape[2]
+        return shading([self.sampled(layer, size)], self.edges[layer], self.repeat, fine)
 
     def resampled(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
         """The densities on another number of elements, (n_L, H', W') float32, smoothly interpolated. What is
@@ -99,7 +105,7 @@ class Inked(ABC):
         elements = self.densities.shape[1], self.densities.shape[2]
         return np.stack(
             [
-                printed(partial(self.sampled, index), edge, self.repeat, elements, size)
+                printed(partial(self.sampled, index), edge, self.repeat, elements, size, self.ends(index))
                 for index, edge in enumerate(self.edges)
             ]
         )

@@ -20,7 +20,7 @@ from scipy import ndimage
 from toposeam.checks import check_kind, check_range, check_whole, options_from
 from toposeam.colours import to_hex
 from toposeam.errors import OptionError
-from toposeam.motif.edges import SMOOTHING, fineness, shading
+from toposeam.motif.edges import SMOOTHING, fineness
 from toposeam.motif.tiling import extend, period, tile
 from toposeam.vector.contours import MARGIN_PX, contour_beyond
 
@@ -61,6 +61,9 @@ class Drawable(Protocol):
     @property
     def record(self) -> Mapping[str, Any]:
         """What makes it again."""
+
+    def ends(self, layer: int) -> tuple[float, np.float32]:
+        """The density at which a layer's strokes end in print, and the factor of those inside."""
 
     def resampled(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
         """The densities at another size."""
@@ -148,7 +151,7 @@ def draw_svg(
     layers = zip(densities, motif.inks, motif.edges, motif.names, strict=True)
     for number, (density, ink, edge, name) in enumerate(layers, 1):
         cell = tile(density, motif.repeat, (down, across))
-        bands = _Bands(density, edge, motif.repeat, chosen.levels, fine)
+        bands = _Bands(edge, motif.ends(number - 1), chosen.levels)
         groups += _layer(cell, rule, ink, (number, name), bands, fine)
     unit, scale = ("", 1.0) if chosen.width_mm is None else ("mm", chosen.width_mm / width)
     size_x, size_y = width * columns, height * rows
@@ -205,15 +208,13 @@ def check_counts(counts: tuple[float, float]) -> None:
 class _Bands:
     """The levels whose contours are drawn, and what is printed above each."""
 
-    def __init__(
-        self, density: npt.NDArray[np.float32], edge: str, repeat: str, levels: int, fine: int
-    ) -> None:
+    def __init__(self, edge: str, ends: tuple[float, np.float32], levels: int) -> None:
         self.gain = np.float32(1.0)
         self.edge = edge
         self.thresholds = (np.arange(levels) + 0.5) / levels
         if edge == "soft":
             return
-        at, self.gain = shading(density, edge, repeat, fine)
+        at, self.gain = ends
         self.thresholds = np.array([at]) if edge == "crisp" else np.append(at, self.thresholds / self.gain)
         self.thresholds = self.thresholds[self.thresholds >= at]
 

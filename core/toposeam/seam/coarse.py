@@ -48,6 +48,11 @@ OPENED_NODES_LAST = 16
 OPEN_FLUX = 0.005
 
 
+#: Elements are put in order so many at a time.
+_BLOCK = 1 << 16
+#: Pixels are counted so many at a time, for numpy counts 64-bit integers only.
+_COUNTED = 1 << 20
+
 _Ints32 = npt.NDArray[np.int32]
 _Floats32 = npt.NDArray[np.float32]
 
@@ -85,21 +90,27 @@ def gather(grid: CutGrid, watch: Callable[[PrimalDual], None] | None = None, ear
     Parameters
     ----------
     grid : CutGrid
+        Its costs may be others than 0 where a pixel is not free.
     watch : callable, optional
         Called with every state of every network.
     early : bool
         End with the first network of so many nodes that it shows where the seam may run.
     """
     below, count = merge_pixels(grid)
-    elements, free = _pixel_elements(grid, below, count), below[grid.free]
+    size = _pixels_in(below, count)
+    elements = _pixel_elements(grid, below, count)
     del grid  # the largest of all arrays
-    level = _quotient(count, *elements, free, None)
-    del elements, free
+    level = _quotient(count, *elements, size)
+    del elements
     levels, parents = [level], [below]
     while level.n > COARSEST_NODES:
         parent = merge_nodes(level.n, level.tail, level.head, level.weight, level.size)
         coarser = _quotient(
-            int(parent[-1]) - 1, parent[level.tail], parent[level.head], level.weight, parent, level.size
+            int(parent[-1]) - 1,
+            parent[level.tail],
+            parent[level.head],
+            level.weight,
+            np.bincount(parent, level.size, int(parent[-1]) + 1).astype(np.float64, copy=False),
         )
         if coarser.n > 0.8 * level.n or coarser.n == 0:
             break
@@ -173,6 +184,8 @@ def _pixel_elements(grid: CutGrid, group: _Ints32, n: int) -> tuple[_Ints32, _In
     """The interfaces between n groups of pixels and the two terminals: two nodes each, and the cost."""
     pairs = ((grid.right, group[:, :-1], group[:, 1:]), (grid.down, group[:-1], group[1:]))
     divided = [(one != other) & (cost > 0) for cost, one, other in pairs]
+    divided[0] &= grid.free[:, :-1] & grid.free[:, 1:]
+    divided[1] &= grid.free[:-1] & grid.free[1:]
     crossings = [int(np.count_nonzero(mask)) for mask in divided]
     terminals = ((n, grid.cold, np.flatnonzero(grid.cold)), (n + 1, grid.hot, np.flatnonzero(grid.hot)))
     count = sum(crossings) + sum(len(touching) for _, _, touching in terminals)
@@ -191,30 +204,39 @@ def _parallel(
     n: int, one: _Ints32, other: _Ints32, *values: npt.NDArray[np.floating]
 ) -> tuple[_Ints32, _Ints32, list[Floats]]:
     """Elements between n nodes and two terminals, parallel ones added up; those within a node or between the
-    terminals are left out.
+    terminals are left out. `one` and `other` are written to.
     """
-    low, high = np.minimum(one, other), np.maximum(one, other)
-    del one, other
+    low, high = one, other
+    for start in range(0, len(one), _BLOCK):
+        part = slice(start, start + _BLOCK)
+        least = np.minimum(one[part], other[part])
+        np.maximum(one[part], other[part], out=high[part])
+        low[part] = least
     alive = (low != high) & (low < n)
-    kept = slice(None) if alive.all() else alive
-    pair = low[kept], high[kept]
-    del low, high
+    if not alive.all():
+        low, high, values = low[alive], high[alive], tuple(value[alive] for value in values)
+    del alive
     sums = []
     for value in values:
-        table = coo_array((value[kept], pair), shape=(n + 2, n + 2)).tocsc().tocsr()
+        table = coo_array((value, (low, high)), shape=(n + 2, n + 2)).tocsc().tocsr()
         sums.append(table.data.astype(np.float64))
     tail = np.repeat(np.arange(n + 2, dtype=np.int32), np.diff(table.indptr))
     return tail, table.indices, sums
 
 
-def _quotient(
-    n: int, one: Ints, other: Ints, weight: npt.NDArray[np.floating], group: Ints, size: Floats | None
-) -> _Level:
-    """The level of n groups of nodes; `group` has the group of every finer node, `size` the pixels in it (1
-    by default).
-    """
+def _quotient(n: int, one: Ints, other: Ints, weight: npt.NDArray[np.floating], size: Floats) -> _Level:
+    """The level of n groups of nodes, and the terminals; elements are written to."""
     tail, head, (weight,) = _parallel(n, one, other, weight)
-    return _Level(n, tail, head, weight, np.bincount(group, size, n + 2).astype(np.float64, copy=False))
+    return _Level(n, tail, head, weight, size)
+
+
+def _pixels_in(group: _Ints32, n: int) -> Floats:
+    """(n + 2,) pixels of each group, none of the terminals."""
+    size = np.zeros(n + 2, np.intp)
+    for start in range(0, group.size, _COUNTED):
+        size += np.bincount(group.ravel()[start : start + _COUNTED], minlength=n + 2)
+    size[n:] = 0
+    return size.astype(np.float64)
 
 
 def _decided(

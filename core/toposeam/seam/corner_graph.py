@@ -6,108 +6,78 @@ way. Beyond the last row, and the last column, nothing leads anywhere.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from toposeam.heat.network import Floats
-from toposeam.images import Mask
-from toposeam.seam.grid import SEAM_CELLS, grown
 from toposeam.seam.match_cost import Floats32
 
-
-def cheapest_path(
-    below: Floats32,
-    beside: Floats32,
-    ends: tuple[int, int],
-    limit: float,
-    distance: Floats | None = None,
-) -> tuple[npt.NDArray[np.intp] | None, float]:
-    """The corners of the cheapest path from one end to the other, flat indices, and its length; None where
-    there is none.
-
-    The graph is laid out by arithmetic: each corner that has an edge gets four, up, left, right and down,
-    those that are missing to itself at infinite cost, which is beyond the limit.
-    """
-    stride = below.shape[1]
-    edges = np.isfinite(below), np.isfinite(beside)
-    corner = edges[0] | edges[1]
-    corner[1:] |= edges[0][:-1]
-    corner[:, 1:] |= edges[1][:, :-1]
-    if not all(corner.ravel()[end] for end in ends):
-        return None, np.inf
-    used = np.flatnonzero(corner)
-    number = np.zeros(corner.size, np.int32)
-    number[used] = np.arange(len(used), dtype=np.int32)
-    neighbour, cost = np.empty((len(used), 4), np.int32), np.empty((len(used), 4))
-    # Counted from the end, what is before the first corner is the last one, from which nothing leads on.
-    for column, (step, costs, back) in enumerate(
-        ((-stride, below, True), (-1, beside, True), (1, beside, False), (stride, below, False))
-    ):
-        there = used + step
-        neighbour[:, column] = number.take(there, mode="wrap")
-        cost[:, column] = costs.ravel().take(there if back else used, mode="wrap")
-    graph = csr_array(
-        (cost.ravel(), neighbour.ravel(), np.arange(0, 4 * len(used) + 1, 4, dtype=np.int32)),
-        shape=(len(used), len(used)),
-    )
-    source, target = (int(number[end]) for end in ends)
-    del edges, corner, number, there  # the search needs the memory
-    length, before = dijkstra(graph, indices=source, return_predecessors=True, limit=limit)
-    path = [target]
-    while path[-1] != source:
-        if before[path[-1]] < 0:
-            return None, np.inf
-        path.append(int(before[path[-1]]))
-    if distance is not None:
-        distance.fill(length[target])
-        distance.ravel()[used] = np.minimum(length, length[target])
-    return used[path[::-1]], float(length[target])
+#: Edges are laid out for so many corners at a time.
+_BLOCK = 1 << 16
 
 
-def beside_rough_path(below: Floats32, beside: Floats32, ends: tuple[int, int], free: Mask) -> Mask:
-    """Free pixels near the cheapest path through every other corner of every other line; none where these
-    corners are not joined.
+class CornerGraph(NamedTuple):
+    """Corners joined by edges, and the two ends of a path."""
 
-    Such a path is 10 to 20 % dearer than the best one, but it is so everywhere: of ways that lead far from
-    each other it takes the one that the best seam takes, for a quarter of the search.
-    """
-    ends_at = np.array([divmod(end, below.shape[1]) for end in ends])
-    first = ends_at[0] % 2
-    below, beside = (costs[first[0] :, first[1] :] for costs in (below, beside))
-    coarse = halved(below.T, beside.T).T, halved(beside, below)
-    width = coarse[0].shape[1]
-    source, target = ((ends_at - first) // 2 @ [width, 1]).tolist()
-    path, _ = cheapest_path(*coarse, (source, target), np.inf)
-    near = np.zeros(free.shape, bool)
-    if path is not None:
-        corner = 2 * np.stack(np.divmod(path, width)) + first[:, np.newaxis]
-        near[tuple(np.minimum(corner, np.array([free.shape]).T - 1))] = True
-    return grown(near, SEAM_CELLS) & free
+    #: (n, n), the cost of each edge, and (n,) the flat index of each corner.
+    edges: csr_array
+    corner: npt.NDArray[np.intp]
+    source: int
+    target: int
+    #: Rows and columns of corners.
+    shape: tuple[int, int]
 
+    @classmethod
+    def of(cls, below: Floats32, beside: Floats32, ends: tuple[int, int]) -> CornerGraph | None:
+        """The graph of some costs between two ends; None where nothing leads from one of them.
 
-def halved(along: Floats32, across: Floats32) -> Floats32:
-    """What it costs to go on by two corners along every other line, each of the two steps, or both at once,
-    straight or by way of the line before or behind; `across` is what changing lines costs.
-    """
-    one = along[::2].copy()
-    lines, pairs = len(along) // 2, (along.shape[1] - 1) // 2
-    first, second, third = (
-        np.s_[:, : 2 * pairs : 2],
-        np.s_[:, 1 : 2 * pairs : 2],
-        np.s_[:, 2 : 2 * pairs + 1 : 2],
-    )
-    two = np.full((len(one), pairs + 1), np.inf, np.float32)
-    np.add(one[first], one[second], out=two[:, :-1])
-    before, behind = np.s_[1 : 2 * len(one) - 2 : 2], np.s_[: 2 * lines : 2]
-    for here, other, rung in (
-        (np.s_[1:], along[before], across[before]),
-        (np.s_[:lines], along[1::2], across[behind]),
-    ):
-        step = rung[:, :-1] + other[:, :-1] + rung[:, 1:]
-        np.minimum(one[here, :-1], step, out=one[here, :-1])
-        both = rung[first] + other[first] + other[second] + rung[third]
-        np.minimum(two[here, :-1], both, out=two[here, :-1])
-    np.minimum(two[:, :-1], one[first] + one[second], out=two[:, :-1])
-    return two
+        It is laid out by arithmetic: each corner that has an edge gets four, up, left, right and down, those
+        that are missing to itself at infinite cost, which is beyond any limit.
+        """
+        stride = below.shape[1]
+        edges = np.isfinite(below), np.isfinite(beside)
+        corner = edges[0] | edges[1]
+        corner[1:] |= edges[0][:-1]
+        corner[:, 1:] |= edges[1][:, :-1]
+        del edges
+        if not all(corner.ravel()[end] for end in ends):
+            return None
+        used = np.flatnonzero(corner)
+        number = np.zeros(corner.size, np.int32)
+        number[used] = np.arange(len(used), dtype=np.int32)
+        source, target = (int(number[end]) for end in ends)
+        neighbour, cost = np.empty((len(used), 4), np.int32), np.empty((len(used), 4))
+        # Counted from the end, what is before the first corner is the last one, from which nothing leads on.
+        ways = ((-stride, below, True), (-1, beside, True), (1, beside, False), (stride, below, False))
+        for start in range(0, len(used), _BLOCK):
+            part = slice(start, start + _BLOCK)
+            for column, (step, costs, back) in enumerate(ways):
+                there = used[part] + step
+                neighbour[part, column] = number.take(there, mode="wrap")
+                cost[part, column] = costs.ravel().take(there if back else used[part], mode="wrap")
+        table = csr_array(
+            (cost.ravel(), neighbour.ravel(), np.arange(0, 4 * len(used) + 1, 4, dtype=np.int32)),
+            shape=(len(used), len(used)),
+        )
+        return cls(table, used, source, target, below.shape)
+
+    def cheapest_path(
+        self, limit: float = np.inf, distance: Floats | None = None
+    ) -> tuple[npt.NDArray[np.intp] | None, float]:
+        """The corners of the cheapest path from one end to the other, flat indices, and its length; None
+        where there is none within the limit. `distance` gets how far each corner is from the first end.
+        """
+        length, before = dijkstra(self.edges, indices=self.source, return_predecessors=True, limit=limit)
+        path = [self.target]
+        while path[-1] != self.source:
+            if before[path[-1]] < 0:
+                return None, np.inf
+            path.append(int(before[path[-1]]))
+        if distance is not None:
+            distance.fill(length[self.target])
+            distance.ravel()[self.corner] = np.minimum(length, length[self.target])
+        return self.corner[path[::-1]], float(length[self.target])

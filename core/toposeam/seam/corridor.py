@@ -4,11 +4,11 @@ What coarse networks merged on the way to a seam never comes back by itself, and
 detours of ten to sixty pixels. So when heat has found where the seam runs, everything near it is open again,
 and near the other ways that heat was still free to take, and divided by its best cut. Where the seam leads
 from one gap to another that is a shortest path between corners (:mod:`toposeam.seam.exact`), which takes a
-small part of the time that the heat took; there everything near the best path of half the resolution is open,
-too, for of ways that lead far from each other a coarse network may take the wrong one. A seam that closes on
-itself is opened at one place after another: a line of pixels across it keeps what it shows, so that the seam
-passes there as before, and the rest is a path. Of overlaps that several seams divide each is opened alone, in
-a corridor so narrow that they do not meet.
+small part of the time that the heat took; there everything that the cheapest paths of a lattice of corners
+pass is open, too (:mod:`toposeam.seam.lattice`), for of ways that lead far from each other a coarse network
+may take the wrong one. A seam that closes on itself is opened at one place after another: a line of pixels
+across it keeps what it shows, so that the seam passes there as before, and the rest is a path. Of overlaps
+that several seams divide each is opened alone, in a corridor so narrow that they do not meet.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from toposeam.images import Mask
-from toposeam.seam.exact import cut_cost, shortest_path
+from toposeam.seam.exact import cut_cost, pieces, shortest_path
 from toposeam.seam.grid import SEAM_CELLS, grown
 from toposeam.seam.overlap import FREE, NONE, A, B
 from toposeam.seam.problem import SeamProblem
@@ -47,21 +47,17 @@ def best_nearby(
     labels : (h, w) bool array
     open_pixels : (h, w) bool array, optional
     rough : bool
-        Where the seam is one path, look near the best one of half the resolution, too.
+        Where the seam is one path, look where the cheapest ones of a lattice pass, too.
 
     Returns
     -------
     (h, w) bool array
     """
     best = problem.complete(labels).astype(bool, copy=False)
-    component, _ = ndimage.label(problem.overlap.side == FREE)
     flows = None if open_pixels is None else grown(open_pixels, FLOW_CELLS)
-    for index, around in enumerate(ndimage.find_objects(component), 1):
-        box = around[0].start - 1, around[0].stop + 1, around[1].start - 1, around[1].stop + 1
-        here = slice(*box[:2]), slice(*box[2:])
-        piece = component[here] == index
+    for here, piece, _ in pieces(problem.overlap.side == FREE):
         seam = beside_seam(best[here], piece, problem.overlap.side[here] != NONE)
-        zone = grown(seam, SEAM_CELLS)
+        zone = grown(seam, SEAM_CELLS // 2 if rough else SEAM_CELLS)
         if flows is not None:
             zone |= flows[here]
         found = shortest_path(problem, here, piece, cut_cost(problem, here, piece, best[here]), zone, rough)

@@ -19,7 +19,8 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, maxi
 
 from toposeam.heat.network import Floats, Ints, Network
 from toposeam.images import Mask
-from toposeam.seam.corner_graph import beside_rough_path, cheapest_path
+from toposeam.seam.corner_graph import CornerGraph
+from toposeam.seam.lattice import beside_cheap_paths
 from toposeam.seam.match_cost import Floats32
 from toposeam.seam.overlap import FREE, NONE, TOUCHING, A, B
 from toposeam.seam.problem import SeamProblem, geometry
@@ -51,13 +52,12 @@ def exact_labels(
     """
     side = problem.overlap.side
     labels = problem.complete(np.zeros(side.shape, bool)).astype(bool, copy=False)
-    component, count = ndimage.label(side == FREE)
-    for index, box in enumerate(_boxes(component), 1):
-        pixels = component[box] == index
+    for box, pixels, alone in pieces(side == FREE):
         # Costs beside further layers belong to no interface, hence to no path.
-        found = None if problem.tied else shortest_path(problem, box, pixels, most if count == 1 else np.inf)
+        found = None if problem.tied else shortest_path(problem, box, pixels, most if alone else np.inf)
         if found is None:
-            whole = component == index
+            whole = np.zeros(side.shape, bool)
+            whole[box] = pixels
             labels[whole] = (flow or _maximum_flow)(problem, whole)[whole]
         else:
             labels[box][pixels] = found[pixels]
@@ -88,7 +88,7 @@ def shortest_path(
     zone : (h, w) bool array, optional
         On the box: the seam runs beside these pixels only.
     rough : bool
-        The zone is wider by what is near the cheapest path of half the resolution.
+        The zone is wider by what the cheapest paths of a lattice pass (:mod:`toposeam.seam.lattice`).
     distance : (h + 1, w + 1) float64 array, optional
         Gets how far each corner of the box is from one end of the seam, at most as far as the other end.
 
@@ -125,13 +125,19 @@ def shortest_path(
         np.copyto(costs, cost, where=(free[s] | free[t]) & (cost > 0))
         costs[gap] = 0.0
     if zone is not None:
-        zone = zone | beside_rough_path(below, beside, ends, free) if rough else zone
+        zone = zone | beside_cheap_paths(below, beside, ends, free) if rough else zone
         for costs, gap, (s, t) in zip(layout, border.gaps, _PAIRS, strict=True):
             np.copyto(costs, np.float32(np.inf), where=~(zone[s] | zone[t] | gap))
-    path, length = cheapest_path(below, beside, ends, min(most, border.to_b) * (1 + 1e-6), distance)
+    limit = min(most, border.to_b) * (1 + 1e-6)
+    del border, gap, zone  # the search needs the memory
+    graph = CornerGraph.of(below, beside, ends)
+    del below, beside, layout, costs
+    if graph is None:
+        return None
+    path, length = graph.cheapest_path(limit, distance)
+    del graph
     if path is None:
         return None
-    del below, beside, layout, costs
     for labels in _sides_of(path, side, free):
         if cut_cost(problem, box, free, labels) <= length * (1 + 1e-6):
             return labels
@@ -181,18 +187,28 @@ def cut_cost(problem: SeamProblem, box: _Box, free: Mask, labels: Mask) -> float
 
 def divided_by_paths(problem: SeamProblem) -> bool:
     """Whether one path between corners divides each piece of what is free."""
-    component, _ = ndimage.label(problem.overlap.side == FREE)
-    for index, box in enumerate(_boxes(component), 1):
-        border = _border(problem, box, component[box] == index)
+    for box, pixels, _ in pieces(problem.overlap.side == FREE):
+        border = _border(problem, box, pixels)
         if border.to_a and border.to_b and border.ends() is None:
             return False
     return True
 
 
-def _boxes(component: npt.NDArray[np.integer]) -> list[_Box]:
-    """The window of every numbered piece, and one pixel around it, which always is there."""
-    found = ndimage.find_objects(component)
-    return [(slice(y.start - 1, y.stop + 1), slice(x.start - 1, x.stop + 1)) for y, x in found]
+def pieces(free: Mask) -> Iterator[tuple[_Box, Mask, bool]]:
+    """Every piece of what is free: its window with one pixel around it, which always is there; its pixels on
+    the window; and whether it is the only one.
+    """
+    component, count = ndimage.label(free)
+    boxes = [
+        (slice(y.start - 1, y.stop + 1), slice(x.start - 1, x.stop + 1))
+        for y, x in ndimage.find_objects(component)
+    ]
+    if count == 1:
+        del component  # four bytes per pixel that whoever looks at the piece would have to go without
+        yield boxes[0], free[boxes[0]], True
+        return
+    for index, box in enumerate(boxes, 1):
+        yield box, component[box] == index, False
 
 
 def _costs(problem: SeamProblem, box: _Box) -> tuple[Floats32, Floats32]:

@@ -14,7 +14,7 @@ from scipy import ndimage
 
 from toposeam.heat.network import Floats, Ints, Network
 from toposeam.images import Mask
-from toposeam.seam.overlap import FREE, A, B
+from toposeam.seam.overlap import FREE, NONE, A, B
 
 #: Corridors are made of squares of so many px; so many of them are open on either side of a seam.
 CELL, SEAM_CELLS = 8, 8
@@ -81,7 +81,9 @@ class CutGrid:
         return network, np.concatenate(weights).astype(np.float64), index
 
 
-def grid_from_sides(side: npt.NDArray[np.uint8], right: Floats32, down: Floats32) -> CutGrid:
+def grid_from_sides(
+    side: npt.NDArray[np.uint8], right: Floats32, down: Floats32, copy: bool = True
+) -> CutGrid:
     """The cut problem of an overlap.
 
     Parameters
@@ -90,16 +92,24 @@ def grid_from_sides(side: npt.NDArray[np.uint8], right: Floats32, down: Floats32
         Of :mod:`toposeam.seam.overlap`; its outermost rows and columns are never free.
     right, down : float32 arrays
         Match cost of every interface, 0 where the seam cannot run.
+    copy : bool
+        Without, `right` and `down` are taken as they are: where a pixel is not free they are not 0.
     """
     free = side == FREE
+    # Few pixels are beside what is decided: what stays zero of these arrays takes no memory.
     cold, hot = np.zeros(side.shape, np.float32), np.zeros(side.shape, np.float32)
     for cost, s, t in (
         (right, (slice(None), slice(None, -1)), (slice(None), slice(1, None))),
         (down, (slice(None, -1), slice(None)), (slice(1, None), slice(None))),
     ):
+        places = np.nonzero(free[s] != free[t])
         for inner, outer in ((s, t), (t, s)):
-            cold[inner] += np.where(free[inner] & (side[outer] == A), cost, np.float32(0))
-            hot[inner] += np.where(free[inner] & (side[outer] == B), cost, np.float32(0))
+            beside = np.where(free[inner][places], side[outer][places], NONE)
+            for ends, ground in ((cold, A), (hot, B)):
+                touching = tuple(index[beside == ground] for index in places)
+                ends[inner][touching] += cost[touching]
+    if not copy:
+        return CutGrid(right, down, cold, hot, free)
     both_right = free[:, 1:] & free[:, :-1]
     both_down = free[1:] & free[:-1]
     return CutGrid(

@@ -132,16 +132,17 @@ def heat_path(
         cut, threshold = state.best_cut()
         if cut < cheapest:
             cheapest, hot = cut, state.potential > threshold
-        bound = max(bound, state.bound - raised)
+        size = state.bound
+        bound = max(bound, size - raised)
         new = np.abs(state.jump)
         objective = float(state.cost @ new)
         history.append(
             Iteration(
                 stage=1,
                 objective=objective,
-                compliance=state.bound,
+                compliance=size,
                 bound=float("nan"),
-                n_flux=int(multiplicity[new > FLUX_THRESHOLD].sum()),
+                n_flux=int(multiplicity @ (new > FLUX_THRESHOLD)),
                 change=float(np.abs(new - flux).max()),
                 unknowns=network.n,
             )
@@ -247,7 +248,7 @@ def _along_path(problem: SeamProblem) -> Solution:
     """The best seam near the one that heat shows on coarse networks."""
     history: list[Iteration] = []
     labels = gather(
-        grid_from_sides(problem.overlap.side, problem.right, problem.down),  # which is not kept
+        grid_from_sides(problem.overlap.side, problem.right, problem.down, copy=False),  # which is not kept
         lambda state: history.append(_record(state)),
         early=True,
     ).labels

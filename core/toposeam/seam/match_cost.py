@@ -30,6 +30,8 @@ from toposeam.images import Mask
 from toposeam.seam.overlap import FREE, NONE, Overlap
 
 Floats32 = npt.NDArray[np.float32]
+#: Planes of so many values in all are dealt with at once.
+_CACHED = 1 << 14
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,6 +66,10 @@ class MatchCost:
         check_range(0, flat=self.flat)
 
 
+#: With and without gradients.
+_USUAL = {gradient: MatchCost(gradient=gradient) for gradient in (True, False)}
+
+
 def match_options(gradient: bool | None, cost: MatchCost | None) -> MatchCost:
     """The options of the match cost, of which a caller gave one or none.
 
@@ -84,7 +90,7 @@ def match_options(gradient: bool | None, cost: MatchCost | None) -> MatchCost:
                 "gradient and cost are both given; write MatchCost(gradient=…) and leave gradient out"
             )
     if cost is None:
-        return MatchCost(gradient=gradient is not False)
+        return _USUAL[gradient is not False]
     if not isinstance(cost, MatchCost):
         raise OptionError(f"cost is of class {type(cost).__name__}; pass a MatchCost")
     return cost
@@ -123,7 +129,14 @@ def match_cost(
     # One plane after the other is several times as fast as pixel by pixel.
     a, b = (np.ascontiguousarray(np.moveaxis(one, -1, 0)) for one in (a, b))
     difference = np.where(overlap.shared, _norm(a - b), np.float32(0))
-    return tuple(_along(axis, a, b, difference, overlap, on_a, on_b, options, weight) for axis in axes)
+    # Where the overlap is one pixel wide a free pixel lies beside ground that only one patch covers, and only
+    # its own values are known.
+    free = (overlap.side == FREE) & overlap.shared
+    bare = (overlap.side != NONE) & ~overlap.shared
+    return tuple(
+        _along(axis, a, b, difference, overlap.shared, free, bare, on_a, on_b, options, weight)
+        for axis in axes
+    )
 
 
 def _along(
@@ -131,25 +144,24 @@ def _along(
     a: Floats32,
     b: Floats32,
     difference: Floats32,
-    overlap: Overlap,
+    shared: Mask,
+    free: Mask,
+    bare: Mask,
     on_a: Mask,
     on_b: Mask,
     options: MatchCost,
     weight: Floats32 | None,
 ) -> Floats32:
     s, t = _pair(axis)
-    shared, side = overlap.shared, overlap.side
-    inner = shared[s] & shared[t]
-    # A free pixel beside ground that only one patch covers: the overlap is one pixel wide here, and only this
-    # pixel's values are known.
-    narrow_s = (side[s] == FREE) & shared[s] & ~shared[t] & (side[t] != NONE)
-    narrow_t = (side[t] == FREE) & shared[t] & ~shared[s] & (side[s] != NONE)
+    possible = shared[s] & shared[t]
+    narrow_s, narrow_t = free[s] & bare[t], free[t] & bare[s]
     has_narrow = bool(narrow_s.any() or narrow_t.any())
 
     cost = _both(difference, s, t, narrow_s, narrow_t, has_narrow)
     if options.gradient:
-        steepness = _gradient(a, on_a, axis)
-        steepness += _gradient(b, on_b, axis)
+        known = _steps(on_a, axis)
+        steepness = _gradient(a, *known, axis)
+        steepness += _gradient(b, *(known if on_b is on_a else _steps(on_b, axis)), axis)
         epsilon = np.float32(options.epsilon)
         divisor = _both(steepness, s, t, narrow_s, narrow_t, has_narrow)
         divisor += epsilon
@@ -158,7 +170,10 @@ def _along(
     cost += np.float32(options.length)
     if weight is not None:
         cost *= np.float32(0.5) * _both(weight, s, t, narrow_s, narrow_t, has_narrow)
-    cost[~(inner | narrow_s | narrow_t)] = 0
+    if has_narrow:
+        possible |= narrow_s
+        possible |= narrow_t
+    cost[~possible] = 0
     return cost
 
 
@@ -194,24 +209,34 @@ def _norm(planes: Floats32) -> Floats32:
     return total
 
 
-def _gradient(planes: Floats32, present: Mask, axis: int) -> Floats32:
-    """|∂planes/∂axis| by central differences; one-sided where the neighbour on one side is not present, 0
-    where both are not.
+def _steps(present: Mask, axis: int) -> tuple[Mask | None, Floats32]:
+    """Where the steps to the next pixel along an axis are not known, None for nowhere; how many are, of the
+    two that each pixel takes part in.
     """
     s, t = _pair(axis)
     known = present[s] & present[t]
     count = np.zeros(present.shape, np.float32)
     count[s] += known
     count[t] += known
-    squares = np.zeros(present.shape, np.float32)
-    gap = None if known.all() else ~known
-    for plane in planes:
-        step = plane[t] - plane[s]
+    return None if known.all() else ~known, count
+
+
+def _gradient(planes: Floats32, gap: Mask | None, count: Floats32, axis: int) -> Floats32:
+    """|∂planes/∂axis| by central differences; one-sided where the neighbour on one side is not present, 0
+    where both are not.
+    """
+    s, t = _pair(axis + 1)
+    squares = np.zeros(count.shape, np.float32)
+    # Planes of small images together, which takes fewer calls; those of large ones would not fit the caches.
+    together = len(planes) if planes.size <= _CACHED else 1
+    for part in (planes[first : first + together] for first in range(0, len(planes), together)):
+        step = part[t] - part[s]
         if gap is not None:
-            step[gap] = 0
-        total = np.zeros(present.shape, np.float32)
+            step[:, gap] = 0
+        total = np.zeros(part.shape, np.float32)
         total[s] += step
         total[t] += step
-        squares += np.square(total)
+        for square in np.square(total, out=total):
+            squares += square
     np.sqrt(squares, out=squares)
     return np.divide(squares, count, out=squares, where=count > 0)

@@ -40,6 +40,10 @@ def merge_pixels(grid: CutGrid) -> tuple[_Ints32, int]:
                 (grid.down, slice(above, last), shape[1]),
             )
         )
+        free = grid.free[above : last + 1]
+        down *= free[:-1] & free[1:]
+        free = grid.free[top:bottom]
+        right *= free[:, :-1] & free[:, 1:]
         for score, here, offset in (
             (right, np.s_[:, :-1], 1),
             (right, np.s_[:, 1:], -1),

@@ -187,11 +187,13 @@ def _match_cost(
             (overlap.start[0] + low, overlap.start[1]),
             overlap.canvas,
         )
+        here_a = on_a[rows]
+        here_b = here_a if on_b is on_a else on_b[rows]  # one mask's steps are counted once
         patch_a, patch_b = widen(
-            _patch(a, part, on_a[rows], "a", data_range), _patch(b, part, on_b[rows], "b", data_range)
+            _patch(a, part, here_a, "a", data_range), _patch(b, part, here_b, "b", data_range)
         )
         beside, below = match_cost(
-            patch_a, patch_b, part, on_a[rows], on_b[rows], cost, None if factor is None else factor[rows]
+            patch_a, patch_b, part, here_a, here_b, cost, None if factor is None else factor[rows]
         )
         right[start:stop] = beside[start - low : stop - low]
         down[start:stop] = below[start - low : stop - low]

@@ -6,8 +6,9 @@ steps as on a plate: k (ε + (1 - ε) ρ^p), the filter, optimality criteria, fr
 repetition holds on every floor: p4m makes a rosette, and what joins itself to the side does so as a block.
 
 *Projected.* What is solid in the end is where the density exceeds the level that leaves as much as the mass.
-Of that, only pieces which stand on the floor are kept, so that it can be printed. Its surface is found by
-marching cubes, and is closed: floor, ceiling and sides are part of it.
+Of that, only pieces which stand on the floor are kept, so that it can be printed, and no crumbs: those with
+less than a tenth of the largest piece. Its surface is found by marching cubes, and is closed: floor, ceiling
+and sides are part of it.
 """
 
 from __future__ import annotations
@@ -46,6 +47,8 @@ _SMOOTH, _SPOT = 1.5, 0.03
 _HEIGHTS = (0.45, 1.0)
 #: Convection of all sinks together.
 _CONVECTION = 4.0
+#: Pieces with less than this share of the largest one's cubes are crumbs.
+_CRUMB = 0.1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -73,6 +76,11 @@ class Solid:
         """(d, h, w): where it is solid, and holds together with the floor."""
         return self._projected()[0] > 0
 
+    @property
+    def pieces(self) -> int:
+        """How many pieces it has that only the floor holds together."""
+        return int(ndimage.label(self.filled, np.ones((3, 3, 3)))[1])
+
     def mesh(self, element: float = 1.0) -> Mesh:
         """Its surface: closed, every edge between two triangles, facing outwards.
 
@@ -91,15 +99,17 @@ class Solid:
         return closed_mesh(self._projected()[0], element)
 
     def _projected(self) -> tuple[npt.NDArray[np.float32], float]:
-        """The density above (below: under 0) the level of equal mass; elsewhere than on pieces that reach the
-        floor below it.
+        """The density above (below: under 0) the level of equal mass; below it everywhere but on the pieces
+        that are kept.
         """
         field = ndimage.gaussian_filter(self.density, 0.5, mode="nearest")
         level = float(np.quantile(field, 1.0 - float(self.density.mean())))
         above = field - np.float32(level)
         pieces, _ = ndimage.label(above > 0, np.ones((3, 3, 3)))
         standing = np.unique(pieces[0])
-        above[(above > 0) & ~np.isin(pieces, standing[standing > 0])] = -1e-3
+        cubes = np.bincount(pieces.ravel())[standing[standing > 0]]
+        kept = standing[standing > 0][cubes >= _CRUMB * cubes.max(initial=0)]
+        above[(above > 0) & ~np.isin(pieces, kept)] = -1e-3
         return above, level
 
     def __repr__(self) -> str:

@@ -70,15 +70,15 @@ def lazily(stack: Any, name: str) -> Any:
             stack = np.asarray(stack)
         except (TypeError, ValueError, OverflowError) as error:
             raise ImageError(f"{name} is no array of numbers; pass (D, H, W) or (D, H, W, C)") from error
-        if stack.dtype.kind not in "biuf":
-            raise ImageError(f"{name} has dtype {stack.dtype}; pass integers or floats")
+    if isinstance(stack, np.ma.MaskedArray):
+        raise ImageError(f"{name} is a masked array; pass {name}.filled(0)")
+    if getattr(stack.dtype, "kind", "O") not in "biuf":
+        raise ImageError(f"{name} has dtype {stack.dtype}; pass integers or floats")
+    if stack.ndim not in (3, 4) or 0 in stack.shape:
+        raise ImageError(f"{name} has shape {stack.shape}; pass a non-empty (D, H, W) or (D, H, W, C) array")
     # In small parts, or what is read for one block would be many times as large as that.
-    parts = (*_READ, -1)[: np.ndim(stack)] if np.ndim(stack) in (3, 4) else "auto"
+    parts = (*_READ, -1)[: stack.ndim]
     lazy = stack if hasattr(stack, "dask") else array.from_array(stack, chunks=parts)
-    if lazy.ndim not in (3, 4) or 0 in lazy.shape:
-        raise ImageError(f"{name} has shape {lazy.shape}; pass a non-empty (D, H, W) or (D, H, W, C) array")
-    if lazy.dtype.kind not in "biuf":
-        raise ImageError(f"{name} has dtype {lazy.dtype}; pass integers or floats")
     return lazy[..., np.newaxis] if lazy.ndim == 3 else lazy
 
 

@@ -16,7 +16,7 @@ from toposeam.display import to_png
 from toposeam.errors import ImageError, OptionError
 from toposeam.heat.grid_flow import Floats32
 from toposeam.heat.threads import one_thread
-from toposeam.images import Mask, as_mask, full_scale
+from toposeam.images import MAX_PIXELS, Mask, as_mask, full_scale
 from toposeam.seam.match_cost import MatchCost, match_options
 from toposeam.volume.arrays import Volume, as_shares, as_volume
 from toposeam.volume.find import find_surface
@@ -194,6 +194,11 @@ def loop(
             walk = [best_jump(small, transition, lengths, starts, counted, match, spacing)]
         else:
             check_whole("grow", grow, 2 * transition, 10**7)
+            if grow * clip[0].size > MAX_PIXELS:
+                raise OptionError(
+                    f"grow is {grow}, which makes more than {MAX_PIXELS // 10**6} million values of this "
+                    "clip; ask for fewer frames, or give a smaller clip"
+                )
             found = good_jumps(small, transition, counted, match, spacing, _JUMPS)
             walk = closed_walk(found, transition, grow, np.random.default_rng(chosen))
     if level:

@@ -38,22 +38,22 @@ def closed_walk(jumps: Sequence[Jump], transition: int, frames: int, rng: np.ran
     if home is None:
         home = next(jump for jump in jumps if jump.period >= transition)
         usable.append(home)
+    usable = _leading(home, usable, transition)
     taken = dict.fromkeys(range(len(usable)), 0)
-    walk = [home]
+    walk, seen = [home], 0  # frames seen between the first jump and the last one
     taken[usable.index(home)] += 1
     while True:
         at = walk[-1].enters + transition
-        if length(walk) >= frames and walk[0].leaves >= at:
+        if seen + walk[0].leaves - walk[-1].enters >= frames and walk[0].leaves >= at:
             return walk
-        ahead = [
-            index
-            for index, jump in enumerate(usable)
-            if jump.leaves >= at and _goes_on(jump, usable, transition)
-        ]
-        wanted = np.array([usable[index].cost / (least + 1e-9) + 2 * taken[index] for index in ahead])
+        ahead = [index for index, jump in enumerate(usable) if jump.leaves >= at]
+        wanted = np.array(
+            [min(usable[index].cost / (least + 1e-9), _DEAREST + 1) + 2 * taken[index] for index in ahead]
+        )
         chance = np.exp(wanted.min() - wanted)
         index = ahead[int(rng.choice(len(ahead), p=chance / chance.sum()))]
         taken[index] += 1
+        seen += usable[index].leaves - walk[-1].enters
         walk.append(usable[index])
 
 
@@ -62,9 +62,12 @@ def length(walk: Sequence[Jump]) -> int:
     return sum(after.leaves - jump.enters for jump, after in zip(walk, [*walk[1:], walk[0]], strict=True))
 
 
-def _goes_on(jump: Jump, jumps: Sequence[Jump], transition: int) -> bool:
-    """Whether, from where a jump leads, there is a way on for ever: to a jump that leads back before
-    itself.
-    """
-    at = jump.enters + transition
-    return any(other.leaves >= at and other.period >= transition for other in jumps)
+def _leading(home: Jump, jumps: Sequence[Jump], transition: int) -> list[Jump]:
+    """The jumps from where they lead there is a way to a certain one; others would be taken for ever."""
+    leading = {home}
+    while True:
+        reach = max(jump.leaves for jump in leading) - transition  # what leads there or before goes on to one
+        more = {jump for jump in jumps if jump.enters <= reach} - leading
+        if not more:
+            return [jump for jump in jumps if jump in leading]
+        leading |= more

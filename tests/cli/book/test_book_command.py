@@ -113,6 +113,14 @@ def test_a_book_round_two_themes_at_print_size(theme, started):
     assert beside[2] == tie[1] != beside[1]
 
 
+@pytest.mark.parametrize("name", ["shirt", "tie"])
+def test_without_a_second_pattern_cloth_is_all_of_the_first(name):
+    pattern = np.random.default_rng(1).integers(0, 256, (64, 64, 3), np.uint8)
+    colours = np.ones(3), np.zeros(3)
+    alone = draw_product(name, pattern, 64, *colours)
+    np.testing.assert_array_equal(alone, draw_product(name, pattern, 64, *colours, second=(pattern, 64)))
+
+
 @pytest.fixture
 def made_quickly(monkeypatch):
     """Every pattern is a file, and what is measured on it is made up."""

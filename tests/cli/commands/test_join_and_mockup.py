@@ -4,6 +4,7 @@ import shlex
 
 import numpy as np
 import pytest
+from scipy.ndimage import zoom
 
 import toposeam as ts
 from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
@@ -90,6 +91,23 @@ def test_a_motif_on_a_product_has_its_colours(motifs, tmp_path, toposeam):
     np.testing.assert_allclose(art.mean(axis=0), motif.mean(axis=0), atol=12)
 
 
+@pytest.mark.medium
+def test_a_mockup_at_a_resolution_is_the_same_picture_larger(motifs, tmp_path, toposeam):
+    """A phone of 130 × 210 mm; strokes are drawn at that size, not enlarged."""
+    for name, given in (("small", []), ("large", ["--dpi", 254])):
+        line = ["mockup", motifs / "one.png", "--on", "phone", "-o", tmp_path / f"{name}.png", "-q"]
+        assert toposeam(*line, *given).code == 0
+    small, large = (read_picture(tmp_path / f"{name}.png") for name in ("small", "large"))
+    assert large.pixels.shape == (2100, 1300, 3)
+    assert large.resolution == pytest.approx((10, 10), rel=1e-3)
+    assert small.resolution is None
+    reduced = zoom(large.pixels.astype(float), (1200 / 2100, 743 / 1300, 1), order=1)
+    assert np.abs(reduced - small.pixels).mean() < 6
+    smooth = zoom(small.pixels.astype(float), (2100 / 1200, 1300 / 743, 1), order=1)
+    sharpness = [np.abs(np.diff(pixels.astype(float), axis=1)).max() for pixels in (large.pixels, smooth)]
+    assert sharpness[0] > 1.2 * sharpness[1]
+
+
 def test_any_picture_on_a_product(tmp_path, toposeam):
     write_picture(tmp_path / "gray.png", Picture(pixels=np.full((9, 7), 90, np.uint8)))
     assert (
@@ -158,6 +176,8 @@ def test_a_motif_that_will_not_be_there_is_said_before_the_work(
         ("mockup nowhere.png --on tie -o m.png", "there is no file", 1),
         ("mockup {in}/one.png --on tie -o m.gif", "not supported", 1),
         ("mockup {in}/one.png --on tie -o m.png --motif-width 1mm", "use 2 mm", 1),
+        ("mockup {in}/one.png --on wallpaper -o m.png --dpi 300", "ask for 1 to 51 dpi", 1),
+        ("mockup {in}/one.png --on phone -o m.png --dpi 2", "ask for 8 to", 1),
         ("mockup {in}/one.png --on sock -o m.png", "--on", 2),
     ],
 )

@@ -76,19 +76,8 @@ def test_a_picture_of_another_shape_is_filled_and_cut_not_stretched(made, topose
 
 
 def test_relatives_keep_what_they_share(made, toposeam):
-    toposeam(
-        "motif",
-        "-o",
-        "near.png",
-        "--like",
-        "motif.png",
-        "--vary",
-        "0.1",
-        "--seed",
-        "9",
-        "--palette",
-        "#fff0e0 #102030 #405060",
-    )
+    near = ("--vary", "0.1", "--seed", "9", "--palette", "#fff0e0 #102030 #405060")
+    toposeam("motif", "-o", "near.png", "--like", "motif.png", *near)
     toposeam("motif", "-o", "far.png", "--like", "motif.png", "--seed", "9")
     first, near, far = (read_recipe(made / f"{name}.png") for name in ("motif", "near", "far"))
     assert near.repeat == far.repeat == "rotate"
@@ -103,6 +92,9 @@ def test_relatives_keep_what_they_share(made, toposeam):
         return np.mean([np.hypot(a[0] - b[0], a[1] - b[1]) for a, b in pairs])
 
     assert 0 < moved(near) < 0.08 < moved(far)
+    # Without a seed, that of the motif and one: a row of relatives counts up.
+    toposeam("motif", "-o", "next.png", "--like", "motif.png", "--vary", "0.1")
+    assert read_recipe(made / "next.png") == ts.vary(first, amount=0.1, seed=first.seed + 1)
 
 
 def test_a_recipe_as_toml_and_back(made, toposeam):

@@ -10,7 +10,7 @@ from PIL import Image
 
 import toposeam as ts
 from toposeam_cli.figures.frames import film_frame
-from toposeam_cli.figures.history import history_figure
+from toposeam_cli.figures.history import _curves, history_figure
 
 
 def found(shape: tuple[int, int], side: ts.Side = "right", **options) -> ts.Seam:
@@ -75,3 +75,15 @@ def test_a_shared_pixel_is_on_paper_with_the_corners_round_it():
     expected = np.zeros((9, 11), bool)
     expected[2:5, 4:7] = True
     np.testing.assert_array_equal(tinted, expected)
+
+
+def test_stages_are_parted_between_their_iterations():
+    from matplotlib.figure import Figure
+
+    seam = found((60, 30), method="thesis")
+    stages = [record.stage for record in seam.history]
+    axis = Figure().add_subplot()
+    _curves(axis, seam)
+    parted = [line.get_xdata()[0] for line in axis.lines if line.get_color() == "0.8"]
+    # After the n-th iteration, counted from 1, at n + 1/2.
+    assert parted == [n + 0.5 for n in range(1, len(stages)) if stages[n] != stages[n - 1]] != []

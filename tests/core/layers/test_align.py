@@ -5,6 +5,7 @@ import pytest
 from skimage import data
 
 import toposeam as ts
+from toposeam.layers import align
 
 PHOTOGRAPH = data.astronaut()
 PLACES = [(0, 0), (150, 10), (90, 140), (230, 170)]
@@ -56,7 +57,15 @@ def test_narrow_strips_and_transparency():
     np.testing.assert_array_equal(ts.align(layers).shifts, -errors)
 
 
-@pytest.mark.medium
+@pytest.mark.parametrize("shift", [(0, 9), (-9, 0)])
+def test_a_pair_that_fits_beyond_the_radius_only_tells_nothing(monkeypatch, shift):
+    scene = np.random.default_rng(0).random((60, 110))
+    pair = ts.Layer(scene[:, :70]), ts.Layer(scene[:, 40:], at=(40, 0))
+    monkeypatch.setattr(align, "_refined", lambda *_: (np.array(shift), 0.9, 5000))
+    assert align._match(*pair, radius=8) is None
+    assert align._match(*pair, radius=9)[0].tolist() == [shift[1], shift[0]]
+
+
 def test_what_agrees_with_nothing_is_refused():
     layers, _ = crops()
     stranger = ts.Layer(image=data.coffee()[:220, :240].copy(), at=(200, 150), name="stranger")

@@ -11,6 +11,7 @@ from toposeam.layers import posing, reduction, rounds
 from toposeam.layers.labelling import Labelling
 from toposeam.layers.layer import Box, extent_of
 from toposeam.layers.posing import TableCost, exclusive_covers, pose_labelling
+from toposeam.layers.rounds import Rounds
 from toposeam.seam.overlap import FREE
 
 
@@ -89,6 +90,14 @@ def test_a_layer_that_reaches_out_by_one_pixel_keeps_no_core():
     alpha[4, 6] = 1
     reaching = ts.Layer(np.full((10, 10), 0.4), at=(14, 5), alpha=alpha)
     assert posed([large, reaching]).allowed[0][10, 16]
+
+
+def test_pixels_beside_seams_and_beside_undecided_flow_are_opened():
+    labelling = row_of_four({(0, 1): 9, (0, 2): 1, (1, 2): 2})
+    rounds = Rounds(labelling, np.array([[0, 0, 0, 2]], np.int16), "heat", {})
+    assert rounds.beside_seams().tolist() == [[False, False, True, True]]
+    rounds._flows[0, 1] = Box(0, 0, 1, 3), np.array([0])  # what a coarser solution told
+    assert rounds.beside_seams().tolist() == [[True, False, True, True]]
 
 
 def test_costs_of_a_band_are_those_of_the_whole(monkeypatch):

@@ -61,6 +61,21 @@ def test_joined_motifs_show_no_borders():
         assert ts.join_motifs(recipes, shared=0).visibility() <= 1.0
 
 
+@pytest.mark.medium
+@pytest.mark.parametrize(("number", "seeds"), [(5, (1, 7)), (20, (2, 5)), (38, (3, 7))])
+def test_no_step_of_tone_shows_where_motifs_share_no_border(number, seeds):
+    """Those that showed one in `benchmarks/borders.py`: one motif is wash, and darker on one side."""
+    recipes = [
+        ts.random_recipe(96, seed=seed, layers=2, repeat="translate", palette="sea", iterations=25)
+        for seed in seeds
+    ]
+    motifs = ts.join_motifs(recipes, shared=0).motifs
+    for seed in range(3):
+        laid = ts.arrange(motifs, (4, 4), seed=100 * number + seed)
+        for plane in (*laid.coverage(), laid.image()):
+            assert ts.border_visibility(plane, (96, 96)) <= 1.0
+
+
 def test_patterns_must_be_whole_cells():
     with pytest.raises(ts.ImageError, match="whole"):
         ts.border_visibility(noise(), (40, 32))

@@ -100,19 +100,24 @@ def test_pixels_and_drawing_are_the_same_contours(repeat, edge):
 
 def test_levels_of_a_drawing_lie_half_way_between_the_densities_they_part():
     density = disc(64, 16)
-    assert _Bands(density, "soft", "translate", 4, 2).thresholds == pytest.approx(
-        [1 / 8, 3 / 8, 5 / 8, 7 / 8]
-    )
-    at, gain = shading(density, "ink", "translate", 2)
-    edge = shading(density, "crisp", "translate", 2)[0]
-    assert _Bands(density, "crisp", "translate", 4, 2).thresholds == pytest.approx([edge])
+    assert _Bands("soft", (0.0, np.float32(1)), 4).thresholds == pytest.approx([1 / 8, 3 / 8, 5 / 8, 7 / 8])
+    at, gain = shading([density], "ink", "translate", 2)
+    edge, gain_of_crisp = shading([density], "crisp", "translate", 2)
+    assert _Bands("crisp", (edge, gain_of_crisp), 4).thresholds == pytest.approx([edge])
     # Ink begins at the stroke's edge; inside it levels part what is printed, the density times the gain.
-    ink = _Bands(density, "ink", "translate", 4, 2)
+    ink = _Bands("ink", (at, gain), 4)
     printed = [t / gain for t in (1 / 8, 3 / 8, 5 / 8, 7 / 8)]
     assert ink.thresholds == pytest.approx([at, *(t for t in printed if t >= at)])
     assert len(ink.thresholds) < 5  # one of them would lie in the haze beside the stroke
     assert ink.tones(density.astype(float))[0] == 0
-    assert 0 < _Bands(density, "soft", "translate", 4, 2).tones(density.astype(float))[0] < 1 / 8
+    assert 0 < _Bands("soft", (0.0, np.float32(1)), 4).tones(density.astype(float))[0] < 1 / 8
+
+
+def test_the_haze_between_soft_strokes_is_drawn_and_none_beside_crisp_ones():
+    density = np.maximum(disc(64, 16), np.float32(0.04))
+    haze = re.compile(r'<rect x="-\d+" y="-\d+" [^>]*fill="#f5f5f5"/>')  # 4 % of black
+    assert haze.search(motif_of(density, "soft").to_svg())
+    assert not haze.search(motif_of(density, "crisp").to_svg())
 
 
 @pytest.mark.parametrize("repeat", ["translate", "reflect", "rotate", "p6"])

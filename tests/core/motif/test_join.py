@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
+from toposeam.motif.compound import _interpolate
 
 SIZE = 48
 
@@ -111,6 +112,27 @@ def test_an_arrangement_puts_motifs_where_the_grid_says():
     assert laid.to_svg().count('inkscape:label="ink') == 1
 
 
+@pytest.mark.parametrize("edge", ["crisp", "ink"])
+def test_a_motif_is_printed_alike_wherever_and_however_often_it_lies(edge):
+    """Strokes end at one density of all motifs together; of a light and a heavy one, neither's own, and not
+    that of the pattern.
+    """
+    recipes = [
+        dataclasses.replace(
+            recipe, layers=tuple(dataclasses.replace(part, edge=edge, mass=mass) for part in recipe.layers)
+        )
+        for recipe, mass in zip(_recipes(), (0.12, 0.4), strict=True)
+    ]
+    motifs = ts.join_motifs(recipes, weight=0.0, shared=0).motifs
+    inside = np.s_[:, 4 : SIZE - 4, 4 : SIZE - 4]
+    few, many = (ts.arrange(motifs, [row]) for row in ([0, 1, 1, 1, 1], [0, 0, 0, 0, 1]))
+    np.testing.assert_allclose(few.coverage()[inside], many.coverage()[inside], atol=1e-4)
+    assert [few.ends(0)] == [many.ends(0)]
+    assert few.ends(0)[0] != motifs[0].ends(0)[0]
+    drawings = [[line for line in laid.to_svg().splitlines() if "<path" in line] for laid in (few, many)]
+    assert len(drawings[0]) == len(drawings[1]) > 0
+
+
 def test_random_neighbours_keep_within_reach():
     grid = ts.random_arrangement((20, 30), 7, seed=1, reach=1)
     assert np.abs(np.diff(grid, axis=0)).max() == 1
@@ -141,3 +163,13 @@ def test_what_cannot_be_joined_is_refused_in_one_sentence():
     for arrangement in ([[0, 2]], [[0.5]], (0, 3), []):
         with pytest.raises(ts.OptionError):
             ts.arrange(motifs, arrangement)
+
+
+def test_members_begin_as_blends_of_the_fixed_ones_beside_them():
+    left, right = np.zeros((4, 4)), np.full((4, 4), 0.4)
+    left[0], right[-1] = 0.6, 0.1
+    designs = [left.copy(), None, None, right.copy()]
+    _interpolate(designs, [1, 2], [0.2, 0.2, 0.2, 0.2])
+    for index, share in ((1, 1 / 3), (2, 2 / 3)):
+        blend = (1 - share) * left + share * right
+        np.testing.assert_allclose(designs[index], 0.2 * blend / blend.mean())

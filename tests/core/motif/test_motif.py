@@ -83,6 +83,12 @@ def test_progress_counts_every_iteration():
     assert seen == [i / 12 for i in range(1, 13)]
 
 
+def test_seeds_count_from_0():
+    recipe = ts.generate_motif(16, layers=1, iterations=2).recipe
+    assert recipe == ts.generate_motif(16, layers=1, iterations=2, seed=0).recipe
+    assert recipe.seed == ts.random_recipe(16).seed == 0
+
+
 def test_a_generator_seeds_a_motif_that_can_be_made_again():
     recipe = ts.random_recipe(48, seed=np.random.default_rng(4))
     assert ts.random_recipe(48, seed=recipe.seed) == recipe

@@ -59,7 +59,7 @@ def test_other_open_pixels_let_the_seam_go_where_no_corridor_leads():
     assert problem.cost(goes) < 0.6 * problem.cost(stays)
 
 
-def test_the_best_path_of_half_the_resolution_shows_another_way():
+def test_the_cheapest_paths_of_a_lattice_show_another_way():
     """Two valleys far apart; the seam that is known runs along the dearer one."""
     a = np.zeros((200, 240))
     b = np.full(a.shape, 0.5)

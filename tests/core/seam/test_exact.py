@@ -8,7 +8,7 @@ from scipy import ndimage
 from shapes import SHAPES
 
 import toposeam as ts
-from toposeam.seam import corner_graph, exact, graph_cut
+from toposeam.seam import exact, graph_cut
 
 
 def blob(rng, shape):
@@ -145,25 +145,3 @@ def test_of_a_ring_no_distance_says_anything(crops):
     problem = ts.find_seam(*crops(np.random.default_rng(6), *masks[0].shape), *masks).problem
     assert exact.laid_by_distances(problem) is None
     assert not exact.divided_by_paths(problem)
-
-
-def test_two_corners_on_are_as_far_as_the_cheapest_of_three_ways():
-    rng = np.random.default_rng(0)
-    for height, width in ((7, 9), (8, 8), (6, 11)):
-        along, across = rng.random((2, height, width)).astype(np.float32)
-        two = corner_graph.halved(along, across)
-        assert two.shape == ((height + 1) // 2, (width + 1) // 2)
-        assert np.isinf(two[:, -1]).all()
-        for y in range(0, height, 2):
-            for x in range(0, width - 2, 2):
-                ways = [along[y, x] + along[y, x + 1]]
-                steps = [along[y, x], along[y, x + 1]]
-                for line, rung in ((y - 1, y - 1), (y + 1, y)):
-                    if 0 <= line < height:
-                        ways.append(
-                            across[rung, x] + along[line, x] + along[line, x + 1] + across[rung, x + 2]
-                        )
-                        for k in (0, 1):
-                            way = across[rung, x + k] + along[line, x + k] + across[rung, x + k + 1]
-                            steps[k] = min(steps[k], way)
-                assert two[y // 2, x // 2] == pytest.approx(min(*ways, sum(steps)))

@@ -66,6 +66,19 @@ def test_what_is_solid_stands_on_the_floor_and_weighs_what_it_should():
     assert last < 0.2 * first
 
 
+def test_crumbs_and_what_hangs_in_the_air_are_left_out():
+    """Two pillars, one of them of an eighth of the other, a crumb on the floor, and one above it."""
+    density = np.full((16, 24, 24), 1e-3, np.float32)
+    density[:14, 2:10, 2:10] = 1
+    density[:7, 16:20, 2:6] = 1
+    density[:3, 16:19, 16:19] = 1
+    density[10:14, 16:20, 16:20] = 1
+    solid = ts.Solid(density=density, recipe=recipe(24), history=())
+    assert solid.pieces == 2
+    assert solid.filled[:, 14:, 14:].sum() == 0
+    assert solid.mesh().closed
+
+
 @pytest.mark.medium
 def test_every_floor_has_the_symmetry_of_the_rule():
     density = ts.generate_solid(recipe(repeat="p4m"), 16).density

@@ -187,6 +187,8 @@ def test_several_exemplars_all_take_part(sample):
         assert (row < image.shape[0]).all()
         assert (column < image.shape[1]).all()
         np.testing.assert_array_equal(made.image[here], image[row, column])
+    with pytest.raises(ts.ImageError, match="the images differ in dtype or channels"):
+        made.apply([first, second.astype(np.float32)])
 
 
 def test_only_what_the_mask_allows_is_sampled(sample):

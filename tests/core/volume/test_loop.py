@@ -5,6 +5,7 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
+from toposeam.volume import walk as walks
 from toposeam.volume.period import Jump, changes, small_frames, small_mask
 from toposeam.volume.walk import closed_walk, length
 
@@ -177,6 +178,34 @@ def test_a_walk_that_no_cheap_jump_closes_takes_a_dear_one_as_long_as_a_transiti
     home = Jump(8, 4, 9.0)
     walk = closed_walk([Jump(6, 4, 1.0), Jump(12, 9, 3.0), home], 4, 4, np.random.default_rng(0))
     assert walk[0] == home
+
+
+@pytest.mark.timeout(60)  # else they are taken for ever
+def test_a_walk_takes_no_jump_from_which_there_is_no_way_back():
+    home, trap, way = Jump(9, 0, 1.0), Jump(16, 11, 0.9), Jump(14, 5, 1.1)
+    for seed in range(20):
+        walk = closed_walk([home, trap, way], 4, 100, np.random.default_rng(seed))
+        assert trap not in walk
+        for jump, after in zip(walk, [*walk[1:], walk[0]], strict=True):
+            assert after.leaves >= jump.enters + 4
+
+
+@pytest.mark.timeout(60)
+def test_a_clip_from_which_few_jumps_lead_back_is_grown():
+    """Noise, found by the fuzzer: its cheapest jumps lead nowhere."""
+    noise = (np.random.default_rng(0).random((16, 24, 1)) * 65535).astype(np.uint16)
+    assert len(ts.loop(noise, grow=40, seed=4).frames) >= 40
+
+
+def test_a_long_walk_is_counted_on_as_it_is_walked(monkeypatch):
+    monkeypatch.setattr(walks, "length", None)
+    walk = closed_walk([Jump(20, 0, 1.0), Jump(30, 4, 1.2)], 4, 5000, np.random.default_rng(0))
+    assert 5000 <= length(walk) < 5100
+
+
+def test_a_loop_grown_beyond_memory_is_refused():
+    with pytest.raises(ts.OptionError, match="grow is 10000000, which makes more than 1000 million values"):
+        ts.loop(np.random.default_rng(0).random((12, 16, 16)), grow=10**7)
 
 
 def test_a_walk_prefers_cheap_jumps_whatever_the_scale_of_their_costs():

@@ -1,0 +1,25 @@
+"""What a pattern book consists of."""
+
+import numpy as np
+
+from toposeam.motif.book import book_recipe
+
+
+def test_patterns_of_a_book_are_drawn_from_its_ranges():
+    theme = np.zeros((24, 24))
+    theme[6:18, 6:18] = 1
+    recipes = [book_recipe(theme, 7, number, 32) for number in range(1, 161)]
+    radii = np.array([recipe.filter_radius for recipe in recipes])
+    masses = np.array([recipe.layers[0].mass for recipe in recipes])
+    thick = radii > 1.35
+    # Thick strokes: 1.5 to 3 elements and up to 36 % ink; the others 0.6 to 1.2, and up to 22 %.
+    assert radii[thick].min() >= 1.5
+    assert radii[thick].max() <= 3.0
+    assert np.ptp(radii[thick]) > 1.2
+    assert radii[~thick].min() >= 0.6
+    assert radii[~thick].max() <= 1.2
+    assert 0.3 < thick.mean() < 0.7
+    assert 0.2 <= masses[thick].min() < masses[thick].max() <= 0.36
+    assert 0.08 <= masses[~thick].min() < masses[~thick].max() <= 0.22
+    assert {recipe.iterations for recipe in recipes} == set(range(20, 51))
+    assert book_recipe(theme, 7, 3, 32) == book_recipe(theme, 7, 3, 32) != book_recipe(theme, 8, 3, 32)

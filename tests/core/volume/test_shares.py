@@ -1,0 +1,16 @@
+"""Voxels as shares of white."""
+
+import numpy as np
+
+from toposeam.volume.posing import _shares
+
+
+def test_what_an_array_holds_where_it_has_no_voxels_does_not_count():
+    volume = np.full((2, 3, 4, 1), 0.5)
+    present = np.ones((2, 3, 4), bool)
+    present[0, 0, 0] = False
+    volume[0, 0, 0] = np.nan
+    shares = _shares(volume, present, "a", None)
+    assert shares.dtype == np.float32
+    assert shares[0, 0, 0] == 0
+    assert (shares[present] == 0.5).all()

@@ -18,8 +18,9 @@ import pyvips
 
 HERE = Path(__file__).parent
 SAMPLES = HERE.parent / "samples"
-sys.path[:0] = [str(HERE.parent / "tests" / "gimp"), str(HERE.parent / "plugin_gimp")]
+sys.path[:0] = [str(HERE.parent / "tests" / "gimp"), str(HERE.parent / "plugin_gimp"), str(SAMPLES)]
 
+from clips import flames  # noqa: E402
 from running import Gimp, Screen, find_gimp  # noqa: E402
 
 from toposeam_gimp.procedures import PROCEDURES  # noqa: E402
@@ -41,6 +42,8 @@ def main() -> None:
         dialogs(gimp, screen, target)
     for language, scale in (("ko", 1), ("en", 2), ("ko", 2)):
         with windowed(language, scale) as (gimp, screen):
+            if (language, scale) == ("ko", 2):
+                windows(gimp, screen, target, language, scale)
             dialogs(gimp, screen, target, language, scale)
 
 
@@ -227,43 +230,43 @@ def motif(gimp: Gimp, target: Path) -> None:
     beside(target / "gimp-motif.png", *pictures)
 
 
-def windows(gimp: Gimp, screen: Screen, target: Path) -> None:
-    """The dialog, the menu, and the window with the result."""
+def windows(gimp: Gimp, screen: Screen, target: Path, language: str = "en", scale: int = 1) -> None:
+    """The menu and the window with the result."""
+    name = "" if (language, scale) == ("en", 1) else f"-{language}-{scale}x"
     loaded = load(gimp, "still_life_left.png", "still_life_right.png", offsets=[[0, 0], [270, 0]])
     code = """
 Gimp.Display.new(image_of(number))
 image_of(number).set_selected_layers([item(layer) for layer in layers])
 """
     gimp.python(code=code, number=loaded["image"], layers=loaded["layers"])
-    window = screen.window("– GIMP")
+    window = screen.window("– (GIMP|김프)")
     screen.do("windowmove", window, 0, 0)
-    screen.do("windowsize", "--sync", window, 1180, 760)
+    screen.do("windowsize", "--sync", window, 1180 * scale, 760 * scale)
     time.sleep(2)
     screen.press(window, "shift+ctrl+j", "alt+r")
     time.sleep(1)
-    for key in ("Up", "Right"):
+    for key in ("Up", "Right", "Right"):
         screen.do("key", key)
         time.sleep(1)
-    shoot(screen, target / "gimp-menu.png", lambda file: screen.shoot(file), 0.6, crop=(1180, 784))
-    screen.do("key", "Escape", "Escape", "Escape")
+    file, size = target / f"gimp-menu{name}.png", (1180 * scale, 784 * scale)
+    shoot(screen, file, lambda file: screen.shoot(file), 0.6, crop=size)
+    screen.do("key", "Escape", "Escape", "Escape", "Escape")
     run(gimp, "stitch", loaded, loaded["layers"], show_seam=True)
     gimp.python(code="Gimp.displays_flush()")
     time.sleep(3)
-    shoot(screen, target / "gimp-window.png", lambda file: screen.shoot(file, window), 0.7)
+    shoot(screen, target / f"gimp-window{name}.png", lambda file: screen.shoot(file, window), 0.7)
 
 
-#: The dialogs that are photographed, and how large a share of their size they are shown at.
-DIALOGS = ("stitch", "patch", "synthesize", "tile", "fill", "motif", "repeat")
-#: Those that are shown in Korean too, beside each other; on a fine screen the first and the last.
-SOME = ("stitch", "fill", "motif")
+#: The dialogs that are photographed.
+DIALOGS = ("stitch", "patch", "synthesize", "tile", "fill", "motif", "repeat", "loop")
+#: So many stand beside each other on the sheets in Korean and of a fine screen.
+COLUMNS = 3
 
 
 def dialogs(gimp: Gimp, screen: Screen, target: Path, language: str = "en", scale: int = 1) -> None:
-    """Dialogs with their previews: in English on an ordinary screen one file each, else some of them on one
-    sheet.
-    """
+    """Dialogs with their previews: in English on an ordinary screen one file each, else all on one sheet."""
     plain, shown = language == "en" and scale == 1, []
-    for name in DIALOGS if plain else SOME[::scale]:
+    for name in DIALOGS:
         entry = PROCEDURES[f"plug-in-toposeam-{name}"]
         loaded = opened(gimp, name)
         layers = loaded["layers"] if name == "stitch" else loaded["layers"][-1:]
@@ -285,7 +288,17 @@ def dialogs(gimp: Gimp, screen: Screen, target: Path, language: str = "en", scal
         screen.press(dialog, "Escape")
         asked.join(60)
     if shown:
-        beside(target / f"gimp-dialogs-{language}-{scale}x.png", *shown, height=330 * scale)
+        sheet(target / f"gimp-dialogs-{language}-{scale}x.png", shown)
+
+
+def sheet(file: Path, pictures: list[np.ndarray]) -> None:
+    """Pictures of about one size in rows, as they are."""
+    images = [pyvips.Image.new_from_array(picture) for picture in pictures]
+    white = {"shim": 16, "background": [255, 255, 255]}
+    pyvips.Image.arrayjoin(images, across=COLUMNS, **white).write_to_file(
+        str(file), palette=True, Q=90, compression=9
+    )
+    print(file, file.stat().st_size // 1024, "KiB")
 
 
 def opened(gimp: Gimp, name: str) -> dict[str, Any]:
@@ -296,6 +309,13 @@ def opened(gimp: Gimp, name: str) -> dict[str, Any]:
         return {"image": number, "layers": [group]}
     if name in ("synthesize", "tile"):
         return load(gimp, "grass_a.png")
+    if name == "loop":
+        with tempfile.TemporaryDirectory() as scratch:
+            for index, frame in enumerate(flames(24, 90, 120)):
+                picture = pyvips.Image.new_from_array(frame)
+                picture.write_to_file(str(Path(scratch) / f"{index:02}.png"))
+            loaded = gimp.load(files=sorted(map(str, Path(scratch).iterdir())), alpha=False)
+        return dict(loaded)
     if name == "fill":
         loaded = load(gimp, "sky_b.png")
         code = "image_of(number).select_ellipse(Gimp.ChannelOps.REPLACE, 26, 76, 62, 52)"
@@ -336,14 +356,14 @@ def rules(screen: Screen, dialog: str, target: Path) -> None:
 
 def wait_for_preview(screen: Screen, dialog: str, comes: bool) -> None:
     """Until the left part of a dialog shows a picture."""
-    deadline = time.monotonic() + PREVIEW_S
+    deadline, seen = time.monotonic() + PREVIEW_S, 0
     with tempfile.TemporaryDirectory() as scratch:
         file = str(Path(scratch) / "dialog.png")
-        while comes and time.monotonic() < deadline:
+        while comes and seen < 2 and time.monotonic() < deadline:  # twice: a window that opens is not even
             screen.shoot(file, dialog)
             picture = pyvips.Image.new_from_file(file)
-            if picture.crop(20, 20, picture.width // 3, picture.height // 2).deviate() > 2:
-                break
+            varied = picture.crop(20, 20, picture.width // 3, picture.height // 2).deviate() > 2
+            seen = seen + 1 if varied else 0
             time.sleep(1)
     time.sleep(1)
 

@@ -27,6 +27,9 @@ from toposeam.seam.problem import SeamProblem
 
 #: So many cells on either side of what else heat was free to choose from are open, too.
 FLOW_CELLS = 3
+#: From so many free pixels on the corridor of a single path is half as wide, for the memory it takes; what
+#: the lattice shows stays open.
+_NARROW_PIXELS = 2_000_000
 #: At so many places a closed seam is opened in turn.
 _OPENINGS = 2
 #: Places at which that is tried each time; islands of a labelling have no way across.
@@ -57,7 +60,8 @@ def best_nearby(
     flows = None if open_pixels is None else grown(open_pixels, FLOW_CELLS)
     for here, piece, _ in pieces(problem.overlap.side == FREE):
         seam = beside_seam(best[here], piece, problem.overlap.side[here] != NONE)
-        zone = grown(seam, SEAM_CELLS // 2 if rough else SEAM_CELLS)
+        narrow = rough and np.count_nonzero(piece) > _NARROW_PIXELS
+        zone = grown(seam, SEAM_CELLS // 2 if narrow else SEAM_CELLS)
         if flows is not None:
             zone |= flows[here]
         found = shortest_path(problem, here, piece, cut_cost(problem, here, piece, best[here]), zone, rough)

@@ -185,6 +185,23 @@ def check_numbers(name: str, values: Any) -> npt.NDArray[np.float64]:
     raise OptionError(f"{name} is {shown(values)}; pass numbers")
 
 
+def check_whole_array(name: str, values: Any) -> npt.NDArray[np.integer[Any]]:
+    """An array of whole numbers, of any shape.
+
+    Raises
+    ------
+    OptionError
+        For anything else, and lists of unequal lengths.
+    """
+    try:
+        array = np.asarray(values)
+        if array.dtype.kind in "iu":
+            return array
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise OptionError(f"{name} is {shown(values)}; pass whole numbers")
+
+
 def check_pair(name: str, value: Any, low: int, high: int | None = None) -> tuple[int, int]:
     """Two whole numbers in [low, high].
 

@@ -117,7 +117,7 @@ def test_maps_of_any_numbers_are_cut_but_not_mixed_with_what_is_no_number():
 
 @pytest.mark.parametrize("number", [np.full((24, 24), 65536), np.full((24, 24), -1), np.zeros((24, 24))])
 def test_numbers_of_exemplars_are_whole_and_within_their_range(number):
-    with pytest.raises(ts.ImageError, match=r"beyond the pictures|pass whole numbers"):
+    with pytest.raises(ts.TopoSeamError, match=r"beyond the pictures|pass whole numbers"):
         ts.apply_coordinates(A, SOURCE, number)
 
 

@@ -7,6 +7,7 @@ import toposeam as ts
 from toposeam.checks import check_items, check_kind, check_numbers
 from toposeam.images import as_mask
 
+MOTIF = ts.generate_motif(16, layers=1, iterations=1)
 PICTURE = np.random.default_rng(0).random((24, 32, 3))
 
 
@@ -78,6 +79,11 @@ def test_a_value_that_is_shown_stays_on_one_line():
         lambda: ts.repeat(b"x"),
         lambda: ts.border_mismatch(1, 2),
         lambda: ts.arrange([1], (2, 2)),
+        lambda: ts.arrange([MOTIF], [1, [2]]),
+        lambda: ts.arrange([MOTIF], ("a", "b")),
+        lambda: ts.arrange([MOTIF], (float("nan"), 1)),
+        lambda: ts.apply_coordinates(PICTURE, [1, [2]]),
+        lambda: ts.apply_coordinates(PICTURE, np.zeros((4, 4, 2), int), [1, [2]]),
         lambda: ts.vary(3),
         lambda: ts.palette("fall", {}),
         lambda: ts.smooth_path(PICTURE),

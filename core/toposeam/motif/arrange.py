@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import Seed, check_items, check_pair, check_whole, seed_of
+from toposeam.checks import Seed, check_items, check_pair, check_whole, check_whole_array, seed_of
 from toposeam.errors import OptionError
 from toposeam.motif.edges import fineness, shading
 from toposeam.motif.inked import MAX_PATTERN, Inked
@@ -131,14 +131,14 @@ def arrange(
     for other in motifs:
         if other.densities.shape != first.densities.shape or not np.array_equal(other.inks, first.inks):
             raise OptionError("the motifs differ in size or inks; give motifs that were joined")
-    grid = np.asarray(arrangement)
+    grid = check_whole_array("the arrangement", arrangement)
     if grid.ndim == 1 and grid.shape == (2,):
         if float(grid[0]) * float(grid[1]) > MAX_PATTERN:
             raise OptionError(
                 f"the arrangement would have {grid[0]} × {grid[1]} places; ask for fewer motifs"
             )
         grid = random_arrangement((int(grid[0]), int(grid[1])), len(motifs), seed=seed, reach=reach)
-    if grid.ndim != 2 or grid.size == 0 or not np.issubdtype(grid.dtype, np.integer):
+    if grid.ndim != 2 or grid.size == 0:
         raise OptionError(
             "the arrangement must be (rows, columns) or a grid of whole numbers, one for each place"
         )

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.checks import check_whole
+from toposeam.checks import check_whole, check_whole_array
 from toposeam.display import to_png
 from toposeam.errors import ImageError
 from toposeam.images import Image, Mask, as_array
@@ -187,15 +187,10 @@ def apply_coordinates(
     (60, 60)
     """
     wraps, smooth = wraps_of(tileable), check_whole("smooth", smooth, 0, 8)
-    place = np.asarray(source)
-    if place.ndim != 3 or place.shape[2] != 2 or not np.issubdtype(place.dtype, np.integer):
-        raise ImageError(
-            f"source has shape {place.shape} and dtype {place.dtype}; pass (H, W, 2) whole numbers, row and "
-            "column"
-        )
-    number = np.zeros(place.shape[:2], np.int16) if exemplar is None else np.asarray(exemplar)
-    if not np.issubdtype(number.dtype, np.integer):
-        raise ImageError(f"exemplar has dtype {number.dtype}; pass whole numbers")
+    place = check_whole_array("source", source)
+    if place.ndim != 3 or place.shape[2] != 2:
+        raise ImageError(f"source has shape {place.shape}; pass (H, W, 2) whole numbers, row and column")
+    number = check_whole_array("exemplar", 0 * place[..., 0] if exemplar is None else exemplar)
     if number.shape != place.shape[:2]:
         raise ImageError(
             f"exemplar has shape {number.shape}, the coordinates {place.shape[:2]}; pass one value per pixel"

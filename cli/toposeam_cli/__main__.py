@@ -30,10 +30,19 @@ def start() -> None:
         _complain(error)
     except KeyboardInterrupt:
         code = 130
-    for name in _LATER:  # all is tidied away, and the rest is ours alone
+    try:
+        _deaf()
+    except KeyboardInterrupt:  # one more, meanwhile
+        code = 130
+        _deaf()
+    sys.exit(code if _flushed(quiet=bool(code)) else code or 1)
+
+
+def _deaf() -> None:
+    """Ignore signals: all is tidied away, and the rest is ours alone."""
+    for name in _LATER:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
-    sys.exit(code if _flushed(quiet=bool(code)) else code or 1)
 
 
 def _flushed(*, quiet: bool) -> bool:

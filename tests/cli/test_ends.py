@@ -103,6 +103,29 @@ def test_ctrl_c_again_and_again_is_one_ctrl_c(many, delay, what):
     assert not list(many.rglob(".toposeam-*"))
 
 
+def test_one_more_ctrl_c_after_all_is_tidied_away_says_nothing(monkeypatch):
+    """As it comes in the very moment before signals are ignored."""
+    from toposeam_cli import __main__, main
+
+    def stop(prog_name):
+        raise KeyboardInterrupt
+
+    ignored = []
+
+    def ignore(number, handler):
+        ignored.append(number)
+        if len(ignored) == 1:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(main, "main", stop)
+    monkeypatch.setattr(__main__.signal, "getsignal", lambda _: signal.SIG_IGN)
+    monkeypatch.setattr(__main__.signal, "signal", ignore)
+    with pytest.raises(SystemExit) as end:
+        __main__.start()
+    assert end.value.code == 130
+    assert ignored[1:] == [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
+
+
 # Killed at any moment.
 
 #: The full measure is TOPOSEAM_KILLS=100: about ten minutes each.

@@ -116,7 +116,7 @@ def test_lists_of_files(tmp_path):
     listed.write_text("z*.tif\n")
     with pytest.raises(ts.OptionError, match="no such file"):
         files_of([f"@{listed}"])
-    with pytest.raises(ts.OptionError, match="cannot read"):
+    with pytest.raises(ts.OptionError, match=r"there is no file 'nowhere\.txt'"):
         files_of(["@nowhere.txt"])
 
 

@@ -27,9 +27,11 @@ from toposeam.seam.problem import SeamProblem
 
 #: So many cells on either side of what else heat was free to choose from are open, too.
 FLOW_CELLS = 3
-#: From so many free pixels on the corridor of a single path is half as wide, for the memory it takes; what
-#: the lattice shows stays open.
+#: From so many free pixels on the corridor of a single path is half as wide, for the memory it takes, and of
+#: what the lattice shows less is open.
 _NARROW_PIXELS = 2_000_000
+#: So many cells for each that the lattice's cheapest path crosses; from that number of pixels on fewer.
+_LATTICE_CELLS, _FEWER_CELLS = 4 * SEAM_CELLS, 2 * SEAM_CELLS - 3
 #: At so many places a closed seam is opened in turn.
 _OPENINGS = 2
 #: Places at which that is tried each time; islands of a labelling have no way across.
@@ -64,7 +66,8 @@ def best_nearby(
         zone = grown(seam, SEAM_CELLS // 2 if narrow else SEAM_CELLS)
         if flows is not None:
             zone |= flows[here]
-        found = shortest_path(problem, here, piece, cut_cost(problem, here, piece, best[here]), zone, rough)
+        cells = 0 if not rough else _FEWER_CELLS if narrow else _LATTICE_CELLS
+        found = shortest_path(problem, here, piece, cut_cost(problem, here, piece, best[here]), zone, cells)
         if found is None:
             found = _closed(problem, here, piece, best, zone)
         if found is not None:

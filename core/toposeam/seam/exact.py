@@ -70,7 +70,7 @@ def shortest_path(
     free: Mask,
     most: float = np.inf,
     zone: Mask | None = None,
-    rough: bool = False,
+    rough: int = 0,
     distance: Floats | None = None,
 ) -> Mask | None:
     """Labels of the free pixels of a box, cut by one shortest path between corners; None where the cut is not
@@ -87,8 +87,9 @@ def shortest_path(
         What some seam there is known to cost: none dearer is looked for.
     zone : (h, w) bool array, optional
         On the box: the seam runs beside these pixels only.
-    rough : bool
-        The zone is wider by what the cheapest paths of a lattice pass (:mod:`toposeam.seam.lattice`).
+    rough : int
+        The zone is wider by what the cheapest paths of a lattice pass: so many cells for each that the best
+        one crosses (:mod:`toposeam.seam.lattice`).
     distance : (h + 1, w + 1) float64 array, optional
         Gets how far each corner of the box is from one end of the seam, at most as far as the other end.
 
@@ -125,7 +126,7 @@ def shortest_path(
         np.copyto(costs, cost, where=(free[s] | free[t]) & (cost > 0))
         costs[gap] = 0.0
     if zone is not None:
-        zone = zone | beside_cheap_paths(below, beside, ends, free) if rough else zone
+        zone = zone | beside_cheap_paths(below, beside, ends, free, rough) if rough else zone
         for costs, gap, (s, t) in zip(layout, border.gaps, _PAIRS, strict=True):
             np.copyto(costs, np.float32(np.inf), where=~(zone[s] | zone[t] | gap))
     limit = min(most, border.to_b) * (1 + 1e-6)

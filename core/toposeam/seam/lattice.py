@@ -18,13 +18,11 @@ from scipy.sparse.csgraph import dijkstra
 
 from toposeam.heat.network import Floats
 from toposeam.images import Mask
-from toposeam.seam.grid import CELL, SEAM_CELLS
+from toposeam.seam.grid import CELL
 from toposeam.seam.match_cost import Floats32
 
 #: Corners from one of a half of the lattice to the next in its row, or column.
 PITCH = 4
-#: So many cells are open for every one that the cheapest path crosses: nearly as many as a corridor has.
-_CELLS = 2 * SEAM_CELLS - 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +99,9 @@ def _cheapest(
     return reached[across]
 
 
-def beside_cheap_paths(below: Floats32, beside: Floats32, ends: tuple[int, int], free: Mask) -> Mask:
+def beside_cheap_paths(
+    below: Floats32, beside: Floats32, ends: tuple[int, int], free: Mask, cells: int
+) -> Mask:
     """Free pixels that the cheapest paths of the lattice pass, and their neighbourhood; none where it does
     not join the ends.
 
@@ -111,11 +111,13 @@ def beside_cheap_paths(below: Floats32, beside: Floats32, ends: tuple[int, int],
     ends : (int, int)
         Two corners, flat indices.
     free : (h, w) bool array
+    cells : int
+        How many cells of 8 px are open for each that the cheapest path crosses.
 
     Returns
     -------
     (h, w) bool array
-        In squares of 8 px, nearly as many in all as a corridor along the cheapest path would have.
+        Whole cells, as many in all as a corridor that wide along the cheapest path would have.
     """
     at = [divmod(end, below.shape[1]) for end in ends]
     first = at[0][0] % 2, at[0][1] % 2
@@ -133,9 +135,9 @@ def beside_cheap_paths(below: Floats32, beside: Floats32, ends: tuple[int, int],
         return nothing
     squares = np.full((2 * -(-rows // 2), 2 * -(-columns // 2)), np.inf)
     squares[:rows, :columns] = np.minimum(length[:half], length[half:]).reshape(rows, columns)
-    cells = squares.reshape(len(squares) // 2, 2, -1, 2).min(axis=(1, 3))
-    count = _CELLS * int(np.count_nonzero(cells <= (1 + 1e-9) * best))
-    near = ndimage.minimum_filter(cells, 3)
+    each = squares.reshape(len(squares) // 2, 2, -1, 2).min(axis=(1, 3))
+    count = cells * int(np.count_nonzero(each <= (1 + 1e-9) * best))
+    near = ndimage.minimum_filter(each, 3)
     limit = np.partition(near, count, axis=None)[count] if count < near.size else np.inf
     wide = (np.isfinite(near) & (near <= limit)).repeat(CELL, axis=0).repeat(CELL, axis=1)
     nothing[: wide.shape[0], : wide.shape[1]] = wide[: free.shape[0], : free.shape[1]]

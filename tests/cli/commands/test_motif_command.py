@@ -245,7 +245,7 @@ def test_a_sheet_that_does_not_begin_on_whole_pixels_shows_no_lines(folder, topo
         ("motif -o m.png --config typo.toml", "'masss', which is no parameter"),
         ("motif -o m.png --config range.toml", "range.toml"),
         ("motif -o m.png --sheet 9000x9000", "ask for fewer"),
-        ("motif -o m.svg --sheet 90000x9000", "columns is 90000"),
+        ("motif -o m.svg --sheet 90000x9000", "--sheet is 90000"),
         ("motif -o m.svg --pixels 90x90", "leave it out"),
         ("repeat motif.png 9000x9000 -o m.png", "ask for fewer motifs"),
         ("repeat a.png 2x2 -o m.png", "with --repeat"),

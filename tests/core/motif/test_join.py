@@ -60,14 +60,14 @@ def test_border_mismatch_is_the_step_across_over_the_steps_beside():
 
 @pytest.mark.slow
 def test_the_mismatch_falls_with_the_stages():
-    """In the mean over some pairs; not of every pair at every stage."""
+    """In the mean over some pairs, from the first and the second to the third; not of every pair."""
     mismatches = []
     for seeds in ((1, 2), (5, 6), (7, 9), (11, 12), (13, 14), (15, 16)):
         joined = _joined(0.5, stages=3, seeds=seeds, size=96)
         assert joined.stages == (1, 3, 2, 3, 1)
         mismatches.append([joined.mismatch(stage) for stage in (1, 2, 3)])
     first, second, third = np.mean(mismatches, axis=0)
-    assert third < second < first
+    assert third < 0.95 * min(first, second)
 
 
 @pytest.mark.medium

@@ -62,7 +62,9 @@ def test_squares_hold_the_ends_and_the_valley_between_them(ends):
     (top, left), (bottom, right) = ends
     below[top:bottom, left] = 0.01
     beside[bottom, min(left, right) : max(left, right)] = 0.01
-    near = beside_cheap_paths(below, beside, tuple(y * 321 + x for y, x in ends), np.ones((400, 320), bool))
+    near = beside_cheap_paths(
+        below, beside, tuple(y * 321 + x for y, x in ends), np.ones((400, 320), bool), 13
+    )
     assert near[top:bottom:CELL, min(left, 319)].all()
     assert near[min(bottom, 399), min(left, right) : max(left, right)].all()
     assert 0 < near.mean() < 0.8
@@ -72,6 +74,6 @@ def test_where_nothing_joins_the_ends_nothing_is_near():
     below, beside = costs(np.random.default_rng(3), 41, 41)
     below[20] = np.inf
     free = np.ones((40, 40), bool)
-    assert not beside_cheap_paths(below, beside, (20, 40 * 41 + 20), free).any()
+    assert not beside_cheap_paths(below, beside, (20, 40 * 41 + 20), free, 13).any()
     below[:] = beside[:] = np.inf
-    assert not beside_cheap_paths(below, beside, (20, 40 * 41 + 20), free).any()
+    assert not beside_cheap_paths(below, beside, (20, 40 * 41 + 20), free, 13).any()

@@ -53,11 +53,10 @@ def to_html(title: str, rows: Sequence[Row], products: Sequence[tuple[Row, str, 
 
 
 def _product(row: Row, product: str, path: str) -> str:
-    beside = f" and {row['beside']}" if row.get("beside") else ""
     return (
         f'<figure><a href="{escape(path)}"><img src="{escape(path)}" alt="{product} with pattern '
         f'{row["number"]}" loading="lazy"></a><figcaption>{product}, {row["season"]}, <a '
-        f'href="#n{row["number"]}">no. {row["number"]}</a>{beside}</figcaption></figure>'
+        f'href="#n{row["number"]}">no. {row["number"]}</a>{beside(row)}</figcaption></figure>'
     )
 
 
@@ -68,6 +67,11 @@ def _card(row: Row) -> str:
         f' style="background-image:url(swatches/{number:04d}.png)" aria-label="pattern {number}"></a>'
         f"<figcaption><b>{number}</b> {caption(row)}</figcaption></figure>"
     )
+
+
+def beside(row: Row) -> str:
+    """The number of a product's second pattern, to follow that of the first; nothing where there is one."""
+    return f" and {row['beside']}" if row.get("beside") else ""
 
 
 def caption(row: Row) -> str:

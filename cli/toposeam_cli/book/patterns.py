@@ -20,7 +20,7 @@ from toposeam.motif.tiling import period
 from toposeam_cli.figures.products import draw_product, pattern_px
 from toposeam_cli.pictures.colour import to_depth
 from toposeam_cli.pictures.picture import Picture, write_picture
-from toposeam_cli.pictures.printing import Print, printable, sheet_coverage
+from toposeam_cli.pictures.printing import Print, per_mm, printable, sheet_coverage
 from toposeam_cli.pictures.recipe import read_recipe
 from toposeam_cli.pictures.theme import read_theme
 
@@ -121,7 +121,7 @@ def draw_on_product(
 
 def shown_at(drawn: np.ndarray, dpi: float | None) -> Picture:
     """A mock-up as a picture, with its resolution where one was asked for."""
-    return Picture(pixels=drawn, resolution=None if dpi is None else (dpi / 25.4, dpi / 25.4))
+    return Picture(pixels=drawn, resolution=per_mm(dpi))
 
 
 def _sharp(

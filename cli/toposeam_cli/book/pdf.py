@@ -13,7 +13,7 @@ import numpy as np
 
 from toposeam.motif.book import SEASONS
 from toposeam.motif.kinds import Kind
-from toposeam_cli.book.html import caption
+from toposeam_cli.book.html import beside, caption
 from toposeam_cli.pictures.libvips import load_vips, to_vips
 from toposeam_cli.pictures.picture import read_picture
 
@@ -179,8 +179,7 @@ def _products(folder: Path, products: Sequence[tuple[Row, str]]) -> list[_Page]:
             picture = read_picture(folder / "products" / f"{product}-{season}.png").pixels
             picture = _filling(picture, width / height)
             page.picture(picture, x, y, width, height)
-            beside = f" and {row['beside']}" if row.get("beside") else ""
-            page.words(f"{product}, pattern {row['number']}{beside}", x, y + height + 2, 9, _SOFT)
+            page.words(f"{product}, pattern {row['number']}{beside(row)}", x, y + height + 2, 9, _SOFT)
         pages.append(page)
     return pages
 

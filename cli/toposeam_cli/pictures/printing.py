@@ -126,6 +126,11 @@ def describe(made: ts.Motif, counts: tuple[int, int]) -> str:
     return f"{many}{inks}, repeats by {made.repeat}, seed {made.recipe.seed}"
 
 
+def per_mm(dpi: float | None) -> tuple[float, float] | None:
+    """A resolution as pictures hold it, pixels per mm across and down."""
+    return None if dpi is None else (dpi / 25.4, dpi / 25.4)
+
+
 def printable(
     image: np.ndarray, dpi: float | None, settings: Mapping[str, Any], alpha: np.ndarray | None = None
 ) -> Picture:
@@ -140,7 +145,7 @@ def printable(
         pixels=to_depth(np.ascontiguousarray(image), np.dtype(np.uint8)),
         alpha=None if alpha is None else to_depth(alpha.astype(np.float32), np.dtype(np.uint8)),
         icc=bytes(load_vips().Image.profile_load("srgb")),
-        resolution=None if dpi is None else (dpi / 25.4, dpi / 25.4),
+        resolution=per_mm(dpi),
         xmp=to_xmp(settings),
     )
 
@@ -151,7 +156,7 @@ def separation(coverage: np.ndarray, dpi: float | None, settings: Mapping[str, A
     """
     return Picture(
         pixels=to_depth(np.ascontiguousarray(1.0 - coverage, dtype=np.float32), np.dtype(np.uint8)),
-        resolution=None if dpi is None else (dpi / 25.4, dpi / 25.4),
+        resolution=per_mm(dpi),
         xmp=to_xmp(settings),
     )
 

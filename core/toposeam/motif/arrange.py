@@ -76,7 +76,7 @@ class Arrangement(Inked):
         fine = fineness((rows, columns))
         return tuple(
             shading(
-                [motif.sampled(layer, (fine * rows, fine * columns)) for motif in self.motifs],
+                (motif.sampled(layer, (fine * rows, fine * columns)) for motif in self.motifs),
                 edge,
                 self.repeat,
                 fine,

@@ -215,13 +215,7 @@ class _Tones:
 
     def _nearer(self, density: Floats, bump: Floats, lines: npt.NDArray[np.bool_], wanted: float) -> Floats:
         """A density multiplied by the power of a bump with which some lines have the tone that is wanted."""
-        low, high = -_GENTLE, _GENTLE
-        changed = density
-        for _ in range(_HALVINGS):
-            power = (low + high) / 2
-            changed = np.clip(density * np.exp(power * bump), THINNEST, 1.0)
-            low, high = (power, high) if self.of(changed)[lines].mean() < wanted else (low, power)
-        return changed
+        return _multiplied([density], bump, _GENTLE, lambda row: self.of(row[0])[lines].mean() - wanted)[0]
 
 
 def _balanced(
@@ -230,12 +224,22 @@ def _balanced(
     """Densities multiplied by one factor to the power of a bump, with which the print along the borders is
     that beside them in the mean over all.
     """
-    low, high = -_LARGEST, _LARGEST
+    return _multiplied(
+        row, bump, _LARGEST, lambda changed: sum(_excess(one, axis, edge, repeat, at) for one in changed)
+    )
+
+
+def _multiplied(
+    row: list[Floats], bump: Floats, largest: float, excess: Callable[[list[Floats]], float]
+) -> list[Floats]:
+    """Densities times e to the power of a bump, by a factor within ± `largest` with which an excess, which
+    grows with it, is about 0.
+    """
+    low, high = -largest, largest
     for _ in range(_HALVINGS):
         power = (low + high) / 2
         changed = [np.clip(one * np.exp(power * bump), THINNEST, 1.0) for one in row]
-        excess = sum(_excess(one, axis, edge, repeat, at) for one in changed)
-        low, high = (power, high) if excess < 0 else (low, power)
+        low, high = (power, high) if excess(changed) < 0 else (low, power)
     return changed
 
 

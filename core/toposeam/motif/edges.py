@@ -12,7 +12,7 @@ a straight edge along the pixels, and within 1/8 for any other.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 
 import numpy as np
 import numpy.typing as npt
@@ -126,13 +126,15 @@ def fineness(elements: tuple[int, int]) -> int:
 
 
 def shading(
-    densities: Sequence[Singles], edge: str, repeat: str, px_per_element: int
+    densities: Iterable[Singles], edge: str, repeat: str, px_per_element: int
 ) -> tuple[float, np.float32]:
     """The level at which a layer's strokes end, and the factor of the densities inside: with both the mean
-    stays what it is, of several cells that of all together.
+    stays what it is, of several cells that of all together. Soft ones do not end, and no density is asked
+    for.
     """
     if edge == "soft":
         return 0.0, np.float32(1.0)
+    densities = list(densities)
     mass = float(np.mean([density.mean() for density in densities]))
     field = np.stack([smoothed(density, repeat, (px_per_element, px_per_element)) for density in densities])
     at = level(field, mass)

@@ -60,7 +60,7 @@ class Inked(ABC):
         """The density at which a layer's strokes end in print, and the factor of those inside."""
         fine = fineness((self.densities.shape[1], self.densities.shape[2]))
         size = fine * self.densities.shape[1], fine * self.densities.shape[2]
-        return shading([self.sampled(layer, size)], self.edges[layer], self.repeat, fine)
+        return shading(map(self.sampled, [layer], [size]), self.edges[layer], self.repeat, fine)
 
     def resampled(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
         """The densities on another number of elements, (n_L, H', W') float32, smoothly interpolated. What is

@@ -21,7 +21,7 @@ from toposeam.texture.levelling import levelled
 from toposeam.texture.offsets import candidate_shifts
 from toposeam.texture.rendering import Lift
 from toposeam.texture.search import box_sum
-from toposeam.texture.shift_moves import Ground
+from toposeam.texture.shift_moves import Ground, stage
 from toposeam.texture.shifts import shift_map
 from toposeam.texture.sources import DataRange, Images, Sources
 from toposeam.texture.synthesis import Synthesis
@@ -181,7 +181,7 @@ def _stitch(
             present=ground & (~hole | part),
             near=near & (pieces == number),
         )
-        report = None if progress is None else _share(progress, done / total, int(part.sum()) / total)
+        report = None if progress is None else stage(progress, done / total, int(part.sum()) / total)
         label = shift_map(seen, shifts, options.method, report)
         for index in np.unique(label[label >= 0]).tolist():
             rows, columns = (np.flatnonzero((label == index).any(axis=axis)) for axis in (1, 0))
@@ -189,10 +189,6 @@ def _stitch(
             step = int(shifts[index, 0]) * atlas.width + int(shifts[index, 1])
             canvas.paint(box[0].start, box[1].start, itself[box] + np.int32(step), label[box] == index)
         done += int(part.sum())
-
-
-def _share(progress: Callable[[float], None], start: float, share: float) -> Callable[[float], None]:
-    return lambda part: progress(min(start + share * part, 1.0))
 
 
 def _grouped(hole: Mask, near: Mask) -> npt.NDArray[np.int32]:

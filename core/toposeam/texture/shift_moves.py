@@ -113,11 +113,17 @@ class ShiftMoves:
 
     def shown(self, label: Ints, dy: int = 0, dx: int = 0, part: Part = EVERYWHERE) -> Floats32:
         """What a labelling of a part of the region brings to each pixel's neighbour (dy, dx)."""
+        return self._brought(self.features, label, part, dy, dx)
+
+    def _brought(self, of: Floats32, label: Ints, part: Part, dy: int = 0, dx: int = 0) -> Floats32:
+        """The values of a picture as large as the ground at the place that a labelling takes each pixel's
+        neighbour from.
+        """
         height, width = self.ground.hole.shape
         row = self.rows[part[0], np.newaxis] + self.shifts[label, 0] + dy * self.stride
         column = self.columns[part[1]] + self.shifts[label, 1] + dx * self.stride
         at = np.clip(row, 0, height - 1) * width + np.clip(column, 0, width - 1)
-        found: Floats32 = self.features.reshape(height * width, -1).take(at, axis=0)
+        found: Floats32 = of.reshape(height * width, -1).take(at, axis=0)
         return found
 
     def allows(self, index: int, part: Part = EVERYWHERE) -> Mask:
@@ -137,11 +143,7 @@ class ShiftMoves:
 
     def data(self, label: Ints, part: Part = EVERYWHERE) -> Floats32:
         """The data term of a labelling of a part of the region."""
-        height, width = self.ground.hole.shape
-        row = self.rows[part[0], np.newaxis] + self.shifts[label, 0]
-        column = self.columns[part[1]] + self.shifts[label, 1]
-        at = np.clip(row, 0, height - 1) * width + np.clip(column, 0, width - 1)
-        like = self._like.reshape(height * width, -1).take(at, axis=0)
+        like = self._brought(self._like, label, part)
         cost: Floats32 = self.weight[part] * np.abs(like - self.wanted[part]).sum(axis=2)
         cost[label == self.itself] = 0
         return cost
@@ -360,7 +362,7 @@ def _grown(part: Part) -> Part:
 
 def stage(progress: Callable[[float], None], start: float, share: float) -> Callable[[float], None]:
     """Progress through a stage that begins at some share of the whole, and is some share of it."""
-    return lambda part: progress(start + share * part)
+    return lambda part: progress(min(start + share * part, 1.0))
 
 
 def _norm(a: Floats32, b: Floats32) -> Floats32:

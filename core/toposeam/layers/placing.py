@@ -37,10 +37,18 @@ _NOT_TURNED = 0.35
 #: Patches that do not lie within so many px of where the others say do not count; a pair whose patches are
 #: farther off than this does not fit.
 _OUTLIER, LARGEST_MISFIT = 1.0, 1.0
-#: A picture of which more than so many px are open, one standard deviation at its corners, is refused.
-LARGEST_DOUBT = 0.5
+#: A picture of which more than so many px are open, one standard deviation at its corners, is refused: what
+#: is nearer is placed within half a pixel (benchmarks/placing.py).
+LARGEST_DOUBT = 0.4
 #: What pictures may do, the simplest first.
 _FREEDOMS = ("shift", "turn", "similarity")
+#: The unknowns of each, of a, b, u, v.
+_FREE = {"shift": (2, 3), "turn": (1, 2, 3), "similarity": (0, 1, 2, 3)}
+#: How many directions of all of them there are that change nothing between any two.
+_NOBODY_SEES = {"shift": 2, "turn": 3, "similarity": 4}
+#: Patches of a pair overlap, and err alike: so many count as one (benchmarks/placing.py: of 29 sets, no
+#: picture is farther off than 4 standard deviations). None is more exact than so many px.
+_ALIKE, _FINEST = 16, 0.02
 
 
 Floats = npt.NDArray[np.float64]
@@ -166,14 +174,16 @@ def _check_joined(pictures: Sequence[Layer], matches: dict[Pair, Match], best: F
 
 def _solve(pictures: Sequence[Layer], matches: dict[Pair, Match]) -> tuple[Floats, float]:
     """(N, 4) a, b, u, v of each picture, and the largest misfit in px: by shifts alone if that is enough,
-    else also by turns, else also by scales.
+    else also by turns, else also by scales, as the Bayesian information criterion says (Schwarz 1978,
+    doi:10.1214/aos/1176344136): what a few patches of one poor overlap would have is no reason to turn.
     """
+    sizes = np.array([picture.image.shape[:2] for picture in pictures])
     found = []
     for freedom in _FREEDOMS:
-        found.append(_least_squares(len(pictures), matches, freedom))
+        found.append(_least_squares(sizes, matches, freedom))
         if found[-1][1] <= _NOT_TURNED:
             break
-    transforms, misfit, doubt = min(found, key=lambda one: one[1])
+    transforms, misfit, unsure = found[_simplest([one[0] for one in found], matches)]
     for (i, j), match in matches.items():
         off = float(np.median(_residuals(transforms, i, j, match)))
         if off > LARGEST_MISFIT:
@@ -183,8 +193,6 @@ def _solve(pictures: Sequence[Layer], matches: dict[Pair, Match]) -> tuple[Float
                 "with Hugin (pto_gen, cpfind, autooptimiser, nona), and join its pictures with toposeam "
                 "enblend"
             )
-    reach = np.array([np.hypot(*picture.image.shape[:2]) for picture in pictures])
-    unsure = np.hypot(doubt[:, :2].max(axis=1) * reach, doubt[:, 2:].max(axis=1))
     if unsure.max() > LARGEST_DOUBT:
         worst = int(np.argmax(unsure))
         raise OverlapError(
@@ -192,6 +200,26 @@ def _solve(pictures: Sequence[Layer], matches: dict[Pair, Match]) -> tuple[Float
             f"{unsure[worst]:.1f} px open; leave it out, or say where the pictures lie"
         )
     return transforms, misfit
+
+
+def _simplest(several: list[Floats], matches: dict[Pair, Match]) -> int:
+    """Which of the transforms found with each freedom explain the patches with no more unknowns than they
+    need; errors have a Cauchy distribution, as wide as the freest leave them.
+    """
+    off = np.array(
+        [
+            np.concatenate([_residuals(transforms, i, j, match) for (i, j), match in matches.items()])
+            for transforms in several
+        ]
+    )
+    width = max(float(np.median(off[-1])), _FINEST)
+    count = 2 * off.shape[1] / _ALIKE
+    costs = [
+        count * float(np.log1p((one / width) ** 2).mean())
+        + len(_FREE[freedom]) * (len(several[0]) - 1) * float(np.log(count))
+        for one, freedom in zip(off, _FREEDOMS, strict=False)
+    ]
+    return int(np.argmin(costs))
 
 
 def _residuals(transforms: Floats, i: int, j: int, match: Match) -> Floats:
@@ -206,32 +234,26 @@ def _applied(transform: Floats, points: Floats) -> Floats:
     )
 
 
-def _least_squares(count: int, matches: dict[Pair, Match], freedom: str) -> tuple[Floats, float, Floats]:
-    """All transforms at once, the largest misfit of a pair, and the standard deviations of a, b, u, v;
-    patches that disagree with a solution are left out of the next.
+def _least_squares(sizes: Floats, matches: dict[Pair, Match], freedom: str) -> tuple[Floats, float, Floats]:
+    """All transforms at once, the largest misfit of a pair, and how far each picture's corners are open, one
+    standard deviation in px, all pictures together staying where they are; patches that disagree with a
+    solution are left out of the next.
     """
-    free = {"shift": (2, 3), "turn": (1, 2, 3), "similarity": (0, 1, 2, 3)}[freedom]
+    count, free = len(sizes), _FREE[freedom]
     transforms = np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
     used = {pair: np.ones(len(match.first), bool) for pair, match in matches.items()}
-    doubt = np.zeros((count, 4))
+    columns = np.array([4 * index + k for index in range(1, count) for k in free])
     for _ in range(4):
-        blocks, values = [], []
+        blocks = []
         for (i, j), match in matches.items():
             keep = used[i, j]
-            block, value = np.zeros((2 * int(keep.sum()), count, 4)), np.zeros(2 * int(keep.sum()))
+            block = np.zeros((2 * int(keep.sum()), count, 4))
             for sign, index, points in ((1, i, match.first[keep]), (-1, j, match.second[keep])):
-                x, y = points.T
-                terms = np.zeros((len(value), 4))
-                terms[0::2] = np.stack([x, -y, np.ones_like(x), np.zeros_like(x)], axis=1)
-                terms[1::2] = np.stack([y, x, np.zeros_like(x), np.ones_like(x)], axis=1)
-                fixed = [k for k in range(4) if index == 0 or k not in free]
-                value -= sign * terms[:, fixed] @ transforms[index, fixed]
-                terms[:, fixed] = 0
-                block[:, index] += sign * terms
-            blocks.append(block.reshape(len(value), -1))
-            values.append(value)
-        matrix, right = np.concatenate(blocks), np.concatenate(values)
-        columns = np.array([4 * index + k for index in range(1, count) for k in free])
+                block[:, index] += sign * _terms(points).reshape(-1, 4)
+            blocks.append(block.reshape(len(block), -1))
+        matrix = np.concatenate(blocks)
+        fixed = np.setdiff1d(np.arange(4 * count), columns)
+        right = -matrix[:, fixed] @ transforms.reshape(-1)[fixed]
         solution, _, rank, _ = np.linalg.lstsq(matrix[:, columns], right, rcond=None)
         transforms.reshape(-1)[columns] = solution
         if freedom == "turn":
@@ -239,12 +261,37 @@ def _least_squares(count: int, matches: dict[Pair, Match], freedom: str) -> tupl
         for (i, j), match in matches.items():
             off = _residuals(transforms, i, j, match)
             used[i, j] = off <= max(_OUTLIER, 2 * float(np.median(off)))
-        # Patches overlap, and err alike: they count as a quarter of their number.
-        left = matrix[:, columns] @ solution - right
-        noise = 4 * float(left @ left) / max(len(left) - int(rank), 1)
-        normal = matrix[:, columns].T @ matrix[:, columns]
-        doubt.reshape(-1)[columns] = np.sqrt(noise * np.maximum(np.diag(np.linalg.pinv(normal)), 0))
+    left = matrix[:, columns] @ solution - right
+    noise = _ALIKE * float(left @ left) / max(len(left) - int(rank), 1)
     misfit = max(
         float(np.median(_residuals(transforms, i, j, match)[used[i, j]])) for (i, j), match in matches.items()
     )
-    return transforms, misfit, doubt
+    return transforms, misfit, np.sqrt(noise) * _open(sizes, transforms, matrix, freedom)
+
+
+def _open(sizes: Floats, transforms: Floats, matrix: Floats, freedom: str) -> Floats:
+    """How far each picture's corners are open where patches have an error of 1. That all pictures together
+    may lie elsewhere, or turned, nobody sees: the least of all such covariances (Baarda's S-transformation).
+    """
+    count = len(sizes)
+    moves = np.tile(np.eye(4)[:, _FREE[freedom]], (count, 1, 1))
+    if freedom == "turn":
+        moves[:, 0, 0], moves[:, 1, 0] = -transforms[:, 1], transforms[:, 0]
+    design = np.einsum("mci,cik->mck", matrix.reshape(-1, count, 4), moves).reshape(len(matrix), -1)
+    corners = np.stack([_terms(size[::-1] * np.array([[0, 0], [0, 1], [1, 0], [1, 1]])) for size in sizes])
+    reached = np.einsum("ncpi,nik->ncpk", corners, moves)
+    at_corners = np.einsum("ncpk,nm->ncpmk", reached, np.eye(count)).reshape(8 * count, -1)
+    values, vectors = np.linalg.eigh(design.T @ design)
+    none = _NOBODY_SEES[freedom]
+    errors = at_corners @ (vectors[:, none:] / np.sqrt(values[none:].clip(1e-12)))
+    unseen = np.linalg.qr(at_corners @ vectors[:, :none])[0]
+    errors -= unseen @ (unseen.T @ errors)
+    variances = (errors**2).sum(axis=1).reshape(count, 4, 2).sum(axis=2)
+    return np.asarray(np.sqrt(variances.max(axis=1)))
+
+
+def _terms(points: Floats) -> Floats:
+    """(N, 2, 4), what a, b, u, v add to x and y of each point."""
+    x, y = points.T
+    one, none = np.ones_like(x), np.zeros_like(x)
+    return np.stack([np.stack([x, -y, one, none], axis=1), np.stack([y, x, none, one], axis=1)], axis=1)

@@ -1,11 +1,14 @@
 """Places that pictures say themselves: how far the search is, and how little of it is needed."""
 
+import dataclasses
+import itertools
+
 import numpy as np
 import pytest
 from skimage import data, feature
 
 import toposeam as ts
-from toposeam.layers import pairing
+from toposeam.layers import pairing, placing
 from toposeam.layers.features import Look, look_at, shared_features
 
 WHOLE = data.camera()[120:220, 100:360]
@@ -90,3 +93,54 @@ def test_features_that_moved_every_which_way_are_not_tried(monkeypatch):
     far = Look(b.detail, b.known, 1, rng.uniform(-4000, 4000, b.keypoints.shape), b.descriptors)
     assert not pairing._agree(a, far, found)
     assert pairing._match(a, far, found) is None
+
+
+def matches_of(truth, rng, noise, count=20):
+    """Pairs of neighbours in a row of pictures of 100 × 100 px, as patches with independent errors."""
+    found = {}
+    for i, (one, other) in enumerate(itertools.pairwise(truth)):
+        first = rng.uniform((70, 5), (95, 95), (count, 2))
+        seen = (first[:, 0] + 1j * first[:, 1]) * np.exp(1j * one[1]) + one[0] - other[0]
+        seen = seen * np.exp(-1j * other[1]) + rng.normal(0, noise, (count, 2)) @ [1, 1j]
+        found[i, i + 1] = pairing.Match(
+            first=first, second=np.stack([seen.real, seen.imag], axis=1), correlation=1.0
+        )
+    return found
+
+
+def test_a_few_poor_patches_are_no_reason_to_turn_pictures():
+    rng = np.random.default_rng(5)
+    matches = matches_of([(80.0 * i + 3j * i, 0.0) for i in range(5)], rng, 0.05)
+    last = matches[3, 4]
+    off = 0.4 + 0.01 * (last.first[:, 1] - 50)  # blurred, and seen as if turned
+    matches[3, 4] = dataclasses.replace(last, second=last.second + np.stack([off, off], axis=1))
+    few = {key: dataclasses.replace(m, first=m.first[:6], second=m.second[:6]) for key, m in matches.items()}
+    matches[3, 4] = few[3, 4]
+    pictures = [ts.Layer(np.zeros((100, 100), np.uint8))] * 5
+    transforms, _ = placing._solve(pictures, matches)
+    assert (transforms[:, 1] == 0).all()
+    turned = matches_of([(80.0 * i, 0.02 * (i % 2)) for i in range(5)], rng, 0.05)
+    transforms, _ = placing._solve(pictures, turned)
+    np.testing.assert_allclose(transforms[:, 1], [0, 0.02, 0, 0.02, 0], atol=2e-3)
+
+
+def test_how_far_corners_are_open_is_how_far_they_scatter():
+    truth = [(80.0 * i, 0.01 * i) for i in range(4)]
+    sizes, ends = np.full((4, 2), 100), np.array([0, 100, 100 + 100j, 100j])
+    said, scatter = [], []
+    for seed in range(60):
+        matches = matches_of(truth, np.random.default_rng(seed), 0.1)
+        transforms, _, open_ = placing._least_squares(sizes, matches, "turn")
+        places = (transforms[:, 2:] @ [1, 1j])[:, np.newaxis] + ends * (transforms[:, :2] @ [1, 1j])[
+            :, np.newaxis
+        ]
+        scatter.append(places.ravel())
+        said.append(open_)
+    mean = np.mean(scatter, axis=0)
+    left = []
+    for one in scatter:  # without what all of them may be shifted and turned by
+        basis = np.stack([one, np.ones_like(one)], axis=1)
+        left.append(basis @ np.linalg.lstsq(basis, mean, rcond=None)[0] - mean)
+    seen = np.sqrt(np.mean(np.abs(left) ** 2, axis=0)).reshape(4, 4).max(axis=1)
+    # One in 16 is counted here, where errors are independent.
+    np.testing.assert_allclose(np.mean(said, axis=0) / 4, seen, rtol=0.35)

@@ -20,6 +20,7 @@ zero.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -27,11 +28,13 @@ import numpy.typing as npt
 from toposeam.checks import check_choice, check_range
 from toposeam.errors import OptionError
 from toposeam.images import Mask
-from toposeam.seam.overlap import FREE, NONE, Overlap
+from toposeam.seam.overlap import FREE, KEPT_PIXELS, KEPT_SHAPES, NONE, Overlap
 
 Floats32 = npt.NDArray[np.float32]
 #: Planes of so many values in all are dealt with at once.
 _CACHED = 1 << 14
+#: Two patches and two axes for each of the shapes that are remembered.
+_KEPT_STEPS = 4 * KEPT_SHAPES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -209,34 +212,47 @@ def _norm(planes: Floats32) -> Floats32:
     return total
 
 
-def _steps(present: Mask, axis: int) -> tuple[Mask | None, Floats32]:
-    """Where the steps to the next pixel along an axis are not known, None for nowhere; how many are, of the
-    two that each pixel takes part in.
+def _steps(present: Mask, axis: int) -> tuple[Floats32 | None, Floats32]:
+    """Where the steps to the next pixel along an axis are known, 1 or 0, None for everywhere; and one over
+    how many are, of the two that each pixel takes part in, 0 for none. Neither may be written to.
     """
+    if present.size > KEPT_PIXELS:
+        return _steps_of(present, axis)
+    return _kept_steps(present.shape, present.tobytes(), axis)
+
+
+def _steps_of(present: Mask, axis: int) -> tuple[Floats32 | None, Floats32]:
     s, t = _pair(axis)
     known = present[s] & present[t]
     count = np.zeros(present.shape, np.float32)
     count[s] += known
     count[t] += known
-    return None if known.all() else ~known, count
+    np.divide(np.float32(1), count, out=count, where=count > 0)
+    return None if known.all() else known.astype(np.float32), count
 
 
-def _gradient(planes: Floats32, gap: Mask | None, count: Floats32, axis: int) -> Floats32:
+@lru_cache(maxsize=_KEPT_STEPS)
+def _kept_steps(shape: tuple[int, ...], present: bytes, axis: int) -> tuple[Floats32 | None, Floats32]:
+    return _steps_of(np.frombuffer(present, bool).reshape(shape), axis)
+
+
+def _gradient(planes: Floats32, known: Floats32 | None, share: Floats32, axis: int) -> Floats32:
     """|∂planes/∂axis| by central differences; one-sided where the neighbour on one side is not present, 0
     where both are not.
     """
     s, t = _pair(axis + 1)
-    squares = np.zeros(count.shape, np.float32)
+    squares = np.zeros(share.shape, np.float32)
     # Planes of small images together, which takes fewer calls; those of large ones would not fit the caches.
     together = len(planes) if planes.size <= _CACHED else 1
     for part in (planes[first : first + together] for first in range(0, len(planes), together)):
         step = part[t] - part[s]
-        if gap is not None:
-            step[:, gap] = 0
+        if known is not None:
+            step *= known
         total = np.zeros(part.shape, np.float32)
         total[s] += step
         total[t] += step
         for square in np.square(total, out=total):
             squares += square
     np.sqrt(squares, out=squares)
-    return np.divide(squares, count, out=squares, where=count > 0)
+    squares *= share
+    return squares

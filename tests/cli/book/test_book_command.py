@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from toposeam.colours import parse_colour
+from toposeam.errors import OptionError
 from toposeam.motif.book import SEASONS, book_recipe
 from toposeam.motif.kinds import CLEAR, Kind, measure
 from toposeam_cli.figures import products
@@ -113,6 +114,7 @@ def test_a_book_round_two_themes_at_print_size(theme, started):
     assert beside[2] == tie[1] != beside[1]
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("name", ["shirt", "tie"])
 def test_without_a_second_pattern_cloth_is_all_of_the_first(name):
     pattern = np.random.default_rng(1).integers(0, 256, (64, 64, 3), np.uint8)
@@ -268,6 +270,7 @@ def test_folds_shift_and_shade_the_pattern():
     assert np.ptp(np.stack(first), axis=0).max() > 2  # px: straight stripes bend
 
 
+@pytest.mark.medium
 def test_a_theme_that_shows_is_measured_as_such():
     y, x = np.mgrid[:96, :96]
     disc = np.where(np.hypot(y - 48, x - 48) < 24, 0.1, 1.0)
@@ -306,3 +309,9 @@ def test_bad_input(theme, toposeam, line, phrase, code):
     (theme / "broken.png").write_bytes(whole[: len(whole) // 2])
     toposeam(*line.split()).fails(phrase, code)
     assert not (theme / "b").exists()
+
+
+def test_the_longer_side_decides_what_is_hardly_a_picture():
+    assert product("tie", 3.0).longer_px == pytest.approx(640 * 3 / 25.4)  # the shorter one has 41 px
+    with pytest.raises(OptionError, match="ask for 3 to"):
+        product("tie", 2.5)

@@ -4,28 +4,20 @@ from __future__ import annotations
 
 import base64
 import json
-import re
-import tomllib
 from collections.abc import Callable, Sequence
 from html import escape
 from importlib.resources import files
-from pathlib import Path
 
 import numpy as np
 
 import toposeam as ts
 from toposeam.motif.tiling import period
-from toposeam_cli.files.tables import read_text
 from toposeam_cli.pictures.colour import to_depth
 from toposeam_cli.pictures.libvips import to_vips
-from toposeam_cli.pictures.recipe import recipe_from_table, to_toml
+from toposeam_cli.pictures.recipe import to_toml
 
 #: Width of a motif's pattern on the page, px.
 _SHOWN_PX = 360
-#: Larger files are no pages of motifs, of which there are 200 at most.
-_LARGEST_BYTES = 2**28
-#: Where a page keeps its recipes.
-_RECIPES = re.compile(r'<script type="application/json" id="recipes">(.*?)</script>', re.DOTALL)
 
 
 def explore_page(recipes: Sequence[ts.Recipe], columns: int, progress: Callable[[float], None] | None) -> str:
@@ -57,32 +49,6 @@ def explore_page(recipes: Sequence[ts.Recipe], columns: int, progress: Callable[
         .replace("{{cards}}", "\n".join(cards))
         .replace("{{recipes}}", texts)
     )
-
-
-def recipe_on_page(path: Path, number: int | None) -> ts.Recipe:
-    """The recipe of a motif on a page, by its number; a page of one motif needs none.
-
-    Raises
-    ------
-    OptionError
-    """
-    found = _RECIPES.search(read_text(path, "a page of motifs", _LARGEST_BYTES))
-    try:
-        texts = json.loads(found[1]) if found else []
-        if not texts:
-            raise ValueError("no recipes in it")
-        if number is None and len(texts) > 1:
-            raise ts.OptionError(f"'{path}' shows {len(texts)} motifs; say which with --number")
-        if (number or 1) > len(texts):
-            raise ts.OptionError(f"'{path}' shows {len(texts)} motifs, so it has no number {number}")
-        recipe = recipe_from_table(tomllib.loads(texts[(number or 1) - 1]), path)
-    except ts.OptionError:
-        raise
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-        raise ts.OptionError(f"'{path}' is no page of --explore ({error}); make it again") from error
-    if recipe is None:
-        raise ts.OptionError(f"'{path}' is no page of --explore; make it again")
-    return recipe
 
 
 def _swatch(made: ts.Motif) -> np.ndarray:

@@ -15,7 +15,14 @@ from toposeam_cli.files.writing import atomic_write, check_output, replacing
 from toposeam_cli.motif_options import Beginning, Wanted, beginning_options, recipe_options
 from toposeam_cli.options import OUTPUT, PairType, force_option, quiet_option
 from toposeam_cli.pictures.printing import SUFFIXES, Print, describe, ink_names, sheet_coverage
-from toposeam_cli.pictures.recipe import read_recipe, read_settings, read_toml, recipe_from_table, to_toml
+from toposeam_cli.pictures.recipe import (
+    read_recipe,
+    read_settings,
+    read_toml,
+    recipe_from_table,
+    recipe_on_page,
+    to_toml,
+)
 from toposeam_cli.pictures.theme import read_colours, read_theme
 from toposeam_cli.print_options import (
     PrintOptions,
@@ -218,8 +225,6 @@ def _begun(beginning: Beginning) -> tuple[ts.Recipe | None, dict[str, Any], dict
     if beginning.number is not None and kind not in _PAGES:
         raise ts.OptionError("--number is that of a motif on a page; name the page with --from sheet.html")
     if source is not None and kind in _PAGES:
-        from toposeam_cli.book.exploring import recipe_on_page
-
         return recipe_on_page(source, beginning.number), {}, {}
     config, like = (source, None) if kind == ".toml" else (config, like or source)
     if config is not None:

@@ -121,9 +121,13 @@ class Composition:
             for column in range(left - left % BLOCK, right, BLOCK):
                 tile = Box(row, column, row + BLOCK, column + BLOCK).shared(canvas)
                 common = tile.shared(box)
+                here = common.within(box)
+                if common == tile:
+                    self._tile(tile, (image[here], alpha[here]))
+                    continue
                 part, opacity = self._tile(tile)
-                image[common.within(box)] = part[common.within(tile)]
-                alpha[common.within(box)] = opacity[common.within(tile)]
+                image[here] = part[common.within(tile)]
+                alpha[here] = opacity[common.within(tile)]
         return image, alpha
 
     def seams(self) -> Iterator[tuple[Pair, Seam]]:
@@ -151,10 +155,10 @@ class Composition:
         shape = box.shape if self._channels is None else (*box.shape, self._channels)
         return np.zeros(shape, dtype), np.zeros(box.shape, dtype)
 
-    def _tile(self, tile: Box) -> tuple[Image, Image]:
+    def _tile(self, tile: Box, onto: tuple[Image, Image] | None = None) -> tuple[Image, Image]:
         placed, tile = self._placed, tile.moved(0, self._begin)
         shows = placed.label_map[tile.slices]
-        image, alpha = paint(placed.layers, placed.places, shows, tile, self._channels)
+        image, alpha = paint(placed.layers, placed.places, shows, tile, self._channels, onto)
         self._blender.blend(tile, image, alpha)
         return image, alpha
 

@@ -25,7 +25,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
+from toposeam.layers.band import band_of, write_pixels
 from toposeam.layers.junctions import beside_steps, junctions
 from toposeam.layers.labelling import Labelling, Move, Pair
 from toposeam.layers.layer import Box
@@ -34,6 +36,7 @@ from toposeam.layers.painting import LabelMap
 from toposeam.layers.reduction import enlarged, opened, reduced
 from toposeam.optimize.history import Termination
 from toposeam.seam.find import Method, method_options, solve
+from toposeam.seam.gathering import gather_heat
 from toposeam.seam.heat import HeatOptions
 from toposeam.seam.overlap import FREE
 from toposeam.seam.seam import Seam
@@ -63,6 +66,8 @@ _ANY_NETWORK: tuple[Method, ...] = ("heat", "shortest-path", "graph-cut")
 KEPT_CANVAS = 1 << 25
 
 Progress = Callable[[float], None]
+#: Rows and columns of pixels of the canvas.
+Pixels = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]
 
 
 def best_rounds(
@@ -172,7 +177,9 @@ class Rounds:
         self.solved: dict[Pair, tuple[Box, Solution]] = {}
         self._keeps = keeps or labelling.canvas.shape[0] * labelling.canvas.shape[1] <= KEPT_CANVAS
         #: Pixels beside flow that the heat had not decided.
-        self._flows: dict[Pair, tuple[Box, npt.NDArray[np.intp]]] = {}
+        self._flows: dict[Pair, Pixels] = {}
+        #: Of pairs that were divided as bands, the label potential of the pixels that were open.
+        self._potentials: dict[Pair, tuple[*Pixels, npt.NDArray[np.float32]]] = {}
         self.seconds: dict[Pair, float] = {}
 
     def join(self, order: Sequence[int]) -> None:
@@ -223,7 +230,7 @@ class Rounds:
         rounds where three layers meet.
         """
         for pair in self._labelling.adjoining(self.label_map):
-            self._swap(pair)
+            self._divide(pair)
         for window in junctions(self.label_map, _WINDOW):
             self.run(most, window)
 
@@ -234,11 +241,8 @@ class Rounds:
         for block in several(self.label_map, canvas):
             beside = beside_steps(self.label_map[block.slices], 0)
             chosen[block.slices] = chosen[block.slices] | beside
-        for box, pixels in self._flows.values():
-            inside = box.shared(canvas)
-            flows = np.zeros(box.shape, bool)
-            flows.flat[pixels] = True
-            chosen[inside.slices] = chosen[inside.slices] | flows[inside.within(box)]
+        for rows, columns in self._flows.values():
+            write_pixels(chosen, rows, columns, np.ones(len(rows), bool))
         return chosen
 
     def _touches(self, pair: Pair, changed: Box) -> bool:
@@ -285,10 +289,52 @@ class Rounds:
             move, np.where(either, np.where(second, np.int16(pair[1]), np.int16(pair[0])), move.labels)
         )
 
+    def _divide(self, pair: Pair) -> None:
+        """Divide anew what is open between two layers, as a band where the heat decides and nothing is
+        forbidden.
+        """
+        options, near, labelling = self._options, self._near, self._labelling
+        if near is None or not isinstance(options, HeatOptions) or np.isfinite(labelling.forbidden):
+            self._swap(pair)
+            return
+        self._steps.one()
+        band = band_of(labelling, self.label_map, pair, near)
+        if band is None:
+            return
+        started = time.perf_counter()
+        network, cost, chosen = band.network()
+        with one_thread():
+            heat = gather_heat(network, cost, options.tolerance, options.max_iterations)
+        self.seconds[pair] = self.seconds.get(pair, 0.0) + time.perf_counter() - started
+        second = band.labels(chosen, heat.hot[:-2])
+        soft = second.astype(np.float64)
+        soft[chosen] = np.clip(heat.soft[:-2], 0.0, 1.0)
+        nothing = np.zeros((0, 0), bool)
+        solution = Solution(
+            labels=nothing,
+            soft=nothing.astype(np.float32),
+            contracted=True,
+            history=heat.history,
+            termination=heat.termination,
+        )
+        self.solved[pair] = Box(0, 0, 0, 0), solution
+        if self._undecided is not None:
+            self._flows[pair] = band.across(soft, self._undecided)
+        elif self._keeps:
+            self._potentials[pair] = band.rows, band.columns, soft.astype(np.float32)
+        if band.total(second) >= band.total(band.second) * (1 - _LEAST_GAIN):
+            return
+        changed = np.flatnonzero(second != band.second)
+        values = np.where(second[changed], np.int16(pair[1]), np.int16(pair[0]))
+        write_pixels(self.label_map, band.rows[changed], band.columns[changed], values)
+
     def _remember(self, pair: Pair, box: Box, solution: Solution) -> None:
+        self._potentials.pop(pair, None)
         if self._undecided is not None:
             undecided = beside_steps(np.asarray(solution.soft), self._undecided)
-            self._flows[pair] = box, np.flatnonzero(undecided)
+            inside = box.shared(self._labelling.canvas)
+            rows, columns = np.nonzero(undecided[inside.within(box)])
+            self._flows[pair] = rows + inside.top, columns + inside.left
         if self._undecided is not None or not self._keeps:
             nothing = np.zeros((0, 0), bool)
             solution = dataclasses.replace(
@@ -353,15 +399,24 @@ class Rounds:
             pair, (move.box, Solution(labels=shown, soft=shown.astype(np.float32)))
         )
         potential = shown.astype(np.float32)
+        free = problem.overlap.side == FREE
         common = box.shared(move.box)
-        if all(common.shape):
+        kept = self._potentials.get(pair)
+        if kept is not None:
+            rows, columns, values = kept
+            inside = (rows >= move.box.top) & (rows < move.box.bottom)
+            inside &= (columns >= move.box.left) & (columns < move.box.right)
+            at = rows[inside] - move.box.top, columns[inside] - move.box.left
+            potential[at] = np.where(free[at], values[inside], potential[at])
+        elif all(common.shape):
             here = common.within(move.box)
-            free = problem.overlap.side[here] == FREE
-            potential[here][free] = np.asarray(solution.soft, np.float32)[common.within(box)][free]
+            potential[here][free[here]] = np.asarray(solution.soft, np.float32)[common.within(box)][
+                free[here]
+            ]
         label_map = self.label_map
         return Seam(
             _shown=shown,
-            _potential=None if solution.contracted else potential,
+            _potential=None if solution.contracted and kept is None else potential,
             _only_b=lambda: dense(label_map) == pair[1],
             cost=problem.cost(shown),
             history=solution.history,

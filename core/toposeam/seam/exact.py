@@ -303,6 +303,8 @@ def _maximum_flow(problem: SeamProblem, pixels: Mask) -> Mask:
     their sum.
     """
     network, weight, index = problem.grid.network(pixels)
+    if not len(weight):  # nothing is known of them: all is as good
+        return np.zeros(pixels.shape, bool)
     # Next to forbidden interfaces rounding would lose the others: as much as all of them together is
     # forbidding enough.
     ordinary = float(weight[weight < problem.forbidden].sum())

@@ -32,6 +32,8 @@ from toposeam.seam.overlap import FREE, NONE, Overlap
 Floats32 = npt.NDArray[np.float32]
 #: Planes of so many values in all are dealt with at once.
 _CACHED = 1 << 14
+#: One over a number; 0 for none.
+_SHARES = np.array([0, 1, 0.5], np.float32)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -209,34 +211,49 @@ def _norm(planes: Floats32) -> Floats32:
     return total
 
 
-def _steps(present: Mask, axis: int) -> tuple[Mask | None, Floats32]:
-    """Where the steps to the next pixel along an axis are not known, None for nowhere; how many are, of the
-    two that each pixel takes part in.
+def _steps(present: Mask, axis: int) -> tuple[Floats32 | None, Floats32 | None]:
+    """1 where the step to the next pixel along an axis is known, else 0; and one over how many are, of the two
+    that each pixel takes part in, 0 for none. None where all are.
     """
+    if present.all():
+        return None, None
     s, t = _pair(axis)
     known = present[s] & present[t]
-    count = np.zeros(present.shape, np.float32)
+    count = np.zeros(present.shape, np.uint8)
     count[s] += known
     count[t] += known
-    return None if known.all() else ~known, count
+    return known.astype(np.float32), _SHARES.take(count)
 
 
-def _gradient(planes: Floats32, gap: Mask | None, count: Floats32, axis: int) -> Floats32:
+def _gradient(planes: Floats32, known: Floats32 | None, share: Floats32 | None, axis: int) -> Floats32:
     """|∂planes/∂axis| by central differences; one-sided where the neighbour on one side is not present, 0
     where both are not.
     """
     s, t = _pair(axis + 1)
-    squares = np.zeros(count.shape, np.float32)
+    length = planes.shape[axis + 1]
+    first, last, inner = (
+        (slice(None),) * axis + (part,) for part in (slice(0, 1), slice(length - 1, None), slice(1, -1))
+    )
+    squares = np.zeros(planes.shape[1:], np.float32)
+    if length < 2:
+        return squares
     # Planes of small images together, which takes fewer calls; those of large ones would not fit the caches.
     together = len(planes) if planes.size <= _CACHED else 1
-    for part in (planes[first : first + together] for first in range(0, len(planes), together)):
+    for part in (planes[start : start + together] for start in range(0, len(planes), together)):
         step = part[t] - part[s]
-        if gap is not None:
-            step[:, gap] = 0
-        total = np.zeros(part.shape, np.float32)
-        total[s] += step
-        total[t] += step
+        if known is not None:
+            step *= known
+        total = np.empty(part.shape, np.float32)
+        every = slice(None), *first
+        total[every] = step[every]
+        every = slice(None), *last
+        total[every] = step[(slice(None),) * (axis + 1) + (slice(length - 2, None),)]
+        np.add(step[t], step[s], out=total[(slice(None), *inner)])
         for square in np.square(total, out=total):
             squares += square
     np.sqrt(squares, out=squares)
-    return np.divide(squares, count, out=squares, where=count > 0)
+    if share is not None:
+        squares *= share
+    else:
+        squares[inner] *= np.float32(0.5)
+    return squares

@@ -172,7 +172,7 @@ def _joined(
     parts = []
     for layers, lists in found.items():
         tail, head, first, axis_of, beyond = (np.concatenate(part) for part in zip(*lists, strict=True))
-        cost = _costs_at(labelling.costs[layers], box, first, axis_of)
+        cost = costs_at(labelling.costs[layers], box, first, axis_of)
         known = np.flatnonzero(cost > 0)
         parts.append((tail[known], head[known], beyond[known], cost[known]))
     tail, head, beyond, cost = (np.concatenate(part) for part in zip(*parts, strict=True))
@@ -183,7 +183,7 @@ def _joined(
     return Band(pair, rows + box.top, columns + box.left, second, tail, head, cost, flat, canvas)
 
 
-def _costs_at(cost: PairCost, box: Box, first: Indices, axis: Indices) -> Floats:
+def costs_at(cost: PairCost, box: Box, first: Indices, axis: Indices) -> Floats:
     """The costs of some interfaces, each given by the flat index in a box of its left (axis 1) or upper pixel
     (axis 0).
     """

@@ -212,8 +212,8 @@ def _norm(planes: Floats32) -> Floats32:
 
 
 def _steps(present: Mask, axis: int) -> tuple[Floats32 | None, Floats32 | None]:
-    """1 where the step to the next pixel along an axis is known, else 0; and one over how many are, of the two
-    that each pixel takes part in, 0 for none. None where all are.
+    """1 where the step to the next pixel along an axis is known, else 0; and one over how many are known of
+    the two that each pixel takes part in, 0 for none. None where all are.
     """
     if present.all():
         return None, None

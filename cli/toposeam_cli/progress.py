@@ -60,6 +60,10 @@ def share_bar(label: str, quiet: bool) -> Iterator[Callable[[float], None] | Non
     if quiet or not (sys.stderr and sys.stderr.isatty()):  # there is none when it was closed
         yield None
         return
-    with click.progressbar(length=1000, label=label, file=sys.stderr) as bar:
+    bar = click.progressbar(length=1000, label=label, file=sys.stderr)
+    try:  # not `with bar`: interrupted while it is drawn for the first time, it would leave the cursor hidden
+        bar.render_progress()
         yield lambda share: bar.update(max(0, round(1000 * share) - bar.pos))
         bar.update(1000 - bar.pos)
+    finally:
+        bar.render_finish()

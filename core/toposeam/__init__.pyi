@@ -48,7 +48,7 @@ from .seam.thesis_options import ThesisOptions
 from .solid.generate import Solid, generate_solid
 from .texture.fill import BYS, By, fill
 from .texture.keeping_step import closing_size
-from .texture.lay import LayOptions
+from .texture.lay_options import LayOptions
 from .texture.light import flatten_light
 from .texture.scale import natural_patch
 from .texture.synthesis import Synthesis, apply_coordinates

@@ -102,6 +102,7 @@ def test_masks_and_what_blending_changes_make_the_composite_of_core(request_fold
     np.testing.assert_array_equal(canvas[..., :3], expected.image)
 
 
+@pytest.mark.medium
 def test_progress_rises_to_the_end(request_folder):
     rng = np.random.default_rng(0)
     layers = [

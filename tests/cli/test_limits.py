@@ -122,6 +122,7 @@ def test_a_large_picture_where_a_small_one_belongs_is_not_decoded(folder, photog
     refused(folder, [str(large) if word == "LARGE" else word for word in words.split()], phrase)
 
 
+@pytest.mark.medium
 def test_a_narrow_picture_on_a_product_takes_what_it_has_and_no_more(toposeam, folder):
     pixels = np.random.default_rng(0).integers(0, 256, (100_000, 1, 3)).astype(np.uint8)
     write_picture(folder / "thread.png", Picture(pixels=pixels))
@@ -167,6 +168,7 @@ def test_recipes_that_ask_for_too_much(motif, change, phrase, command):
     refused(motif, [*words, "--dpi", "300"] if command == "repeat" else words, phrase)
 
 
+@pytest.mark.medium
 def test_many_layers_of_one_large_picture(folder, photographs, large):
     with zipfile.ZipFile(folder / "bomb.ora", "w") as archive:
         archive.writestr("mimetype", "image/openraster")

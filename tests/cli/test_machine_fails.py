@@ -53,6 +53,7 @@ def test_a_mistake_of_ours_asks_for_a_report(toposeam, inputs, here, monkeypatch
     assert ran.err.count("\n") == 1
 
 
+@pytest.mark.medium
 def test_debugging_shows_where(started, inputs, here):
     code = (
         "import toposeam\ntoposeam.compose = lambda *a, **o: 1 / 0\n"
@@ -122,6 +123,7 @@ def test_a_disk_that_is_full_or_read_only_keeps_what_it_has(
     assert ran.err.count("\n") == 1
 
 
+@pytest.mark.medium
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")  # noqa: PTH110
 def test_a_report_that_cannot_be_printed(started, inputs, here):
     with open("/dev/full", "wb") as full:  # noqa: PTH123
@@ -134,6 +136,7 @@ def test_a_report_that_cannot_be_printed(started, inputs, here):
     assert (here / "out.png").stat().st_size > 1000
 
 
+@pytest.mark.medium
 def test_a_reader_that_leaves_early_is_no_error_of_ours(process, inputs, here):
     child = process(
         "compare",
@@ -165,6 +168,7 @@ def test_ctrl_c_at_any_moment_leaves_nothing_half_written(toposeam, inputs, here
     assert snapshot(here) == before
 
 
+@pytest.mark.medium
 def test_a_real_ctrl_c_in_the_middle_of_work(process, inputs, here):
     rng = np.random.default_rng(0)
     for name in ("c.tif", "d.tif"):
@@ -179,11 +183,11 @@ def test_a_real_ctrl_c_in_the_middle_of_work(process, inputs, here):
         while b"joining" not in seen:  # the bar is there, so the search has begun
             seen += os.read(ours, 4096)
         child.send_signal(signal.SIGINT)
-        while b"unfinished" not in seen:
+        while b"unfinished.\r\n" not in seen:
             seen += os.read(ours, 4096)
         assert child.wait(60) == 130
     os.close(ours)
-    assert seen.decode().endswith("Interrupted; no file was left unfinished.\r\n")
+    assert seen.decode().endswith("\x1b[?25h\r\nInterrupted; no file was left unfinished.\r\n")
     assert "Traceback" not in seen.decode()
     assert snapshot(here) == before
 

@@ -80,6 +80,7 @@ def on_terminal(process, *arguments, env=None):
     return seen.decode(), out.decode()
 
 
+@pytest.mark.medium
 def test_a_bar_on_a_terminal_runs_to_the_end(folder, process):
     seen, out = on_terminal(process, "stitch", *STRIP, "-o", "out.png")
     assert "joining a.png and b.png" in seen

@@ -58,7 +58,7 @@ def exact_labels(
         if found is None:
             whole = np.zeros(side.shape, bool)
             whole[box] = pixels
-            labels[whole] = (flow or _maximum_flow)(problem, whole)[whole]
+            labels[whole] = (flow or cut_by_flow)(problem, whole)[whole]
         else:
             labels[box][pixels] = found[pixels]
     return labels
@@ -111,7 +111,7 @@ def shortest_path(
     """
     side = problem.overlap.side[box]
     h, w = side.shape
-    border = _border(problem, box, free)
+    border = border_of(problem, box, free)
     if not border.to_b:
         return np.zeros(side.shape, bool)
     if not border.to_a:
@@ -189,7 +189,7 @@ def cut_cost(problem: SeamProblem, box: _Box, free: Mask, labels: Mask) -> float
 def divided_by_paths(problem: SeamProblem) -> bool:
     """Whether one path between corners divides each piece of what is free."""
     for box, pixels, _ in pieces(problem.overlap.side == FREE):
-        border = _border(problem, box, pixels)
+        border = border_of(problem, box, pixels)
         if border.to_a and border.to_b and border.ends() is None:
             return False
     return True
@@ -218,7 +218,7 @@ def _costs(problem: SeamProblem, box: _Box) -> tuple[Floats32, Floats32]:
     return problem.right[rows, before[1]], problem.down[before[0], columns]
 
 
-class _Border(NamedTuple):
+class Border(NamedTuple):
     """Interfaces between what is free in a box and what is decided, those of neighbours in a row first."""
 
     on_b: list[Mask]  #: where ``b`` is
@@ -248,7 +248,8 @@ class _Border(NamedTuple):
         return first, last
 
 
-def _border(problem: SeamProblem, box: _Box, free: Mask) -> _Border:
+def border_of(problem: SeamProblem, box: _Box, free: Mask) -> Border:
+    """What lies beside the free pixels of a box: (h, w) bool, on the box."""
     side = problem.overlap.side[box]
     on_b: list[Mask] = []
     gaps: list[Mask] = []
@@ -264,7 +265,7 @@ def _border(problem: SeamProblem, box: _Box, free: Mask) -> _Border:
         for found, chosen in ((on_b, (beyond == B) & (paid > 0)), (gaps, beyond == NONE)):
             found.append(np.zeros(cost.shape, bool))
             found[-1].ravel()[outer[chosen]] = True
-    return _Border(on_b, gaps, cost_of[A], cost_of[B])
+    return Border(on_b, gaps, cost_of[A], cost_of[B])
 
 
 def _sides_of(path: npt.NDArray[np.intp], side: npt.NDArray[np.uint8], free: Mask) -> Iterator[Mask]:
@@ -298,9 +299,9 @@ def _sides_of(path: npt.NDArray[np.intp], side: npt.NDArray[np.uint8], free: Mas
             yield takes_b[piece] | (known == is_b) | (known == b_shows)
 
 
-def _maximum_flow(problem: SeamProblem, pixels: Mask) -> Mask:
-    """Labels of some free pixels by maximum flow between the two sides; costs are rounded to about 1e-9 of
-    their sum.
+def cut_by_flow(problem: SeamProblem, pixels: Mask) -> Mask:
+    """Labels of some free pixels, (h, w) bool, by maximum flow between the two sides; costs are rounded to
+    about 1e-9 of their sum.
     """
     network, weight, index = problem.grid.network(pixels)
     if not len(weight):  # nothing is known of them: all is as good

@@ -20,6 +20,7 @@ zero.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -27,13 +28,15 @@ import numpy.typing as npt
 from toposeam.checks import check_choice, check_range
 from toposeam.errors import OptionError
 from toposeam.images import Mask
-from toposeam.seam.overlap import FREE, NONE, Overlap
+from toposeam.seam.overlap import FREE, KEPT_PIXELS, KEPT_SHAPES, NONE, Overlap
 
 Floats32 = npt.NDArray[np.float32]
 #: Planes of so many values in all are dealt with at once.
 _CACHED = 1 << 14
 #: One over a number; 0 for none.
 _SHARES = np.array([0, 1, 0.5], np.float32)
+#: Two patches and two axes for each of the shapes that are remembered.
+_KEPT_STEPS = 4 * KEPT_SHAPES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -211,49 +214,48 @@ def _norm(planes: Floats32) -> Floats32:
     return total
 
 
-def _steps(present: Mask, axis: int) -> tuple[Floats32 | None, Floats32 | None]:
-    """1 where the step to the next pixel along an axis is known, else 0; and one over how many are known of
-    the two that each pixel takes part in, 0 for none. None where all are.
+def _steps(present: Mask, axis: int) -> tuple[Floats32 | None, Floats32]:
+    """Where the steps to the next pixel along an axis are known, 1 or 0, None for everywhere; and one over
+    how many are, of the two that each pixel takes part in, 0 for none. Neither may be written to.
     """
-    if present.all():
-        return None, None
+    if present.size > KEPT_PIXELS:
+        return _steps_of(present, axis)
+    return _kept_steps(present.shape, present.tobytes(), axis)
+
+
+def _steps_of(present: Mask, axis: int) -> tuple[Floats32 | None, Floats32]:
     s, t = _pair(axis)
     known = present[s] & present[t]
     count = np.zeros(present.shape, np.uint8)
     count[s] += known
     count[t] += known
-    return known.astype(np.float32), _SHARES.take(count)
+    return None if known.all() else known.astype(np.float32), _SHARES.take(count)
 
 
-def _gradient(planes: Floats32, known: Floats32 | None, share: Floats32 | None, axis: int) -> Floats32:
+@lru_cache(maxsize=_KEPT_STEPS)
+def _kept_steps(shape: tuple[int, ...], present: bytes, axis: int) -> tuple[Floats32 | None, Floats32]:
+    return _steps_of(np.frombuffer(present, bool).reshape(shape), axis)
+
+
+def _gradient(planes: Floats32, known: Floats32 | None, share: Floats32, axis: int) -> Floats32:
     """|∂planes/∂axis| by central differences; one-sided where the neighbour on one side is not present, 0
     where both are not.
     """
     s, t = _pair(axis + 1)
-    length = planes.shape[axis + 1]
-    first, last, inner = (
-        (slice(None),) * axis + (part,) for part in (slice(0, 1), slice(length - 1, None), slice(1, -1))
-    )
-    squares = np.zeros(planes.shape[1:], np.float32)
-    if length < 2:
-        return squares
+    last = (slice(None),) * (axis + 1) + (slice(-1, None),)
+    squares = np.zeros(share.shape, np.float32)
     # Planes of small images together, which takes fewer calls; those of large ones would not fit the caches.
     together = len(planes) if planes.size <= _CACHED else 1
-    for part in (planes[start : start + together] for start in range(0, len(planes), together)):
+    for part in (planes[first : first + together] for first in range(0, len(planes), together)):
         step = part[t] - part[s]
         if known is not None:
             step *= known
         total = np.empty(part.shape, np.float32)
-        every = slice(None), *first
-        total[every] = step[every]
-        every = slice(None), *last
-        total[every] = step[(slice(None),) * (axis + 1) + (slice(length - 2, None),)]
-        np.add(step[t], step[s], out=total[(slice(None), *inner)])
+        total[s] = step
+        total[last] = 0
+        total[t] += step
         for square in np.square(total, out=total):
             squares += square
     np.sqrt(squares, out=squares)
-    if share is not None:
-        squares *= share
-    else:
-        squares[inner] *= np.float32(0.5)
+    squares *= share
     return squares

@@ -129,6 +129,10 @@ class Atlas:
 
 def values_at(plane: Floats32, index: Ints32) -> Floats32:
     """Values of an (AH, AW, F) plane at flat indices, (…, F); 0 for index -1."""
-    found: Floats32 = plane.reshape(-1, plane.shape[2])[np.maximum(index, 0)]
-    found[index < 0] = 0
+    flat = plane.reshape(-1, plane.shape[2])
+    unset = index < 0
+    if not unset.any():
+        return flat.take(index, axis=0)
+    found: Floats32 = flat.take(np.maximum(index, 0), axis=0)
+    found[unset] = 0
     return found

@@ -39,9 +39,9 @@ class IndexCanvas:
         #: (pixels,) int32, how often each pixel of the atlas shows.
         self.usage: Ints32 = np.zeros(pixels, np.int32)
         self.patches = 0
-        #: Which copy each patch belongs to: patches that continue one another are one copy.
+        #: An earlier patch that each patch continues, or itself; all that are joined so are one copy.
         self._copies: list[int] = []
-        #: How many pixels of each copy show.
+        #: How many pixels of the copy show, by its first patch.
         self._areas: list[int] = []
 
     def window(
@@ -50,6 +50,9 @@ class IndexCanvas:
         """Rows (h, 1), columns (1, w) and where they are on the canvas (h, w), of a window that may reach
         over its borders.
         """
+        if self._within(top, left, height, width):
+            rows, columns = np.arange(top, top + height), np.arange(left, left + width)
+            return rows[:, np.newaxis], columns[np.newaxis], np.ones((height, width), bool)
         axes, inside = [], []
         for start, length, limit, wraps in zip(
             (top, left), (height, width), self.shape, self.wrap, strict=True
@@ -64,34 +67,67 @@ class IndexCanvas:
         )
         return rows, columns, on if self.ground is None else on & self.ground[rows, columns]
 
+    def _within(self, top: int, left: int, height: int, width: int) -> bool:
+        """Whether a window lies on the canvas and all of it belongs to it."""
+        bottom, right = top + height, left + width
+        return (
+            self.ground is None and min(top, left) >= 0 and bottom <= self.shape[0] and right <= self.shape[1]
+        )
+
     def read(self, top: int, left: int, height: int, width: int) -> Ints32:
         """The (h, w) flat indices of a window, -1 off the canvas and where nothing has been laid."""
+        if self._within(top, left, height, width):
+            return self.index[top : top + height, left : left + width].copy()
         rows, columns, inside = self.window(top, left, height, width)
         return np.where(inside, self.index[rows, columns], np.int32(-1))
 
-    def paint(self, top: int, left: int, source: Ints32, shows: Mask) -> None:
+    def paint(self, top: int, left: int, source: Ints32, shows: Mask) -> int:
         """Lay a patch.
 
         Parameters
         ----------
         source : (h, w) int32 array
-            Flat indices of the patch's pixels.
+            Flat indices of the patch's pixels, all different.
         shows : (h, w) bool array
             Where it shows; only on the canvas.
+
+        Returns
+        -------
+        int
+            Its number.
+        """
+        number = self.patches
+        rows, columns, inside = self.window(top, left, *shows.shape)
+        same = (self.index[rows, columns] == source) & inside
+        self._join(set(np.unique(self.labels[rows, columns][same]).tolist()) if same.any() else set())
+        self.patches += 1
+        self.extend(number, top, left, source, shows)
+        return number
+
+    def extend(self, number: int, top: int, left: int, source: Ints32, shows: Mask) -> None:
+        """Show more of a patch that has been laid.
+
+        Parameters
+        ----------
+        number : int
+            The patch's.
+        top, left, source, shows
+            As for :meth:`paint`.
         """
         rows, columns, _ = self.window(top, left, *shows.shape)
-        y, x = np.nonzero(shows)
-        at = rows[y, 0], columns[0, x]
-        before = self.index[at]
-        np.subtract.at(self.usage, before[before >= 0], 1)
-        np.add.at(self.usage, source[shows], 1)
-        for label, count in zip(*np.unique(self.labels[at], return_counts=True), strict=True):
-            if label >= 0:
-                self._areas[self._copies[label]] -= int(count)
-        self._join(self.window(top, left, *shows.shape), source, len(y))
-        self.index[at] = source[shows]
-        self.labels[at] = self.patches
-        self.patches += 1
+        chosen = np.flatnonzero(shows)
+        at = (rows * self.shape[1] + columns).ravel().take(chosen)
+        new = source.ravel().take(chosen)
+        index, labels = self.index.reshape(-1), self.labels.reshape(-1)
+        before = index.take(at)
+        covered = before >= 0
+        if covered.any():
+            np.subtract.at(self.usage, before[covered], 1)
+            for label, count in zip(*np.unique(labels.take(at[covered]), return_counts=True), strict=True):
+                self._areas[self._copy_of(int(label))] -= int(count)
+        self.usage[new] += 1
+        self._areas[self._copy_of(number)] += len(at)
+        index[at], labels[at] = new, number
 
     def begin(self, index: Ints32) -> None:
         """Show something as patch 0 before any other is laid.
@@ -110,38 +146,41 @@ class IndexCanvas:
         the first one's. -1 where nothing shows.
         """
         first: dict[int, int] = {}
-        numbers = [first.setdefault(copy, patch) for patch, copy in enumerate(self._copies)]
+        numbers = [first.setdefault(self._copy_of(patch), patch) for patch in range(self.patches)]
         return np.array([*numbers, -1], np.int32)[self.labels]
 
     def copies(
-        self, top: int, left: int, height: int, width: int
+        self, top: int, left: int, height: int, width: int, larger: int = -1
     ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], Ints32, npt.NDArray[np.intp]]:
-        """The copies in a window: row and column in the window of a pixel of each, the flat index that shows
-        there, and how many pixels of the copy show on the canvas.
+        """The copies in a window that show on more than so many pixels of the canvas: row and column in the
+        window of a pixel of each, the flat index that shows there, and how many pixels of the copy show.
 
         A copy that goes once round a torus meets a window twice, and is told twice.
         """
         rows, columns, inside = self.window(top, left, height, width)
         labels = np.where(inside, self.labels[rows, columns], np.int32(-1)).ravel()
-        found, first = np.unique(labels, return_index=True)
-        first, found = first[found >= 0], found[found >= 0]
-        y, x = np.divmod(first, width)
-        areas = np.array([self._areas[self._copies[label]] for label in found.tolist()], np.intp)
-        return y, x, self.index[rows[y, 0], columns[0, x]], areas
+        place = np.full(self.patches + 1, -1, np.intp)  # the last is of what shows nothing
+        place[labels] = np.arange(len(labels))
+        found = np.flatnonzero(place[:-1] >= 0)
+        areas = np.array([self._areas[self._copy_of(label)] for label in found.tolist()], np.intp)
+        many = areas > larger
+        y, x = np.divmod(place[found[many]], width)
+        return y, x, self.index[rows[y, 0], columns[0, x]], areas[many]
 
-    def _join(
-        self, window: tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], Mask], source: Ints32, count: int
-    ) -> None:
-        """The next patch as part of the copy that it continues, if it does."""
-        rows, columns, inside = window
-        same = (self.index[rows, columns] == source) & inside
-        touched = {self._copies[label] for label in np.unique(self.labels[rows, columns][same]).tolist()}
-        copy = min(touched) if touched else len(self._areas)
-        if not touched:
-            self._areas.append(0)
-        for other in touched - {copy}:
+    def _join(self, touched: set[int]) -> None:
+        """The next patch as part of the copy of those that it continues, if it does."""
+        first = {self._copy_of(label) for label in touched}
+        copy = min(first) if first else self.patches
+        self._copies.append(copy)
+        self._areas.append(0)
+        for other in first - {copy}:
+            self._copies[other] = copy
             self._areas[copy] += self._areas[other]
             self._areas[other] = 0
-            self._copies = [copy if one == other else one for one in self._copies]
-        self._copies.append(copy)
-        self._areas[copy] += count
+
+    def _copy_of(self, patch: int) -> int:
+        """The first patch of the copy that a patch belongs to."""
+        copies = self._copies
+        while copies[patch] != patch:
+            copies[patch] = patch = copies[copies[patch]]
+        return patch

@@ -21,7 +21,8 @@ from scipy import ndimage
 from toposeam.images import Mask
 from toposeam.texture.atlas import Atlas, Floats32, values_at
 from toposeam.texture.canvas import IndexCanvas
-from toposeam.texture.lay import Guide, LayOptions, PatchPlacer
+from toposeam.texture.lay import Guide, PatchPlacer
+from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.raster import lay_all
 from toposeam.texture.scale import autocorrelation
 from toposeam.texture.search import reduced

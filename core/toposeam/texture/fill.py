@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal, get_args
 
@@ -14,9 +15,11 @@ from toposeam.errors import ImageError, OptionError
 from toposeam.images import Mask
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.canvas import IndexCanvas
-from toposeam.texture.holed import canvas_over, placer_over, read_holed
+from toposeam.texture.finish import finish, settings_of
+from toposeam.texture.holed import box_of, canvas_over, placer_over, read_holed
 from toposeam.texture.homogeneity import is_texture
-from toposeam.texture.lay import LayOptions, PatchPlacer
+from toposeam.texture.lay import PatchPlacer
+from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.levelling import levelled
 from toposeam.texture.offsets import candidate_shifts
 from toposeam.texture.rendering import Lift
@@ -25,7 +28,7 @@ from toposeam.texture.shift_moves import Ground, stage
 from toposeam.texture.shifts import shift_map
 from toposeam.texture.sources import DataRange, Images, Sources
 from toposeam.texture.synthesis import Synthesis
-from toposeam.texture.synthesize import check_patch, finish, settings_of
+from toposeam.texture.synthesize import check_patch
 
 #: A hole with its band that fits a patch this many times the usual one is filled by one patch, along a closed
 #: seam.
@@ -36,6 +39,9 @@ _BAND = 8
 _SHIFTS = 32
 #: Holes nearer to each other than this share of their size are filled together.
 _TOGETHER = 0.25
+#: Of pictures of more pixels only what is near a hole is looked at: about so many, and this share of the
+#: hole's size to either side at least.
+_LOOKED_AT, _AROUND = 1 << 20, 1.5
 
 By = Literal["auto", "patches", "shifts"]
 BYS: tuple[By, ...] = get_args(By)
@@ -131,17 +137,17 @@ def fill(
         band = check_whole("band", _BAND if band is None else band, 0)
         near = _dilated(hole, band) & ground
         atlas, canvas = canvas_over(sources, hole, ground, (False, False), chosen.context)
-        _stitch(atlas, canvas, sources, (hole, near, ground), chosen, seed, progress)
+        _stitch(atlas, canvas, sources, (hole, near, ground), source is not None, chosen, seed, progress)
         settings |= {"band": band, "level": level}
         lift = None
         if level:
-            plane = atlas.spread(sources.planes[0]).astype(np.float32)
+            plane = atlas.spread(sources.planes[0])
             low, high = (float(limit(plane[atlas.usable])) for limit in (np.min, np.max))
             added = levelled(plane, atlas.usable, canvas.index, near, (high - low) or 1.0)
-            lift = Lift(gain=np.ones_like(added), offset=added, low=low, high=high)
-        rows, columns = (np.flatnonzero(near.any(axis=axis)) for axis in (1, 0))
-        shape = int(rows[-1] - rows[0]) + 1, int(columns[-1] - columns[0]) + 1
-        return finish(sources, atlas, canvas, shape, settings, smooth, near, lift)
+            gain = np.broadcast_to(np.float32(1), added.shape)
+            lift = Lift(gain=gain, offset=added, low=low, high=high)
+        shape = tuple(side.stop - side.start for side in box_of(near))
+        return finish(sources, atlas, canvas, (shape[0], shape[1]), settings, smooth, near, lift)
     side, lap = check_patch(sources, patch, overlap)
     band = check_whole("band", lap if band is None else band, 0)
     near = _dilated(hole, band) & ground
@@ -160,35 +166,53 @@ def _stitch(
     canvas: IndexCanvas,
     sources: Sources,
     masks: tuple[Mask, Mask, Mask],
+    restricted: bool,
     options: LayOptions,
     seed: int,
     progress: Callable[[float], None] | None,
 ) -> None:
     """Fill each hole by shifted copies of the picture."""
     hole, near, ground = masks
-    features, rng = atlas.spread(sources.features), np.random.default_rng(seed)
-    place, copied = atlas.places[0], sources.usable[0]
-    itself = np.arange(atlas.usable.size, dtype=np.int32).reshape(atlas.usable.shape)[place]
+    rng, copied = np.random.default_rng(seed), sources.usable[0]
+    itself = np.arange(atlas.usable.size, dtype=np.int32).reshape(atlas.usable.shape)[atlas.places[0]]
     pieces = _grouped(hole, near)
     done, total = 0, int(hole.sum())
     for number in range(1, int(pieces.max()) + 1):
         part = hole & (pieces == number)
-        shifts = candidate_shifts(atlas, features, part, hole, _SHIFTS, rng)
-        seen = Ground(
-            features=sources.features[0],
-            hole=part,
-            copied=copied,
-            present=ground & (~hole | part),
-            near=near & (pieces == number),
+        seen = _surroundings(part, copied, restricted)
+        features, missing = sources.features[0][seen], hole[seen]
+        piece = Atlas.of([(ground & ~hole)[seen]], options.context, [copied[seen]])
+        shifts = candidate_shifts(piece, piece.spread([features]), part[seen], missing, _SHIFTS, rng)
+        view = Ground(
+            features=features,
+            hole=part[seen],
+            copied=copied[seen],
+            present=ground[seen] & (~missing | part[seen]),
+            near=(near & (pieces == number))[seen],
         )
         report = None if progress is None else stage(progress, done / total, int(part.sum()) / total)
-        label = shift_map(seen, shifts, options.method, report)
+        label = shift_map(view, shifts, options.method, report)
         for index in np.unique(label[label >= 0]).tolist():
-            rows, columns = (np.flatnonzero((label == index).any(axis=axis)) for axis in (1, 0))
-            box = np.s_[int(rows[0]) : int(rows[-1]) + 1, int(columns[0]) : int(columns[-1]) + 1]
+            box = box_of(label == index)
             step = int(shifts[index, 0]) * atlas.width + int(shifts[index, 1])
-            canvas.paint(box[0].start, box[1].start, itself[box] + np.int32(step), label[box] == index)
+            at = box[0].start + seen[0].start, box[1].start + seen[1].start
+            canvas.paint(*at, itself[seen][box] + np.int32(step), label[box] == index)
         done += int(part.sum())
+
+
+def _surroundings(part: Mask, copied: Mask, restricted: bool) -> tuple[slice, slice]:
+    """Rows and columns of what is looked at to fill a hole: of large pictures what is near, and whatever the
+    caller says may be copied.
+    """
+    whole = slice(0, part.shape[0]), slice(0, part.shape[1])
+    if part.size <= _LOOKED_AT:
+        return whole
+    box = box_of(part)
+    reach = max(math.isqrt(_LOOKED_AT) // 2, round(_AROUND * max(side.stop - side.start for side in box)))
+    near = box_of(part, reach)
+    if restricted and copied.any():
+        near = box_of(copied | part, 1)
+    return near if np.count_nonzero(copied[near]) >= 2 * np.count_nonzero(part) else whole
 
 
 def _grouped(hole: Mask, near: Mask) -> npt.NDArray[np.int32]:
@@ -261,5 +285,7 @@ def _dilated(mask: Mask, radius: int) -> Mask:
     """Pixels within a distance, px, of the mask."""
     if radius == 0:
         return mask
-    grown: Mask = ndimage.distance_transform_edt(~mask) <= radius
+    grown = np.zeros_like(mask)
+    box = box_of(mask, radius)
+    grown[box] = ndimage.distance_transform_edt(~mask[box]) <= radius
     return grown

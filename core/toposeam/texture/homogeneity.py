@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy import ndimage
 
 from toposeam.images import Mask
 from toposeam.texture.atlas import Floats32
+from toposeam.texture.holed import box_of
 
 #: How far from the hole its surroundings reach, in radii of a disc of its area, and at least, px.
 _RADII, _LEAST = 2.0, 64
@@ -28,7 +31,10 @@ def is_texture(features: Floats32, hole: Mask, known: Mask) -> bool:
         What has to go, and where there are values.
     """
     radius = float(np.sqrt(np.count_nonzero(hole) / np.pi))
-    near = (ndimage.distance_transform_edt(~hole) <= max(_RADII * radius, _LEAST)) & known & ~hole
+    reach = max(_RADII * radius, _LEAST)
+    box = box_of(hole, math.ceil(reach))
+    features, hole, known = features[box], hole[box], known[box]
+    near = (ndimage.distance_transform_edt(~hole) <= reach) & known & ~hole
     if not near.any():
         return True
     side = int(np.clip(radius, _SMALL, _LARGE))

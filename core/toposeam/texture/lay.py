@@ -9,14 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import check_choice, check_number, check_whole
-from toposeam.errors import ImageError, OptionError, OverlapError
+from toposeam.errors import ImageError, OverlapError
 from toposeam.images import Mask
-from toposeam.seam.find import METHODS, Method, find_seam
-from toposeam.seam.match_cost import MatchCost
+from toposeam.seam.labels import seam_labels
 from toposeam.texture.atlas import Atlas, Floats32, Ints32, values_at
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.keeping_step import Phase
+from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.nearby import Nearby
 from toposeam.texture.search import Ints, PatchSearch, box_sum
 
@@ -31,61 +30,6 @@ _LEAST_SHARE = 0.02
 #: Added to every error, so that a perfect fit does not outweigh everything else; the square of 1 % of the
 #: image's range.
 _FLOOR = 1e-4
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LayOptions:
-    """How patches are chosen and cut.
-
-    Examples
-    --------
-    >>> import numpy as np, toposeam as ts
-    >>> sample = np.random.default_rng(0).random((48, 48))
-    >>> ts.synthesize(sample, (60, 60), patch=20, options=ts.LayOptions(mend=0)).image.shape
-    (60, 60)
-    """
-
-    #: A patch is drawn at random from those whose error is at most 1 + tolerance times the least.
-    tolerance: float = 0.1
-    #: How many different places are compared.
-    candidates: int = 8
-    #: px round the patch in which known pixels are compared too.
-    context: int = 8
-    #: What a pixel of the context counts, one of the overlap being 1.
-    context_weight: float = 0.5
-    #: No source pixel shows more often than this many times the average.
-    most: float = 2.5
-    #: How strongly places that show often already, or near by, are avoided.
-    variety: float = 0.5
-    #: How much a connected copy may cover: at most so many patches, and this share of what may be copied.
-    copy_patches: float = 3.0
-    copy_share: float = 0.2
-    #: How many further patches are tried over the worst seams, as a share of the patches laid.
-    mend: float = 0.2
-    #: Whether ordered textures that repeat are laid twice, so that their order closes
-    #: (:mod:`toposeam.texture.closing`).
-    close: bool = True
-    #: How the seam is found.
-    method: Method = "heat"
-    cost: MatchCost | None = None
-
-    def __post_init__(self) -> None:
-        for name, low, high in (
-            ("tolerance", 0, 10),
-            ("context_weight", 0, 1),
-            ("most", 1, np.inf),
-            ("variety", 0, 100),
-            ("copy_patches", 0, np.inf),
-            ("copy_share", 0, 1),
-            ("mend", 0, 10),
-        ):
-            check_number(name, getattr(self, name), low, high, infinite=high == np.inf)
-        check_whole("candidates", self.candidates, 1, 1000)
-        check_whole("context", self.context, 0, 64)
-        check_choice("method", self.method, METHODS)
-        check_choice("close", self.close, (True, False))
-        if self.cost is not None and not isinstance(self.cost, MatchCost):
-            raise OptionError(f"cost is of class {type(self.cost).__name__}; pass a MatchCost")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -110,6 +54,45 @@ class _Term:
     values: Floats32
     weight: Floats32
     strength: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Site:
+    """A window of the canvas before a patch is laid there."""
+
+    #: First row and column on the canvas, height and width.
+    at: tuple[int, int]
+    shape: tuple[int, int]
+    #: What the canvas shows there and in the margin round it, flat indices; -1 where empty.
+    known: Ints32
+    #: How much each of these pixels counts, float32.
+    weight: Floats32
+    #: (h, w) bool: where the patch may show.
+    covers: Mask
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fits:
+    """How well the atlas's places fit a window."""
+
+    terms: list[_Term]
+    #: (n, m) float32 of :meth:`PatchSearch.fit`; None where there is nothing to fit to.
+    error: Floats32 | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Begun:
+    """A patch that shows where nothing was."""
+
+    site: Site
+    #: Of the canvas.
+    number: int
+    #: (h + 2, w + 2) flat indices: what the canvas showed there and one pixel round it before.
+    padded: Ints32
+    #: (h, w) flat indices of the patch.
+    source: Ints32
+    #: (h, w) bool: where nothing was.
+    empty: Mask
 
 
 class PatchPlacer:
@@ -169,41 +152,62 @@ class PatchPlacer:
         may_show : (h, w) bool array, optional
             Where the patch may replace what is there; it always fills what is empty.
         """
+        site = self.site(top, left, shape, may_show)
+        if site is None:
+            return False
+        begun = self.begin(site, self.fits(site))
+        self.end(begun, self.cut(begun.padded, begun.source, site.covers))
+        return True
+
+    def site(self, top: int, left: int, shape: tuple[int, int], may_show: Mask | None = None) -> Site | None:
+        """A window of the canvas as it is, None where nothing is empty; arguments as of :meth:`lay`."""
         m, (h, w) = self.margin, shape
         known = self.canvas.read(top - m, left - m, h + 2 * m, w + 2 * m)
         _, _, inside = self.canvas.window(top, left, h, w)
         inner = known[m : m + h, m : m + w]
         empty = (inner < 0) & inside
         if not empty.any():
-            return False
+            return None
         covers = inside if may_show is None else (may_show | empty) & inside
         weight = np.where(known >= 0, np.float32(self.options.context_weight), np.float32(0))
         weight[m : m + h, m : m + w] = inner >= 0
-        source = self.choose(top, left, shape, known, weight)
-        padded = self.canvas.read(top - 1, left - 1, h + 2, w + 2)
-        self.canvas.paint(top, left, source, self.cut(padded, source, covers))
-        return True
+        return Site(at=(top, left), shape=shape, known=known, weight=weight, covers=covers)
 
-    def choose(self, top: int, left: int, shape: tuple[int, int], known: Ints32, weight: Floats32) -> Ints32:
-        """A patch that fits a window, (h, w) flat indices.
+    def fits(self, site: Site) -> Fits:
+        """How well each place fits a window; changes nothing, and depends only on what the window shows."""
+        m, terms = self.margin, self._terms(site)
+        error: Floats32 | None = None
+        for term in terms:
+            part = term.search.fit(term.values, term.weight, (m, m), site.shape)
+            part *= np.float32(term.strength)
+            error = part if error is None else error + part
+        return Fits(terms=terms, error=error)
 
-        Parameters
-        ----------
-        top, left, shape
-            The patch's window on the canvas.
-        known : int32 array
-            What the canvas shows there and in the margin round it; -1 where empty.
-        weight : float32 array
-            How much that counts.
-        """
-        terms = self._terms(top, left, shape, known, weight)
-        row, column = self._choose(terms, shape, (top, left), known) if terms else self._anywhere(shape)
+    def begin(self, site: Site, fits: Fits) -> Begun:
+        """Choose a patch and show it where nothing is; what is there is left to :meth:`end`."""
+        top, left = site.at
+        source = self.choose(site, fits)
+        padded = self.canvas.read(top - 1, left - 1, site.shape[0] + 2, site.shape[1] + 2)
+        empty = (padded[1:-1, 1:-1] < 0) & site.covers
+        number = self.canvas.paint(top, left, source, empty)
+        return Begun(site=site, number=number, padded=padded, source=source, empty=empty)
+
+    def end(self, begun: Begun, shows: Mask) -> None:
+        """Show the rest of a patch."""
+        self.canvas.extend(begun.number, *begun.site.at, begun.source, shows & ~begun.empty)
+
+    def choose(self, site: Site, fits: Fits) -> Ints32:
+        """A patch that fits a window, (h, w) flat indices."""
+        shape = site.shape
+        row, column = (
+            self._anywhere(shape) if fits.error is None else self._choose(site, fits.terms, fits.error)
+        )
         if self.phase is not None:
-            self.phase.begin((top, left), (row, column), shape)
+            self.phase.begin(site.at, (row, column), shape)
         grid = np.arange(shape[0])[:, np.newaxis] * self.atlas.width + np.arange(shape[1])
         return (row * self.atlas.width + column + grid).astype(np.int32)
 
-    def cut(self, padded: Ints32, source: Ints32, covers: Mask) -> Mask:
+    def cut(self, padded: Ints32, source: Ints32, covers: Mask, closed: bool = False) -> Mask:
         """Where a patch shows, given what is there.
 
         Parameters
@@ -214,6 +218,8 @@ class PatchPlacer:
             The patch.
         covers : (h, w) bool array
             Where it may show; it must show where the canvas is empty there.
+        closed : bool
+            Whether its seam is likely to run all round it.
         """
         mask_a = padded >= 0
         mask_b = np.zeros_like(mask_a)
@@ -225,20 +231,14 @@ class PatchPlacer:
         if (inner == source)[(inner >= 0) & covers].all():  # it continues what is there; there is no seam
             return empty
         b = np.zeros((*mask_a.shape, self.features.shape[2]), np.float32)
-        b[1:-1, 1:-1] = values_at(self.features, source)
+        row, column = divmod(int(source[0, 0]), self.atlas.width)
+        b[1:-1, 1:-1] = self.features[row : row + source.shape[0], column : column + source.shape[1]]
         try:
-            seam = find_seam(
-                values_at(self.features, padded),
-                b,
-                mask_a=mask_a,
-                mask_b=mask_b,
-                data_range=1.0,
-                method=self.options.method,
-                cost=self.options.cost,
-            )
+            a, (method, cost) = values_at(self.features, padded), (self.options.method, self.options.cost)
+            labels = seam_labels(a, b, mask_a, mask_b, method, cost, closed=closed)
         except OverlapError:  # too thin to hold a seam
             return empty
-        shows: Mask = seam.labels[1:-1, 1:-1] & covers
+        shows: Mask = labels[1:-1, 1:-1] & covers
         return shows
 
     def _anywhere(self, shape: tuple[int, int]) -> tuple[int, int]:
@@ -251,37 +251,29 @@ class PatchPlacer:
         pick = int(self.rng.integers(len(rows)))
         return int(rows[pick]), int(columns[pick])
 
-    def _terms(
-        self, top: int, left: int, shape: tuple[int, int], known: Ints32, weight: Floats32
-    ) -> list[_Term]:
+    def _terms(self, site: Site) -> list[_Term]:
         """What a place is judged by: how it fits what is known, and how it fits the guide."""
         terms = []
         share = 0.0 if self.guide is None else self.guide.weight
-        if weight.any():
-            terms.append(_Term(self.search, values_at(self.features, known), weight, 1.0 - share))
+        if site.weight.any():
+            terms.append(_Term(self.search, values_at(self.features, site.known), site.weight, 1.0 - share))
         if self.guide is not None and self._guides is not None:
-            m = self.margin
-            rows, columns, inside = self.canvas.window(top - m, left - m, *known.shape)
-            wanted = np.zeros_like(weight)
-            wanted[m : m + shape[0], m : m + shape[1]] = inside[m : m + shape[0], m : m + shape[1]]
+            m, (top, left), (h, w) = self.margin, site.at, site.shape
+            rows, columns, inside = self.canvas.window(top - m, left - m, *site.known.shape)
+            wanted = np.zeros_like(site.weight)
+            wanted[m : m + h, m : m + w] = inside[m : m + h, m : m + w]
             terms.append(_Term(self._guides, self.guide.target[rows, columns], wanted, share))
         return terms
 
-    def _choose(
-        self, terms: list[_Term], shape: tuple[int, int], at: tuple[int, int], known: Ints32
-    ) -> tuple[int, int]:
+    def _choose(self, site: Site, terms: list[_Term], error: Floats32) -> tuple[int, int]:
         """Atlas row and column of the patch, drawn from the best places."""
         m, f = self.margin, self.search.factor
-        error = sum(
-            term.strength * term.search.fit(term.values, term.weight, (m, m), shape) for term in terms
-        )
-        error = np.asarray(error, np.float32)
-        rows, columns, errors = self._best(error + np.float32(_FLOOR), shape, at, known)
+        rows, columns, errors = self._best(error + np.float32(_FLOOR), site)
         if not np.isfinite(errors).any():  # what room there is lies between the places of the reduced search
-            return self._anywhere(shape)
+            return self._anywhere(site.shape)
         if f > 1:
             for k in np.flatnonzero(np.isfinite(errors)).tolist():
-                found = self._exactly(terms, int(rows[k]), int(columns[k]), shape)
+                found = self._exactly(terms, int(rows[k]), int(columns[k]), site.shape)
                 errors[k] *= (found[2] + _FLOOR) / (error[(rows[k] - m) // f, (columns[k] - m) // f] + _FLOOR)
                 rows[k], columns[k] = found[:2]
         good = np.flatnonzero(errors <= (1 + self.options.tolerance) * errors.min())
@@ -307,43 +299,53 @@ class PatchPlacer:
             step //= 2
         return row, column, error
 
-    def _best(
-        self, error: Floats32, shape: tuple[int, int], at: tuple[int, int], known: Ints32
-    ) -> tuple[Ints, Ints, Floats32]:
+    def _best(self, raised: Floats32, site: Site) -> tuple[Ints, Ints, Floats32]:
         """The best places of the search's grid that lie apart, and their errors: raised where the source
         shows often or near by, and without those that would make a connected copy too large.
         """
-        m, f, (n, columns_n) = self.margin, self.search.factor, error.shape
-        raised, used_up = error.copy(), np.zeros(error.shape)
+        at, shape = site.at, site.shape
+        m, f, (n, columns_n) = self.margin, self.search.factor, raised.shape
+        used_up: Floats32 | None = None
         if self._uses_up:
             usage = self.canvas.usage.reshape(self.atlas.usable.shape)
             on_grid = slice(m, None, f), slice(m, None, f)
-            average = shape[0] * shape[1] * self._average[m::f][:n]
-            mean = box_sum(usage, shape)[on_grid][:n, :columns_n] / average
-            used_up = box_sum(usage >= self._limit, shape)[on_grid][:n, :columns_n] / (shape[0] * shape[1])
-            raised *= 1 + self.options.variety * np.square(mean)
+            average = (shape[0] * shape[1] * self._average[m::f][:n]).astype(np.float32)
+            dearer = box_sum(usage, shape)[on_grid][:n, :columns_n] / average
+            np.square(dearer, out=dearer)
+            dearer *= np.float32(self.options.variety)
+            dearer += np.float32(1)
+            raised *= dearer
+            over = usage >= self._limit
+            if over.any():
+                used_up = box_sum(over, shape)[on_grid][:n, :columns_n].astype(np.float32)
+                used_up /= np.float32(shape[0] * shape[1])
             if self.options.variety and self.guide is None:
-                near = self._nearby.share(*at, *shape)
-                raised *= 1 + np.float32(_NEAR * self.options.variety) * near(m, f, error.shape)
+                near = self._nearby.share(*at, *shape)(m, f, raised.shape)
+                near *= np.float32(_NEAR * self.options.variety)
+                near += np.float32(1)
+                raised *= near
         if self._shares is not None:
-            dearer = self._too_often(self._shares)[self.atlas.owner_of_rows]
-            raised *= dearer[m::f][:n, np.newaxis].astype(np.float32)
+            often = self._too_often(self._shares)[self.atlas.owner_of_rows]
+            raised *= often[m::f][:n, np.newaxis].astype(np.float32)
         if self.phase is not None:
             places = (m + f * np.arange(n), m + f * np.arange(columns_n))
             in_step = np.where(self.phase.allows(at, shape, *places), raised, np.float32(np.inf))
             raised = in_step if np.isfinite(in_step).any() else raised
-        free = raised.copy()
-        free[used_up > 0] = np.inf
+        left = raised.copy()
+        if used_up is not None:
+            left[used_up > 0] = np.inf
         apart = max(3, min(shape) // 8)
-        for row, column in self._exhausted(at, shape, known):
-            _block(free, (row - m) / f, (column - m) / f, apart / f)
-        # With few places to choose from, better a place that was used or a copy than none.
-        left = free if np.isfinite(free).any() else raised * (1 + _USED_UP * used_up).astype(np.float32)
+        for row, column in self._exhausted(site):
+            _block(left, (row - m) / f, (column - m) / f, apart / f)
         rows: list[int] = []
         columns: list[int] = []
         errors: list[np.float32] = []
         for _ in range(self.options.candidates):
             i, j = divmod(int(left.argmin()), columns_n)
+            if not rows and not np.isfinite(left[i, j]):
+                # With few places to choose from, better a place that was used or a copy than none.
+                left = raised if used_up is None else raised * (1 + np.float32(_USED_UP) * used_up)
+                i, j = divmod(int(left.argmin()), columns_n)
             if rows and not np.isfinite(left[i, j]):
                 break
             rows.append(m + f * i)
@@ -361,22 +363,21 @@ class PatchPlacer:
         part = shown / max(int(shown.sum()), 1)
         return np.asarray(((part + _LEAST_SHARE) / (shares + _LEAST_SHARE)) ** 6)
 
-    def _exhausted(self, at: tuple[int, int], shape: tuple[int, int], known: Ints32) -> list[tuple[int, int]]:
+    def _exhausted(self, site: Site) -> list[tuple[int, int]]:
         """Atlas places at which the patch would continue a copy that is known, and make it too large."""
-        m = self.margin
-        y, x, index, areas = self.canvas.copies(at[0] - m, at[1] - m, *known.shape)
-        row, column = np.divmod(index, np.int32(self.atlas.width))
-        new = int((known[m : m + shape[0], m : m + shape[1]] < 0).sum())
+        m, shape = self.margin, site.shape
+        new = int((site.known[m : m + shape[0], m : m + shape[1]] < 0).sum())
         pixels = shape[0] * shape[1]
         limit = max(
             min(self.options.copy_patches * pixels, self.options.copy_share * int(self.atlas.copied.sum())),
             pixels,
         )
-        return [
-            (int(r - a + m), int(c - b + m))
-            for r, c, a, b, area in zip(row, column, y, x, areas, strict=True)
-            if area + new > limit
-        ]
+        height, width = site.known.shape
+        y, x, index, _ = self.canvas.copies(
+            site.at[0] - m, site.at[1] - m, height, width, larger=math.floor(limit) - new
+        )
+        row, column = np.divmod(index, np.int32(self.atlas.width))
+        return [(int(r), int(c)) for r, c in zip(row - y + m, column - x + m, strict=True)]
 
 
 def _average_use(atlas: Atlas, area: int, shares: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:

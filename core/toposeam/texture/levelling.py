@@ -82,12 +82,14 @@ def membrane(values: Floats32, region: Mask) -> Floats32:
     return result
 
 
-def levelled(plane: Floats32, usable: Mask, index: Ints32, region: Mask, white: float = 1.0) -> Floats32:
+def levelled(
+    plane: npt.NDArray[Any], usable: Mask, index: Ints32, region: Mask, white: float = 1.0
+) -> Floats32:
     """What has to be added to the copies in a region so that they fit each other and what surrounds them.
 
     Parameters
     ----------
-    plane : (AH, AW, C) float32 array
+    plane : (AH, AW, C) array
         The picture that was copied from, on its atlas.
     usable : (AH, AW) bool array
         Where it has a value.
@@ -103,7 +105,12 @@ def levelled(plane: Floats32, usable: Mask, index: Ints32, region: Mask, white: 
     (H, W, C) float32 array
         0 outside of the region.
     """
-    flat, valid, stride = plane.reshape(-1, plane.shape[2]), usable.ravel(), plane.shape[1]
+    valid, stride = usable.ravel(), plane.shape[1]
+    copied_from = plane.reshape(-1, plane.shape[2])
+
+    def values(index: Ints32) -> Floats32:
+        return copied_from.take(index, axis=0).astype(np.float32, copy=False)
+
     result = np.zeros((*index.shape, plane.shape[2]), np.float32)
     if not region.any():
         return result
@@ -115,16 +122,17 @@ def levelled(plane: Floats32, usable: Mask, index: Ints32, region: Mask, white: 
     steps: Steps = []
     for (s, t), step in zip(_NEIGHBOURS, (1, stride), strict=True):
         p, q = np.maximum(part[s], 0), np.maximum(part[t], 0)
-        ahead, behind = np.minimum(p + step, len(flat) - 1), np.maximum(q - step, 0)
+        ahead, behind = np.minimum(p + step, len(valid) - 1), np.maximum(q - step, 0)
         known_p = (valid[p] & valid[ahead] & (part[s] >= 0))[..., np.newaxis]
         known_q = (valid[q] & valid[behind] & (part[t] >= 0))[..., np.newaxis]
         count = np.maximum(known_p.astype(np.float32) + known_q, 1)
-        mean = ((flat[ahead] - flat[p]) * known_p + (flat[q] - flat[behind]) * known_q) / count
-        apart = (np.abs(flat[ahead] - flat[q]) * known_p + np.abs(flat[p] - flat[behind]) * known_q) / count
+        at_p, at_q, at_ahead, at_behind = values(p), values(q), values(ahead), values(behind)
+        mean = ((at_ahead - at_p) * known_p + (at_q - at_behind) * known_q) / count
+        apart = (np.abs(at_ahead - at_q) * known_p + np.abs(at_p - at_behind) * known_q) / count
         weight = 1 / (1 + (apart.max(axis=2) / (_LIGHT * white)) ** 4)
         weight[(part[s] < 0) | (part[t] < 0)] = 0
         steps.append((mean, weight.astype(np.float32)))
-    copied = np.where(part[..., np.newaxis] >= 0, flat[np.maximum(part, 0)], 0)
+    copied = np.where(part[..., np.newaxis] >= 0, values(np.maximum(part, 0)), np.float32(0))
     if inside.any():
         result[box][inside] = _poisson(copied, inside, steps) - copied[inside]
     return result

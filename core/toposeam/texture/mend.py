@@ -17,7 +17,7 @@ from scipy import ndimage
 
 from toposeam.images import Mask
 from toposeam.texture.atlas import Floats32, Ints32, values_at
-from toposeam.texture.lay import PatchPlacer
+from toposeam.texture.lay import PatchPlacer, Site
 from toposeam.texture.search import Ints
 
 #: Side of the blocks of px by which bad places are found.
@@ -106,10 +106,11 @@ def _try(placer: PatchPlacer, top: int, left: int, shape: tuple[int, int]) -> bo
     known = canvas.read(top - m, left - m, h + 2 * m, w + 2 * m)
     weight = np.where(known >= 0, np.float32(placer.options.context_weight), np.float32(0))
     weight[m : m + h, m : m + w] = ~bad[1:-1, 1:-1]
-    found = placer.choose(top, left, shape, known, weight)
-    open_padded = np.where(bad, np.int32(-1), padded)
     _, _, inside = canvas.window(top, left, h, w)
-    shows = placer.cut(open_padded, found, inside)
+    site = Site(at=(top, left), shape=shape, known=known, weight=weight, covers=inside)
+    found = placer.choose(site, placer.fits(site))
+    open_padded = np.where(bad, np.int32(-1), padded)
+    shows = placer.cut(open_padded, found, inside, closed=True)
     after = padded.copy()
     np.copyto(after[1:-1, 1:-1], found, where=shows)
     if _seam_costs(placer, after).sum() >= _BETTER * before.sum():

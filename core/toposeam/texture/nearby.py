@@ -77,7 +77,7 @@ class Nearby:
                 np.minimum((margin + factor * np.arange(n)) // step, limit - 1)
                 for n, limit in zip(shape, sums.shape, strict=True)
             )
-            result: Floats32 = sums[np.ix_(rows, columns)]
+            result: Floats32 = sums.take(rows, axis=0).take(columns, axis=1)
             return result
 
         return on_grid

@@ -26,6 +26,8 @@ _PIXELS, _WINDOW = 40_000, 8
 _QUERIES, _MATCHES = 3000, 8
 #: Components in which windows are compared.
 _DIMENSIONS = 16
+#: How much farther than the nearest a match may be: its shift is one of thousands that vote.
+_ROUGHLY = 0.5
 #: Matches nearer than this share of the longer side say nothing.
 _NEAR = 1 / 15
 #: Windows on the rim, and how many places each contributes; how many the whole ring contributes.
@@ -125,7 +127,7 @@ def _dominant(picture: Floats32, copied: Mask, hole: Mask, count: int, rng: np.r
     asked = near if len(near) <= _QUERIES else rng.choice(near, _QUERIES, replace=False)
     if not len(asked):
         return np.zeros((0, 2), np.intp)
-    _, match = cKDTree(points).query(points[asked], k=min(_MATCHES, len(points)))
+    _, match = cKDTree(points).query(points[asked], k=min(_MATCHES, len(points)), eps=_ROUGHLY)
     dy, dx = rows[match] - rows[asked, np.newaxis], columns[match] - columns[asked, np.newaxis]
     far = np.hypot(dy, dx) > _NEAR * max(small.shape[:2])
     first = far.argmax(axis=1)

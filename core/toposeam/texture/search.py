@@ -14,7 +14,7 @@ of their size first and then at full size round the best places.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +27,8 @@ from toposeam.texture.atlas import Atlas, Floats32
 _LEAST_SHARE = 0.25
 #: Pixels, about, by which places near those that the reduced search found are compared.
 _COMPARED = 1000
+#: For so many windows of unlike weights what these say is kept.
+_KEPT = 64
 
 Spectrum = npt.NDArray[np.complex64]
 Ints = npt.NDArray[np.intp]
@@ -53,10 +55,11 @@ class PatchSearch:
         features = (features - self._mean) * (present[..., np.newaxis] > 0)
         self._grid = present.shape
         self._size = (sf.next_fast_len(present.shape[0]), sf.next_fast_len(present.shape[1], real=True))
-        self._present = self._spectrum(present)
-        self._channels = [self._spectrum(features[..., c] * present) for c in range(features.shape[2])]
-        self._square = self._spectrum(np.square(features).sum(axis=2) * present)
-        self._shares: dict[bytes, tuple[Spectrum, Floats32]] = {}
+        channels = [*np.moveaxis(features, 2, 0), np.square(features).sum(axis=2)]
+        found = np.conj(self._spectra(np.stack([present, *(one * present for one in channels)])))
+        self._present, self._square = found[0], found[-1]
+        self._channels = np.concatenate([np.complex64(-2) * found[1:-1], found[:1]])
+        self._kept: dict[tuple[bytes, tuple[int, int]], _Known] = {}
         self._rooms: dict[tuple[int, int], Mask] = {}
 
     def room(self, shape: tuple[int, int]) -> Mask:
@@ -90,22 +93,22 @@ class PatchSearch:
         """
         f = self.factor
         window, mass = reduced(values, weight, f)
-        share, below = self._share(mass)
-        window -= self._mean
-        total = share * self._square
-        for c, spectrum in enumerate(self._channels):
-            plane = window[..., c] * mass
-            total -= np.complex64(2) * np.conj(self._spectrum(plane)) * spectrum
-        total += np.conj(self._spectrum(np.square(window).sum(axis=2) * mass)) * self._present
-        rows, columns = self._grid[0] - mass.shape[0] + 1, self._grid[1] - mass.shape[1] + 1
-        error = sf.irfft2(total, self._size, overwrite_x=True)[:rows, :columns]
-        error = np.maximum(error, np.float32(0)) / np.maximum(below, np.float32(1e-9))
-        error[below < _LEAST_SHARE * mass.sum()] = np.inf
-        room = self.room(patch)[margin[0] :: f, margin[1] :: f][:rows, :columns]
-        full = np.full((min(rows, room.shape[0]), min(columns, room.shape[1])), np.inf, np.float32)
-        n, m = full.shape
-        np.copyto(full, error[:n, :m], where=room[:n, :m])
-        return full
+        known = self._known(mass, margin, patch)
+        rows, columns = known.blocked.shape
+        planes = np.empty((window.shape[2] + 1, *mass.shape), np.float32)
+        shifted = np.moveaxis(planes, 0, 2)[..., :-1]
+        np.subtract(window, self._mean, out=shifted)
+        np.einsum("yxc,yxc->yx", shifted, shifted, out=planes[-1])
+        planes *= mass
+        total = known.squares.copy()
+        for spectrum, one in zip(self._spectra(planes), self._channels, strict=True):
+            spectrum *= one
+            total += spectrum
+        error = self._back(total, rows, columns)
+        np.maximum(error, np.float32(0), out=error)
+        error *= known.share
+        np.copyto(error, np.float32(np.inf), where=known.blocked)
+        return error
 
     def around(
         self,
@@ -142,34 +145,60 @@ class PatchSearch:
         error[~room[rows, columns]] = np.inf
         return rows, columns, error
 
-    def _share(self, mass: Floats32) -> tuple[Spectrum, Floats32]:
-        """Conjugate spectrum of the weights, and the weight that meets pixels with a value at every place;
-        they come again and again.
-        """
-        key = mass.tobytes() + bytes(str(mass.shape), "ascii")
-        if key not in self._shares:
-            if len(self._shares) >= 64:
-                self._shares.clear()
-            spectrum = np.conj(self._spectrum(mass))
-            rows, columns = self._grid[0] - mass.shape[0] + 1, self._grid[1] - mass.shape[1] + 1
-            self._shares[key] = spectrum, sf.irfft2(spectrum * self._present, self._size)[:rows, :columns]
-        return self._shares[key]
+    def _known(self, mass: Floats32, margin: tuple[int, int], patch: tuple[int, int]) -> _Known:
+        """What the weights alone say; they come again and again."""
+        key = mass.tobytes() + bytes(f"{mass.shape} {margin}", "ascii"), patch
+        found = self._kept.get(key)
+        if found is None:
+            spectrum = self._spectra(mass[np.newaxis])[0]
+            room = self.room(patch)[margin[0] :: self.factor, margin[1] :: self.factor]
+            rows, columns = (
+                min(grid - length + 1, fits)
+                for grid, length, fits in zip(self._grid, mass.shape, room.shape, strict=True)
+            )
+            below = self._back(spectrum * self._present, rows, columns)
+            blocked = (below < _LEAST_SHARE * mass.sum()) | ~room[:rows, :columns]
+            share: Floats32 = np.reciprocal(np.maximum(below, np.float32(1e-9)))
+            found = _Known(spectrum * self._square, share, blocked)
+            if len(self._kept) >= _KEPT:
+                self._kept.clear()
+            self._kept[key] = found
+        return found
 
-    def _spectrum(self, plane: Floats32) -> Spectrum:
-        """Its transform on the common size; rows beyond the plane are zero and need no transform of their
-        own.
+    def _spectra(self, planes: Floats32) -> Spectrum:
+        """The transforms of (n, h, w) planes on the common size; rows beyond them are zero and need no
+        transform of their own.
         """
-        lines = sf.rfft(plane, self._size[1], axis=1)
-        result: Spectrum = sf.fft(lines, self._size[0], axis=0)
+        lines = sf.rfft(planes, self._size[1], axis=2)
+        result: Spectrum = sf.fft(lines, self._size[0], axis=1)
         return result
+
+    def _back(self, conjugate: Spectrum, rows: int, columns: int) -> Floats32:
+        """The first rows and columns of the plane with the conjugate of a spectrum, which is overwritten."""
+        np.conj(conjugate, out=conjugate)
+        lines = sf.ifft(conjugate, axis=0, overwrite_x=True)[:rows]
+        result: Floats32 = sf.irfft(lines, self._size[1], axis=1)[:, :columns]
+        return np.ascontiguousarray(result)
+
+
+class _Known(NamedTuple):
+    """What weights say without the values: the conjugate spectrum of the first term, one over the weight that
+    meets pixels with a value at every place, and which places are none.
+    """
+
+    squares: Spectrum
+    share: Floats32
+    blocked: Mask
 
 
 def box_sum(values: npt.NDArray[Any], shape: tuple[int, int]) -> npt.NDArray[np.int32]:
     """Sum of every h × w box of an (H, W) array of whole numbers: (H - h + 1, W - w + 1)."""
-    total = np.zeros((values.shape[0] + 1, values.shape[1] + 1), np.int32)
-    np.cumsum(np.cumsum(values, axis=1, dtype=np.int32), axis=0, out=total[1:, 1:])
     h, w = shape
-    result: npt.NDArray[np.int32] = total[h:, w:] - total[:-h, w:] - total[h:, :-w] + total[:-h, :-w]
+    down = np.zeros((values.shape[0] + 1, values.shape[1]), np.int32)
+    np.cumsum(values, axis=0, dtype=np.int32, out=down[1:])
+    across = np.zeros((max(len(down) - h, 0), values.shape[1] + 1), np.int32)
+    np.cumsum(down[h:] - down[:-h], axis=1, out=across[:, 1:])
+    result: npt.NDArray[np.int32] = across[:, w:] - across[:, :-w]
     return result
 
 

@@ -10,7 +10,8 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from toposeam.images import Mask
-from toposeam.seam.find import Method, method_options, solve
+from toposeam.seam.find import Method, method_options
+from toposeam.seam.labels import MethodOptions, decided_by
 from toposeam.seam.overlap import FREE, TOUCHING, A, B, Overlap
 from toposeam.seam.problem import SeamProblem
 from toposeam.texture.atlas import Floats32
@@ -73,9 +74,8 @@ class ShiftMoves:
         like: Floats32,
     ) -> None:
         self.ground, self.stride = ground, stride
-        self.shifts = np.concatenate(
-            [shifts, np.zeros((1, 2), np.intp)]
-        )  # the last one is the picture itself
+        # The last one is the picture itself.
+        self.shifts = np.concatenate([shifts, np.zeros((1, 2), np.intp)])
         self.itself = len(shifts)
         half = stride // 2
         # One pixel beyond the box on every side, for the picture as it is there.
@@ -144,7 +144,7 @@ class ShiftMoves:
     def data(self, label: Ints, part: Part = EVERYWHERE) -> Floats32:
         """The data term of a labelling of a part of the region."""
         like = self._brought(self._like, label, part)
-        cost: Floats32 = self.weight[part] * np.abs(like - self.wanted[part]).sum(axis=2)
+        cost: Floats32 = self.weight[part] * np.einsum("yxc->yx", np.abs(like - self.wanted[part]))
         cost[label == self.itself] = 0
         return cost
 
@@ -232,7 +232,7 @@ class ShiftMoves:
         active: set[int],
         most: int,
         method: Method,
-        options: object,
+        options: MethodOptions,
         progress: Callable[[float], None] | None,
     ) -> None:
         total = self.total(self.label[window], window)
@@ -261,7 +261,9 @@ class ShiftMoves:
                 if self._reach is None or self.free[window].any():
                     yield window
 
-    def _expand(self, index: int, window: Part, total: float, method: Method, options: object) -> float:
+    def _expand(
+        self, index: int, window: Part, total: float, method: Method, options: MethodOptions
+    ) -> float:
         """By how much the cost falls when one shift expands in a window as is best; 0 where it does not."""
         around = _grown(window)
         own = self.label[around] == index
@@ -287,7 +289,7 @@ class ShiftMoves:
         if not (problem.overlap.side == FREE).any():
             turned = problem.overlap.side == B
         else:
-            turned = problem.complete(solve(problem, method, options).labels).astype(bool)  # type: ignore[arg-type]
+            turned = problem.complete(decided_by(problem, method, options)).astype(bool)
         new = np.where(turned[1:-1, 1:-1] & free, index, label)
         gain = self.total(label, part) - self.total(new, part)
         if gain <= _LEAST_GAIN * total:
@@ -366,8 +368,9 @@ def stage(progress: Callable[[float], None], start: float, share: float) -> Call
 
 
 def _norm(a: Floats32, b: Floats32) -> Floats32:
-    result: Floats32 = np.sqrt(np.square(a - b).sum(axis=2))
-    return result
+    apart = a - b
+    result: Floats32 = np.einsum("yxc,yxc->yx", apart, apart)
+    return np.sqrt(result, out=result)
 
 
 def _decided(problem: SeamProblem, shape: tuple[int, int]) -> SeamProblem:

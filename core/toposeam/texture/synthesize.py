@@ -20,17 +20,18 @@ from toposeam.checks import (
     seed_of,
 )
 from toposeam.errors import ImageError, OptionError
-from toposeam.images import MAX_PIXELS, as_array, as_float, full_scale
+from toposeam.images import MAX_PIXELS, as_array, as_float
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.closing import closing_guide, order_axis
+from toposeam.texture.finish import finish, settings_of
 from toposeam.texture.keeping_step import Phase
-from toposeam.texture.lay import Guide, LayOptions, PatchPlacer
+from toposeam.texture.lay import Guide, PatchPlacer
+from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.light import flattened, has_slow_light, levelled_copies, without_light
 from toposeam.texture.mend import mend
 from toposeam.texture.order import STRETCH, UNSEEN, find_order
 from toposeam.texture.raster import lay_all, patches_along
-from toposeam.texture.rendering import Lift, render
 from toposeam.texture.scale import SMALLEST_PATCH, patch_for
 from toposeam.texture.sources import (
     DataRange,
@@ -243,49 +244,6 @@ class _Stages:
         """All is done."""
         if self._progress is not None:
             self._progress(1.0)
-
-
-def finish(
-    sources: Sources,
-    atlas: Atlas,
-    canvas: IndexCanvas,
-    patch: tuple[int, int],
-    settings: dict[str, Any],
-    smooth: int,
-    changed: npt.NDArray[np.bool_] | None = None,
-    lift: Lift | None = None,
-) -> Synthesis:
-    """Every map, made of what the canvas shows; the first one, the picture, may be given light."""
-    made: list[npt.NDArray[Any]] = []
-    for images, gray in zip(sources.planes, sources.gray, strict=True):
-        light = lift if not made else None
-        picture = render(canvas.index, atlas.spread(images), atlas.usable, canvas.wrap, smooth, light)
-        if changed is not None:
-            np.copyto(picture, images[0], where=~changed[..., np.newaxis])
-        made.append(picture[..., 0] if gray else picture)
-    alpha = made.pop() if sources.has_alpha else None
-    if alpha is None and canvas.ground is not None:
-        alpha = canvas.ground * full_scale(made[0].dtype)
-    exemplar, place = atlas.locate(canvas.index)
-    return Synthesis(
-        image=made[0],
-        alpha=alpha,
-        maps=tuple(made[1:]),
-        labels=canvas.copy_labels(),
-        source=place,
-        exemplar=exemplar,
-        wraps=canvas.wrap,
-        patch=patch,
-        settings=settings,
-        smooth=smooth,
-        changed=changed,
-        atlas=atlas,
-    )
-
-
-def settings_of(options: LayOptions) -> dict[str, Any]:
-    """The options as numbers and texts."""
-    return {name: getattr(options, name) for name in LayOptions.__dataclass_fields__ if name != "cost"}
 
 
 def check_patch(sources: Sources, patch: int | None, overlap: float | None) -> tuple[int, int]:

@@ -11,12 +11,12 @@ import numpy.typing as npt
 from toposeam.checks import Seed, check_whole, options_from, seed_of
 from toposeam.errors import ImageError, OptionError
 from toposeam.images import as_array
+from toposeam.texture.finish import finish, settings_of
 from toposeam.texture.holed import placer_over, read_holed
-from toposeam.texture.lay import LayOptions
+from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.raster import SMALLEST_TILE
 from toposeam.texture.sources import DataRange, Images
 from toposeam.texture.synthesis import Synthesis
-from toposeam.texture.synthesize import finish, settings_of
 from toposeam.texture.tileable import Tileable, wraps_of
 
 

@@ -67,6 +67,7 @@ def test_the_same_bytes_whatever_the_number_of_processes(toposeam, pairs):
     assert contents(pairs / "out1") == contents(pairs / "out3")
 
 
+@pytest.mark.medium
 def test_what_is_missing_or_broken_fails_alone(toposeam, pairs):
     (pairs / "right_1.png").unlink()
     (pairs / "left_2.png").write_bytes((pairs / "left_2.png").read_bytes()[:300])
@@ -179,6 +180,7 @@ def test_a_file_of_jobs_says_everything_the_command_line_can(toposeam, pairs):
     assert (pairs / "work" / "joined" / "zero.svg").exists()
 
 
+@pytest.mark.medium
 def test_a_dry_run_prints_commands_that_do_the_same(toposeam, pairs):
     assert toposeam("batch", "left_0*.png", "right_0*.png", *PATTERNS[2:-1], "out/0{name}.png").code == 0
     ran = toposeam("batch", *PATTERNS, "--dry-run")
@@ -195,6 +197,7 @@ def test_commands_are_the_same_after_a_batch(toposeam, pairs):
     assert toposeam("stitch", "-h").code == 0
 
 
+@pytest.mark.medium
 def test_brackets_in_names_are_no_patterns(toposeam, pairs):
     for name in ("left", "right"):
         (pairs / f"{name}_1.png").rename(pairs / f"{name}_[x] 1.png")

@@ -113,6 +113,7 @@ def test_a_book_round_two_themes_at_print_size(theme, started):
     assert beside[2] == tie[1] != beside[1]
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("name", ["shirt", "tie"])
 def test_without_a_second_pattern_cloth_is_all_of_the_first(name):
     pattern = np.random.default_rng(1).integers(0, 256, (64, 64, 3), np.uint8)
@@ -268,6 +269,7 @@ def test_folds_shift_and_shade_the_pattern():
     assert np.ptp(np.stack(first), axis=0).max() > 2  # px: straight stripes bend
 
 
+@pytest.mark.medium
 def test_a_theme_that_shows_is_measured_as_such():
     y, x = np.mgrid[:96, :96]
     disc = np.where(np.hypot(y - 48, x - 48) < 24, 0.1, 1.0)

@@ -68,6 +68,7 @@ def test_a_book_is_a_pdf_of_a4_pages_and_the_same_again(folder):
     assert pdf.to_pdf("Discs", folder, rows, [(row(1, season="fall"), "tie")]) == made
 
 
+@pytest.mark.medium
 def test_the_cover_shows_motifs_from_the_first_to_the_last(folder):
     cover = pages(folder, [row(number) for number in range(1, 31)])[0]
     assert cover.size == (WIDTH, HEIGHT)

@@ -43,6 +43,7 @@ def test_the_page_shows_one_motif_per_seed(page):
     assert "{{" not in text
 
 
+@pytest.mark.medium
 @pytest.mark.skipif(BROWSER is None, reason="there is no Chromium")
 def test_a_click_keeps_a_motif_and_shows_its_recipe(page, tmp_path):
     clicking = tmp_path / "clicking.html"
@@ -56,6 +57,7 @@ def test_a_click_keeps_a_motif_and_shows_its_recipe(page, tmp_path):
     assert 'download="motif-3.toml"' in elements
 
 
+@pytest.mark.medium
 @pytest.mark.skipif(BROWSER is None, reason="there is no Chromium")
 def test_the_address_remembers_what_was_kept(page, tmp_path):
     elements = seen(page, tmp_path, "#keep=1,6")

@@ -35,6 +35,7 @@ def motifs(tmp_path_factory):
     return folder
 
 
+@pytest.mark.medium
 def test_motifs_are_joined_as_the_library_joins_them(motifs, tmp_path, toposeam):
     one, two = (read_recipe(motifs / f"{name}.png") for name in ("one", "two"))
     ran = toposeam(
@@ -60,6 +61,7 @@ def test_motifs_are_joined_as_the_library_joins_them(motifs, tmp_path, toposeam)
     np.testing.assert_array_equal(mixed, np.rint(expected * 255).astype(np.uint8))
 
 
+@pytest.mark.medium
 def test_a_random_sheet_at_a_size(motifs, tmp_path, toposeam):
     line = (
         "join",
@@ -79,6 +81,7 @@ def test_a_random_sheet_at_a_size(motifs, tmp_path, toposeam):
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
+@pytest.mark.medium
 def test_a_motif_on_a_product_has_its_colours(motifs, tmp_path, toposeam):
     ran = toposeam(
         "mockup", motifs / "one.png", "--on", "canvas", "-o", tmp_path / "c.png", "--motif-width", "20cm"
@@ -108,6 +111,7 @@ def test_a_mockup_at_a_resolution_is_the_same_picture_larger(motifs, tmp_path, t
     assert sharpness[0] > 1.2 * sharpness[1]
 
 
+@pytest.mark.medium
 def test_any_picture_on_a_product(tmp_path, toposeam):
     write_picture(tmp_path / "gray.png", Picture(pixels=np.full((9, 7), 90, np.uint8)))
     assert (
@@ -129,6 +133,7 @@ def test_any_picture_on_a_product(tmp_path, toposeam):
     assert abs(float(np.median(drawn[600:800, 600:700])) - 90) < 12
 
 
+@pytest.mark.medium
 def test_what_is_transparent_is_printed_white(tmp_path, toposeam):
     clear = Picture(pixels=np.full((9, 9), 90, np.uint16), alpha=np.zeros((9, 9), np.uint16))
     write_picture(tmp_path / "clear.png", clear)

@@ -82,6 +82,7 @@ def test_a_webp_becomes_a_loop_of_its_own_frames(toposeam, clip, tmp_path):
         assert (pixels[None] == given).all(axis=3).any(axis=0).all()
 
 
+@pytest.mark.medium
 def test_apng_and_folders_keep_every_bit(toposeam, clip, tmp_path):
     for output in ("loop.png", "loop"):
         assert toposeam("loop", clip, "-o", tmp_path / output, "--length", "12").code == 0

@@ -150,6 +150,7 @@ def test_repeat_of_any_picture_keeps_depth_alpha_and_profile(folder, toposeam):
     np.testing.assert_array_equal(sheet.alpha, np.concatenate([alpha, alpha[:, ::-1]], axis=1))
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("rule", ["translate", "rotate", "reflect", "pgg"])
 def test_drawings_look_like_the_pictures(folder, toposeam, rule):
     options = (

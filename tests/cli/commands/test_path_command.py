@@ -18,6 +18,7 @@ def ground(folder):
     return folder
 
 
+@pytest.mark.medium
 def test_the_way_of_the_library_is_written_as_svg(ground, toposeam):
     ran = toposeam("path", "hills.png", "--from", "5,10", "--to", "54,12", "-o", "way.svg")
     assert (ran.code, ran.err) == (0, "")

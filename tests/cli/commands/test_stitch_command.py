@@ -92,6 +92,7 @@ def test_a_picture_inside_the_other_shows_more_the_smaller_the_core(folder, topo
     assert areas[0] < areas[2]
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("overlap", [1, 2, 3])
 def test_the_narrowest_overlaps_are_joined(folder, toposeam, overlap):
     line = (

@@ -33,6 +33,7 @@ def stored(monkeypatch):
         monkeypatch.setattr(module, name, value)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     "options",
     [

@@ -60,6 +60,7 @@ def test_an_overlay_of_any_picture_is_eight_bit_colour(folder, toposeam, photogr
     assert drawn.shape == (40, 92, 3)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     ("suffix", "magic"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF"), (".PNG", b"\x89PNG")]
 )
@@ -69,6 +70,7 @@ def test_the_history_is_a_figure(folder, toposeam, suffix, magic):
     assert (folder / f"history{suffix}").read_bytes().startswith(magic)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("where", ["36,0", "30,9"])
 def test_the_thesis_has_a_history_too(folder, toposeam, where):
     pytest.importorskip("matplotlib")
@@ -139,6 +141,7 @@ def test_a_seam_that_did_not_settle_says_so(folder, toposeam, monkeypatch):
     assert_joined("out.png", "labels.png", "a.png", "b.png", (36, 0))
 
 
+@pytest.mark.medium
 def test_force_replaces_and_only_what_was_named(folder, toposeam):
     outputs = ["out.png", "seam.svg", "labels.png", "overlay.png", "history.png"]
     options = [

@@ -41,6 +41,7 @@ def test_the_page_tells_of_every_seam_and_picture_and_needs_nothing(page):
         assert word not in text
 
 
+@pytest.mark.medium
 @pytest.mark.skipif(BROWSER is None, reason="there is no Chromium")
 def test_the_slider_and_the_rows_work_in_a_browser(page, tmp_path):
     moving = tmp_path / "moving.html"

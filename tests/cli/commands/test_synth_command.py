@@ -88,6 +88,7 @@ def test_several_sources_of_unlike_depth_become_one_texture(toposeam):
     assert read_picture("both.tif").pixels.shape == (70, 90, 3)
 
 
+@pytest.mark.medium
 def test_an_overlap_may_be_a_share_and_the_same_default_does_for_a_whole_batch(toposeam, folder):
     alike = ("synth", "moss.png", *ASKED, "--coordinates")
     assert toposeam(*alike, "a_from.png", "--overlap", "50%", "-o", "a.png").code == 0
@@ -178,6 +179,7 @@ def test_a_mask_and_a_guide_are_read_from_pictures(toposeam):
     assert made[:, 45:].mean() > made[:, :45].mean() * 1.1
 
 
+@pytest.mark.medium
 def test_an_ordered_texture_takes_the_size_on_which_it_closes(toposeam):
     y, x = np.mgrid[:120, :130]
     checks = np.where((x // 10 + y // 12) % 2, 40, 210) + np.random.default_rng(0).integers(0, 9, x.shape)
@@ -195,6 +197,7 @@ def test_an_ordered_texture_takes_the_size_on_which_it_closes(toposeam):
     assert read_picture("o.png").pixels.shape == (240, 260)
 
 
+@pytest.mark.medium
 def test_sources_show_on_the_shares_asked_for(toposeam):
     asked = ("synth", "moss.png", "gray.tif", "--size", "150x140", "--patch", "24", "-o", "o.png", "--force")
     parts = []

@@ -12,6 +12,7 @@ from toposeam_cli.figures.animation import SUFFIXES, animate
 RNG = np.random.default_rng(2)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_an_animation_has_a_frame_for_each_iteration_and_ends_on_the_two_sides(suffix):
     seam = ts.find_seam(RNG.random((40, 12)), RNG.random((40, 12)), method="thesis", record_frames=True)

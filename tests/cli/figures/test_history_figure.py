@@ -38,6 +38,7 @@ def test_overlaps_of_every_proportion_make_a_picture(shape, side):
     )
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("method", ["heat", "thesis"])
 @pytest.mark.parametrize(("suffix", "start"), [(".png", b"\x89PNG"), (".pdf", b"%PDF"), (".svg", b"<?xml")])
 def test_every_format_is_written_the_same_each_time(method, suffix, start):

@@ -56,6 +56,7 @@ def test_doctor_sees_that_the_only_gimp_does_not_read_the_profile(home):
     assert "the GIMP on this machine is 3.0, which does not read this profile" in output
 
 
+@pytest.mark.medium
 def test_doctor_lets_the_profile_of_an_earlier_gimp_be(home):
     fake_gimp(home, "gimp-console-3.2")
     (home / ".config" / "GIMP" / "3.0").mkdir(exist_ok=True)

@@ -166,6 +166,7 @@ def test_what_is_done_is_not_done_again(tmp_path, functions):
     assert set(statuses(run(jobs, journal=table, resume=False)).values()) == {"done"}
 
 
+@pytest.mark.medium
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="nobody tells of processes as Linux does")
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_a_run_that_ends_too_early_goes_on(tmp_path, functions, end):

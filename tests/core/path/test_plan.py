@@ -138,6 +138,7 @@ def test_progress_reaches_the_end():
 # Large grounds, led over from coarse to fine.
 
 
+@pytest.mark.medium
 def test_a_large_even_ground_gives_the_straight_line():
     found = ts.plan_path((210, 300), (9, 12), (280, 190))
     assert found.length == pytest.approx(np.hypot(271, 178), rel=1e-3)
@@ -146,6 +147,7 @@ def test_a_large_even_ground_gives_the_straight_line():
     assert found.density[20, 280] == 0
 
 
+@pytest.mark.medium
 def test_a_large_terrain_costs_no_more_than_led_over_as_a_whole(monkeypatch):
     rng = np.random.default_rng(5)
     height = ndimage.gaussian_filter(rng.random((170, 190)), 7)
@@ -172,6 +174,7 @@ def test_a_finer_ground_is_open_beside_the_ways_only():
     assert np.isfinite(ground[3:8, 4:9]).all()
 
 
+@pytest.mark.medium
 def test_a_gap_that_the_reduced_ground_does_not_have_is_found():
     wall = np.zeros((400, 420), bool)
     wall[:380, 200:203] = True
@@ -181,6 +184,7 @@ def test_a_gap_that_the_reduced_ground_does_not_have_is_found():
     assert found.history[0].cell_px == 3
 
 
+@pytest.mark.medium
 def test_a_large_ground_in_pieces_leads_no_heat_where_none_gets():
     rng = np.random.default_rng(0)
     blocks = rng.random((60, 80)) < 0.62  # many pieces, many corners that touch
@@ -213,6 +217,7 @@ def test_on_a_large_ground_ends_may_be_near_and_many():
     assert shares[-1] == 1.0
 
 
+@pytest.mark.medium
 def test_walls_that_multigrid_does_not_get_round_are_eliminated(monkeypatch):
     ground = np.ones((96, 120))
     for number in range(1, 12):
@@ -227,6 +232,7 @@ def test_walls_that_multigrid_does_not_get_round_are_eliminated(monkeypatch):
     assert found.cost <= dijkstra_cost(ground, (60, 2), (60, 94))
 
 
+@pytest.mark.medium
 def test_a_long_line_is_drawn_taut_between_some_of_its_points():
     steps = np.repeat([[[3, 0], [0, 3]]], 130, axis=0).reshape(-1, 2)
     line = np.repeat(np.sign(steps), 3, axis=0).cumsum(axis=0) + 0.5  # 780 points of a stair

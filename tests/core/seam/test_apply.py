@@ -127,6 +127,7 @@ def test_any_labels_with_a_fixed_pixel_per_component_survive(data):
     assert_round_trip(labels, overlap, side)
 
 
+@pytest.mark.medium
 @settings(deadline=None)
 @given(st.integers(0, 3), st.booleans(), st.integers(0, 2**32 - 1))
 def test_transposed_or_mirrored_paths_give_transposed_or_mirrored_labels(turns, flip, seed):

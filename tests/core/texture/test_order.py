@@ -101,6 +101,7 @@ def test_places_in_step_are_those_a_period_apart():
     assert np.argwhere(allowed).tolist() == [[r, c] for r in (3, 13) for c in (3, 9)]
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("size", [(192, 200), (197, 213)])
 def test_bricks_that_repeat_keep_step_across_the_border(size):
     image = bricks()
@@ -111,6 +112,7 @@ def test_bricks_that_repeat_keep_step_across_the_border(size):
     assert size == (192, 200) or out_of_step(loose.image, order) > 0.02
 
 
+@pytest.mark.medium
 def test_a_synthesis_says_which_size_would_fit():
     image = bricks()
     assert ts.synthesize(image, (192, 200), patch=40, tileable=True).fits is None

@@ -366,6 +366,7 @@ def test_bad_input_is_refused_in_one_sentence(change, error, text):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.medium
 def test_exemplars_show_on_the_shares_asked_for(sample):
     dark, light = sample(0, (64, 64)) // 2, 128 + sample(1, (64, 64)) // 2
     shown = [

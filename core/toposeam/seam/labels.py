@@ -1,0 +1,90 @@
+"""Which of two patches shows where, and nothing else: for textures, which cut hundreds of small patches."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.images import Mask
+from toposeam.seam.exact import cut_by_flow
+from toposeam.seam.find import Method, method_options, solve
+from toposeam.seam.heat import HeatOptions
+from toposeam.seam.kept_paths import cut_by_paths
+from toposeam.seam.match_cost import MatchCost, match_cost, match_options
+from toposeam.seam.overlap import FREE, between_masks
+from toposeam.seam.problem import SeamProblem
+from toposeam.seam.thesis_options import ThesisOptions
+
+#: Methods whose seam is the best one: on small overlaps a path, or a maximum flow, ends what heat begins.
+_BEST: tuple[Method, ...] = ("heat", "shortest-path")
+#: Up to so many free pixels a maximum flow is found sooner than heat gathers.
+_BY_FLOW = 30_000
+
+MethodOptions = HeatOptions | ThesisOptions | None
+
+
+def decided_by(problem: SeamProblem, method: Method, options: MethodOptions) -> Mask:
+    """The labels that a method finds; on small overlaps the best ones where the method looks for these.
+
+    Parameters
+    ----------
+    problem : SeamProblem
+    method, options
+        As for :func:`toposeam.seam.find.solve`.
+    """
+    free = problem.overlap.side == FREE
+    if method in _BEST and np.count_nonzero(free) <= _BY_FLOW:
+        return problem.complete(cut_by_flow(problem, free)).astype(bool, copy=False)
+    return solve(problem, method, options).labels
+
+
+def seam_labels(
+    a: npt.NDArray[np.float32],
+    b: npt.NDArray[np.float32],
+    mask_a: Mask,
+    mask_b: Mask,
+    method: Method = "heat",
+    cost: MatchCost | None = None,
+    *,
+    closed: bool = False,
+) -> Mask:
+    """What :func:`toposeam.find_seam` labels ``b``, found sooner on small overlaps.
+
+    Parameters
+    ----------
+    a, b : (H, W, C) float32 arrays
+        In [0, 1]; their values where they have no pixels do not matter.
+    mask_a, mask_b : (H, W) bool arrays
+    method, cost
+        As for :func:`toposeam.find_seam`.
+    closed : bool
+        Whether the seam is likely to be closed, so that no path is looked for.
+
+    Returns
+    -------
+    (H, W) bool array
+
+    Raises
+    ------
+    OverlapError
+        When the masks share no pixel, or nothing divides them.
+
+    Examples
+    --------
+    >>> a, b = np.random.default_rng(0).random((2, 9, 9, 1)).astype(np.float32)
+    >>> columns = np.broadcast_to(np.arange(9), (9, 9))
+    >>> labels = seam_labels(a, b, columns < 6, columns > 2)
+    >>> labels[:, :4].any(), labels[:, 5:].all()
+    (np.False_, np.True_)
+    """
+    overlap = between_masks(mask_a, mask_b)
+    on_a, on_b = overlap.window(mask_a), overlap.window(mask_b)
+    part_a, part_b = overlap.window(a), overlap.window(b)
+    part_a[~on_a], part_b[~on_b] = 0, 0
+    right, down = match_cost(part_a, part_b, overlap, on_a, on_b, match_options(None, cost))
+    problem = SeamProblem(overlap, right, down)
+    labels = cut_by_paths(problem) if method in _BEST and not closed else None
+    if labels is None:
+        labels = decided_by(problem, method, method_options(method, {}))
+    found: Mask = problem.on_canvas(labels, mask_b & ~mask_a)
+    return found

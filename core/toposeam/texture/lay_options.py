@@ -1,0 +1,67 @@
+"""How patches are chosen and cut."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from toposeam.checks import check_choice, check_number, check_whole
+from toposeam.errors import OptionError
+from toposeam.seam.find import METHODS, Method
+from toposeam.seam.match_cost import MatchCost
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LayOptions:
+    """How patches are chosen and cut.
+
+    Examples
+    --------
+    >>> import numpy as np, toposeam as ts
+    >>> sample = np.random.default_rng(0).random((48, 48))
+    >>> ts.synthesize(sample, (60, 60), patch=20, options=ts.LayOptions(mend=0)).image.shape
+    (60, 60)
+    """
+
+    #: A patch is drawn at random from those whose error is at most 1 + tolerance times the least.
+    tolerance: float = 0.1
+    #: How many different places are compared.
+    candidates: int = 8
+    #: px round the patch in which known pixels are compared too.
+    context: int = 8
+    #: What a pixel of the context counts, one of the overlap being 1.
+    context_weight: float = 0.5
+    #: No source pixel shows more often than this many times the average.
+    most: float = 2.5
+    #: How strongly places that show often already, or near by, are avoided.
+    variety: float = 0.5
+    #: How much a connected copy may cover: at most so many patches, and this share of what may be copied.
+    copy_patches: float = 3.0
+    copy_share: float = 0.2
+    #: How many further patches are tried over the worst seams, as a share of the patches laid.
+    mend: float = 0.2
+    #: Whether ordered textures that repeat are laid twice, so that their order closes
+    #: (:mod:`toposeam.texture.closing`).
+    close: bool = True
+    #: How the seam is found.
+    method: Method = "heat"
+    cost: MatchCost | None = None
+
+    def __post_init__(self) -> None:
+        for name, low, high in (
+            ("tolerance", 0, 10),
+            ("context_weight", 0, 1),
+            ("most", 1, np.inf),
+            ("variety", 0, 100),
+            ("copy_patches", 0, np.inf),
+            ("copy_share", 0, 1),
+            ("mend", 0, 10),
+        ):
+            check_number(name, getattr(self, name), low, high, infinite=high == np.inf)
+        check_whole("candidates", self.candidates, 1, 1000)
+        check_whole("context", self.context, 0, 64)
+        check_choice("method", self.method, METHODS)
+        check_choice("close", self.close, (True, False))
+        if self.cost is not None and not isinstance(self.cost, MatchCost):
+            raise OptionError(f"cost is of class {type(self.cost).__name__}; pass a MatchCost")

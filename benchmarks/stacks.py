@@ -16,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -56,13 +57,13 @@ def main(shape: tuple[int, int, int], overlap: int, options: list[str]) -> None:
         cut, halved, both = 0, 0, 0
         place, radius, _ = cells(shape, step)
         for at, r in zip(place, radius, strict=True):
-            z, y, x = at
+            x = at[2]
             if not step + r + _MOVES <= x < width - r - _MOVES:
                 continue
             both += 1
-            box = tuple(slice(max(0, int(p) - int(r) + 1), int(p) + int(r)) for p in (z, y, x - step))
-            shown = labels[box]
-            cut += bool(shown.size and shown.min() != shown.max())
+            box, away = around(at, r, shape)
+            shown = labels[(*box[:2], slice(box[2].start - step, box[2].stop - step))][away < r - 1]
+            cut += bool(shown.min() != shown.max())
             halved += abs(x - step - overlap / 2) < r - 1
         print(f"of {both} cells that lie in both, the surface cuts {cut}, a plane in the middle {halved}")
 
@@ -88,17 +89,25 @@ def paint(folder: Path, shape: tuple[int, int, int], step: int) -> None:
             stack[z] = rng.integers(2000, 2600, shape[1:], np.uint16)
         at = place + share * move - (0, 0, start)
         for (z, y, x), r in zip(at, radius, strict=True):
-            box = [
-                np.arange(max(0, int(p - r)), min(length, int(p + r) + 2))
-                for p, length in zip((z, y, x), shape, strict=True)
-            ]
-            if not all(map(len, box)):
+            box, away = around((z, y, x), r, shape)
+            if not away.size:
                 continue
-            away = sum((axis - p) ** 2 for axis, p in zip(np.ix_(*box), (z, y, x), strict=True))
-            light = 40000 * (1 - 0.05 * share) * np.clip(r - np.sqrt(away), 0, 2) / 2
-            room = stack[tuple(slice(axis[0], axis[-1] + 1) for axis in box)]
+            light = 40000 * (1 - 0.05 * share) * np.clip(r - away, 0, 2) / 2
+            room = stack[box]
             np.maximum(room, light.astype(np.uint16), out=room)
         stack.flush()
+
+
+def around(
+    place: Sequence[float], radius: float, shape: tuple[int, ...]
+) -> tuple[tuple[slice, ...], npt.NDArray[np.float64]]:
+    """The box of voxels round a cell, and their distances from its middle."""
+    axes = [
+        np.arange(max(0, int(p - radius)), max(0, min(length, int(p + radius) + 2)))
+        for p, length in zip(place, shape, strict=True)
+    ]
+    box = tuple(slice(int(axis[0]), int(axis[-1]) + 1) if len(axis) else slice(0) for axis in axes)
+    return box, np.sqrt(sum((axis - p) ** 2 for axis, p in zip(np.ix_(*axes), place, strict=True)))
 
 
 if __name__ == "__main__":

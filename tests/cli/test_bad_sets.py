@@ -111,6 +111,6 @@ def test_a_corrupt_one_among_sixty_is_named_and_left_out_when_asked(toposeam, tm
 @pytest.mark.parametrize("x", [2**31, 2**40])
 def test_positions_beyond_all_canvases_are_refused(crops, toposeam, tmp_path, x):
     before = sorted(path.name for path in tmp_path.iterdir())
-    toposeam("stitch", "a.png", "b.png", "--at", "0,0", "--at", f"{x},0", "-o", "all.png").fails("too far away", 2)
-    toposeam("stitch", "a.png", "b.png", "--offset", f"0,-{x}", "-o", "all.png").fails("too far away", 2)
+    for where in (("--at", "0,0", "--at", f"{x},0"), ("--offset", f"0,-{x}")):
+        toposeam("stitch", "a.png", "b.png", *where, "-o", "all.png").fails("too far away", 2)
     nothing_new(tmp_path, before)

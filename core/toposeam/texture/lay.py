@@ -17,7 +17,7 @@ from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.keeping_step import Phase
 from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.nearby import Nearby
-from toposeam.texture.search import Ints, PatchSearch, box_sum
+from toposeam.texture.search import Ints, PatchSearch, Sample, box_sum
 
 #: How much dearer a place is whose pixels have all shown as often as they should, where there is no other.
 _USED_UP = 30
@@ -138,7 +138,7 @@ class PatchPlacer:
         self._average = _average_use(atlas, area, self._shares)
         self._limit = np.maximum(1, np.floor(options.most * self._average))
         self._nearby = Nearby(atlas, canvas)
-        self.margin = atlas.margin
+        self.margin, self._copied = atlas.margin, int(atlas.copied.sum())
 
     def lay(self, top: int, left: int, shape: tuple[int, int], may_show: Mask | None = None) -> bool:
         """Lay one patch on a window of the canvas; False where nothing there is empty.
@@ -272,8 +272,9 @@ class PatchPlacer:
         if not np.isfinite(errors).any():  # what room there is lies between the places of the reduced search
             return self._anywhere(site.shape)
         if f > 1:
+            samples = [term.search.sample(term.values, term.weight, (m, m)) for term in terms]
             for k in np.flatnonzero(np.isfinite(errors)).tolist():
-                found = self._exactly(terms, int(rows[k]), int(columns[k]), site.shape)
+                found = self._exactly(terms, samples, int(rows[k]), int(columns[k]), site.shape)
                 errors[k] *= (found[2] + _FLOOR) / (error[(rows[k] - m) // f, (columns[k] - m) // f] + _FLOOR)
                 rows[k], columns[k] = found[:2]
         good = np.flatnonzero(errors <= (1 + self.options.tolerance) * errors.min())
@@ -281,7 +282,7 @@ class PatchPlacer:
         return int(rows[pick]), int(columns[pick])
 
     def _exactly(
-        self, terms: list[_Term], row: int, column: int, shape: tuple[int, int]
+        self, terms: list[_Term], samples: list[Sample], row: int, column: int, shape: tuple[int, int]
     ) -> tuple[int, int, float]:
         """The best place at full size near one of the reduced search, in ever smaller steps, and its
         error.
@@ -289,9 +290,9 @@ class PatchPlacer:
         step, error = self.search.factor // 2, math.inf
         while step:
             rows, columns, exact = np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(9, np.float32)
-            for term in terms:
+            for term, sample in zip(terms, samples, strict=True):
                 rows, columns, part = term.search.around(
-                    row, column, step, term.values, term.weight, (self.margin, self.margin), shape
+                    row, column, step, sample, (self.margin, self.margin), shape
                 )
                 exact = exact + term.strength * part
             least = int(exact.argmin())
@@ -369,7 +370,7 @@ class PatchPlacer:
         new = int((site.known[m : m + shape[0], m : m + shape[1]] < 0).sum())
         pixels = shape[0] * shape[1]
         limit = max(
-            min(self.options.copy_patches * pixels, self.options.copy_share * int(self.atlas.copied.sum())),
+            min(self.options.copy_patches * pixels, self.options.copy_share * self._copied),
             pixels,
         )
         height, width = site.known.shape

@@ -40,7 +40,7 @@ from pathlib import Path
 import pytest
 
 from covering import covering_tests, long_tests, measure, nearby_tests, nearest
-from mutations import ROOT, SOURCES, Mutation, chosen, same_code
+from mutations import ROOT, SOURCES, Mutation, at_import, chosen, same_code
 
 COPIED = (
     "core",
@@ -265,7 +265,11 @@ def main() -> int:
     def tests_of(mutation: Mutation) -> list[str]:
         if tests is None:
             return nearby_tests(mutation.file)
-        return nearest(tests[mutation.file][mutation.line], mutation.file, long)
+        lines = tests[mutation.file]
+        executing = set(lines[mutation.line])
+        if at_import(mutation.file, mutation.line):  # a map has those lines under the test that was first
+            executing.update(*lines.values())
+        return nearest(sorted(executing), mutation.file, long)
 
     waiting = [
         mutation

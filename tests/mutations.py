@@ -157,6 +157,13 @@ def mutations_of(path: Path) -> list[Mutation]:
     return found
 
 
+def at_import(file: str, line: int) -> bool:
+    """Whether a line stands in no function: it is executed once, whatever hangs on it."""
+    tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    return not any(node.body[0].lineno <= line <= (node.end_lineno or 0) for node in functions)
+
+
 def _says_only(node: ast.AST) -> bool:
     """Whether a node is about texts, types or options, not about what is computed."""
     if isinstance(node, ast.Raise | ast.JoinedStr | ast.AnnAssign) and not (
@@ -172,6 +179,8 @@ def _says_only(node: ast.AST) -> bool:
         and isinstance(node.func, ast.Attribute)
         and node.func.attr in ("option", "argument", "command", "echo")
     ):
+        return True
+    if isinstance(node, ast.keyword) and node.arg in ("strict", "slots"):  # guards of what is true anyway
         return True
     return isinstance(node, ast.arg | ast.Import | ast.ImportFrom)
 

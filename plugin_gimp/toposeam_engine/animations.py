@@ -22,7 +22,7 @@ def looped(job: EngineJob) -> ts.Loop:
     frames = []
     for raster in job.request["layers"]:
         image, alpha = colours_of(job, raster)
-        if (alpha < alpha.max(initial=0)).any() or not alpha.any():
+        if (alpha < alpha.max()).any() or not alpha.any():
             raise ts.ImageError(f"the frame {raster['name']} is transparent in places; fill it first")
         frames.append(np.asarray(image))
     clip = np.stack(frames)

@@ -26,7 +26,7 @@ def junctions(label_map: LabelMap, reach: int) -> list[Box]:
         rows, columns = np.nonzero(edge)
         around = np.stack([labels[rows + y, columns + x] for y in (0, 1) for x in (0, 1)], axis=1)
         kinds = (np.diff(np.sort(around, axis=1), axis=1) != 0).sum(axis=1) + 1
-        third = kinds - (around.min(axis=1, initial=0) < 0) >= 3
+        third = kinds - (around.min(axis=1) < 0) >= 3
         at = np.stack([rows[third] + block.top, columns[third] + block.left], axis=1)
         found += [(row, column) for row, column in at.tolist()]
     boxes: list[Box] = []

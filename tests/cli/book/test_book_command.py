@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from toposeam.colours import parse_colour
+from toposeam.errors import OptionError
 from toposeam.motif.book import SEASONS, book_recipe
 from toposeam.motif.kinds import CLEAR, Kind, measure
 from toposeam_cli.figures import products
@@ -308,3 +309,9 @@ def test_bad_input(theme, toposeam, line, phrase, code):
     (theme / "broken.png").write_bytes(whole[: len(whole) // 2])
     toposeam(*line.split()).fails(phrase, code)
     assert not (theme / "b").exists()
+
+
+def test_the_longer_side_decides_what_is_hardly_a_picture():
+    assert product("tie", 3.0).longer_px == pytest.approx(640 * 3 / 25.4)  # the shorter one has 41 px
+    with pytest.raises(OptionError, match="ask for 3 to"):
+        product("tie", 2.5)

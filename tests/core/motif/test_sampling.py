@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+import toposeam as ts
 from toposeam.motif.sampling import _box, resample
 
 
@@ -32,3 +33,10 @@ def test_nothing_moves(size):
     scale = 40 / size[0], 60 / size[1]
     found = [(at + 0.5) * step - 0.5 for at, step in zip(centre, scale, strict=True)]
     assert found == pytest.approx([12.0, 33.0], abs=0.02)
+
+
+def test_densities_of_their_own_size_are_not_sampled_again():
+    motif = ts.generate_motif(24, seed=1, layers=1, iterations=2)
+    assert motif.resampled((24, 24)) is motif.densities
+    assert motif.resampled() is motif.densities
+    assert motif.resampled((12, 24)).shape == (1, 12, 24)

@@ -7,7 +7,7 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.solid.generate import REPEATS
+from toposeam.solid.generate import REPEATS, _spots
 from toposeam.volume.mesh import closed_mesh
 
 
@@ -121,3 +121,15 @@ def test_what_makes_no_solid_is_said_in_one_sentence():
             ts.generate_solid(given, depth)
     with pytest.raises(ts.OverlapError, match="solid"):
         closed_mesh(np.zeros((4, 4, 4)), 1.0)
+
+
+def test_a_spot_is_a_ball_whose_surface_is_half_within():
+    points, shape = ((0.5, 0.5, 1.0),), (21, 21, 21)
+    field = _spots(points, np.array([0.5]), shape)
+    assert field.sum() == pytest.approx(1)
+    # The radius is 0.9, the middle that of a cube: whole, and 0.4 of each of its six neighbours.
+    assert field[10, 10, 10] == pytest.approx(1 / (1 + 6 * 0.4))
+    assert field[10, 10, 11] == pytest.approx(0.4 / (1 + 6 * 0.4))
+    assert np.count_nonzero(field) == 7
+    two = _spots(((0.25, 0.5, 1.0), (0.75, 0.5, 3.0)), np.array([0.5, 0.5]), (20, 20, 20))
+    assert two[..., 10:].sum() == pytest.approx(0.75)

@@ -5,7 +5,7 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.texture.light import has_slow_light
+from toposeam.texture.light import _surface, has_slow_light
 
 
 @pytest.fixture
@@ -96,3 +96,10 @@ def test_levelled_copies_stay_in_the_range_of_what_may_be_copied():
     mask[2:94, 2:68] = True
     made = ts.synthesize(sample, (100, 100), patch=20, source_mask=mask, level=True).image
     assert made.max() <= sample[:, :68].max()
+
+
+def test_a_quadratic_surface_is_found_from_some_of_its_pixels():
+    y, x = np.mgrid[:9, :7].astype(float)  # odd sides: 0 in the middle of each
+    wanted = np.stack([1 + 2 * x - y, x * y - x * x + 3 * y * y], axis=2)
+    some = (x + 2 * y) % 3 == 0
+    np.testing.assert_allclose(_surface(wanted, some), wanted, atol=1e-8)

@@ -47,3 +47,12 @@ def test_seams_lie_beside_pixels_that_were_no_neighbours_and_never_beside_a_hole
     }
     columns = (0, 1) if row[0] >= 0 else (1, 2)
     assert found == {(y, x) for y in range(2) for x in columns}
+
+
+@pytest.mark.parametrize("smooth", [0, 1])
+def test_where_no_source_is_known_it_is_0(smooth):
+    index = np.full((3, 4), 5, np.int32)
+    index[1, 2] = -1
+    made = render(index, np.full((4, 4, 2), 9.0), np.ones((4, 4), bool), (False, False), smooth)
+    np.testing.assert_array_equal(made[1, 2], [0, 0])
+    assert (made[index >= 0] == 9).all()

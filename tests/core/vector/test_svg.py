@@ -237,6 +237,7 @@ def test_document_that_does_not_say_its_size_is_refused(head):
 SHAPES = {
     "line": ('<line x1="1" y1="2" x2="3" y2="4"/>', [[1, 2], [3, 4]], False),
     "line in units": ('<line x2="1in" y2="72pt"/>', [[0, 0], [96, 96]], False),
+    "line in others": ('<line x1="6pc" y1="96px" x2="5.08cm" y2="25.4mm"/>', [[96, 96], [192, 96]], False),
     "polyline": ('<polyline points="1,2 3,4 5 6"/>', [[1, 2], [3, 4], [5, 6]], False),
     "polygon": ('<polygon points="1,2 3,4 5,6"/>', [[1, 2], [3, 4], [5, 6]], True),
     "rect": ('<rect x="1" y="2" width="3" height="4"/>', [[1, 2], [4, 2], [4, 6], [1, 6]], True),

@@ -17,7 +17,7 @@ from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.keeping_step import Phase
 from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.nearby import Nearby, average_use
-from toposeam.texture.search import Ints, PatchSearch, Sample, box_sum
+from toposeam.texture.search import Compared, Ints, PatchSearch, box_sum
 from toposeam.texture.turning import Turns
 from toposeam.texture.twins import Twins
 
@@ -288,7 +288,7 @@ class PatchPlacer:
         return int(rows[pick]), int(columns[pick])
 
     def _exactly(
-        self, terms: list[_Term], samples: list[Sample], row: int, column: int, shape: tuple[int, int]
+        self, terms: list[_Term], samples: list[Compared], row: int, column: int, shape: tuple[int, int]
     ) -> tuple[int, int, float]:
         """The best place at full size near one of the reduced search, in ever smaller steps, and its
         error.

@@ -110,7 +110,7 @@ class PatchSearch:
         np.copyto(error, np.float32(np.inf), where=known.blocked)
         return error
 
-    def sample(self, values: Floats32, weight: Floats32, margin: tuple[int, int]) -> Sample:
+    def sample(self, values: Floats32, weight: Floats32, margin: tuple[int, int]) -> Compared:
         """The pixels by which places are compared at full size; of large windows a part. Arguments as for
         :meth:`fit`.
         """
@@ -118,14 +118,14 @@ class PatchSearch:
         known = known[:: max(1, len(known) // _COMPARED)]
         y, x = np.divmod(known, weight.shape[1])
         offset = (y - margin[0]) * self.atlas.width + x - margin[1]
-        return Sample(offset, values.reshape(-1, values.shape[2])[known], weight.ravel()[known])
+        return Compared(offset, values.reshape(-1, values.shape[2])[known], weight.ravel()[known])
 
     def around(
         self,
         row: int,
         column: int,
         step: int,
-        sample: Sample,
+        sample: Compared,
         margin: tuple[int, int],
         patch: tuple[int, int],
     ) -> tuple[Ints, Ints, Floats32]:
@@ -137,7 +137,7 @@ class PatchSearch:
             Atlas place of the patch's first pixel.
         step : int
             How far apart the places are, px.
-        sample : Sample
+        sample : Compared
             Of the window that is looked for.
         margin, patch
             As for :meth:`fit`.
@@ -192,7 +192,7 @@ class PatchSearch:
         return np.ascontiguousarray(result)
 
 
-class Sample(NamedTuple):
+class Compared(NamedTuple):
     """Pixels of a window by which places are compared."""
 
     #: (n,) flat index on the atlas, counted from the patch's first pixel.

@@ -33,6 +33,8 @@ from toposeam.seam.overlap import FREE, KEPT_PIXELS, KEPT_SHAPES, NONE, Overlap
 Floats32 = npt.NDArray[np.float32]
 #: Planes of so many values in all are dealt with at once.
 _CACHED = 1 << 14
+#: One over a number; 0 for none.
+_SHARES = np.array([0, 1, 0.5], np.float32)
 #: Two patches and two axes for each of the shapes that are remembered.
 _KEPT_STEPS = 4 * KEPT_SHAPES
 
@@ -224,11 +226,10 @@ def _steps(present: Mask, axis: int) -> tuple[Floats32 | None, Floats32]:
 def _steps_of(present: Mask, axis: int) -> tuple[Floats32 | None, Floats32]:
     s, t = _pair(axis)
     known = present[s] & present[t]
-    count = np.zeros(present.shape, np.float32)
+    count = np.zeros(present.shape, np.uint8)
     count[s] += known
     count[t] += known
-    np.divide(np.float32(1), count, out=count, where=count > 0)
-    return None if known.all() else known.astype(np.float32), count
+    return None if known.all() else known.astype(np.float32), _SHARES.take(count)
 
 
 @lru_cache(maxsize=_KEPT_STEPS)
@@ -241,6 +242,7 @@ def _gradient(planes: Floats32, known: Floats32 | None, share: Floats32, axis: i
     where both are not.
     """
     s, t = _pair(axis + 1)
+    last = (slice(None),) * (axis + 1) + (slice(-1, None),)
     squares = np.zeros(share.shape, np.float32)
     # Planes of small images together, which takes fewer calls; those of large ones would not fit the caches.
     together = len(planes) if planes.size <= _CACHED else 1
@@ -248,8 +250,9 @@ def _gradient(planes: Floats32, known: Floats32 | None, share: Floats32, axis: i
         step = part[t] - part[s]
         if known is not None:
             step *= known
-        total = np.zeros(part.shape, np.float32)
-        total[s] += step
+        total = np.empty(part.shape, np.float32)
+        total[s] = step
+        total[last] = 0
         total[t] += step
         for square in np.square(total, out=total):
             squares += square

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.heat.grid_flow import Floats32, along
+from toposeam.heat.bricks import along
+from toposeam.heat.sweeps import Floats32
 from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
 from toposeam.seam.match_cost import MatchCost

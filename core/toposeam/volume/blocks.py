@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.errors import ImageError, MissingPackageError, OverlapError
-from toposeam.heat.grid_flow import HIGH, LOW, along
+from toposeam.heat.bricks import HIGH, LOW, along
 from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
 from toposeam.seam.match_cost import MatchCost

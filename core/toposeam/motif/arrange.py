@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from toposeam.checks import Seed, check_items, check_pair, check_whole, check_whole_array, seed_of
 from toposeam.errors import OptionError
-from toposeam.motif.edges import fineness, printed, shading
+from toposeam.motif.edges import EDGES, fineness, printed, shading
 from toposeam.motif.inked import MAX_PATTERN, Inked
 from toposeam.motif.motif import Motif
 from toposeam.motif.sampling import resample
@@ -83,11 +83,12 @@ class Arrangement(Inked):
             return smooth(size)
         elements = self.densities.shape[1], self.densities.shape[2]
         result = np.zeros(size, np.float32)
-        for edge in sorted(set(kinds)):
+        left = np.ones(size, np.float32)
+        for edge in sorted(set(kinds), key=EDGES.index):  # haze goes on into strokes, not wash into nothing
             cells = np.isin(self.grid, [index for index, kind in enumerate(kinds) if kind == edge])
-            if cells.any():
-                print_ = printed(smooth, edge, self.repeat, elements, size, self._ends[layer, edge])
-                result += _spread(cells, size) * print_
+            share = left * np.minimum(2 * _spread(cells, size), 1)
+            result += share * printed(smooth, edge, self.repeat, elements, size, self._ends[layer, edge])
+            left -= share
         return result
 
     def resampled(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:

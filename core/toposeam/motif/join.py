@@ -240,15 +240,10 @@ def _without_lines(
     if shared and "soft" in edges:
         soft = faded(np.stack(found), shared, FADE if set(edges) == {"soft"} else BESIDE_STROKES)
         found = [soft[index] if edge == "soft" else found[index] for index, edge in enumerate(edges)]
-    for edge in sorted(set(edges)):  # wash and strokes are printed each by itself
-        alike = [index for index, kind in enumerate(edges) if kind == edge]
-        given = [place for place, index in enumerate(alike) if row[index].stage == 1]
-        part = [found[index] for index in alike]
-        for _ in range(2):  # the mass changes the level at which strokes end a little
-            part = calmed_row(part, edge, first.repeat, shared, given or range(len(part)))
-            part = [with_mass(one, masses[index]) for index, one in zip(alike, part, strict=True)]
-        for index, one in zip(alike, part, strict=True):
-            found[index] = one
+    given = [index for index, member in enumerate(row) if member.stage == 1]
+    for _ in range(2):  # the mass changes the level at which strokes end a little
+        found = calmed_row(found, edges, first.repeat, shared, given)
+        found = [with_mass(one, mass) for one, mass in zip(found, masses, strict=True)]
     return [one.astype(np.float32) for one in found]
 
 

@@ -152,7 +152,7 @@ def test_wash_beside_strokes_is_wash_and_strokes_are_strokes(shared):
     strokes, wash = print_[:cell, :cell][away, away], print_[:cell, cell:][away, away]
     gray = [float(((part > 0.1) & (part < 0.9)).mean()) for part in (strokes, wash)]
     assert gray[0] < 0.1
-    assert gray[1] > 0.4
+    assert gray[1] > 0.3
     for part, motif in ((strokes, motifs[0]), (wash, motifs[1])):
         alone = motif.coverage((cell, cell))[0][away, away]
         assert np.abs(part - alone).mean() < 0.01

@@ -1,11 +1,12 @@
 """Whether an eye would find the borders: every rule, and pairs of joined motifs, with three seeds each.
 
-    python benchmarks/borders.py [--size 96] [--pairs 40]
+    python benchmarks/borders.py [--size 96] [--pairs 40] [--write]
 
 Prints how conspicuous borders are, in units of the 95th percentile of inner lines (`ts.border_visibility`),
 per ink and in the composite. Of lines that are nothing special one in twenty is above 1, so of the larger of
 two directions about one in ten: "anywhere" is the control, the same patterns with the cells laid elsewhere.
-Joins are measured as they are made, and by the thesis's way, `shared=0`.
+Joins are measured as they are made, and by the thesis's way, `shared=0`. ``--write`` puts the table into
+docs/motifs.md.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 import toposeam as ts
 from stamp import stamp
 from toposeam.motif.tiling import period
+from written import write_table
 
 
 def values(layers: np.ndarray, image: np.ndarray, cell: tuple[int, int]) -> list[float]:
@@ -25,20 +27,22 @@ def values(layers: np.ndarray, image: np.ndarray, cell: tuple[int, int]) -> list
     return [ts.border_visibility(plane, cell) for plane in (*layers, image)]
 
 
-def report(name: str, found: list[float]) -> None:
+def report(name: str, found: list[float]) -> tuple[str, str, str, str]:
+    """Print a line, and return it as the cells of a row."""
     worst = np.array(found)
-    print(
-        f"{name:<28}{np.median(worst):>8.2f}{worst.max():>8.2f}{(worst > 1).sum():>6} of {worst.size}",
-        flush=True,
-    )
+    cells = f"{np.median(worst):.2f}", f"{worst.max():.2f}", f"{(worst > 1).sum()} of {worst.size}"
+    print(f"{name:<36}{cells[0]:>8}{cells[1]:>8}{cells[2]:>12}", flush=True)
+    return name, *cells
 
 
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--size", type=int, default=96)
     parser.add_argument("--pairs", type=int, default=40)
+    parser.add_argument("--write", action="store_true")
     given = parser.parse_args()
-    print(f"{'':<28}{'median':>8}{'worst':>8}   above 1")
+    rows = [("", "median", "worst", "above 1")]
+    print(f"{'':<36}{'median':>8}{'worst':>8}{'above 1':>12}")
     every: list[float] = []
     anywhere: list[float] = []
     rng = np.random.default_rng(0)
@@ -53,8 +57,8 @@ def main() -> None:
             anywhere += values(np.roll(layers, moved, (1, 2)), np.roll(image, moved, (0, 1)), cell)
         report(rule, found)
         every += found
-    report("all rules", every)
-    report("anywhere", anywhere)
+    rows.append(report(f"all {len(ts.REPEATS) - 1} rules but `none`", every))
+    rows.append(report("… anywhere", anywhere))
     for shared in (None, 0):
         found = []
         for number, (a, b) in zip(range(given.pairs), combinations(range(1, 20), 2), strict=False):
@@ -68,7 +72,9 @@ def main() -> None:
             for seed in range(3):
                 laid = ts.arrange(joined.motifs, (4, 4), seed=100 * number + seed)
                 found += values(laid.coverage(), laid.image(), (given.size, given.size))
-        report(f"{given.pairs} joins" + (", shared=0" if shared == 0 else ""), found)
+        rows.append(report(f"{given.pairs} joins" + (", `shared=0`" if shared == 0 else ""), found))
+    if given.write:
+        write_table("motifs.md", "benchmarks/borders.py", rows)
 
 
 if __name__ == "__main__":

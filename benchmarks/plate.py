@@ -1,14 +1,15 @@
 """One iteration of a heat plate's optimisation against its peers, and what coarse plates save; all in one
 run.
 
-    python benchmarks/plate.py                    about four minutes
+    python benchmarks/plate.py --write            about four minutes; the table of docs/motifs.md
     python benchmarks/plate.py --peer-size 300    quicker peers
 
 The peers solve the same problem on the same elements (uniform heat, a sink in the middle of the left side,
 mass 0.4, p = 3, ε = 1e-3, a filter of 1.5 elements): a plain transcription of the well-known 88-line
 structure (coordinates assembled to a sparse matrix, SuperLU, bisection) and, where installed, pyMOTO with the
-direct solvers it finds (cvxopt for CHOLMOD, pypardiso). Times are those of the processor, medians per
-iteration, and per unknown temperature; trust the ratios.
+direct solvers it finds (cvxopt for CHOLMOD, pypardiso). Ours is solved as far as motifs are, and once more to
+a residual of 10⁻³ of the load. Times are those of the processor, medians per iteration, and per unknown
+temperature; trust the ratios.
 """
 
 from __future__ import annotations
@@ -36,11 +37,13 @@ import toposeam as ts  # noqa: E402
 from stamp import stamp  # noqa: E402
 from toposeam.heat.plate import CONDUCTION, Plate  # noqa: E402
 from toposeam.motif.conduction import VOID  # noqa: E402
-from toposeam.motif.layer import THINNEST, TOLERANCE, optimise_layer, problem_at  # noqa: E402
+from toposeam.motif.layer import ENERGY, THINNEST, TOLERANCE, optimise_layer, problem_at  # noqa: E402
 from toposeam.optimize.oc import OCOptions, oc_step  # noqa: E402
+from written import write_table  # noqa: E402
 
 MASS, PENALTY, MOVE, RADIUS = 0.4, 3.0, 0.2, 1.5
 Step = Callable[[], float]
+Rows = list[tuple[str, str]]
 
 
 def problem(n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -49,7 +52,7 @@ def problem(n: int) -> tuple[np.ndarray, np.ndarray]:
     return heat, sink
 
 
-def ours(n: int) -> Step:
+def ours(n: int, energy: float = ENERGY) -> Step:
     heat, sink = problem(n)
     plate = Plate(heat, sink)
     weights = RADIUS - np.abs(np.arange(-1, 2))
@@ -57,7 +60,7 @@ def ours(n: int) -> Step:
 
     def step() -> float:
         x = state["x"]
-        solution = plate.solve(VOID + (1 - VOID) * x**3, state["nodes"], tolerance=TOLERANCE)
+        solution = plate.solve(VOID + (1 - VOID) * x**3, state["nodes"], tolerance=TOLERANCE, energy=energy)
         slope = -(1 - VOID) * PENALTY * x**2 * solution.energy * x
         for axis in (0, 1):
             slope = correlate1d(slope, weights / weights.sum(), axis=axis, mode="reflect")
@@ -161,25 +164,33 @@ def time_iterations(sides: dict[str, Step], iterations: int) -> dict[str, float]
     return {name: median(values[1:]) for name, values in times.items()}
 
 
-def peers(n: int, iterations: int) -> None:
-    sides: dict[str, Step] = {"toposeam": ours(n), "88-line structure": plain_sparse(n)}
+def peers(n: int, iterations: int) -> Rows:
+    sides: dict[str, Step] = {
+        "toposeam": ours(n),
+        "… residual of 1e-3": ours(n, 0.0),
+        "88-line structure": plain_sparse(n),
+    }
     for solver in ("CHOLMOD", "Pardiso", "SuperLU"):
         with contextlib.suppress(Exception):  # not installed
             step = pymoto(min(n, 32), solver)
             step()
             sides[f"pyMOTO, {solver}"] = pymoto(n, solver)
-    if len(sides) == 2:
+    if len(sides) == 3:
         print("pyMOTO is not installed: pip install pymoto cvxopt pypardiso")
     unknowns = (n + 1) ** 2
     times = time_iterations(sides, iterations)
-    print(f"An iteration at {n} × {n}, {iterations} of each in turns\n")
+    print(f"\nAn iteration at {n} × {n}, {iterations} of each in turns\n")
     for name, seconds in times.items():
         print(
             f"  {name:<20}{1e6 * seconds / unknowns:8.3f} µs per unknown{seconds / times['toposeam']:9.1f} ×"
         )
+    per = {name: 1e6 * seconds / unknowns for name, seconds in times.items()}
+    own = per.pop("toposeam")
+    rows = [(f"an iteration at {n}², per unknown", f"{own:.2f} µs")]
+    return rows + [(name, f"{value:.2f} µs, {value / own:.1f} ×") for name, value in per.items()]
 
 
-def growth(iterations: int) -> None:
+def growth(iterations: int) -> Rows:
     print("\nGrowth with size\n")
     sizes = (128, 256, 512, 1024)
     sides = {str(n): ours(n) for n in sizes}
@@ -188,9 +199,11 @@ def growth(iterations: int) -> None:
     for n in sizes:
         print(f"  {n:>4}²{1e6 * per[n]:8.3f} µs per unknown")
     print(f"  256² to 1024²: {per[1024] / per[256]:.2f} ×")
+    return [("growth per unknown from 256² to 1024²", f"{per[1024] / per[256]:.1f} ×")]
 
 
-def coarse_to_fine(seeds: int) -> None:
+def coarse_to_fine(seeds: int) -> Rows:
+    shares, every = [], []
     print("\nA motif of 512² with 3 layers, 40 iterations: most on coarse plates, against all at full size\n")
     for seed in range(seeds):
         recipe = ts.random_recipe(512, seed=seed, repeat="translate")
@@ -208,24 +221,33 @@ def coarse_to_fine(seeds: int) -> None:
             compliance[name] = np.array(values)
         ratios = compliance["coarse"] / compliance["full"]
         share = seconds["coarse"] / seconds["full"]
+        shares.append(share)
+        every += list(ratios)
         print(
             f"  seed {seed}: {seconds['coarse']:5.2f} s and {seconds['full']:6.2f} s, {share:.3f} of the "
             f"time, compliance {ratios.min():.4f} to {ratios.max():.4f} of full"
         )
+    return [
+        (
+            "512², 3 layers, coarse plates: time of 40 iterations at full size",
+            f"{min(shares):.2f} to {max(shares):.2f}",
+        ),
+        ("… its compliance against theirs", f"{min(every):.3f} to {max(every):.3f}"),
+    ]
 
 
-def large() -> None:
+def large() -> Rows:
     print("\nLarge motifs, 3 layers\n")
     seconds = {}
     for n in (512, 2048):
         started = time.process_time()
         ts.generate_motif(n, seed=1, repeat="translate")
         seconds[n] = time.process_time() - started
-        print(
-            f"  {n}²: {seconds[n]:6.1f} s, peak memory so far "
-            f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20:.2f} GiB"
-        )
-    print(f"  ratio {seconds[2048] / seconds[512]:.1f} ×")
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+        print(f"  {n}²: {seconds[n]:6.1f} s, peak memory so far {peak:.2f} GiB")
+    ratio = f"{seconds[2048] / seconds[512]:.1f} ×"
+    print(f"  ratio {ratio}")
+    return [("2048² against 512²; peak memory", f"{ratio} the time; {peak:.1f} GiB")]
 
 
 def main() -> None:
@@ -241,19 +263,24 @@ def main() -> None:
         choices=("large", "growth", "coarse", "peers"),
         help="only this; may be repeated",
     )
+    parser.add_argument("--write", action="store_true", help="put the table into docs/motifs.md")
     options = parser.parse_args()
-    parts = options.part or ["large", "growth", "coarse", "peers"]  # memory first, before the peers need any
+    if options.write and options.part:
+        parser.error("--write needs all parts")
+    measured: dict[str, Callable[[], Rows]] = {  # memory first, before the peers need any
+        "large": large,
+        "growth": lambda: growth(options.iterations),
+        "coarse": lambda: coarse_to_fine(options.seeds),
+        "peers": lambda: peers(options.peer_size, options.iterations),
+    }
+    rows: Rows = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        if "large" in parts:
-            large()
-        if "growth" in parts:
-            growth(options.iterations)
-        if "coarse" in parts:
-            coarse_to_fine(options.seeds)
-        if "peers" in parts:
-            print()
-            peers(options.peer_size, options.iterations)
+        for part, measure in measured.items():
+            if part in (options.part or measured):
+                rows += measure()
+    if options.write:
+        write_table("motifs.md", "benchmarks/plate.py", [("", ""), *rows])
 
 
 if __name__ == "__main__":

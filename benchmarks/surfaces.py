@@ -144,8 +144,9 @@ def quality(count: int, whole: int) -> None:
             proportion = np.array([1.0, rng.uniform(1.5, 3.5), rng.uniform(1.5, 3.5)])
             if make is islands:
                 proportion[0] = 2.0  # deep enough for a core
+            shortest = 28 if make is islands else 8  # or nothing is left to decide round it
             shape = tuple(
-                int(side) for side in np.maximum(8, proportion * (size / proportion.prod()) ** (1 / 3))
+                int(side) for side in np.maximum(shortest, proportion * (size / proportion.prod()) ** (1 / 3))
             )
             problem = posed(shape, make(shape), index % 2 == 0, 100 + index)
             best, cut_time = optimum(problem)

@@ -11,7 +11,8 @@ import numpy.typing as npt
 from PIL import Image, ImageDraw
 
 import toposeam as ts
-from toposeam.heat.grid_flow import HIGH, LOW, GridFlow, along
+from toposeam.heat.bricks import HIGH, LOW, along
+from toposeam.heat.grid_flow import GridFlow
 from toposeam.seam.overlap import A, B
 
 HERE = Path(__file__).resolve().parent
@@ -69,8 +70,7 @@ def heat(surface: ts.Surface) -> None:
     tiles = []
     done = 0
     for sweeps in (40, 120, 300, 1000):
-        for _ in range(sweeps - done):
-            flow.sweep()
+        flow.sweep(sweeps - done)
         done = sweeps
         tiles.append((f"{sweeps} sweeps", glow(flow.potential[:, row])))
     tiles.append(("the surface", glow(problem.complete(surface.shown)[:, row].astype(np.float32))))

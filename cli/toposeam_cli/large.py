@@ -34,6 +34,7 @@ class Large:
     picture: Picture
     labels: Picture | None
     overlay: Picture | None
+    #: Made where somebody asks for them.
     seams: tuple[Outline, ...]
     #: Pixels that each layer shows.
     shown: tuple[int, ...]
@@ -96,7 +97,8 @@ def make(
         When the disk is full.
     """
     height, width = composed.shape
-    seams = tuple(composed.outlines())
+    asked = out.as_json or (out.overlay, out.seam, out.report) != (None,) * 3
+    seams = tuple(composed.outlines()) if asked else ()
     marks = _marks(seams, composed.shape) if out.overlay is not None else None
     dtype = composed.layers[0].image.dtype
     opaque = new_map((height, width), False, bool)
@@ -171,13 +173,15 @@ def write_large(
         write_composite(out, large.picture)
 
 
-def describe_large(composed: ts.Composition, large: Large) -> str:
+def describe_totals(composed: ts.Composition) -> str:
     """One line about the seams for people."""
-    length, seconds = (sum(getattr(seam, what) for seam in large.seams) for what in ("length", "seconds"))
-    cost = sum(seam.cost for seam in large.seams)
+    if not composed.pairs:
+        return f"{len(composed.names)} layers without a seam"
+    totals, rounds = composed.totals(), composed.rounds
     return (
-        f"{len(composed.names)} layers, {len(large.seams)} seams of {round(length)} px in all, "
-        f"{composed.rounds} round{'s' if composed.rounds != 1 else ''}, cost {cost:.4g}, {seconds:.2f} s"
+        f"{len(composed.names)} layers, {len(composed.pairs)} seams of {round(totals.length)} px in all by "
+        f"{totals.method}, {rounds} round{'s' if rounds != 1 else ''}, cost {totals.cost:.4g}, "
+        f"{totals.seconds:.2f} s"
     )
 
 

@@ -50,6 +50,8 @@ class Beginning:
 
     config: Path | None
     like: Path | None
+    source: Path | None
+    number: int | None
     amount: float | None
 
 
@@ -132,10 +134,17 @@ _BEGINNING: tuple[Callable[[Any], Any], ...] = (
         help="Make the motif in this file again; with --seed or --vary, a relative of it.",
     ),
     click.option(
+        "--from",
+        "source",
+        type=FILE,
+        help="Go on from a motif on a page of --explore; also from what --like or --config take.",
+    ),
+    click.option("--number", type=click.IntRange(1), help="With --from: which motif of the page."),
+    click.option(
         "--vary",
         "amount",
         type=FiniteRange(0, 1),
-        help="With --like or --config: how far a relative may be, 0 to 1.",
+        help="With --from, --like or --config: how far a relative may be, 0 to 1.",
     ),
 )
 

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 import toposeam as ts
+from toposeam.images import full_scale
 from toposeam_cli.files.scratch import Scratch
 from toposeam_cli.options import Keyed
 from toposeam_cli.pictures.decode import size_of
@@ -229,6 +230,8 @@ def _sources(
 
     def kept(path: Path) -> Picture:
         picture = read_picture(path, max_pixels=limit)
+        if picture.alpha is not None and bool((picture.alpha == full_scale(picture.alpha.dtype)).all()):
+            picture = replace(picture, alpha=None)  # it says nothing
         return picture if keep is None else keep(picture)
 
     if len(files) == 1 and kind in (".ora", ".toml", ".json"):

@@ -25,6 +25,7 @@ from toposeam_cli.options import (
     force_option,
     grouped,
     quiet_option,
+    refuse_besides,
 )
 from toposeam_cli.pictures.picture import Picture, match_pictures, read_picture, write_picture
 
@@ -98,9 +99,21 @@ class Search:
     variety: float
     method: ts.Method
 
-    def keywords(self) -> dict[str, Any]:
-        """What ``synthesize``, ``make_tileable`` and ``fill`` are told alike."""
+    def keywords(self, varied: bool = False) -> dict[str, Any]:
+        """What ``synthesize``, ``make_tileable`` and ``fill`` are told alike; where one number says how
+        varied a texture is, the options that it stands for must not be given.
+        """
         lay = ("tolerance", "candidates", "context", "most", "variety", "method")
+        if varied:
+            every = {str(option.name) for option in click.get_current_context().command.params}
+            refuse_besides("--variation", every - set(lay[:2] + lay[3:5]), "it stands for that as well")
+            return {
+                "weights": self.weights,
+                "seed": self.seed,
+                "smooth": self.smooth,
+                "context": self.context,
+                "method": self.method,
+            }
         return {
             "weights": self.weights,
             "seed": self.seed,

@@ -55,6 +55,7 @@ from .texture.synthesis import Synthesis, apply_coordinates
 from .texture.synthesize import synthesize
 from .texture.tile import make_tileable
 from .texture.tileable import TILEABLE, Tileable
+from .texture.turning import TURNS, Turns
 from .vector.polyline import Polyline
 from .vector.smooth import SmoothPath, smooth_path
 from .vector.svg import SvgSeam, read_svg
@@ -79,6 +80,7 @@ __all__ = [
     "SIDES",
     "SURFACE_METHODS",
     "TILEABLE",
+    "TURNS",
     "Aligned",
     "Arrangement",
     "Blend",
@@ -127,6 +129,7 @@ __all__ = [
     "ThesisOptions",
     "Tileable",
     "TopoSeamError",
+    "Turns",
     "Windows",
     "align",
     "apply_coordinates",

@@ -15,7 +15,14 @@ from toposeam_cli.files.writing import atomic_write, check_output, replacing
 from toposeam_cli.motif_options import Beginning, Wanted, beginning_options, recipe_options
 from toposeam_cli.options import OUTPUT, PairType, force_option, quiet_option
 from toposeam_cli.pictures.printing import SUFFIXES, Print, describe, ink_names, sheet_coverage
-from toposeam_cli.pictures.recipe import read_recipe, read_settings, read_toml, recipe_from_table, to_toml
+from toposeam_cli.pictures.recipe import (
+    read_recipe,
+    read_settings,
+    read_toml,
+    recipe_from_table,
+    recipe_on_page,
+    to_toml,
+)
 from toposeam_cli.pictures.theme import read_colours, read_theme
 from toposeam_cli.print_options import (
     PrintOptions,
@@ -40,6 +47,8 @@ _OF_RECIPE = (
     "base_law",
 )
 _OF_LAYERS = ("mass", "penalty", "ambient")
+#: How the pages of ``--explore`` are called.
+_PAGES = (".html", ".htm")
 
 
 @click.command()
@@ -63,7 +72,8 @@ _OF_LAYERS = ("mass", "penalty", "ambient")
 @click.option(
     "--explore",
     type=PairType(cells=True),
-    help="A page of COLUMNSxROWS relatives to choose from, as .html; with --like or --config of that one.",
+    help="A page of COLUMNSxROWS relatives to choose from, as .html; with --from, --like or --config of that "
+    "one.",
 )
 @click.option(
     "--depth",
@@ -97,6 +107,7 @@ def motif(
     toposeam motif -o sheet.svg --sheet 4x4 --motif-width 60mm --base logo.png
     toposeam motif -o sister.png --like motif.png --vary 0.3 --seed 2
     toposeam motif -o relatives.html --like motif.png --explore 5x4
+    toposeam motif -o seventh.png --from relatives.html --number 7
     toposeam motif -o vase.stl --depth 64 --repeat p4m --motif-width 80mm
     """  # noqa: D301 - click wants the character
     if palettes:
@@ -118,7 +129,7 @@ def motif(
     if explore is not None:
         _explore(output, explore, wanted.given(), beginning, force, quiet)
         return
-    recipe, sheet_was = _recipe(wanted.given(), beginning)
+    recipe, sheet_was = _recipe(wanted.given(), beginning.amount, _begun(beginning))
     recipe = renamed(recipe, spot_names, edge)
     paper = ink.over(sheet_was, counts=None if sheet is None else sheet[::-1], pixels=pixels)
     if show_recipe:
@@ -151,9 +162,10 @@ def _solid(
     """A mesh of what heat builds in a block."""
     if output is None:
         raise ts.OptionError("--depth makes a mesh; say where it goes with -o vase.stl, or .ply")
-    alone = beginning.config is None and beginning.like is None
+    begun = _begun(beginning)
+    alone = begun[0] is None and not begun[2]
     given = {"size": (depth, depth)} | ({"repeat": "none", "layers": 1} if alone else {}) | given
-    recipe, _ = _recipe(given, beginning)
+    recipe, _ = _recipe(given, beginning.amount, begun)
     recipe = dataclasses.replace(recipe, layers=recipe.layers[:1])
     with share_bar(f"inventing {output.name}", quiet) as bar:
         solid = ts.generate_solid(recipe, depth, progress=bar)
@@ -188,14 +200,15 @@ def _explore(
     from toposeam_cli.book.exploring import explore_page
 
     first = int(wanted.pop("seed", 0))
-    relative = beginning.config is not None or beginning.like is not None
+    begun = _begun(beginning)
+    relative = begun[0] is not None
     recipes = []
     for number in range(counts[0] * counts[1]):
         given = dict(wanted) | ({} if relative and number == 0 else {"seed": first + number})
         amount = None
         if relative and number:
             amount = 0.4 if beginning.amount is None else beginning.amount
-        recipes.append(_recipe(given, dataclasses.replace(beginning, amount=amount))[0])
+        recipes.append(_recipe(given, amount, begun)[0])
     with share_bar(f"inventing {len(recipes)} motifs", quiet) as bar:
         page = explore_page(recipes, counts[0], bar)
     atomic_write(output, page, force)
@@ -203,20 +216,34 @@ def _explore(
         click.echo(f"{output}: {len(recipes)} motifs; open it, and click those to keep")
 
 
-def _recipe(given: dict[str, Any], beginning: Beginning) -> tuple[ts.Recipe, dict[str, Any]]:
-    """The recipe of an option list, a file of parameters or another motif; and how that one was printed."""
-    config, like, amount = beginning.config, beginning.like, beginning.amount
-    whole: ts.Recipe | None = None
-    printed: dict[str, Any] = {}
+def _begun(beginning: Beginning) -> tuple[ts.Recipe | None, dict[str, Any], dict[str, Any]]:
+    """The recipe to begin with, how that motif was printed, and the options of a file of parameters."""
+    config, like, source = beginning.config, beginning.like, beginning.source
+    if sum(path is not None for path in (config, like, source)) > 1:
+        raise ts.OptionError("--from, --config and --like each say what the motif is; leave one of them out")
+    kind = "" if source is None else source.suffix.lower()
+    if beginning.number is not None and kind not in _PAGES:
+        raise ts.OptionError("--number is that of a motif on a page; name the page with --from sheet.html")
+    if source is not None and kind in _PAGES:
+        return recipe_on_page(source, beginning.number), {}, {}
+    config, like = (source, None) if kind == ".toml" else (config, like or source)
     if config is not None:
-        if like is not None:
-            raise ts.OptionError("--config and --like both say what the motif is; leave one of them out")
         table = read_toml(config)
         whole = recipe_from_table(table, config)
-        if whole is None:
-            given = {**_checked(table, config), **given}
-    elif like is not None:
-        whole, printed = read_recipe(like), Print.read(read_settings(like))
+        return whole, {}, {} if whole is not None else _checked(table, config)
+    if like is not None:
+        return read_recipe(like), Print.read(read_settings(like)), {}
+    return None, {}, {}
+
+
+def _recipe(
+    given: dict[str, Any],
+    amount: float | None,
+    begun: tuple[ts.Recipe | None, dict[str, Any], dict[str, Any]],
+) -> tuple[ts.Recipe, dict[str, Any]]:
+    """The recipe of an option list and what it begins with, varied; and how that was printed."""
+    whole, printed, options = begun
+    given = {**options, **given}
     if isinstance(given.get("palette"), str):
         given["palette"] = read_colours(given["palette"])
     if isinstance(given.get("base"), Path):
@@ -225,11 +252,11 @@ def _recipe(given: dict[str, Any], beginning: Beginning) -> tuple[ts.Recipe, dic
         return _changed(whole, given, amount), printed
     if amount is not None:
         raise ts.OptionError(
-            "--vary needs a motif to begin with; name one with --like, or a recipe with --config"
+            "--vary needs a motif to begin with; name one with --from or --like, or a recipe with --config"
         )
-    options: dict[str, Any] = {"repeat": "translate", **given}
-    width, height = options.pop("size", (256, 256))
-    return ts.random_recipe((height, width), **options), printed
+    given = {"repeat": "translate", **given}
+    width, height = given.pop("size", (256, 256))
+    return ts.random_recipe((height, width), **given), printed
 
 
 def _checked(table: Mapping[str, Any], config: Path) -> dict[str, Any]:
@@ -269,7 +296,7 @@ def _checked(table: Mapping[str, Any], config: Path) -> dict[str, Any]:
 
 _NOT_IN_FILES = {
     *("output", "config", "like", "amount", "sheet", "pixels", "palettes", "show_recipe", "force", "quiet"),
-    *("explore", "depth"),
+    *("explore", "depth", "source", "number"),
     *("width_mm", "dpi", "levels", "transparent", "separations", "spot_names"),
 }
 

@@ -21,7 +21,7 @@ from toposeam_cli.composing import Outputs, check_outputs, crop_of, cropped, wri
 from toposeam_cli.figures.search import draw_search
 from toposeam_cli.files.scratch import Scratch, scratch
 from toposeam_cli.finding import SeamOptions, by_windows, check_finding, composed_as, correlations, strangers
-from toposeam_cli.large import describe_large, make, summary_of_large, write_large
+from toposeam_cli.large import describe_totals, make, summary_of_large, write_large
 from toposeam_cli.options import (
     FILE,
     OUTPUT,
@@ -237,7 +237,10 @@ def _stitch(
     warnings = [] if out.quiet else strangers(job)
     if job.stored:
         return _stitch_large(job, find, out, files, crop, store, [*warnings], aligned)
-    stitched = ts_stitched(composed_as(job, find, out, files))
+    composed = composed_as(job, find, out, files)
+    asked = out.as_json or (out.overlay, out.seam, out.history, out.report) != (None,) * 4
+    whole = asked or len(job.layers) == 2  # of many seams that nobody asks for outlines suffice
+    stitched = ts_stitched(composed, seams=whole)
     finished, at = cropped(stitched, out.output) if crop == "inside" else (stitched, None)
     overlay = None if out.overlay is None else draw_seams(stitched.image, stitched.seams)
     if overlay is not None and at is not None:
@@ -264,16 +267,11 @@ def _stitch(
             correlations=correlations(job),
         )
         documents.append((out.report, seam_page(page).encode(errors="backslashreplace")))
-    height, width = finished.image.shape[:2]
-    text = f"{out.output}: {width} × {height} px, {describe(stitched)}"
-    if at is not None:
-        text += f", cropped to what has no holes, from {at[0]},{at[1]}"
-    lines = [*describe_placement(job.layers, job.placement), *describe_alignment(job.layers, aligned), text]
-    report = (
-        json.dumps(summary_of_all(stitched, job.layers, aligned, job.placement), indent=2)
-        if out.as_json
-        else "\n".join(lines)
-    )
+    if out.as_json:
+        report = json.dumps(summary_of_all(stitched, job.layers, aligned, job.placement), indent=2)
+    else:
+        told = describe(stitched) if whole else describe_totals(composed)
+        report = _told(out, finished.image.shape, told, at, job, aligned)
     write(out, job, finished, documents, overlay)
     if out.as_json or not out.quiet:
         click.echo(report)
@@ -314,18 +312,34 @@ def _stitch_large(
         )
         documents.append((out.report, seam_page(page).encode(errors="backslashreplace")))
     write_large(out, composed, large, documents)
-    height, width = large.picture.pixels.shape[:2]
-    text = f"{out.output}: {width} × {height} px, {describe_large(composed, large)}"
-    if large.at is not None:
-        text += f", cropped to what has no holes, from {large.at[0]},{large.at[1]}"
-    lines = [*describe_placement(job.layers, job.placement), *describe_alignment(job.layers, aligned), text]
-    report = json.dumps(summary_of_large(composed, large), indent=2) if out.as_json else "\n".join(lines)
+    if out.as_json:
+        report = json.dumps(summary_of_large(composed, large), indent=2)
+    else:
+        told = describe_totals(composed)
+        report = _told(out, large.picture.pixels.shape, told, large.at, job, aligned)
     if out.as_json or not out.quiet:
         click.echo(report)
     for warning in warnings:
         click.echo(f"warning: {warning}", err=True)
     result: dict[str, Any] = json.loads(report) if out.as_json else {"report": report}
     return result
+
+
+def _told(
+    out: Outputs,
+    shape: tuple[int, ...],
+    seams: str,
+    at: tuple[int, int] | None,
+    job: PlacedPictures,
+    aligned: ts.Aligned | None,
+) -> str:
+    """What is said of a result for people."""
+    text = f"{out.output}: {shape[1]} × {shape[0]} px, {seams}"
+    if at is not None:
+        text += f", cropped to what has no holes, from {at[0]},{at[1]}"
+    return "\n".join(
+        [*describe_placement(job.layers, job.placement), *describe_alignment(job.layers, aligned), text]
+    )
 
 
 def _stitch_clips(files: list[Path], given: dict[str, Any]) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -107,6 +108,19 @@ _GUIDE = (
     help="The axes along which the texture repeats.",
 )
 @click.option(
+    "--turns",
+    type=click.Choice(ts.TURNS),
+    default="none",
+    show_default=True,
+    help="Also take patches mirrored left to right, turned by quarters, or both; not for normals.",
+)
+@click.option(
+    "--variation",
+    type=FiniteRange(0, 1),
+    help="From 0, patches that fit best and repeat, to 1, all of SOURCE equally often; 0.5 is usual. Instead "
+    "of --tolerance, --candidates, --most and --variety.",
+)
+@click.option(
     "--from",
     "source",
     type=FILE,
@@ -117,6 +131,14 @@ _GUIDE = (
     "--shares",
     type=WeightsType(),
     help="On how much of the texture each SOURCE shows, like 3,1; by default wherever it fits best.",
+)
+@click.option(
+    "--transparent",
+    is_flag=True,
+    help="Opacity is part of the texture, as of lace or scattered leaves: holes are grown along.",
+)
+@click.option(
+    "--preview", type=OUTPUT, help="Also write the texture while it grows, at most 512 px a side, to look at."
 )
 @click.option("--flatten", is_flag=True, help="Take slow light out of SOURCE first.")
 @click.option(
@@ -138,8 +160,12 @@ def synth(
     output: Path,
     patches: Patches,
     tileable: ts.Tileable,
+    turns: ts.Turns,
+    variation: float | None,
     source: tuple[Path, ...],
     shares: tuple[float, ...] | None,
+    transparent: bool,
+    preview: Path | None,
     flatten: bool,
     level: bool | None,
     guided: Guided,
@@ -160,7 +186,7 @@ def synth(
         )
     if size is None or use_coordinates is not None:
         refuse_besides("--use-coordinates", _CUT_ALIKE, "the coordinates say where each pixel comes from")
-        _cut_alike(sources, output, use_coordinates, tileable, search.smooth, results)
+        _cut_alike(sources, output, use_coordinates, tileable, turns, search.smooth, results)
         return
     if isinstance(size, AutoSize) and tileable == "none":
         raise ts.OptionError(
@@ -169,7 +195,7 @@ def synth(
     count = len(sources)
     if not isinstance(size, AutoSize):
         check_size(output, *size)
-    goes = results.destinations(output, map_outputs(output, search.also[::count]))
+    goes = results.destinations(output, map_outputs(output, search.also[::count]), preview)
     if source and len(source) != count:
         raise ts.OptionError(
             f"--from was given {len(source)} times for {count} sources; give one for each, in their order"
@@ -189,9 +215,13 @@ def synth(
             [picture.pixels for picture in pictures],
             size[::-1],
             tileable=tileable,
+            turns=turns,
+            variation=variation,
             alpha=alphas(pictures),
             source_mask=copied or None,
             shares=shares,
+            transparent=transparent,
+            preview=None if preview is None else _shown_in(preview, pictures[0]),
             flatten=flatten,
             level=level,
             maps=[[one.pixels for one in given] for given in maps],
@@ -200,9 +230,9 @@ def synth(
             progress=progress,
             **guided.read(results.max_pixels),
             **patches.keywords(),
-            **search.keywords(),
+            **search.keywords(variation is not None),
         )
-    goes.write(made, pictures[0], [given[0] for given in maps])
+    dataclasses.replace(goes, preview=None).write(made, pictures[0], [given[0] for given in maps])
     if not results.quiet:
         click.echo(
             f"{output}: {size[0]} × {size[1]} px, {made.count} patches of {made.patch[1]} × {made.patch[0]} "
@@ -214,6 +244,15 @@ def synth(
                 f"its order was stretched to close; at {width} × {height} px it closes by itself (--size "
                 f"auto:{size[0]}x{size[1]})"
             )
+
+
+def _shown_in(path: Path, like: Picture) -> Callable[[np.ndarray], None]:
+    """What writes a texture that is not ready yet to a file, again and again."""
+
+    def show(pixels: np.ndarray) -> None:
+        write_picture(path, dataclasses.replace(like, pixels=pixels, alpha=None), force=True)
+
+    return show
 
 
 def _closing_size(
@@ -233,7 +272,7 @@ def _closing_size(
 
 
 #: What may be given beside the coordinates of another texture.
-_CUT_ALIKE = ("sources", "output", "tileable", "smooth", "max_megapixels", "force", "quiet")
+_CUT_ALIKE = ("sources", "output", "tileable", "turns", "smooth", "max_megapixels", "force", "quiet")
 
 
 def _cut_alike(
@@ -241,6 +280,7 @@ def _cut_alike(
     output: Path,
     coordinates: Path | None,
     tileable: ts.Tileable,
+    turns: ts.Turns,
     smooth: int,
     results: Results,
 ) -> None:
@@ -254,7 +294,7 @@ def _cut_alike(
         )
     column, row, exemplar = np.moveaxis(given.astype(np.int32), 2, 0)
     place = np.stack([row, column], axis=2)
-    options: dict[str, Any] = {"tileable": tileable, "smooth": smooth}
+    options: dict[str, Any] = {"tileable": tileable, "turns": turns, "smooth": smooth}
     made = ts.apply_coordinates([picture.pixels for picture in pictures], place, exemplar, **options)
     opacity = None
     if alphas(pictures) is not None:

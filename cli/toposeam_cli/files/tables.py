@@ -51,7 +51,7 @@ def read_table(path: Path, what: str) -> tuple[Any, str]:
     return table, text
 
 
-def read_text(path: Path, what: str) -> str:
+def read_text(path: Path, what: str, largest: int = LARGEST_BYTES) -> str:
     """The text in a file that is no larger than a table may be.
 
     Parameters
@@ -59,6 +59,8 @@ def read_text(path: Path, what: str) -> str:
     path : Path
     what : str
         What it should be, for the error's text: "a list of pictures".
+    largest : int
+        More bytes than that are refused.
 
     Raises
     ------
@@ -68,10 +70,10 @@ def read_text(path: Path, what: str) -> str:
     try:
         check_regular(path, what, folders=False)
         with path.open("rb") as file:
-            content = file.read(LARGEST_BYTES + 1)
-        if len(content) > LARGEST_BYTES:
+            content = file.read(largest + 1)
+        if len(content) > largest:
             raise OptionError(
-                f"'{path}' is larger than {LARGEST_BYTES // 2**20} MiB, so it is not {what}; check its name"
+                f"'{path}' is larger than {largest // 2**20} MiB, so it is not {what}; check its name"
             )
         return content.decode("utf-8-sig")
     except FileNotFoundError as error:

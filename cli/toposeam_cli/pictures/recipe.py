@@ -9,6 +9,8 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import re
+import tomllib
 from collections.abc import Mapping
 from html import escape
 from pathlib import Path
@@ -17,11 +19,15 @@ from typing import Any
 import toposeam as ts
 from toposeam.errors import ImageError, OptionError
 from toposeam.vector.svg import read_metadata
-from toposeam_cli.files.tables import read_table
+from toposeam_cli.files.tables import read_table, read_text
 from toposeam_cli.pictures.decode import RECIPE_NAMESPACE, check_input
 from toposeam_cli.pictures.libvips import load_vips
 
 _RECIPE = f"{{{RECIPE_NAMESPACE}}}recipe"
+#: Larger files are no pages of motifs, of which there are 200 at most.
+_LARGEST_PAGE = 2**28
+#: Where a page to choose from keeps its recipes.
+_ON_PAGE = re.compile(r'<script type="application/json" id="recipes">(.*?)</script>', re.DOTALL)
 
 
 def to_xmp(settings: Mapping[str, Any]) -> bytes:
@@ -134,3 +140,29 @@ def recipe_from_table(table: Mapping[str, Any], path: Path) -> ts.Recipe | None:
             f"{', '.join(sorted(known))}"
         )
     return ts.Recipe.from_dict(table)
+
+
+def recipe_on_page(path: Path, number: int | None) -> ts.Recipe:
+    """The recipe of a motif on a page to choose from, by its number; a page of one motif needs none.
+
+    Raises
+    ------
+    OptionError
+    """
+    found = _ON_PAGE.search(read_text(path, "a page of motifs", _LARGEST_PAGE))
+    try:
+        texts = json.loads(found[1]) if found else []
+        if not texts:
+            raise ValueError("no recipes in it")
+        if number is None and len(texts) > 1:
+            raise OptionError(f"'{path}' shows {len(texts)} motifs; say which with --number")
+        if (number or 1) > len(texts):
+            raise OptionError(f"'{path}' shows {len(texts)} motifs, so it has no number {number}")
+        recipe = recipe_from_table(tomllib.loads(texts[(number or 1) - 1]), path)
+    except OptionError:
+        raise
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        raise OptionError(f"'{path}' is no page of --explore ({error}); make it again") from error
+    if recipe is None:
+        raise OptionError(f"'{path}' is no page of --explore; make it again")
+    return recipe

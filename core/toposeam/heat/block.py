@@ -105,7 +105,7 @@ class Block:
             _add_flow(product, field, faces)
             return product.ravel()
 
-        theta, iterations = conjugate_gradients(
+        solved = conjugate_gradients(
             multiply,
             lambda load: _cycle(levels, load.reshape(self.shape)).ravel(),
             self.heat.ravel(),
@@ -114,17 +114,17 @@ class Block:
             tolerance=tolerance,
             max_iterations=max_iterations,
         )
-        if theta is None:
+        if solved is None:
             raise SolverError(
                 f"the block's temperatures did not settle in {max_iterations} iterations; give more, or a "
                 "larger tolerance"
             )
-        cubes = theta.reshape(self.shape)
+        cubes = solved.theta.reshape(self.shape)
         return BlockTemperature(
             cubes=cubes,
-            compliance=float(self.heat.ravel() @ theta),
+            compliance=solved.compliance,
             energy=self._energy(cubes, conductivity),
-            iterations=iterations,
+            iterations=solved.iterations,
         )
 
     def _ends(self, axis: int) -> bool:

@@ -2,11 +2,17 @@
 
 Smoothers are two damped Jacobi sweeps, with the dampings of the Chebyshev polynomial of degree two. Cycles
 run in single precision, the conjugate gradients around them in double.
+
+*When to stop.* A step α d takes α² dᵀKd off the squared error in the energy norm, (θ* - θ)ᵀK(θ* - θ). As a
+share of the compliance fᵀθ* that is what a design feels: e² is an error of e² in the compliance, and of 2e at
+most in all sensitivities together. Where conductivities differ a thousandfold residuals say little of it:
+when they are 10⁻³ of the load, e² is 10⁻⁸.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +26,18 @@ _middle, _half = sum(_SMOOTHED) / 2, (_SMOOTHED[1] - _SMOOTHED[0]) / 2 / np.sqrt
 DAMPING = (np.float32(1.0 / (_middle + _half)), np.float32(1.0 / (_middle - _half)))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Solved:
+    """A system's solution."""
+
+    #: θ, (N,) floats.
+    theta: Floats
+    #: (f + r)ᵀθ with the residual r: the compliance less the squared error in the energy norm.
+    compliance: float
+    #: Iterations it took.
+    iterations: int
+
+
 def conjugate_gradients(
     multiply: Callable[[Floats], Floats],
     cycle: Callable[[Singles], Singles],
@@ -29,7 +47,8 @@ def conjugate_gradients(
     inner: Callable[[Floats, Floats], float],
     tolerance: float,
     max_iterations: int,
-) -> tuple[Floats | None, int]:
+    energy: float = 0.0,
+) -> Solved | None:
     """Solve K θ = f.
 
     Parameters
@@ -47,12 +66,13 @@ def conjugate_gradients(
     tolerance : float
         Stop when the residual's norm is this share of the load's.
     max_iterations : int
+    energy : float
+        Stop after a step, too, that took no more than this share of the compliance off the squared error.
 
     Returns
     -------
-    theta : (N,) float array or None
+    Solved or None
         None where it did not get there.
-    iterations : int
     """
     goal = tolerance * np.sqrt(inner(load, load))
     theta = np.zeros_like(load) if start is None else start.copy()
@@ -60,10 +80,13 @@ def conjugate_gradients(
     if start is not None:
         residual -= multiply(theta)
     direction, before = np.zeros_like(load), 1.0
-    for iteration in range(max_iterations):
+    compliance, gained = inner(load, theta) + inner(residual, theta), np.inf
+    for iteration in range(max_iterations + 1):
         size = np.sqrt(inner(residual, residual))
-        if size <= goal:
-            return theta, iteration
+        if size <= goal or gained <= energy * compliance:
+            return Solved(theta, compliance, iteration)
+        if iteration == max_iterations:
+            break
         scaled = (residual * (1.0 / size)).astype(np.float32)
         preconditioned = cycle(scaled).astype(np.float64)
         preconditioned *= size
@@ -79,4 +102,6 @@ def conjugate_gradients(
         theta += step * direction
         product *= step
         residual -= product
-    return (theta if np.sqrt(inner(residual, residual)) <= goal else None), max_iterations
+        gained = step * slope
+        compliance += gained
+    return None

@@ -106,21 +106,24 @@ class Plate:
         *,
         tolerance: float = 1e-5,
         max_iterations: int = MOST_ITERATIONS,
+        energy: float = 0.0,
     ) -> Temperature:
         """The steady state for (h, w) conductivities, all positive, from an optional guess (the nodes of
-        another state).
+        another state); `tolerance` and `energy` are those of `conjugate_gradients`.
         """
         system = self._stencil(conductivity)
         elements = np.concatenate([conductivity.reshape(-1, *self.shape), self.convection[np.newaxis]])
         solver = Multigrid(elements, self.patterns, system, self._hierarchy)
         guess = None if start is None else start.ravel()
-        flat, iterations = solver.solve(self._load, guess, tolerance, max_iterations)
-        nodes = flat.reshape(self.shape[0] + 1, self.shape[1] + 1)
+        solved = solver.solve(
+            self._load, guess, tolerance=tolerance, max_iterations=max_iterations, energy=energy
+        )
+        nodes = solved.theta.reshape(self.shape[0] + 1, self.shape[1] + 1)
         return Temperature(
             nodes=nodes,
-            compliance=self._groups.dot(self._load, flat),
+            compliance=solved.compliance,
             energy=self.energy(nodes),
-            iterations=iterations,
+            iterations=solved.iterations,
         )
 
     def energy(self, nodes: Floats) -> Floats:

@@ -28,7 +28,7 @@ from scipy.sparse import coo_array, dia_array
 from scipy.sparse.linalg import splu
 
 from toposeam.errors import SolverError
-from toposeam.heat.conjugate import DAMPING, conjugate_gradients
+from toposeam.heat.conjugate import DAMPING, Solved, conjugate_gradients
 from toposeam.heat.plate_joints import Floats, Groups, Joint, Shift
 
 Singles = npt.NDArray[np.float32]
@@ -307,8 +307,14 @@ class Multigrid:
         return theta
 
     def solve(
-        self, load: Floats, start: Floats | None, tolerance: float, max_iterations: int
-    ) -> tuple[Floats, int]:
+        self,
+        load: Floats,
+        start: Floats | None,
+        *,
+        tolerance: float,
+        max_iterations: int,
+        energy: float = 0.0,
+    ) -> Solved:
         """Temperatures for a joined load.
 
         Parameters
@@ -319,16 +325,18 @@ class Multigrid:
         tolerance : float
             Stop when the residual's norm is this share of the load's.
         max_iterations : int
+        energy : float
+            As of `conjugate_gradients`.
 
         Returns
         -------
-        temperature : (N,) float array
-        iterations : int
-            More than `max_iterations` where a direct solution took over.
+        Solved
+            With more than `max_iterations` where a direct solution took over.
         """
-        if not self._levels:
-            return self._direct.solve(load), 0
         groups = self._system.groups
+        if not self._levels:
+            theta = self._direct.solve(load)
+            return Solved(theta, groups.dot(load, theta), 0)
         matrix = self._system.matrix(np.float64)
 
         def multiply(theta: Floats) -> Floats:
@@ -336,7 +344,7 @@ class Multigrid:
             groups.gather(product)
             return product
 
-        theta, iterations = conjugate_gradients(
+        found = conjugate_gradients(
             multiply,
             self.cycle,
             load,
@@ -344,7 +352,9 @@ class Multigrid:
             inner=groups.dot,
             tolerance=tolerance,
             max_iterations=max_iterations,
+            energy=energy,
         )
-        if theta is not None:
-            return theta, iterations
-        return DirectSolver(self._system).solve(load), max_iterations + 1
+        if found is not None:
+            return found
+        theta = DirectSolver(self._system).solve(load)
+        return Solved(theta, groups.dot(load, theta), max_iterations + 1)

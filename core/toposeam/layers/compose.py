@@ -14,9 +14,10 @@ from toposeam.checks import check_whole, options_from
 from toposeam.errors import ImageError, OptionError
 from toposeam.images import Mask, as_mask
 from toposeam.layers.blend import Blend, Placed, check_blend
-from toposeam.layers.composition import Composition
+from toposeam.layers.composition import Composition, Totals
 from toposeam.layers.labelling import Labelling, Pair
 from toposeam.layers.layer import MAX_MEGAPIXELS, Box, Extent, Layer, check_layers, common_canvas, cut
+from toposeam.layers.made import Made
 from toposeam.layers.maps import blocks, cover_of, new_map
 from toposeam.layers.painting import LabelMap, channel_count
 from toposeam.layers.posing import exclusive_covers, pose_labelling
@@ -123,6 +124,7 @@ def compose(
         search = _Search(method, given, max_rounds, progress, core, match)
         return _round(layers, check_whole("wrap", wrap, 2), search, channels, blend, blend_width)
     seam_of: Callable[[Pair, bool], Seam]
+    totals: Callable[[], Totals] | None = None
     if len(layers) == 2:
         found = {"method": method, "record_frames": record_frames, "progress": progress, **given}
         one = steps.join(1, found, paths.get((0, 1)))
@@ -145,7 +147,8 @@ def compose(
         moves, rounds = best_rounds(labelling, order, method, given, max_rounds, progress, blend == "soft")
         label_map = moves.label_map
         pairs = moves.pairs(potentials=blend == "soft")
-        seam_of = _Made(moves, list(paths), {"core": core, **dataclasses.asdict(match)})
+        made = Made(moves, list(paths), {"core": core, **dataclasses.asdict(match)})
+        seam_of, totals = made, made.totals
     placed = Placed(layers=layers, places=steps.places, covered=steps.covered, label_map=label_map)
     return Composition(
         layers=layers,
@@ -157,6 +160,7 @@ def compose(
         _blend=blend,
         _blend_width=blend_width,
         _seam=seam_of,
+        _totals=totals,
     )
 
 
@@ -214,7 +218,7 @@ def _round(
         _channels=channels,
         _blend=blend,
         _blend_width=blend_width,
-        _seam=_Made(moves, [], {"core": search.core, **dataclasses.asdict(search.match)}),
+        _seam=Made(moves, [], {"core": search.core, **dataclasses.asdict(search.match)}),
         _begin=margin(period),
     )
 
@@ -291,18 +295,6 @@ def shown_as(
         _seam=nothing,
         _begin=0 if wrap is None else margin(wrap),
     )
-
-
-@dataclass(frozen=True, eq=False)
-class _Made:
-    """The seams of rounds, each made when it is asked for."""
-
-    moves: Rounds
-    given: Sequence[Pair]
-    settings: Mapping[str, Any]
-
-    def __call__(self, pair: Pair, beside: bool) -> Seam:
-        return self.moves.seam(pair, self.given, self.settings, beside)
 
 
 def _check_options(method: Method, options: Any, keywords: Mapping[str, Any]) -> None:

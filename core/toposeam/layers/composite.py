@@ -235,17 +235,17 @@ def stitch(
     return whole
 
 
-def stitched(composed: Composition) -> Stitched:
-    """All of a composition at once."""
+def stitched(composed: Composition, seams: bool = True) -> Stitched:
+    """All of a composition at once; its seams can be left out."""
     everything = slice(None), slice(None)
     image, alpha = composed.window(*everything)
-    seams = dict(composed.seams())
+    made = dict(composed.seams()) if seams else {}
     return Stitched(
         image=image,
         alpha=None if bool((alpha == full_scale(image.dtype)).all()) else alpha,
         label_map=composed.labels(*everything),
-        seams=tuple(seams.values()),
-        pairs=tuple(seams),
+        seams=tuple(made.values()),
+        pairs=composed.pairs,
         names=composed.names,
         rounds=composed.rounds,
         origin=composed.origin,

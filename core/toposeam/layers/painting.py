@@ -18,7 +18,12 @@ LabelMap = npt.NDArray[np.int16]
 
 
 def paint(
-    layers: Sequence[Layer], places: Sequence[Box], label_map: LabelMap, at: Box, channels: int | None
+    layers: Sequence[Layer],
+    places: Sequence[Box],
+    label_map: LabelMap,
+    at: Box,
+    channels: int | None,
+    onto: tuple[Image, Image] | None = None,
 ) -> tuple[Image, Image]:
     """The picture of a labelling in a box, (h, w[, C]), and its opacity, (h, w); 0 where no layer shows.
 
@@ -29,10 +34,15 @@ def paint(
     at : Box
     channels : int or None
         None for a plane of gray.
+    onto : (h, w[, C]) and (h, w) arrays, optional
+        Painted on, and returned, instead of new ones; 0 everywhere.
     """
     dtype = layers[0].image.dtype
-    image = np.zeros(at.shape if channels is None else (*at.shape, channels), dtype)
-    alpha = np.zeros(at.shape, dtype)
+    if onto is None:
+        image = np.zeros(at.shape if channels is None else (*at.shape, channels), dtype)
+        alpha = np.zeros(at.shape, dtype)
+    else:
+        image, alpha = onto
     for index, (layer, place) in enumerate(zip(layers, places, strict=True)):
         common = place.shared(at)
         for top in range(common.top, common.bottom, _TILE):

@@ -19,24 +19,25 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
+from toposeam.layers.band import band_of, write_pixels
 from toposeam.layers.junctions import beside_steps, junctions
 from toposeam.layers.labelling import Labelling, Move, Pair
 from toposeam.layers.layer import Box
 from toposeam.layers.maps import dense, new_map, several
 from toposeam.layers.painting import LabelMap
 from toposeam.layers.reduction import enlarged, opened, reduced
-from toposeam.optimize.history import Termination
 from toposeam.seam.find import Method, method_options, solve
+from toposeam.seam.gathering import gather_heat
 from toposeam.seam.heat import HeatOptions
 from toposeam.seam.overlap import FREE
-from toposeam.seam.seam import Seam
 from toposeam.seam.solution import Solution
 from toposeam.seam.thesis_options import ThesisOptions
 
@@ -53,8 +54,6 @@ _SHORTEST = 32
 _UNDECIDED, _UNDECIDED_LAST = 0.03, 0.5
 #: How far the windows reach round places where three layers meet, px.
 _WINDOW = 24
-#: Beyond its box the problem of a seam keeps so many px, where boxes are large.
-_MARGIN, _LARGE_BOX = 8, 1 << 20
 
 #: Methods that solve a region with unary costs; the others leave it to heat.
 _ANY_NETWORK: tuple[Method, ...] = ("heat", "shortest-path", "graph-cut")
@@ -63,6 +62,8 @@ _ANY_NETWORK: tuple[Method, ...] = ("heat", "shortest-path", "graph-cut")
 KEPT_CANVAS = 1 << 25
 
 Progress = Callable[[float], None]
+#: Rows and columns of pixels of the canvas.
+Pixels = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]
 
 
 def best_rounds(
@@ -158,7 +159,7 @@ class Rounds:
         keeps: bool = False,
     ) -> None:
         self._steps = _Steps(None) if steps is None else steps
-        self._labelling, self.label_map, self._near = labelling, label_map, near
+        self.labelling, self.label_map, self._near = labelling, label_map, near
         self.method: Method = method if method in _ANY_NETWORK else "heat"
         self._options: HeatOptions | ThesisOptions | None = method_options(
             self.method, options if self.method == method else {}
@@ -172,7 +173,9 @@ class Rounds:
         self.solved: dict[Pair, tuple[Box, Solution]] = {}
         self._keeps = keeps or labelling.canvas.shape[0] * labelling.canvas.shape[1] <= KEPT_CANVAS
         #: Pixels beside flow that the heat had not decided.
-        self._flows: dict[Pair, tuple[Box, npt.NDArray[np.intp]]] = {}
+        self._flows: dict[Pair, Pixels] = {}
+        #: Of pairs that were divided as bands, the label potential of the pixels that were open.
+        self.potentials: dict[Pair, tuple[*Pixels, npt.NDArray[np.float32]]] = {}
         self.seconds: dict[Pair, float] = {}
 
     def join(self, order: Sequence[int]) -> None:
@@ -180,7 +183,7 @@ class Rounds:
         there = dense(self.label_map).copy()
         self.label_map[:, :] = -1
         for index in order:
-            place, allowed = self._labelling.places[index], dense(self._labelling.allowed[index])
+            place, allowed = self.labelling.places[index], dense(self.labelling.allowed[index])
             part = self.label_map[place.slices]
             self.label_map[place.slices] = np.where(allowed & (part < 0), np.int16(index), part)
             self._expand(index)
@@ -191,13 +194,13 @@ class Rounds:
         """Make rounds until nothing is gained, at most so many; returns how many, the last of them without
         gain.
         """
-        places = self._labelling.places
+        places = self.labelling.places
         if within is None:
-            growing, pairs = set(range(len(places))), sorted(self._labelling.costs)
+            growing, pairs = set(range(len(places))), sorted(self.labelling.costs)
         else:
-            inside = within.shared(self._labelling.canvas)
+            inside = within.shared(self.labelling.canvas)
             growing = {int(k) for k in np.unique(self.label_map[inside.slices]) if k >= 0}
-            pairs = [pair for pair in sorted(self._labelling.costs) if growing >= set(pair)]
+            pairs = [pair for pair in sorted(self.labelling.costs) if growing >= set(pair)]
         waiting = set(pairs)
         layers = sorted(growing)
         for number in range(most):
@@ -222,40 +225,37 @@ class Rounds:
         """The best seams among the pixels that are open: one swap for each pair of layers that adjoin, and
         rounds where three layers meet.
         """
-        for pair in self._labelling.adjoining(self.label_map):
-            self._swap(pair)
+        for pair in self.labelling.adjoining(self.label_map):
+            self._divide(pair)
         for window in junctions(self.label_map, _WINDOW):
             self.run(most, window)
 
     def beside_seams(self) -> Mask:
         """(H, W) bool: pixels beside a seam, or beside flow that the heat had not decided."""
-        canvas = self._labelling.canvas
+        canvas = self.labelling.canvas
         chosen: Mask = new_map(canvas.shape, False, bool)
         for block in several(self.label_map, canvas):
             beside = beside_steps(self.label_map[block.slices], 0)
             chosen[block.slices] = chosen[block.slices] | beside
-        for box, pixels in self._flows.values():
-            inside = box.shared(canvas)
-            flows = np.zeros(box.shape, bool)
-            flows.flat[pixels] = True
-            chosen[inside.slices] = chosen[inside.slices] | flows[inside.within(box)]
+        for rows, columns in self._flows.values():
+            write_pixels(chosen, rows, columns, np.ones(len(rows), bool))
         return chosen
 
     def _touches(self, pair: Pair, changed: Box) -> bool:
-        return all(self._labelling.costs[pair].box.shared(changed).shape)
+        return all(self.labelling.costs[pair].box.shared(changed).shape)
 
     def _expand(self, index: int, within: Box | None = None) -> Box | None:
         """Let a layer show more of itself; the box in which something changed, None where nothing was
         gained.
         """
         self._steps.one()
-        move = self._labelling.expansion(self.label_map, index, within=within, opened=self._near)
+        move = self.labelling.expansion(self.label_map, index, within=within, opened=self._near)
         if move is None or not (move.problem.overlap.side == FREE).any():
             return None
         turned = move.problem.complete(solve(move.problem, self.method, self._options).labels).astype(bool)
         new = np.where(turned & (move.labels >= 0), np.int16(index), move.labels)
-        before = self._labelling.total(move.labels, move.box)
-        if self._labelling.total(new, move.box) >= before * (1 - _LEAST_GAIN):
+        before = self.labelling.total(move.labels, move.box)
+        if self.labelling.total(new, move.box) >= before * (1 - _LEAST_GAIN):
             return None
         return self._change(move, new)
 
@@ -264,7 +264,7 @@ class Rounds:
         gained.
         """
         self._steps.one()
-        move = self._labelling.swap(self.label_map, pair, within=within, opened=self._near)
+        move = self.labelling.swap(self.label_map, pair, within=within, opened=self._near)
         if move is None or not (move.problem.overlap.side == FREE).any():
             return None
         problem = move.problem
@@ -285,10 +285,52 @@ class Rounds:
             move, np.where(either, np.where(second, np.int16(pair[1]), np.int16(pair[0])), move.labels)
         )
 
+    def _divide(self, pair: Pair) -> None:
+        """Divide anew what is open between two layers, as a band where the heat decides and nothing is
+        forbidden.
+        """
+        options, near, labelling = self._options, self._near, self.labelling
+        if near is None or not isinstance(options, HeatOptions) or np.isfinite(labelling.forbidden):
+            self._swap(pair)
+            return
+        self._steps.one()
+        band = band_of(labelling, self.label_map, pair, near)
+        if band is None:
+            return
+        started = time.perf_counter()
+        network, cost, chosen = band.network()
+        with one_thread():
+            heat = gather_heat(network, cost, options.tolerance, options.max_iterations)
+        self.seconds[pair] = self.seconds.get(pair, 0.0) + time.perf_counter() - started
+        second = band.labels(chosen, heat.hot[:-2])
+        soft = second.astype(np.float64)
+        soft[chosen] = np.clip(heat.soft[:-2], 0.0, 1.0)
+        nothing = np.zeros((0, 0), bool)
+        solution = Solution(
+            labels=nothing,
+            soft=nothing.astype(np.float32),
+            contracted=True,
+            history=heat.history,
+            termination=heat.termination,
+        )
+        self.solved[pair] = Box(0, 0, 0, 0), solution
+        if self._undecided is not None:
+            self._flows[pair] = band.across(soft, self._undecided)
+        elif self._keeps:
+            self.potentials[pair] = band.rows, band.columns, soft.astype(np.float32)
+        if band.total(second) >= band.total(band.second) * (1 - _LEAST_GAIN):
+            return
+        changed = np.flatnonzero(second != band.second)
+        values = np.where(second[changed], np.int16(pair[1]), np.int16(pair[0]))
+        write_pixels(self.label_map, band.rows[changed], band.columns[changed], values)
+
     def _remember(self, pair: Pair, box: Box, solution: Solution) -> None:
+        self.potentials.pop(pair, None)
         if self._undecided is not None:
             undecided = beside_steps(np.asarray(solution.soft), self._undecided)
-            self._flows[pair] = box, np.flatnonzero(undecided)
+            inside = box.shared(self.labelling.canvas)
+            rows, columns = np.nonzero(undecided[inside.within(box)])
+            self._flows[pair] = rows + inside.top, columns + inside.left
         if self._undecided is not None or not self._keeps:
             nothing = np.zeros((0, 0), bool)
             solution = dataclasses.replace(
@@ -303,7 +345,7 @@ class Rounds:
         if not changed.any():
             return None
         box = move.box
-        inside = box.shared(self._labelling.canvas)
+        inside = box.shared(self.labelling.canvas)
         self.label_map[inside.slices] = new[inside.within(box)]
         rows, columns = np.flatnonzero(changed.any(axis=1)), np.flatnonzero(changed.any(axis=0))
         top, left = box.top, box.left
@@ -319,74 +361,9 @@ class Rounds:
         potentials : bool
             Whether to solve pairs that no round has solved, for their label potential.
         """
-        found = self._labelling.adjoining(self.label_map)
+        found = self.labelling.adjoining(self.label_map)
         if potentials:
             for pair in found:
                 if pair not in self.solved:
                     self._swap(pair)
-        return [pair for pair in found if pair in self._labelling.costs]
-
-    def seam(
-        self, pair: Pair, given: Collection[Pair], settings: Mapping[str, Any], beside: bool = False
-    ) -> Seam:
-        """The seam between two layers of :meth:`pairs` as they show now.
-
-        Parameters
-        ----------
-        pair : (int, int)
-        given : collection of (int, int)
-            Pairs whose seam was not searched.
-        settings : mapping
-            Recorded with the seam.
-        beside : bool
-            Whether costs are wanted beside the seam only.
-        """
-        move = self._labelling.swap(
-            self.label_map, pair, within=self._seam_box(pair), whole=True, beside=beside
-        )
-        if move is None:
-            raise ValueError(f"layers {pair[0]} and {pair[1]} have nothing in common")
-        problem = move.problem
-        shown = move.labels == pair[1]
-        problem.check(shown)
-        box, solution = self.solved.get(
-            pair, (move.box, Solution(labels=shown, soft=shown.astype(np.float32)))
-        )
-        potential = shown.astype(np.float32)
-        common = box.shared(move.box)
-        if all(common.shape):
-            here = common.within(move.box)
-            free = problem.overlap.side[here] == FREE
-            potential[here][free] = np.asarray(solution.soft, np.float32)[common.within(box)][free]
-        label_map = self.label_map
-        return Seam(
-            _shown=shown,
-            _potential=None if solution.contracted else potential,
-            _only_b=lambda: dense(label_map) == pair[1],
-            cost=problem.cost(shown),
-            history=solution.history,
-            method="path" if pair in given else self.method,
-            termination=Termination.GIVEN if pair in given else solution.termination,
-            seconds=self.seconds.get(pair, 0.0),
-            settings={**settings, **self.settings},
-            problem=problem,
-        )
-
-    def _seam_box(self, pair: Pair) -> Box | None:
-        """On large overlaps, the box of the seam and some pixels around it."""
-        cost = self._labelling.costs.get(pair)
-        if cost is None or cost.box.shape[0] * cost.box.shape[1] <= _LARGE_BOX:
-            return None
-        inside = cost.box.shared(self._labelling.canvas)
-        labels = self.label_map[inside.slices]
-        first, second = labels == pair[0], labels == pair[1]
-        beside = np.zeros(labels.shape, bool)
-        beside[:, 1:] |= (first[:, 1:] & second[:, :-1]) | (second[:, 1:] & first[:, :-1])
-        beside[1:] |= (first[1:] & second[:-1]) | (second[1:] & first[:-1])
-        rows, columns = np.flatnonzero(beside.any(axis=1)), np.flatnonzero(beside.any(axis=0))
-        if not len(rows):
-            return None
-        top, left = inside.top, inside.left
-        return Box(
-            top + int(rows[0]), left + int(columns[0]), top + int(rows[-1]) + 1, left + int(columns[-1]) + 1
-        ).grown(_MARGIN)
+        return [pair for pair in found if pair in self.labelling.costs]

@@ -13,7 +13,17 @@ from toposeam.heat.plate import Plate, Temperature
 from toposeam.heat.plate_joints import Floats
 from toposeam.heat.threads import one_thread
 from toposeam.motif.conduction import LayerProblem
-from toposeam.motif.layer import THINNEST, TOLERANCE, Step, carry, finer_temperature, plan, problem_at, update
+from toposeam.motif.layer import (
+    ENERGY,
+    THINNEST,
+    TOLERANCE,
+    Step,
+    carry,
+    finer_temperature,
+    plan,
+    problem_at,
+    update,
+)
 from toposeam.motif.mirrors import Mirrors, mirrors
 from toposeam.motif.recipe import LayerRecipe, Recipe
 from toposeam.motif.sampling import resample
@@ -61,7 +71,7 @@ class _Plate:
     def solve(self, designs: list[Floats], penalties: list[float]) -> Temperature:
         """The steady state, started from the one before."""
         k = self.problem.conductivity(self._design(designs), self._penalty(penalties))
-        state = self.problem.plate.solve(k, self.temperature, tolerance=TOLERANCE)
+        state = self.problem.plate.solve(k, self.temperature, tolerance=TOLERANCE, energy=ENERGY)
         self.temperature = state.nodes
         return state
 

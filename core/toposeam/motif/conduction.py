@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -55,10 +56,23 @@ class LayerProblem:
         """The layer of a recipe on a plate of the given shape."""
         orbits = symmetry(recipe.repeat, shape)
         spots = (_spots(points, shape, recipe.repeat) for points in (layer.sources, layer.sinks))
-        brightness = None if not recipe.base else resample(unpack_base(recipe.base), "none", shape)
-        nominal = orbits.mean(nominal_conductivity(brightness, recipe.base_strength, shape, recipe.base_law))
+        nominal = cls.nominal_of(recipe.base, recipe.base_strength, recipe.base_law, recipe.repeat, shape)
         plate = Plate(*cls.loads(layer, orbits, nominal, *spots), joint(recipe.repeat))
         return cls(plate, nominal, orbits, recipe.repeat, filter_radius(recipe, shape))
+
+    @classmethod
+    @lru_cache(maxsize=4)
+    def nominal_of(cls, base: str, strength: float, law: str, repeat: str, shape: tuple[int, int]) -> Floats:
+        """k_e of a packed base image, equal along the orbits; all layers share it, and it is read-only."""
+        brightness = None if not base else cls.shown(unpack_base(base), shape)
+        nominal = symmetry(repeat, shape).mean(nominal_conductivity(brightness, strength, shape, law))
+        nominal.flags.writeable = False
+        return nominal
+
+    @staticmethod
+    def shown(brightness: npt.NDArray[np.float32], shape: tuple[int, int]) -> npt.NDArray[np.floating]:
+        """A base image on the cell's elements."""
+        return resample(brightness, "none", shape)
 
     @staticmethod
     def loads(
@@ -164,9 +178,9 @@ def _spots(points: tuple[Point, ...], shape: tuple[int, int], repeat: str) -> Fl
             if not all(-reach < along < 1 + reach for along in place):
                 continue
             down, across = np.abs(y - place[1] * h), np.abs(x - place[0] * w)
-            np.maximum(
-                spot, np.clip(radius + 0.5 - np.hypot(down[:, None], across[None, :]), 0.0, 1.0), out=spot
-            )
+            near = np.ix_(down < radius + 0.5, across < radius + 0.5)
+            disc = radius + 0.5 - np.hypot(down[near[0]], across[near[1]])
+            spot[near] = np.maximum(spot[near], np.clip(disc, 0.0, 1.0))
         field += spot * (strength / spot.sum())
     total = field.sum()
     return field / total if total > 0 else field

@@ -15,8 +15,8 @@ from scipy.ndimage import map_coordinates, spline_filter, uniform_filter1d
 
 from toposeam.heat.plate_joints import Floats
 from toposeam.heat.plate_triangles import TrianglePlate
-from toposeam.motif.conduction import SPOT, VOID, LayerProblem, filter_radius, nominal_conductivity, power
-from toposeam.motif.recipe import LayerRecipe, Point, Recipe, unpack_base
+from toposeam.motif.conduction import SPOT, VOID, LayerProblem, filter_radius, power
+from toposeam.motif.recipe import LayerRecipe, Point, Recipe
 from toposeam.motif.symmetry import symmetry
 
 #: Neighbouring lattice points, the nearest of which may lie across the cell's border.
@@ -38,12 +38,16 @@ class HexagonalProblem(LayerProblem):
     def at(cls, layer: LayerRecipe, recipe: Recipe, shape: tuple[int, int]) -> LayerProblem:
         """The layer of a recipe on a cell of the given shape."""
         orbits = symmetry(recipe.repeat, shape)
-        brightness = None if not recipe.base else _shown_round_lattice_points(unpack_base(recipe.base), shape)
-        nominal = orbits.mean(nominal_conductivity(brightness, recipe.base_strength, shape, recipe.base_law))
+        nominal = cls.nominal_of(recipe.base, recipe.base_strength, recipe.base_law, recipe.repeat, shape)
         plate = TrianglePlate(
             *cls.loads(layer, orbits, nominal, _spots(layer.sources, shape), _spots(layer.sinks, shape))
         )
         return cls(plate, _at_triangles(nominal), orbits, recipe.repeat, filter_radius(recipe, shape))
+
+    @staticmethod
+    def shown(brightness: npt.NDArray[np.float32], shape: tuple[int, int]) -> npt.NDArray[np.floating]:
+        """A base image round every lattice point."""
+        return _shown_round_lattice_points(brightness, shape)
 
     def conductivity(self, density: Floats, penalty: Floats | float) -> Floats:
         """Of every triangle, (2, h, w)."""

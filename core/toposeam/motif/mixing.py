@@ -25,7 +25,10 @@ def mix(
     (H, W, 3) float32 array in [0, 1]
     """
     image = np.empty((*densities.shape[1:], 3), np.float32)
-    image[:] = paper
-    for density, ink in zip(densities, inks, strict=True):
-        image *= 1.0 - density[..., np.newaxis] * (1.0 - ink).astype(np.float32)
-    return np.clip(image, 0.0, 1.0, out=image)
+    taken = (1.0 - np.asarray(inks)).astype(np.float32)
+    for channel in range(3):
+        plane = np.full(densities.shape[1:], paper[channel], np.float32)
+        for density, share in zip(densities, taken[:, channel], strict=True):
+            plane *= 1.0 - density * share
+        np.clip(plane, 0.0, 1.0, out=image[..., channel])
+    return image

@@ -112,6 +112,12 @@ def repeat_densities(
     >>> ts.repeat_densities(motif, (2, 3)).shape
     (2, 32, 48)
     """
+    pair = _counts(motif, counts, size)
+    return tile(motif.coverage(size), motif.repeat, pair)
+
+
+def _counts(motif: Motif, counts: Any, size: Any) -> tuple[int, int]:
+    """Rows and columns of a pattern, checked, with the size of its motifs."""
     rows, columns = check_pair("counts", counts, 1)
     check_kind("motif", motif, Inked, "a Motif")
     cell = check_pair("size", size, 1) if size is not None else motif.densities.shape[1:]
@@ -120,7 +126,7 @@ def repeat_densities(
             f"the pattern would have {rows * cell[0]:,} × {columns * cell[1]:,} pixels; ask for fewer or "
             "smaller motifs"
         )
-    return tile(motif.coverage(size), motif.repeat, (rows, columns))
+    return rows, columns
 
 
 def repeat(
@@ -135,4 +141,6 @@ def repeat(
     >>> ts.repeat(motif, (2, 3)).shape
     (32, 48, 3)
     """
-    return mix(repeat_densities(motif, counts, size=size), motif.inks, motif.paper)
+    pair = _counts(motif, counts, size)
+    image = mix(motif.coverage(size), motif.inks, motif.paper)
+    return np.ascontiguousarray(np.moveaxis(tile(np.moveaxis(image, -1, 0), motif.repeat, pair), 0, -1))

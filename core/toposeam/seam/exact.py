@@ -304,6 +304,8 @@ def cut_by_flow(problem: SeamProblem, pixels: Mask) -> Mask:
     about 1e-9 of their sum.
     """
     network, weight, index = problem.grid.network(pixels)
+    if not len(weight):  # nothing is known of them: all is as good
+        return np.zeros(pixels.shape, bool)
     # Next to forbidden interfaces rounding would lose the others: as much as all of them together is
     # forbidding enough.
     ordinary = float(weight[weight < problem.forbidden].sum())

@@ -44,6 +44,7 @@ from toposeam.optimize.history import Frame, Iteration, Termination
 from toposeam.seam.coarse import PROVEN, WHOLE_NODES, gather, restrict
 from toposeam.seam.corridor import beside_seam, best_nearby, keeping
 from toposeam.seam.exact import divided_by_paths, laid_by_distances
+from toposeam.seam.gathering import FLUX_THRESHOLD, SOFT, gather_heat
 from toposeam.seam.grid import grid_from_sides, grown
 from toposeam.seam.overlap import FREE, NONE
 from toposeam.seam.problem import SeamProblem
@@ -53,11 +54,7 @@ from toposeam.seam.solution import Solution
 DISTANCE_PIXELS = 1000
 #: A flow laid by them is right up to this share of its size.
 _LOST = 1e-9
-#: An interface with less flux does not belong to the heat path (thesis, q_threshold).
-FLUX_THRESHOLD = 0.01
-#: ``soft`` is the last potential whose cost exceeded what is proven by this share.
-_SOFT = 0.1
-#: In large overlaps it is sought within so many cells (of 8 px) of the seam, in steps at most.
+#: In large overlaps ``soft`` is sought within so many cells (of 8 px) of the seam, in steps at most.
 _SOFT_CELLS, _SOFT_STEPS = 4, 20
 
 
@@ -115,55 +112,19 @@ def heat_path(
                 progress(1.0)
             return known
     large = _is_large(problem)
-    history: list[Iteration] = []
     network, cost, multiplicity, node_of_pixel = _network(problem)
     frames: list[Frame] = []
-    hot = np.append(np.zeros(network.n, bool), [False, True])
-    soft = hot.astype(np.float64)
-    termination = Termination.ITERATIONS if network.n else Termination.SINGLE_LINE
-    if network.n:
-        state = PrimalDual(network, cost)
-        soft = state.potential
-        raised = float(np.maximum(state.cost - cost, 0.0).sum())  # no flow may use what is only lent
-    bound, cheapest = 0.0, np.inf
-    flux = np.ones(len(cost))
 
-    for step in range(options.max_iterations if network.n else 0):
-        cut, threshold = state.best_cut()
-        if cut < cheapest:
-            cheapest, hot = cut, state.potential > threshold
-        size = state.bound
-        bound = max(bound, size - raised)
-        new = np.abs(state.jump)
-        objective = float(state.cost @ new)
-        history.append(
-            Iteration(
-                stage=1,
-                objective=objective,
-                compliance=size,
-                bound=float("nan"),
-                n_flux=int(multiplicity @ (new > FLUX_THRESHOLD)),
-                change=float(np.abs(new - flux).max()),
-                unknowns=network.n,
-            )
-        )
-        flux = new
-        if objective > (1 + _SOFT) * bound:
-            soft = state.potential
+    def watch(potential: Floats, step: int, proven: bool) -> None:
         if record_frames:
-            frames.append(_frame(problem, state.potential[node_of_pixel], step + 1, 1))
-        if cheapest <= (1 + options.tolerance) * bound:
-            termination = Termination.SINGLE_LINE
-            break
-        if progress is not None:
+            frames.append(_frame(problem, potential[node_of_pixel], step + 1, 1))
+        if progress is not None and not proven:
             progress(min(0.95, (step + 1) / 10))
-        try:
-            state.step()
-        except SolverError:
-            break  # double precision ends here; the best cut so far stands
 
+    heat = gather_heat(network, cost, options.tolerance, options.max_iterations, multiplicity, watch)
+    hot, history, bound = heat.hot, list(heat.history), heat.bound
     labels = hot[node_of_pixel]
-    potential = np.clip(soft, 0.0, 1.0).astype(np.float32)[node_of_pixel]
+    potential = np.clip(heat.soft, 0.0, 1.0).astype(np.float32)[node_of_pixel]
     if large and not problem.tied:
         labels = _opened_again(problem, labels, node_of_pixel)
     if history:
@@ -177,7 +138,7 @@ def heat_path(
                 compliance=least,
                 bound=float("nan"),
                 n_flux=used,
-                change=float(np.abs(seam_flux - flux).max()),
+                change=float(np.abs(seam_flux - heat.flux).max()),
                 unknowns=0,
             )
         )
@@ -196,7 +157,7 @@ def heat_path(
         contracted=large,
         history=tuple(history),
         frames=tuple(frames),
-        termination=termination,
+        termination=heat.termination,
     )
 
 
@@ -227,7 +188,7 @@ def potential_beside(problem: SeamProblem, labels: Mask) -> npt.NDArray[np.float
         state = PrimalDual(network, cost)
         soft = state.potential
         for _ in range(_SOFT_STEPS):
-            if float(state.cost @ np.abs(state.jump)) <= (1 + _SOFT) * state.bound:
+            if float(state.cost @ np.abs(state.jump)) <= (1 + SOFT) * state.bound:
                 break
             soft = state.potential
             try:

@@ -223,12 +223,13 @@ def _steps(present: Mask, axis: int) -> tuple[Floats32 | None, Floats32]:
 
 def _steps_of(present: Mask, axis: int) -> tuple[Floats32 | None, Floats32]:
     s, t = _pair(axis)
-    known = present[s] & present[t]
+    known = (present[s] & present[t]).astype(np.float32)
     count = np.zeros(present.shape, np.float32)
     count[s] += known
     count[t] += known
-    np.divide(np.float32(1), count, out=count, where=count > 0)
-    return None if known.all() else known.astype(np.float32), count
+    share = np.float32(1.75) - np.float32(0.75) * count
+    share *= count  # 0, 1 and a half for 0, 1 and 2
+    return None if known.all() else known, share
 
 
 @lru_cache(maxsize=_KEPT_STEPS)
@@ -241,6 +242,7 @@ def _gradient(planes: Floats32, known: Floats32 | None, share: Floats32, axis: i
     where both are not.
     """
     s, t = _pair(axis + 1)
+    last = (slice(None),) * (axis + 1) + (slice(-1, None),)
     squares = np.zeros(share.shape, np.float32)
     # Planes of small images together, which takes fewer calls; those of large ones would not fit the caches.
     together = len(planes) if planes.size <= _CACHED else 1
@@ -248,8 +250,9 @@ def _gradient(planes: Floats32, known: Floats32 | None, share: Floats32, axis: i
         step = part[t] - part[s]
         if known is not None:
             step *= known
-        total = np.zeros(part.shape, np.float32)
-        total[s] += step
+        total = np.empty(part.shape, np.float32)
+        total[s] = step
+        total[last] = 0
         total[t] += step
         for square in np.square(total, out=total):
             squares += square

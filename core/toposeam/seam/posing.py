@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from toposeam.checks import check_choice
 from toposeam.errors import ImageError, OptionError
-from toposeam.heat.grid_flow import HIGH, LOW, along
+from toposeam.heat.bricks import HIGH, LOW, along
 from toposeam.images import Image, Mask, as_array, as_float, as_mask, check_shape, unit_of, widen
 from toposeam.seam.match_cost import Floats32, MatchCost, match_cost, match_options
 from toposeam.seam.overlap import SIDES, Overlap, Side, between_masks, side_by_side

@@ -113,10 +113,15 @@ class Atlas:
             -1 for pixels without source.
         """
         row, column = np.divmod(index, np.int32(self.width))
-        exemplar = np.maximum(np.searchsorted(self.corners[:, 0], row, side="right") - 1, 0).astype(np.int16)
         place = np.empty((*index.shape, 2), np.int32)
-        place[..., 0] = row - self.corners[:, 0].astype(np.int32)[exemplar]
-        place[..., 1] = column - self.corners[:, 1].astype(np.int32)[exemplar]
+        if len(self.corners) == 1:
+            exemplar = np.zeros(index.shape, np.int16)
+            first_row, first_column = self.corners[0].astype(np.int32)
+        else:
+            exemplar = self.owner_of_rows.astype(np.int16).take(row, mode="clip")
+            first_row, first_column = self.corners.T.astype(np.int32)[:, exemplar]
+        np.subtract(row, first_row, out=place[..., 0])
+        np.subtract(column, first_column, out=place[..., 1])
         place[index < 0] = -1
         return exemplar, place
 

@@ -13,7 +13,7 @@ from toposeam.texture.atlas import Atlas
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.holed import box_of
 from toposeam.texture.lay_options import LayOptions
-from toposeam.texture.rendering import Lift, render
+from toposeam.texture.rendering import Lift, render, render_seen
 from toposeam.texture.sources import Sources
 from toposeam.texture.synthesis import Synthesis
 
@@ -33,7 +33,10 @@ def finish(
     for images, gray in zip(sources.planes, sources.gray, strict=True):
         light = lift if not made else None
         plane = atlas.spread(images)
-        if changed is None or any(canvas.wrap):
+        if sources.transparent and sources.has_alpha and len(made) + 1 < len(sources.planes):
+            opacity = atlas.spread(sources.planes[-1])
+            picture = render_seen(canvas.index, plane, opacity, atlas.usable, canvas.wrap, smooth)
+        elif changed is None or any(canvas.wrap):
             picture = render(canvas.index, plane, atlas.usable, canvas.wrap, smooth, light)
             if changed is not None:
                 np.copyto(picture, images[0], where=~changed[..., np.newaxis])

@@ -16,8 +16,10 @@ from toposeam.texture.atlas import Atlas, Floats32, Ints32, values_at
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.keeping_step import Phase
 from toposeam.texture.lay_options import LayOptions
-from toposeam.texture.nearby import Nearby
-from toposeam.texture.search import Ints, PatchSearch, box_sum
+from toposeam.texture.nearby import Nearby, average_use
+from toposeam.texture.search import Compared, Ints, PatchSearch, box_sum
+from toposeam.texture.turning import Turns
+from toposeam.texture.twins import Twins
 
 #: How much dearer a place is whose pixels have all shown as often as they should, where there is no other.
 _USED_UP = 30
@@ -114,6 +116,8 @@ class PatchPlacer:
         Which places keep the texture's order in step with the canvas; others are not taken.
     shares : sequence of float, optional
         What part of the canvas each exemplar is to show on, in any unit; without it wherever it fits best.
+    turns : str
+        Which positions of every exemplar the atlas holds.
     """
 
     def __init__(
@@ -127,6 +131,7 @@ class PatchPlacer:
         guide: Guide | None = None,
         phase: Phase | None = None,
         shares: Sequence[float] | None = None,
+        turns: Turns = "none",
     ) -> None:
         self.atlas, self.features, self.canvas = atlas, features, canvas
         self.options, self.rng, self.guide, self.phase = options, rng, guide, phase
@@ -135,10 +140,11 @@ class PatchPlacer:
         # Where little is laid, compared with what there is to copy, no place is used up.
         self._uses_up = area > _LITTLE * int(atlas.usable.sum())
         self._shares = None if shares is None else np.asarray(shares, float) / sum(shares)
-        self._average = _average_use(atlas, area, self._shares)
+        self._average = average_use(atlas, area, self._shares)
         self._limit = np.maximum(1, np.floor(options.most * self._average))
         self._nearby = Nearby(atlas, canvas)
-        self.margin = atlas.margin
+        self._twins = None if turns == "none" else Twins(atlas, canvas, turns)
+        self.margin, self._copied = atlas.margin, int(atlas.copied.sum())
 
     def lay(self, top: int, left: int, shape: tuple[int, int], may_show: Mask | None = None) -> bool:
         """Lay one patch on a window of the canvas; False where nothing there is empty.
@@ -272,8 +278,9 @@ class PatchPlacer:
         if not np.isfinite(errors).any():  # what room there is lies between the places of the reduced search
             return self._anywhere(site.shape)
         if f > 1:
+            samples = [term.search.sample(term.values, term.weight, (m, m)) for term in terms]
             for k in np.flatnonzero(np.isfinite(errors)).tolist():
-                found = self._exactly(terms, int(rows[k]), int(columns[k]), site.shape)
+                found = self._exactly(terms, samples, int(rows[k]), int(columns[k]), site.shape)
                 errors[k] *= (found[2] + _FLOOR) / (error[(rows[k] - m) // f, (columns[k] - m) // f] + _FLOOR)
                 rows[k], columns[k] = found[:2]
         good = np.flatnonzero(errors <= (1 + self.options.tolerance) * errors.min())
@@ -281,7 +288,7 @@ class PatchPlacer:
         return int(rows[pick]), int(columns[pick])
 
     def _exactly(
-        self, terms: list[_Term], row: int, column: int, shape: tuple[int, int]
+        self, terms: list[_Term], samples: list[Compared], row: int, column: int, shape: tuple[int, int]
     ) -> tuple[int, int, float]:
         """The best place at full size near one of the reduced search, in ever smaller steps, and its
         error.
@@ -289,9 +296,9 @@ class PatchPlacer:
         step, error = self.search.factor // 2, math.inf
         while step:
             rows, columns, exact = np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(9, np.float32)
-            for term in terms:
+            for term, sample in zip(terms, samples, strict=True):
                 rows, columns, part = term.search.around(
-                    row, column, step, term.values, term.weight, (self.margin, self.margin), shape
+                    row, column, step, sample, (self.margin, self.margin), shape
                 )
                 exact = exact + term.strength * part
             least = int(exact.argmin())
@@ -331,6 +338,10 @@ class PatchPlacer:
             places = (m + f * np.arange(n), m + f * np.arange(columns_n))
             in_step = np.where(self.phase.allows(at, shape, *places), raised, np.float32(np.inf))
             raised = in_step if np.isfinite(in_step).any() else raised
+        if self._twins is not None:
+            twins = self._twins.blocked(at, shape, m, f, raised.shape)
+            apart_from = np.where(twins, np.float32(np.inf), raised)
+            raised = apart_from if np.isfinite(apart_from).any() else raised
         left = raised.copy()
         if used_up is not None:
             left[used_up > 0] = np.inf
@@ -369,7 +380,7 @@ class PatchPlacer:
         new = int((site.known[m : m + shape[0], m : m + shape[1]] < 0).sum())
         pixels = shape[0] * shape[1]
         limit = max(
-            min(self.options.copy_patches * pixels, self.options.copy_share * int(self.atlas.copied.sum())),
+            min(self.options.copy_patches * pixels, self.options.copy_share * self._copied),
             pixels,
         )
         height, width = site.known.shape
@@ -378,15 +389,6 @@ class PatchPlacer:
         )
         row, column = np.divmod(index, np.int32(self.atlas.width))
         return [(int(r), int(c)) for r, c in zip(row - y + m, column - x + m, strict=True)]
-
-
-def _average_use(atlas: Atlas, area: int, shares: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
-    """(AH, 1): how often a usable pixel shows on average, by the atlas's row."""
-    usable = atlas.usable.sum(axis=1)
-    if shares is None:
-        return np.full((len(usable), 1), max(area / max(int(usable.sum()), 1), 1.0))
-    each = np.add.reduceat(usable, atlas.corners[:, 0])
-    return np.maximum(area * shares / np.maximum(each, 1), 1.0)[atlas.owner_of_rows, np.newaxis]
 
 
 def _block(error: Floats32, row: float, column: float, reach: float) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -65,3 +65,33 @@ class LayOptions:
         check_choice("close", self.close, (True, False))
         if self.cost is not None and not isinstance(self.cost, MatchCost):
             raise OptionError(f"cost is of class {type(self.cost).__name__}; pass a MatchCost")
+
+
+#: What one number, the variation, stands for.
+VARIED = ("tolerance", "candidates", "most", "variety")
+
+
+def varied(options: LayOptions, variation: float) -> LayOptions:
+    """Options for a variation in [0, 1], 0.5 being the usual one.
+
+    Raises
+    ------
+    OptionError
+
+    Examples
+    --------
+    >>> varied(LayOptions(), 0.5) == LayOptions()
+    True
+    >>> low, high = varied(LayOptions(), 0), varied(LayOptions(), 1)
+    >>> (low.tolerance, low.candidates, low.variety), (high.tolerance, high.candidates, high.variety)
+    ((0.0, 1, 0.0), (1.0, 64, 2.0))
+    """
+    value = check_number("variation", variation, 0, 1)
+    usual = LayOptions()
+    return replace(
+        options,
+        tolerance=usual.tolerance * (2 * value if value <= 0.5 else 10 ** (2 * value - 1)),
+        candidates=round(usual.candidates ** (2 * value)),
+        most=usual.most * 0.6 ** (2 * value - 1),
+        variety=usual.variety * (2 * value) ** 2,
+    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import numpy.typing as npt
 
 from toposeam.texture.atlas import Atlas, Floats32
 from toposeam.texture.canvas import IndexCanvas
@@ -81,3 +82,12 @@ class Nearby:
             return result
 
         return on_grid
+
+
+def average_use(atlas: Atlas, area: int, shares: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
+    """(AH, 1): how often a usable pixel shows on average, by the atlas's row."""
+    usable = atlas.usable.sum(axis=1)
+    if shares is None:
+        return np.full((len(usable), 1), max(area / max(int(usable.sum()), 1), 1.0))
+    each = np.add.reduceat(usable, atlas.corners[:, 0])
+    return np.maximum(area * shares / np.maximum(each, 1), 1.0)[atlas.owner_of_rows, np.newaxis]

@@ -222,9 +222,9 @@ def _fitting(atlas: Atlas, features: Floats32, hole: Mask, missing: Mask) -> Shi
 def _exactly(
     search: PatchSearch, row: int, column: int, values: Floats32, weight: Floats32, shape: tuple[int, int]
 ) -> tuple[int, int]:
-    step = search.factor // 2
+    step, sample = search.factor // 2, search.sample(values, weight, (0, 0))
     while step:
-        rows, columns, error = search.around(row, column, step, values, weight, (0, 0), shape)
+        rows, columns, error = search.around(row, column, step, sample, (0, 0), shape)
         least = int(error.argmin())
         row, column = int(rows[least]), int(columns[least])
         step //= 2

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.images import Mask
+from toposeam.images import Mask, full_scale
 from toposeam.texture.atlas import Ints32
 
 #: Rows rendered at a time.
@@ -70,6 +70,26 @@ def render(
             mixed = _mixed(index, flat, usable.ravel(), plane.shape[1], wrap, smooth, y, x, lift)
             result[y, x] = _stored(mixed, plane.dtype, lift)
     return result
+
+
+def render_seen(
+    index: Ints32,
+    plane: npt.NDArray[Any],
+    opacity: npt.NDArray[Any],
+    usable: Mask,
+    wrap: tuple[bool, bool],
+    smooth: int,
+) -> npt.NDArray[Any]:
+    """As :func:`render`; where copies are mixed each counts by its opacity, an (AH, AW, 1) array, so that
+    colours that cannot be seen do not show at seams.
+    """
+    picture = render(index, plane, usable, wrap, 0)
+    share = (opacity / full_scale(opacity.dtype)).astype(np.float32)
+    weighted = np.concatenate([plane * share, share], axis=2).astype(np.float32)
+    mixed, hard = (render(index, weighted, usable, wrap, reach) for reach in (smooth, 0))
+    near = (mixed != hard).any(axis=2) & (mixed[..., -1] > 0)
+    picture[near] = _stored(mixed[near, :-1] / mixed[near, -1:], plane.dtype, None)
+    return picture
 
 
 def _stored(

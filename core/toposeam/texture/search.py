@@ -110,18 +110,26 @@ class PatchSearch:
         np.copyto(error, np.float32(np.inf), where=known.blocked)
         return error
 
+    def sample(self, values: Floats32, weight: Floats32, margin: tuple[int, int]) -> Compared:
+        """The pixels by which places are compared at full size; of large windows a part. Arguments as for
+        :meth:`fit`.
+        """
+        known = np.flatnonzero(weight)
+        known = known[:: max(1, len(known) // _COMPARED)]
+        y, x = np.divmod(known, weight.shape[1])
+        offset = (y - margin[0]) * self.atlas.width + x - margin[1]
+        return Compared(offset, values.reshape(-1, values.shape[2])[known], weight.ravel()[known])
+
     def around(
         self,
         row: int,
         column: int,
         step: int,
-        values: Floats32,
-        weight: Floats32,
+        sample: Compared,
         margin: tuple[int, int],
         patch: tuple[int, int],
     ) -> tuple[Ints, Ints, Floats32]:
-        """The nine places at and round one, at full size, and the mean squared difference there; of large
-        windows a part of the pixels.
+        """The nine places at and round one, at full size, and the mean squared difference there.
 
         Parameters
         ----------
@@ -129,19 +137,22 @@ class PatchSearch:
             Atlas place of the patch's first pixel.
         step : int
             How far apart the places are, px.
-        values, weight, margin, patch
+        sample : Compared
+            Of the window that is looked for.
+        margin, patch
             As for :meth:`fit`.
         """
-        y, x = (index[:: max(1, np.count_nonzero(weight) // _COMPARED)] for index in np.nonzero(weight))
         room = self.room(patch)
         reach = np.array([-step, 0, step])
         rows = np.clip(row + reach, margin[0], room.shape[0] - 1 - margin[0]).repeat(3)
         columns = np.tile(np.clip(column + reach, margin[1], room.shape[1] - 1 - margin[1]), 3)
         places = rows * self.atlas.width + columns
-        pixels = places[:, np.newaxis] + ((y - margin[0]) * self.atlas.width + x - margin[1])
-        share = self.atlas.usable.ravel()[pixels] * weight[y, x]
-        square = np.square(self.features.reshape(-1, values.shape[2])[pixels] - values[y, x]).sum(axis=2)
-        error = (square * share).sum(axis=1) / np.maximum(share.sum(axis=1), np.float32(1e-9))
+        pixels = places[:, np.newaxis] + sample.offset
+        share = self.atlas.usable.ravel().take(pixels) * sample.weight
+        apart = self.features.reshape(-1, sample.values.shape[1]).take(pixels, axis=0)
+        apart -= sample.values
+        error: Floats32 = np.einsum("knc,knc,kn->k", apart, apart, share)
+        error /= np.maximum(share.sum(axis=1), np.float32(1e-9))
         error[~room[rows, columns]] = np.inf
         return rows, columns, error
 
@@ -179,6 +190,16 @@ class PatchSearch:
         lines = sf.ifft(conjugate, axis=0, overwrite_x=True)[:rows]
         result: Floats32 = sf.irfft(lines, self._size[1], axis=1)[:, :columns]
         return np.ascontiguousarray(result)
+
+
+class Compared(NamedTuple):
+    """Pixels of a window by which places are compared."""
+
+    #: (n,) flat index on the atlas, counted from the patch's first pixel.
+    offset: Ints
+    #: (n, F) and (n,) float32.
+    values: Floats32
+    weight: Floats32
 
 
 class _Known(NamedTuple):

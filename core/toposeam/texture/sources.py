@@ -17,6 +17,8 @@ from toposeam.texture.atlas import Floats32
 Images = npt.ArrayLike | Sequence[npt.ArrayLike]
 #: What counts as white in the picture, or in the picture and each of its maps.
 DataRange = float | Sequence[float | None] | None
+#: Rows of an exemplar that are looked at first.
+_EVERY = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,6 +40,8 @@ class Sources:
         Where it may be copied.
     has_alpha : bool
         Whether the last plane is opacity.
+    transparent : bool
+        Whether places without opacity are present.
     """
 
     planes: tuple[tuple[npt.NDArray[Any], ...], ...]
@@ -46,6 +50,7 @@ class Sources:
     present: tuple[Mask, ...]
     usable: tuple[Mask, ...]
     has_alpha: bool
+    transparent: bool = False
 
     @property
     def shapes(self) -> tuple[tuple[int, int], ...]:
@@ -80,6 +85,7 @@ def read_sources(
     weights: Sequence[float] | None = None,
     data_range: DataRange = None,
     name: str = "source",
+    transparent: bool = False,
 ) -> Sources:
     """Check exemplars and all that belongs to them.
 
@@ -97,6 +103,8 @@ def read_sources(
         and each further map.
     name : str
         What the caller calls the exemplars, for messages.
+    transparent : bool
+        Whether opacity is part of the picture, so that places without any are copied like others.
 
     Raises
     ------
@@ -138,7 +146,7 @@ def read_sources(
                 f"alpha of {label} is {a.dtype} of shape {a.shape}; give {picture.dtype} of shape "
                 f"{picture.shape[:2]}"
             )
-        present.append(np.ones(picture.shape[:2], bool) if a is None else a > 0)
+        present.append(np.ones(picture.shape[:2], bool) if a is None or transparent else a > 0)
         usable.append(present[-1] if m is None else present[-1] & m)
     if not any(pixels.any() for pixels in usable):
         if all(m is None for m in masks):
@@ -170,8 +178,12 @@ def read_sources(
         labels = [names[exemplar], *(f"map {number}" for number in range(1, len(maps) + 1)), "alpha"][
             : len(planes)
         ]
+        # What cannot be seen is not compared.
+        seen = opacity[exemplar] if transparent else None
+        share = np.float32(1) if seen is None else (seen / full_scale(seen.dtype)).astype(np.float32)
         channels = [
-            as_float(np.where(present[exemplar][..., np.newaxis], plane[exemplar], 0), label, one)
+            (np.float32(1) if label == "alpha" else np.atleast_3d(share))
+            * as_float(np.where(present[exemplar][..., np.newaxis], plane[exemplar], 0), label, one)
             * np.float32(np.sqrt(factor))
             for label, plane, factor, one in zip(labels, planes, factors, white, strict=True)
             if factor > 0
@@ -184,6 +196,7 @@ def read_sources(
         present=tuple(present),
         usable=tuple(usable),
         has_alpha=has_alpha,
+        transparent=transparent,
     )
 
 
@@ -194,7 +207,12 @@ def check_varied(sources: Sources, name: str = "source") -> None:
     ------
     ImageError
     """
-    seen = [values[usable] for values, usable in zip(sources.features, sources.usable, strict=True)]
+    exemplars = list(zip(sources.features, sources.usable, strict=True))
+    # Nearly always a few rows show it.
+    some = [values[::_EVERY][usable[::_EVERY]] for values, usable in exemplars]
+    if any(len(values) and (values != values[:1]).any() for values in some):
+        return
+    seen = [values[usable] for values, usable in exemplars]
     if all(len(values) == 0 or (values == seen[0][:1]).all() for values in seen):
         raise ImageError(
             f"{name} has one value everywhere, so there is nothing to make a texture of; give a picture with "

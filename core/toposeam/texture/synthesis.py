@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.checks import check_whole, check_whole_array
+from toposeam.checks import check_choice, check_whole, check_whole_array
 from toposeam.display import to_png
 from toposeam.errors import ImageError
 from toposeam.images import Image, Mask, as_array
@@ -23,6 +23,7 @@ from toposeam.texture.atlas import Atlas, Ints32
 from toposeam.texture.rendering import render
 from toposeam.texture.sources import Images, as_list
 from toposeam.texture.tileable import Tileable, wraps_of
+from toposeam.texture.turning import TURNS, Turns, count_of, turned
 from toposeam.vector.polyline import Polyline, trace_boundary
 from toposeam.vector.svg import write_svg
 
@@ -128,7 +129,8 @@ class Synthesis:
         ImageError
             For other sizes, or images that differ in dtype or channels.
         """
-        found = _of_one_kind(images, len(self.atlas.shapes))
+        turns = self.settings.get("turns", "none")
+        found = turned(_of_one_kind(images, len(self.atlas.shapes) // count_of(turns)), turns)
         for image, (height, width) in zip(found, self.atlas.shapes.tolist(), strict=True):
             if image.shape[:2] != (height, width):
                 raise ImageError(
@@ -153,6 +155,7 @@ def apply_coordinates(
     exemplar: npt.ArrayLike | None = None,
     *,
     tileable: Tileable = "none",
+    turns: Turns = "none",
     smooth: int = 1,
 ) -> Image:
     """Cut pictures as another synthesis was cut, from its source coordinates alone.
@@ -166,6 +169,8 @@ def apply_coordinates(
         Number of the image it is taken from; 0 everywhere without it.
     tileable : {"both", "x", "y", "none"} or bool
         On which axes the texture continues at the opposite border; matters for the mixing at seams there.
+    turns : {"none", "mirror", "quarters", "all"}
+        As :func:`toposeam.synthesize` was told; `exemplar` counts every position of an image.
     smooth : int
         px to either side of a seam in which neighbouring patches are mixed.
 
@@ -195,8 +200,9 @@ def apply_coordinates(
         raise ImageError(
             f"exemplar has shape {number.shape}, the coordinates {place.shape[:2]}; pass one value per pixel"
         )
+    check_choice("turns", turns, TURNS)
     several = list(images) if isinstance(images, list | tuple) else [images]
-    found = _of_one_kind(images, len(several))
+    found = turned(_of_one_kind(images, len(several)), turns)
     shapes = np.array([image.shape[:2] for image in found])
     if number.min() < 0 or number.max() >= len(found) or (place < 0).any() or (place >= shapes[number]).any():
         sizes = ", ".join(f"{width} × {height}" for height, width in shapes.tolist())

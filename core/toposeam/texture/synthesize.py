@@ -20,14 +20,15 @@ from toposeam.checks import (
     seed_of,
 )
 from toposeam.errors import ImageError, OptionError
-from toposeam.images import MAX_PIXELS, as_array, as_float
+from toposeam.images import MAX_PIXELS
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.closing import closing_guide, order_axis
 from toposeam.texture.finish import finish, settings_of
+from toposeam.texture.guiding import guide_of
 from toposeam.texture.keeping_step import Phase
-from toposeam.texture.lay import Guide, PatchPlacer
-from toposeam.texture.lay_options import LayOptions
+from toposeam.texture.lay import PatchPlacer
+from toposeam.texture.lay_options import VARIED, LayOptions, varied
 from toposeam.texture.light import flattened, has_slow_light, levelled_copies, without_light
 from toposeam.texture.mend import mend
 from toposeam.texture.order import STRETCH, UNSEEN, find_order
@@ -37,13 +38,14 @@ from toposeam.texture.sources import (
     DataRange,
     Images,
     Sources,
-    as_list,
     check_varied,
     read_sources,
     white_of,
 )
 from toposeam.texture.synthesis import Synthesis
+from toposeam.texture.telling import Previews, Stages
 from toposeam.texture.tileable import Tileable, wraps_of
+from toposeam.texture.turning import TURNS, Turns, count_of, turned_sources
 
 
 def synthesize(
@@ -54,7 +56,10 @@ def synthesize(
     overlap: float | None = None,
     seed: Seed = 0,
     tileable: Tileable = "none",
+    turns: Turns = "none",
+    variation: float | None = None,
     alpha: Images | None = None,
+    transparent: bool = False,
     source_mask: Images | None = None,
     maps: Sequence[Images] = (),
     weights: Sequence[float] | None = None,
@@ -68,6 +73,7 @@ def synthesize(
     level: bool | None = None,
     max_megapixels: float = MAX_PIXELS / 1e6,
     progress: Callable[[float], None] | None = None,
+    preview: Callable[[npt.NDArray[Any]], None] | None = None,
     options: LayOptions | None = None,
     **given_options: Any,
 ) -> Synthesis:
@@ -90,9 +96,20 @@ def synthesize(
         The same seed gives the same bytes; the result keeps it.
     tileable : {"both", "x", "y", "none"} or bool
         On which axes the texture continues at the opposite border.
+    turns : {"none", "mirror", "quarters", "all"}
+        Whether patches are also taken from the exemplars mirrored left to right, turned by quarters, or both:
+        for gravel and leaves, which have no upper side. The light turns with them; values do not, so that
+        normals come out wrong. :attr:`Synthesis.exemplar` counts every position as an exemplar.
+    variation : float, optional
+        From 0, where every patch fits as well as any can, whatever that repeats, to 1, where all of the
+        sample shows about equally often, whatever that costs at the seams; the usual choice is 0.5. Stands
+        for the options `tolerance`, `candidates`, `most` and `variety`.
     alpha, source_mask : (H, W) array_like, or a list with one per exemplar
         Opacity, which is laid with the patches, and what may be copied; by default whatever has an opacity
         above 0.
+    transparent : bool
+        Whether opacity is part of the texture, as of lace or scattered leaves: places without any are copied
+        and compared like others.
     maps : sequence
         Further maps of the same exemplars (normals, roughness …), each an array or a list with one per
         exemplar.
@@ -122,6 +139,9 @@ def synthesize(
         Refuse a larger texture.
     progress : callable, optional
         Called with the share of the work done, in [0, 1].
+    preview : callable, optional
+        Called some dozen times with the picture so far, every so many pixels of it: (h, w[, C]) of the
+        exemplars' dtype, at most 512 px a side, 0 where nothing has been laid.
     options : LayOptions, optional
         How patches are chosen and cut; or its fields as keywords.
 
@@ -146,29 +166,53 @@ def synthesize(
     height, width = _size(size, max_megapixels)
     wraps, seed, smooth = wraps_of(tileable), seed_of(seed), check_whole("smooth", smooth, 0, 8)
     chosen = options_from(LayOptions, options, given_options, "synthesize")
+    if variation is not None:
+        refused = sorted(set(VARIED) & set(given_options))
+        if options is not None or refused:
+            raise OptionError(
+                f"variation stands for {', '.join(VARIED)}; leave out {', '.join(refused) or 'options'}, or "
+                "variation"
+            )
+        chosen = varied(chosen, variation)
     check_choice("flatten", flatten, (True, False))
     check_choice("level", level, (True, False, None))
+    check_choice("transparent", transparent, (True, False))
     if flatten:
         source = flattened(source, source_mask, white_of(data_range, 1 + len(maps))[0])
     sources = read_sources(
-        source, alpha=alpha, mask=source_mask, maps=maps, weights=weights, data_range=data_range
+        source,
+        alpha=alpha,
+        mask=source_mask,
+        maps=maps,
+        weights=weights,
+        data_range=data_range,
+        transparent=transparent,
     )
+    if transparent and not sources.has_alpha:
+        raise OptionError("transparent is for samples with opacity, and these have none; leave it out")
+    if transparent and level:
+        raise OptionError("light is levelled between opaque patches only; leave out transparent, or level")
     check_varied(sources)
     parts = _shares(shares, len(sources.shapes))
+    check_choice("turns", turns, TURNS)
+    sources = turned_sources(sources, turns)
+    each = None if parts is None else [part for part in parts for _ in range(count_of(turns))]
     side, overlap = check_patch(sources, patch, overlap)
     atlas = Atlas.of(sources.present, chosen.context, sources.usable)
     if level is None:
-        level = guide is None and any(map(has_slow_light, sources.features, sources.usable))
+        level = (
+            guide is None and not transparent and any(map(has_slow_light, sources.features, sources.usable))
+        )
     if level:
         even = tuple(map(without_light, sources.features, sources.present, sources.usable))
         sources = dataclasses.replace(sources, features=even)
     features = atlas.spread(sources.features)
-    given = _guide(guide, guide_source, guide_weight, atlas, sources, (height, width))
+    given = guide_of(guide, guide_source, guide_weight, atlas, sources, (height, width), turns)
     rows, columns = (
         patches_along(height, side, overlap, wraps[0]),
         patches_along(width, side, overlap, wraps[1]),
     )
-    report = _Stages(progress)
+    report = Stages(progress)
     phase, axis, fits = None, None, None
     if given is None and chosen.close and any(wraps):
         order = find_order(sources.features[0], sources.usable[0]) if len(sources.shapes) == 1 else None
@@ -184,7 +228,16 @@ def synthesize(
         )
     canvas = IndexCanvas((height, width), wraps, atlas.usable.size)
     placer = PatchPlacer(
-        atlas, features, canvas, chosen, np.random.default_rng(seed), height * width, given, phase, parts
+        atlas,
+        features,
+        canvas,
+        chosen,
+        np.random.default_rng(seed),
+        height * width,
+        given,
+        phase,
+        each,
+        turns,
     )
     shape = rows[0], columns[0]
     if not placer.search.room(shape).any():
@@ -195,7 +248,8 @@ def synthesize(
             f"no place {where} has room for a patch of {shape[1]} × {shape[0]} px; use smaller patches"
             f"{remedy}"
         )
-    lay_all(placer, side, overlap, 0, report.stage(report.done, 0.9))
+    shown = None if preview is None else Previews(preview, sources, atlas, canvas)
+    lay_all(placer, side, overlap, 0, report.stage(report.done, 0.9, shown))
     mend(placer, shape, round(chosen.mend * len(rows[1]) * len(columns[1])), report.stage(0.9, 1.0))
     report.finish()
     settings = {
@@ -206,7 +260,13 @@ def synthesize(
         "smooth": smooth,
         **settings_of(chosen),
     }
-    settings |= {"flatten": flatten, "level": level, "shares": parts}
+    settings |= {
+        "flatten": flatten,
+        "level": level,
+        "shares": parts,
+        "turns": turns,
+        "transparent": transparent,
+    }
     lift = None
     if level:
         plane = atlas.spread(sources.planes[0]).astype(np.float32)
@@ -222,28 +282,6 @@ def _shares(shares: Sequence[float] | None, count: int) -> list[float] | None:
     if len(found) != count:
         raise OptionError(f"shares has length {len(found)} for {count} exemplars; give one number for each")
     return [check_number("one of the shares", share, 0, 1e6, above=True) for share in found]
-
-
-class _Stages:
-    """Progress through several stages."""
-
-    def __init__(self, progress: Callable[[float], None] | None) -> None:
-        self._progress, self.done = progress, 0.0
-
-    def stage(self, first: float, last: float) -> Callable[[float], None] | None:
-        """What reports the share done of a stage that takes from one share of the whole to another."""
-
-        def report(share: float) -> None:
-            self.done = first + (last - first) * share
-            if self._progress is not None:
-                self._progress(self.done)
-
-        return report
-
-    def finish(self) -> None:
-        """All is done."""
-        if self._progress is not None:
-            self._progress(1.0)
 
 
 def check_patch(sources: Sources, patch: int | None, overlap: float | None) -> tuple[int, int]:
@@ -300,52 +338,3 @@ def _size(size: int | tuple[int, int], max_megapixels: float) -> tuple[int, int]
             "one that repeats, and repeat it"
         )
     return height, width
-
-
-def _guide(
-    guide: npt.ArrayLike | None,
-    guide_source: Images | None,
-    weight: float,
-    atlas: Atlas,
-    sources: Sources,
-    size: tuple[int, int],
-) -> Guide | None:
-    if guide is None and guide_source is None:
-        return None
-    if guide is None or guide_source is None:
-        raise OptionError(
-            "guide and guide_source belong together: what is wanted, and what the source's pixels stand for; "
-            "give both"
-        )
-    check_number("guide_weight", weight, 0, 1)
-    target = _terms(guide, "guide")
-    if target.shape[:2] != size:
-        raise ImageError(
-            f"guide is {target.shape[1]} × {target.shape[0]} px, but the texture {size[1]} × {size[0]} px; "
-            "make them one size"
-        )
-    stands = []
-    for image, (height, width) in zip(
-        as_list(guide_source, len(sources.shapes), "guide_source"), sources.shapes, strict=True
-    ):
-        values = _terms(image, "guide_source")
-        if values.shape[:2] != (height, width):
-            raise ImageError(
-                f"guide_source is {values.shape[1]} × {values.shape[0]} px, but its source {width} × "
-                f"{height} px; make them one size"
-            )
-        if values.shape[2] != target.shape[2]:
-            raise ImageError(
-                f"guide has {target.shape[2]} channels and guide_source {values.shape[2]}; convert both to "
-                "gray, or both to RGB"
-            )
-        stands.append(values)
-    plane = atlas.spread(stands)
-    plane[~atlas.usable] = 0
-    return Guide(source=plane, target=target, weight=weight)
-
-
-def _terms(image: npt.ArrayLike, name: str) -> npt.NDArray[np.float32]:
-    """A guide as floats; what counts as white does not matter, as long as both agree."""
-    array = as_array(image, name)
-    return as_float(array, name, 1.0 if np.issubdtype(array.dtype, np.floating) else None)

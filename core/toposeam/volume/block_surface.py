@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.heat.grid_flow import Floats32, along
+from toposeam.heat.bricks import along
+from toposeam.heat.sweeps import Floats32
 from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
 from toposeam.seam.match_cost import MatchCost
@@ -24,7 +25,8 @@ from toposeam.volume.problem import SurfaceProblem
 _COARSE = 2_000_000
 #: The coarse surface's share of the work.
 COARSE_SHARE = 0.3
-_COARSE_OPTIONS = SurfaceOptions(tolerance=2e-3)
+#: It says only where to look.
+_COARSE_OPTIONS = SurfaceOptions(tolerance=1e-2)
 
 #: `A`, `B` or `FREE` per voxel.
 Sides = npt.NDArray[np.uint8]

@@ -12,7 +12,7 @@ where the surface ends up on the slab's own border, the slab grows there, and th
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +23,9 @@ from scipy.sparse.csgraph import connected_components
 
 from toposeam.checks import check_range, check_whole
 from toposeam.errors import OverlapError
-from toposeam.heat.grid_flow import HIGH, LOW, Floats32, GridFlow, Merged, along
+from toposeam.heat.bricks import HIGH, LOW, along
+from toposeam.heat.grid_flow import GridFlow
+from toposeam.heat.sweeps import Floats32, Merged
 from toposeam.images import Mask
 from toposeam.optimize.history import Iteration, Termination
 from toposeam.seam.overlap import FREE, A, B
@@ -128,6 +130,7 @@ class _Run:
         self.soft: Floats32
         self._flow: GridFlow | None = None
         self._span: tuple[int, ...] = ()
+        self._costs: tuple[Floats32, ...] = ()
         self._share = 0.0
 
     def level(self, level: VolumeLevel, depth: int, merged: Merged | None) -> None:
@@ -135,12 +138,13 @@ class _Run:
         shape = level.fixed.shape
         potential, filled, slab = None, None, None
         if self._flow is not None:
-            potential = refined(self._flow.potential, self._span, shape)
+            coarse = self._flow.potential
             if level.fixed.size > self.options.whole:
-                slab = refined(_near_flow(self._flow), self._span, shape)
+                slab = refined(_near_flow(coarse, self._costs), self._span, shape)
+            potential = refined(coarse, self._span, shape)
             filled = refined_filling(self._flow.filled, self._span, shape)
             self._flow = None
-        self._span = level.span
+        self._span, self._costs = level.span, level.cost
         self.in_slab = slab is not None
         growths = 0
         while True:
@@ -167,29 +171,25 @@ class _Run:
         sweeps = self.options.max_iterations if finest else _COARSE_SWEEPS
         cheapest, self.bound, first = np.inf, 0.0, 0.0
         self.termination = Termination.ITERATIONS
-        before = flow.potential
-        self.soft = before
+        self.soft = flow.potential
         for sweep in range(0, sweeps + 1, _LOOK_EVERY):
-            cut, threshold = flow.best_cut()
-            potential = flow.potential
-            if cut < cheapest:
-                cheapest, self.labels = cut, potential > threshold
+            seen = flow.look()
+            if seen.cut < cheapest:
+                cheapest, self.labels = seen.cut, flow.potential > seen.threshold
             self.bound = max(self.bound, flow.bound())
-            objective = flow.objective()
             self.history.append(
                 Iteration(
                     stage=depth + 1,
-                    objective=objective,
+                    objective=seen.objective,
                     compliance=self.bound,
                     bound=float("nan"),
-                    n_flux=_crossings(potential),
-                    change=float(np.abs(potential - before).max()),
-                    unknowns=flow.fixed.size - int(np.count_nonzero(flow.fixed)),
+                    n_flux=seen.crossings,
+                    change=seen.change,
+                    unknowns=flow.n_free,
                 )
             )
-            before = potential
-            if objective > (1 + _SOFT) * self.bound:
-                self.soft = potential
+            if seen.objective > (1 + _SOFT) * self.bound:
+                self.soft = flow.potential
             gap = cheapest / self.bound - 1 if self.bound > 0 else np.inf
             if finest and self.progress is not None:
                 first = first or min(gap, 1.0)
@@ -199,8 +199,7 @@ class _Run:
             if gap <= tolerance:
                 self.termination = Termination.SINGLE_LINE
                 break
-            for _ in range(min(_LOOK_EVERY, sweeps - sweep)):
-                flow.sweep()
+            flow.sweep(min(_LOOK_EVERY, sweeps - sweep))
 
 
 def _posed(problem: SurfaceProblem) -> tuple[VolumeLevel, Merged | None, tuple[Floats32, ...]]:
@@ -249,11 +248,10 @@ def _posed(problem: SurfaceProblem) -> tuple[VolumeLevel, Merged | None, tuple[F
     return VolumeLevel(tuple(inner), fixed, hot, (1,) * side.ndim), merged, tuple(deterred)
 
 
-def _near_flow(flow: GridFlow) -> Mask:
+def _near_flow(potential: Floats32, costs: Sequence[Floats32]) -> Mask:
     """Voxels within a few steps of where heat flows, or the labels change."""
-    potential = flow.potential
     near = np.zeros(potential.shape, bool)
-    for axis, cost in enumerate(flow.cost):
+    for axis, cost in enumerate(costs):
         low, high = along(axis, LOW), along(axis, HIGH)
         flows = np.abs(potential[high] - potential[low]) > _FLOWS
         flows |= (potential[high] > 0.5) != (potential[low] > 0.5)
@@ -309,11 +307,3 @@ def _grounded(labels: Mask, side: npt.NDArray[np.uint8]) -> Mask:
         if not grounded[1:].all():
             labels = np.where(free & (labels == wanted) & ~grounded[region], not wanted, labels)
     return labels
-
-
-def _crossings(potential: Floats32) -> int:
-    """Interfaces with more than a hundredth of the flux."""
-    return sum(
-        int(np.count_nonzero(np.abs(potential[along(axis, HIGH)] - potential[along(axis, LOW)]) > 0.01))
-        for axis in range(potential.ndim)
-    )

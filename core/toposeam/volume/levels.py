@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.heat.grid_flow import HIGH, LOW, Floats32, along
+from toposeam.heat.bricks import HIGH, LOW, along
+from toposeam.heat.sweeps import Floats32
 from toposeam.images import Mask
 
 #: Grids with at most so many voxels are not made coarser still, ...

@@ -14,7 +14,7 @@ from scipy import ndimage
 from toposeam.checks import Seed, check_choice, check_kind, check_pair, check_whole, seed_of
 from toposeam.display import to_png
 from toposeam.errors import ImageError, OptionError
-from toposeam.heat.grid_flow import Floats32
+from toposeam.heat.sweeps import Floats32
 from toposeam.heat.threads import one_thread
 from toposeam.images import MAX_PIXELS, Mask, as_mask, full_scale
 from toposeam.seam.match_cost import MatchCost, match_options

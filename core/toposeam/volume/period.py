@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.heat.grid_flow import Floats32
+from toposeam.heat.sweeps import Floats32
 from toposeam.images import Mask
 from toposeam.seam.match_cost import MatchCost
 from toposeam.volume.arrays import Volume, as_shares

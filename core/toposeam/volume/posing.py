@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from toposeam.checks import check_choice, check_number
 from toposeam.errors import ImageError, OptionError, OverlapError
-from toposeam.heat.grid_flow import Floats32, along
+from toposeam.heat.bricks import along
+from toposeam.heat.sweeps import Floats32
 from toposeam.images import Mask, as_mask
 from toposeam.seam.match_cost import MatchCost, match_cost
 from toposeam.seam.overlap import FREE, A, B, Overlap

@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.errors import OverlapError
-from toposeam.heat.grid_flow import HIGH, LOW, Floats32, along
+from toposeam.heat.bricks import HIGH, LOW, along
 from toposeam.heat.network import Floats, Ints, Network
+from toposeam.heat.sweeps import Floats32
 from toposeam.images import Mask
 from toposeam.seam.overlap import FREE, A, B, Overlap
 

@@ -55,6 +55,7 @@ def test_a_click_keeps_a_motif_and_shows_its_recipe(page, tmp_path):
     expected = ts.random_recipe(24, layers=1, iterations=3, seed=7, repeat="drop")
     assert unescape(recipe).strip() == to_toml(expected).strip()
     assert 'download="motif-3.toml"' in elements
+    assert 'toposeam motif --from "clicking.html" --number 3 -o motif-3.svg' in elements
 
 
 @pytest.mark.medium
@@ -62,6 +63,54 @@ def test_a_click_keeps_a_motif_and_shows_its_recipe(page, tmp_path):
 def test_the_address_remembers_what_was_kept(page, tmp_path):
     elements = seen(page, tmp_path, "#keep=1,6")
     assert re.findall(r'aria-pressed="true" data-number="(\d+)"', elements) == ["1", "6"]
+
+
+def test_going_on_from_a_motif_of_the_page(page, folder, toposeam):
+    recipe = ts.random_recipe(24, layers=1, iterations=3, seed=7, repeat="drop")
+    ran = toposeam("motif", "--from", "sheet.html", "--number", "3", "--show-recipe")
+    assert ran.out == to_toml(recipe)
+    ran = toposeam("motif", "--from", "sheet.html", "--number", "3", "--explore", "2x2", "-o", "next.html")
+    assert (ran.code, ran.err) == (0, "")
+    # The first is that motif; the others are relatives of it, by seeds of their own.
+    seeds = re.findall(r"drop, seed (\d+)", (folder / "next.html").read_text())
+    assert seeds == ["7", "1", "2", "3"]
+    ran = toposeam("motif", "--from", "next.html", "--number", "1", "--show-recipe")
+    assert ran.out == to_toml(recipe)
+    second = toposeam("motif", "--from", "next.html", "--number", "2", "--show-recipe").out
+    assert second == to_toml(ts.vary(recipe, amount=0.4, seed=1))
+
+
+def test_going_on_from_a_recipe_that_was_saved_or_a_motif(folder, toposeam):
+    recipe = ts.random_recipe(24, layers=1, iterations=3, seed=7, repeat="drop")
+    (folder / "kept.toml").write_text(to_toml(recipe))
+    assert toposeam("motif", "--from", "kept.toml", "-o", "m.png").code == 0
+    for name in ("kept.toml", "m.png"):
+        assert toposeam("motif", "--from", name, "--show-recipe").out == to_toml(recipe)
+
+
+@pytest.mark.parametrize(
+    ("text", "number", "said"),
+    [
+        (None, (), "shows 6 motifs; say which with --number"),
+        (None, ("--number", "7"), "has no number 7"),
+        ("<p>nothing</p>", ("--number", "1"), "is no page of --explore"),
+        ('<script type="application/json" id="recipes">["size = 3"]</script>', (), "is no page of --explore"),
+        ('<script type="application/json" id="recipes">{"a": 1}</script>', (), "is no page of --explore"),
+        ('<script type="application/json" id="recipes">["a = "]</script>', (), "is no page of --explore"),
+    ],
+)
+def test_pages_that_do_not_say_which_motif(page, toposeam, text, number, said):
+    if text is not None:
+        page.write_text(text)
+    toposeam("motif", "--from", "sheet.html", *number, "-o", "m.png").fails(said)
+
+
+def test_a_page_of_seeds_with_options_from_a_file(folder, toposeam):
+    (folder / "my.toml").write_text('size = 24\nlayers = 1\niterations = 3\nrepeat = "cm"\n')
+    for option in ("--config", "--from"):
+        ran = toposeam("motif", option, "my.toml", "--explore", "2x1", "-o", "p.html", "--force")
+        assert (ran.code, ran.err) == (0, "")
+        assert re.findall(r"cm, seed (\d+)", (folder / "p.html").read_text()) == ["0", "1"]
 
 
 def test_going_on_from_one_begins_with_it(page, folder, toposeam):

@@ -208,6 +208,57 @@ def test_sources_show_on_the_shares_asked_for(toposeam):
     assert parts[1] < 0.3
 
 
+def test_turned_patches_can_be_cut_again_from_another_picture(toposeam):
+    asked = ("--turns", "all", "--smooth", "0")
+    size = ("--size", "150x140", "--patch", "24", "--no-level")
+    assert toposeam("synth", "moss.png", *size, *asked, "-o", "o.png", "--coordinates", "c.png").code == 0
+    assert read_picture("c.png").pixels[..., 2].max() > 3
+    assert toposeam("synth", "moss.png", "--use-coordinates", "c.png", *asked, "-o", "p.png").code == 0
+    assert (read_picture("o.png").pixels == read_picture("p.png").pixels).all()
+
+
+def test_a_texture_is_shown_while_it_grows(toposeam):
+    asked = (
+        "synth",
+        "moss.png",
+        "--size",
+        "600x40",
+        "--patch",
+        "32",
+        "-o",
+        "o.png",
+        "--preview",
+        "small.png",
+    )
+    assert toposeam(*asked).code == 0
+    shown, made = read_picture("small.png").pixels, read_picture("o.png").pixels
+    assert shown.shape == (20, 300, 3)
+    assert made.shape == (40, 600, 3)
+    again = toposeam(*asked[:-2], "--force", "--preview", "o.png")
+    assert again.code == 1
+    assert "two outputs have the same name" in again.err
+    assert "small.png" in toposeam(*asked[:7], "p.png", *asked[8:]).err  # it is there already
+
+
+def test_opacity_is_grown_along(toposeam):
+    opaque = np.where((np.mgrid[:64, :70][0] % 12 < 5) | (np.mgrid[:64, :70][1] % 16 < 6), 255, 0)
+    pixels = read_picture("moss.png").pixels
+    write_picture("lace.png", Picture(pixels=pixels, alpha=opaque.astype(np.uint8)))
+    assert toposeam("synth", "lace.png", *ASKED, "-o", "o.png").code == 1
+    assert toposeam("synth", "lace.png", *ASKED, "--transparent", "-o", "o.png").code == 0
+    assert 0.3 < (read_picture("o.png").alpha > 127).mean() < 0.8
+
+
+@pytest.mark.parametrize("given", [("--variety", "1"), ("--most", "2"), ("--tolerance", "0")])
+def test_variation_stands_for_what_it_is_made_of(toposeam, given):
+    ran = toposeam("synth", "moss.png", *ASKED, "--variation", "0.3", *given, "-o", "o.png")
+    assert ran.code == 1
+    assert f"{given[0]} changes nothing with --variation" in ran.err
+    assert (
+        toposeam("synth", "moss.png", *ASKED, "--variation", "0.3", "--context", "4", "-o", "o.png").code == 0
+    )
+
+
 @pytest.mark.parametrize(
     ("arguments", "phrase", "code"),
     [

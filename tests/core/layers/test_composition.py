@@ -137,3 +137,22 @@ def test_two_layers_are_decided_where_both_are():
     assert seam.cost == whole.cost
     np.testing.assert_array_equal(seam.labels, whole.labels)
     np.testing.assert_array_equal(seam.soft, whole.soft)
+
+
+@pytest.mark.parametrize("alpha", [False, True])
+def test_totals_are_those_of_the_seams_without_making_them(alpha):
+    composed = ts.compose(layers(4, alpha=alpha))
+    seams = dict(composed.seams())
+    totals = composed.totals()
+    assert len(seams) > 2
+    assert totals.cost == pytest.approx(sum(seam.cost for seam in seams.values()), rel=1e-6)
+    assert totals.length == sum(seam.length for seam in seams.values())
+    assert totals.method == "heat"
+    assert totals.seconds == pytest.approx(sum(seam.seconds for seam in seams.values()))
+
+
+def test_totals_of_two_layers_are_those_of_their_seam():
+    a, b = np.random.default_rng(0).random((2, 30, 40))
+    composed = ts.compose(ts.overlapping(a, b, overlap=10))
+    ((_, seam),) = composed.seams()
+    assert (composed.totals().cost, composed.totals().length) == (seam.cost, seam.length)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
+from toposeam.motif import layer
 from toposeam.motif.layer import finer_temperature, optimise_layer, plan, problem_at
 from toposeam.motif.mirrors import mirrors
 from toposeam.motif.recipe import pack_base, unpack_base
@@ -51,6 +52,31 @@ def test_compliance_falls_at_every_iteration_after_the_first_ones(repeat):
     slack = 2e-3 if mirrors(repeat, (64, 64)).any else 1e-5
     assert (np.diff(compliance[5:]) < slack * compliance[5:-1]).all()
     assert compliance[-1] < 0.4 * compliance[0]
+
+
+@pytest.mark.medium
+@pytest.mark.parametrize("repeat", ["translate", "cmm"])
+def test_designs_are_as_good_as_with_exact_temperatures(repeat, monkeypatch):
+    recipe = _recipe(96, repeat=repeat, seed=5, penalty=3.0)
+    at_size = problem_at(recipe.layers[0], recipe, recipe.size)
+    values, effort = [], []
+    for tolerance, energy in ((layer.TOLERANCE, layer.ENERGY), (1e-8, 0.0)):
+        monkeypatch.setattr(layer, "TOLERANCE", tolerance)
+        monkeypatch.setattr(layer, "ENERGY", energy)
+        density, steps = optimise_layer(recipe.layers[0], recipe)
+        k = at_size.conductivity(density.astype(float), recipe.layers[0].penalty)
+        values.append(at_size.plate.solve(k, **EXACT).compliance)
+        effort.append(sum(step.solver for step in steps))
+    assert values[0] == pytest.approx(values[1], rel=2e-3)
+    assert effort[0] < 0.35 * effort[1]
+
+
+def test_layers_share_what_the_base_image_makes_of_a_plate():
+    recipe = ts.random_recipe(32, layers=2, repeat="p4", base=np.linspace(0, 1, 400).reshape(20, 20))
+    first, second = (problem_at(layer, recipe, (32, 32)).nominal for layer in recipe.layers)
+    assert first is second
+    with pytest.raises(ValueError, match="read-only"):
+        first[0, 0] = 1.0
 
 
 @pytest.mark.parametrize("mass", [0.05, 0.3, 0.7])

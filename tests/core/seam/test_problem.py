@@ -11,7 +11,9 @@ from toposeam.seam.exact import exact_labels
 from toposeam.seam.graph_cut import graph_cut_labels
 from toposeam.seam.heat import HeatOptions, heat_path
 from toposeam.seam.match_cost import MatchCost
+from toposeam.seam.overlap import FREE, NONE, A, B, Overlap
 from toposeam.seam.posing import seam_problem
+from toposeam.seam.problem import SeamProblem
 
 
 @pytest.fixture
@@ -74,3 +76,12 @@ def test_only_pixels_that_pay_beside_other_layers_are_tied(tied):
     assert len(problem.element_cost) == len(tied.pattern.place) + 1
     assert problem.element_cost[-1] == 3
     assert len(tied.element_cost) == len(tied.pattern.place) + 8
+
+
+def test_free_pixels_of_which_nothing_is_known_have_an_exact_labelling():
+    side = np.full((3, 6), NONE, np.uint8)
+    side[1, 1:5] = A, FREE, FREE, B
+    right, down, nothing = (np.zeros(shape, np.float32) for shape in ((3, 5), (2, 6), (3, 6)))
+    overlap = Overlap(side, side != NONE, (-1, -1), (1, 4))
+    problem = SeamProblem(overlap, right, down, showing_a=nothing, showing_b=nothing)
+    assert problem.total(exact_labels(problem)) == 0.0

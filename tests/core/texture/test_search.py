@@ -49,9 +49,9 @@ def test_the_nine_places_round_one_have_the_same_error():
     values = rng.random((patch[0] + 2 * m, patch[1] + 2 * m, 2)).astype(np.float32)
     weight = rng.random(values.shape[:2]).astype(np.float32)
     expected = brute_force(features, atlas.usable, values, weight, m, patch)
-    rows, columns, error = PatchSearch(atlas, features).around(
-        2 * m + 4, m + 2, 3, values, weight, (m, m), patch
-    )
+    search = PatchSearch(atlas, features)
+    sample = search.sample(values, weight, (m, m))
+    rows, columns, error = search.around(2 * m + 4, m + 2, 3, sample, (m, m), patch)
     assert (rows.reshape(3, 3)[:, 0] - rows[0]).tolist() == [0, 3, 6]
     np.testing.assert_allclose(error, expected[rows - m, columns - m], rtol=1e-4)
 
@@ -69,7 +69,8 @@ def test_a_large_exemplar_is_searched_reduced_and_then_exactly():
     weight = np.ones(values.shape[:2], np.float32)
     error = search.fit(values, weight, (m, m), (24, 24))
     i, j = np.unravel_index(error.argmin(), error.shape)
-    rows, columns, exact = search.around(m + 2 * i, m + 2 * j, 1, values, weight, (m, m), (24, 24))
+    sample = search.sample(values, weight, (m, m))
+    rows, columns, exact = search.around(m + 2 * i, m + 2 * j, 1, sample, (m, m), (24, 24))
     best = exact.argmin()
     assert (rows[best], columns[best]) == (row, column)
     assert exact[best] == 0
@@ -81,9 +82,8 @@ def test_a_window_at_the_very_corner_of_the_atlas_can_be_refined():
     search, m = PatchSearch(atlas, atlas.spread([image])), atlas.margin
     values = np.zeros((32 + 2 * m, 32 + 2 * m, 1), np.float32)
     last = 400 - 32 + m
-    rows, columns, exact = search.around(
-        last, last, 1, values, np.ones(values.shape[:2], np.float32), (m, m), (32, 32)
-    )
+    sample = search.sample(values, np.ones(values.shape[:2], np.float32), (m, m))
+    rows, columns, exact = search.around(last, last, 1, sample, (m, m), (32, 32))
     assert max(rows) == max(columns) == last
     assert np.isfinite(exact).all()
 

@@ -5,7 +5,9 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.heat.grid_flow import GridFlow, along
+from toposeam.heat.bricks import along
+from toposeam.heat.grid_flow import GridFlow
+from toposeam.heat.sweeps import Part
 from toposeam.seam.overlap import A, B
 from toposeam.volume.heat import SurfaceOptions, heat_surface
 from toposeam.volume.levels import VolumeLevel, coarser, refined, refined_filling
@@ -271,25 +273,86 @@ def test_the_bound_holds_after_every_sweep():
     for _ in range(600):
         flow.sweep()
         bounds.append(flow.bound())
-        cuts.append(flow.best_cut()[0])
+        cuts.append(flow.look().cut)
     assert max(bounds) <= min(cuts) * (1 + 1e-6)
     assert max(bounds) >= 0.999 * min(cuts)
-    assert flow.objective() == pytest.approx(min(cuts), rel=1e-2)
+    assert flow.look().objective == pytest.approx(min(cuts), rel=1e-2)
 
 
-def test_blocks_do_not_change_what_a_sweep_does(monkeypatch):
-    cost, fixed, hot = cube(1, (9, 11, 8))
-    fixed[3:6, 2:9, 1:7] = True
+@pytest.mark.parametrize("never", ["grid_flow._MOST", "sweeps._MOVED"])  # no copies, or copies of all
+@pytest.mark.parametrize("shape", [(9, 11, 8), (1, 17, 20), (12, 9), (30,)])
+def test_bricks_do_not_change_what_a_sweep_does(monkeypatch, shape, never):
+    cost, fixed, hot = cube(1, shape)
+    if len(shape) == 3:
+        fixed[3:6, 2:9, 1:7] = True
+    monkeypatch.setattr("toposeam.heat.bricks._SIDES", {len(shape): shape})
     whole = GridFlow(cost, fixed, hot)
-    monkeypatch.setattr("toposeam.heat.grid_flow._BLOCK", 24)
-    monkeypatch.setattr("toposeam.heat.grid_flow._TILE", (3, 4))
-    monkeypatch.setattr("toposeam.heat.grid_flow._SPARSE", 1.0)
-    blocks = GridFlow(cost, fixed, hot)
-    assert len(blocks._blocks) > 10
-    for _ in range(50):
-        whole.sweep()
-        blocks.sweep()
-    np.testing.assert_allclose(blocks.potential, whole.potential, atol=1e-5)
+    monkeypatch.setattr("toposeam.heat.bricks._SIDES", {3: (2, 3, 4), 2: (3, 2), 1: (4,)})
+    monkeypatch.setattr("toposeam.heat.sweeps._AT_ONCE", 60)
+    monkeypatch.setattr(f"toposeam.heat.{never}", -1)
+    bricks = GridFlow(cost, fixed, hot)
+    whole.sweep(60)
+    bricks.sweep(60)
+    assert np.array_equal(bricks.potential, whole.potential)
+    assert all(np.array_equal(*pair) for pair in zip(bricks.filled, whole.filled, strict=True))
+    assert bricks.look() == pytest.approx(whole.look())
+    assert bricks.bound() == pytest.approx(whole.bound())
+
+
+def test_bricks_at_rest_are_left_out_and_nothing_is_lost(monkeypatch):
+    cost, fixed, hot = cube(4, (16, 24, 24))
+    cost[0][8] *= 0.1
+    monkeypatch.setattr("toposeam.heat.bricks._SIDES", {3: (2, 4, 4)})
+    flow = GridFlow(cost, fixed, hot)
+    swept = []
+
+    def give_back(part, everything, really=Part.give_back):
+        swept.append(part.sweeps.count)
+        really(part, everything)
+
+    monkeypatch.setattr(Part, "give_back", give_back)
+    flow.sweep(600)
+    assert min(swept) < 0.3 * flow._all.count
+    # The cheapest cut of all, by the flow of all bricks.
+    assert flow.bound() >= 0.999 * flow.look().cut
+    every = GridFlow(cost, fixed, hot)
+    monkeypatch.setattr("toposeam.heat.grid_flow._MOST", -1)
+    every.sweep(600)
+    assert flow.look().cut == pytest.approx(every.look().cut, rel=1e-4)
+
+
+def test_bricks_that_are_swept_alone_see_what_those_at_rest_send(monkeypatch):
+    monkeypatch.setattr("toposeam.heat.bricks._SIDES", {3: (2, 4, 4)})
+    monkeypatch.setattr("toposeam.heat.grid_flow._MOST", -1)
+    cost, fixed, hot = cube(5, (8, 16, 16))
+    cost[0][3] *= 0.01
+    flow = GridFlow(cost, fixed, hot)
+    flow.sweep(2000)
+    flow.look()
+    flow.sweep(10)
+    assert flow.look().change < 1e-6  # everything rests
+    before, flows = flow.potential, flow.filled
+    part = Part(flow._all, np.arange(len(flow._bricks)) % 3 == 0)
+    for _ in range(5):
+        part.sweeps.sweep()
+    part.give_back(flow._all)
+    np.testing.assert_allclose(flow.potential, before, atol=1e-5)
+    for one, other in zip(flow.filled, flows, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-5)
+
+
+def test_heat_awakes_the_brick_that_it_reaches_next():
+    shape = (8, 8, 24)
+    cost = [np.ones([n - (axis == k) for k, n in enumerate(shape)], np.float32) for axis in range(3)]
+    fixed, hot = np.zeros((2, *shape), bool)
+    fixed[..., 0] = fixed[..., -1] = hot[..., 0] = True
+    flow = GridFlow(cost, fixed, hot, np.zeros(shape, np.float32))
+    awake = []
+    for _ in range(8):
+        flow._all.sweep()
+        awake.append(int(np.count_nonzero(flow._all.awake())))
+    # After sweep k the heat is at place k.
+    assert awake == [1] * 6 + [2] * 2
 
 
 def test_on_a_plane_the_sweeps_find_the_best_seam():
@@ -298,9 +361,8 @@ def test_on_a_plane_the_sweeps_find_the_best_seam():
     problem = seam.problem
     side = problem.overlap.side
     flow = GridFlow([problem.down, problem.right], side < 2, side == 1)
-    for _ in range(1500):
-        flow.sweep()
-    assert flow.best_cut()[0] == pytest.approx(seam.cost, rel=1e-4)
+    flow.sweep(1500)
+    assert flow.look().cut == pytest.approx(seam.cost, rel=1e-4)
 
 
 def test_blocks_of_voxels_are_joined_by_all_that_joins_their_voxels():

@@ -1,0 +1,138 @@
+"""The seams of a label map, each made when it is asked for, and what they all come to."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.layers.band import costs_at
+from toposeam.layers.composition import Totals
+from toposeam.layers.labelling import Pair
+from toposeam.layers.layer import Box
+from toposeam.layers.maps import BLOCK, dense, several
+from toposeam.layers.rounds import Rounds
+from toposeam.optimize.history import Termination
+from toposeam.seam.overlap import FREE
+from toposeam.seam.seam import Seam
+from toposeam.seam.solution import Solution
+
+#: Beyond its box the problem of a seam keeps so many px, where boxes are large.
+_MARGIN, _LARGE_BOX = 8, 1 << 20
+#: The interfaces that begin in a block which goes on by a pixel: their direction and their two pixels.
+_INTERFACES: Any = (1, np.s_[:BLOCK, :-1], np.s_[:BLOCK, 1:]), (0, np.s_[:-1, :BLOCK], np.s_[1:, :BLOCK])
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """The seams of rounds."""
+
+    moves: Rounds
+    #: Pairs whose seam was not searched.
+    given: Collection[Pair]
+    #: Recorded with every seam.
+    common: Mapping[str, Any]
+
+    def __call__(self, pair: Pair, beside: bool) -> Seam:
+        """The seam between two layers of :meth:`Rounds.pairs` as they show now.
+
+        Parameters
+        ----------
+        pair : (int, int)
+        beside : bool
+            Whether costs are wanted beside the seam only.
+        """
+        move = self.moves.labelling.swap(
+            self.moves.label_map, pair, within=self._seam_box(pair), whole=True, beside=beside
+        )
+        if move is None:
+            raise ValueError(f"layers {pair[0]} and {pair[1]} have nothing in common")
+        problem = move.problem
+        shown = move.labels == pair[1]
+        problem.check(shown)
+        box, solution = self.moves.solved.get(
+            pair, (move.box, Solution(labels=shown, soft=shown.astype(np.float32)))
+        )
+        potential = shown.astype(np.float32)
+        free = problem.overlap.side == FREE
+        common = box.shared(move.box)
+        kept = self.moves.potentials.get(pair)
+        if kept is not None:
+            rows, columns, values = kept
+            inside = (rows >= move.box.top) & (rows < move.box.bottom)
+            inside &= (columns >= move.box.left) & (columns < move.box.right)
+            at = rows[inside] - move.box.top, columns[inside] - move.box.left
+            potential[at] = np.where(free[at], values[inside], potential[at])
+        elif all(common.shape):
+            here = common.within(move.box)
+            potential[here][free[here]] = np.asarray(solution.soft, np.float32)[common.within(box)][
+                free[here]
+            ]
+        label_map = self.moves.label_map
+        return Seam(
+            _shown=shown,
+            _potential=None if solution.contracted and kept is None else potential,
+            _only_b=lambda: dense(label_map) == pair[1],
+            cost=problem.cost(shown),
+            history=solution.history,
+            method="path" if pair in self.given else self.moves.method,
+            termination=Termination.GIVEN if pair in self.given else solution.termination,
+            seconds=self.moves.seconds.get(pair, 0.0),
+            settings={**self.common, **self.moves.settings},
+            problem=problem,
+        )
+
+    def totals(self) -> Totals:
+        """Of all seams."""
+        found = self.measured()
+        return Totals(
+            length=float(sum(length for length, _ in found.values())),
+            cost=sum(cost for _, cost in found.values()),
+            seconds=sum(self.moves.seconds.get(pair, 0.0) for pair in found),
+            method="path" if next(iter(found), None) in self.given else self.moves.method,
+        )
+
+    def measured(self) -> dict[Pair, tuple[int, float]]:
+        """How long each seam is, px, and what it costs, without making it."""
+        canvas = self.moves.labelling.canvas
+        found: dict[Pair, list[tuple[npt.NDArray[np.intp], ...]]] = {}
+        for block in several(self.moves.label_map, canvas):
+            labels = self.moves.label_map[block.slices]
+            for axis, s, t in (
+                (1, np.s_[:BLOCK, :-1], np.s_[:BLOCK, 1:]),
+                (0, np.s_[:-1, :BLOCK], np.s_[1:, :BLOCK]),
+            ):
+                rows, columns = np.nonzero(labels[s] != labels[t])
+                ends = np.sort([labels[s][rows, columns], labels[t][rows, columns]], axis=0)
+                at = (rows + block.top) * canvas.shape[1] + columns + block.left
+                for pair in {(int(i), int(j)) for i, j in ends.T} & self.moves.labelling.costs.keys():
+                    own = np.flatnonzero((ends[0] == pair[0]) & (ends[1] == pair[1]))
+                    found.setdefault(pair, []).append((at[own], np.full(len(own), axis)))
+        result = {}
+        for pair, lists in sorted(found.items()):
+            first, axes = (np.concatenate(part) for part in zip(*lists, strict=True))
+            costs = costs_at(self.moves.labelling.costs[pair], canvas, first, axes)
+            result[pair] = int(np.count_nonzero(costs)), float(costs.sum())
+        return result
+
+    def _seam_box(self, pair: Pair) -> Box | None:
+        """On large overlaps, the box of the seam and some pixels around it."""
+        cost = self.moves.labelling.costs.get(pair)
+        if cost is None or cost.box.shape[0] * cost.box.shape[1] <= _LARGE_BOX:
+            return None
+        inside = cost.box.shared(self.moves.labelling.canvas)
+        labels = self.moves.label_map[inside.slices]
+        first, second = labels == pair[0], labels == pair[1]
+        beside = np.zeros(labels.shape, bool)
+        beside[:, 1:] |= (first[:, 1:] & second[:, :-1]) | (second[:, 1:] & first[:, :-1])
+        beside[1:] |= (first[1:] & second[:-1]) | (second[1:] & first[:-1])
+        rows, columns = np.flatnonzero(beside.any(axis=1)), np.flatnonzero(beside.any(axis=0))
+        if not len(rows):
+            return None
+        top, left = inside.top, inside.left
+        return Box(
+            top + int(rows[0]), left + int(columns[0]), top + int(rows[-1]) + 1, left + int(columns[-1]) + 1
+        ).grown(_MARGIN)

@@ -1,0 +1,73 @@
+"""A guide: what a texture should look like, and what its exemplars stand for."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.checks import check_number
+from toposeam.errors import ImageError, OptionError
+from toposeam.images import as_array, as_float
+from toposeam.texture.atlas import Atlas
+from toposeam.texture.lay import Guide
+from toposeam.texture.sources import Images, Sources, as_list
+from toposeam.texture.turning import Turns, count_of, turned
+
+
+def guide_of(
+    guide: npt.ArrayLike | None,
+    guide_source: Images | None,
+    weight: float,
+    atlas: Atlas,
+    sources: Sources,
+    size: tuple[int, int],
+    turns: Turns,
+) -> Guide | None:
+    """The guide that a caller gave, checked; arguments as of :func:`toposeam.synthesize`, `sources` and the
+    atlas in all positions.
+
+    Raises
+    ------
+    ImageError, OptionError
+    """
+    if guide is None and guide_source is None:
+        return None
+    if guide is None or guide_source is None:
+        raise OptionError(
+            "guide and guide_source belong together: what is wanted, and what the source's pixels stand for; "
+            "give both"
+        )
+    check_number("guide_weight", weight, 0, 1)
+    target = _terms(guide, "guide")
+    if target.shape[:2] != size:
+        raise ImageError(
+            f"guide is {target.shape[1]} × {target.shape[0]} px, but the texture {size[1]} × {size[0]} px; "
+            "make them one size"
+        )
+    stands: list[npt.NDArray[np.float32]] = []
+    each = count_of(turns)
+    shapes = sources.shapes[::each]
+    for image, (height, width) in zip(
+        as_list(guide_source, len(shapes), "guide_source"), shapes, strict=True
+    ):
+        values = _terms(image, "guide_source")
+        if values.shape[:2] != (height, width):
+            raise ImageError(
+                f"guide_source is {values.shape[1]} × {values.shape[0]} px, but its source {width} × "
+                f"{height} px; make them one size"
+            )
+        if values.shape[2] != target.shape[2]:
+            raise ImageError(
+                f"guide has {target.shape[2]} channels and guide_source {values.shape[2]}; convert both to "
+                "gray, or both to RGB"
+            )
+        stands.append(values)
+    plane = atlas.spread(turned(stands, turns))
+    plane[~atlas.usable] = 0
+    return Guide(source=plane, target=target, weight=weight)
+
+
+def _terms(image: npt.ArrayLike, name: str) -> npt.NDArray[np.float32]:
+    """A guide as floats; what counts as white does not matter, as long as both agree."""
+    array = as_array(image, name)
+    return as_float(array, name, 1.0 if np.issubdtype(array.dtype, np.floating) else None)

@@ -1,10 +1,10 @@
 """A pattern book on one process and on two, in one run.
 
     python benchmarks/book.py              40 patterns at 128 × 128, three rounds, about three minutes
-    python benchmarks/book.py -n 400 --rounds 1
+    python benchmarks/book.py -n 400 --size 512 --rounds 1 --pdf --processes 2
 
-Both run the command as a user would, worker processes started and all, without PDF; rounds take turns. The
-theme is drawn here.
+Both run the command as a user would, worker processes started and all, without PDF if it is not asked for;
+rounds take turns. The theme is drawn here.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def theme(path: Path) -> None:
     write_picture(path, Picture(pixels=np.where(petals, 20, 255).astype(np.uint8)), force=True)
 
 
-def run(folder: Path, number: int, size: int, processes: int) -> tuple[float, float, float]:
+def run(folder: Path, number: int, size: int, processes: int, pdf: bool) -> tuple[float, float, float]:
     """Wall time of a whole book, CPU time of the process that leads it, and CPU time of its workers."""
     line = [
         sys.executable,
@@ -43,7 +43,8 @@ def run(folder: Path, number: int, size: int, processes: int) -> tuple[float, fl
         "-o",
         str(folder / "book"),
     ]
-    line += ["--fresh", "--no-pdf", "-q", "-n", str(number), "--size", str(size), "-j", str(processes)]
+    line += ["--fresh", "-q", "-n", str(number), "--size", str(size), "-j", str(processes)]
+    line += [] if pdf else ["--no-pdf"]
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     started = time.perf_counter()
     leading = 0.0
@@ -76,14 +77,17 @@ def main() -> None:
     parser.add_argument("-n", type=int, default=40)
     parser.add_argument("--size", type=int, default=128)
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--pdf", action="store_true", help="with book.pdf, and how large it is")
+    parser.add_argument("--processes", type=int, choices=(1, 2), help="only by so many, instead of both")
     chosen = parser.parse_args()
-    runs: dict[int, list[tuple[float, float, float]]] = {1: [], 2: []}
+    several = (1, 2) if chosen.processes is None else (chosen.processes,)
+    runs: dict[int, list[tuple[float, float, float]]] = {processes: [] for processes in several}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         theme(folder / "theme.png")
         for _ in range(chosen.rounds):
             for processes, found in runs.items():
-                found.append(run(folder, chosen.n, chosen.size, processes))
+                found.append(run(folder, chosen.n, chosen.size, processes, chosen.pdf))
                 wall, leading, working = found[-1]
                 load = os.getloadavg()[0]
                 print(
@@ -91,6 +95,10 @@ def main() -> None:
                     f"load {load:.1f}",
                     flush=True,
                 )
+        if chosen.pdf:
+            print(f"book.pdf: {(folder / 'book/book.pdf').stat().st_size / 1e6:.0f} MB")
+    if len(several) == 1:
+        return
     wall = {processes: statistics.median(times[0] for times in found) for processes, found in runs.items()}
     # What the CPU times allow where nothing else runs: the leading process alone, then the workers side by
     # side.

@@ -164,7 +164,7 @@ def make_large(
             for _ in range(OBJECTS)
         ]
         colours = rng.uniform(20, 235, (OBJECTS, 3)).astype(np.float32)
-        frame = np.empty((height, width, 3), np.uint8)
+        frame = np.full((height, width, 4), 255, np.uint8)
         for start in range(0, height, 256):
             stop = min(start + 256, height)
             down = np.arange(top + start, top + stop) % (2 * LARGE_SCENE)
@@ -178,7 +178,7 @@ def make_large(
             lens = gain * (1 - VIGNETTING * (across + ((2 * y[:, np.newaxis] / height - 1) ** 2)) / 2)
             values *= lens.astype(np.float32)[..., np.newaxis]
             values += noise[: stop - start, shift : shift + width]
-            frame[start:stop] = np.clip(np.rint(values), 0, 255)
+            frame[start:stop, :, :3] = np.clip(np.rint(values), 0, 255)
         write_tiff(folder / f"frame{index:02d}.tif", frame, (left, top))
         places.append((left, top))
     return total, places
@@ -190,7 +190,7 @@ def write_tiff(path: Path, rgba: np.ndarray, at: tuple[int, int]) -> None:
         path,
         rgba,
         photometric="rgb",
-        extrasamples=["unassalpha"] if rgba.shape[2] == 4 else None,
+        extrasamples=["unassalpha"],
         rowsperstrip=64,
         resolution=(150, 150),
         resolutionunit="INCH",

@@ -36,6 +36,11 @@ SCRIPTS: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
     ),
     "motif_figures.py": (("motifs-*",), ("motif", "recipe"), ()),
     "make_pattern_figures.py": (("patterns-*", "paths-*"), ("motif", "recipe"), ()),
+    "pattern_book.py": (
+        ("book-*",),
+        ("motif", "recipe"),
+        ("docs/make_pattern_figures.py", "samples/leaf.png"),
+    ),
     "pattern_studies.py": (
         ("studies-*",),
         ("motif", "recipe"),

@@ -45,7 +45,9 @@ class OffsetType(click.ParamType):  # type: ignore[type-arg]  # generic only sin
         """Parse the text."""
         if isinstance(value, tuple):
             return value
-        match = re.fullmatch(r"\s*([+-]?\d{1,9})" + 2 * r"(?:\s*,\s*([+-]?\d{1,9}))" + r"?\s*", value)
+        match = re.fullmatch(r"\s*([+-]?\d+)" + 2 * r"(?:\s*,\s*([+-]?\d+))" + r"?\s*", value)
+        if match is not None and max(len(part.lstrip("+-")) for part in match.groups(default="")) > 9:
+            self.fail(f"{value!r} lies too far away; nine digits are the most", param, ctx)
         if match is None:
             self.fail(
                 f"{value!r} is not an offset; write two whole numbers of pixels, like 120,-4", param, ctx

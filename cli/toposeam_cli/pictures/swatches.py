@@ -15,6 +15,15 @@ from toposeam_cli.files.regular import check_regular
 #: Files of swatches are not larger.
 _LARGEST_BYTES = 1_000_000
 _COLOUR = 0x0001
+#: White of LAB swatches, CIE D50, and sRGB's linear primaries seen from there (Bradford's adaptation).
+_WHITE = np.array([0.96422, 1.0, 0.82521])
+_TO_RGB = np.array(
+    [
+        [3.1338561, -1.6168667, -0.4906146],
+        [-0.9787684, 1.9161415, 0.0334540],
+        [0.0719453, -0.2289914, 1.4052427],
+    ]
+)
 
 
 def read_swatches(path: Path) -> np.ndarray:
@@ -42,7 +51,7 @@ def read_swatches(path: Path) -> np.ndarray:
     except (struct.error, ValueError, IndexError) as error:
         raise ts.OptionError(f"'{path}' is damaged ({error}); export it again") from error
     if not colours:
-        raise ts.OptionError(f"'{path}' has no colours in RGB, gray or CMYK; export it again")
+        raise ts.OptionError(f"'{path}' has no colours in RGB, LAB, gray or CMYK; export it again")
     found = np.clip(np.array(colours), 0.0, 1.0)
     lightest = int(np.argmax(found @ LUMA))
     return np.concatenate([found[lightest : lightest + 1], np.delete(found, lightest, axis=0)])
@@ -78,4 +87,18 @@ def _ase(data: bytes) -> Iterator[tuple[float, float, float]]:
             elif model == b"CMYK":
                 cyan, magenta, yellow, black = struct.unpack_from(">4f", data, values)
                 yield (1 - cyan) * (1 - black), (1 - magenta) * (1 - black), (1 - yellow) * (1 - black)
+            elif model == b"LAB ":
+                yield _of_lab(*struct.unpack_from(">3f", data, values))
         at += 6 + length
+
+
+def _of_lab(lightness: float, a: float, b: float) -> tuple[float, float, float]:
+    """What CIE LAB, its lightness in [0, 1], is in sRGB."""
+    y = (100.0 * lightness + 16.0) / 116.0
+    roots = np.array([y + a / 500.0, y, y - b / 200.0])
+    xyz = _WHITE * np.where(roots > 6 / 29, roots**3, 3 * (6 / 29) ** 2 * (roots - 4 / 29))
+    linear = np.clip(_TO_RGB @ xyz, 0.0, 1.0)
+    red, green, blue = np.where(
+        linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055
+    ).tolist()
+    return red, green, blue

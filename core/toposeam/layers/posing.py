@@ -36,7 +36,7 @@ from toposeam.seam.problem import M_MAX
 #: looked at.
 KEPT_PIXELS = 1 << 20
 #: Rows of about so many pixels are computed at once.
-_BLOCK_PIXELS = 1 << 18
+_BLOCK_PIXELS = 1 << 17
 #: Rows of a band that are computed at once.
 _WANTED_ROWS = 48
 #: What forbids an interface; far above what any match cost amounts to.

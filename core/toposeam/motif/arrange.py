@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import gaussian_filter1d
 
 from toposeam.checks import Seed, check_items, check_pair, check_whole, check_whole_array, seed_of
 from toposeam.errors import OptionError
-from toposeam.motif.edges import fineness, shading
+from toposeam.motif.edges import EDGES, fineness, printed, shading
 from toposeam.motif.inked import MAX_PATTERN, Inked
 from toposeam.motif.motif import Motif
 from toposeam.motif.sampling import resample
+
+#: Standard deviation of the blur by which prints that end differently go over into each other, as a share of
+#: the cell's side.
+_OVER = 0.03
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -46,8 +51,15 @@ class Arrangement(Inked):
 
     @property
     def edges(self) -> tuple[str, ...]:
-        """How the strokes of each layer end in print: those of the first motif."""
-        return self.motifs[0].edges
+        """How the strokes of each layer end in print: as in its motifs, or "soft" where they differ in that
+        and `sampled` has ended them.
+        """
+        return tuple(kinds[0] if len(set(kinds)) == 1 else "soft" for kinds in self._kinds)
+
+    @property
+    def _kinds(self) -> list[tuple[str, ...]]:
+        """How strokes end in every motif, for each layer."""
+        return list(zip(*(motif.edges for motif in self.motifs), strict=True))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -61,28 +73,55 @@ class Arrangement(Inked):
         return {"arrangement": {"grid": self.grid.tolist(), "recipes": recipes}}
 
     def sampled(self, layer: int, size: tuple[int, int]) -> npt.NDArray[np.float32]:
-        """One layer's density, smoothly interpolated to (rows, columns)."""
-        return resample(self.densities[layer], self.repeat, size)
+        """One layer's density, smoothly interpolated to (rows, columns). Of a layer whose strokes do not end
+        alike in all motifs, wash beside strokes, the print: of every motif as its own strokes end, and along
+        borders the one goes over into the other.
+        """
+        smooth = partial(resample, self.densities[layer], self.repeat)
+        kinds = self._kinds[layer]
+        if len(set(kinds)) == 1:
+            return smooth(size)
+        elements = self.densities.shape[1], self.densities.shape[2]
+        result = np.zeros(size, np.float32)
+        left = np.ones(size, np.float32)
+        for edge in sorted(set(kinds), key=EDGES.index):  # haze goes on into strokes, not wash into nothing
+            cells = np.isin(self.grid, [index for index, kind in enumerate(kinds) if kind == edge])
+            share = left * np.minimum(2 * _spread(cells, size), 1)
+            result += share * printed(smooth, edge, self.repeat, elements, size, self._ends[layer, edge])
+            left -= share
+        return result
+
+    def resampled(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
+        """As of any print, but with `sampled` at every size: layers that it ends have no other densities to
+        be drawn from.
+        """
+        return (
+            super().resampled(size)
+            if size is None
+            else np.stack([self.sampled(index, size) for index in range(len(self.inks))])
+        )
 
     def ends(self, layer: int) -> tuple[float, np.float32]:
         """Those of all motifs together, each counted once: wherever they lie, and however often, a motif
         looks the same, and strokes meet across borders as the optimisation left them.
         """
-        return self._ends[layer]
+        return self._ends[layer, self.edges[layer]]
 
     @cached_property
-    def _ends(self) -> tuple[tuple[float, np.float32], ...]:
+    def _ends(self) -> dict[tuple[int, str], tuple[float, np.float32]]:
+        """For every layer and way in which strokes end there."""
         rows, columns = self.motifs[0].densities.shape[1:]
         fine = fineness((rows, columns))
-        return tuple(
-            shading(
-                (motif.sampled(layer, (fine * rows, fine * columns)) for motif in self.motifs),
-                edge,
-                self.repeat,
-                fine,
-            )
-            for layer, edge in enumerate(self.edges)
-        )
+        found = {}
+        for layer, kinds in enumerate(self._kinds):
+            for edge in {*kinds, self.edges[layer]}:
+                fields = (
+                    motif.sampled(layer, (fine * rows, fine * columns))
+                    for motif, kind in zip(self.motifs, kinds, strict=True)
+                    if kind == edge
+                )
+                found[layer, edge] = shading(fields, edge, self.repeat, fine)
+        return found
 
     def __repr__(self) -> str:
         rows, columns = self.grid.shape
@@ -159,6 +198,15 @@ def arrange(
         grid=grid.astype(np.intp),
         motifs=tuple(motifs),
     )
+
+
+def _spread(cells: npt.NDArray[np.bool_], size: tuple[int, int]) -> npt.NDArray[np.float32]:
+    """1 on some cells of a grid and 0 on others, (rows, columns) px, blurred across their borders."""
+    places = [np.arange(px) * many // px for px, many in zip(size, cells.shape, strict=True)]
+    field = cells[np.ix_(*places)].astype(np.float32)
+    for axis, (px, many) in enumerate(zip(size, cells.shape, strict=True)):
+        field = gaussian_filter1d(field, _OVER * px / many, axis=axis, mode="wrap")
+    return field
 
 
 def random_arrangement(

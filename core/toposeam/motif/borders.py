@@ -32,7 +32,9 @@ _REACH, _LEAST_PX = 0.03, 2
 _POWERS = (0.6, 4.0)
 #: From so deep inside on, and wholly from so much further in, densities may change for the sake of the mass;
 #: as shares of the cell's side.
-_INSIDE, _FADE = 0.08, 0.07
+_INSIDE, _FULLY = 0.08, 0.07
+#: Over so much of the cell's side wash goes over into the mean of all, the latter if strokes lie beside it.
+FADE, BESIDE_STROKES = 0.07, 0.2
 
 
 def border_visibility(pattern: npt.ArrayLike, cell: tuple[int, int]) -> float:
@@ -89,7 +91,7 @@ def line_visibility(values: npt.NDArray[np.floating], side: int) -> float:
     return float(line[border].max()) / inside if inside > 1e-9 else 0.0
 
 
-def faded(densities: Floats, shared: int) -> Floats:
+def faded(densities: Floats, shared: int, share: float = FADE) -> Floats:
     """Densities of motifs that go over into the mean of all towards the border.
 
     Parameters
@@ -97,9 +99,11 @@ def faded(densities: Floats, shared: int) -> Floats:
     densities : (N, h, w) float array
     shared : int
         So many rows and columns are the mean itself.
+    share : float
+        Of the cell's side, over which they do.
     """
     height, width = densities.shape[1:]
-    reach = max(_FADE * min(height, width), 1.0)
+    reach = max(share * min(height, width), 1.0)
     depth = [
         (np.minimum(np.arange(side), np.arange(side)[::-1]) + 1 - shared) / reach for side in (height, width)
     ]
@@ -113,7 +117,7 @@ def with_mass(density: Floats, mass: float) -> Floats:
     """A density whose inside is raised to the power with which the whole has a mass."""
     height, width = density.shape
     depth = [np.minimum(np.arange(side), np.arange(side)[::-1]) / side for side in (height, width)]
-    inside = np.clip((np.minimum(depth[0][:, np.newaxis], depth[1][np.newaxis]) - _INSIDE) / _FADE, 0.0, 1.0)
+    inside = np.clip((np.minimum(depth[0][:, np.newaxis], depth[1][np.newaxis]) - _INSIDE) / _FULLY, 0.0, 1.0)
     low, high = _POWERS
     for _ in range(40):
         power = np.sqrt(low * high)

@@ -31,6 +31,8 @@ from toposeam.motif.tiling import period, tile
 
 Singles = npt.NDArray[np.float32]
 Floats = npt.NDArray[np.float64]
+#: From a motif's densities to about what is printed of them, on its own elements.
+Print = Callable[[Floats], Singles]
 
 #: Factors lie within e^±, and so many halvings find one.
 _LARGEST, _HALVINGS = 3.0, 10
@@ -86,17 +88,15 @@ def conspicuous(motif: Motif) -> npt.NDArray[np.float64]:
 def _level(density: Singles, axis: int, mass: float, edge: str, repeat: str, width: float) -> Singles:
     """A density half way to where the print along one border is what it is beside it."""
     bump, before = _bump(density.shape, axis, repeat, width), density.astype(np.float64)
-    (balanced,) = _balanced([before], bump, axis, edge, repeat)
+    (balanced,) = _balanced([before], bump, axis, [partial(_print, edge=edge, repeat=repeat)], repeat)
     changed = np.sqrt(balanced * before)
     with_mass: Singles = np.clip(changed * (mass / changed.mean()), THINNEST, 1.0).astype(np.float32)
     return with_mass
 
 
-def _excess(density: Floats, axis: int, edge: str, repeat: str, at: float | None = None) -> float:
-    """How much darker the print is along borders than beside them, with strokes that end at a level, or at
-    that of equal mass.
-    """
-    field = _print(density, edge, repeat, at)
+def _excess(density: Floats, axis: int, printed: Print, repeat: str) -> float:
+    """How much darker the print is along borders than beside them."""
+    field = printed(density)
     side = field.shape[axis]
     mean = tile(field, repeat, period(repeat)).mean(axis=1 - axis, dtype=np.float64)
     border = np.arange(0, len(mean), side)
@@ -140,7 +140,7 @@ def _bump(shape: tuple[int, ...], axis: int, repeat: str, width: float = 1.0) ->
 
 
 def calmed_row(
-    fields: Sequence[Floats], edge: str, repeat: str, shared: int, given: Sequence[int]
+    fields: Sequence[Floats], edges: Sequence[str], repeat: str, shared: int, given: Sequence[int]
 ) -> list[Floats]:
     """One layer of motifs that lie beside each other in any order, none of which shows a border in print.
 
@@ -148,51 +148,63 @@ def calmed_row(
     ----------
     fields : sequence of (h, w) float array
         The layer's density in each motif.
-    edge : str
-        How its strokes end, of `EDGES`.
+    edges : sequence of str
+        How its strokes end in each, of `EDGES`.
     repeat : str
         The rule of all.
     shared : int
         Rows and columns along the border that are the same in all motifs, and are left so: one factor serves
         all there, and what is left to do for a motif is done beside them.
     given : sequence of int
-        Which motifs were there first: side by side all are printed with one level, which is taken from these,
-        so that those that come later change nothing.
+        Which motifs were there first: side by side all whose strokes end alike are printed with one level,
+        which is taken from these, so that those that come later change nothing.
     """
     row = list(fields)
     for axis in (0, 1) * _TURNS:
-        whole = np.stack([row[index] for index in given])
-        at = level(whole, float(whole.mean()))
+        prints = _prints(row, edges, repeat, given)
         on, beside = _bump(row[0].shape, axis, repeat), _beside(row[0].shape, axis, shared)
+        each = list(zip(row, prints, strict=True))
         if shared:
-            row = _balanced(row, on, axis, edge, repeat, at)
-            row = [_balanced([one], -beside, axis, edge, repeat, at)[0] for one in row]
+            row = _balanced(row, on, axis, prints, repeat)
+            each = list(zip(row, prints, strict=True))
+            row = [_balanced([one], -beside, axis, [own], repeat)[0] for one, own in each]
             continue
-        row = [_balanced([one], on, axis, edge, repeat, at)[0] for one in row]
-        tones = _Tones(axis, edge, repeat, at)
-        if tones.shown([row[index] for index in given]) > _SHOWN:
+        row = [_balanced([one], on, axis, [own], repeat)[0] for one, own in each]
+        tones = _Tones(axis, prints)
+        if tones.shown(row, given) > _SHOWN:
             row = tones.evened(row, given)
-            row = [_balanced([one], on, axis, edge, repeat, at)[0] for one in row]
+            each = list(zip(row, prints, strict=True))
+            row = [_balanced([one], on, axis, [own], repeat)[0] for one, own in each]
     return row
 
 
+def _prints(row: list[Floats], edges: Sequence[str], repeat: str, given: Sequence[int]) -> list[Print]:
+    """How each motif of a row is printed."""
+    levels = {}
+    for edge in set(edges):
+        alike = [index for index, kind in enumerate(edges) if kind == edge]
+        first = [index for index in alike if index in given] or alike
+        whole = np.stack([row[index] for index in first])
+        levels[edge] = level(whole, float(whole.mean()))
+    return [partial(_print, edge=edge, repeat=repeat, at=levels[edge]) for edge in edges]
+
+
 class _Tones:
-    """How dark motifs are in print towards the borders across an axis, with strokes that end at a level."""
+    """How dark motifs are in print towards the borders across an axis."""
 
-    def __init__(self, axis: int, edge: str, repeat: str, at: float) -> None:
-        self._axis = axis
-        self._print = partial(_print, edge=edge, repeat=repeat, at=at)
+    def __init__(self, axis: int, prints: Sequence[Print]) -> None:
+        self._axis, self._prints = axis, prints
 
-    def of(self, density: Floats) -> Floats:
-        """The mean of every row, or column."""
-        mean: Floats = self._print(density).mean(axis=1 - self._axis, dtype=np.float64)
+    def of(self, density: Floats, index: int) -> Floats:
+        """The mean of every row, or column, of a motif."""
+        mean: Floats = self._prints[index](density).mean(axis=1 - self._axis, dtype=np.float64)
         return mean
 
-    def shown(self, row: list[Floats]) -> float:
-        """How conspicuous borders are, the most in some patterns of all motifs."""
-        tones = np.stack([self.of(one) for one in row])
+    def shown(self, row: list[Floats], given: Sequence[int]) -> float:
+        """How conspicuous borders are, the most in some patterns of some motifs."""
+        tones = np.stack([self.of(row[index], index) for index in given])
         rng = np.random.default_rng(0)
-        grids = rng.integers(len(row), size=(_PATTERNS, 4, 4))
+        grids = rng.integers(len(given), size=(_PATTERNS, 4, 4))
         side = tones.shape[1]
         return max(line_visibility(tones[grid].mean(axis=1).reshape(-1, 1), side) for grid in grids)
 
@@ -202,7 +214,7 @@ class _Tones:
         """
         side = row[0].shape[self._axis]
         reach = reach_of(side)
-        tones = np.stack([self.of(row[index]) for index in given])
+        tones = np.stack([self.of(row[index], index) for index in given])
         wanted = float(np.concatenate([tones[:, : reach + 1], tones[:, -reach - 1 :]], axis=1).mean())
         result = row
         for place in (np.arange(side), np.arange(side)[::-1]):
@@ -210,22 +222,31 @@ class _Tones:
             for lines, away in (((place == reach) | (place == reach - 1), deep), (place == 0, place / reach)):
                 factor = 0.5 + 0.5 * np.cos(np.pi * np.clip(away, 0, 1))
                 bump = factor[:, np.newaxis] if self._axis == 0 else factor[np.newaxis]
-                result = [self._nearer(one, bump, lines, wanted) for one in result]
+                result = [self._nearer(one, index, bump, lines, wanted) for index, one in enumerate(result)]
         return result
 
-    def _nearer(self, density: Floats, bump: Floats, lines: npt.NDArray[np.bool_], wanted: float) -> Floats:
+    def _nearer(
+        self, density: Floats, index: int, bump: Floats, lines: npt.NDArray[np.bool_], wanted: float
+    ) -> Floats:
         """A density multiplied by the power of a bump with which some lines have the tone that is wanted."""
-        return _multiplied([density], bump, _GENTLE, lambda row: self.of(row[0])[lines].mean() - wanted)[0]
+        return _multiplied(
+            [density], bump, _GENTLE, lambda row: self.of(row[0], index)[lines].mean() - wanted
+        )[0]
 
 
 def _balanced(
-    row: list[Floats], bump: Floats, axis: int, edge: str, repeat: str, at: float | None = None
+    row: list[Floats], bump: Floats, axis: int, prints: Sequence[Print], repeat: str
 ) -> list[Floats]:
     """Densities multiplied by one factor to the power of a bump, with which the print along the borders is
     that beside them in the mean over all.
     """
     return _multiplied(
-        row, bump, _LARGEST, lambda changed: sum(_excess(one, axis, edge, repeat, at) for one in changed)
+        row,
+        bump,
+        _LARGEST,
+        lambda changed: sum(
+            _excess(one, axis, own, repeat) for one, own in zip(changed, prints, strict=True)
+        ),
     )
 
 

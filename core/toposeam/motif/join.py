@@ -28,7 +28,7 @@ from toposeam.checks import check_items, check_kind, check_range, check_whole
 from toposeam.display import to_png
 from toposeam.errors import OptionError
 from toposeam.motif.arrange import arrange
-from toposeam.motif.borders import border_visibility, faded, with_mass
+from toposeam.motif.borders import BESIDE_STROKES, FADE, border_visibility, faded, with_mass
 from toposeam.motif.calming import calmed_row
 from toposeam.motif.compound import JoinOptions, Member, generate_row
 from toposeam.motif.generate import make_motif
@@ -236,11 +236,13 @@ def _without_lines(
         return [one.astype(np.float32) for one in found]
     first = row[0].recipe
     masses = [member.recipe.layers[layer].mass for member in row]
-    if shared and first.layers[layer].edge == "soft":
-        found = list(faded(np.stack(found), shared))
+    edges = [member.recipe.layers[layer].edge for member in row]
+    if shared and "soft" in edges:
+        soft = faded(np.stack(found), shared, FADE if set(edges) == {"soft"} else BESIDE_STROKES)
+        found = [soft[index] if edge == "soft" else found[index] for index, edge in enumerate(edges)]
     given = [index for index, member in enumerate(row) if member.stage == 1]
     for _ in range(2):  # the mass changes the level at which strokes end a little
-        found = calmed_row(found, first.layers[layer].edge, first.repeat, shared, given)
+        found = calmed_row(found, edges, first.repeat, shared, given)
         found = [with_mass(one, mass) for one, mass in zip(found, masses, strict=True)]
     return [one.astype(np.float32) for one in found]
 

@@ -33,8 +33,6 @@ from toposeam.seam.overlap import FREE, KEPT_PIXELS, KEPT_SHAPES, NONE, Overlap
 Floats32 = npt.NDArray[np.float32]
 #: Planes of so many values in all are dealt with at once.
 _CACHED = 1 << 14
-#: One over a number; 0 for none.
-_SHARES = np.array([0, 1, 0.5], np.float32)
 #: Two patches and two axes for each of the shapes that are remembered.
 _KEPT_STEPS = 4 * KEPT_SHAPES
 
@@ -225,11 +223,13 @@ def _steps(present: Mask, axis: int) -> tuple[Floats32 | None, Floats32]:
 
 def _steps_of(present: Mask, axis: int) -> tuple[Floats32 | None, Floats32]:
     s, t = _pair(axis)
-    known = present[s] & present[t]
-    count = np.zeros(present.shape, np.uint8)
+    known = (present[s] & present[t]).astype(np.float32)
+    count = np.zeros(present.shape, np.float32)
     count[s] += known
     count[t] += known
-    return None if known.all() else known.astype(np.float32), _SHARES.take(count)
+    share = np.float32(1.75) - np.float32(0.75) * count
+    share *= count  # 0, 1 and a half for 0, 1 and 2
+    return None if known.all() else known, share
 
 
 @lru_cache(maxsize=_KEPT_STEPS)

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 from scipy import ndimage
+from skimage import measure
 
 import toposeam as ts
 from toposeam.motif.edges import EDGES, beyond, level, shading
@@ -41,6 +42,38 @@ def test_crisp_edges_are_at_most_two_px_wide_from_10_to_90_percent(size):
         assert len(between) <= 4  # of two edges
     soft = motif_of(disc(64, 16), "soft").coverage((size, size))[0][size // 2]
     assert np.count_nonzero((soft > 0.1) & (soft < 0.9)) > (4 if size == 64 else 30)
+
+
+def widths_across(field):
+    """How far it is from 10 % to 90 % across the edges of a print, px: along the normal at every point of the
+    contour at 50 %, except where a stroke or a gap is too narrow to reach both.
+    """
+    wide = np.pad(field, 16, mode="wrap").astype(float)
+    slope = np.stack(np.gradient(ndimage.gaussian_filter(wide, 1.0)))
+    along = np.arange(-6, 6.01, 0.1)
+    found = []
+    for line in measure.find_contours(wide, 0.5):
+        normal = np.stack([ndimage.map_coordinates(part, line.T, order=1) for part in slope])
+        length = np.linalg.norm(normal, axis=0)
+        normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
+        places = line.T[:, :, np.newaxis] + normal[:, :, np.newaxis] * along
+        values = ndimage.map_coordinates(wide, places, order=1, mode="nearest")
+        low = np.array([np.max(np.flatnonzero(row[:61] <= 0.1), initial=-1) for row in values])
+        high = np.array([np.min(np.flatnonzero(row[60:] >= 0.9), initial=999) for row in values])
+        both = (low >= 0) & (high < 999)
+        found.append((high + 60 - low)[both] * 0.1)
+    return np.concatenate(found)
+
+
+@pytest.mark.medium
+@pytest.mark.parametrize("repeat", ["translate", "p4m", "p6m"])
+def test_edges_of_motifs_at_300_dpi_are_at_most_two_px_wide(repeat):
+    """A motif of 60 mm, with the interpolation between pixels counted in."""
+    motif = ts.generate_motif(128, layers=2, repeat=repeat, seed=3, penalty=3.0, edge=("crisp", "soft"))
+    rows, columns = motif.densities.shape[1:]
+    crisp, soft = motif.coverage((round(709 * rows / columns), 709))
+    assert np.percentile(widths_across(crisp), 99) <= 2.0
+    assert np.percentile(widths_across(soft), 50) > 4.0
 
 
 @pytest.mark.parametrize("edge", EDGES)

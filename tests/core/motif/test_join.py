@@ -133,6 +133,38 @@ def test_a_motif_is_printed_alike_wherever_and_however_often_it_lies(edge):
     assert len(drawings[0]) == len(drawings[1]) > 0
 
 
+@pytest.mark.parametrize("shared", [None, 0])
+def test_wash_beside_strokes_is_wash_and_strokes_are_strokes(shared):
+    """By the level at which strokes end wash would be crumbs, and by its haze strokes would be a blur."""
+    recipes = [
+        ts.random_recipe(
+            64, seed=seed, layers=1, repeat="translate", palette="sumi", iterations=15, penalty=penalty
+        )
+        for seed, penalty in ((5, 3.0), (8, 1.0))
+    ]
+    motifs = ts.join_motifs(recipes, shared=shared).motifs
+    assert [motif.edges for motif in motifs] == [("crisp",), ("soft",)]
+    laid = ts.arrange(motifs, [[0, 1], [1, 0]])
+    assert laid.edges == ("soft",)
+    size, cell = (512, 512), 256
+    (print_,) = laid.coverage(size)
+    away = slice(50, cell - 50)  # from borders, where the one goes over into the other
+    strokes, wash = print_[:cell, :cell][away, away], print_[:cell, cell:][away, away]
+    gray = [float(((part > 0.1) & (part < 0.9)).mean()) for part in (strokes, wash)]
+    assert gray[0] < 0.1
+    assert gray[1] > 0.3
+    for part, motif in ((strokes, motifs[0]), (wash, motifs[1])):
+        alone = motif.coverage((cell, cell))[0][away, away]
+        assert np.abs(part - alone).mean() < 0.01
+    # Whichever comes first.
+    other = ts.arrange(motifs[::-1], [[1, 0], [0, 1]])
+    assert np.abs(other.coverage(size)[0] - print_).max() < 1e-5
+    if shared is None:  # nothing steps between them
+        across = np.abs(np.diff(print_, axis=1)).mean(axis=0)
+        assert across[cell - 1] < 1.5 * np.median(across[:cell])
+    assert "<path" in laid.to_svg()
+
+
 def test_random_neighbours_keep_within_reach():
     grid = ts.random_arrangement((20, 30), 7, seed=1, reach=1)
     assert np.abs(np.diff(grid, axis=0)).max() == 1

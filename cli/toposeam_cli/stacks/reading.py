@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -55,27 +56,38 @@ def needs(package: str, path: Path) -> Any:
 
 
 def _read_npy(path: Path) -> Stack:
+    def opened() -> np.ndarray:
+        found: np.ndarray = np.load(path, mmap_mode="r", allow_pickle=False)
+        return found
+
     try:
-        voxels = np.load(path, mmap_mode="r", allow_pickle=False)
+        voxels = _Mapped(opened)
     except (OSError, ValueError, EOFError) as error:
         raise ImageError(f"{path} is no NumPy array, or cut short ({error}); save it again") from error
-    return _checked(Stack(voxels=_Npy(path, voxels.shape, voxels.dtype), source=path))
+    return _checked(Stack(voxels=voxels, source=path))
 
 
-class _Npy:
+class _Mapped:
     """An array in a file, mapped anew for every part that is read: parts that were read do not stay in
     memory.
     """
 
-    def __init__(self, path: Path, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
-        self.shape, self.dtype, self.ndim = shape, dtype, len(shape)
-        self._path = path
+    def __init__(self, opened: Callable[[], np.ndarray]) -> None:
+        voxels = opened()
+        self.shape, self.dtype, self.ndim = voxels.shape, voxels.dtype, voxels.ndim
+        self._opened = opened
 
     def __getitem__(self, key: Any) -> np.ndarray:
-        return np.array(np.load(self._path, mmap_mode="r", allow_pickle=False)[key])
+        return np.array(self._opened()[key])
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
         return np.asarray(self[...], dtype)
+
+    def squeeze(self, axes: tuple[int, ...]) -> _Mapped:
+        return _Mapped(lambda: self._opened().squeeze(axes))
+
+    def transpose(self, order: list[int]) -> _Mapped:
+        return _Mapped(lambda: self._opened().transpose(order))
 
 
 def _read_tiff(path: Path) -> Stack:
@@ -94,14 +106,15 @@ def _read_tiff(path: Path) -> Stack:
                 raise ImageError(f"{path} is cut short: its last slice is missing; copy it again")
             memory_mapped = series.dataoffset is not None and series.keyframe.compression == 1
         if memory_mapped:
-            voxels: Any = tifffile.memmap(path, mode="r")
+            found = tifffile.memmap(path, mode="r")
+            dtype, offset = found.dtype, found.offset
+            voxels: Any = _Mapped(lambda: np.memmap(path, dtype, "r", offset, shape))
         else:
-            voxels = _lazy(tifffile, path)
+            voxels = _lazy(tifffile, path).reshape(shape)
     except ImageError:
         raise
     except (OSError, ValueError, IndexError, KeyError, tifffile.TiffFileError) as error:
         raise ImageError(f"{path} cannot be read as a stack ({error}); copy or save it again") from error
-    voxels = voxels.reshape(shape)
     return _checked(Stack(voxels=_ordered(voxels, axes, kept, path), spacing=spacing, unit=unit, source=path))
 
 

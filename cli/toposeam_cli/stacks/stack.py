@@ -19,7 +19,7 @@ SUFFIXES = (".tif", ".tiff", ".npy", ".zarr")
 class Stack:
     """Voxels in a file, and how large they are."""
 
-    #: (D, H, W) or (D, H, W, C) array: a memory map, or a dask array.
+    #: (D, H, W) or (D, H, W, C) array: one that is read from the file part by part, or a dask array.
     voxels: Any
     #: Depth, height and width of a voxel; None if unknown.
     spacing: tuple[float, float, float] | None = None

@@ -25,7 +25,8 @@ from toposeam.volume.problem import SurfaceProblem
 _COARSE = 2_000_000
 #: The coarse surface's share of the work.
 COARSE_SHARE = 0.3
-_COARSE_OPTIONS = SurfaceOptions(tolerance=2e-3)
+#: It says only where to look.
+_COARSE_OPTIONS = SurfaceOptions(tolerance=1e-2)
 
 #: `A`, `B` or `FREE` per voxel.
 Sides = npt.NDArray[np.uint8]

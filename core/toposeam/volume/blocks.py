@@ -76,10 +76,26 @@ def lazily(stack: Any, name: str) -> Any:
         raise ImageError(f"{name} has dtype {stack.dtype}; pass integers or floats")
     if stack.ndim not in (3, 4) or 0 in stack.shape:
         raise ImageError(f"{name} has shape {stack.shape}; pass a non-empty (D, H, W) or (D, H, W, C) array")
-    # In small parts, or what is read for one block would be many times as large as that.
-    parts = (*_READ, -1)[: stack.ndim]
-    lazy = stack if hasattr(stack, "dask") else array.from_array(stack, chunks=parts)
+    if hasattr(stack, "dask"):
+        lazy = stack
+    else:
+        # In small parts, or what is read for one block would be many times as large as that.
+        parts = (*_READ, -1)[: stack.ndim]
+        lazy = array.from_array(
+            _Parts(stack) if isinstance(stack, np.ndarray) else stack, chunks=parts, name=False
+        )
     return lazy[..., np.newaxis] if lazy.ndim == 3 else lazy
+
+
+class _Parts:
+    """An array in memory, or mapped, of which parts are read; dask would copy all of it first."""
+
+    def __init__(self, stack: npt.NDArray[Any]) -> None:
+        self.shape, self.dtype, self.ndim = stack.shape, stack.dtype, stack.ndim
+        self._stack = stack
+
+    def __getitem__(self, key: Any) -> npt.NDArray[Any]:
+        return np.asarray(self._stack[key])
 
 
 def labels_by_blocks(

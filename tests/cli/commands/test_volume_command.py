@@ -77,6 +77,16 @@ def test_stacks_of_every_kind_are_joined_and_keep_depth_and_voxel_size(toposeam,
     assert spacing == (None if suffix == ".npy" else pytest.approx(SPACING, rel=1e-4))
 
 
+@pytest.mark.parametrize("suffix", [".ome.tif", ".tif", ".npy"])
+def test_stacks_are_opened_not_loaded(tmp_path, suffix):
+    from toposeam_cli.stacks.reading import read_stack
+
+    _, a, _ = stacks()
+    voxels = read_stack(save(tmp_path / f"a{suffix}", a)).voxels
+    assert not hasattr(voxels, "copy")  # dask would, all of it
+    np.testing.assert_array_equal(voxels[3:5, :, 2:], a[3:5, :, 2:])
+
+
 @pytest.mark.parametrize("suffix", [".ome.tif", ".zarr"])
 def test_from_one_kind_to_another(toposeam, pair, tmp_path, suffix):
     whole, *files = pair

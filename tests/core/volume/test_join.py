@@ -1,6 +1,7 @@
 """Stacks joined: whole, and by blocks."""
 
 import io
+import sys
 
 import numpy as np
 import pytest
@@ -95,6 +96,36 @@ def test_blocks_agree_however_they_are_cut_and_kept(tmp_path):
     np.testing.assert_array_equal(first.labels, second.labels.compute())
     assert seen == sorted(seen)
     assert 0.9 < seen[-1] <= 1
+
+
+def test_blocks_do_not_copy_what_is_mapped():
+    class Mapped(np.ndarray):
+        def copy(self, *_):
+            raise AssertionError("all of it was read")
+
+    a, b, offset = stacks((12, 16, 30), 14)
+    joined = ts.join_volumes(a.view(Mapped), b.view(Mapped), offset=offset, block=16)
+    assert np.array_equal(joined.labels, ts.join_volumes(a, b, offset=offset, block=16).labels)
+
+
+@pytest.mark.slow
+def test_a_cluster_joins_as_one_machine_does():
+    distributed = pytest.importorskip("distributed")
+    a, b, offset = stacks((20, 30, 50), 20)
+    lazy = [array.from_array(stack, chunks=(10, 16, 20)) for stack in (a, b)]
+    alone = ts.join_volumes(*lazy, offset=offset, block=16)
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        together = ts.join_volumes(*lazy, offset=offset, block=16)
+        volume = together.volume.compute()
+        worked = client.run(lambda: "toposeam.volume.blocks" in sys.modules)
+    np.testing.assert_array_equal(together.labels, alone.labels)
+    np.testing.assert_array_equal(volume, alone.volume.compute())
+    assert any(worked.values())  # there, not here
 
 
 def test_shifted_blocks_have_borders_where_the_others_have_none():

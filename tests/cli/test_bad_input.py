@@ -177,7 +177,7 @@ USAGE = {
     "three numbers": ("stitch {a} {b} --offset 3,4,5 -o out.png", "like 120,-4"),
     "fractions": ("stitch {a} {b} --offset 3.5,4 -o out.png", "like 120,-4"),
     "offset in words": ("stitch {a} {b} --offset left,top -o out.png", "like 120,-4"),
-    "endless offset": ("stitch {a} {b} --offset 9999999999,0 -o out.png", "like 120,-4"),
+    "endless offset": ("stitch {a} {b} --offset 9999999999,0 -o out.png", "nine digits are the most"),
     "unknown side": ("stitch {a} {b} --overlap 20 --side middle -o out.png", "is not one of 'right'"),
     "unknown method": ("stitch {a} {b} --overlap 20 --method magic -o out.png", "is not one of 'heat'"),
     "core 0": ("stitch {a} {b} --overlap 20 --core 0 -o out.png", "not in the range"),

@@ -17,13 +17,13 @@ def blob(rng, shape):
 
 
 @pytest.mark.medium
-def test_on_overlaps_of_any_shape_it_costs_what_a_maximum_flow_costs(monkeypatch):
+def test_on_overlaps_of_any_shape_it_costs_what_acut_by_flow_costs(monkeypatch):
     by_path, by_flow = [], []
-    path, flow = exact.shortest_path, exact._maximum_flow
+    path, flow = exact.shortest_path, exact.cut_by_flow
     monkeypatch.setattr(
         exact, "shortest_path", lambda *given: by_path.append(path(*given) is not None) or path(*given)
     )
-    monkeypatch.setattr(exact, "_maximum_flow", lambda *given: by_flow.append(1) or flow(*given))
+    monkeypatch.setattr(exact, "cut_by_flow", lambda *given: by_flow.append(1) or flow(*given))
     compared = 0
     for index in range(250):
         rng = np.random.default_rng([1, index])
@@ -47,7 +47,7 @@ def test_on_overlaps_of_any_shape_it_costs_what_a_maximum_flow_costs(monkeypatch
 
 @pytest.mark.parametrize("side", ["right", "left", "bottom", "top"])
 def test_a_strip_needs_no_flow(side, crops, monkeypatch):
-    monkeypatch.setattr(exact, "_maximum_flow", None)
+    monkeypatch.setattr(exact, "cut_by_flow", None)
     a, b = crops(np.random.default_rng(2), 60, 40)
     best = ts.find_seam(a, b, side=side, method="shortest-path")
     assert best.cost == pytest.approx(ts.find_seam(a, b, side=side, method="graph-cut").cost, rel=1e-6)

@@ -14,7 +14,6 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
-from scipy.spatial import cKDTree
 
 from toposeam.images import Mask
 from toposeam.texture.atlas import Atlas, Floats32
@@ -127,6 +126,8 @@ def _dominant(picture: Floats32, copied: Mask, hole: Mask, count: int, rng: np.r
     asked = near if len(near) <= _QUERIES else rng.choice(near, _QUERIES, replace=False)
     if not len(asked):
         return np.zeros((0, 2), np.intp)
+    from scipy.spatial import cKDTree  # a tenth of a second that textures do not need
+
     _, match = cKDTree(points).query(points[asked], k=min(_MATCHES, len(points)), eps=_ROUGHLY)
     dy, dx = rows[match] - rows[asked, np.newaxis], columns[match] - columns[asked, np.newaxis]
     far = np.hypot(dy, dx) > _NEAR * max(small.shape[:2])

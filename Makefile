@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: browser test-gimp-all help demo test test-lowest docs release gimp test-gimp gimp-figures bench-gimp translations plugin-zip check check-deep lint format bench bench-all figures clean
+.PHONY: browser test-gimp-all help demo test test-lowest docs quick release gimp test-gimp gimp-figures bench-gimp translations plugin-zip check check-deep lint format bench bench-all figures clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
@@ -70,7 +70,9 @@ release: $(READY)  ## build, check with twine and date CHANGELOG.md; nothing is 
 	$(BIN)/python tools/release.py
 
 check: $(READY)  ## the quick loop: lint, types and all tests that take less than about half a second
-	$(MAKE) --no-print-directory lint
+	$(MAKE) --no-print-directory -j 2 lint quick
+
+quick: $(READY)
 	$(ONE_THREAD) $(BIN)/python -m pytest -n auto --dist worksteal -m 'not slow and not medium' -q
 
 check-deep: $(READY)  ## 120 seeded mutations of the code: do the tests notice? (half an hour)

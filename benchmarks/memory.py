@@ -7,16 +7,13 @@ of its own; its largest resident memory is printed, also in bytes per pixel of t
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
 
+from measured import toposeam
 from stamp import stamp
 from toposeam_cli.pictures.picture import Picture, write_picture
 
@@ -24,32 +21,16 @@ from toposeam_cli.pictures.picture import Picture, write_picture
 def main(side: int, overlap: int, options: list[str]) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        # In a process of its own: what starts another one passes its own largest memory on.
-        painter = multiprocessing.get_context("spawn").Process(target=paint, args=(folder, side, overlap))
-        painter.start()
-        painter.join()
-        words = [
-            "stitch",
-            folder / "a.tif",
-            folder / "b.tif",
-            f"--overlap={overlap}",
-            "-o",
-            folder / "out.tif",
-            *options,
-        ]
-        begin = time.perf_counter()
-        child = subprocess.Popen([sys.executable, "-m", "toposeam_cli", *map(str, words)])
-        _, status, usage = os.wait4(child.pid, 0)
-        seconds = time.perf_counter() - begin
-    if status:
-        raise SystemExit(f"toposeam ended with {status}")
-    peak = usage.ru_maxrss * 1024
+        paint(folder, side, overlap)
+        words = ["stitch", "a.tif", "b.tif", f"--overlap={overlap}", "-o", "out.tif", *options]
+        ran = toposeam(words, folder)
+    peak = ran.megabytes * 2**20
     per_pixel = peak / (side * (2 * side - overlap))
     print(
         f"{side} × {side} px twice, overlap {overlap} px: {peak / 2**30:.2f} GiB, {per_pixel:.1f} bytes per "
         "pixel of the canvas"
     )
-    print(f"{seconds:.0f} s, {usage.ru_utime + usage.ru_stime:.0f} s of CPU")
+    print(f"{ran.clock:.0f} s, {ran.seconds:.0f} s of CPU")
 
 
 def paint(folder: Path, side: int, overlap: int) -> None:

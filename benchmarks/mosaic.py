@@ -24,13 +24,9 @@ vignetting that is left dominates it.
 from __future__ import annotations
 
 import argparse
-import json
-import os
 import shutil
-import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -39,49 +35,13 @@ import tifffile
 from scipy import ndimage
 from skimage import data, transform
 
+from measured import Measured, measured
 from stamp import stamp
 
 OVERLAP, EXPOSURE, VIGNETTING, NOISE = 0.30, 0.10, 0.12, 1.5
 OBJECTS = 12  # a frame
 LARGE_SCENE = 4096
 SMALL_WORK = 4  # frames of which error and step are measured
-
-
-@dataclass(frozen=True)
-class Measured:
-    """A process that ended."""
-
-    seconds: float
-    megabytes: float
-    code: int
-    said: str
-
-
-#: Run by a small process: the largest memory of the one that starts a program is passed on to it.
-STARTER = """
-import json, os, subprocess, sys
-process = subprocess.Popen(sys.argv[1:])
-_, status, usage = os.wait4(process.pid, 0)
-seconds = usage.ru_utime + usage.ru_stime
-print(json.dumps([seconds, usage.ru_maxrss / 1024, os.waitstatus_to_exitcode(status)]))
-"""
-
-
-def measured(command: list[str], folder: Path) -> Measured:
-    """One process, its processor time and its largest resident set."""
-    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-    ran = subprocess.run(
-        [sys.executable, "-c", STARTER, *command],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        errors="replace",
-        env=environment,
-        check=True,
-    )
-    said = ran.stdout.splitlines()
-    seconds, megabytes, code = json.loads(said[-1])
-    return Measured(seconds, megabytes, code, ran.stderr + "\n".join(said[:-1]))
 
 
 def scene(height: int, width: int, rng: np.random.Generator) -> np.ndarray:

@@ -10,12 +10,8 @@ surface, against those that a plane through the middle of the overlap cuts.
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -23,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 import tifffile
 
+from measured import toposeam
 from stamp import stamp
 
 #: Radius of a cell, and side of the cube in which there is one, in voxels.
@@ -36,22 +33,21 @@ def main(shape: tuple[int, int, int], overlap: int, options: list[str]) -> None:
     step = width - overlap
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        # In a process of its own: what starts another one passes its own largest memory on.
-        painter = multiprocessing.get_context("spawn").Process(target=paint, args=(folder, shape, step))
-        painter.start()
-        painter.join()
-        words = ["volume", folder / "a.tif", folder / "b.tif", f"--offset=0,0,{step}", "-o"]
-        words += [folder / "out.tif", "--labels", folder / "labels.tif", "--quiet", *options]
-        begin = time.perf_counter()
-        child = subprocess.Popen([sys.executable, "-m", "toposeam_cli", *map(str, words)])
-        _, status, usage = os.wait4(child.pid, 0)
-        seconds = time.perf_counter() - begin
-        if status:
-            raise SystemExit(f"toposeam ended with {status}")
-        peak = usage.ru_maxrss * 1024
+        paint(folder, shape, step)
+        words = [
+            "volume",
+            "a.tif",
+            "b.tif",
+            f"--offset=0,0,{step}",
+            "-o",
+            "out.tif",
+            "--labels",
+            "labels.tif",
+        ]
+        ran = toposeam([*words, "--quiet", *options], folder)
         print(
-            f"{depth} × {height} × {width} twice, overlap {overlap}: {peak / 2**30:.2f} GiB; "
-            f"{seconds:.0f} s, {usage.ru_utime + usage.ru_stime:.0f} s of CPU"
+            f"{depth} × {height} × {width} twice, overlap {overlap}: {ran.megabytes / 1024:.2f} GiB; "
+            f"{ran.clock:.0f} s, {ran.seconds:.0f} s of CPU"
         )
         labels = tifffile.memmap(folder / "labels.tif", mode="r")
         cut, halved, both = 0, 0, 0

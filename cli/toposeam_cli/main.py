@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import sys
 from collections.abc import Mapping
 from importlib.metadata import version
@@ -28,14 +27,7 @@ class Commands(click.Group):
         """The command of that name, imported only when it is wanted: Ctrl-C may come while the
         numerics load.
         """
-        if cmd_name not in COMMANDS:
-            return super().get_command(ctx, cmd_name)
-        gc.disable()  # what is being loaded stays
-        try:
-            return load(cmd_name)
-        finally:
-            gc.freeze()
-            gc.enable()
+        return load(cmd_name) if cmd_name in COMMANDS else super().get_command(ctx, cmd_name)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands with their first lines, without importing any."""

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import gc
+import sys
 from importlib import import_module
+from types import ModuleType
 
 import click
 
@@ -36,6 +39,18 @@ CONTEXT = {"help_option_names": ["-h", "--help"]}
 
 def load(name: str) -> click.Command:
     """The command of that name."""
-    command: click.Command = getattr(import_module(f"toposeam_cli.commands.{name}"), name)
+    command: click.Command = getattr(_module(f"toposeam_cli.commands.{name}"), name)
     command.context_settings.update(CONTEXT)
     return speaking(command)
+
+
+def _module(name: str) -> ModuleType:
+    """A module, imported without looking for garbage meanwhile: what is being loaded stays."""
+    if name in sys.modules or not gc.isenabled():
+        return import_module(name)
+    gc.disable()
+    try:
+        return import_module(name)
+    finally:
+        gc.freeze()
+        gc.enable()

@@ -101,10 +101,7 @@ class Made:
         found: dict[Pair, list[tuple[npt.NDArray[np.intp], ...]]] = {}
         for block in several(self.moves.label_map, canvas):
             labels = self.moves.label_map[block.slices]
-            for axis, s, t in (
-                (1, np.s_[:BLOCK, :-1], np.s_[:BLOCK, 1:]),
-                (0, np.s_[:-1, :BLOCK], np.s_[1:, :BLOCK]),
-            ):
+            for axis, s, t in _INTERFACES:
                 rows, columns = np.nonzero(labels[s] != labels[t])
                 ends = np.sort([labels[s][rows, columns], labels[t][rows, columns]], axis=0)
                 at = (rows + block.top) * canvas.shape[1] + columns + block.left

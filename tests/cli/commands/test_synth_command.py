@@ -170,6 +170,8 @@ def test_a_mask_and_a_guide_are_read_from_pictures(toposeam):
         "synth",
         "gray.tif",
         *ASKED,
+        "--patch",
+        "16",
         "--guide",
         "guide.png",
         "--guide-source",

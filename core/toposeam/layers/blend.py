@@ -39,6 +39,8 @@ BLENDS: tuple[Blend, ...] = get_args(Blend)
 
 #: Width in px where none is given; None spreads over the whole picture.
 WIDTHS: dict[Blend, float | None] = {"feather": 7.0, "multiband": 32.0, "gradient": None}
+#: How far wide blends mix, px, where no width is given.
+_REACHES: dict[Blend, float] = {"multiband": 32.0, "soft": 32.0}
 #: Widths that make sense: beyond, tiles would no longer bound the memory.
 WIDEST = 512.0
 
@@ -83,6 +85,13 @@ def check_blend(blend: str, width: float | None) -> None:
         )
     if not 1 <= width <= WIDEST:
         raise OptionError(f"blend_width is {width:g} px; choose 1 to {WIDEST:g}")
+
+
+def reach_of(blend: Blend, width: float | None) -> float:
+    """How far from a seam, px, a blend mixes what differs; 0 for narrow ones, and those that follow seams."""
+    if blend not in _REACHES:
+        return 0.0
+    return _REACHES[blend] if width is None else width
 
 
 class Blender:

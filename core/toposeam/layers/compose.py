@@ -13,7 +13,7 @@ import numpy.typing as npt
 from toposeam.checks import check_whole, options_from
 from toposeam.errors import ImageError, OptionError
 from toposeam.images import Mask, as_mask
-from toposeam.layers.blend import Blend, Placed, check_blend
+from toposeam.layers.blend import Blend, Placed, check_blend, reach_of
 from toposeam.layers.composition import Composition, Totals
 from toposeam.layers.labelling import Labelling, Pair
 from toposeam.layers.layer import MAX_MEGAPIXELS, Box, Extent, Layer, check_layers, common_canvas, cut
@@ -107,6 +107,8 @@ def compose(
     channels = channel_count(layers)
     paths = paths_by_pair(use_path, len(layers))
     check_blend(blend, blend_width)
+    if cost is None:
+        match = dataclasses.replace(match, reach=reach_of(blend, blend_width))
     canvas = common_canvas(layers, max_megapixels=max_megapixels)
     if match_tones:
         layers = matched(layers)

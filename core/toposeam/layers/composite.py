@@ -163,8 +163,8 @@ def stitch(
     layers : sequence of Layer
         At least two, of one dtype; gray layers are widened to the others' channels.
     method, gradient, cost, core, options, **keywords
-        As for :func:`toposeam.find_seam`; without `cost`, the blends "soft" and "multiband" set its `reach` to
-        how far they reach. Regions between more than two layers are no strips: `thesis` and
+        As for :func:`toposeam.find_seam`; without `cost`, the blends "soft" and "multiband" set its `reach`
+        to how far they reach. Regions between more than two layers are no strips: `thesis` and
         `dp` find the first seams and leave the swap rounds to `heat`.
     weight : (H, W) array_like on the canvas, optional
         A positive factor on the cost of each pixel's interfaces.

@@ -185,8 +185,7 @@ def stitch(
         Refuse a larger canvas.
     wrap : int, optional
         The canvas goes round, as a panorama of 360° does, and is so many px wide: what reaches over the right
-        edge lies at the left one, and seams and blending know it. For the blends "none", "feather" and
-        "multiband".
+        edge lies at the left one, and seams and blending know it.
     record_frames : bool
         For two layers: keep the densities of every iteration in ``Seam.frames``.
     progress : callable, optional

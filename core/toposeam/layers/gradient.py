@@ -57,8 +57,8 @@ def correction(
     flat = label_map.ravel()
     borders = [(np.flatnonzero(_differ(label_map, axis)), stride) for axis, stride in ((1, 1), (0, columns))]
     if goes_round:
-        last, first = label_map[:, -1], label_map[:, 0]
-        rows = np.flatnonzero((last != first) & (last >= 0) & (first >= 0))
+        end, begin = label_map[:, -1], label_map[:, 0]
+        rows = np.flatnonzero((end != begin) & (end >= 0) & (begin >= 0))
         borders.append((rows * columns + columns - 1, 1 - columns))
     for p, stride in borders:
         q = p + stride

@@ -64,20 +64,20 @@ def eased(plane: Floats32, atlas: Atlas, index: Ints32, lift: Lift, wraps: tuple
         apart /= 1 + (np.abs(apart).max(axis=1, keepdims=True) / (_EDGE * white)) ** 4
         wanted[y, x] -= apart  # each pixel comes once
         wanted[next_y, next_x] += apart
-    added = np.stack([_screened(wanted[..., c], wraps) for c in range(wanted.shape[2])], axis=2)
+    added = np.stack([_screened(channel, wraps) for channel in np.moveaxis(wanted, 2, 0)], axis=2)
     return Lift(gain=lift.gain, offset=lift.offset + added, low=lift.low, high=lift.high)
 
 
 def _screened(wanted: Floats32, wraps: tuple[bool, bool]) -> Floats32:
     """The solution of (1 / reach² - Laplacian) u = wanted; nothing flows over a border that is one."""
-    below: npt.NDArray[np.float32] = np.full((1, 1), 1 / _REACH**2, np.float32)
     found: npt.NDArray[Any] = wanted
-    for axis, (length, wrapping) in enumerate(zip(wanted.shape, wraps, strict=True)):
-        turn = (2 if wrapping else 1) * np.pi * np.arange(length) / length
-        line = (2 - 2 * np.cos(turn)).astype(np.float32)
-        below = below + (line[:, np.newaxis] if axis == 0 else line)
-        if not wrapping:
+    lines = []
+    for axis in (0, 1):
+        turn = (2 if wraps[axis] else 1) * np.pi * np.arange(wanted.shape[axis]) / wanted.shape[axis]
+        lines.append((2 - 2 * np.cos(turn)).astype(np.float32))
+        if not wraps[axis]:
             found = sf.dct(found, axis=axis)
+    below = np.add.outer(lines[0], lines[1]) + np.float32(1 / _REACH**2)
     wrapped = [axis for axis in (0, 1) if wraps[axis]]
     found = (sf.fftn(found, axes=wrapped) if wrapped else found) / below
     found = sf.ifftn(found, axes=wrapped).real if wrapped else found

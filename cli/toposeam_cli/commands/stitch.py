@@ -229,7 +229,7 @@ def _stitch(
         radius = {} if find.align_radius is None else {"radius": find.align_radius}
         aligned = ts.align(job.layers, **radius)
         job = dataclasses.replace(job, layers=aligned.layers)
-    find = dataclasses.replace(find, wrap=width_round(find.wrap, files))
+    find = dataclasses.replace(find, wrap=width_round(find.wrap, job.files or files))
     if find.wrap is None:
         crop = crop_of(out, job.layers)
     else:

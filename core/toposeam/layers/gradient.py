@@ -17,7 +17,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from scipy import fft
 
 from toposeam.images import Image, Mask
 from toposeam.layers.layer import Box, Layer
@@ -49,6 +48,8 @@ def correction(
     width : float or None
         Distance, px, over which the correction fades; None keeps all gradients and the mean.
     """
+    from scipy import fft  # nobody else needs it
+
     height, columns = label_map.shape
     source = np.zeros(label_map.shape)
     flat = label_map.ravel()

@@ -65,20 +65,18 @@ class Beside:
         for row, column, first in offers.continued if self._grown else ():
             if self._grown[first] and self._canvas.area_of(first) + self._grown[first] > limit:
                 errors[(offers.rows == row) & (offers.columns == column)] = np.inf
-        for where, (row, column) in self._picked:
-            down = np.minimum(offers.rows, row) + h - np.maximum(offers.rows, row)
-            right = np.minimum(offers.columns, column) + w - np.maximum(offers.columns, column)
-            both = np.flatnonzero((down > 0) & (right > 0))
-            if not len(both):
-                continue
+        if not self._picked:
+            return errors
+        places = np.array([place for _, place in self._picked])
+        down = h - np.abs(offers.rows - places[:, :1])
+        right = w - np.abs(offers.columns - places[:, 1:])
+        for number, k in np.argwhere((down > 0) & (right > 0)).tolist():
+            (where, (row, column)), both = self._picked[number], (int(down[number, k]), int(right[number, k]))
             if self._near and self._are_near(at, where, shape):
-                share = (down[both] * right[both]).astype(np.float32) / np.float32(h * w)
-                errors[both] *= 1 + np.float32(self._near) * share
-            if self._limit is None:
-                continue
-            for k in both.tolist():
+                errors[k] *= np.float32(1 + self._near * both[0] * both[1] / (h * w))
+            if self._limit is not None:
                 top, left = max(int(offers.rows[k]), row), max(int(offers.columns[k]), column)
-                rows, columns = slice(top, top + int(down[k])), slice(left, left + int(right[k]))
+                rows, columns = slice(top, top + both[0]), slice(left, left + both[1])
                 if (self._usage[rows, columns] + 1 >= self._limit[rows]).any():
                     errors[k] = np.inf
         return errors if np.isfinite(errors).any() else offers.errors

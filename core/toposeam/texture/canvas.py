@@ -21,8 +21,8 @@ class Copies(NamedTuple):
     """The copies in a window of a canvas."""
 
     #: (n,) row and column in the window of a pixel of each, and the flat index that shows there.
-    y: Ints32
-    x: Ints32
+    y: npt.NDArray[np.intp]
+    x: npt.NDArray[np.intp]
     shown: Ints32
     #: The first patch of each, and how many of the canvas's pixels show it.
     first: list[int]
@@ -129,11 +129,12 @@ class IndexCanvas:
         """
         number = self.patches
         rows, columns, inside = self.window(top, left, *shows.shape)
-        same = (self.index[rows, columns] == source) & inside
-        self._join(set(np.unique(self.labels[rows, columns][same]).tolist()) if same.any() else set())
+        places = rows * self.shape[1] + columns
+        same = (self.index.take(places) == source) & inside
+        self._join(set(np.unique(self.labels.take(places[same])).tolist()) if same.any() else set())
         self.patches += 1
         chosen = np.flatnonzero(shows)
-        at = (rows * self.shape[1] + columns).ravel().take(chosen)
+        at = places.ravel().take(chosen)
         new = source.ravel().take(chosen)
         index, labels = self.index.reshape(-1), self.labels.reshape(-1)
         before = index.take(at)
@@ -170,17 +171,19 @@ class IndexCanvas:
     def copies(self, top: int, left: int, height: int, width: int) -> Copies:
         """The copies in a window. One that goes once round a torus may meet it twice, and is told twice."""
         rows, columns, inside = self.window(top, left, height, width)
-        labels = (
-            self.labels[rows, columns] if inside.all() else np.where(inside, self.labels[rows, columns], -1)
-        )
-        place = np.full(len(self._copies) + 1, -1, np.int32)  # the last is of what shows nothing
-        place[labels.ravel()] = np.arange(labels.size, dtype=np.int32)
-        found = np.flatnonzero(place[:-1] >= 0)
-        y, x = np.divmod(place[found], np.int32(width))
-        first = [self.copy_of(label) for label in found.tolist()]
-        return Copies(
-            y, x, self.index[rows[y, 0], columns[0, x]], first, [self.area_of(one) for one in first]
-        )
+        places = rows * self.shape[1] + columns
+        labels = self.labels.take(places).ravel()
+        shown = np.flatnonzero((labels >= 0) & inside.ravel())
+        labels = labels.take(shown)
+        lowest = int(labels.min(initial=self.patches))
+        last = np.full(int(labels.max(initial=lowest)) - lowest + 1, -1)
+        last[labels - lowest] = shown
+        found = np.flatnonzero(last >= 0)
+        one = last.take(found)
+        first = [self.copy_of(lowest + label) for label in found.tolist()]
+        y, x = np.divmod(one, width)
+        areas = [self.area_of(copy) for copy in first]
+        return Copies(y, x, self.index.take(places.ravel().take(one)), first, areas)
 
     def area_of(self, first: int) -> int:
         """How many pixels of a copy show, by its first patch."""

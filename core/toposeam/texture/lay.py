@@ -173,7 +173,7 @@ class PatchPlacer:
         if len(offers.errors):
             errors = offers.errors if beside is None else beside.judged(at, shape, offers)
             good = np.flatnonzero(errors <= (1 + self.options.tolerance) * errors.min())
-            pick = int(self.rng.choice(good))
+            pick = int(good[self.rng.integers(len(good))])
             place = int(offers.rows[pick]), int(offers.columns[pick])
         else:
             place = self._anywhere(shape)

@@ -56,7 +56,7 @@ class Nearby:
             most = min(reach, max((limit - length) // 2, 0)) if wraps else reach
             line = np.arange(start - most, start + length + most, step)
             axes.append(line % limit if wraps else line[(line >= 0) & (line < limit)])
-        index = canvas.index[np.ix_(*axes)]
+        index = canvas.index.take(axes[0][:, np.newaxis] * canvas.shape[1] + axes[1])
         inside = np.ix_(
             *(
                 (line - start) % limit < length

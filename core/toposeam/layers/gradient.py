@@ -17,7 +17,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from scipy import fft
 
 from toposeam.images import Image, Mask
 from toposeam.layers.layer import Box, Layer
@@ -52,6 +51,8 @@ def correction(
     goes_round : bool
         Whether the canvas's left edge adjoins its right one.
     """
+    from scipy import fft  # nobody else needs it
+
     height, columns = label_map.shape
     source = np.zeros(label_map.shape)
     flat = label_map.ravel()

@@ -17,8 +17,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from scipy import fft
 
+from toposeam.heat.poisson import add_steps, spread
 from toposeam.images import Image, Mask
 from toposeam.layers.layer import Box, Layer
 from toposeam.layers.maps import dense
@@ -49,7 +49,7 @@ def correction(
     width : float or None
         Distance, px, over which the correction fades; None keeps all gradients and the mean.
     """
-    height, columns = label_map.shape
+    columns = label_map.shape[1]
     source = np.zeros(label_map.shape)
     flat = label_map.ravel()
     for stride, border in ((1, _differ(label_map, 1)), (columns, _differ(label_map, 0))):
@@ -66,17 +66,8 @@ def correction(
             excess = np.where(both_p, j_p - i_p, 0.0) + np.where(both_q, j_q - i_q, 0.0)
             number = both_p.astype(int) + both_q
             step[mine] = np.where(number > 0, excess / np.maximum(number, 1), j_q - i_p)
-        np.add.at(source.ravel(), p, step)
-        np.subtract.at(source.ravel(), q, step)
-    spectrum = fft.dctn(source, overwrite_x=True)
-    rows, across = (2 - 2 * np.cos(np.pi * np.arange(n) / n) for n in (height, columns))
-    screen = 0.0 if width is None else 1.0 / width**2
-    if screen == 0.0:
-        spectrum[0, 0] = 0.0
-        rows[0] = np.finfo(float).tiny  # 0 / tiny: the mean stays
-    for row in range(height):
-        spectrum[row] /= rows[row] + across + screen
-    result: Floats = fft.idctn(spectrum, overwrite_x=True)
+        add_steps(source.ravel(), p, q, step)
+    result: Floats = spread(source, width)
     return result
 
 

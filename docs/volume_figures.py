@@ -34,7 +34,6 @@ def main() -> None:
     heat(waving.surfaces[0])
     moving("loop-fire.webp", ts.loop(clips.flames(seed=11), level=True).frames)
     moving("loop-flag.webp", waving.frames)
-    moving("loop-clouds.webp", ts.loop(clips.clouds(), level=True).frames)
     cells()
 
 

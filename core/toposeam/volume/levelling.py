@@ -110,7 +110,8 @@ def added(values: Volume, change: npt.NDArray[np.floating]) -> Volume:
     """Values and a change, in the values' dtype."""
     sums = values + change
     if values.dtype.kind == "f":
-        return sums.astype(values.dtype, copy=False)
+        kept: Volume = sums.astype(values.dtype, copy=False)
+        return kept
     low, high = (
         (0, 1) if values.dtype.kind == "b" else (np.iinfo(values.dtype).min, np.iinfo(values.dtype).max)
     )

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from processes import living
 
+from toposeam_cli.__main__ import _flushed
 from toposeam_cli.pictures.picture import Picture, write_picture
 
 pytestmark = pytest.mark.usefixtures("hangups_arrive")
@@ -242,3 +243,30 @@ def wait_for_the_group(child):
     while any(process.group == child.pid for process in living()):
         assert time.monotonic() < deadline, "something outlived the batch"
         time.sleep(0.05)
+
+
+class _Full:
+    """A stream whose reader has no room."""
+
+    def __init__(self, reason, number):
+        self.reason, self.number = reason, number
+
+    def flush(self):
+        raise self.reason
+
+    def fileno(self):
+        return self.number
+
+
+@pytest.mark.parametrize("name", ["stdout", "stderr"])
+@pytest.mark.parametrize("reason", [BrokenPipeError(), OSError(28, "No space left on device")])
+def test_what_was_printed_is_known_to_have_arrived(monkeypatch, capsys, name, reason, tmp_path):
+    assert _flushed(quiet=False)
+    with (tmp_path / "out").open("wb") as file:
+        monkeypatch.setattr(sys, name, _Full(reason, file.fileno()))
+        assert not _flushed(quiet=False)
+        assert os.fstat(file.fileno()).st_rdev == Path(os.devnull).stat().st_rdev  # the rest goes nowhere
+        monkeypatch.undo()
+    said = capsys.readouterr().err
+    assert said.count("\n") == (name == "stdout" and not isinstance(reason, BrokenPipeError))
+    assert ("no space left" in said) == (said != "")

@@ -5,6 +5,9 @@ that fit the hole's surroundings.
 the shifts between them and their matches pile up at a few, by which most of the picture can be laid on
 itself (He and Sun 2012, doi:10.1007/978-3-642-33709-3_2).
 
+*What lies level.* What is at the same height is more likely alike, as along a horizon: shifts along the
+rows, and along the columns, that bring as much as possible.
+
 *What fits.* The ring round the whole hole, and windows on its rim, are searched for in the rest of the
 picture (:mod:`toposeam.texture.search`).
 """
@@ -13,6 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+import scipy.fft as sf
 from scipy import ndimage
 
 from toposeam.images import Mask
@@ -31,7 +35,8 @@ _ROUGHLY = 0.5
 _NEAR = 1 / 15
 #: Windows on the rim, and how many places each contributes; how many the whole ring contributes.
 _RIM, _EACH, _WHOLE = 10, 2, 8
-
+#: Shifts along rows and along columns, each; the share of the hole that one has to bring.
+_LEVEL, _WORTH = 6, 0.03
 #: Places tried for a pixel that no shift reaches.
 _TRIED = 40
 
@@ -61,11 +66,39 @@ def candidate_shifts(
     """
     place = atlas.places[0]
     picture, copied = features[place], atlas.copied[place]
-    found = [_fitting(atlas, features, hole, missing), _dominant(picture, copied, hole, count, rng)]
+    found = [
+        _fitting(atlas, features, hole, missing),
+        _dominant(picture, copied, hole, count, rng),
+        _level(copied, hole),
+    ]
     shifts = np.concatenate(found)
     shifts = np.concatenate([shifts, _covering(copied, hole, shifts, rng)])
     _, first = np.unique(shifts, axis=0, return_index=True)
     return shifts[np.sort(first)]
+
+
+def _level(copied: Mask, hole: Mask) -> Shifts:
+    """Shifts along the rows, and along the columns, each of which brings most of what those before do not."""
+    found: list[tuple[int, int]] = []
+    for axis in (0, 1):
+        missing, given = (hole, copied) if axis == 0 else (hole.T, copied.T)
+        width = missing.shape[1]
+        size = sf.next_fast_len(2 * width, real=True)
+        there = sf.rfft(given, size, axis=1)
+        left = missing.copy()
+        for _ in range(_LEVEL):
+            wanted = np.conj(sf.rfft(left, size, axis=1))
+            count = sf.irfft((there * wanted).sum(axis=0), size)
+            step = int(count.argmax())
+            if count[step] < _WORTH * np.count_nonzero(missing):
+                break
+            step = step if step < width else step - size
+            found.append((0, step) if axis == 0 else (step, 0))
+            here = np.zeros_like(left)
+            low, high = max(-step, 0), min(width - step, width)
+            here[:, low:high] = given[:, low + step : high + step]
+            left &= ~here
+    return np.array(found, np.intp).reshape(-1, 2)
 
 
 def _covering(copied: Mask, hole: Mask, shifts: Shifts, rng: np.random.Generator) -> Shifts:

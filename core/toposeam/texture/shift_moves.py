@@ -60,8 +60,8 @@ class ShiftMoves:
         Rows and columns of the picture where shifts are chosen.
     stride : int
         How far apart, px, the pixels that stand for all are.
-    expected, like : (H, W, F + 1) float32 arrays
-        What the surroundings let expect, and what each pixel is like.
+    expected, like : (H, W, F + n) float32 arrays
+        What the surroundings let expect, and what each pixel is like; the features first.
     """
 
     def __init__(
@@ -96,7 +96,9 @@ class ShiftMoves:
         else:
             self.features = np.where(known[..., np.newaxis] > 0, ground.features, 0)
         hole = ground.hole | ~ground.present
-        self.features = np.where(hole[..., np.newaxis], expected[..., :-1], self.features).astype(np.float32)
+        self.features = np.where(
+            hole[..., np.newaxis], expected[..., : self.features.shape[2]], self.features
+        ).astype(np.float32)
         at = np.ix_(np.clip(self.rows, 0, height - 1), np.clip(self.columns, 0, width - 1))
         self.hole = ground.hole[at] & inside
         self.present = ground.present[at] & inside

@@ -7,8 +7,8 @@ doi:10.1109/ICCV.2009.5459159); beyond, the picture shows itself, which is shift
     Σ_(p,q) |I(p + s_p) - I(p + s_q)| + |I(q + s_p) - I(q + s_q)|  +  Σ_p λ |D(p + s_p) - D̄(p)|
 
 over neighbours p and q: the match cost of the seams, and a data term: D is what the picture is like round a
-pixel (its colour and its contrast, blurred), and D̄ what the surroundings of the hole let expect there: D
-continued into it as a membrane. So a smooth sky is continued, and no object appears in it. The first term
+pixel, and D̄ what the surroundings of the hole let expect there (:mod:`toposeam.texture.expectation`). So a
+smooth sky is continued, a horizon stays level, and no object appears that was not there. The first term
 is a metric, so letting one shift expand over all others is a seam problem
 (``Labelling.expansion`` of :mod:`toposeam.layers.labelling` derives it).
 
@@ -22,11 +22,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy import ndimage
 
 from toposeam.seam.find import Method
-from toposeam.texture.atlas import Floats32
-from toposeam.texture.levelling import membrane
+from toposeam.texture.expectation import expectation
 from toposeam.texture.offsets import Shifts
 from toposeam.texture.shift_moves import Ground, Ints, ShiftMoves, stage
 
@@ -61,7 +59,7 @@ def shift_map(
     while np.count_nonzero(ground.near) / stride**2 > _COARSE:
         stride *= 2
     label = np.full(ground.hole.shape, -1, np.intp)
-    expected, like = _expectation(ground)
+    expected, like = expectation(ground.features, ground.hole, ground.present)
     rows, columns = (np.flatnonzero(ground.near.any(axis=axis)) for axis in (1, 0))
     box = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
     first, levels = stride, int(np.log2(stride)) + 1
@@ -82,24 +80,3 @@ def shift_map(
         label = moves.spread(label)
         stride //= 2
     return label
-
-
-def _expectation(ground: Ground) -> tuple[Floats32, Floats32]:
-    """What the surroundings let expect at each pixel, (H, W, F + 1), and what each pixel is like: colour and
-    contrast, blurred.
-    """
-    radius = np.sqrt(np.count_nonzero(ground.hole) / np.pi)
-    sigma = float(np.clip(radius / 6, 1.5, 12))
-    known = (ground.present & ~ground.hole).astype(np.float32)
-    share = np.maximum(ndimage.gaussian_filter(known, sigma), 1e-6)
-    steps = np.zeros(known.shape, np.float32)
-    for axis in (0, 1):
-        both = np.minimum(known, np.roll(known, -1, axis))
-        step = np.abs(np.roll(ground.features, -1, axis) - ground.features).sum(axis=2) * both
-        step[(slice(-1, None), slice(None)) if axis == 0 else (slice(None), slice(-1, None))] = 0
-        steps += step
-    planes = [*np.moveaxis(ground.features, 2, 0), 2 * steps]
-    like = np.stack(
-        [ndimage.gaussian_filter(plane * known, sigma) / share for plane in planes], axis=2
-    ).astype(np.float32)
-    return membrane(like, ground.hole | ~ground.present), like

@@ -24,6 +24,7 @@ from toposeam.images import MAX_PIXELS
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.closing import closing_guide, order_axis
+from toposeam.texture.easing import eased
 from toposeam.texture.finish import finish, settings_of
 from toposeam.texture.guiding import guide_of
 from toposeam.texture.keeping_step import Phase
@@ -271,6 +272,7 @@ def synthesize(
     if level:
         plane = atlas.spread(sources.planes[0]).astype(np.float32)
         lift = levelled_copies(plane, features, atlas, canvas.index, canvas.copy_labels(), wraps)
+        lift = eased(plane, atlas, canvas.index, lift, wraps)
     made = finish(sources, atlas, canvas, shape, settings, smooth, lift=lift)
     return dataclasses.replace(made, fits=fits)
 

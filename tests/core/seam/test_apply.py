@@ -10,7 +10,7 @@ from hypothesis.extra import numpy as hnp
 from scipy import ndimage
 
 from toposeam.errors import OptionError, PathError
-from toposeam.seam.apply import labels_from_paths
+from toposeam.seam.apply import _Cut, labels_from_paths
 from toposeam.vector.polyline import Polyline, trace_boundary
 
 A, B, FREE, NONE = 0, 1, 2, 3
@@ -378,3 +378,10 @@ def test_a_short_edge_counts_where_all_are_short():
     labels_from_paths([drawn([6, 0], [6, 3])], overlap, side)
     with pytest.raises(PathError, match="of 3 px"):
         labels_from_paths([drawn([0, 1], [12, 1])], overlap, side)
+
+
+def test_a_path_beyond_the_window_keeps_nothing_in_it_apart():
+    cut = _Cut([np.array([[5.7, -1.0], [5.7, 9.0]])], (4, 5))
+    assert not cut.right.any()
+    assert not cut.down.any()
+    assert (_Cut([np.array([[3.7, -1.0], [3.7, 9.0]])], (4, 5)).right == [0, 0, 0, 1, 0]).all()

@@ -7,7 +7,7 @@ import pytest
 
 from toposeam.seam.corner_graph import CornerGraph
 from toposeam.seam.grid import CELL
-from toposeam.seam.lattice import PITCH, Half, beside_cheap_paths
+from toposeam.seam.lattice import PITCH, Half, _graph, _node, beside_cheap_paths
 
 
 def costs(rng, height, width):
@@ -77,3 +77,18 @@ def test_where_nothing_joins_the_ends_nothing_is_near():
     assert not beside_cheap_paths(below, beside, (20, 40 * 41 + 20), free, 13).any()
     below[:] = beside[:] = np.inf
     assert not beside_cheap_paths(below, beside, (20, 40 * 41 + 20), free, 13).any()
+
+
+@pytest.mark.parametrize("step", [(0, 0), (0, 2), (0, -2), (2, 0), (-2, 0)])
+def test_a_corner_that_is_joined_to_nothing_is_replaced_by_one_beside_it(step):
+    shape = 5, 6
+    graph = _graph(*costs(np.random.default_rng(0), 21, 25), (0, 0), shape)
+    graph.data[:] = np.inf
+    row, column = 4 + step[0], 8 + step[1]
+    if (row - column) % PITCH:  # half way between corners: of no lattice
+        row, column = row + step[1], column + step[0]
+    node = (row % PITCH // 2 * shape[0] + row // PITCH) * shape[1] + column // PITCH
+    graph.data[8 * node] = 1
+    assert _node(graph, row - step[0], column - step[1], shape) == node
+    graph.data[8 * node] = np.inf
+    assert _node(graph, row - step[0], column - step[1], shape) is None

@@ -222,3 +222,14 @@ def test_bad_input_is_refused_in_one_sentence(call, error, text):
     with pytest.raises(error, match=text) as caught:
         call()
     assert "\n" not in str(caught.value)
+
+
+def test_of_a_large_picture_only_what_is_near_is_looked_at(monkeypatch):
+    monkeypatch.setattr("toposeam.texture.fill._LOOKED_AT", 80**2)
+    unit = np.random.default_rng(2).integers(0, 256, (12, 12), np.uint8)
+    image = np.tile(unit, (20, 20))
+    hole = np.zeros(image.shape, bool)
+    hole[150:166, 170:186] = True
+    spoiled = np.where(hole, 0, image).astype(np.uint8)
+    made = ts.fill(spoiled, hole, by="shifts")
+    np.testing.assert_array_equal(made.image, image)

@@ -108,11 +108,11 @@ def _add_surface(
 
 def added(values: Volume, change: npt.NDArray[np.floating]) -> Volume:
     """Values and a change, in the values' dtype."""
-    sums = values + change
-    if values.dtype.kind == "f":
-        kept: Volume = sums.astype(values.dtype, copy=False)
-        return kept
-    low, high = (
-        (0, 1) if values.dtype.kind == "b" else (np.iinfo(values.dtype).min, np.iinfo(values.dtype).max)
-    )
-    return np.rint(np.clip(sums, low, high)).astype(values.dtype)
+    sums: Volume = values + change
+    if values.dtype.kind == "b":
+        sums = sums > 0.5
+    elif values.dtype.kind != "f":
+        ends = np.iinfo(values.dtype)
+        sums = np.rint(np.clip(sums, ends.min, ends.max))
+    result: Volume = sums.astype(values.dtype, copy=False)
+    return result

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy import fft
 
 
 def add_steps(
@@ -33,7 +32,9 @@ def add_steps(
     source[upper] -= weight * step
 
 
-def spread(source: npt.NDArray[Any], width: float | None = None) -> npt.NDArray[Any]:
+def spread(
+    source: npt.NDArray[Any], width: float | None = None, goes_round: bool = False
+) -> npt.NDArray[Any]:
     """The correction of a plane, of the same shape and dtype.
 
     Parameters
@@ -43,6 +44,8 @@ def spread(source: npt.NDArray[Any], width: float | None = None) -> npt.NDArray[
     width : float, optional
         Over this distance, px, the correction fades: c² / width² is added for every pixel. Otherwise its mean
         is 0.
+    goes_round : bool
+        Whether each row's last pixel is followed by its first one.
 
     Examples
     --------
@@ -53,15 +56,22 @@ def spread(source: npt.NDArray[Any], width: float | None = None) -> npt.NDArray[
     >>> (spread(source) + [0, 0, 1, 1]).round(6).tolist()
     [[0.5, 0.5, 0.5, 0.5]]
     """
-    spectrum = fft.dctn(source, overwrite_x=True)
-    rows, across = (_cosines(length) for length in source.shape)
+    from scipy import fft  # nothing else needs it
+
+    height, columns = source.shape
     screen = 0.0 if width is None else 1.0 / width**2
+    down, across = _cosines(height), _waves(columns) if goes_round else _cosines(columns)
+    spectrum = fft.dct(source, axis=0, overwrite_x=True)
+    spectrum = fft.rfft(spectrum, axis=1) if goes_round else fft.dct(spectrum, axis=1, overwrite_x=True)
     if screen == 0.0:
         spectrum[0, 0] = 0.0
-        rows[0] = np.finfo(float).tiny  # 0 / tiny: the mean stays
-    for row in range(len(source)):
-        spectrum[row] /= rows[row] + across + screen
-    result: npt.NDArray[Any] = fft.idctn(spectrum, overwrite_x=True)
+        down[0] = np.finfo(float).tiny  # 0 / tiny: the mean stays
+    for row in range(height):
+        spectrum[row] /= down[row] + across + screen
+    values = (
+        fft.irfft(spectrum, columns, axis=1) if goes_round else fft.idct(spectrum, axis=1, overwrite_x=True)
+    )
+    result: npt.NDArray[Any] = fft.idct(values, axis=0, overwrite_x=True)
     return result
 
 
@@ -87,8 +97,10 @@ def spread_in_cycle(source: npt.NDArray[Any], stiffness: float) -> npt.NDArray[A
     >>> (spread_in_cycle(source, 1.0)[:, 0, 0] + [0, 0, 1, 1]).round(3).tolist()
     [0.125, 0.375, 0.625, 0.875]
     """
+    from scipy import fft
+
     count, height, width = source.shape
-    moments = 2 - 2 * np.cos(2 * np.pi * np.arange(count // 2 + 1) / count)
+    moments = _waves(count)
     rows, columns = stiffness * _cosines(height), stiffness * _cosines(width)
     for frame in source:
         frame[...] = fft.dctn(frame)
@@ -107,4 +119,10 @@ def spread_in_cycle(source: npt.NDArray[Any], stiffness: float) -> npt.NDArray[A
 def _cosines(length: int) -> npt.NDArray[np.float64]:
     """What second differences do to the cosines of a line of so many places."""
     values: npt.NDArray[np.float64] = 2 - 2 * np.cos(np.pi * np.arange(length) / length)
+    return values
+
+
+def _waves(length: int) -> npt.NDArray[np.float64]:
+    """What second differences do to the waves of a cycle of so many places."""
+    values: npt.NDArray[np.float64] = 2 - 2 * np.cos(2 * np.pi * np.arange(length // 2 + 1) / length)
     return values

@@ -34,6 +34,7 @@ def correction(
     label_map: LabelMap,
     channel: int,
     width: float | None,
+    goes_round: bool = False,
 ) -> Floats:
     """What to add to one channel of the composite, (H, W), in the layers' own units.
 
@@ -48,12 +49,18 @@ def correction(
     channel : int
     width : float or None
         Distance, px, over which the correction fades; None keeps all gradients and the mean.
+    goes_round : bool
+        Whether the canvas's left edge adjoins its right one.
     """
     columns = label_map.shape[1]
     source = np.zeros(label_map.shape)
     flat = label_map.ravel()
-    for stride, border in ((1, _differ(label_map, 1)), (columns, _differ(label_map, 0))):
-        p = np.flatnonzero(border)
+    borders = [(np.flatnonzero(_differ(label_map, axis)), stride) for axis, stride in ((1, 1), (0, columns))]
+    if goes_round:
+        end, begin = label_map[:, -1], label_map[:, 0]
+        rows = np.flatnonzero((end != begin) & (end >= 0) & (begin >= 0))
+        borders.append((rows * columns + columns - 1, 1 - columns))
+    for p, stride in borders:
         q = p + stride
         step = np.zeros(len(p))
         for i, j in {(int(a), int(b)) for a, b in zip(flat[p], flat[q], strict=True)}:
@@ -67,7 +74,7 @@ def correction(
             number = both_p.astype(int) + both_q
             step[mine] = np.where(number > 0, excess / np.maximum(number, 1), j_q - i_p)
         add_steps(source.ravel(), p, q, step)
-    result: Floats = spread(source, width)
+    result: Floats = spread(source, width, goes_round)
     return result
 
 

@@ -64,8 +64,10 @@ def eased(plane: Floats32, atlas: Atlas, index: Ints32, lift: Lift, wraps: tuple
         apart /= 1 + (np.abs(apart).max(axis=1, keepdims=True) / (_EDGE * white)) ** 4
         wanted[y, x] -= apart  # each pixel comes once
         wanted[next_y, next_x] += apart
-    added = np.stack([_screened(channel, wraps) for channel in np.moveaxis(wanted, 2, 0)], axis=2)
-    return Lift(gain=lift.gain, offset=lift.offset + added, low=lift.low, high=lift.high)
+    for channel in np.moveaxis(wanted, 2, 0):
+        channel[...] = _screened(channel, wraps)
+    wanted += lift.offset
+    return Lift(gain=lift.gain, offset=wanted, low=lift.low, high=lift.high)
 
 
 def _screened(wanted: Floats32, wraps: tuple[bool, bool]) -> Floats32:
@@ -79,8 +81,9 @@ def _screened(wanted: Floats32, wraps: tuple[bool, bool]) -> Floats32:
             found = sf.dct(found, axis=axis)
     below = np.add.outer(lines[0], lines[1]) + np.float32(1 / _REACH**2)
     wrapped = [axis for axis in (0, 1) if wraps[axis]]
-    found = (sf.fftn(found, axes=wrapped) if wrapped else found) / below
-    found = sf.ifftn(found, axes=wrapped).real if wrapped else found
+    found = sf.fftn(found, axes=wrapped) if wrapped else found
+    found /= below
+    found = sf.ifftn(found, axes=wrapped, overwrite_x=True).real if wrapped else found
     for axis in (0, 1):
         if not wraps[axis]:
             found = sf.idct(found, axis=axis)

@@ -32,6 +32,8 @@ _LIGHT = 0.15
 _OFFSET, _SLOPE = 0.02, 0.2
 #: Added to values, in shares of white, before their logarithm is taken.
 _BLACK = 0.05
+#: Rows of the canvas for which light is made at a time.
+_ROWS = 256
 #: Light is nowhere taken to be darker than this share of its mean.
 _DARKEST = 0.1
 
@@ -198,10 +200,15 @@ def levelled_copies(
     matrix, wanted = _equations(patch, at, difference, weight, _even(flat, atlas, index, labels, count))
     solved = linalg.splu(matrix).solve(wanted) if count else wanted
     coefficients = solved.reshape(count, 3, -1)
-    found = coefficients[np.maximum(labels, 0)]
-    terms = _coordinates(atlas, np.maximum(index, 0))
-    gain = np.exp(np.einsum("hwk,hwkc->hwc", terms, found)).astype(np.float32)
-    return Lift(gain=gain, offset=(gain - 1) * np.float32(_BLACK * white), low=low, high=high)
+    gain = np.empty((*index.shape, given.shape[1]), np.float32)
+    for first in range(0, len(index), _ROWS):  # in double precision all of it would take a gigabyte
+        rows = slice(first, first + _ROWS)
+        found = coefficients[np.maximum(labels[rows], 0)]
+        terms = _coordinates(atlas, np.maximum(index[rows], 0))
+        gain[rows] = np.exp(np.einsum("hwk,hwkc->hwc", terms, found))
+    offset = gain - 1
+    offset *= np.float32(_BLACK * white)
+    return Lift(gain=gain, offset=offset, low=low, high=high)
 
 
 def _equations(

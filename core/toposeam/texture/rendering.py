@@ -61,9 +61,14 @@ def render(
     (H, W, C) array of the plane's dtype, 0 where there is no source
     """
     flat = plane.reshape(-1, plane.shape[2])
-    result = flat[np.maximum(index, 0)]
-    if lift is not None:
-        result = _stored(lift.gain * result + lift.offset, plane.dtype, lift)
+    result = np.empty((*index.shape, plane.shape[2]), plane.dtype)
+    for first in range(0, len(index), _ROWS):
+        rows = slice(first, first + _ROWS)
+        result[rows] = flat[np.maximum(index[rows], 0)]
+        if lift is not None:
+            gain, offset = np.broadcast_to(lift.gain, result.shape)[rows], lift.offset
+            offset = np.broadcast_to(offset, result.shape)[rows]
+            result[rows] = _stored(gain * result[rows] + offset, plane.dtype, lift)
     result[index < 0] = 0
     if smooth:
         for y, x in _near_seams(index, plane.shape[1], wrap, smooth):

@@ -85,9 +85,11 @@ ARROWS = {
         "toposeam_cli.pictures",
         "toposeam_cli.placing",
     },
+    "toposeam_cli.drawn_seams": CLI_CORE | {"toposeam_cli.options", "toposeam_cli.placing"},
     "toposeam_cli.finding": CLI_CORE
     | {
         "toposeam_cli.composing",
+        "toposeam_cli.drawn_seams",
         "toposeam_cli.figures",
         "toposeam_cli.options",
         "toposeam_cli.placing",

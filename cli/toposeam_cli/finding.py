@@ -9,9 +9,10 @@ from typing import Any
 
 import toposeam as ts
 from toposeam_cli.composing import Outputs
+from toposeam_cli.drawn_seams import given_seams
 from toposeam_cli.figures.search import check_search
 from toposeam_cli.options import Keyed
-from toposeam_cli.placing import PlacedPictures, given_seams, read_avoid
+from toposeam_cli.placing import PlacedPictures, read_avoid
 from toposeam_cli.progress import share_bar
 
 #: Below this correlation two pictures hardly show the same.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
-from importlib.metadata import version
 from typing import Any
 
 import click
@@ -110,4 +109,6 @@ def manual() -> None:
     \b
     toposeam manual > ~/.local/share/man/man1/toposeam.1
     """  # noqa: D301 - click wants the character
+    from importlib.metadata import version
+
     click.echo(shells.manual(main, "toposeam", version("toposeam")), nl=False)

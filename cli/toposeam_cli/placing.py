@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -42,14 +42,18 @@ class PlacedPictures:
     stored: bool = False
     #: Pictures that could not be read, each with the reason.
     skipped: tuple[str, ...] = ()
+    #: Which of the given pictures each layer is, where some were left out, and what those are called.
+    numbers: tuple[int, ...] = ()
+    lost: tuple[str, ...] = ()
 
     @property
     def shape(self) -> tuple[int, int]:
         """Height and width of the canvas."""
         return ts.common_canvas(self.layers).shape
 
-    def number(self, key: str) -> int:
-        """The layer that is meant by a number, counted from 0, or by a name.
+    def number(self, key: str) -> int | None:
+        """The layer that is meant by a number, counted from 0 among the given ones, or by a name; None for
+        one that was left out.
 
         Raises
         ------
@@ -59,10 +63,14 @@ class PlacedPictures:
         names = [layer.name for layer in self.layers]
         if names.count(key) == 1:
             return names.index(key)
-        if key.isdecimal() and int(key) < len(names):
-            return int(key)
+        count = len(names) + len(self.lost)
+        if key.isdecimal() and int(key) < count:
+            numbers = self.numbers or tuple(range(count))
+            return numbers.index(int(key)) if int(key) in numbers else None
+        if key in self.lost:
+            return None
         raise ts.OptionError(
-            f"{key!r} is no picture of this job; use a number from 0 to {len(names) - 1}, or one of "
+            f"{key!r} is no picture of this job; use a number from 0 to {count - 1}, or one of "
             f"{', '.join(dict.fromkeys(names))}"
         )
 
@@ -77,6 +85,41 @@ class _Source:
     turn: float = 0.0
     scale: float = 1.0
     file: Path | None = None
+
+
+@dataclass(slots=True, kw_only=True)
+class _Reading:
+    """Pictures read one after another; with `skips` those that cannot be are left out, and noted."""
+
+    limit: int
+    keep: Callable[[Picture], Picture] | None
+    skips: bool
+    reasons: list[str] = field(default_factory=list)
+    #: Of those that were read, which of the given ones they are; the names of the others.
+    numbers: list[int] = field(default_factory=list)
+    lost: list[str] = field(default_factory=list)
+
+    def read(self, files: Sequence[Path], names: Sequence[str]) -> Iterator[tuple[int, Picture]]:
+        """Each picture with its number."""
+        if not self.skips:
+            check_together(files, self.limit)
+        for number, (path, name) in enumerate(zip(files, names, strict=True)):
+            try:
+                picture = self._read(path)
+            except ts.ImageError as error:
+                if not self.skips:
+                    raise
+                self.reasons.append(str(error))
+                self.lost.append(name)
+                continue
+            self.numbers.append(number)
+            yield number, picture
+
+    def _read(self, path: Path) -> Picture:
+        picture = read_picture(path, max_pixels=self.limit)
+        if picture.alpha is not None and bool((picture.alpha == full_scale(picture.alpha.dtype)).all()):
+            picture = replace(picture, alpha=None)  # it says nothing
+        return picture if self.keep is None else self.keep(picture)
 
 
 def arrange(
@@ -106,9 +149,9 @@ def arrange(
         When two pictures share no pixel.
     """
     limit = round(max_megapixels * 1e6)
-    skipped: list[str] = []
     keep = None if scratch is None or not _many(files) else partial(store, scratch=scratch)
-    sources = _sources(files, where, limit, skipped if skip_bad else None, keep, 1 if alone else 2)
+    reading = _Reading(limit=limit, keep=keep, skips=skip_bad)
+    sources = _sources(files, where, reading, 1 if alone else 2)
     pictures = match_pictures([source.picture for source in sources], keep)
     layers = [
         ts.Layer(
@@ -119,11 +162,17 @@ def arrange(
         )
         for source, picture in zip(sources, pictures, strict=True)
     ]
-    layers = _masked(layers, sources, masks, keeps, limit)
+    named = PlacedPictures(
+        pictures=(), layers=tuple(layers), numbers=tuple(reading.numbers), lost=tuple(reading.lost)
+    )
+    layers = _masked(named, sources, masks, keeps, limit)
     if sources[0].at is not None:
         places: list[tuple[float, float]] | None = [source.at or (0, 0) for source in sources]
     else:
-        places = places_of([source.file or Path() for source in sources], pictures, where)
+        numbers = reading.numbers if reading.lost else None
+        places = places_of(
+            [source.file or Path() for source in sources], pictures, where, numbers, len(files)
+        )
         if places is None and alone:
             places = [(0, 0) for _ in sources]
     placement = None
@@ -141,12 +190,13 @@ def arrange(
         picture if layer.image is picture.pixels else replace(picture, pixels=layer.image, alpha=layer.alpha)
         for picture, layer in zip(pictures, layers, strict=True)
     ]
-    return PlacedPictures(
+    return replace(
+        named,
         pictures=tuple(upright),
         layers=tuple(layers),
         files=tuple(source.file for source in sources if source.file is not None),
         placement=placement,
-        skipped=tuple(skipped),
+        skipped=tuple(reading.reasons),
         stored=keep is not None,
     )
 
@@ -166,21 +216,23 @@ def _many(files: Sequence[Path]) -> bool:
 
 
 def _masked(
-    layers: list[ts.Layer],
+    named: PlacedPictures,
     sources: Sequence[_Source],
     masks: Sequence[Keyed],
     keeps: Sequence[Keyed],
     limit: int,
 ) -> list[ts.Layer]:
     """The layers with where each may show, and where nothing else may."""
-    named = PlacedPictures(pictures=(), layers=tuple(layers))
+    layers = named.layers
     wanted: dict[str, dict[int, Path]] = {"mask": {}, "keep": {}}
     for kind, keyed in (("mask", masks), ("keep", keeps)):
         wanted[kind] = {
             index: path for index, source in enumerate(sources) if (path := getattr(source, kind)) is not None
         }
         for option in keyed:
-            wanted[kind][named.number(option.key or "")] = option.path
+            number = named.number(option.key or "")
+            if number is not None:
+                wanted[kind][number] = option.path
 
     def white(kind: str, index: int) -> npt.NDArray[np.bool_] | None:
         path = wanted[kind].get(index)
@@ -220,20 +272,11 @@ def read_avoid(path: Path, shape: tuple[int, int], max_megapixels: float) -> npt
 def _sources(
     files: Sequence[Path],
     where: Where,
-    limit: int,
-    skipped: list[str] | None,
-    keep: Callable[[Picture], Picture] | None,
+    reading: _Reading,
     least: int,
 ) -> list[_Source]:
     """The pictures; `at` is set when the file itself says where they lie."""
     kind = files[0].suffix.lower()
-
-    def kept(path: Path) -> Picture:
-        picture = read_picture(path, max_pixels=limit)
-        if picture.alpha is not None and bool((picture.alpha == full_scale(picture.alpha.dtype)).all()):
-            picture = replace(picture, alpha=None)  # it says nothing
-        return picture if keep is None else keep(picture)
-
     if len(files) == 1 and kind in (".ora", ".toml", ".json"):
         if where.at or where.offset is not None or where.overlap is not None or where.arranged:
             raise ts.OptionError(
@@ -242,24 +285,25 @@ def _sources(
         if kind == ".ora":
             sources = [
                 _Source(picture=layer.picture, at=layer.at, name=layer.name)
-                for layer in read_ora(files[0], limit)
+                for layer in read_ora(files[0], reading.limit)
             ]
         else:
             placed = read_layout(files[0])
-            check_together([layer.file for layer in placed], limit)
+            read = reading.read([layer.file for layer in placed], [layer.name for layer in placed])
             sources = [
                 _Source(
-                    picture=kept(layer.file),
-                    at=layer.at,
-                    name=layer.name,
-                    mask=layer.mask,
-                    keep=layer.keep,
-                    turn=layer.turn,
-                    scale=layer.scale,
-                    file=layer.file,
+                    picture=picture,
+                    at=placed[number].at,
+                    name=placed[number].name,
+                    mask=placed[number].mask,
+                    keep=placed[number].keep,
+                    turn=placed[number].turn,
+                    scale=placed[number].scale,
+                    file=placed[number].file,
                 )
-                for layer in placed
+                for number, picture in read
             ]
+        _check_enough(reading, len(sources), 2)
         if len(sources) < 2:
             raise ts.OptionError(
                 f"'{files[0]}' has {'one' if sources else 'no'} visible layer; joining needs at least two, "
@@ -276,23 +320,19 @@ def _sources(
             raise ts.OptionError(
                 f"'{path}' holds layers of its own; give it alone, or export its layers as pictures"
             )
-    if skipped is None:
-        check_together(files, limit)
-    sources = []
-    for path in files:
-        try:
-            picture = kept(path)
-        except ts.ImageError as error:
-            if skipped is None:
-                raise
-            skipped.append(str(error))
-            continue
-        sources.append(_Source(picture=picture, at=None, name=path.name, file=path))
-    if len(sources) < least:
-        raise ts.ImageError(
-            f"only {len(sources)} of {len(files)} pictures can be read: {(skipped or [''])[0]}"
-        )
+    sources = [
+        _Source(picture=picture, at=None, name=files[number].name, file=files[number])
+        for number, picture in reading.read(files, [path.name for path in files])
+    ]
+    _check_enough(reading, len(sources), least)
     return sources
+
+
+def _check_enough(reading: _Reading, count: int, least: int) -> None:
+    """Refuse what so many pictures were left out of that too few are left."""
+    if reading.lost and count < least:
+        given = count + len(reading.lost)
+        raise ts.ImageError(f"only {count} of {given} pictures can be read: {reading.reasons[0]}")
 
 
 def _check_touching(a: ts.Layer, b: ts.Layer) -> None:
@@ -307,56 +347,3 @@ def _check_touching(a: ts.Layer, b: ts.Layer) -> None:
 
 def _white(path: Path, layer: ts.Layer, limit: int) -> npt.NDArray[np.bool_]:
     return read_white(path, (layer.image.shape[0], layer.image.shape[1]), layer.name, limit)
-
-
-def given_seams(files: Sequence[Keyed], placed: PlacedPictures) -> dict[tuple[int, int], ts.SvgSeam]:
-    """The seams of ``--use-seam`` by pair: ``seam.svg``, ``0:1=seam.svg``, or a file in which paths are named
-    after their pairs.
-    """
-    seams: dict[tuple[int, int], ts.SvgSeam] = {}
-    names = [layer.name for layer in placed.layers]
-    for file in files:
-        try:
-            drawing = ts.read_svg(file.path)
-        except ts.PathError as error:
-            if str(file.path) in str(error):
-                raise
-            raise ts.PathError(f"'{file.path}': {error}") from error
-        if file.key is not None:
-            first, colon, second = file.key.partition(":")
-            if not colon:
-                raise ts.OptionError(
-                    f"--use-seam {file.key}=… names no pair; write it as 0:1={file.path.name}"
-                )
-            found = {(placed.number(first), placed.number(second)): drawing}
-        elif len(names) == 2:
-            found = {(0, 1): drawing}
-        else:
-            found = _by_name(file.path, drawing, placed)
-        for between, one in found.items():
-            pair = (min(between), max(between))
-            if pair in seams:
-                raise ts.OptionError(
-                    f"two seams are given between {names[pair[0]]} and {names[pair[1]]}; leave one of them "
-                    "out"
-                )
-            seams[pair] = one
-    return seams
-
-
-def _by_name(path: Path, drawing: ts.SvgSeam, placed: PlacedPictures) -> dict[tuple[int, int], ts.SvgSeam]:
-    names = [layer.name for layer in placed.layers]
-    pairs = {
-        ts.pair_name(names[i], names[j]): (i, j) for i in range(len(names)) for j in range(i + 1, len(names))
-    }
-    stranger = next((name for name in drawing.names if name not in pairs), None)
-    if stranger is not None:
-        raise ts.PathError(
-            f"'{path}': the path {stranger!r} names no pair; call it as {next(iter(pairs))!r}, or use "
-            f"--use-seam 0:1={path.name}"
-        )
-    found = {}
-    for name in dict.fromkeys(drawing.names):
-        lines = tuple(line for line, own in zip(drawing.polylines, drawing.names, strict=True) if own == name)
-        found[pairs[name]] = replace(drawing, polylines=lines, names=(name,) * len(lines))
-    return found

@@ -6,11 +6,12 @@ import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from toposeam_cli.jobs.runner import Progress
+if TYPE_CHECKING:
+    from toposeam_cli.jobs.runner import Progress
 
 
 class ProgressBar:

@@ -35,9 +35,25 @@ class Where:
 
 
 def places_of(
-    files: Sequence[Path], pictures: Sequence[Picture], where: Where
+    files: Sequence[Path],
+    pictures: Sequence[Picture],
+    where: Where,
+    numbers: Sequence[int] | None = None,
+    count: int | None = None,
 ) -> list[tuple[float, float]] | None:
-    """Where the pictures lie, None where nobody says it."""
+    """Where the pictures lie, None where nobody says it.
+
+    Parameters
+    ----------
+    files, pictures : sequence
+    where : Where
+    numbers : sequence of int, optional
+        Which of those that the command line speaks of they are, where some could not be read.
+    count : int, optional
+        How many it speaks of.
+    """
+    count = len(files) if count is None or numbers is None else count
+    numbers = range(count) if numbers is None else numbers
     ways = {
         "--at": bool(where.at),
         "--offset": where.offset is not None,
@@ -56,22 +72,22 @@ def places_of(
             "--side belongs to --overlap of two pictures; leave it out, or give that instead"
         )
     if where.arranged:
-        return _in_grid(pictures, where, given[0])
-    if where.overlap is not None and len(files) > 2:
+        return _in_grid(pictures, where, given[0], numbers, count)
+    if where.overlap is not None and count > 2:
         raise ts.OptionError(
             "--overlap alone is for two pictures; give --at X,Y for each, or add --grid, --row or --column"
         )
     if where.at:
-        if len(where.at) != len(files):
+        if len(where.at) != count:
             raise ts.OptionError(
-                f"--at is given {len(where.at)} times for {len(files)} pictures; give it once for each, in "
-                "their order"
+                f"--at is given {len(where.at)} times for {count} pictures; give it once for each, in their "
+                "order"
             )
-        return list(where.at)
+        return [where.at[number] for number in numbers]
     if where.offset is not None and len(where.offset) != 2:
         raise ts.OptionError("--offset T,X,Y is for two clips, with toposeam stitch; write X,Y")
     if where.offset is not None:
-        if len(files) > 2:
+        if count > 2:
             raise ts.OptionError("--offset is for two pictures; give --at X,Y for each instead")
         return [(0, 0), where.offset]
     if where.overlap is not None:
@@ -108,11 +124,14 @@ def _of_tiffs(files: Sequence[Path], pictures: Sequence[Picture]) -> list[tuple[
     return list(known)
 
 
-def _in_grid(pictures: Sequence[Picture], where: Where, way: str) -> list[tuple[float, float]]:
-    """Places row by row, each picture overlapping the one before it, and each row the one above."""
+def _in_grid(
+    pictures: Sequence[Picture], where: Where, way: str, numbers: Sequence[int], count: int
+) -> list[tuple[float, float]]:
+    """Places row by row, each picture overlapping the one before it, and each row the one above; one that is
+    missing is as large as the first.
+    """
     if where.overlap is None:
         raise ts.OptionError(f"{way} needs to know how far the pictures overlap; add --overlap, like 25%")
-    count = len(pictures)
     columns, rows = where.grid or ((count, 1) if where.row else (1, count))
     if columns * rows != count:
         raise ts.OptionError(
@@ -126,7 +145,8 @@ def _in_grid(pictures: Sequence[Picture], where: Where, way: str) -> list[tuple[
         if order.startswith("snake") and down % 2:
             along = (columns if "rows" in order else rows) - 1 - along
         cells.append((down, along) if "rows" in order else (along, down))
-    sizes = {cell: picture.pixels.shape for cell, picture in zip(cells, pictures, strict=True)}
+    shapes = {number: picture.pixels.shape for number, picture in zip(numbers, pictures, strict=True)}
+    sizes = {cell: shapes.get(index, pictures[0].pixels.shape) for index, cell in enumerate(cells)}
     found: dict[tuple[int, int], tuple[int, int]] = {}
     for row in range(rows):
         for column in range(columns):
@@ -139,7 +159,7 @@ def _in_grid(pictures: Sequence[Picture], where: Where, way: str) -> list[tuple[
                 above = row - 1, column
                 y = found[above][1] + sizes[above][0] - where.overlap.pixels(sizes[above][0])
             found[row, column] = x, y
-    return [found[cell] for cell in cells]
+    return [found[cells[number]] for number in numbers]
 
 
 def _shifted(a: Picture, b: Picture, overlap: Length | None, side: ts.Side) -> tuple[int, int]:

@@ -114,3 +114,95 @@ def test_positions_beyond_all_canvases_are_refused(crops, toposeam, tmp_path, x)
     for where in (("--at", "0,0", "--at", f"{x},0"), ("--offset", f"0,-{x}")):
         toposeam("stitch", "a.png", "b.png", *where, "-o", "all.png").fails("too far away", 2)
     nothing_new(tmp_path, before)
+
+
+# --skip-bad where places are counted
+
+
+def four(folder, bad):
+    """Four quarters of a photograph, 150 × 120 px each, that overlap by 50 and 40; one of them is broken."""
+    names = [f"{index}.png" for index in range(4)]
+    for index, name in enumerate(names):
+        if index == bad:
+            (folder / name).write_bytes(b"\x89PNG broken")
+        else:
+            row, column = divmod(index, 2)
+            part = crop(data.coffee(), (100 * column, 80 * row), (120, 150))
+            write_picture(folder / name, Picture(pixels=part))
+    return names
+
+
+def joined_at(ran):
+    assert ran.code == 0, ran
+    assert ran.err.count("left out: ") == 1
+    return {layer["name"]: tuple(layer["at"]) for layer in json.loads(ran.out)["layers"]}
+
+
+PLACES_OF_FOUR = {"0.png": (0, 0), "1.png": (100, 0), "2.png": (0, 80), "3.png": (100, 80)}
+GRID = "--grid", "2x2", "--overlap", "50"
+AT = "--at", "0,0", "--at", "100,0", "--at", "0,80", "--at", "100,80"
+
+
+@pytest.mark.medium
+@pytest.mark.parametrize("bad", range(4))
+@pytest.mark.parametrize("way", ["grid", "at", "layout"])
+def test_what_is_left_out_leaves_its_place_empty(toposeam, tmp_path, monkeypatch, bad, way):
+    monkeypatch.chdir(tmp_path)
+    names = four(tmp_path, bad)
+    expected = {name: at for name, at in PLACES_OF_FOUR.items() if name != names[bad]}
+    if way == "layout":
+        lines = [f'[[layer]]\nfile = "{name}"\nat = [{x}, {y}]\n' for name, (x, y) in PLACES_OF_FOUR.items()]
+        (tmp_path / "job.toml").write_text("\n".join(lines), encoding="utf-8")
+        ran = toposeam("stitch", "job.toml", "--skip-bad", "--json", "-o", "all.png")
+    elif way == "at":
+        ran = toposeam("stitch", *names, *AT, "--skip-bad", "--json", "-o", "all.png")
+    else:  # rows overlap as far as columns do
+        expected = {name: (x, 7 * y // 8) for name, (x, y) in expected.items()}
+        ran = toposeam("stitch", *names, *GRID, "--skip-bad", "--json", "-o", "all.png")
+    assert joined_at(ran) == expected
+
+
+@pytest.mark.medium
+def test_numbers_mean_the_pictures_that_were_given_also_when_one_is_left_out(toposeam, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names = four(tmp_path, 1)
+    white = np.full((120, 150), 255, np.uint8)
+    part = white.copy()
+    part[:, 120:] = 0
+    write_picture(tmp_path / "part.png", Picture(pixels=part))
+    words = "stitch", *names, *AT, "--skip-bad", "--json", "-o", "all.png"
+    ran = toposeam(*words, "--labels", "labels.png", "--mask-for", "2=part.png")
+    joined_at(ran)
+    labels = read_picture("labels.png").pixels
+    assert (labels[130:, 120:] == 255).all()  # all of it the last one's, since 2.png may not
+    masked = toposeam(*words, "--force", "--mask-for", "1=part.png", "--keep", "1.png=part.png")
+    free = toposeam(*words, "--force")
+    assert joined_at(masked) == joined_at(free)  # nobody is meant
+    assert json.loads(masked.out)["cost"] == json.loads(free.out)["cost"]
+    toposeam(*words, "--force", "--mask-for", "4=part.png").fails("use a number from 0 to 3")
+
+
+@pytest.mark.medium
+def test_seams_of_a_picture_that_is_left_out_are_left_out_too(toposeam, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names = four(tmp_path, None)
+    whole = toposeam("stitch", *names, *AT, "--seam", "seams.svg", "-o", "whole.png")
+    assert whole.code == 0, whole
+    (tmp_path / names[1]).write_bytes(b"\x89PNG broken")
+    words = "stitch", *names, *AT, "--skip-bad", "--json", "--force", "-o", "all.png"
+    joined_at(toposeam(*words, "--use-seam", "seams.svg"))
+    svg = '<svg xmlns="http://www.w3.org/2000/svg" width="250" height="200"><path d="M0 100 H125"/></svg>'
+    (tmp_path / "one.svg").write_text(svg, encoding="utf-8")
+    ran = toposeam(*words, "--use-seam", "0:2=one.svg", "--use-seam", "1:3=one.svg")
+    joined_at(ran)
+    given = [seam["between"] for seam in json.loads(ran.out)["seams"] if seam["method"] == "path"]
+    assert given == [["0.png", "2.png"]]
+
+
+def test_an_overlap_of_three_of_which_one_is_broken_is_still_one_of_three(toposeam, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names = four(tmp_path, 1)[:3]
+    words = "stitch", *names, "--skip-bad", "-o", "all.png"
+    toposeam(*words, "--overlap", "50").fails("--overlap alone is for two pictures")
+    toposeam(*words, "--offset", "100,0").fails("--offset is for two pictures")
+    toposeam(*words, "--row", "--overlap", "40").fails("2.png at 220,0 lies beside 0.png")

@@ -15,10 +15,7 @@ from click.core import ParameterSource
 import toposeam as ts
 from toposeam.layers.composite import stitched as ts_stitched
 from toposeam.seam.drawing import draw_seams
-from toposeam_cli.clips.joining import ClipJob, join_clips
-from toposeam_cli.clips.reading import OneFrameError
 from toposeam_cli.composing import Outputs, check_outputs, crop_of, cropped, write
-from toposeam_cli.figures.search import draw_search
 from toposeam_cli.files.scratch import Scratch, scratch
 from toposeam_cli.finding import SeamOptions, by_windows, check_finding, composed_as, correlations, strangers
 from toposeam_cli.large import describe_totals, make, summary_of_large, write_large
@@ -38,7 +35,6 @@ from toposeam_cli.pictures.picture import COMPRESSIONS
 from toposeam_cli.placing import PlacedPictures, arrange, saved_layout
 from toposeam_cli.progress import share_bar
 from toposeam_cli.report import describe, describe_alignment, describe_placement, summary_of_all
-from toposeam_cli.seam_page import Joined, seam_page
 from toposeam_cli.whereabouts import ORDERS, Where, width_round
 
 
@@ -229,7 +225,7 @@ def _stitch(
         radius = {} if find.align_radius is None else {"radius": find.align_radius}
         aligned = ts.align(job.layers, **radius)
         job = dataclasses.replace(job, layers=aligned.layers)
-    find = dataclasses.replace(find, wrap=width_round(find.wrap, files))
+    find = dataclasses.replace(find, wrap=width_round(find.wrap, job.files or files))
     if find.wrap is None:
         crop = crop_of(out, job.layers)
     else:
@@ -252,10 +248,14 @@ def _stitch(
         one = stitched.seams[0] if len(job.layers) == 2 else stitched
         documents.append((out.seam, one.to_svg().encode()))
     if out.history is not None:
+        from toposeam_cli.figures.search import draw_search
+
         documents.append((out.history, draw_search(stitched.seams[0], out.history.suffix)))
     if out.save_layout is not None:
         documents.append((out.save_layout, saved_layout(job, out.save_layout.parent).encode()))
     if out.report is not None:
+        from toposeam_cli.seam_page import Joined, seam_page
+
         page = Joined(
             title=out.output.name,
             layers=job.layers,
@@ -299,6 +299,8 @@ def _stitch_large(
     if out.save_layout is not None:
         documents.append((out.save_layout, saved_layout(job, out.save_layout.parent).encode()))
     if out.report is not None:
+        from toposeam_cli.seam_page import Joined, seam_page
+
         page = Joined(
             title=out.output.name,
             layers=job.layers,
@@ -344,6 +346,9 @@ def _told(
 
 def _stitch_clips(files: list[Path], given: dict[str, Any]) -> dict[str, Any]:
     """Join two clips; of the other options none means anything for them."""
+    from toposeam_cli.clips.joining import ClipJob, join_clips
+    from toposeam_cli.clips.reading import OneFrameError
+
     context = click.get_current_context()
     meant = {"first", "second", "output", "offset", "no_gradient", "max_megapixels", "force", "quiet"}
     for parameter in context.command.params:

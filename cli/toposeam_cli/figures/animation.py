@@ -11,7 +11,6 @@ from PIL import Image
 import toposeam as ts
 from toposeam_cli.figures.frames import PAPER, film_frame
 
-SUFFIXES = (".gif", ".webp")
 #: The two sides, sRGB.
 _A, _B = (214, 231, 245), (255, 236, 205)
 #: Of the longer side, px.

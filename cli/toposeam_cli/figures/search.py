@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import toposeam as ts
-from toposeam_cli.figures import animation
-from toposeam_cli.figures.history import check_matplotlib, history_figure
 
-SUFFIXES = (".png", ".svg", ".pdf", *animation.SUFFIXES)
+#: Those of animations.
+ANIMATED = (".gif", ".webp")
+SUFFIXES = (".png", ".svg", ".pdf", *ANIMATED)
 
 
 def check_search(suffix: str) -> None:
@@ -17,11 +17,19 @@ def check_search(suffix: str) -> None:
     MissingPackageError
         When matplotlib is needed and not installed.
     """
-    if suffix.lower() not in animation.SUFFIXES:
+    if suffix.lower() not in ANIMATED:
+        from toposeam_cli.figures.history import check_matplotlib
+
         check_matplotlib()
 
 
 def draw_search(seam: ts.Seam, suffix: str) -> bytes:
     """The file's content, for a seam that was found with ``record_frames=True``."""
     suffix = suffix.lower()
-    return animation.animate(seam, suffix) if suffix in animation.SUFFIXES else history_figure(seam, suffix)
+    if suffix in ANIMATED:
+        from toposeam_cli.figures.animation import animate
+
+        return animate(seam, suffix)
+    from toposeam_cli.figures.history import history_figure
+
+    return history_figure(seam, suffix)

@@ -39,6 +39,8 @@ BLENDS: tuple[Blend, ...] = get_args(Blend)
 
 #: Width in px where none is given; None spreads over the whole picture.
 WIDTHS: dict[Blend, float | None] = {"feather": 7.0, "multiband": 32.0, "gradient": None}
+#: How far wide blends mix, px, where no width is given.
+_REACHES: dict[Blend, float] = {"multiband": 32.0, "soft": 32.0}
 #: Widths that make sense: beyond, tiles would no longer bound the memory.
 WIDEST = 512.0
 
@@ -85,6 +87,13 @@ def check_blend(blend: str, width: float | None) -> None:
         raise OptionError(f"blend_width is {width:g} px; choose 1 to {WIDEST:g}")
 
 
+def reach_of(blend: Blend, width: float | None) -> float:
+    """How far from a seam, px, a blend mixes what differs; 0 for narrow ones, and those that follow seams."""
+    if blend not in _REACHES:
+        return 0.0
+    return _REACHES[blend] if width is None else width
+
+
 class Blender:
     """Blends the hard cut of a composite, tile by tile.
 
@@ -95,6 +104,10 @@ class Blender:
         Gives ((int, int), Seam) for each two layers that a seam divides; called for ``soft`` only.
     blend, width
         See :func:`check_blend`; None for the default width.
+    period : int, optional
+        Width of a canvas that goes round.
+    begin : int
+        Column of `placed` where the canvas begins, on which seams lie.
     """
 
     def __init__(
@@ -103,7 +116,10 @@ class Blender:
         seams: Callable[[], Iterable[tuple[tuple[int, int], Seam]]],
         blend: Blend,
         width: float | None,
+        period: int | None = None,
+        begin: int = 0,
     ) -> None:
+        self._period = period
         self._placed, self._blend = placed, blend
         self._width = width = WIDTHS.get(blend) if width is None else width
         #: How far a seam changes pixels, how far beyond pixels matter to that, and on which grid.
@@ -119,11 +135,12 @@ class Blender:
             self._reach = self._beyond = 2 * size + 2
             self._mix = _Fade(placed, _Feather(placed, size).weights).mix
         elif blend == "soft":
-            self._mix = _Fade(placed, _Soft(dict(seams())).weights).mix
+            shifts = [begin] if period is None else [begin - period, begin, begin + period]
+            self._mix = _Fade(placed, _Soft(dict(seams()), shifts).weights).mix
 
     def spread(self, image: Image) -> None:
         """Blend a whole composite in place, as ``gradient`` does."""
-        _spread(self._placed, image, self._width)
+        _spread(self._placed, image, self._width, self._period is not None)
 
     def blend(self, tile: Box, image: Image, alpha: Image) -> None:
         """Blend a tile in place.
@@ -260,18 +277,20 @@ class _Feather:
 
 
 class _Soft:
-    """Weights from the label potential of each pair of layers."""
+    """Weights from the label potential of each pair of layers; each seam lies at several columns where the
+    canvas goes round.
+    """
 
-    def __init__(self, seams: dict[tuple[int, int], Seam]) -> None:
-        self._seams = seams
+    def __init__(self, seams: dict[tuple[int, int], Seam], shifts: Sequence[int]) -> None:
+        self._seams = [(pair, seam, shift) for pair, seam in seams.items() for shift in shifts]
 
     def weights(self, box: Box, shows: LabelMap, index: list[int]) -> dict[int, Floats32]:
         result = {k: (shows == k).astype(np.float32) for k in index}
-        for (i, j), seam in self._seams.items():
+        for (i, j), seam, shift in self._seams:
             problem = seam.problem
             top, left = problem.overlap.start
             potential = potential_on_window(seam)
-            at = Box(top, left, top + potential.shape[0], left + potential.shape[1])
+            at = Box(top, left, top + potential.shape[0], left + potential.shape[1]).moved(0, shift)
             common = at.shared(box)
             if i not in result or j not in result or not all(common.shape):
                 continue
@@ -310,11 +329,13 @@ class _Multiband:
         return np.moveaxis(mixed, 0, 2), None, share < 1 - _SETTLED
 
 
-def _spread(placed: Placed, image: Image, width: float | None) -> None:
+def _spread(placed: Placed, image: Image, width: float | None, goes_round: bool) -> None:
     ground = placed.label_map >= 0
     planes = [image] if image.ndim == 2 else [image[..., channel] for channel in range(image.shape[2])]
     for channel, plane in enumerate(planes):
-        values = correction(placed.layers, placed.places, placed.covered, placed.label_map, channel, width)
+        values = correction(
+            placed.layers, placed.places, placed.covered, placed.label_map, channel, width, goes_round
+        )
         values += plane
         if np.issubdtype(plane.dtype, np.integer):
             limits = np.iinfo(plane.dtype)

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from toposeam.checks import check_whole, options_from
 from toposeam.errors import ImageError, OptionError
 from toposeam.images import Mask, as_mask
-from toposeam.layers.blend import Blend, Placed, check_blend
+from toposeam.layers.blend import Blend, Placed, check_blend, reach_of
 from toposeam.layers.composition import Composition, Totals
 from toposeam.layers.labelling import Labelling, Pair
 from toposeam.layers.layer import MAX_MEGAPIXELS, Box, Extent, Layer, check_layers, common_canvas, cut
@@ -32,6 +32,7 @@ from toposeam.layers.wrapping import (
     round_canvas,
     turned,
     turned_map,
+    turned_potentials,
     unrolled,
 )
 from toposeam.seam.find import Method, method_options
@@ -107,6 +108,8 @@ def compose(
     channels = channel_count(layers)
     paths = paths_by_pair(use_path, len(layers))
     check_blend(blend, blend_width)
+    if cost is None:
+        match = dataclasses.replace(match, reach=reach_of(blend, blend_width))
     canvas = common_canvas(layers, max_megapixels=max_megapixels)
     if match_tones:
         layers = matched(layers)
@@ -116,11 +119,8 @@ def compose(
     steps = Steps(layers, canvas, channels, {"weight": factor, "avoid": away}, common)
     given = {} if chosen is None else dataclasses.asdict(chosen)
     if wrap is not None:
-        if factor is not None or away is not None or paths or blend in ("soft", "gradient"):
-            raise OptionError(
-                "wrap goes with the blends none, feather and multiband, and without weight, avoid and paths; "
-                "leave them out"
-            )
+        if factor is not None or away is not None or paths:
+            raise OptionError("wrap goes without weight, avoid and paths; leave them out")
         search = _Search(method, given, max_rounds, progress, core, match)
         return _round(layers, check_whole("wrap", wrap, 2), search, channels, blend, blend_width)
     seam_of: Callable[[Pair, bool], Seam]
@@ -199,27 +199,40 @@ def _round(
     cut_at = best_cut(moved, period)
     labelling, parts, covered = posed(cut_at)
     order = order_of(parts, labelling.places, covered)
+    soft = blend == "soft"
     moves, rounds = best_rounds(
-        labelling, order, search.method, search.options, search.rounds, search.progress
+        labelling, order, search.method, search.options, search.rounds, search.progress, soft
     )
+    moves.pairs(potentials=soft)
+    potentials = [(moves.known_potentials(), cut_at)] if soft else []
     start = cut_at - period // 2
     labels = turned_map(moves.label_map, period, start - cut_at, period)
-    moves = Rounds(posed(start)[0], labels, search.method, search.options, band(frame.shape))
+    moves = Rounds(posed(start)[0], labels, search.method, search.options, band(frame.shape), keeps=soft)
     moves.refine(search.rounds)
+    if soft:
+        potentials.append((moves.known_potentials(), start))
     labels = turned_map(moves.label_map, period, -start, period)
     labelling, parts, covered = posed(0)
     moves = Rounds(labelling, labels, search.method, search.options)
+    moves.potentials = turned_potentials(potentials, period)
+    flat = blend == "gradient"
+    placed = (
+        Placed(layers=parts, places=labelling.places, covered=covered, label_map=labels)
+        if flat
+        else _on_both_sides(moved, labelling.places, covered, labels, period)
+    )
     return Composition(
         layers=layers,
         canvas=canvas,
         rounds=rounds,
         pairs=tuple(moves.pairs()),
-        _placed=_on_both_sides(moved, labelling.places, covered, labels, period),
+        _placed=placed,
         _channels=channels,
         _blend=blend,
         _blend_width=blend_width,
         _seam=Made(moves, [], {"core": search.core, **dataclasses.asdict(search.match)}),
-        _begin=margin(period),
+        _begin=0 if flat else margin(period),
+        _goes_round=True,
     )
 
 
@@ -294,6 +307,7 @@ def shown_as(
         _blend_width=blend_width,
         _seam=nothing,
         _begin=0 if wrap is None else margin(wrap),
+        _goes_round=wrap is not None,
     )
 
 

@@ -163,7 +163,8 @@ def stitch(
     layers : sequence of Layer
         At least two, of one dtype; gray layers are widened to the others' channels.
     method, gradient, cost, core, options, **keywords
-        As for :func:`toposeam.find_seam`. Regions between more than two layers are no strips: `thesis` and
+        As for :func:`toposeam.find_seam`; without `cost`, the blends "soft" and "multiband" set its `reach`
+        to how far they reach. Regions between more than two layers are no strips: `thesis` and
         `dp` find the first seams and leave the swap rounds to `heat`.
     weight : (H, W) array_like on the canvas, optional
         A positive factor on the cost of each pixel's interfaces.
@@ -184,8 +185,7 @@ def stitch(
         Refuse a larger canvas.
     wrap : int, optional
         The canvas goes round, as a panorama of 360° does, and is so many px wide: what reaches over the right
-        edge lies at the left one, and seams and blending know it. For the blends "none", "feather" and
-        "multiband".
+        edge lies at the left one, and seams and blending know it.
     record_frames : bool
         For two layers: keep the densities of every iteration in ``Seam.frames``.
     progress : callable, optional

@@ -24,6 +24,9 @@ from toposeam.optimize.history import Termination
 from toposeam.seam.seam import Seam
 from toposeam.vector.polyline import Polyline
 
+#: Over so many columns the end of a canvas that goes round fades into its beginning.
+_JOINT = 64
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Outline:
@@ -87,6 +90,7 @@ class Composition:
     _seam: Callable[[Pair, bool], Seam]
     #: Where the canvas begins on what `_placed` holds, which goes on beyond it where it goes round.
     _begin: int = 0
+    _goes_round: bool = False
     #: Told without making the seams, where that is known.
     _totals: Callable[[], Totals] | None = None
 
@@ -195,11 +199,35 @@ class Composition:
         shows = placed.label_map[tile.slices]
         image, alpha = paint(placed.layers, placed.places, shows, tile, self._channels, onto)
         self._blender.blend(tile, image, alpha)
+        if self._goes_round and self._blend == "multiband":
+            self._ease(tile, image)
         return image, alpha
+
+    def _ease(self, tile: Box, image: Image) -> None:
+        """Let the last columns of a canvas that goes round fade into what its pyramids, which begin at the
+        left edge, give there: the width need not be a multiple of their coarsest pixels.
+        """
+        period = self.shape[1]
+        joint = min(_JOINT, period // 4)
+        end = self._begin + period
+        part = Box(tile.top, max(tile.left, end - joint), tile.bottom, tile.right)
+        if not all(part.shape):
+            return
+        there = part.moved(0, -period)
+        placed = self._placed
+        shows = placed.label_map[there.slices]
+        other, opacity = paint(placed.layers, placed.places, shows, there, self._channels)
+        self._blender.blend(there, other, opacity)
+        here = image[part.within(tile)]
+        share = (np.arange(part.left, part.right) + joint + 1.0 - end) / (joint + 1)
+        share = share.reshape((1, -1) + (1,) * (image.ndim - 2))
+        mixed = here + share * (other.astype(np.float64) - here)
+        here[...] = np.rint(mixed) if np.issubdtype(image.dtype, np.integer) else mixed
 
     @cached_property
     def _blender(self) -> Blender:
-        return Blender(self._placed, self.seams, self._blend, self._blend_width)
+        period = self.shape[1] if self._goes_round else None
+        return Blender(self._placed, self.seams, self._blend, self._blend_width, period, self._begin)
 
     @cached_property
     def _spread(self) -> tuple[Image, Image]:
@@ -207,7 +235,11 @@ class Composition:
         image, alpha = self._empty(box)
         for tile in blocks(box):
             image[tile.slices], alpha[tile.slices] = paint(
-                self.layers, self._placed.places, self._placed.label_map[tile.slices], tile, self._channels
+                self._placed.layers,
+                self._placed.places,
+                self._placed.label_map[tile.slices],
+                tile,
+                self._channels,
             )
         self._blender.spread(image)
         return image, alpha

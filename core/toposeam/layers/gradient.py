@@ -17,7 +17,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from scipy import fft
 
 from toposeam.images import Image, Mask
 from toposeam.layers.layer import Box, Layer
@@ -34,6 +33,7 @@ def correction(
     label_map: LabelMap,
     channel: int,
     width: float | None,
+    goes_round: bool = False,
 ) -> Floats:
     """What to add to one channel of the composite, (H, W), in the layers' own units.
 
@@ -48,12 +48,20 @@ def correction(
     channel : int
     width : float or None
         Distance, px, over which the correction fades; None keeps all gradients and the mean.
+    goes_round : bool
+        Whether the canvas's left edge adjoins its right one.
     """
+    from scipy import fft  # nobody else needs it
+
     height, columns = label_map.shape
     source = np.zeros(label_map.shape)
     flat = label_map.ravel()
-    for stride, border in ((1, _differ(label_map, 1)), (columns, _differ(label_map, 0))):
-        p = np.flatnonzero(border)
+    borders = [(np.flatnonzero(_differ(label_map, axis)), stride) for axis, stride in ((1, 1), (0, columns))]
+    if goes_round:
+        end, begin = label_map[:, -1], label_map[:, 0]
+        rows = np.flatnonzero((end != begin) & (end >= 0) & (begin >= 0))
+        borders.append((rows * columns + columns - 1, 1 - columns))
+    for p, stride in borders:
         q = p + stride
         step = np.zeros(len(p))
         for i, j in {(int(a), int(b)) for a, b in zip(flat[p], flat[q], strict=True)}:
@@ -68,15 +76,21 @@ def correction(
             step[mine] = np.where(number > 0, excess / np.maximum(number, 1), j_q - i_p)
         np.add.at(source.ravel(), p, step)
         np.subtract.at(source.ravel(), q, step)
-    spectrum = fft.dctn(source, overwrite_x=True)
-    rows, across = (2 - 2 * np.cos(np.pi * np.arange(n) / n) for n in (height, columns))
     screen = 0.0 if width is None else 1.0 / width**2
+    down = 2 - 2 * np.cos(np.pi * np.arange(height) / height)
+    around = 2 if goes_round else 1
+    across = 2 - 2 * np.cos(around * np.pi * np.arange(columns // around + around - 1) / columns)
+    spectrum = fft.dct(source, axis=0, overwrite_x=True)
+    spectrum = fft.rfft(spectrum, axis=1) if goes_round else fft.dct(spectrum, axis=1, overwrite_x=True)
     if screen == 0.0:
         spectrum[0, 0] = 0.0
-        rows[0] = np.finfo(float).tiny  # 0 / tiny: the mean stays
+        down[0] = np.finfo(float).tiny  # 0 / tiny: the mean stays
     for row in range(height):
-        spectrum[row] /= rows[row] + across + screen
-    result: Floats = fft.idctn(spectrum, overwrite_x=True)
+        spectrum[row] /= down[row] + across + screen
+    values = (
+        fft.irfft(spectrum, columns, axis=1) if goes_round else fft.idct(spectrum, axis=1, overwrite_x=True)
+    )
+    result: Floats = fft.idct(values, axis=0, overwrite_x=True)
     return result
 
 

@@ -179,15 +179,10 @@ def _patches(a: Look, b: Look, matrix: Floats) -> Match | None:
             if one.std() > 0 and other.std() > 0:
                 shift = register(one, other, upsample_factor=_UPSAMPLING, normalization=None)[0]
             moved = ndimage.shift(other, shift, order=1)
-            inner = np.s_[4:-4, 4:-4]
-            energy += [
-                float((one * moved)[inner].sum()),
-                float((one**2)[inner].sum()),
-                float((moved**2)[inner].sum()),
-            ]
-            own = float((one * moved)[inner].sum()) / np.sqrt(
-                max(float((one**2)[inner].sum() * (moved**2)[inner].sum()), 1e-12)
-            )
+            first, second = one[4:-4, 4:-4], moved[4:-4, 4:-4]
+            products = np.array([(first * second).sum(), (first**2).sum(), (second**2).sum()], np.float64)
+            energy += products
+            own = float(products[0] / np.sqrt(max(products[1] * products[2], 1e-12)))
             if own > _LEAST_OWN and cornered(one) and np.abs(shift).max() <= size / 4:
                 centre = np.array([left + (size - 1) / 2, top + (size - 1) / 2])
                 points_a.append(centre)

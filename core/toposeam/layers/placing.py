@@ -180,10 +180,11 @@ def _solve(pictures: Sequence[Layer], matches: dict[Pair, Match]) -> tuple[Float
     sizes = np.array([picture.image.shape[:2] for picture in pictures])
     found = []
     for freedom in _FREEDOMS:
-        found.append(_least_squares(sizes, matches, freedom))
-        if found[-1][1] <= _NOT_TURNED:
+        found.append(_least_squares(len(sizes), matches, freedom))
+        if found[-1].misfit <= _NOT_TURNED:
             break
-    transforms, misfit, unsure = found[_simplest([one[0] for one in found], matches)]
+    chosen = _simplest([one.transforms for one in found], matches)
+    transforms, misfit = found[chosen].transforms, found[chosen].misfit
     for (i, j), match in matches.items():
         off = float(np.median(_residuals(transforms, i, j, match)))
         if off > LARGEST_MISFIT:
@@ -193,6 +194,7 @@ def _solve(pictures: Sequence[Layer], matches: dict[Pair, Match]) -> tuple[Float
                 "with Hugin (pto_gen, cpfind, autooptimiser, nona), and join its pictures with toposeam "
                 "enblend"
             )
+    unsure = found[chosen].noise * _open(sizes, transforms, found[chosen].matrix, _FREEDOMS[chosen])
     if unsure.max() > LARGEST_DOUBT:
         worst = int(np.argmax(unsure))
         raise OverlapError(
@@ -234,12 +236,22 @@ def _applied(transform: Floats, points: Floats) -> Floats:
     )
 
 
-def _least_squares(sizes: Floats, matches: dict[Pair, Match], freedom: str) -> tuple[Floats, float, Floats]:
-    """All transforms at once, the largest misfit of a pair, and how far each picture's corners are open, one
-    standard deviation in px, all pictures together staying where they are; patches that disagree with a
-    solution are left out of the next.
-    """
-    count, free = len(sizes), _FREE[freedom]
+@dataclass(frozen=True, slots=True, eq=False)
+class _Solution:
+    """All transforms at once."""
+
+    #: (N, 4).
+    transforms: Floats
+    #: The largest of a pair, px.
+    misfit: float
+    #: One standard deviation of what the patches that were used leave, px, and (M, 4 N) what they said.
+    noise: float
+    matrix: Floats
+
+
+def _least_squares(count: int, matches: dict[Pair, Match], freedom: str) -> _Solution:
+    """All transforms of so many pictures; patches that disagree with a solution are left out of the next."""
+    free = _FREE[freedom]
     transforms = np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
     used = {pair: np.ones(len(match.first), bool) for pair, match in matches.items()}
     columns = np.array([4 * index + k for index in range(1, count) for k in free])
@@ -266,11 +278,11 @@ def _least_squares(sizes: Floats, matches: dict[Pair, Match], freedom: str) -> t
     misfit = max(
         float(np.median(_residuals(transforms, i, j, match)[used[i, j]])) for (i, j), match in matches.items()
     )
-    return transforms, misfit, np.sqrt(noise) * _open(sizes, transforms, matrix, freedom)
+    return _Solution(transforms, misfit, float(np.sqrt(noise)), matrix)
 
 
 def _open(sizes: Floats, transforms: Floats, matrix: Floats, freedom: str) -> Floats:
-    """How far each picture's corners are open where patches have an error of 1. That all pictures together
+    """How far each picture's corners are open where patches have an error of 1 px. That all pictures together
     may lie elsewhere, or turned, nobody sees: the least of all such covariances (Baarda's S-transformation).
     """
     count = len(sizes)

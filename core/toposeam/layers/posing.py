@@ -13,9 +13,9 @@ layers:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,7 @@ from toposeam.seam.match_cost import Floats32, MatchCost, match_cost
 from toposeam.seam.overlap import FREE, NONE, A, B, Overlap, at_its_end, cores
 from toposeam.seam.posing import forbid
 from toposeam.seam.problem import M_MAX
+from toposeam.seam.reach import CELL, STEP, Reach
 
 #: Costs of pairs whose box holds up to so many pixels are kept; others are computed again where they are
 #: looked at.
@@ -254,17 +255,37 @@ class LayerPairCost:
         weight = None
         if context.weight is not None:
             weight = cut(context.weight, context.canvas, around).astype(np.float32)
-        right, down = match_cost(a, b, overlap, on_a, on_b, context.match, weight)
+        at = around.moved(-self.box.top, -self.box.left)
+        nearby = None if self._reach is None else self._reach.on(*at.slices)
+        right, down = match_cost(a, b, overlap, on_a, on_b, context.match, weight, nearby=nearby)
         if context.avoid is not None:
             away = cut(context.avoid, context.canvas, around)
             forbid((down, right), away, _FORBIDDEN)
         return right[1:-1, 1:-1], down[1:-1, 1:-1]
 
-    def _colours(self, index: int, box: Box, present: Mask) -> Floats32:
+    @cached_property
+    def _reach(self) -> Reach | None:
+        reach, (height, width) = self._context.match.reach, self.box.shape
+        if not reach:
+            return None
+        rows_of = max(1, _BLOCK_PIXELS // width // CELL) * CELL
+
+        def blocks() -> Iterator[tuple[int, Floats32, Mask]]:
+            for first in range(0, height, rows_of):
+                bottom = min(self.box.top + first + rows_of, self.box.bottom)
+                part = Box(self.box.top + first, self.box.left, bottom, self.box.right)
+                both = self.shared(part)
+                if both.any():
+                    a, b = widen(*(self._colours(k, part, both, STEP) for k in self._pair))
+                    yield first, a - b, both[::STEP, ::STEP]
+
+        return Reach((height, width), blocks(), reach)
+
+    def _colours(self, index: int, box: Box, present: Mask, step: int = 1) -> Floats32:
         layer = self._context.layers[index]
         image = cut(layer.image, self._context.places[index], box)
         image[~present] = 0
-        return as_float(image, layer.name, layer.data_range)
+        return as_float(image[::step, ::step], layer.name, layer.data_range)
 
 
 def spread(costs: tuple[Floats32, Floats32] | None, at: Box, box: Box) -> tuple[Floats32, Floats32]:

@@ -353,6 +353,17 @@ class Rounds:
             top + int(rows[0]), left + int(columns[0]), top + int(rows[-1]) + 1, left + int(columns[-1]) + 1
         ).grown(1)
 
+    def known_potentials(self) -> dict[Pair, tuple[*Pixels, npt.NDArray[np.float32]]]:
+        """Of each pair that was solved, the label potential of the pixels that were open then."""
+        found = dict(self.potentials)
+        for pair in self.solved.keys() - found.keys():
+            box, solution = self.solved[pair]
+            inside = box.shared(self.labelling.canvas)
+            soft = np.asarray(solution.soft, np.float32)[inside.within(box)]
+            rows, columns = np.divmod(np.arange(soft.size), max(1, soft.shape[1]))
+            found[pair] = rows + inside.top, columns + inside.left, soft.ravel()
+        return found
+
     def pairs(self, potentials: bool = False) -> list[Pair]:
         """The pairs of layers that adjoin where both have pixels.
 

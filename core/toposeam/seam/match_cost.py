@@ -51,7 +51,7 @@ class MatchCost:
     Equal flat pixels shall cost something, so that the seam follows edges through them (Figure 3.11):
 
     >>> MatchCost(flat=0.5)
-    MatchCost(gradient=True, epsilon=0.02, flat=0.5, length=0.001)
+    MatchCost(gradient=True, epsilon=0.02, flat=0.5, length=0.001, reach=0.0)
     """
 
     #: Divide by the image gradients (2.4), or not (3.22).
@@ -62,11 +62,14 @@ class MatchCost:
     flat: float = 0.0
     #: Cost added to each interface.
     length: float = 1e-3
+    #: How far, px, the pictures will be blended: differences so near count too (:mod:`toposeam.seam.reach`);
+    #: 0 for a hard cut. Only between two pictures, not in volumes and textures.
+    reach: float = 0.0
 
     def __post_init__(self) -> None:
         check_choice("gradient", self.gradient, (True, False))
         check_range(0, above=True, epsilon=self.epsilon, length=self.length)
-        check_range(0, flat=self.flat)
+        check_range(0, flat=self.flat, reach=self.reach)
 
 
 #: With and without gradients.
@@ -99,6 +102,21 @@ def match_options(gradient: bool | None, cost: MatchCost | None) -> MatchCost:
     return cost
 
 
+def check_no_reach(match: MatchCost, what: str) -> MatchCost:
+    """The same options.
+
+    Raises
+    ------
+    OptionError
+        When they look farther than what they are used for knows to.
+    """
+    if match.reach:
+        raise OptionError(
+            f"cost has a reach of {match.reach:g} px, which {what} do not know; leave reach out of it"
+        )
+    return match
+
+
 def match_cost(
     a: Floats32,
     b: Floats32,
@@ -108,6 +126,7 @@ def match_cost(
     options: MatchCost,
     weight: Floats32 | None = None,
     axes: tuple[int, ...] = (1, 0),
+    nearby: Floats32 | None = None,
 ) -> tuple[Floats32, ...]:
     """Match cost of the interfaces of an overlap.
 
@@ -121,6 +140,8 @@ def match_cost(
         A factor per pixel, positive; an interface takes the mean of its two pixels.
     axes : tuple of int
         The directions d. Volumes are (d, h, w, C) with (d, h, w) masks, and have three.
+    nearby : (h, w) float32 array, optional
+        What is added to the differences (:mod:`toposeam.seam.reach`).
 
     Returns
     -------
@@ -131,7 +152,10 @@ def match_cost(
     """
     # One plane after the other is several times as fast as pixel by pixel.
     a, b = (np.ascontiguousarray(np.moveaxis(one, -1, 0)) for one in (a, b))
-    difference = np.where(overlap.shared, _norm(a - b), np.float32(0))
+    difference = _norm(a - b)
+    if nearby is not None:
+        difference += nearby
+    difference = np.where(overlap.shared, difference, np.float32(0))
     # Where the overlap is one pixel wide a free pixel lies beside ground that only one patch covers, and only
     # its own values are known.
     free = (overlap.side == FREE) & overlap.shared

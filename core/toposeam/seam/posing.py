@@ -5,7 +5,7 @@ costs out.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from toposeam.images import Image, Mask, as_array, as_float, as_mask, check_shap
 from toposeam.seam.match_cost import Floats32, MatchCost, match_cost, match_options
 from toposeam.seam.overlap import SIDES, Overlap, Side, between_masks, side_by_side
 from toposeam.seam.problem import M_MAX, SeamProblem
+from toposeam.seam.reach import CELL, STEP, Reach
 
 #: The match cost is computed from blocks of about so many pixels.
 _BLOCK_PIXELS = 1 << 18
@@ -176,6 +177,7 @@ def _match_cost(
     h, w = overlap.side.shape
     right, down = np.empty((h, w - 1), np.float32), np.empty((h - 1, w), np.float32)
     step = max(1, _BLOCK_PIXELS // w)
+    reach = _reach(a, b, overlap, on_a, on_b, cost.reach, data_range) if cost.reach else None
     for start in range(0, h, step):
         stop = min(start + step, h)
         # The lower neighbour of the last row, and a row beyond either end for the gradients.
@@ -192,21 +194,47 @@ def _match_cost(
         patch_a, patch_b = widen(
             _patch(a, part, here_a, "a", data_range), _patch(b, part, here_b, "b", data_range)
         )
-        beside, below = match_cost(
-            patch_a, patch_b, part, here_a, here_b, cost, None if factor is None else factor[rows]
-        )
+        weight = None if factor is None else factor[rows]
+        nearby = None if reach is None else reach.on(rows, slice(0, w))
+        beside, below = match_cost(patch_a, patch_b, part, here_a, here_b, cost, weight, nearby=nearby)
         right[start:stop] = beside[start - low : stop - low]
         down[start:stop] = below[start - low : stop - low]
     return right, down
 
 
+def _reach(
+    a: Image,
+    b: Image,
+    overlap: Overlap,
+    on_a: Mask,
+    on_b: Mask,
+    reach: float,
+    data_range: float | None,
+) -> Reach:
+    height, width = overlap.side.shape
+    rows_of = max(1, _BLOCK_PIXELS // width // CELL) * CELL
+
+    def blocks() -> Iterator[tuple[int, Floats32, Mask]]:
+        for first in range(0, height, rows_of):
+            rows = slice(first, min(first + rows_of, height))
+            start = (overlap.start[0] + first, overlap.start[1])
+            part = Overlap(overlap.side[rows], overlap.shared[rows], start, overlap.canvas)
+            one, other = widen(
+                _patch(a, part, on_a[rows], "a", data_range, STEP),
+                _patch(b, part, on_b[rows], "b", data_range, STEP),
+            )
+            yield first, one - other, overlap.shared[rows][::STEP, ::STEP]
+
+    return Reach((height, width), blocks(), reach)
+
+
 def _patch(
-    image: Image, overlap: Overlap, present: Mask, name: str, data_range: float | None
+    image: Image, overlap: Overlap, present: Mask, name: str, data_range: float | None, step: int = 1
 ) -> npt.NDArray[np.float32]:
     """The window of a patch as float32, zero where it has no pixels (whatever the array holds there)."""
     window = overlap.window(image)
     window[~present] = 0
-    return as_float(window, name, data_range)
+    return as_float(window[::step, ::step], name, data_range)
 
 
 def as_weights(weight: npt.ArrayLike, shape: tuple[int, ...]) -> npt.NDArray[np.float64]:

@@ -9,7 +9,7 @@ import numpy as np
 from toposeam.checks import check_choice, check_number, check_whole
 from toposeam.errors import OptionError
 from toposeam.seam.find import METHODS, Method
-from toposeam.seam.match_cost import MatchCost
+from toposeam.seam.match_cost import MatchCost, check_no_reach
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,6 +65,8 @@ class LayOptions:
         check_choice("close", self.close, (True, False))
         if self.cost is not None and not isinstance(self.cost, MatchCost):
             raise OptionError(f"cost is of class {type(self.cost).__name__}; pass a MatchCost")
+        if self.cost is not None:
+            check_no_reach(self.cost, "textures")
 
 
 #: What one number, the variation, stands for.

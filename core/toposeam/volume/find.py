@@ -14,7 +14,7 @@ from toposeam.checks import check_choice, options_from
 from toposeam.errors import OptionError
 from toposeam.heat.threads import one_thread
 from toposeam.seam.graph_cut import least_cut
-from toposeam.seam.match_cost import MatchCost, match_options
+from toposeam.seam.match_cost import MatchCost, check_no_reach, match_options
 from toposeam.seam.solution import Solution
 from toposeam.volume.heat import SurfaceOptions, heat_surface
 from toposeam.volume.posing import surface_problem
@@ -106,7 +106,7 @@ def find_surface(
     (np.False_, np.True_)
     """
     check_choice("method", method, SURFACE_METHODS)
-    match = match_options(gradient, cost)
+    match = check_no_reach(match_options(gradient, cost), "surfaces")
     masked = mask_a is not None or mask_b is not None
     if axis is not None:
         check_choice("axis", axis, (0, 1, 2))

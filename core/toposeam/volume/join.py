@@ -14,7 +14,7 @@ from toposeam.checks import check_number, check_numbers, check_whole
 from toposeam.display import to_png
 from toposeam.errors import ImageError
 from toposeam.images import Mask
-from toposeam.seam.match_cost import MatchCost, match_options
+from toposeam.seam.match_cost import MatchCost, check_no_reach, match_options
 from toposeam.volume.arrays import Volume, as_volume
 from toposeam.volume.find import find_surface
 from toposeam.volume.heat import SurfaceOptions
@@ -140,7 +140,7 @@ def join_volumes(
         raise ImageError(f"a has dtype {one.dtype} and b has {other.dtype}; convert one of them")
     if one.shape[3] != other.shape[3]:
         raise ImageError(f"a has {one.shape[3]} channels and b has {other.shape[3]}; give both equally many")
-    match = match_options(gradient, cost)
+    match = check_no_reach(match_options(gradient, cost), "surfaces")
     places = placed(one.shape[:3], other.shape[:3], offset)
     settings: dict[str, Any] = {
         "offset": tuple(int(step) for step in offset),

@@ -17,7 +17,7 @@ from toposeam.errors import ImageError, OptionError
 from toposeam.heat.sweeps import Floats32
 from toposeam.heat.threads import one_thread
 from toposeam.images import MAX_PIXELS, Mask, as_mask, full_scale
-from toposeam.seam.match_cost import MatchCost, match_options
+from toposeam.seam.match_cost import MatchCost, check_no_reach, match_options
 from toposeam.volume.arrays import Volume, as_shares, as_volume
 from toposeam.volume.find import find_surface
 from toposeam.volume.heat import SurfaceOptions
@@ -171,7 +171,7 @@ def loop(
     transition = _transition(transition, count, length)
     if cost is not None:
         check_kind("cost", cost, MatchCost, "a MatchCost")
-    match = match_options(gradient, cost)
+    match = check_no_reach(match_options(gradient, cost), "surfaces")
     chosen = seed_of(seed)
     face_areas(spacing)
     settings = {

@@ -204,7 +204,8 @@ def test_a_width_nobody_says_is_asked_for(strip, toposeam):
     words = ["stitch", "a.png", "b.png", "--offset", "60,0", "-o", "out.png"]
     toposeam(*words, "--wrap").fails("--wrap 8000")
     toposeam(*words, "--wrap", "100").fails("give a larger width")
-    toposeam(*words, "--wrap", "150", "--blend", "soft").fails("wrap goes with the blends")
+    write_picture("no.png", Picture(pixels=np.zeros((100, 180), np.uint8)))
+    toposeam(*words, "--wrap", "150", "--avoid", "no.png").fails("leave them out")
 
 
 @pytest.mark.medium

@@ -7,7 +7,8 @@ import pytest
 from PIL import Image
 
 import toposeam as ts
-from toposeam_cli.figures.animation import SUFFIXES, animate
+from toposeam_cli.figures.animation import animate
+from toposeam_cli.figures.search import ANIMATED as SUFFIXES
 
 RNG = np.random.default_rng(2)
 

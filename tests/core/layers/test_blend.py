@@ -10,8 +10,8 @@ import toposeam as ts
 from toposeam.layers import composition
 from toposeam.layers.gradient import correction
 from toposeam.layers.layer import Box
-from toposeam.layers.multiband import expand, reduce
 from toposeam.layers.tones import tone_gains
+from toposeam.seam.pyramid import expand, reduce
 
 PHOTOGRAPH = data.coffee()[:180, 200:420]
 STRAIGHT = ts.read_svg(
@@ -308,3 +308,36 @@ ERRORS = {
 def test_what_cannot_be_blended_says_what_to_do(options, remedy):
     with pytest.raises(ts.OptionError, match=remedy):
         ts.stitch(crops(), **options)
+
+
+def wall_with_moved_things(layers: int, size: int = 200) -> list[ts.Layer]:
+    """A wall photographed several times, always with a box somewhere else."""
+    rng = np.random.default_rng(5)
+    result = []
+    for index in range(layers):
+        wall = np.full((size, size, 3), 120.0) + rng.normal(0, 1.5, (size, size, 3))
+        left = size - 50 if index % 2 == 0 else 20
+        wall[60 + 20 * index : 110 + 20 * index, left : left + 24] = 230
+        at = (index * (size // 2), 0)
+        result.append(ts.Layer(np.clip(np.rint(wall), 0, 255).astype(np.uint8), at=at, name=str(index)))
+    return result
+
+
+@pytest.mark.parametrize("layers", [2, 3])
+@pytest.mark.parametrize("blend", ["multiband", "soft"])
+def test_wide_blends_leave_no_step_beside_what_moved(layers, blend):
+    """What is seen is wall or box, and between them is the box's whole edge."""
+    image = ts.stitch(wall_with_moved_things(layers), blend=blend).image.astype(int)
+    steps = np.abs(image[:, 2:] - image[:, :-2])
+    assert (image > 200).any()
+    assert not ((steps > 16) & (steps < 90)).any()
+    assert not ((image > 140) & (image < 210)).any()
+
+
+def test_narrow_blends_take_the_seam_of_the_hard_cut():
+    layers = wall_with_moved_things(3)
+    hard = ts.stitch(layers).label_map
+    assert (ts.stitch(layers, blend="feather").label_map == hard).all()
+    assert (ts.stitch(layers, blend="gradient").label_map == hard).all()
+    assert (ts.stitch(layers, blend="multiband", cost=ts.MatchCost()).label_map == hard).all()
+    assert (ts.stitch(layers, blend="multiband").label_map != hard).any()

@@ -130,7 +130,9 @@ def test_how_far_corners_are_open_is_how_far_they_scatter():
     said, scatter = [], []
     for seed in range(60):
         matches = matches_of(truth, np.random.default_rng(seed), 0.1)
-        transforms, _, open_ = placing._least_squares(sizes, matches, "turn")
+        found = placing._least_squares(len(sizes), matches, "turn")
+        transforms = found.transforms
+        open_ = found.noise * placing._open(sizes, transforms, found.matrix, "turn")
         places = (transforms[:, 2:] @ [1, 1j])[:, np.newaxis] + ends * (transforms[:, :2] @ [1, 1j])[
             :, np.newaxis
         ]

@@ -63,7 +63,7 @@ def test_a_layer_over_the_edge_is_narrow_where_the_canvas_is_cut_elsewhere():
     )
 
 
-@pytest.mark.parametrize("blend", ["none", "feather", "multiband"])
+@pytest.mark.parametrize("blend", ts.BLENDS)
 def test_the_ends_fit(blend):
     whole = panorama(np.random.default_rng(1))
     layers = views(whole, gains=(1.05, 0.97, 1.04, 0.93))
@@ -118,9 +118,27 @@ def test_seams_cross_the_edge_where_many_layers_lie():
 
 
 @pytest.mark.parametrize(
-    "options", [{"blend": "soft"}, {"blend": "gradient"}, {"avoid": np.zeros((90, 360))}, {"wrap": 200}]
+    "options", [{"weight": np.ones((90, 360))}, {"avoid": np.zeros((90, 360))}, {"wrap": 200}]
 )
 def test_what_does_not_go_round_is_refused(options):
     layers = views(panorama(np.random.default_rng(0)))
     with pytest.raises(ts.OptionError):
         ts.stitch(layers, **{"wrap": PERIOD, **options})
+
+
+@pytest.mark.parametrize("blend", ["soft", "multiband", "gradient"])
+@pytest.mark.parametrize("turn", [0, 60, 250])
+def test_blends_go_on_over_the_edge(blend, turn):
+    """Wherever the edge lies, in an overlap or not, the step there is like any other."""
+    whole = np.roll(panorama(np.random.default_rng(6)), turn, axis=1).astype(float)
+    layers = []
+    for index, gain in enumerate((1.0, 0.94, 1.05, 0.97)):
+        columns = (np.arange(130) + 295 + 90 * index + turn) % PERIOD
+        image, alpha = np.zeros(whole.shape, np.uint8), np.zeros(whole.shape[:2], np.uint8)
+        image[:, columns], alpha[:, columns] = np.clip(whole[:, columns] * gain, 0, 255), 255
+        layers.append(ts.Layer(image, alpha=alpha, name=str(index)))
+    image = ts.stitch(layers, wrap=PERIOD, blend=blend).image.astype(float)
+    excess = np.roll(image, -1, axis=1) - image - (np.roll(whole, -1, axis=1) - whole)
+    steps = np.abs(excess.mean(axis=(0, 2)))  # of whole columns: noise averages out
+    assert steps[-1] < 1.0
+    assert steps[-1] <= np.quantile(steps, 0.9) + 0.25

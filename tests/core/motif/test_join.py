@@ -93,6 +93,15 @@ def test_every_motif_keeps_its_mass(shared):
         assert motif.densities.mean() == pytest.approx(motif.recipe.layers[0].mass, abs=1e-3)
 
 
+def test_borders_share_three_hundredths_of_the_shorter_side():
+    recipes = [dataclasses.replace(recipe, iterations=2) for recipe in _recipes(size=(64, 70))]
+    given, by_itself = (ts.join_motifs(recipes, **more).motifs for more in ({"shared": 2}, {}))
+    for one, other in zip(given, by_itself, strict=True):
+        np.testing.assert_array_equal(one.densities, other.densities)
+    other = ts.join_motifs(recipes, shared=1).motifs
+    assert any((one.densities != two.densities).any() for one, two in zip(given, other, strict=True))
+
+
 def test_an_arrangement_puts_motifs_where_the_grid_says():
     recipes = [
         dataclasses.replace(

@@ -178,3 +178,10 @@ def test_bad_input_is_one_sentence(change, text):
 def test_a_stack_lies_at_most_a_hundred_million_voxels_away(far):
     with pytest.raises(ts.OptionError, match="offset"):
         placed((4, 4, 4), (4, 4, 4), (0, far, 0))
+
+
+def test_stacks_may_be_nested_lists():
+    a, b = np.random.default_rng(4).random((2, 4, 9, 10))
+    joined, same = (ts.join_volumes(*given, offset=(0, 0, 5)) for given in ((a, b), (a.tolist(), b.tolist())))
+    assert joined.volume.shape == same.volume.shape == (4, 9, 15)
+    np.testing.assert_array_equal(joined.surface.labels, same.surface.labels)

@@ -2,8 +2,8 @@
 
 The twenty samples of texture_samples.py, 192 × 192 px, are grown to 512 × 512 px by TopoSeam with its
 defaults and so that they repeat, by G'MIC's ``syntexturize_matchpatch`` (Debian: gmic), and by image quilting
-(Efros and Freeman 2001, patches of 40 px, here). All on one thread. The first of three seeds is shown; step is
-the median of the three, copy the largest, whole and near are told of all objects of the three textures.
+(Efros and Freeman 2001, patches of 40 px, here). All on one thread. The first of three seeds is shown; step
+is the median of the three, copy the largest; whole and near are told of all objects of the three textures.
 
 time     processor seconds, and TopoSeam's (open, patch 40) over G'MIC's, program start included
 swd8     sliced Wasserstein distance of 8 × 8 patches to the sample's (texture.py)

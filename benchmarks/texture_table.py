@@ -2,14 +2,19 @@
 
 The twenty samples of texture_samples.py, 192 × 192 px, are grown to 512 × 512 px by TopoSeam with its
 defaults and so that they repeat, by G'MIC's ``syntexturize_matchpatch`` (Debian: gmic), and by image quilting
-(Efros and Freeman 2001, patches of 40 px, here). All on one thread.
+(Efros and Freeman 2001, patches of 40 px, here). All on one thread. The first of three seeds is shown; step
+is the median of the three, copy the largest; whole and near are told of all objects of the three textures.
 
 time     processor seconds, and TopoSeam's (open, patch 40) over G'MIC's, program start included
 swd8     sliced Wasserstein distance of 8 × 8 patches to the sample's (texture.py)
+smooth   whether periods below 8 px hold at most a tenth of the sample's variance
 step     99th percentile of the steps between copies over that of the steps inside of them
+wrap     mean step across the border of the repeating texture over the 98th percentile of that of inner rows
+         or columns, the worse of both (texture.py)
 copy     largest connected verbatim copy, in shares of the sample
 whole    of the objects off the border, those as large as in the sample, ± 10 % and 3 px (dots, mushrooms)
-near     pairs of copies of one object nearer than half the sample's width
+near     pairs of copies of one object nearer than half the sample's width, and how few there could be were
+         objects of one look (dots of one colour, mushrooms) exchanged for each other
 broken   pieces of the repeating texture more than a quarter of a period out of step with the lattice that
          closes on it, where the sample has an order (text: its lines)
 """
@@ -28,11 +33,15 @@ from scipy.sparse.csgraph import connected_components
 
 import toposeam as ts
 from stamp import stamp
-from texture import gmic, gray, swd8
+from texture import gmic, gray, swd8, wrap
 from texture_samples import SIDE, Sample, samples
 from toposeam.texture.order import Order, find_order
 
-SIZE, PATCH, OVERLAP = 512, 40, 10
+SIZE, PATCH, OVERLAP, SEEDS = 512, 40, 10, (1, 2, 3)
+#: Of a smooth sample the periods below so many px hold at most this share of the variance.
+FINE, SHARE = 8, 0.1
+#: Objects look alike whose mean colours differ by less in each channel.
+ALIKE = 20
 
 
 def quilted(image: np.ndarray, seed: int) -> np.ndarray:
@@ -123,17 +132,56 @@ def whole_objects(made: ts.Synthesis, sample: Sample) -> tuple[int, int]:
     return int(whole), total
 
 
-def near_pairs(made: ts.Synthesis, sample: Sample) -> int:
-    shown, count = sample.objects[made.source[..., 0], made.source[..., 1]], 0
+def near_pairs(made: ts.Synthesis, sample: Sample) -> tuple[int, int]:
+    """Pairs of copies of one object near each other, and how few there could be."""
+    shown = sample.objects[made.source[..., 0], made.source[..., 1]]
+    objects, middles = [], []
     for number in range(1, int(sample.objects.max()) + 1):
         pieces, found = ndimage.label(shown == number)
         numbers = np.arange(1, found + 1)
         area = np.bincount(pieces.ravel(), minlength=found + 1)[1:]
         kept = numbers[area > 0.5 * np.count_nonzero(sample.objects == number)]
-        middles = np.array(ndimage.center_of_mass(pieces > 0, pieces, kept)).reshape(-1, 2)
-        apart = np.hypot(*(middles[:, np.newaxis] - middles[np.newaxis]).transpose(2, 0, 1))
-        count += int((np.triu(apart, 1) > 0)[np.triu(apart, 1) < SIDE / 2].sum())
-    return count
+        middles += ndimage.center_of_mass(pieces > 0, pieces, kept)
+        objects += [number] * len(kept)
+    at, chosen = np.array(middles).reshape(-1, 2), np.array(objects)
+    near = np.hypot(*(at[:, np.newaxis] - at[np.newaxis]).transpose(2, 0, 1)) < SIDE / 2
+    np.fill_diagonal(near, val=False)
+    looks = np.array(
+        [sample.image[sample.objects == k + 1].mean(axis=0) for k in range(sample.objects.max())]
+    )
+    alike = [np.flatnonzero(np.abs(looks - look).max(axis=1) < ALIKE) + 1 for look in looks]
+    return conflicts(near, chosen), exchanged(near, chosen, alike)
+
+
+def conflicts(near: np.ndarray, chosen: np.ndarray) -> int:
+    return int((near & (chosen[:, np.newaxis] == chosen)).sum()) // 2
+
+
+def exchanged(near: np.ndarray, chosen: np.ndarray, alike: list[np.ndarray]) -> int:
+    """The fewest conflicts that are found when each object may be any that looks alike: again and again one
+    in conflict becomes what is in conflict with fewest (min-conflicts).
+    """
+    rng, chosen = np.random.default_rng(0), chosen.copy()
+    fewest = conflicts(near, chosen)
+    for _ in range(5000):
+        bad = np.flatnonzero((near & (chosen[:, np.newaxis] == chosen)).any(axis=1))
+        if not len(bad):
+            return 0
+        one = int(rng.choice(bad))
+        kinds = alike[chosen[one] - 1]
+        count = np.array([np.count_nonzero(near[one] & (chosen == kind)) for kind in kinds])
+        chosen[one] = rng.choice(kinds[count == count.min()])
+        fewest = min(fewest, conflicts(near, chosen))
+    return fewest
+
+
+def is_smooth(image: np.ndarray) -> bool:
+    values = gray(image)
+    window = np.outer(*[np.hanning(length) for length in values.shape])
+    power = np.square(np.abs(np.fft.fft2((values - values.mean()) * window)))
+    power[0, 0] = 0
+    fine = np.hypot(*np.meshgrid(*map(np.fft.fftfreq, values.shape), indexing="ij")) > 1 / FINE
+    return bool(power[fine].sum() <= SHARE * power.sum())
 
 
 def broken(image: np.ndarray, order: Order) -> int:
@@ -167,8 +215,21 @@ def main() -> None:
     parser.add_argument("--only", default="", help="names of samples, with commas between")
     options = parser.parse_args()
     heads = zip(
-        ("time", "÷ gmic", "swd8", "gmic", "quilt", "step", "copy", "whole", "near", "broken"),
-        (6, 8, 7, 7, 7, 6, 6, 9, 6, 8),
+        (
+            "time",
+            "÷ gmic",
+            "swd8",
+            "gmic",
+            "quilt",
+            "smooth",
+            "step",
+            "wrap",
+            "copy",
+            "whole",
+            "near",
+            "broken",
+        ),
+        (6, 8, 7, 7, 7, 8, 6, 6, 6, 9, 8, 8),
         strict=True,
     )
     print(f"{'':14}" + "".join(f"{head:>{width}}" for head, width in heads))
@@ -177,6 +238,7 @@ def main() -> None:
         if options.only and sample.name not in options.only.split(","):
             continue
         made, seconds = timed(sample.image, seed=1)
+        grown = [made, *(ts.synthesize(sample.image, SIZE, seed=seed) for seed in SEEDS[1:])]
         _, open_40 = timed(sample.image, seed=1, patch=40)
         repeats, _ = timed(sample.image, seed=1, tileable="both")
         peer = gmic(sample.image, 1)
@@ -188,15 +250,20 @@ def main() -> None:
         ratios.append(ratio)
         objects = ("–", "–")
         if sample.objects.any():
-            whole, total = whole_objects(made, sample)
-            objects = f"{whole}/{total}", str(near_pairs(made, sample))
+            whole, total = np.sum([whole_objects(one, sample) for one in grown], axis=0)
+            objects = (
+                f"{whole}/{total}",
+                "{}/{}".format(*np.sum([near_pairs(one, sample) for one in grown], axis=0)),
+            )
         height, width = sample.image.shape[:2]
         values = (sample.image / np.float32(255)).reshape(height, width, -1)
         order = find_order(values, np.ones((height, width), bool))
         lines = "–" if order is None else str(broken(repeats.image, order))
+        middle = float(np.median([step(one) for one in grown]))
         print(
             f"{sample.name:14}{seconds:6.2f}{ratio:8.2f}{cells[0]:7.2f}{theirs:7.2f}{cells[1]:7.2f}"
-            f"{step(made):6.2f}{largest_copy(made, exemplar.size):6.2f}{objects[0]:>9}{objects[1]:>6}"
+            f"{'yes' if is_smooth(sample.image) else '–':>8}{middle:6.2f}{wrap(gray(repeats.image)):6.2f}"
+            f"{max(largest_copy(one, exemplar.size) for one in grown):6.2f}{objects[0]:>9}{objects[1]:>8}"
             f"{lines:>8}",
             flush=True,
         )

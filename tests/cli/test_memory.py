@@ -7,7 +7,9 @@ import sys
 import numpy as np
 import pytest
 
-from toposeam_cli.pictures.picture import Picture, write_picture
+from toposeam_cli.pictures import libvips
+from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.pictures.raw import Stored
 
 SIDE, OVERLAP = 3000, 300
 #: What a process has before it reads anything: the interpreter, NumPy, SciPy and libvips.
@@ -46,3 +48,45 @@ def test_two_large_rgb_layers_take_no_more_memory_than_stated(tmp_path):
     )
     peak = int(ran.stdout.splitlines()[-1]) * 1024
     assert peak < BASE + BYTES_PER_PIXEL * SIDE * (2 * SIDE - OVERLAP)
+
+
+@pytest.mark.parametrize("name", ["out.tif", "out.png"])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_pixels_in_files_are_read_in_strips(tmp_path, monkeypatch, name, dtype):
+    monkeypatch.setattr(libvips, "_STRIP_BYTES", 3000)
+    values = np.random.default_rng(0).integers(0, 256, (75, 90, 4)).astype(dtype)
+    values.tofile(tmp_path / "raw")
+    part = 7, 11, 70, 83
+    pixels = Stored(tmp_path / "raw", values.shape, values.dtype, (0, 3), part)
+    alpha = Stored(tmp_path / "raw", values.shape, values.dtype, (3, 4), part)
+    write_picture(tmp_path / name, Picture(pixels=pixels, alpha=alpha))
+    again = read_picture(tmp_path / name)
+    np.testing.assert_array_equal(again.pixels, values[7:70, 11:83, :3])
+    np.testing.assert_array_equal(again.alpha, values[7:70, 11:83, 3])
+
+
+WRITES = """
+import resource, sys
+from pathlib import Path
+import numpy as np
+from toposeam_cli.pictures.picture import Picture, write_picture
+from toposeam_cli.pictures.raw import Stored
+def peak(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
+folder, height = Path(sys.argv[1]), int(sys.argv[2])
+with (folder / "raw").open("wb") as file:
+    file.truncate(height * 10000 * 4)
+pixels = Stored(folder / "raw", (height, 10000, 4), np.dtype(np.uint8), (0, 3))
+write_picture(folder / "small.tif", Picture(pixels=np.zeros((64, 64, 3), np.uint8)))
+before = peak()
+write_picture(folder / "out.tif", Picture(pixels=pixels))
+print(peak() - before)
+"""
+
+
+@pytest.mark.medium
+def test_a_file_of_pixels_that_is_written_does_not_count_as_memory(tmp_path):
+    height = 10_000  # 400 MB
+    ran = subprocess.run(
+        [sys.executable, "-c", WRITES, str(tmp_path), str(height)], capture_output=True, text=True, check=True
+    )
+    assert int(ran.stdout) < height * 10000 * 4 / 2**20 / 2

@@ -26,6 +26,8 @@ _INTERPRETATIONS = {
     (np.dtype(np.float32), 3): "scrgb",
 }
 
+#: Files of raw values are read in strips of about so many bytes.
+_STRIP_BYTES = 1 << 25
 _RAW_FORMATS = {
     np.dtype(np.uint8): "uchar",
     np.dtype(np.uint16): "ushort",
@@ -61,9 +63,17 @@ def to_vips(pixels: np.ndarray | Stored) -> VipsImage:
     """A libvips image over the memory of a gray or RGB array, or over a file of raw values."""
     if isinstance(pixels, Stored):
         height, width, bands = pixels.file_shape
-        image = load_vips().Image.rawload(
-            os.fsdecode(pixels.path), width, height, bands, format=_RAW_FORMATS[pixels.dtype]
-        )
+        line = width * bands * pixels.dtype.itemsize
+        rows = min(height, max(1, _STRIP_BYTES // line))
+        name, values = os.fsdecode(pixels.path), _RAW_FORMATS[pixels.dtype]
+        strips = [
+            load_vips().Image.rawload(
+                name, width, min(rows, height - first), bands, format=values, offset=first * line
+            )
+            for first in range(0, height, rows)
+        ]
+        # libvips maps what it reads, and lets go of a strip when it is done with it.
+        image = load_vips().Image.arrayjoin(strips, across=1) if len(strips) > 1 else strips[0]
         (top, left), (high, wide) = pixels.corner, pixels.shape[:2]
         image = image.extract_band(pixels.bands[0], n=channels(pixels)).crop(left, top, wide, high)
         return image.copy(interpretation=_INTERPRETATIONS[pixels.dtype, channels(pixels)])

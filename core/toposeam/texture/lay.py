@@ -134,7 +134,7 @@ class PatchPlacer:
         """The best places for a patch in a window; changes nothing, and draws nothing."""
         m, terms = self.margin, self._terms(site)
         h, w = site.shape
-        new = int((site.known[m : m + h, m : m + w] < 0).sum())
+        new = int((site.weight[m : m + h, m : m + w] == 0).sum())
         none = np.zeros(0, np.intp)
         error: Floats32 | None = None
         for term in terms:
@@ -149,7 +149,11 @@ class PatchPlacer:
         row, column = row - copies.y + m, column - copies.x + m
         continued = list(zip(row.tolist(), column.tolist(), copies.first, strict=True))
         limit = self.largest_copy(site.shape) - new
-        large = [place for *place, first in continued if self.canvas.area_of(first) > limit]
+        joined: dict[tuple[int, int], set[int]] = {}
+        for *place, first in continued:
+            joined.setdefault((place[0], place[1]), set()).add(first)
+        area = self.canvas.area_of
+        large = [list(place) for place, firsts in joined.items() if sum(map(area, firsts)) > limit]
         rows, columns, errors = self._best(error, site, large)
         if not np.isfinite(errors).any():  # what room there is lies between the places of the reduced search
             rows, columns, errors = none, none, errors[:0]

@@ -5,6 +5,10 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
+from toposeam.texture.atlas import Atlas
+from toposeam.texture.canvas import IndexCanvas
+from toposeam.texture.lay import PatchPlacer
+from toposeam.texture.lay_options import LayOptions
 
 
 def test_patches_are_taken_from_every_position_of_the_sample():
@@ -135,3 +139,21 @@ def test_no_patch_shows_its_own_mirror_image_beside_it():
     apart = np.hypot(np.diff(y, axis=1), np.diff(x, axis=1))[meets]
     assert len(apart) > 300
     assert (apart <= 10).mean() < 0.02  # 0.11 where nothing forbids it
+
+
+def test_what_would_join_two_copies_counts_as_both(sample):
+    """Either alone leaves room for a patch between them; together they are too large."""
+    image = sample(6, (128, 128)) / np.float32(255)
+    atlas = Atlas.of([np.ones(image.shape, bool)], 8)
+    itself = np.arange(atlas.usable.size, dtype=np.int32).reshape(atlas.usable.shape)[atlas.places[0]]
+    features = atlas.spread([image[..., np.newaxis]])
+    row, column = (side.start for side in atlas.places[0])
+    for parts, allowed in (([0], True), ([56], True), ([0, 56], False)):
+        canvas = IndexCanvas((200, 200), (False, False), atlas.usable.size)
+        for left in parts:
+            canvas.paint(0, left, itself[:24, left : left + 40], np.ones((24, 40), bool))
+        options = LayOptions(copy_share=1.0)  # at most three patches of 24 × 24 px
+        placer = PatchPlacer(atlas, features, canvas, options, np.random.default_rng(0), 40_000)
+        offers = placer.offers(placer.site(8, 36, (24, 24)))
+        found = list(zip(offers.rows.tolist(), offers.columns.tolist(), strict=True))
+        assert ((row + 8, column + 36) in found) == allowed

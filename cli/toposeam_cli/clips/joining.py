@@ -49,15 +49,26 @@ def join_clips(job: ClipJob, progress: Callable[[float], None] | None = None) ->
             f"{float(second.rate):g}; convert one of them"
         )
     t, x, y = job.offset
-    made = ts.join_volumes(
-        first.frames,
-        second.frames,
-        offset=(t, y, x),
-        spacing=_SPACING,
-        gradient=job.gradient,
-        progress=progress,
-    )
+    try:
+        made = ts.join_volumes(
+            first.frames,
+            second.frames,
+            offset=(t, y, x),
+            spacing=_SPACING,
+            gradient=job.gradient,
+            progress=progress,
+        )
+    except ts.OverlapError as error:
+        raise ts.OverlapError(
+            f"at offset {t},{x},{y} {job.first.name} ({_size(first)}) and {job.second.name} "
+            f"({_size(second)}) have too little in common; check the offset: frames, x and y"
+        ) from error
     with folder_for(job.output), all_or_nothing():
         write_clip(job.output, Clip(frames=made.volume, rate=first.rate), job.force)
     count, height, width = made.places.canvas
     return f"{job.output}: {count} frames of {width} × {height} px"
+
+
+def _size(clip: Clip) -> str:
+    count, height, width = clip.frames.shape[:3]
+    return f"{count} frames of {width} × {height} px"

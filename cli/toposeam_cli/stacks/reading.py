@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -93,8 +95,10 @@ class _Mapped:
 def _read_tiff(path: Path) -> Stack:
     tifffile = needs("tifffile", path)
     try:
-        with tifffile.TiffFile(path) as file:
+        with _damage_told(tifffile.logger()) as damage, tifffile.TiffFile(path) as file:
             series = file.series[0]
+            if damage:
+                raise ImageError(f"{path} is damaged or cut short; copy it again")
             axes, shape = series.axes, series.shape
             spacing, unit = _tiff_spacing(file)
             kept = [axis for axis, length in zip(axes, shape, strict=True) if length > 1 or axis in "YX"]
@@ -116,6 +120,25 @@ def _read_tiff(path: Path) -> Stack:
     except (OSError, ValueError, IndexError, KeyError, tifffile.TiffFileError) as error:
         raise ImageError(f"{path} cannot be read as a stack ({error}); copy or save it again") from error
     return _checked(Stack(voxels=_ordered(voxels, axes, kept, path), spacing=spacing, unit=unit, source=path))
+
+
+@contextmanager
+def _damage_told(logger: logging.Logger) -> Iterator[list[str]]:
+    """What a reader logs as errors, instead of printing it; it goes on with what it can read, warnings are
+    of no consequence.
+    """
+    found: list[str] = []
+
+    def note(record: logging.LogRecord) -> bool:
+        if record.levelno >= logging.ERROR:
+            found.append(record.getMessage())
+        return False
+
+    logger.addFilter(note)
+    try:
+        yield found
+    finally:
+        logger.removeFilter(note)
 
 
 def _lazy(tifffile: Any, path: Path) -> Any:

@@ -158,6 +158,21 @@ def test_truncated_files(toposeam, tmp_path, suffix, share):
     assert not (tmp_path / "j.npy").exists()
 
 
+@pytest.mark.parametrize("kind", ["imagej", "ome", "bigtiff", "shaped"])
+def test_half_a_stack_is_told_in_one_sentence(toposeam, tmp_path, pair, kind):
+    _, a, _ = pair
+    whole, half = tmp_path / "whole.tif", tmp_path / "half.tif"
+    more = {} if kind == "shaped" else {kind: True}
+    stack = np.random.default_rng(0).integers(0, 65536, (8, 40, 50), np.uint16)
+    tifffile.imwrite(whole, stack, metadata={"axes": "ZYX"}, **more)
+    half.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+    ran = toposeam("volume", a, half, "--offset", "0,0,0", "-o", tmp_path / "j.tif")
+    assert ran.code == 1, ran
+    ran.is_one_sentence()
+    assert "half.tif is damaged or cut short" in ran.err
+    assert not (tmp_path / "j.tif").exists()
+
+
 def test_what_is_no_stack(toposeam, tmp_path, pair):
     _, a, _ = pair
     out = ["-o", tmp_path / "j.tif", "--offset", "0,0,0"]

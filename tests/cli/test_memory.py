@@ -65,6 +65,20 @@ def test_pixels_in_files_are_read_in_strips(tmp_path, monkeypatch, name, dtype):
     np.testing.assert_array_equal(again.alpha, values[7:70, 11:83, 3])
 
 
+def test_pixels_far_down_in_a_file_are_found(tmp_path):
+    height, width = 26_000, 10_000
+    last = np.random.default_rng(0).integers(1, 256, (5, width, 4), np.uint8)
+    with (tmp_path / "raw").open("wb") as file:  # 1.04 GB, of which the file system keeps 200 kB
+        file.seek((height - 5) * width * 4)
+        file.write(last.tobytes())
+    pixels = Stored(
+        tmp_path / "raw", (height, width, 4), np.dtype(np.uint8), (0, 3), (height - 8, 0, height, width)
+    )
+    found = libvips.to_vips(pixels).numpy()
+    assert not found[:3].any()
+    np.testing.assert_array_equal(found[3:], last[..., :3])
+
+
 WRITES = """
 import resource, sys
 from pathlib import Path

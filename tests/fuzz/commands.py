@@ -92,7 +92,7 @@ class Fuzzer:
         }
         for name, pixels in pictures.items():
             Image.fromarray(pixels).save(self.pool / name)
-        (self.pool / "huge.png").write_bytes(plain_png(30_000, 20_000))  # 600 megapixels in one colour
+        (self.pool / "huge.png").write_bytes(plain_png(35_000, 30_000))  # 1050 megapixels in one colour
         (self.pool / "layout.toml").write_text(
             '[[layer]]\nfile = "rgb.png"\nat = [0, 0]\n[[layer]]\nfile = "other.png"\nat = [30, 4]\n'
         )

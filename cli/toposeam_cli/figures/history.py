@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 import toposeam as ts
 from toposeam_cli.figures.frames import INK, choose_frames, film_frame, fitted
+from toposeam_cli.files.interruption import uninterrupted
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,7 +47,8 @@ def check_matplotlib() -> None:
         When matplotlib is not installed.
     """
     try:
-        import matplotlib.figure  # noqa: F401
+        with uninterrupted():  # it would take Ctrl-C for a part of it that cannot be loaded, and go on
+            import matplotlib.figure  # noqa: F401
     except ImportError as error:
         raise ts.MissingPackageError(
             "--history needs matplotlib; install it with: pip install 'toposeam[plot]'"

@@ -26,8 +26,8 @@ _INTERPRETATIONS = {
     (np.dtype(np.float32), 3): "scrgb",
 }
 
-#: Files of raw values are read in strips of about so many bytes.
-_STRIP_BYTES = 1 << 25
+#: Files of raw values are read in strips of about so many bytes, and not in more strips: each is open.
+_STRIP_BYTES, _MOST_STRIPS = 1 << 25, 200
 _RAW_FORMATS = {
     np.dtype(np.uint8): "uchar",
     np.dtype(np.uint16): "ushort",
@@ -64,15 +64,16 @@ def to_vips(pixels: np.ndarray | Stored) -> VipsImage:
     if isinstance(pixels, Stored):
         height, width, bands = pixels.file_shape
         line = width * bands * pixels.dtype.itemsize
-        rows = min(height, max(1, _STRIP_BYTES // line))
+        rows = max(1, _STRIP_BYTES // line, -(-height // _MOST_STRIPS))
         name, values = os.fsdecode(pixels.path), _RAW_FORMATS[pixels.dtype]
+        # libvips maps what it reads, and lets go of a strip when it is done with it. Each strip is cut from
+        # the whole file, opened for it alone: libvips takes no offset above 10⁹ bytes.
         strips = [
-            load_vips().Image.rawload(
-                name, width, min(rows, height - first), bands, format=values, offset=first * line
-            )
+            load_vips()
+            .Image.rawload(name, width, height, bands, format=values)
+            .crop(0, first, width, min(rows, height - first))
             for first in range(0, height, rows)
         ]
-        # libvips maps what it reads, and lets go of a strip when it is done with it.
         image = load_vips().Image.arrayjoin(strips, across=1) if len(strips) > 1 else strips[0]
         (top, left), (high, wide) = pixels.corner, pixels.shape[:2]
         image = image.extract_band(pixels.bands[0], n=channels(pixels)).crop(left, top, wide, high)

@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import check_whole, options_from
+from toposeam.checks import check_choice, check_whole, options_from
 from toposeam.errors import ImageError, OptionError
 from toposeam.images import Mask, as_mask
 from toposeam.layers.blend import Blend, Placed, check_blend, reach_of
@@ -112,6 +112,8 @@ def compose(
     if cost is None:
         match = dataclasses.replace(match, reach=reach_of(blend, blend_width))
     canvas = common_canvas(layers, max_megapixels=max_megapixels)
+    for name, value in (("match_tones", match_tones), ("match_shading", match_shading)):
+        check_choice(name, value, (True, False))
     if match_tones or match_shading:
         layers = matched(layers, shading=match_shading)
     factor = None if weight is None else as_weights(weight, canvas.shape)

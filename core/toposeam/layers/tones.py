@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.checks import check_choice
 from toposeam.images import Image, Mask, Windows, as_float
 from toposeam.layers.layer import Box, Layer, check_layers, extent_of
 from toposeam.layers.shading import field_on
@@ -103,6 +104,7 @@ def match_tones(layers: Sequence[Layer], *, shading: bool = False) -> list[Layer
     (110, 110)
     """
     layers = check_layers(layers)
+    check_choice("shading", shading, (True, False))
     for layer in layers:
         if not isinstance(layer.image, Windows):
             as_float(layer.image, data_range=layer.data_range, name=layer.name)  # what is white is known

@@ -113,6 +113,7 @@ def read_sources(
     OptionError
         For weights that do not fit.
     """
+    maps = check_items("maps", maps, object, "a sequence of images, one a map")
     several: list[Any] = list(source) if isinstance(source, list | tuple) else [source]
     if not several:
         raise ImageError(f"{name} is an empty list; give at least one image")

@@ -181,6 +181,7 @@ def synthesize(
                 "variation"
             )
         chosen = varied(chosen, variation)
+    maps = check_items("maps", maps, object, "a sequence of images, one a map")
     check_choice("flatten", flatten, (True, False))
     check_choice("level", level, (True, False, None))
     check_choice("transparent", transparent, (True, False))

@@ -295,3 +295,12 @@ def test_results_are_one_line_and_show_themselves(tmp_path):
     assert shown.shape[:2] == stitched.image.shape[:2]
     assert (shown != np.asarray(ts.to_pil(stitched))).any()  # the seam is drawn
     assert stitched.to_svg(tmp_path / "seams.svg") == (tmp_path / "seams.svg").read_text()
+
+
+@pytest.mark.parametrize("name", ["match_tones", "match_shading"])
+def test_tones_are_matched_or_not(name):
+    layers = ts.overlapping(*RNG.random((2, 20, 30)), overlap=8)
+    with pytest.raises(ts.OptionError, match=rf"{name} is .*; choose one of True, False"):
+        ts.stitch(layers, **{name: np.ones((2, 2))})
+    with pytest.raises(ts.OptionError, match=r"shading is .*; choose one of True, False"):
+        ts.match_tones(layers, shading=np.ones((2, 2)))

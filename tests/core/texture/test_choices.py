@@ -157,3 +157,15 @@ def test_what_would_join_two_copies_counts_as_both(sample):
         offers = placer.offers(placer.site(8, 36, (24, 24)))
         found = list(zip(offers.rows.tolist(), offers.columns.tolist(), strict=True))
         assert ((row + 8, column + 36) in found) == allowed
+
+
+def test_maps_that_are_no_sequence_are_refused():
+    sample = np.random.default_rng(0).random((48, 48))
+    for call in (
+        lambda: ts.synthesize(sample, (60, 60), maps=3.5),
+        lambda: ts.synthesize(sample, (60, 60), maps=3.5, flatten=True),
+        lambda: ts.fill(sample, sample > 0.99, maps=3.5),
+        lambda: ts.make_tileable(sample, maps=3.5),
+    ):
+        with pytest.raises(ts.OptionError, match=r"maps is 3\.5; pass a sequence of images"):
+            call()

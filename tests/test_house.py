@@ -54,7 +54,7 @@ ARROWS = {
     "toposeam_cli.stacks": CLI_CORE | {"toposeam_cli.files"},
     "toposeam_cli.clips": CLI_CORE | {"toposeam_cli.files", "toposeam_cli.pictures"},
     "toposeam_cli.jobs": CLI_CORE | {"toposeam_cli.files"},
-    "toposeam_cli.figures": CLI_CORE | {"toposeam_cli.pictures"},
+    "toposeam_cli.figures": CLI_CORE | {"toposeam_cli.files", "toposeam_cli.pictures"},
     "toposeam_cli.gimp": CLI_CORE | {"toposeam_cli.files", "toposeam_gimp"},
     "toposeam_cli.options": CLI_CORE | {"toposeam_cli.files"},
     "toposeam_cli.registry": {"toposeam_cli", "toposeam_cli.wording"},

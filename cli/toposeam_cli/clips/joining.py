@@ -60,15 +60,14 @@ def join_clips(job: ClipJob, progress: Callable[[float], None] | None = None) ->
         )
     except ts.OverlapError as error:
         raise ts.OverlapError(
-            f"at offset {t},{x},{y} {job.first.name} ({_size(first)}) and {job.second.name} "
-            f"({_size(second)}) have too little in common; check the offset: frames, x and y"
+            f"at offset {t},{x},{y} {job.first.name} ({_size(first.frames.shape)}) and {job.second.name} "
+            f"({_size(second.frames.shape)}) have too little in common; check the offset: frames, x and y"
         ) from error
     with folder_for(job.output), all_or_nothing():
         write_clip(job.output, Clip(frames=made.volume, rate=first.rate), job.force)
-    count, height, width = made.places.canvas
-    return f"{job.output}: {count} frames of {width} × {height} px"
+    return f"{job.output}: {_size(made.places.canvas)}"
 
 
-def _size(clip: Clip) -> str:
-    count, height, width = clip.frames.shape[:3]
+def _size(shape: tuple[int, ...]) -> str:
+    count, height, width = shape[:3]
     return f"{count} frames of {width} × {height} px"

@@ -33,7 +33,7 @@ def add_steps(
 
 
 def spread(
-    source: npt.NDArray[Any], width: float | None = None, goes_round: bool = False
+    source: npt.NDArray[Any], width: float | None = None, wraps: tuple[bool, bool] = (False, False)
 ) -> npt.NDArray[Any]:
     """The correction of a plane, of the same shape and dtype.
 
@@ -44,8 +44,8 @@ def spread(
     width : float, optional
         Over this distance, px, the correction fades: c² / width² is added for every pixel. Otherwise its mean
         is 0.
-    goes_round : bool
-        Whether each row's last pixel is followed by its first one.
+    wraps : (bool, bool)
+        Whether the last row is followed by the first one, and the last column by the first one.
 
     Examples
     --------
@@ -58,20 +58,25 @@ def spread(
     """
     from scipy import fft  # nothing else needs it
 
+    if wraps[0] and not wraps[1]:
+        return spread(source.T, width, (False, True)).T
     height, columns = source.shape
     screen = 0.0 if width is None else 1.0 / width**2
-    down, across = _cosines(height), _waves(columns) if goes_round else _cosines(columns)
-    spectrum = fft.dct(source, axis=0, overwrite_x=True)
-    spectrum = fft.rfft(spectrum, axis=1) if goes_round else fft.dct(spectrum, axis=1, overwrite_x=True)
+    down = _waves(height) if wraps[0] else _cosines(height)
+    across = _waves(columns)[: columns // 2 + 1] if wraps[1] else _cosines(columns)
+    spectrum = source if wraps[0] else fft.dct(source, axis=0, overwrite_x=True)
+    spectrum = fft.rfft(spectrum, axis=1) if wraps[1] else fft.dct(spectrum, axis=1, overwrite_x=True)
+    spectrum = fft.fft(spectrum, axis=0, overwrite_x=True) if wraps[0] else spectrum
     if screen == 0.0:
         spectrum[0, 0] = 0.0
         down[0] = np.finfo(float).tiny  # 0 / tiny: the mean stays
     for row in range(height):
         spectrum[row] /= down[row] + across + screen
+    spectrum = fft.ifft(spectrum, axis=0, overwrite_x=True) if wraps[0] else spectrum
     values = (
-        fft.irfft(spectrum, columns, axis=1) if goes_round else fft.idct(spectrum, axis=1, overwrite_x=True)
+        fft.irfft(spectrum, columns, axis=1) if wraps[1] else fft.idct(spectrum, axis=1, overwrite_x=True)
     )
-    result: npt.NDArray[Any] = fft.idct(values, axis=0, overwrite_x=True)
+    result: npt.NDArray[Any] = values if wraps[0] else fft.idct(values, axis=0, overwrite_x=True)
     return result
 
 
@@ -100,7 +105,7 @@ def spread_in_cycle(source: npt.NDArray[Any], stiffness: float) -> npt.NDArray[A
     from scipy import fft
 
     count, height, width = source.shape
-    moments = _waves(count)
+    moments = _waves(count)[: count // 2 + 1]
     rows, columns = stiffness * _cosines(height), stiffness * _cosines(width)
     for frame in source:
         frame[...] = fft.dctn(frame)
@@ -124,5 +129,5 @@ def _cosines(length: int) -> npt.NDArray[np.float64]:
 
 def _waves(length: int) -> npt.NDArray[np.float64]:
     """What second differences do to the waves of a cycle of so many places."""
-    values: npt.NDArray[np.float64] = 2 - 2 * np.cos(2 * np.pi * np.arange(length // 2 + 1) / length)
+    values: npt.NDArray[np.float64] = 2 - 2 * np.cos(2 * np.pi * np.arange(length) / length)
     return values

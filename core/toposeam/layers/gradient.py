@@ -74,7 +74,7 @@ def correction(
             number = both_p.astype(int) + both_q
             step[mine] = np.where(number > 0, excess / np.maximum(number, 1), j_q - i_p)
         add_steps(source.ravel(), p, q, step)
-    result: Floats = spread(source, width, goes_round)
+    result: Floats = spread(source, width, (False, goes_round))
     return result
 
 

@@ -24,9 +24,8 @@ class Copies(NamedTuple):
     y: npt.NDArray[np.intp]
     x: npt.NDArray[np.intp]
     shown: Ints32
-    #: The first patch of each, and how many of the canvas's pixels show it.
+    #: The first patch of each.
     first: list[int]
-    areas: list[int]
 
 
 class IndexCanvas:
@@ -182,8 +181,7 @@ class IndexCanvas:
         one = last.take(found)
         first = [self.copy_of(lowest + label) for label in found.tolist()]
         y, x = np.divmod(one, width)
-        areas = [self.area_of(copy) for copy in first]
-        return Copies(y, x, self.index.take(places.ravel().take(one)), first, areas)
+        return Copies(y, x, self.index.take(places.ravel().take(one)), first)
 
     def area_of(self, first: int) -> int:
         """How many pixels of a copy show, by its first patch."""

@@ -8,12 +8,9 @@ of fibres, is eased within a few pixels; what hardly does, as light, as far as t
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
-import scipy.fft as sf
 
+from toposeam.heat.poisson import add_steps, spread
 from toposeam.texture.atlas import Atlas, Floats32, Ints32
 from toposeam.texture.rendering import Lift
 
@@ -62,29 +59,8 @@ def eased(plane: Floats32, atlas: Atlas, index: Ints32, lift: Lift, wraps: tuple
         apart = (after - there) * known[:, :1] + (here - before) * known[:, 1:]
         apart /= np.maximum(known.sum(axis=1, keepdims=True), 1)
         apart /= 1 + (np.abs(apart).max(axis=1, keepdims=True) / (_EDGE * white)) ** 4
-        wanted[y, x] -= apart  # each pixel comes once
-        wanted[next_y, next_x] += apart
+        add_steps(wanted, (y, x), (next_y, next_x), -apart)
     for channel in np.moveaxis(wanted, 2, 0):
-        channel[...] = _screened(channel, wraps)
+        channel[...] = spread(channel, _REACH, wraps)
     wanted += lift.offset
     return Lift(gain=lift.gain, offset=wanted, low=lift.low, high=lift.high)
-
-
-def _screened(wanted: Floats32, wraps: tuple[bool, bool]) -> Floats32:
-    """The solution of (1 / reach² - Laplacian) u = wanted; nothing flows over a border that is one."""
-    found: npt.NDArray[Any] = wanted
-    lines = []
-    for axis in (0, 1):
-        turn = (2 if wraps[axis] else 1) * np.pi * np.arange(wanted.shape[axis]) / wanted.shape[axis]
-        lines.append((2 - 2 * np.cos(turn)).astype(np.float32))
-        if not wraps[axis]:
-            found = sf.dct(found, axis=axis)
-    below = np.add.outer(lines[0], lines[1]) + np.float32(1 / _REACH**2)
-    wrapped = [axis for axis in (0, 1) if wraps[axis]]
-    found = sf.fftn(found, axes=wrapped) if wrapped else found
-    found /= below
-    found = sf.ifftn(found, axes=wrapped, overwrite_x=True).real if wrapped else found
-    for axis in (0, 1):
-        if not wraps[axis]:
-            found = sf.idct(found, axis=axis)
-    return np.asarray(found, np.float32)

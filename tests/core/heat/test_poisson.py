@@ -56,3 +56,17 @@ def test_a_cycle_of_frames_is_corrected_as_least_squares_ask(count, stiffness):
     found = spread_in_cycle(source.astype(np.float32), stiffness)
     assert found.dtype == np.float32
     np.testing.assert_allclose(found, best, atol=1e-5)
+
+
+@pytest.mark.parametrize("wraps", [(False, True), (True, False), (True, True)])
+def test_borders_may_adjoin_the_opposite_ones(wraps):
+    height, width, fade = 7, 10, 3.0
+    source = np.random.default_rng(2).normal(size=(height, width))
+    found = spread(source.copy(), fade, wraps)
+    flow = found / fade**2
+    for axis in (0, 1):
+        step = np.roll(found, -1, axis) - found
+        if not wraps[axis]:
+            step[(-1,) if axis == 0 else (slice(None), -1)] = 0
+        flow -= step - np.roll(step, 1, axis)
+    np.testing.assert_allclose(flow, source, atol=1e-10)

@@ -26,7 +26,7 @@ def test_usage_and_areas_are_those_of_what_shows():
         used = np.bincount(canvas.index[canvas.index >= 0], minlength=1600)
         assert (canvas.usage == used).all()
         copies = canvas.copy_labels()
-        areas = canvas.copies(0, 0, 20, 23).areas
+        areas = [canvas.area_of(first) for first in canvas.copies(0, 0, 20, 23).first]
         shown = np.unique(canvas.labels[canvas.labels >= 0])
         wanted = [np.count_nonzero(copies == copies[canvas.labels == label][0]) for label in shown]
         assert areas == wanted
@@ -43,7 +43,7 @@ def test_patches_that_continue_one_another_are_one_copy():
     labels = canvas.copy_labels()
     assert labels[0, 0] == labels[0, 8] == labels[0, 17] != labels[0, 25]
     copies = canvas.copies(0, 0, 12, 30)
-    assert copies.areas == [108, 108, 36, 108]
+    assert [canvas.area_of(first) for first in copies.first] == [108, 108, 36, 108]
     assert copies.first == [0, 0, 2, 0]
     assert (copies.shown == canvas.index[copies.y, copies.x]).all()
 

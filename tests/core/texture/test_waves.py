@@ -243,7 +243,7 @@ def test_what_is_shared_stays_what_it_was():
     canvas.share(5000)
     assert (canvas.index == index).all()
     assert (canvas.usage == usage).all()
-    assert canvas.copies(0, 0, 12, 30).areas == [36]
+    assert [canvas.area_of(first) for first in canvas.copies(0, 0, 12, 30).first] == [36]
     for _ in range(3000):  # more than there was room for at first
         canvas.paint(3, 3, source, every)
     assert canvas.usage.sum() == (canvas.index >= 0).sum()

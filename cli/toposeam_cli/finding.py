@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import toposeam as ts
+from toposeam.layers.tasks import Executor
 from toposeam_cli.composing import Outputs
 from toposeam_cli.drawn_seams import given_seams
 from toposeam_cli.figures.search import check_search
@@ -65,25 +66,31 @@ def check_finding(find: SeamOptions, out: Outputs) -> None:
         raise ts.OptionError("--align-radius belongs to --align; add that or leave it out")
 
 
-def correlations(job: PlacedPictures) -> dict[tuple[int, int], float]:
+def correlations(job: PlacedPictures, executor: Executor | None = None) -> dict[tuple[int, int], float]:
     """How much each two layers that overlap look alike there, -1 to 1."""
-    return ts.correlations(job.layers) if job.placement is None else job.placement.correlations
+    if job.placement is not None:
+        return job.placement.correlations
+    return ts.correlations(job.layers, executor=executor)
 
 
-def strangers(job: PlacedPictures) -> list[str]:
+def strangers(job: PlacedPictures, executor: Executor | None = None) -> list[str]:
     """A sentence for each two pictures that hardly show the same where they overlap."""
     if job.placement is not None:
         return []
     return [
         f"{job.layers[i].name} and {job.layers[j].name} hardly show the same where they overlap (correlation "
         f"{value:.2f}); check where they lie"
-        for (i, j), value in ts.correlations(job.layers).items()
+        for (i, j), value in ts.correlations(job.layers, executor=executor).items()
         if value < _STRANGE
     ]
 
 
 def composed_as(
-    job: PlacedPictures, find: SeamOptions, out: Outputs, files: Sequence[Path]
+    job: PlacedPictures,
+    find: SeamOptions,
+    out: Outputs,
+    files: Sequence[Path],
+    executor: Executor | None = None,
 ) -> ts.Composition:
     """Join the layers along seams.
 
@@ -101,6 +108,7 @@ def composed_as(
                 use_path=given_seams(find.use_seam, job),
                 record_frames=out.history is not None,
                 progress=progress,
+                executor=executor,
                 gradient=not find.no_gradient,
                 core=find.core,
                 match_tones=find.match_tones,

@@ -25,9 +25,20 @@ def store(picture: Picture, scratch: Scratch) -> Picture:
     OutputError
         When there is no space.
     """
-    height, width = picture.pixels.shape[:2]
     path = scratch.new()
-    with scratch.failures_told(), path.open("r+b") as file:
+    with scratch.failures_told():
+        return stored_at(path, picture)
+
+
+def stored_at(path: Path, picture: Picture) -> Picture:
+    """The same picture, its pixels in a file that exists.
+
+    Raises
+    ------
+    OSError
+    """
+    height, width = picture.pixels.shape[:2]
+    with path.open("r+b") as file:
         for rows in _strips(height):
             planes = [np.atleast_3d(picture.pixels[rows])]
             if picture.alpha is not None:

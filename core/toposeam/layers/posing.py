@@ -13,9 +13,10 @@ layers:
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ from toposeam.errors import OptionError
 from toposeam.images import Mask, as_float, widen
 from toposeam.layers.labelling import Labelling, Pair, PairCost
 from toposeam.layers.layer import Box, Extent, Layer, cut
-from toposeam.layers.maps import all_of, blocks, cover_of, dense, ground, made_map, new_map, uniform
+from toposeam.layers.maps import all_of, blocks, cover_of, dense, ground, made_map, new_map, part_of, uniform
 from toposeam.seam.match_cost import Floats32, MatchCost, match_cost
 from toposeam.seam.overlap import FREE, NONE, A, B, Overlap, at_its_end, cores
 from toposeam.seam.posing import forbid
@@ -40,6 +41,9 @@ KEPT_PIXELS = 1 << 20
 _BLOCK_PIXELS = 1 << 17
 #: Rows of a band that are computed at once.
 _WANTED_ROWS = 48
+#: How far beyond a part of the canvas its costs are looked up, px: gradients look one farther, and halving
+#: doubles it.
+_AROUND = 8
 #: What forbids an interface; far above what any match cost amounts to.
 _FORBIDDEN = float(np.float32(M_MAX * 1e3))
 
@@ -92,7 +96,13 @@ def meets(places: Sequence[Box], covered: Sequence[Mask], i: int, j: int) -> boo
     return any(_both(places, covered, i, j, box).any() for box in blocks(places[i].shared(places[j])))
 
 
-def _both(places: Sequence[Box], covered: Sequence[Mask], i: int, j: int, box: Box) -> Mask:
+def _both(
+    places: Sequence[Box] | Mapping[int, Box],
+    covered: Sequence[Mask] | Mapping[int, Mask],
+    i: int,
+    j: int,
+    box: Box,
+) -> Mask:
     shared: Mask = cut(covered[i], places[i], box) & cut(covered[j], places[j], box)
     return shared
 
@@ -184,14 +194,38 @@ def _divide(places: Sequence[Box], allowed: list[Mask], pair: Pair, labels: Mask
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Context:
-    layers: Sequence[Layer]
-    places: Sequence[Box]
-    covered: Sequence[Mask]
-    allowed: Sequence[Mask]
+    layers: Sequence[Layer] | Mapping[int, Layer]
+    places: Sequence[Box] | Mapping[int, Box]
+    covered: Sequence[Mask] | Mapping[int, Mask]
+    allowed: Sequence[Mask] | Mapping[int, Mask]
     match: MatchCost
     weight: npt.NDArray[Any] | None
     avoid: Mask | None
     canvas: Box
+    #: Whether costs of small overlaps are kept.
+    keeps: bool = True
+
+    def part(self, box: Box, seen: dict[int, Any]) -> _Context:
+        """As far as a box is concerned."""
+        found: _Context | None = seen.get(id(self))
+        if found is None:
+            box = box.grown(_AROUND)
+            number = range(len(self.layers)) if isinstance(self.layers, Sequence) else list(self.layers)
+            near = [index for index in number if all(self.places[index].shared(box).shape)]
+
+            def parts(masks: Sequence[Mask] | Mapping[int, Mask]) -> dict[int, Mask]:
+                inside = {k: box.moved(-self.places[k].top, -self.places[k].left) for k in near}
+                return {k: part_of(masks[k], inside[k].shared(Box(0, 0, *masks[k].shape))) for k in near}
+
+            found = seen[id(self)] = dataclasses.replace(
+                self,
+                layers={k: self.layers[k].bare for k in near},
+                places={k: self.places[k] for k in near},
+                covered=parts(self.covered),
+                allowed=parts(self.allowed),
+                keeps=False,
+            )
+        return found
 
 
 class LayerPairCost:
@@ -201,6 +235,7 @@ class LayerPairCost:
         self._pair, self._context = pair, context
         self._box = context.places[pair[0]].shared(context.places[pair[1]]).grown(1)
         self._kept: tuple[Floats32, Floats32] | None = None
+        self._nearby: Reach | None = None
 
     @property
     def box(self) -> Box:
@@ -213,7 +248,7 @@ class LayerPairCost:
 
     def on(self, box: Box, beside: Mask | None = None) -> tuple[Floats32, Floats32]:
         """The costs in a box, of large overlaps only those of interfaces of the pixels asked for."""
-        if self.box.shape[0] * self.box.shape[1] > KEPT_PIXELS:
+        if not self._context.keeps or self.box.shape[0] * self.box.shape[1] > KEPT_PIXELS:
             common = self.box.shared(box)
             if min(common.shape) < 2:
                 return spread(None, common, box)
@@ -222,6 +257,21 @@ class LayerPairCost:
         if self._kept is None:
             self._kept = self._computed(self.box)
         return spread(self._kept, self.box, box)
+
+    def part(self, box: Box, seen: dict[int, Any]) -> LayerPairCost:
+        """The same cost as far as a box is concerned."""
+        whole = box.shared(self.box) == self.box
+        result = LayerPairCost(self._pair, self._context.part(box, seen))
+        result._nearby = self._nearby if whole else self._reach
+        return result
+
+    def looked_at(self) -> Reach | None:
+        """What was seen of all of the overlap, and needs not be looked at again (:meth:`know`)."""
+        return self._nearby
+
+    def know(self, nearby: Reach | None) -> None:
+        """Take over what another process has seen."""
+        self._nearby = nearby
 
     def _computed(self, box: Box, wanted: Mask | None = None) -> tuple[Floats32, Floats32]:
         """Block by block, so that only a few rows of the layers are held as float32."""
@@ -263,11 +313,15 @@ class LayerPairCost:
             forbid((down, right), away, _FORBIDDEN)
         return right[1:-1, 1:-1], down[1:-1, 1:-1]
 
-    @cached_property
+    @property
     def _reach(self) -> Reach | None:
-        reach, (height, width) = self._context.match.reach, self.box.shape
-        if not reach:
-            return None
+        reach = self._context.match.reach
+        if self._nearby is None and reach:
+            self._nearby = self._seen_by(reach)
+        return self._nearby
+
+    def _seen_by(self, reach: float) -> Reach:
+        height, width = self.box.shape
         rows_of = max(1, _BLOCK_PIXELS // width // CELL) * CELL
 
         def blocks() -> Iterator[tuple[int, Floats32, Mask]]:
@@ -317,6 +371,36 @@ class TableCost:
         """(h, w) bool, the whole of their common box."""
         inside = self.box.grown(-1)
         return cut(np.ones(inside.shape, bool), inside, box)
+
+    def part(self, box: Box, seen: dict[int, Any]) -> PairCost:
+        """The table in a box."""
+        common = box.grown(_AROUND).shared(self.box)
+        if min(common.shape) < 2:
+            common = Box(self.box.top, self.box.left, self.box.top + 2, self.box.left + 2)
+        return PartCost(self.box, common, *spread((self.right, self.down), self.box, common))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PartCost:
+    """A part of such tables; 0 elsewhere."""
+
+    box: Box
+    at: Box
+    right: Floats32
+    down: Floats32
+
+    def on(self, box: Box, beside: Mask | None = None) -> tuple[Floats32, Floats32]:
+        """The costs in a box."""
+        return spread((self.right, self.down), self.at, box)
+
+    def shared(self, box: Box) -> Mask:
+        """(h, w) bool, the whole of their common box."""
+        inside = self.box.grown(-1)
+        return cut(np.ones(inside.shape, bool), inside, box)
+
+    def part(self, box: Box, seen: dict[int, Any]) -> PairCost:
+        """It is one already."""
+        return self
 
 
 def exclusive_covers(layers: Sequence[Layer], places: Sequence[Box], canvas: Extent) -> list[Mask]:

@@ -27,8 +27,10 @@ from toposeam_cli.pictures.picture import Picture, write_picture
 from toposeam_cli.pictures.raw import Stored
 from toposeam_cli.placing import PlacedPictures
 
-#: Side of the windows that are handed to other processes, px: BLOCK high, so wide.
+#: How wide windows are that are handed to other processes, px.
 _COLUMNS = 4 * BLOCK
+#: Rows of a window that are written at once.
+_ROWS = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -205,23 +207,29 @@ def _windows(height: int, width: int, columns: int) -> Iterator[Box]:
 def _painted(window: _Window) -> _Painted:
     """Compute a window into files."""
     composed, box, files = window.composed, window.box, window.files
+    width, count = composed.shape[1], len(composed.names)
     image, alpha = composed.window(*box.slices)
-    white = full_scale(image.dtype)
-    if window.background is not None:
-        image = on_background(image, alpha, colour_of(window.background))
-        alpha[:] = white
-    planes = np.atleast_3d(image) if image.ndim == 3 else image[..., np.newaxis]
-    width = composed.shape[1]
-    _write(files.colours, np.concatenate([planes, alpha[..., np.newaxis]], axis=2), box, width)
-    shows, count = composed.labels(*box.slices), len(composed.names)
-    if window.labels:
-        grays = np.append(np.rint(np.linspace(0, 255, count)).astype(np.uint8), np.uint8(0))
-        _write(files.labels, grays[shows], box, width)
-    if window.marks is not None:
-        _write(files.drawn, _drawn(planes, window.marks[box.slices]), box, width)
-    opaque = new_map(composed.shape, False, bool)
-    opaque[box.slices] = alpha >= white
-    return _Painted(opaque, np.bincount(shows.ravel() + 1, minlength=count + 1), planes.shape[2])
+    white, bands = full_scale(image.dtype), 1
+    opaque, shown = new_map(composed.shape, False, bool), np.zeros(count + 1, np.int64)
+    opaque[box.slices] = True if window.background is not None else alpha >= white
+    grays = np.append(np.rint(np.linspace(0, 255, count)).astype(np.uint8), np.uint8(0))
+    for first in range(box.top, box.bottom, _ROWS):  # so that copies are small
+        strip = Box(first, box.left, min(first + _ROWS, box.bottom), box.right)
+        here = slice(strip.top - box.top, strip.bottom - box.top)
+        part, opacity = image[here], alpha[here]
+        if window.background is not None:
+            part = on_background(part, opacity, colour_of(window.background))
+            opacity[:] = white
+        planes = part if part.ndim == 3 else part[..., np.newaxis]
+        bands = planes.shape[2]
+        _write(files.colours, np.concatenate([planes, opacity[..., np.newaxis]], axis=2), strip, width)
+        shows = composed.labels(*strip.slices)
+        shown += np.bincount(shows.ravel() + 1, minlength=len(shown))
+        if window.labels:
+            _write(files.labels, grays[shows], strip, width)
+        if window.marks is not None:
+            _write(files.drawn, _drawn(planes, window.marks[strip.slices]), strip, width)
+    return _Painted(opaque, shown, bands)
 
 
 def _write(path: Path, values: npt.NDArray[Any], box: Box, width: int) -> None:

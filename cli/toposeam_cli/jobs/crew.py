@@ -132,8 +132,8 @@ class Crew:
 
 def done(call: bytes) -> bytes:
     """In a worker: what a function of an item gives, or what it raises."""
-    function, item = pickle.loads(call)  # noqa: S301 - from whoever started this worker
     try:
+        function, item = pickle.loads(call)  # noqa: S301 - from whoever started this worker
         result = True, function(item)
     except Exception as error:
         result = False, _portable(error)

@@ -26,6 +26,9 @@ from toposeam_cli.pictures.picture import Picture, write_picture
 from toposeam_cli.pictures.raw import Stored
 from toposeam_cli.placing import PlacedPictures
 
+#: Rows of a window that are written at once.
+_ROWS = 64
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Large:
@@ -115,19 +118,24 @@ def make(
         for top in range(0, height, BLOCK):
             rows = slice(top, min(top + BLOCK, height))
             image, alpha = composed.window(rows, slice(0, width))
-            if out.background is not None:
-                image = on_background(image, alpha, colour_of(out.background))
-                alpha[:] = full_scale(dtype)
-            opaque[rows, slice(0, width)] = alpha >= full_scale(dtype)
-            planes = np.atleast_3d(image) if image.ndim == 3 else image[..., np.newaxis]
-            bands = planes.shape[2]
-            colours.write(np.concatenate([planes, alpha[..., np.newaxis]], axis=2).tobytes())
-            shows = composed.labels(rows, slice(0, width))
-            shown += np.bincount(shows.ravel() + 1, minlength=len(shown))
-            if out.labels is not None:
-                labels.write(grays[shows].tobytes())
-            if marks is not None:
-                drawn.write(_drawn(planes, marks[rows, slice(0, width)]).tobytes())
+            solid = out.background is not None
+            opaque[rows, slice(0, width)] = True if solid else alpha >= full_scale(dtype)
+            for first in range(rows.start, rows.stop, _ROWS):  # so that copies are small
+                strip = slice(first, min(first + _ROWS, rows.stop))
+                here = slice(strip.start - rows.start, strip.stop - rows.start)
+                part, opacity = image[here], alpha[here]
+                if out.background is not None:
+                    part = on_background(part, opacity, colour_of(out.background))
+                    opacity[:] = full_scale(dtype)
+                planes = part if part.ndim == 3 else part[..., np.newaxis]
+                bands = planes.shape[2]
+                colours.write(np.concatenate([planes, opacity[..., np.newaxis]], axis=2).tobytes())
+                shows = composed.labels(strip, slice(0, width))
+                shown += np.bincount(shows.ravel() + 1, minlength=len(shown))
+                if out.labels is not None:
+                    labels.write(grays[shows].tobytes())
+                if marks is not None:
+                    drawn.write(_drawn(planes, marks[strip, slice(0, width)]).tobytes())
             if progress is not None:
                 progress(0.5 + 0.5 * rows.stop / height)
     box = Box(0, 0, height, width)

@@ -9,7 +9,7 @@ from pathlib import Path
 import toposeam as ts
 from toposeam_cli.options import Length
 from toposeam_cli.pictures.picture import Picture
-from toposeam_cli.pictures.tiff_place import tiff_canvas, tiff_place
+from toposeam_cli.pictures.tiff_place import FARTHEST, tiff_canvas, tiff_place
 
 #: How pictures of a grid follow each other.
 ORDERS = ("rows", "columns", "snake-rows", "snake-columns")
@@ -114,11 +114,22 @@ def width_round(wrap: int | None, files: Sequence[Path]) -> int | None:
 def _of_tiffs(files: Sequence[Path], pictures: Sequence[Picture]) -> list[tuple[float, float]] | None:
     """The places that all of some TIFF files state; None where one does not, or where all opaque ones would
     lie on each other.
+
+    Raises
+    ------
+    OptionError
+        When one lies too far away.
     """
     places = [tiff_place(path) for path in files]
     known = [place for place in places if place is not None]
     if len(known) < len(places):
         return None
+    for path, (x, y) in zip(files, known, strict=True):
+        if max(abs(x), abs(y)) > FARTHEST:
+            raise ts.OptionError(
+                f"'{path}' says that it lies at {x},{y}, which is too far away; export it again, or say "
+                "where the pictures lie"
+            )
     if len(set(known)) == 1 and any(picture.alpha is None for picture in pictures):
         return None
     return list(known)

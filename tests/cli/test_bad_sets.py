@@ -75,7 +75,8 @@ def test_one_of_another_size_and_depth_is_placed_too(crops, toposeam, tmp_path):
     )
 
 
-def tile(folder, index, x, y, content=None):
+def tile(folder, index, x, y, content=None, said=None):
+    """A picture that says where it lies, truly or not."""
     path = folder / f"tile{index:02d}.tif"
     if content is not None:
         path.write_bytes(content)
@@ -85,7 +86,7 @@ def tile(folder, index, x, y, content=None):
         crop(data.coffee(), (x, y), (50, 60)),
         resolution=(150, 150),
         resolutionunit="INCH",
-        extratags=[(286, 5, 1, (x, 150), True), (287, 5, 1, (y, 150), True)],
+        extratags=[(286, 5, 1, (said or x, 150), True), (287, 5, 1, (y, 150), True)],
         metadata=None,
     )
 
@@ -113,6 +114,32 @@ def test_positions_beyond_all_canvases_are_refused(crops, toposeam, tmp_path, x)
     before = sorted(path.name for path in tmp_path.iterdir())
     for where in (("--at", "0,0", "--at", f"{x},0"), ("--offset", f"0,-{x}")):
         toposeam("stitch", "a.png", "b.png", *where, "-o", "all.png").fails("too far away", 2)
+    nothing_new(tmp_path, before)
+
+
+@pytest.mark.parametrize(
+    ("x", "said"),
+    [
+        (2**31 + 5, "'tile02.tif' says that it lies at 2147483653,0, which is too far away"),
+        (2**30, "more than 1000 megapixels; check where they lie, tile02.tif first of all"),
+    ],
+)
+def test_a_file_that_says_it_lies_far_away_is_named(toposeam, tmp_path, monkeypatch, x, said):
+    monkeypatch.chdir(tmp_path)
+    for index in range(4):
+        tile(tmp_path, index, 40 * index, 0, said=x if index == 2 else None)
+    files = sorted(path.name for path in tmp_path.iterdir())
+    toposeam("stitch", *files, "-o", "all.png").fails(said)
+    nothing_new(tmp_path, files)
+
+
+@pytest.mark.parametrize("x", [2**31, 2**70, 1e30])
+def test_a_layout_that_lies_far_away(crops, toposeam, tmp_path, x):
+    layers = [{"file": name, "at": [x if name == "c.png" else 0, 0]} for name in crops]
+    (tmp_path / "far.json").write_text(json.dumps({"layer": layers}))
+    before = sorted(path.name for path in tmp_path.iterdir())
+    said = ", which lies too far away" if isinstance(x, int) else "; write two whole numbers"
+    toposeam("stitch", "far.json", "-o", "all.png").fails(f"layer 3: at is [{x!r}, 0]{said}")
     nothing_new(tmp_path, before)
 
 

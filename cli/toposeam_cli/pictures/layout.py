@@ -99,6 +99,8 @@ def _layer(path: Path, number: int, entry: Any) -> LayoutLayer | None:
         and len(at) == 2
         and all(isinstance(value, kinds) and not isinstance(value, bool) for value in at)
     )
+    if fits and max(map(abs, at)) > _FARTHEST_PX:
+        raise ts.OptionError(f"{where}: at is {at!r}, which lies too far away; nine digits are the most")
     if not fits or not max(map(abs, at)) <= _FARTHEST_PX:
         raise ts.OptionError(f"{where}: at is {at!r}; write two whole numbers of pixels, as at = [120, -4]")
     if not isinstance(entry.get("visible", True), bool):

@@ -11,11 +11,12 @@ from pathlib import Path
 
 _X_RESOLUTION, _Y_RESOLUTION, _X_POSITION, _Y_POSITION = 282, 283, 286, 287
 _FULL_WIDTH, _FULL_HEIGHT = 33300, 33301
-_FARTHEST = 2**31 - 1
+#: Layers may not lie farther from the origin, px.
+FARTHEST = 2**31 - 1
 
 
 def tiff_place(path: Path) -> tuple[int, int] | None:
-    """(x, y) of the picture's upper left corner in px, or None where the file does not say it.
+    """(x, y) of the picture's upper left corner in px, however far, or None where the file does not say it.
 
     Parameters
     ----------
@@ -29,7 +30,7 @@ def tiff_place(path: Path) -> tuple[int, int] | None:
         round(tags[position] * tags.get(resolution, Fraction(1)))
         for position, resolution in ((_X_POSITION, _X_RESOLUTION), (_Y_POSITION, _Y_RESOLUTION))
     )
-    return (x, y) if max(abs(x), abs(y)) <= _FARTHEST else None
+    return x, y
 
 
 def tiff_canvas(path: Path) -> tuple[int, int] | None:

@@ -223,9 +223,18 @@ def common_canvas(layers: Sequence[Layer], *, max_megapixels: float = MAX_MEGAPI
     if height * width > max_megapixels * 1e6:
         raise OptionError(
             f"the layers span {width} × {height} px, more than {max_megapixels:g} megapixels; check where "
-            "they lie"
+            f"they lie{_alone(layers, max_megapixels * 1e6)}"
         )
     return extent
+
+
+def _alone(layers: Sequence[Layer], pixels: float) -> str:
+    """Which of many layers it is without which the canvas would hold no more than so many pixels, if any."""
+    for index, layer in enumerate(layers if len(layers) > 2 else ()):
+        height, width = extent_of([*layers[:index], *layers[index + 1 :]]).shape
+        if height * width <= pixels:
+            return f", {layer.name} first of all"
+    return ""
 
 
 def extent_of(layers: Sequence[Layer]) -> Extent:

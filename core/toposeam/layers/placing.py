@@ -46,6 +46,8 @@ _FREEDOMS = ("shift", "turn", "similarity")
 _FREE = {"shift": (2, 3), "turn": (1, 2, 3), "similarity": (0, 1, 2, 3)}
 #: How many directions of all of them there are that change nothing between any two.
 _NOBODY_SEES = {"shift": 2, "turn": 3, "similarity": 4}
+#: Of a group that shows something else so many pictures are named at most.
+_NAMED = 8
 #: Patches of a pair overlap, and err alike: so many count as one (benchmarks/placing.py: of 29 sets, no
 #: picture is farther off than 4 standard deviations). None is more exact than so many px.
 _ALIKE, _FINEST = 16, 0.02
@@ -161,6 +163,8 @@ def _check_joined(pictures: Sequence[Layer], matches: dict[Pair, Match], best: F
     index = lost[0]
     partners = [pictures[k].name for k in lost[1:] if group[k] == group[index]]
     if partners:
+        if len(partners) > _NAMED:
+            partners[_NAMED - 1 :] = [f"{len(partners) - _NAMED + 1} more"]
         raise OverlapError(
             f"{pictures[index].name} and {', '.join(partners)} show something else than the other pictures; "
             "join the two groups apart"

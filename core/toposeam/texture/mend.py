@@ -18,6 +18,7 @@ from scipy import ndimage
 from toposeam.images import Mask
 from toposeam.texture.atlas import Floats32, Ints32, values_at
 from toposeam.texture.crew import Crew
+from toposeam.texture.joints import ROWS
 from toposeam.texture.lay import PatchPlacer
 from toposeam.texture.search import Ints
 from toposeam.texture.sites import Offers, Site
@@ -106,7 +107,9 @@ def mend(
     height, width = canvas.shape
     blocks = -(-height // _BLOCK), -(-width // _BLOCK)
     cost = np.zeros((blocks[0] * _BLOCK, blocks[1] * _BLOCK), np.float32)
-    cost[:height, :width] = _seam_costs(placer, canvas.read(0, 0, height + 1, width + 1))
+    for top in range(0, height, ROWS):
+        part = cost[top : min(top + ROWS, height), :width]
+        part[...] = _seam_costs(placer, canvas.read(top, 0, len(part) + 1, width + 1))
     worth = cost.reshape(blocks[0], _BLOCK, blocks[1], _BLOCK).sum(axis=(1, 3))
     tried = np.zeros(worth.shape, np.float32)
     mode = ["wrap" if wraps else "constant" for wraps in canvas.wrap]

@@ -146,3 +146,15 @@ def test_how_far_corners_are_open_is_how_far_they_scatter():
     seen = np.sqrt(np.mean(np.abs(left) ** 2, axis=0)).reshape(4, 4).max(axis=1)
     # One in 16 is counted here, where errors are independent.
     np.testing.assert_allclose(np.mean(said, axis=0) / 4, seen, rtol=0.35)
+
+
+def test_of_a_large_group_that_shows_something_else_a_few_are_named():
+    pictures = [ts.Layer(WHOLE[:, :20], name=f"p{index}") for index in range(30)]
+    matches = {(index, index + 1): None for index in range(29) if index != 14}
+    few = "p15 and p16, p17, p18, p19, p20, p21, p22, 7 more show something else"
+    with pytest.raises(ts.OverlapError, match=few):
+        placing._check_joined(pictures, matches, np.ones(30), 0.5)
+    with pytest.raises(ts.OverlapError, match="p15 and p16, p17, p18, p19 show something else"):
+        placing._check_joined(
+            pictures[:20], {pair: None for pair in matches if pair[1] < 20}, np.ones(20), 0.5
+        )

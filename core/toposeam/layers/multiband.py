@@ -107,15 +107,14 @@ def _continued(planes: Floats32, known: Mask, weights: list[Floats32] | None) ->
         filled += coarser
     result = planes.copy()
     missing = ~known
-    rows, columns = (_doubles(missing.any(axis=axis)) for axis in (1, 0))
+    rows, columns = (_doubles(np.flatnonzero(missing.any(axis=axis))) for axis in (1, 0))
     part = np.s_[:, rows, columns]
     np.copyto(result[part], expand_part(filled, rows, columns), where=missing[rows, columns])
     return result
 
 
-def _doubles(chosen: npt.NDArray[np.bool_]) -> slice:
-    """From the first one to the last one, in whole pairs."""
-    at = np.flatnonzero(chosen)
+def _doubles(at: npt.NDArray[np.intp]) -> slice:
+    """From the first index to the last one, in whole pairs."""
     return slice(int(at[0]) // 2 * 2, int(at[-1]) // 2 * 2 + 2)
 
 

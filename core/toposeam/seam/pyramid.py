@@ -20,7 +20,8 @@ def reduce(planes: Floats32) -> Floats32:
     """Every other pixel of the smoothed image. (C, h, w) to (C, h / 2, w / 2), for even h and w."""
     planes = _halved(planes[:, ::2], planes[:, 1::2], 1)
     # Every other pixel of a row is read once only.
-    return _halved(*(np.ascontiguousarray(planes[..., first::2]) for first in (0, 1)), 2)
+    even, odd = (np.ascontiguousarray(planes[..., first::2]) for first in (0, 1))
+    return _halved(even, odd, 2)
 
 
 def _halved(even: Floats32, odd: Floats32, axis: int) -> Floats32:

@@ -26,7 +26,7 @@ from toposeam.errors import OptionError
 from toposeam.images import Mask, as_float, widen
 from toposeam.layers.labelling import Labelling, Pair, PairCost
 from toposeam.layers.layer import Box, Extent, Layer, cut
-from toposeam.layers.maps import all_of, blocks, cover_of, dense, ground, made_map, new_map, uniform
+from toposeam.layers.maps import EDGES, all_of, blocks, cover_of, dense, ground, made_map, new_map, uniform
 from toposeam.seam.match_cost import Floats32, MatchCost, match_cost
 from toposeam.seam.overlap import FREE, NONE, A, B, Overlap, at_its_end, cores
 from toposeam.seam.posing import forbid
@@ -111,7 +111,7 @@ def _away_from_ends(places: Sequence[Box], covered: Sequence[Mask]) -> list[Mask
         on_canvas = box.moved(*place[:2])
         return np.where(ground(places, inner, on_canvas), away, cover)
 
-    return [made_map(place.shape, bool, partial(allowed, index)) for index, place in enumerate(places)]
+    return [made_map(place.shape, bool, partial(allowed, index), EDGES) for index, place in enumerate(places)]
 
 
 def _without_ends(index: int, places: Sequence[Box], covered: Sequence[Mask]) -> Mask:
@@ -127,7 +127,7 @@ def _without_ends(index: int, places: Sequence[Box], covered: Sequence[Mask]) ->
         away: Mask = (here & ~at_its_end(here, ground(places, covered, around)))[1:-1, 1:-1]
         return away
 
-    return made_map(place.shape, bool, values)
+    return made_map(place.shape, bool, values, EDGES)
 
 
 def _keep_cores(

@@ -23,7 +23,7 @@ import numpy as np
 from toposeam.images import Mask
 from toposeam.layers.labelling import Labelling, Pair, PairCost
 from toposeam.layers.layer import Box, cut
-from toposeam.layers.maps import blocks, ground, made_map, new_map, uniform
+from toposeam.layers.maps import EDGES, blocks, ground, made_map, new_map, uniform
 from toposeam.layers.painting import LabelMap
 from toposeam.layers.posing import KEPT_PIXELS, TableCost, spread
 from toposeam.seam.match_cost import Floats32
@@ -45,7 +45,7 @@ def reduced(labelling: Labelling) -> Labelling:
     everywhere, somewhere = [], []
     for index, place in enumerate(places):
         every, some = (new_map(place.shape, False, bool) for _ in range(2))
-        for box in blocks(Box(0, 0, *place.shape)):
+        for box in blocks(Box(0, 0, *place.shape), EDGES):
             every[box.slices], some[box.slices] = _allowed(labelling, index, _moved(box, place))
         everywhere.append(every)
         somewhere.append(some)
@@ -60,7 +60,9 @@ def reduced(labelling: Labelling) -> Labelling:
         result: Mask = every | (some & ~ground(places, everywhere, _moved(box, place)))
         return result
 
-    allowed = [made_map(place.shape, bool, partial(chosen, index)) for index, place in enumerate(places)]
+    allowed = [
+        made_map(place.shape, bool, partial(chosen, index), EDGES) for index, place in enumerate(places)
+    ]
     costs: dict[Pair, PairCost] = {pair: _reduced_cost(cost) for pair, cost in labelling.costs.items()}
     return Labelling(canvas, places, allowed, costs, labelling.forbidden)
 

@@ -287,22 +287,28 @@ def contact_sheet(rows: list[list[np.ndarray]], side: int = 260, gap: int = 6) -
 def large() -> None:
     code = (
         "import resource, sys, time, skimage.data, toposeam as ts\n"
-        "sample, size = skimage.data.gravel()[:192, :192], int(sys.argv[1])\n"
+        "sample = getattr(skimage.data, sys.argv[2])()[:192, :192]\n"
+        "size, level = int(sys.argv[1]), sys.argv[3] == 'levelled'\n"
         "ts.synthesize(sample, 64, patch=40)\n"
         "started = time.process_time()\n"
-        "made = ts.synthesize(sample, size, patch=40, tileable=True)\n"
+        "made = ts.synthesize(sample, size, patch=40, tileable=True, level=level)\n"
         "print(time.process_time() - started, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)\n"
     )
-    seconds, peak = {}, 0.0
-    for size in (1024, 4096):
-        ran = subprocess.run(
-            [sys.executable, "-c", code, str(size)], check=True, capture_output=True, text=True
+    for name, levelled in (("gravel", "plain"), ("coffee", "plain"), ("coffee", "levelled")):
+        seconds, peak = {}, 0.0
+        for size in (1024, 4096):
+            ran = subprocess.run(
+                [sys.executable, "-c", code, str(size), name, levelled],
+                check=True,
+                capture_output=True,
+                text=True,
+            )
+            seconds[size], peak = map(float, ran.stdout.split())
+        print(
+            f"{name}, {levelled}: 4096² takes {seconds[4096] / seconds[1024] / 16:.2f} × 16 times as long as "
+            f"1024² ({seconds[4096]:.1f} and {seconds[1024]:.1f} s), and {peak:.0f} MiB with Python and all",
+            flush=True,
         )
-        seconds[size], peak = map(float, ran.stdout.split())
-    print(
-        f"4096² takes {seconds[4096] / seconds[1024] / 16:.2f} × 16 times as long as 1024² "
-        f"({seconds[4096]:.1f} and {seconds[1024]:.1f} s), and {peak:.0f} MiB with Python and all"
-    )
     tiling()
 
 

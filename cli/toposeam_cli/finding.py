@@ -2,22 +2,55 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import click
 
 import toposeam as ts
 from toposeam.layers.tasks import Executor
 from toposeam_cli.composing import Outputs
 from toposeam_cli.drawn_seams import given_seams
 from toposeam_cli.figures.search import check_search
+from toposeam_cli.files.scratch import Scratch
 from toposeam_cli.options import Keyed
 from toposeam_cli.placing import PlacedPictures, read_avoid
 from toposeam_cli.progress import share_bar
 
 #: Below this correlation two pictures hardly show the same.
 _STRANGE = 0.1
+
+
+def shared_work(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options that say who does the work."""
+    for option in (
+        click.option(
+            "--dask",
+            metavar="ADDRESS|local",
+            help="Work on the workers of a Dask scheduler, or on a Dask cluster made of -j processes.",
+        ),
+        click.option(
+            "-j",
+            "--jobs",
+            "processes",
+            type=click.IntRange(1, 256),
+            help="Processes; the cores by default. Pictures of 64 megapixels or less in all take one.",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+@dataclass(frozen=True, slots=True)
+class Means:
+    """Where pixels wait, and who does what can be done at once."""
+
+    store: Scratch
+    workers: Executor | None
+    #: Whether pixels wait in files however few they are.
+    stores: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,13 +78,18 @@ def by_windows(out: Outputs, find: SeamOptions) -> bool:
     return out.output.suffix.lower() != ".ora" and find.blend != "gradient" and out.history is None
 
 
-def check_finding(find: SeamOptions, out: Outputs) -> None:
+def check_finding(find: SeamOptions, out: Outputs, dask: str | None) -> None:
     """Refuse options that mean nothing together.
 
     Raises
     ------
     OptionError
     """
+    if dask is not None and not by_windows(out, find):
+        raise ts.OptionError(
+            "--dask makes pictures window by window, which .ora, --blend gradient and --history do not; "
+            "leave one of them out"
+        )
     iterates = not find.use_seam and find.method in (None, "heat", "thesis")
     if out.history is not None:
         if not iterates:

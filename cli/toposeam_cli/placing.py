@@ -22,7 +22,7 @@ from toposeam_cli.pictures.limits import check_together
 from toposeam_cli.pictures.masks import read_white
 from toposeam_cli.pictures.openraster import read_ora
 from toposeam_cli.pictures.picture import Picture, match_pictures, read_picture
-from toposeam_cli.pictures.stored import store, stored_at
+from toposeam_cli.pictures.stored import read_stored, store
 from toposeam_cli.whereabouts import Where, places_of
 
 #: Pictures with more pixels together wait in files.
@@ -134,12 +134,14 @@ def _read(item: tuple[Path, int, Path | None]) -> Picture | ts.ImageError:
     """A picture of at most so many pixels, which may wait in a file, or why it cannot be used."""
     path, limit, waits = item
     try:
+        if waits is not None:
+            return read_stored(path, limit, waits)
         picture = read_picture(path, max_pixels=limit)
     except ts.ImageError as error:
         return error
     if picture.alpha is not None and bool((picture.alpha == full_scale(picture.alpha.dtype)).all()):
         picture = replace(picture, alpha=None)  # it says nothing
-    return picture if waits is None else stored_at(waits, picture)
+    return picture
 
 
 def arrange(
@@ -172,7 +174,7 @@ def arrange(
         When two pictures share no pixel.
     """
     limit = round(max_megapixels * 1e6)
-    kept = scratch if stores or _many(files) else None
+    kept = scratch if scratch is not None and (stores or _many(files)) else None
     keep = None if kept is None else partial(store, scratch=kept)
     reading = _Reading(limit=limit, scratch=kept, skips=skip_bad, executor=executor, elsewhere=stores)
     sources = _sources(files, where, reading, 1 if alone else 2)
@@ -221,7 +223,7 @@ def arrange(
         files=tuple(source.file for source in sources if source.file is not None),
         placement=placement,
         skipped=tuple(reading.reasons),
-        stored=keep is not None,
+        stored=kept is not None,
     )
 
 

@@ -15,11 +15,19 @@ from click.core import ParameterSource
 import toposeam as ts
 from toposeam.images import Windows
 from toposeam.layers.composite import stitched as ts_stitched
-from toposeam.layers.tasks import Executor
 from toposeam.seam.drawing import draw_seams
 from toposeam_cli.composing import Outputs, check_outputs, crop_of, cropped, write
-from toposeam_cli.files.scratch import Scratch, scratch
-from toposeam_cli.finding import SeamOptions, by_windows, check_finding, composed_as, correlations, strangers
+from toposeam_cli.files.scratch import scratch
+from toposeam_cli.finding import (
+    Means,
+    SeamOptions,
+    by_windows,
+    check_finding,
+    composed_as,
+    correlations,
+    shared_work,
+    strangers,
+)
 from toposeam_cli.jobs.crew import crew, processes_of
 from toposeam_cli.large import describe_totals, make, summary_of_large, write_large
 from toposeam_cli.options import (
@@ -175,18 +183,7 @@ from toposeam_cli.whereabouts import ORDERS, Where, width_round
     is_flag=True,
     help="Print costs, optima, ratios, stages, iterations and seconds as JSON.",
 )
-@click.option(
-    "-j",
-    "--jobs",
-    "processes",
-    type=click.IntRange(1, 256),
-    help="Processes; the cores by default. Pictures of 64 megapixels or less in all take one.",
-)
-@click.option(
-    "--dask",
-    metavar="ADDRESS|local",
-    help="Work on the workers of a Dask scheduler, or on a Dask cluster made of -j processes.",
-)
+@shared_work
 @force_option
 @quiet_option
 def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: Any) -> dict[str, Any]:
@@ -208,30 +205,15 @@ def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: 
         return _stitch_clips(files, given)
     where, find, out = taken(Where, given), taken(SeamOptions, given), taken(Outputs, given)
     check_outputs(out)
-    check_finding(find, out)
+    check_finding(find, out, given["dask"])
     dask = given["dask"]
-    if dask is not None and not by_windows(out, find):
-        raise ts.OptionError(
-            "--dask makes pictures window by window, which .ora, --blend gradient and --history do not; "
-            "leave one of them out"
-        )
     with (
         scratch(out.output.parent) as files_of_pixels,
         crew(processes_of(given["processes"]), dask) as workers,
     ):
         if dask is not None and workers is not None:
             workers.check(files_of_pixels.new(), files)
-        return _stitch(files, where, find, out, given, _Means(files_of_pixels, workers, dask is not None))
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class _Means:
-    """Where pixels wait, and who does what can be done at once."""
-
-    store: Scratch
-    workers: Executor | None
-    #: Whether pixels wait in files however few they are.
-    stores: bool
+        return _stitch(files, where, find, out, given, Means(files_of_pixels, workers, dask is not None))
 
 
 def _stitch(
@@ -240,7 +222,7 @@ def _stitch(
     find: SeamOptions,
     out: Outputs,
     given: dict[str, Any],
-    means: _Means,
+    means: Means,
 ) -> dict[str, Any]:
     with share_bar("placing", out.quiet) as progress:
         job = arrange(
@@ -332,7 +314,7 @@ def _stitch_large(
     out: Outputs,
     files: Sequence[Path],
     crop: str,
-    means: _Means,
+    means: Means,
     warnings: Sequence[str],
     aligned: ts.Aligned | None,
 ) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """Independent parts of one piece of work, on processes of this machine or on Dask.
 
-:class:`Crew` is what :mod:`toposeam.layers.tasks` calls an executor. Workers start when there is something
-for them to do; what one that died had begun is done again.
+:class:`TaskCrew` is what :mod:`toposeam.layers.tasks` calls an executor. Workers start when there is
+something for them to do; what one that died had begun is done again.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any
 
 from toposeam.errors import TopoSeamError
 from toposeam.sentence import sentence
-from toposeam_cli.jobs.dask_workers import DaskWorkers, Look, dask_workers
+from toposeam_cli.jobs.dask_workers import DaskWorkers, WorkerCheck, dask_workers
 from toposeam_cli.jobs.workers import Workers, worker_processes
 
 _LOGGER = logging.getLogger(__name__)
@@ -44,7 +44,7 @@ def processes_of(wanted: int | None) -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-class Crew:
+class TaskCrew:
     """Workers for the time of a block (:func:`crew`)."""
 
     def __init__(self, processes: int, dask: str | None, block: ExitStack) -> None:
@@ -79,7 +79,7 @@ class Crew:
         """
         workers = self.start()
         if isinstance(workers, DaskWorkers):
-            workers.check(Look.at(probe, files))
+            workers.check(WorkerCheck.at(probe, files))
 
     def map(self, function: Callable[[Any], Any], items: Iterable[Any], /) -> Iterator[Any]:
         """The results of a function of each item, in their order. What one raises is raised here.
@@ -157,7 +157,7 @@ def _value(said: bytes) -> Any:
 
 
 @contextmanager
-def crew(processes: int, dask: str | None = None) -> Iterator[Crew | None]:
+def crew(processes: int, dask: str | None = None) -> Iterator[TaskCrew | None]:
     """So many processes, or the workers of a Dask cluster, which end with the block; None where this process
     does everything itself.
 
@@ -171,6 +171,6 @@ def crew(processes: int, dask: str | None = None) -> Iterator[Crew | None]:
         yield None
         return
     with ExitStack() as block:
-        workers = Crew(processes, dask, block)
+        workers = TaskCrew(processes, dask, block)
         yield workers
         _LOGGER.info("%d parts, %d bytes to workers, %d back", workers.parts, workers.sent, workers.received)

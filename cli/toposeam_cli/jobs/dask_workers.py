@@ -47,7 +47,7 @@ class DaskWorkers(Workers):
     def _give_back(self, executor: Executor, died: bool) -> None:
         pass
 
-    def check(self, look: Look) -> None:
+    def check(self, look: WorkerCheck) -> None:
         """Refuse workers that would not do the same work on the same files.
 
         Raises
@@ -71,7 +71,7 @@ class DaskWorkers(Workers):
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class WorkerCheck:
     """What a worker is asked before there is work: whether it has our versions, and sees our files."""
 
     versions: Mapping[str, str]
@@ -80,7 +80,7 @@ class Look:
     secret: str
 
     @classmethod
-    def at(cls, probe: Path, files: Iterable[Path]) -> Look:
+    def at(cls, probe: Path, files: Iterable[Path]) -> WorkerCheck:
         """At some files, and at one that is made for it."""
         secret = uuid.uuid4().hex
         probe.write_text(secret)

@@ -131,7 +131,9 @@ class Composition:
         """(h, w) int16, the number of the layer that shows in a window of the canvas; -1 where none does."""
         bounds = (part.indices(side)[:2] for part, side in zip((rows, columns), self.shape, strict=True))
         (top, bottom), (left, right) = bounds
-        return self._placed.label_map[top:bottom, left + self._begin : right + self._begin].copy()
+        label_map = self._placed.label_map
+        labels: LabelMap = label_map[top:bottom, left + self._begin : right + self._begin]
+        return labels.copy() if isinstance(label_map, np.ndarray) else labels  # maps of tiles give copies
 
     def window(self, rows: slice, columns: slice) -> tuple[Image, Image]:
         """The picture in a window of the canvas, (h, w[, C]), and its opacity, (h, w), in the layers' dtype;

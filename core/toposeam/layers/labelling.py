@@ -23,7 +23,7 @@ from scipy import ndimage
 
 from toposeam.images import Mask
 from toposeam.layers.layer import Box, cut
-from toposeam.layers.maps import blocks, new_map, part_of, several, uniform
+from toposeam.layers.maps import blocks, new_map, several, uniform
 from toposeam.layers.painting import LabelMap
 from toposeam.seam.match_cost import Floats32
 from toposeam.seam.overlap import FREE, NONE, A, B, Overlap, neighbours
@@ -57,10 +57,7 @@ class PairCost(Protocol):
         ...
 
     def part(self, box: Box, seen: dict[int, Any]) -> PairCost:
-        """The same cost as far as a box is concerned, to be handed to another process. In `seen` is what
-        several costs have in common.
-        """
-        ...
+        """The same cost as far as a box is concerned; in `seen` is what several costs have in common."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,23 +100,6 @@ class Labelling:
     def labels_in(self, label_map: LabelMap, box: Box) -> LabelMap:
         """A copy of the label map in a box, -1 off the canvas."""
         return cut(label_map, self.canvas, box, fill=-1)
-
-    def part(self, box: Box) -> Labelling:
-        """The same problem as far as a box of the canvas is concerned, to be handed to another process."""
-        near = [all(place.shared(box).shape) for place in self.places]
-        nothing, nowhere = Box(0, 0, 0, 0), np.zeros((0, 0), bool)
-        seen: dict[int, Any] = {}
-        return dataclasses.replace(
-            self,
-            places=[place if is_near else nothing for place, is_near in zip(self.places, near, strict=True)],
-            allowed=[
-                part_of(allowed, box.shared(place).moved(-place.top, -place.left)) if is_near else nowhere
-                for allowed, place, is_near in zip(self.allowed, self.places, near, strict=True)
-            ],
-            costs={
-                (i, j): cost.part(box, seen) for (i, j), cost in self.costs.items() if near[i] and near[j]
-            },
-        )
 
     def contested(self, enough: int) -> int:
         """How many pixels have several layers to choose from; counted no further than `enough`."""

@@ -99,7 +99,7 @@ class Made:
         """How long each seam is, px, and what it costs, without making it."""
         canvas = self.moves.labelling.canvas
         found: dict[Pair, list[tuple[npt.NDArray[np.intp], ...]]] = {}
-        for block in several(self.moves.label_map, canvas):
+        for block in several(self.moves.label_map, canvas, side=BLOCK):
             labels = self.moves.label_map[block.slices]
             for axis, s, t in _INTERFACES:
                 rows, columns = np.nonzero(labels[s] != labels[t])

@@ -21,6 +21,8 @@ from toposeam.layers.layer import Box, Layer, cut
 DENSE_PIXELS = 1 << 22
 #: Side of the tiles, px, and of the blocks in which whole canvases are gone through.
 TILE, BLOCK = 128, 1024
+#: Side of the blocks in which masks are gone through that differ along the edges of layers only.
+EDGES = 256
 
 Windows2 = tuple[slice, slice]
 
@@ -189,10 +191,12 @@ def part_of(values: Any, box: Box) -> npt.NDArray[Any]:
     return cast("npt.NDArray[Any]", values.part(box))
 
 
-def made_map(shape: tuple[int, int], dtype: npt.DTypeLike, values: Callable[[Box], Any]) -> npt.NDArray[Any]:
+def made_map(
+    shape: tuple[int, int], dtype: npt.DTypeLike, values: Callable[[Box], Any], side: int = BLOCK
+) -> npt.NDArray[Any]:
     """An (H, W) map, computed block by block; `values` gives an array or one value for a box of it."""
     result = new_map(shape, 0, dtype)
-    for box in blocks(Box(0, 0, *shape)):
+    for box in blocks(Box(0, 0, *shape), side):
         result[box.slices] = values(box)
     return result
 

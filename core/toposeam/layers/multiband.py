@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.images import Mask
-from toposeam.seam.pyramid import expand, gaussian
+from toposeam.seam.pyramid import expand, expand_part, gaussian
 
 Floats32 = npt.NDArray[np.float32]
 
@@ -96,16 +96,26 @@ def _continued(planes: Floats32, known: Mask, weights: list[Floats32] | None) ->
     levels = len(weights) - 1
     sums = gaussian(np.where(known, planes, np.float32(0)), levels)
     filled = _ratio(sums[-1], weights[-1])
-    for level in reversed(range(levels)):
+    for level in reversed(range(1, levels)):
         share = weights[level]
         # Averages of few pixels give way to the coarser level.
-        trust = np.minimum(share, 1) if level else (share > 0).astype(np.float32)
+        trust = np.minimum(share, 1)
         coarser = expand(filled)
         filled = _ratio(sums[level], share)
         filled -= coarser
         filled *= trust
         filled += coarser
-    return filled
+    result = planes.copy()
+    missing = ~known
+    rows, columns = (_doubles(np.flatnonzero(missing.any(axis=axis))) for axis in (1, 0))
+    part = np.s_[:, rows, columns]
+    np.copyto(result[part], expand_part(filled, rows, columns), where=missing[rows, columns])
+    return result
+
+
+def _doubles(at: npt.NDArray[np.intp]) -> slice:
+    """From the first index to the last one, in whole pairs."""
+    return slice(int(at[0]) // 2 * 2, int(at[-1]) // 2 * 2 + 2)
 
 
 def _ratio(sums: Floats32, weights: Floats32) -> Floats32:

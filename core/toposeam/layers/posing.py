@@ -27,7 +27,19 @@ from toposeam.errors import OptionError
 from toposeam.images import Mask, as_float, widen
 from toposeam.layers.labelling import Labelling, Pair, PairCost
 from toposeam.layers.layer import Box, Extent, Layer, cut
-from toposeam.layers.maps import all_of, blocks, cover_of, dense, ground, made_map, new_map, part_of, uniform
+from toposeam.layers.maps import (
+    EDGES,
+    all_of,
+    blocks,
+    cover_of,
+    dense,
+    ground,
+    made_map,
+    new_map,
+    part_of,
+    uniform,
+)
+from toposeam.layers.table_costs import AROUND, spread
 from toposeam.seam.match_cost import Floats32, MatchCost, match_cost
 from toposeam.seam.overlap import FREE, NONE, A, B, Overlap, at_its_end, cores
 from toposeam.seam.posing import forbid
@@ -41,9 +53,6 @@ KEPT_PIXELS = 1 << 20
 _BLOCK_PIXELS = 1 << 17
 #: Rows of a band that are computed at once.
 _WANTED_ROWS = 48
-#: How far beyond a part of the canvas its costs are looked up, px: gradients look one farther, and halving
-#: doubles it.
-_AROUND = 8
 #: What forbids an interface; far above what any match cost amounts to.
 _FORBIDDEN = float(np.float32(M_MAX * 1e3))
 
@@ -121,7 +130,7 @@ def _away_from_ends(places: Sequence[Box], covered: Sequence[Mask]) -> list[Mask
         on_canvas = box.moved(*place[:2])
         return np.where(ground(places, inner, on_canvas), away, cover)
 
-    return [made_map(place.shape, bool, partial(allowed, index)) for index, place in enumerate(places)]
+    return [made_map(place.shape, bool, partial(allowed, index), EDGES) for index, place in enumerate(places)]
 
 
 def _without_ends(index: int, places: Sequence[Box], covered: Sequence[Mask]) -> Mask:
@@ -137,7 +146,7 @@ def _without_ends(index: int, places: Sequence[Box], covered: Sequence[Mask]) ->
         away: Mask = (here & ~at_its_end(here, ground(places, covered, around)))[1:-1, 1:-1]
         return away
 
-    return made_map(place.shape, bool, values)
+    return made_map(place.shape, bool, values, EDGES)
 
 
 def _keep_cores(
@@ -209,7 +218,7 @@ class _Context:
         """As far as a box is concerned."""
         found: _Context | None = seen.get(id(self))
         if found is None:
-            box = box.grown(_AROUND)
+            box = box.grown(AROUND)
             number = range(len(self.layers)) if isinstance(self.layers, Sequence) else list(self.layers)
             near = [index for index in number if all(self.places[index].shared(box).shape)]
 
@@ -340,67 +349,6 @@ class LayerPairCost:
         image = cut(layer.image, self._context.places[index], box)
         image[~present] = 0
         return as_float(image[::step, ::step], layer.name, layer.data_range)
-
-
-def spread(costs: tuple[Floats32, Floats32] | None, at: Box, box: Box) -> tuple[Floats32, Floats32]:
-    """Costs known in a box as those in another one, 0 beyond."""
-    right_box, down_box = (
-        Box(box.top, box.left, box.bottom, box.right - 1),
-        Box(box.top, box.left, box.bottom - 1, box.right),
-    )
-    if costs is None:
-        return np.zeros(right_box.shape, np.float32), np.zeros(down_box.shape, np.float32)
-    return cut(costs[0], Box(at.top, at.left, at.bottom, at.right - 1), right_box), cut(
-        costs[1], Box(at.top, at.left, at.bottom - 1, at.right), down_box
-    )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TableCost:
-    """The cost of two layers on a reduced canvas, as tables."""
-
-    box: Box
-    right: Floats32
-    down: Floats32
-
-    def on(self, box: Box, beside: Mask | None = None) -> tuple[Floats32, Floats32]:
-        """The costs in a box."""
-        return spread((self.right, self.down), self.box, box)
-
-    def shared(self, box: Box) -> Mask:
-        """(h, w) bool, the whole of their common box."""
-        inside = self.box.grown(-1)
-        return cut(np.ones(inside.shape, bool), inside, box)
-
-    def part(self, box: Box, seen: dict[int, Any]) -> PairCost:
-        """The table in a box."""
-        common = box.grown(_AROUND).shared(self.box)
-        if min(common.shape) < 2:
-            common = Box(self.box.top, self.box.left, self.box.top + 2, self.box.left + 2)
-        return PartCost(self.box, common, *spread((self.right, self.down), self.box, common))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PartCost:
-    """A part of such tables; 0 elsewhere."""
-
-    box: Box
-    at: Box
-    right: Floats32
-    down: Floats32
-
-    def on(self, box: Box, beside: Mask | None = None) -> tuple[Floats32, Floats32]:
-        """The costs in a box."""
-        return spread((self.right, self.down), self.at, box)
-
-    def shared(self, box: Box) -> Mask:
-        """(h, w) bool, the whole of their common box."""
-        inside = self.box.grown(-1)
-        return cut(np.ones(inside.shape, bool), inside, box)
-
-    def part(self, box: Box, seen: dict[int, Any]) -> PairCost:
-        """It is one already."""
-        return self
 
 
 def exclusive_covers(layers: Sequence[Layer], places: Sequence[Box], canvas: Extent) -> list[Mask]:

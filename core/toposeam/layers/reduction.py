@@ -24,9 +24,10 @@ import numpy as np
 from toposeam.images import Mask
 from toposeam.layers.labelling import Labelling, PairCost
 from toposeam.layers.layer import Box, cut
-from toposeam.layers.maps import blocks, ground, made_map, new_map, uniform
+from toposeam.layers.maps import EDGES, blocks, ground, made_map, new_map, uniform
 from toposeam.layers.painting import LabelMap
-from toposeam.layers.posing import KEPT_PIXELS, LayerPairCost, TableCost, spread
+from toposeam.layers.posing import KEPT_PIXELS, LayerPairCost
+from toposeam.layers.table_costs import TableCost, spread
 from toposeam.layers.tasks import Executor, results
 from toposeam.seam.match_cost import Floats32
 from toposeam.seam.reach import Reach
@@ -48,7 +49,7 @@ def reduced(labelling: Labelling, executor: Executor | None = None) -> Labelling
     everywhere, somewhere = [], []
     for index, place in enumerate(places):
         every, some = (new_map(place.shape, False, bool) for _ in range(2))
-        for box in blocks(Box(0, 0, *place.shape)):
+        for box in blocks(Box(0, 0, *place.shape), EDGES):
             every[box.slices], some[box.slices] = _allowed(labelling, index, _moved(box, place))
         everywhere.append(every)
         somewhere.append(some)
@@ -63,7 +64,9 @@ def reduced(labelling: Labelling, executor: Executor | None = None) -> Labelling
         result: Mask = every | (some & ~ground(places, everywhere, _moved(box, place)))
         return result
 
-    allowed = [made_map(place.shape, bool, partial(chosen, index)) for index, place in enumerate(places)]
+    allowed = [
+        made_map(place.shape, bool, partial(chosen, index), EDGES) for index, place in enumerate(places)
+    ]
     costs = dict(zip(labelling.costs, _reduced_costs(list(labelling.costs.values()), executor), strict=True))
     return Labelling(canvas, places, allowed, costs, labelling.forbidden)
 

@@ -33,6 +33,7 @@ from toposeam.layers.labelling import Labelling, Move, Pair
 from toposeam.layers.layer import Box
 from toposeam.layers.maps import dense, new_map, part_of, several
 from toposeam.layers.painting import LabelMap
+from toposeam.layers.parts import part_of_labelling
 from toposeam.layers.reduction import enlarged, opened, reduced
 from toposeam.layers.tasks import Executor, results, waves
 from toposeam.seam.find import Method, method_options, solve
@@ -247,7 +248,7 @@ class Rounds:
         """The same as far as a box of the canvas is concerned, which nothing was found for yet."""
         part, box = copy(self), box.grown(1)
         part._steps = _Steps(None)
-        part.labelling = self.labelling.part(box)
+        part.labelling = part_of_labelling(self.labelling, box)
         part.label_map = part_of(self.label_map, box)
         part._near = None if self._near is None else part_of(self._near, box)
         part.solved, part._flows, part.potentials, part.seconds = {}, {}, {}, {}
@@ -313,22 +314,15 @@ class Rounds:
         boxes = [self.labelling.costs[pair].box for pair in pairs]
         for wave in [[k] for k in range(len(pairs))] if executor is None else waves(boxes):
             parts = (self if executor is None else self._part(boxes[k]) for k in wave)
-            items = (
-                Division(
-                    part.labelling,
-                    part.label_map,
-                    cast(Mask, part._near),
-                    pairs[k],
-                    options,
-                    self._undecided,
-                    self._keeps,
-                )
-                for k, part in zip(wave, parts, strict=True)
-            )
+            items = (part._division(pairs[k], options) for k, part in zip(wave, parts, strict=True))
             for k, found in zip(wave, results(executor, divided, items), strict=True):
                 self._steps.one()
                 if found is not None:
                     self._take(pairs[k], found)
+
+    def _division(self, pair: Pair, options: HeatOptions) -> Division:
+        near = cast(Mask, self._near)
+        return Division(self.labelling, self.label_map, near, pair, options, self._undecided, self._keeps)
 
     def _take(self, pair: Pair, found: Divided) -> None:
         self.seconds[pair] = self.seconds.get(pair, 0.0) + found.seconds

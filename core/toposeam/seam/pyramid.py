@@ -18,15 +18,15 @@ def gaussian(planes: Floats32, levels: int) -> list[Floats32]:
 
 def reduce(planes: Floats32) -> Floats32:
     """Every other pixel of the smoothed image. (C, h, w) to (C, h / 2, w / 2), for even h and w."""
-    return _halved(_halved(planes, 1), 2)
+    planes = _halved(planes[:, ::2], planes[:, 1::2], 1)
+    # Every other pixel of a row is read once only.
+    even, odd = (np.ascontiguousarray(planes[..., first::2]) for first in (0, 1))
+    return _halved(even, odd, 2)
 
 
-def _halved(planes: Floats32, axis: int) -> Floats32:
+def _halved(even: Floats32, odd: Floats32, axis: int) -> Floats32:
     """Smoothed by (1, 4, 6, 4, 1) / 16 along one axis, every other value; the ends go on."""
-    even, odd = planes[_at(axis, slice(0, None, 2))], planes[_at(axis, slice(1, None, 2))]
-    first, last, rest, front = (
-        _at(axis, part) for part in (slice(0, 1), slice(-1, None), slice(1, None), slice(0, -1))
-    )
+    first, last, rest, front = _parts(axis)
     result: Floats32 = even * np.float32(6)
     four = odd * np.float32(4)
     result += four
@@ -41,17 +41,30 @@ def _halved(planes: Floats32, axis: int) -> Floats32:
 
 def expand(planes: Floats32) -> Floats32:
     """The image at twice the size, smooth. (C, h, w) to (C, 2 h, 2 w)."""
-    return _doubled(_doubled(planes, 1), 2)
+    channels, height, width = planes.shape
+    wide, result = (np.empty((channels, k * height, 2 * width), np.float32) for k in (1, 2))
+    # Every other pixel of a row is written once only.
+    wide[..., ::2], wide[..., 1::2] = _between(planes, 2)
+    _between(wide, 1, (result[:, ::2], result[:, 1::2]))
+    return result
 
 
-def _doubled(planes: Floats32, axis: int) -> Floats32:
-    shape = list(planes.shape)
-    shape[axis] *= 2
-    result = np.empty(shape, np.float32)
-    even, odd = result[_at(axis, slice(0, None, 2))], result[_at(axis, slice(1, None, 2))]
-    first, last, rest, front = (
-        _at(axis, part) for part in (slice(0, 1), slice(-1, None), slice(1, None), slice(0, -1))
-    )
+def expand_part(planes: Floats32, rows: slice, columns: slice) -> Floats32:
+    """Some rows and columns of :func:`expand`, in whole pairs."""
+    wide = [slice(max(part.start // 2 - 1, 0), part.stop // 2 + 1) for part in (rows, columns)]
+    inside = [
+        slice(part.start - 2 * around.start, part.stop - 2 * around.start)
+        for part, around in zip((rows, columns), wide, strict=True)
+    ]
+    return expand(planes[:, wide[0], wide[1]])[:, inside[0], inside[1]]
+
+
+def _between(
+    planes: Floats32, axis: int, onto: tuple[Floats32, Floats32] | None = None
+) -> tuple[Floats32, Floats32]:
+    """The even and the odd values of twice as many along one axis, perhaps onto given arrays."""
+    even, odd = (np.empty_like(planes) for _ in range(2)) if onto is None else onto
+    first, last, rest, front = _parts(axis)
     part = planes * np.float32(0.5)
     np.copyto(odd, part)
     odd[front] += part[rest]
@@ -62,8 +75,10 @@ def _doubled(planes: Floats32, axis: int) -> Floats32:
     even[first] += part[first]
     even[front] += part[rest]
     even[last] += part[last]
-    return result
+    return even, odd
 
 
-def _at(axis: int, part: slice) -> tuple[slice, ...]:
-    return (*(slice(None),) * axis, part)
+def _parts(axis: int) -> list[tuple[slice, ...]]:
+    """The first and the last value along an axis, and all but the first, all but the last."""
+    parts = slice(0, 1), slice(-1, None), slice(1, None), slice(0, -1)
+    return [(*(slice(None),) * axis, part) for part in parts]

@@ -21,6 +21,8 @@ Ints32 = npt.NDArray[np.int32]
 
 #: Exemplars of more pixels are searched at reduced size first.
 SEARCH_PIXELS = 300 * 300
+#: Pixels that are located at a time, so that large canvases take no more memory.
+_AT_ONCE = 1 << 20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,17 +114,18 @@ class Atlas:
         place : int32 array, (…, 2)
             -1 for pixels without source.
         """
-        row, column = np.divmod(index, np.int32(self.width))
-        place = np.empty((*index.shape, 2), np.int32)
-        if len(self.corners) == 1:
-            exemplar = np.zeros(index.shape, np.int16)
-            first_row, first_column = self.corners[0].astype(np.int32)
-        else:
-            exemplar = self.owner_of_rows.astype(np.int16).take(row, mode="clip")
-            first_row, first_column = self.corners.T.astype(np.int32)[:, exemplar]
-        np.subtract(row, first_row, out=place[..., 0])
-        np.subtract(column, first_column, out=place[..., 1])
-        place[index < 0] = -1
+        place, exemplar = np.empty((*index.shape, 2), np.int32), np.zeros(index.shape, np.int16)
+        flat, places, numbers = index.reshape(-1), place.reshape(-1, 2), exemplar.reshape(-1)
+        rows, columns = self.corners.T.astype(np.int32)
+        owner = self.owner_of_rows.astype(np.int16)
+        for first in range(0, len(flat), _AT_ONCE):
+            part = slice(first, first + _AT_ONCE)
+            row, column = np.divmod(flat[part], np.int32(self.width))
+            if len(self.corners) > 1:
+                owner.take(row, out=numbers[part], mode="clip")
+            places[part, 0] = row - rows.take(numbers[part])
+            places[part, 1] = column - columns.take(numbers[part])
+            places[part][flat[part] < 0] = -1
         return exemplar, place
 
     def index_of(self, exemplar: npt.NDArray[np.int16], place: Ints32) -> Ints32:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from toposeam.images import Mask
 from toposeam.texture.atlas import Ints32
+from toposeam.texture.joints import ROWS
 
 #: Patches for which there is room at first.
 _FIRST = 1024
@@ -163,9 +164,16 @@ class IndexCanvas:
         """(H, W) int32, the number of the copy that shows: patches that continue one another have one number,
         the first one's. -1 where nothing shows.
         """
+        first, labels = np.append(self.first_patches(), np.int32(-1)), np.empty_like(self.labels)
+        for top in range(0, len(labels), ROWS):
+            labels[top : top + ROWS] = first[self.labels[top : top + ROWS]]
+        return labels
+
+    def first_patches(self) -> Ints32:
+        """(patches,) int32, the first one of the copy that each patch belongs to."""
         first: dict[int, int] = {}
         numbers = [first.setdefault(self.copy_of(patch), patch) for patch in range(self.patches)]
-        return np.array([*numbers, -1], np.int32)[self.labels]
+        return np.array(numbers, np.int32)
 
     def copies(self, top: int, left: int, height: int, width: int) -> Copies:
         """The copies in a window. One that goes once round a torus may meet it twice, and is told twice."""

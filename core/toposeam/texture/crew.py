@@ -2,19 +2,24 @@
 
 They are forked when there is something to share, so that they have all that has been prepared, and see what
 changes in shared memory (:meth:`toposeam.texture.canvas.IndexCanvas.share`). Most of the time goes into calls
-on small arrays, for which threads would wait for one another. The processes compute with what they have, use
-no library that minds a fork, and end when their parent's end of the pipe closes: when the work is done or
-interrupted, or the parent is gone.
+on small arrays, for which threads would wait for one another. What there is to do lies in one pipe, from
+which whoever is free takes the next request, the process that asks as well: nobody waits while there is one
+left. The processes compute with what they have, use no library that minds a fork, and end when they are told
+to, or when the asking end of the pipe closes because their parent is gone.
 """
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import os
+import pickle
+import select
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from types import TracebackType
@@ -27,6 +32,13 @@ FORKS = hasattr(os, "fork") and sys.platform != "darwin"
 
 #: More than any machine of today has.
 MAX_PROCESSES = 1024
+#: Bytes of a request in the pipe: all or none of them are written, and read, at once.
+_REQUEST = 512
+
+#: A method's name and arguments.
+Call = tuple[str, tuple[Any, ...]]
+#: Whose methods: a number, and what the object is made from.
+Turn = tuple[int, type, tuple[int, int]]
 
 
 class Crew:
@@ -43,8 +55,11 @@ class Crew:
 
     def __init__(self, processes: int, tool: Any, prepare: Callable[[], None]) -> None:
         self._count, self._tool, self._prepare = processes if FORKS else 1, tool, prepare
-        self._others: list[tuple[int, Connection]] = []
-        self._work: dict[tuple[Any, ...], Any] = {}
+        self._others: dict[int, tuple[int, Connection]] = {}  # process and its answers, by their descriptor
+        self._turn: Turn = 0, object, (0, 0)
+        self._made: tuple[int, Any] = -1, None
+        self._asked: deque[Call] = deque()
+        self._awaited, self._shares = 0, False
 
     def __enter__(self) -> Crew:
         return self
@@ -52,67 +67,110 @@ class Crew:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        others, self._others, self._count = self._others, [], 1
-        for _, pipe in others:
-            pipe.close()
-        if error is not None:
-            for process, _ in others:
+        others, self._others, self._count = list(self._others.values()), {}, 1
+        if not others:
+            return
+        for process, pipe in others:
+            if error is None:
+                self._give(b"")
+            else:
                 os.kill(process, signal.SIGKILL)  # nobody waits for what they compute
+            pipe.close()
+        os.close(self._requests)
+        os.close(self._given)
         for process, _ in others:
-            os.waitpid(process, 0)
+            with contextlib.suppress(ChildProcessError):  # where children are not waited for
+                os.waitpid(process, 0)
 
-    def each(
-        self, kind: type, shape: tuple[int, int], method: str, arguments: Sequence[Sequence[Any] | None]
-    ) -> list[Any]:
-        """The values of a method of an object, which is made of the tool and a shape and stays, for several
-        arguments, None for None. Lists of one length are divided alike: an object meets in later calls what
-        it has met at the same place before.
+    def begin(self, kind: type, shape: tuple[int, int], count: int) -> None:
+        """From now on methods of an object are called that is made of the tool and a shape, in every process
+        for itself; alone where there is but one to call at first.
+        """
+        self._turn, self._shares = (self._turn[0] + 1, kind, shape), min(self._count, count) > 1
+        if self._shares and not self._others:
+            self._prepare()
+            self._fork()
+
+    def ask(self, method: str, *given: Any) -> None:
+        """Have a method called by whoever is free; what was asked first is called first."""
+        self._asked.append((method, given))
+        self._awaited += 1
+
+    def answers(self) -> Iterator[tuple[Call, Any]]:
+        """What was asked and what it gave, as soon as it is ready, until nothing is left; meanwhile more may
+        be asked.
 
         Raises
         ------
         SolverError
             When a process was killed.
         """
-        count = min(self._count, len(arguments))
-        if count < 2:
-            return self._called(kind, shape, method, arguments)
-        if not self._others:
-            self._prepare()
-            self._fork()
-        parts, others = [arguments[first::count] for first in range(count)], self._others[: count - 1]
-        results: list[Any] = [None] * len(arguments)
+        while self._awaited:
+            call = self._next()
+            if call is not None:
+                self._awaited -= 1
+                yield call, self._called(self._turn, call)
+            if self._shares:
+                for answer in self._ready(waits=call is None):
+                    self._awaited -= 1
+                    yield answer
+
+    def _next(self) -> Call | None:
+        """What this process does next, after it has passed on what there is room for."""
+        if not self._shares:
+            return self._asked.popleft()
+        while self._asked and self._give(pickle.dumps((self._turn, self._asked[0]))):
+            self._asked.popleft()
         try:
-            for (_, pipe), part in zip(others, parts, strict=False):
-                pipe.send((kind, shape, method, part))
-            results[count - 1 :: count] = self._called(kind, shape, method, parts[-1])
-            for first, (_, pipe) in enumerate(others):
-                succeeded, answer = pipe.recv()
-                if not succeeded:
-                    raise answer
-                results[first::count] = answer
-        except (EOFError, ConnectionError) as error:
-            raise SolverError(
-                "a process that worked on the texture was killed, as happens when memory runs out; use fewer "
-                "of them"
-            ) from error
-        return results
+            _, call = _read(self._requests)
+        except BlockingIOError:
+            return None
+        return call
+
+    def _give(self, request: bytes) -> bool:
+        """Put a request into the pipe, the empty one to end a process; False where it is full."""
+        try:
+            return os.write(self._given, request.ljust(_REQUEST, b"\0")) > 0
+        except BlockingIOError:
+            return False
+
+    def _ready(self, *, waits: bool) -> list[tuple[Call, Any]]:
+        """What others have done."""
+        found = []
+        for descriptor, _ in self._poll.poll(None if waits else 0):
+            try:
+                succeeded, *answer = self._others[descriptor][1].recv()
+            except (EOFError, ConnectionError) as error:
+                raise SolverError(
+                    "a process that worked on the texture was killed, as happens when memory runs out; use "
+                    "fewer of them"
+                ) from error
+            if not succeeded:
+                raise answer[1]
+            found.append((answer[0], answer[1]))
+        return found
 
     def _fork(self) -> None:
+        self._requests, self._given = os.pipe()
+        self._poll = select.poll()
+        for end in (self._requests, self._given):
+            os.set_blocking(end, False)
         # Ctrl-C on a terminal goes to all of them; it is this process that answers.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
         try:
             for _ in range(self._count - 1):
-                ours, theirs = Pipe()
+                ours, theirs = Pipe(duplex=False)
                 with warnings.catch_warnings():
                     # Python warns of locks of other threads; the new process takes none of them.
                     warnings.simplefilter("ignore", DeprecationWarning)
                     process = os.fork()
                 if not process:
-                    for _, pipe in self._others:
+                    for _, pipe in self._others.values():
                         pipe.close()
                     ours.close()
                     self._serve(theirs)
-                self._others.append((process, ours))
+                self._others[ours.fileno()] = process, ours
+                self._poll.register(ours, select.POLLIN)
                 theirs.close()
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
@@ -125,23 +183,45 @@ class Crew:
             for number in (signal.SIGTERM, signal.SIGHUP):
                 signal.signal(number, signal.SIG_DFL)
             signal.pthread_sigmask(signal.SIG_UNBLOCK, (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
-            while True:
-                wanted = pipe.recv()
-                answer: tuple[bool, Any]
+            os.close(self._given)
+            poll = select.poll()
+            poll.register(self._requests, select.POLLIN)
+            while poll.poll():
                 try:
-                    answer = True, self._called(*wanted)
+                    turn, call = _read(self._requests)
+                except BlockingIOError:  # somebody else was sooner
+                    continue
+                answer: tuple[bool, Call, Any]
+                try:
+                    answer = True, call, self._called(turn, call)
                 except Exception as error:
-                    answer = False, error
+                    answer = False, call, error
                 pipe.send(answer)
         except (EOFError, OSError):
-            pass  # nobody listens any more
+            pass  # it is told to, or nobody listens any more
         finally:
             os._exit(0)
 
-    def _called(
-        self, kind: type, shape: tuple[int, int], method: str, arguments: Sequence[Sequence[Any] | None]
-    ) -> list[Any]:
-        if (kind, shape) not in self._work:
-            self._work[kind, shape] = kind(self._tool, shape)
-        call = getattr(self._work[kind, shape], method)
-        return [None if given is None else call(*given) for given in arguments]
+    def _called(self, turn: Turn, call: Call) -> Any:
+        number, kind, shape = turn
+        if self._made[0] != number:
+            self._made = number, kind(self._tool, shape)
+        method, given = call
+        return getattr(self._made[1], method)(*given)
+
+
+def _read(requests: int) -> tuple[Turn, Call]:
+    """The next request of a pipe.
+
+    Raises
+    ------
+    BlockingIOError
+        When there is none.
+    EOFError
+        When it is the one to end, or nobody asks any more.
+    """
+    request = os.read(requests, _REQUEST)
+    if not request.strip(b"\0"):
+        raise EOFError
+    turn, call = pickle.loads(request)  # noqa: S301 - what this program wrote
+    return turn, call

@@ -9,9 +9,12 @@ of fibres, is eased within a few pixels; what hardly does, as light, as far as t
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from toposeam.heat.poisson import add_steps, spread
-from toposeam.texture.atlas import Atlas, Floats32, Ints32
+from toposeam.texture.atlas import Floats32, Ints32
+from toposeam.texture.joints import ROWS, joints
+from toposeam.texture.light import CopyLight
 from toposeam.texture.rendering import Lift
 
 #: How far a step reaches, px.
@@ -20,47 +23,70 @@ _REACH = 12.0
 _EDGE = 0.3
 
 
-def eased(plane: Floats32, atlas: Atlas, index: Ints32, lift: Lift, wraps: tuple[bool, bool]) -> Lift:
-    """Light with the steps at seams eased.
+class EasedLight:
+    """The light of a texture's copies, with the steps at seams eased; one channel at a time, since that of a
+    large canvas takes more memory than the canvas.
 
     Parameters
     ----------
     plane : (AH, AW, C) float32 array
         The sample.
-    atlas : Atlas
-    index : (H, W) int32 array
-        What shows at each pixel.
-    lift : Lift
+    light : CopyLight
         The light that copies are given.
+    index, labels : (H, W) int32 arrays
+        What shows at each pixel, and the number of the patch.
     wraps : (bool, bool)
         Whether rows and columns continue at the opposite border.
-
-    Returns
-    -------
-    Lift
     """
-    flat, usable = plane.reshape(-1, plane.shape[2]), atlas.usable.ravel()
-    white = (lift.high - lift.low) or 1.0
-    wanted = np.zeros(lift.gain.shape, np.float32)
-    for axis, step in ((0, atlas.width), (1, 1)):
-        beside = np.roll(index, -1, axis)
-        seam = (beside - index != step) & (index >= 0) & (beside >= 0)
-        if not wraps[axis]:
-            seam[(slice(-1, None), slice(None)) if axis == 0 else (slice(None), slice(-1, None))] = False
-        y, x = np.nonzero(seam)
-        next_y, next_x = ((y + 1) % index.shape[0], x) if axis == 0 else (y, (x + 1) % index.shape[1])
-        p, q = index[y, x], index[next_y, next_x]
+
+    def __init__(
+        self, plane: Floats32, light: CopyLight, index: Ints32, labels: Ints32, wraps: tuple[bool, bool]
+    ) -> None:
+        self._light, self._index, self._labels, self._wraps = light, index, labels, wraps
+        self._steps = [
+            (first.astype(np.int32), second.astype(np.int32), self._step(plane, first, second, step))
+            for first, second, step in joints(index, light.atlas.width, wraps)
+        ]
+
+    def __call__(self, channel: int) -> Lift:
+        """The light of a channel."""
+        light = self._light
+        gain = np.empty((*self._index.shape, 1), np.float32)
+        offset = self._spread(channel)[..., np.newaxis]
+        for first in range(0, len(gain), ROWS):
+            rows = slice(first, first + ROWS)
+            gain[rows] = light.gain(self._index[rows], self._labels[rows], slice(channel, channel + 1))
+            offset[rows] += light.offset(gain[rows])
+        return Lift(gain=gain, offset=offset, low=light.low, high=light.high)
+
+    def _step(
+        self,
+        plane: Floats32,
+        first: npt.NDArray[np.intp],
+        second: npt.NDArray[np.intp],
+        step: int,
+    ) -> Floats32:
+        """What is to be added to the steps (n, C) from some pixels to their neighbours."""
+        light, flat, usable = self._light, plane.reshape(-1, plane.shape[2]), self._light.atlas.usable.ravel()
+        p, q = self._index.take(first), self._index.take(second)
         ahead, behind = np.minimum(p + step, len(flat) - 1), np.maximum(q - step, 0)
         known = np.stack([usable[ahead], usable[behind]], axis=1).astype(np.float32)
-        gain, offset = lift.gain[y, x], lift.offset[y, x]
+        gain = light.gain(p, self._labels.take(first))
+        offset = light.offset(gain)
         here, after = gain * flat[p] + offset, gain * flat[ahead] + offset
-        gain, offset = lift.gain[next_y, next_x], lift.offset[next_y, next_x]
+        gain = light.gain(q, self._labels.take(second))
+        offset = light.offset(gain)
         before, there = gain * flat[behind] + offset, gain * flat[q] + offset
         apart = (after - there) * known[:, :1] + (here - before) * known[:, 1:]
         apart /= np.maximum(known.sum(axis=1, keepdims=True), 1)
+        white = (light.high - light.low) or 1.0
         apart /= 1 + (np.abs(apart).max(axis=1, keepdims=True) / (_EDGE * white)) ** 4
-        add_steps(wanted, (y, x), (next_y, next_x), -apart)
-    for channel in np.moveaxis(wanted, 2, 0):
-        channel[...] = spread(channel, _REACH, wraps)
-    wanted += lift.offset
-    return Lift(gain=lift.gain, offset=wanted, low=lift.low, high=lift.high)
+        result: Floats32 = apart.astype(np.float32, copy=False)
+        return result
+
+    def _spread(self, channel: int) -> Floats32:
+        wanted = np.zeros(self._index.shape, np.float32)
+        for first, second, step in self._steps:
+            add_steps(wanted.reshape(-1), first, second, -step[:, channel])
+        result: Floats32 = spread(wanted, _REACH, self._wraps)
+        return result

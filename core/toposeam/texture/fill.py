@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -13,7 +14,7 @@ from scipy import ndimage
 from toposeam.checks import Seed, check_choice, check_whole, options_from, seed_of
 from toposeam.errors import ImageError, OptionError
 from toposeam.images import Mask
-from toposeam.texture.atlas import Atlas
+from toposeam.texture.atlas import Atlas, Floats32
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.finish import finish, settings_of
 from toposeam.texture.holed import box_of, canvas_over, placer_over, read_holed
@@ -144,8 +145,7 @@ def fill(
             plane = atlas.spread(sources.planes[0])
             low, high = (float(limit(plane[atlas.usable])) for limit in (np.min, np.max))
             added = levelled(plane, atlas.usable, canvas.index, near, (high - low) or 1.0)
-            gain = np.broadcast_to(np.float32(1), added.shape)
-            lift = Lift(gain=gain, offset=added, low=low, high=high)
+            lift = partial(_lift, added[box_of(near, smooth + 1)], (low, high))
         shape = tuple(side.stop - side.start for side in box_of(near))
         return finish(sources, atlas, canvas, (shape[0], shape[1]), settings, smooth, near, lift)
     side, lap = check_patch(sources, patch, overlap)
@@ -273,6 +273,12 @@ def _windows(
             int(np.clip(left + column - width // 2, 0, canvas.shape[1] - width)),
             (height, width),
         )
+
+
+def _lift(added: Floats32, limits: tuple[float, float], channel: int) -> Lift:
+    """What has to be added to a channel."""
+    one = np.broadcast_to(np.float32(1), (*added.shape[:2], 1))
+    return Lift(gain=one, offset=added[..., channel : channel + 1], low=limits[0], high=limits[1])
 
 
 def _has_room(placer: PatchPlacer, shape: tuple[int, int]) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -26,27 +26,30 @@ def finish(
     settings: dict[str, Any],
     smooth: int,
     changed: npt.NDArray[np.bool_] | None = None,
-    lift: Lift | None = None,
+    lift: Callable[[int], Lift] | None = None,
 ) -> Synthesis:
-    """Every map, made of what the canvas shows; the first one, the picture, may be given light."""
+    """Every map, made of what the canvas shows; the first one, the picture, may be given light, channel by
+    channel.
+    """
     made: list[npt.NDArray[Any]] = []
+    box = (slice(None), slice(None)) if changed is None or any(canvas.wrap) else box_of(changed, smooth + 1)
+    index = canvas.index[box]
     for images, gray in zip(sources.planes, sources.gray, strict=True):
-        light = lift if not made else None
         plane = atlas.spread(images)
         if sources.transparent and sources.has_alpha and len(made) + 1 < len(sources.planes):
             opacity = atlas.spread(sources.planes[-1])
-            picture = render_seen(canvas.index, plane, opacity, atlas.usable, canvas.wrap, smooth)
-        elif changed is None or any(canvas.wrap):
-            picture = render(canvas.index, plane, atlas.usable, canvas.wrap, smooth, light)
-            if changed is not None:
-                np.copyto(picture, images[0], where=~changed[..., np.newaxis])
+            picture = render_seen(index, plane, opacity, atlas.usable, canvas.wrap, smooth)
+        elif lift is None or made:
+            picture = render(index, plane, atlas.usable, canvas.wrap, smooth)
         else:
-            box = box_of(changed, smooth + 1)
-            if light is not None:
-                light = dataclasses.replace(light, gain=light.gain[box], offset=light.offset[box])
-            part = render(canvas.index[box], plane, atlas.usable, canvas.wrap, smooth, light)
-            picture = images[0].copy()
-            np.copyto(picture[box], part, where=changed[box][..., np.newaxis])
+            picture = np.empty((*index.shape, plane.shape[2]), plane.dtype)
+            for channel in range(plane.shape[2]):
+                one = np.s_[..., channel : channel + 1]
+                picture[one] = render(index, plane[one], atlas.usable, canvas.wrap, smooth, lift(channel))
+        if changed is not None:
+            whole = images[0].copy()
+            np.copyto(whole[box], picture, where=changed[box][..., np.newaxis])
+            picture = whole
         made.append(picture[..., 0] if gray else picture)
     alpha = made.pop() if sources.has_alpha else None
     if alpha is None and canvas.ground is not None:

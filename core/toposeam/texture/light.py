@@ -11,6 +11,7 @@ leaves it open, take the sample's slope out.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from scipy.sparse import linalg
 from toposeam.errors import ImageError
 from toposeam.images import Image, Mask, as_array, as_mask, check_values, full_scale
 from toposeam.texture.atlas import Atlas, Floats32, Ints32
-from toposeam.texture.rendering import Lift
+from toposeam.texture.joints import ROWS, joints
 from toposeam.texture.sources import Images, as_list
 
 #: Share of a sample's variance that a quadratic surface explains, from which on its light counts as slow.
@@ -32,8 +33,6 @@ _LIGHT = 0.15
 _OFFSET, _SLOPE = 0.02, 0.2
 #: Added to values, in shares of white, before their logarithm is taken.
 _BLACK = 0.05
-#: Rows of the canvas for which light is made at a time.
-_ROWS = 256
 #: Light is nowhere taken to be darker than this share of its mean.
 _DARKEST = 0.1
 
@@ -143,14 +142,40 @@ def _surface(values: npt.NDArray[Any], where: Mask) -> Floats:
     return result
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CopyLight:
+    """The light that copies are given. It multiplies a value above `floor`, and its logarithm is a plane in
+    the copy's own coordinates in the exemplar.
+    """
+
+    atlas: Atlas
+    coefficients: Floats  #: (P, 3, C), of each patch: at the exemplar's middle, and its slopes
+    floor: np.float32
+    low: float
+    high: float
+
+    def gain(self, index: Ints32, labels: Ints32, channels: slice = slice(None)) -> Floats32:
+        """The gain (…, C) at pixels, given by what shows there and the number of the patch."""
+        terms = _coordinates(self.atlas, np.maximum(index, 0))
+        found = self.coefficients[np.maximum(labels, 0), :, channels]
+        result: Floats32 = np.exp(np.einsum("...k,...kc->...c", terms, found)).astype(np.float32)
+        return result
+
+    def offset(self, gain: Floats32) -> Floats32:
+        """What is added to a value that has been multiplied by a gain."""
+        result: Floats32 = (gain - 1) * self.floor
+        return result
+
+
 def levelled_copies(
     plane: Floats32,
     even: Floats32,
     atlas: Atlas,
     index: Ints32,
     labels: Ints32,
+    copies: Ints32,
     wraps: tuple[bool, bool],
-) -> Lift:
+) -> CopyLight:
     """The light to be given to the copies of a texture so that it agrees.
 
     Parameters
@@ -162,85 +187,102 @@ def levelled_copies(
         no matter of light.
     atlas : Atlas
     index, labels : (H, W) int32 arrays
-        What shows at each pixel, and the number of the copy.
+        What shows at each pixel, and the number of the patch.
+    copies : (P,) int32 array
+        The first patch of the copy that each patch belongs to.
     wraps : (bool, bool)
         Whether rows and columns continue at the opposite border.
 
     Returns
     -------
-    Lift
+    CopyLight
     """
     given, level = plane.reshape(-1, plane.shape[2]), even.reshape(-1, even.shape[2])
     low, high = (float(limit(plane[atlas.copied])) for limit in (np.min, np.max))
-    white, usable, stride = max(abs(low), abs(high)) or 1.0, atlas.usable.ravel(), atlas.width
+    white, usable = max(abs(low), abs(high)) or 1.0, atlas.usable.ravel()
     flat = np.log(np.maximum(given, 0) / white + _BLACK)  # light multiplies
-    firsts, seconds, differences, weights = [], [], [], []
-    for axis, step in ((1, 1), (0, stride)):
-        q_index, q_label = np.roll(index, -1, axis), np.roll(labels, -1, axis)
-        seam = (labels != q_label) & (index >= 0) & (q_index >= 0)
-        if not wraps[axis]:
-            seam[(slice(-1, None), slice(None)) if axis == 0 else (slice(None), slice(-1, None))] = False
-        p, q = index[seam], q_index[seam]
+    parts = []
+    for first, second, step in joints(index, atlas.width, wraps):
+        a, b = (copies[labels.take(place)] for place in (first, second))
+        two = np.flatnonzero(a != b)
+        a, b, p, q = a[two], b[two], index.take(first[two]), index.take(second[two])
         ahead, behind = np.minimum(p + step, len(flat) - 1), np.maximum(q - step, 0)
         known = np.stack([usable[behind], usable[ahead]], axis=1).astype(np.float32)
         apart = (flat[p] - flat[behind]) * known[:, :1] + (flat[ahead] - flat[q]) * known[:, 1:]
         apart /= np.maximum(known.sum(axis=1, keepdims=True), 1)
-        firsts.append((labels[seam], p))
-        seconds.append((q_label[seam], q))
-        differences.append(apart)
         off = np.maximum(
             np.abs(level[p] - level[behind]) * known[:, :1], np.abs(level[ahead] - level[q]) * known[:, 1:]
         )
-        off = off.max(axis=1, initial=0) / _LIGHT
-        weights.append((known.any(axis=1) / (1 + off**4)).astype(np.float64))
-    difference, weight = np.concatenate(differences).astype(np.float64), np.concatenate(weights)
-    count = int(labels.max()) + 1
-    at = [_coordinates(atlas, np.concatenate([indices for _, indices in side])) for side in (firsts, seconds)]
-    patch = [np.concatenate([label for label, _ in side]).astype(np.intp) for side in (firsts, seconds)]
-    matrix, wanted = _equations(patch, at, difference, weight, _even(flat, atlas, index, labels, count))
-    solved = linalg.splu(matrix).solve(wanted) if count else wanted
-    coefficients = solved.reshape(count, 3, -1)
-    gain = np.empty((*index.shape, given.shape[1]), np.float32)
-    for first in range(0, len(index), _ROWS):  # in double precision all of it would take a gigabyte
-        rows = slice(first, first + _ROWS)
-        found = coefficients[np.maximum(labels[rows], 0)]
-        terms = _coordinates(atlas, np.maximum(index[rows], 0))
-        gain[rows] = np.exp(np.einsum("hwk,hwkc->hwc", terms, found))
-    offset = gain - 1
-    offset *= np.float32(_BLACK * white)
-    return Lift(gain=gain, offset=offset, low=low, high=high)
+        weight = known.any(axis=1) / (1 + (off.max(axis=1, initial=0) / _LIGHT) ** 4)
+        terms = np.concatenate([_coordinates(atlas, p), -_coordinates(atlas, q)], axis=1)
+        parts.append(_pairs(a, b, terms, apart, weight))
+    matrix, wanted = _equations(parts, _even(flat, atlas, index, labels, copies))
+    solved = linalg.splu(matrix).solve(wanted) if len(copies) else wanted
+    return CopyLight(
+        atlas=atlas,
+        coefficients=solved.reshape(len(copies), 3, -1)[copies],
+        floor=np.float32(_BLACK * white),
+        low=low,
+        high=high,
+    )
+
+
+def _pairs(
+    a: Ints32, b: Ints32, terms: Floats, apart: npt.NDArray[Any], weight: npt.NDArray[Any]
+) -> tuple[npt.NDArray[np.intp], Floats, Floats, Floats]:
+    """What joints ask of the copies that meet there, summed by pairs of copies.
+
+    Parameters
+    ----------
+    a, b : (n,) int32 arrays
+        The two copies.
+    terms : (n, 6) array
+        What multiplies their coefficients in the difference of their light.
+    apart : (n, C) array
+        How much brighter the first copy is.
+    weight : (n,) array
+
+    Returns
+    -------
+    tuple
+        (m, 2) copies; their (m, 6, 6) part of the normal equations and (m, 6, C) of the right side; the (m,)
+        weight of their joints.
+    """
+    keys, at = np.unique(a.astype(np.intp) << 32 | b, return_inverse=True)
+    found, count = np.stack([keys >> 32, keys & 0xFFFFFFFF], axis=1), len(keys)
+
+    def summed(values: npt.NDArray[Any]) -> Floats:
+        result: npt.NDArray[Any] = np.bincount(at, weight * values, count)
+        return result
+
+    matrix: Floats = np.empty((count, 6, 6))
+    wanted: Floats = np.empty((count, 6, apart.shape[1]))
+    for k in range(6):
+        for m in range(k, 6):
+            matrix[:, k, m] = matrix[:, m, k] = summed(terms[:, k] * terms[:, m])
+        for channel in range(apart.shape[1]):
+            wanted[:, k, channel] = -summed(terms[:, k] * apart[:, channel])
+    return found, matrix, wanted, summed(np.ones(len(at)))
 
 
 def _equations(
-    patch: list[npt.NDArray[np.intp]], at: list[Floats], difference: Floats, weight: Floats, even: Floats
+    parts: list[tuple[npt.NDArray[np.intp], Floats, Floats, Floats]], even: Floats
 ) -> tuple[sparse.csc_matrix, Floats]:
-    """The normal equations for three coefficients of each copy, which tend to given ones, (n, 3, C)."""
-    count, size = len(even), 3 * len(even)
-    rows, columns, entries = [], [], []
-    wanted = np.zeros((size, difference.shape[1]))
-    for first, sign in ((0, 1.0), (1, -1.0)):
-        for k in range(3):
-            line = 3 * patch[first] + k
-            for channel in range(difference.shape[1]):
-                wanted[:, channel] -= np.bincount(
-                    line, sign * weight * at[first][:, k] * difference[:, channel], size
-                )
-            for second in (0, 1):
-                both = 1.0 if first == second else -1.0
-                for m in range(3):
-                    rows.append(line)
-                    columns.append(3 * patch[second] + m)
-                    entries.append(both * weight * at[first][:, k] * at[second][:, m])
-    matrix = sparse.csc_matrix(
-        (np.concatenate(entries), (np.concatenate(rows), np.concatenate(columns))), (size, size)
-    )
-    known = sum(np.bincount(label, weight, count) for label in patch) + 1.0
+    """The normal equations for three coefficients of each copy, which tend to given ones, (P, 3, C)."""
+    size = 3 * len(even)
+    pairs, matrices, wishes, weights = (np.concatenate(part) for part in zip(*parts, strict=True))
+    line = (3 * pairs[:, :, np.newaxis] + np.arange(3)).reshape(-1, 6)
+    rows, columns = np.broadcast_arrays(line[:, :, np.newaxis], line[:, np.newaxis])
+    matrix = sparse.csc_matrix((matrices.ravel(), (rows.ravel(), columns.ravel())), (size, size))
+    wanted = np.zeros((size, even.shape[2]))
+    np.add.at(wanted, line, wishes)
+    known = 1 + np.bincount(pairs.ravel(), weights.repeat(2), len(even))
     least = np.stack([_OFFSET * known, _SLOPE * known, _SLOPE * known], axis=1).ravel()
     wanted += least[:, np.newaxis] * even.reshape(size, -1)
     return sparse.csc_matrix(matrix + sparse.diags(least)), wanted
 
 
-def _even(flat: Floats32, atlas: Atlas, index: Ints32, labels: Ints32, count: int) -> Floats:
+def _even(flat: Floats32, atlas: Atlas, index: Ints32, labels: Ints32, copies: Ints32) -> Floats:
     """The coefficients that would take the slopes of its exemplar's light out of each copy."""
     slopes = []
     for place in atlas.places:
@@ -250,9 +292,11 @@ def _even(flat: Floats32, atlas: Atlas, index: Ints32, labels: Ints32, count: in
         basis = _coordinates(atlas, at.astype(np.int32))
         found = np.linalg.lstsq(basis.T @ basis, basis.T @ flat[at], rcond=None)[0]
         slopes.append(np.concatenate([np.zeros((1, found.shape[1])), -found[1:]]))
-    shown, first = np.unique(labels, return_index=True)
-    exemplar = np.zeros(count, np.intp)
-    exemplar[shown[shown >= 0]] = atlas.locate(index.ravel()[first[shown >= 0]])[0]
+    exemplar = np.zeros(len(copies), np.intp)
+    for first in range(0, len(index) if len(slopes) > 1 else 0, ROWS):
+        rows = slice(first, first + ROWS)
+        shown = labels[rows] >= 0
+        exemplar[copies[labels[rows][shown]]] = atlas.locate(index[rows][shown])[0]
     result: Floats = np.stack(slopes)[exemplar]
     return result
 

@@ -18,6 +18,7 @@ from scipy import ndimage
 from toposeam.images import Mask
 from toposeam.texture.atlas import Floats32, Ints32, values_at
 from toposeam.texture.crew import Crew
+from toposeam.texture.joints import ROWS
 from toposeam.texture.lay import PatchPlacer
 from toposeam.texture.search import Ints
 from toposeam.texture.sites import Offers, Site
@@ -46,6 +47,28 @@ class Mending:
 
     def offers(self, at: At) -> Offers | None:
         """The best places for a patch over what is bad in a window; None where nothing is."""
+        found = self._look(at)
+        if found is None:
+            return None
+        self._found[at] = found
+        return self._placer.offers(found[0])
+
+    def shows(self, at: At, place: At) -> Mask | None:
+        """Where the patch from a place shows; None if the seams would be no better."""
+        found = self._found.pop(at, None) or self._look(at)
+        if found is None:
+            return None
+        placer, (site, padded, bad, before) = self._placer, found
+        source = placer.patch(place, self._shape)
+        shows = placer.cut(np.where(bad, np.int32(-1), padded), source, site.covers, closed=True)
+        after = padded.copy()
+        np.copyto(after[1:-1, 1:-1], source, where=shows)
+        return None if _seam_costs(placer, after).sum() >= _BETTER * before else shows
+
+    def _look(self, at: At) -> tuple[Site, Ints32, Mask, float] | None:
+        """A window, what it and a pixel round it show, where that is bad, and what its seams cost; None where
+        nothing is bad.
+        """
         placer, m, (top, left), (h, w) = self._placer, self._placer.margin, at, self._shape
         known = placer.canvas.read(top - m, left - m, h + 2 * m, w + 2 * m)
         padded = known[m - 1 : m + h + 1, m - 1 : m + w + 1]
@@ -62,17 +85,7 @@ class Mending:
         weight[m : m + h, m : m + w] = ~bad[1:-1, 1:-1]
         _, _, inside = placer.canvas.window(top, left, h, w)
         site = Site(at=at, shape=self._shape, known=known, weight=weight, covers=inside)
-        self._found[at] = site, padded, bad, float(before.sum())
-        return placer.offers(site)
-
-    def shows(self, at: At, place: At) -> Mask | None:
-        """Where the patch from a place shows; None if the seams would be no better."""
-        placer, (site, padded, bad, before) = self._placer, self._found.pop(at)
-        source = placer.patch(place, self._shape)
-        shows = placer.cut(np.where(bad, np.int32(-1), padded), source, site.covers, closed=True)
-        after = padded.copy()
-        np.copyto(after[1:-1, 1:-1], source, where=shows)
-        return None if _seam_costs(placer, after).sum() >= _BETTER * before else shows
+        return site, padded, bad, float(before.sum())
 
 
 def mend(
@@ -106,7 +119,9 @@ def mend(
     height, width = canvas.shape
     blocks = -(-height // _BLOCK), -(-width // _BLOCK)
     cost = np.zeros((blocks[0] * _BLOCK, blocks[1] * _BLOCK), np.float32)
-    cost[:height, :width] = _seam_costs(placer, canvas.read(0, 0, height + 1, width + 1))
+    for top in range(0, height, ROWS):
+        part = cost[top : min(top + ROWS, height), :width]
+        part[...] = _seam_costs(placer, canvas.read(top, 0, len(part) + 1, width + 1))
     worth = cost.reshape(blocks[0], _BLOCK, blocks[1], _BLOCK).sum(axis=(1, 3))
     tried = np.zeros(worth.shape, np.float32)
     mode = ["wrap" if wraps else "constant" for wraps in canvas.wrap]

@@ -17,17 +17,17 @@ import numpy.typing as npt
 
 from toposeam.images import Mask, full_scale
 from toposeam.texture.atlas import Ints32
-
-#: Rows rendered at a time.
-_ROWS = 256
+from toposeam.texture.joints import ROWS, joints
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Lift:
-    """Light given to copies: each pixel's value becomes gain × value + offset, within the range of values."""
+    """Light given to one channel of the copies: each pixel's value becomes gain × value + offset, within the
+    range of values.
+    """
 
-    gain: npt.NDArray[np.float32]  #: (H, W, C) or broadcast to it
-    offset: npt.NDArray[np.float32]
+    gain: npt.NDArray[np.float32]  #: (H, W, 1) or broadcast to it
+    offset: npt.NDArray[np.float32]  #: (H, W, 1)
     low: float
     high: float
 
@@ -54,7 +54,8 @@ def render(
     smooth : int
         How many px to either side of a seam are mixed; 0 for none.
     lift : Lift, optional
-        The light of the copy that shows at each pixel; where copies are mixed, each has its own.
+        The light of the copy that shows at each pixel of a plane of one channel; where copies are mixed, each
+        has its own.
 
     Returns
     -------
@@ -62,13 +63,12 @@ def render(
     """
     flat = plane.reshape(-1, plane.shape[2])
     result = np.empty((*index.shape, plane.shape[2]), plane.dtype)
-    for first in range(0, len(index), _ROWS):
-        rows = slice(first, first + _ROWS)
+    for first in range(0, len(index), ROWS):
+        rows = slice(first, first + ROWS)
         result[rows] = flat[np.maximum(index[rows], 0)]
         if lift is not None:
-            gain, offset = np.broadcast_to(lift.gain, result.shape)[rows], lift.offset
-            offset = np.broadcast_to(offset, result.shape)[rows]
-            result[rows] = _stored(gain * result[rows] + offset, plane.dtype, lift)
+            gain = np.broadcast_to(lift.gain, result.shape)[rows]
+            result[rows] = _stored(gain * result[rows] + lift.offset[rows], plane.dtype, lift)
     result[index < 0] = 0
     if smooth:
         for y, x in _near_seams(index, plane.shape[1], wrap, smooth):
@@ -111,21 +111,18 @@ def _near_seams(
 ) -> Iterator[tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]]:
     """Rows and columns of the pixels within reach of a seam, some rows of the canvas at a time."""
     near = np.zeros(index.shape, bool)
-    for axis, step in ((0, stride), (1, 1)):
-        ahead = np.roll(index, -1, axis)
-        differs = (ahead - index != step) & (index >= 0) & (ahead >= 0)
-        if not wrap[axis]:
-            differs[(slice(-1, None), slice(None)) if axis == 0 else (slice(None), slice(-1, None))] = False
-        near |= differs | np.roll(differs, 1, axis)
+    for first, second, _ in joints(index, stride, wrap):
+        near.reshape(-1)[first] = True
+        near.reshape(-1)[second] = True
     for axis in (0, 1):
         for _ in range(smooth - 1):
             grown = near | np.roll(near, 1, axis) | np.roll(near, -1, axis)
             near = grown
     near &= index >= 0
-    for first in range(0, index.shape[0], _ROWS):
-        y, x = np.nonzero(near[first : first + _ROWS])
+    for top in range(0, index.shape[0], ROWS):
+        y, x = np.nonzero(near[top : top + ROWS])
         if len(y):
-            yield y + first, x
+            yield y + top, x
 
 
 def _mixed(

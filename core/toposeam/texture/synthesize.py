@@ -25,7 +25,7 @@ from toposeam.texture.atlas import Atlas
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.closing import closing_guide, order_axis
 from toposeam.texture.crew import MAX_PROCESSES, Crew
-from toposeam.texture.easing import eased
+from toposeam.texture.easing import EasedLight
 from toposeam.texture.finish import finish, settings_of
 from toposeam.texture.guiding import guide_of
 from toposeam.texture.keeping_step import Phase
@@ -273,6 +273,7 @@ def synthesize(
         lay_all(placer, side, overlap, crew, 0, report.stage(report.done, 0.9, shown))
         mend(placer, shape, tries, crew, report.stage(0.9, 1.0))
     report.finish()
+    del placer, given, crew  # a guide takes more memory than the picture
     settings = {
         "patch": side,
         "overlap": overlap,
@@ -291,8 +292,9 @@ def synthesize(
     lift = None
     if level:
         plane = atlas.spread(sources.planes[0]).astype(np.float32)
-        lift = levelled_copies(plane, features, atlas, canvas.index, canvas.copy_labels(), wraps)
-        lift = eased(plane, atlas, canvas.index, lift, wraps)
+        laid = canvas.index, canvas.labels
+        light = levelled_copies(plane, features, atlas, *laid, canvas.first_patches(), wraps)
+        lift = EasedLight(plane, light, *laid, wraps)
     made = finish(sources, atlas, canvas, shape, settings, smooth, lift=lift)
     return dataclasses.replace(made, fits=fits)
 

@@ -19,8 +19,8 @@ At = tuple[int, int]
 
 
 class Laying:
-    """Patches of one shape, each laid in two halves: what fits is looked for, and, when a place has been
-    picked, where it shows.
+    """Patches of one shape, each laid in two halves, maybe by different processes: what fits is looked for,
+    and, when a place has been picked, where it shows.
     """
 
     def __init__(self, placer: PatchPlacer, shape: tuple[int, int]) -> None:
@@ -37,13 +37,17 @@ class Laying:
 
     def shows(self, at: At, place: At) -> Mask | None:
         """Where the patch from a place shows."""
-        return self._placer.shows(self._sites.pop(at), self._placer.patch(place, self._shape))
+        site = self._sites.pop(at, None) or self._placer.site(*at, self._shape)
+        return None if site is None else self._placer.shows(site, self._placer.patch(place, self._shape))
 
 
 def lay_wave(
     placer: PatchPlacer, crew: Crew, kind: type, windows: Sequence[At], shape: tuple[int, int]
 ) -> list[bool]:
     """Lay patches at the same time on windows that do not touch; whether each was laid.
+
+    Places are picked in the windows' order as soon as they are known, and patches are painted in it when all
+    are picked, whoever looks for them.
 
     Parameters
     ----------
@@ -57,17 +61,31 @@ def lay_wave(
     shape : (int, int)
         Height and width of the patches.
     """
-    offered: list[Offers | None] = crew.each(kind, shape, "offers", [(at,) for at in windows])
-    beside = placer.beside()
-    picked = [
-        None if offers is None else (at, placer.pick(at, shape, offers, beside))
-        for at, offers in zip(windows, offered, strict=True)
-    ]
-    shown: list[Mask | None] = crew.each(kind, shape, "shows", picked)
-    for pick, shows in zip(picked, shown, strict=True):
-        if pick is not None and shows is not None:
-            placer.canvas.paint(*pick[0], placer.patch(pick[1], shape), shows)
-    return [shows is not None for shows in shown]
+    crew.begin(kind, shape, len(windows))
+    for at in windows:
+        crew.ask("offers", at)
+    offered: dict[At, Offers | None] = {}
+    places: dict[At, At] = {}
+    shown: dict[At, Mask | None] = {}
+    beside, picked, laid = placer.beside(), 0, 0
+    for (method, (at, *_)), found in crew.answers():
+        (offered if method == "offers" else shown)[at] = found
+        while picked < len(windows) and windows[picked] in offered:
+            at = windows[picked]
+            offers = offered[at]
+            if offers is None:
+                shown[at] = None
+            else:
+                places[at] = placer.pick(at, shape, offers, beside)
+                crew.ask("shows", at, places[at])
+            picked += 1
+        while laid < picked == len(windows) and windows[laid] in shown:
+            at = windows[laid]
+            shows = shown[at]
+            if shows is not None:
+                placer.canvas.paint(*at, placer.patch(places[at], shape), shows)
+            laid += 1
+    return [shown[at] is not None for at in windows]
 
 
 def waves_of(rows: list[int], columns: list[int], width: int, length: int | None = None) -> list[list[At]]:

@@ -12,7 +12,7 @@ import pytest
 import toposeam as ts
 from stitching import make_six, names
 from toposeam_cli.jobs import dask_workers
-from toposeam_cli.jobs.dask_workers import Look
+from toposeam_cli.jobs.dask_workers import WorkerCheck
 
 WORDS = ("stitch", "six.toml", "--match-tones", "--blend", "multiband", "-q")
 
@@ -87,19 +87,19 @@ def test_results_that_need_everything_at_once_are_refused(six, toposeam, words):
 
 def test_workers_look_whether_they_see_the_same_files(tmp_path):
     (tmp_path / "a.png").write_bytes(b"picture")
-    look = Look.at(tmp_path / "probe", [tmp_path / "a.png"])
+    look = WorkerCheck.at(tmp_path / "probe", [tmp_path / "a.png"])
     assert look() == ""
     (tmp_path / "a.png").write_bytes(b"another")
     assert look() == "", "as long as it was: nobody reads all of it"
     (tmp_path / "a.png").write_bytes(b"longer than it was")
     assert f"does not see '{tmp_path / 'a.png'}'" in look()
-    look = Look.at(tmp_path / "probe", [tmp_path / "a.png"])
+    look = WorkerCheck.at(tmp_path / "probe", [tmp_path / "a.png"])
     (tmp_path / "probe").write_text("0" * 32)
     assert f"does not see '{tmp_path / 'probe'}'" in look(), "a file of the same name on another disk"
 
 
 def test_workers_with_other_versions_are_refused(tmp_path, monkeypatch):
-    look = Look.at(tmp_path / "probe", [])
+    look = WorkerCheck.at(tmp_path / "probe", [])
     monkeypatch.setattr(dask_workers, "versions", lambda: {**look.versions, "numpy": "1.0"})
     assert look().startswith("has numpy 1.0, and ")
 
@@ -130,4 +130,4 @@ class Client:
 def test_what_is_wrong_with_a_worker_is_told(tmp_path, answers, says):
     workers = dask_workers.DaskWorkers(Client(answers), 2)
     with pytest.raises(ts.OptionError, match=says):
-        workers.check(Look.at(tmp_path / "probe", []))
+        workers.check(WorkerCheck.at(tmp_path / "probe", []))

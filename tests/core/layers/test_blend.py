@@ -11,7 +11,7 @@ from toposeam.layers import composition
 from toposeam.layers.gradient import correction
 from toposeam.layers.layer import Box
 from toposeam.layers.tones import tone_gains
-from toposeam.seam.pyramid import expand, reduce
+from toposeam.seam.pyramid import expand, expand_part, reduce
 
 PHOTOGRAPH = data.coffee()[:180, 200:420]
 STRAIGHT = ts.read_svg(
@@ -341,3 +341,10 @@ def test_narrow_blends_take_the_seam_of_the_hard_cut():
     assert (ts.stitch(layers, blend="gradient").label_map == hard).all()
     assert (ts.stitch(layers, blend="multiband", cost=ts.MatchCost()).label_map == hard).all()
     assert (ts.stitch(layers, blend="multiband").label_map != hard).any()
+
+
+@pytest.mark.parametrize("rows", [slice(0, 6), slice(4, 12), slice(18, 20), slice(0, 20)])
+@pytest.mark.parametrize("columns", [slice(0, 2), slice(6, 10), slice(12, 16)])
+def test_a_part_of_an_expanded_image_is_what_the_whole_has_there(rows, columns):
+    planes = np.random.default_rng(3).random((2, 10, 8), np.float32)
+    np.testing.assert_array_equal(expand_part(planes, rows, columns), expand(planes)[:, rows, columns])

@@ -1,34 +1,39 @@
 """Steps at seams, eased into the copies."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 import skimage.data
 
 import toposeam as ts
-from toposeam.texture import synthesize
 from toposeam.texture.atlas import Atlas
-from toposeam.texture.easing import eased
-from toposeam.texture.rendering import Lift
+from toposeam.texture.easing import EasedLight
+from toposeam.texture.light import CopyLight, levelled_copies
+from toposeam.texture.rendering import render
 
 
-def two_copies(step, shape=(60, 80)):
-    """A plane of two tones, and a canvas whose left half shows the one and whose right half the other."""
+def two_copies(step, wraps):
+    """A picture that shows one tone of a sample on the left and another one on the right, eased, and what was
+    added to it.
+    """
     plane = np.full((60, 120, 1), 100, np.float32)
     plane[:, 60:] += step
     atlas = Atlas.of([np.ones((60, 120), bool)], 4)
     flat = np.arange(atlas.usable.size, dtype=np.int32).reshape(atlas.usable.shape)[atlas.places[0]]
     index = np.concatenate([flat[:, :40], flat[:, 70:110]], axis=1)
-    lift = Lift(
-        gain=np.ones((*shape, 1), np.float32), offset=np.zeros((*shape, 1), np.float32), low=0.0, high=255.0
+    labels = np.repeat(np.array([[0, 1]], np.int32), 40, axis=1).repeat(60, axis=0)
+    light = CopyLight(
+        atlas=atlas, coefficients=np.zeros((2, 3, 1)), floor=np.float32(12), low=0.0, high=255.0
     )
-    return atlas.spread([plane]), atlas, index, lift
+    spread = atlas.spread([plane])
+    added = EasedLight(spread, light, index, labels, wraps)(0).offset[..., 0]
+    return spread.reshape(-1)[index] + added, added
 
 
 @pytest.mark.parametrize("wraps", [(False, False), (True, False)])
 def test_a_step_is_shared_by_both_sides_and_dies_away(wraps):
-    plane, atlas, index, lift = two_copies(20)
-    added = eased(plane, atlas, index, lift, wraps).offset[..., 0]
-    picture = plane.reshape(-1)[index] + added
+    picture, added = two_copies(20, wraps)
     assert np.abs(np.diff(picture, axis=1)).max() < 1.5  # it was 20
     np.testing.assert_allclose(added[:, 39], -added[:, 40], atol=1e-3)
     assert added[30, 39] == pytest.approx(10, abs=0.8)
@@ -37,18 +42,14 @@ def test_a_step_is_shared_by_both_sides_and_dies_away(wraps):
 
 
 def test_where_a_texture_repeats_its_border_is_eased_as_well():
-    plane, atlas, index, lift = two_copies(20)
-    added = eased(plane, atlas, index, lift, (False, True)).offset[..., 0]
-    picture = plane.reshape(-1)[index] + added
+    picture, _ = two_copies(20, (False, True))
     assert np.abs(picture[:, 0] - picture[:, -1]).max() < 1.5
     assert np.abs(np.diff(picture, axis=1)).max() < 1.5
 
 
 def test_an_edge_is_left_and_so_is_what_fits():
-    plane, atlas, index, lift = two_copies(150)
-    assert np.abs(eased(plane, atlas, index, lift, (False, False)).offset).max() < 15  # 75 would ease it
-    plane, atlas, index, lift = two_copies(0)
-    assert np.abs(eased(plane, atlas, index, lift, (False, False)).offset).max() < 1e-3
+    assert np.abs(two_copies(150, (False, False))[1]).max() < 15  # 75 would ease it
+    assert np.abs(two_copies(0, (False, False))[1]).max() < 1e-3
 
 
 def steps(made):
@@ -71,5 +72,35 @@ def test_seams_of_a_smooth_sample_step_no_more_than_its_inside(tileable, monkeyp
     made = ts.synthesize(sample, 320, **options)
     assert made.settings["level"]
     assert steps(made) <= 1.1
-    monkeypatch.setattr(synthesize, "eased", lambda plane, atlas, index, lift, wraps: lift)
+    monkeypatch.setattr(
+        EasedLight, "_step", lambda self, plane, first, second, step: np.zeros((len(first), 3))
+    )
     assert steps(ts.synthesize(sample, 320, **options)) > 1.2
+
+
+def test_light_of_a_large_canvas_takes_few_bytes_a_pixel():
+    rng = np.random.default_rng(3)
+    plane = rng.uniform(50, 200, (160, 160, 3)).astype(np.float32)
+    atlas = Atlas.of([np.ones((160, 160), bool)], 4)
+    flat = np.arange(atlas.usable.size, dtype=np.int32).reshape(atlas.usable.shape)[atlas.places[0]]
+    side, count = 40, 36
+    index = np.empty((side * count, side * count), np.int32)
+    labels = np.repeat(np.arange(count**2, dtype=np.int32).reshape(count, count), side, 0).repeat(side, 1)
+    for row in range(count):
+        for column in range(count):
+            y, x = rng.integers(0, 160 - side, 2)
+            index[row * side :, column * side :][:side, :side] = flat[y : y + side, x : x + side]
+    spread = atlas.spread([plane])
+    tracemalloc.start()
+    light = levelled_copies(
+        spread, spread / 255, atlas, index, labels, np.arange(count**2, dtype=np.int32), (True, True)
+    )
+    eased = EasedLight(spread, light, index, labels, (True, True))
+    for channel in range(3):
+        made = render(
+            index, spread[..., channel : channel + 1], atlas.usable, (True, True), 1, eased(channel)
+        )
+        assert np.isfinite(made).all()
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak / index.size < 40  # all at once: more than 100

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from itertools import pairwise
+from mmap import mmap
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +15,15 @@ from scipy import ndimage
 from skimage import data
 
 import toposeam as ts
+from toposeam.texture import synthesize
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.beside import Beside
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.crew import FORKS, Crew
+from toposeam.texture.mend import Mending
 from toposeam.texture.raster import patches_along
 from toposeam.texture.sites import Offers
-from toposeam.texture.waves import waves_of
+from toposeam.texture.waves import Laying, lay_wave, waves_of
 
 forks = pytest.mark.skipif(not FORKS, reason="nothing forks here")
 
@@ -89,21 +92,51 @@ def test_an_ordered_texture_and_its_plan_are_the_same_for_any_number():
 
 
 class Worker:
-    """What processes do in these tests."""
+    """What processes do in these tests; the tool is the first one's number and memory that all share."""
 
     def __init__(self, tool, shape):
-        self.tool = tool
+        (self.first, self.met), self.calls = tool, 0
 
-    def where(self, number):
-        return number, os.getpid()
+    def meets(self, number):
+        """Waits until as many as are asked do the same: none of them can do two."""
+        self.met[number] = 1
+        while 0 in self.met[:]:
+            time.sleep(0.001)
+        return os.getpid()
+
+    def counts(self, number):
+        self.calls += 1
+        return number, self.calls, os.getpid()
 
     def dies(self, number):
-        if os.getpid() != self.tool:
-            os.kill(os.getpid(), signal.SIGKILL)
+        self.befalls(lambda: os.kill(os.getpid(), signal.SIGKILL))
 
     def fails(self, number):
-        if os.getpid() != self.tool:
-            raise ts.ImageError(f"not number {number}")
+        def fail():
+            raise ts.ImageError("so it is")
+
+        self.befalls(fail)
+
+    def befalls(self, what):
+        """Befalls another process; the first waits for it."""
+        if os.getpid() != self.first:
+            self.met[0] = 1
+            what()
+        while not self.met[0]:
+            time.sleep(0.001)
+
+
+def meeting(count):
+    return os.getpid(), mmap(-1, count)
+
+
+def met(crew, count):
+    """The numbers of all processes of a crew."""
+    crew._tool[1][:] = bytes(count)
+    crew.begin(Worker, (1, 1), count)
+    for k in range(count):
+        crew.ask("meets", k)
+    return {process for _, process in crew.answers()}
 
 
 def gone(process):
@@ -115,36 +148,65 @@ def gone(process):
 
 
 @forks
-def test_a_process_meets_again_what_it_has_met():
+def test_every_process_takes_part():
     prepared = []
-    with Crew(3, os.getpid(), lambda: prepared.append(1)) as crew:
+    with Crew(3, meeting(3), lambda: prepared.append(1)) as crew:
+        crew.begin(Worker, (1, 1), 1)
+        crew.ask("counts", 9)
+        assert list(crew.answers()) == [(("counts", (9,)), (9, 1, os.getpid()))]
         assert not prepared
-        first = crew.each(Worker, (1, 1), "where", [(k,) for k in range(5)])
-        again = crew.each(Worker, (1, 1), "where", [(k,) if k != 3 else None for k in range(5)])
-        pair = crew.each(Worker, (1, 1), "where", [(7,), (8,)])
-        alone = crew.each(Worker, (1, 1), "where", [(9,)])
-    assert [k for k, _ in first] == list(range(5))
-    assert [one for k, one in enumerate(again) if k != 3] == first[:3] + first[4:]
-    assert again[3] is None
-    assert [k for k, _ in pair] == [7, 8]
-    assert alone == [(9, os.getpid())]
-    processes = {process for _, process in first}
+        processes = met(crew, 3)
+        assert processes == met(crew, 3)
+        crew.begin(Worker, (1, 1), 1)  # one alone
+        crew.ask("counts", 8)
+        assert list(crew.answers()) == [(("counts", (8,)), (8, 1, os.getpid()))]
     assert len(processes) == 3
+    assert os.getpid() in processes
     assert prepared == [1]
     assert all(gone(process) for process in processes - {os.getpid()})
 
 
 @forks
+@pytest.mark.parametrize("count", [1, 3])
+def test_all_that_is_asked_is_answered_once(count):
+    asked, found = 600, []  # more than the pipe holds
+    with Crew(count, meeting(count), lambda: None) as crew:
+        crew.begin(Worker, (1, 1), asked)
+        for k in range(asked - 100):
+            crew.ask("counts", k)
+        for (method, (number,)), (answer, calls, process) in crew.answers():
+            assert (method, number) == ("counts", answer)
+            found.append((number, process, calls))
+            if len(found) <= 100:
+                crew.ask("counts", asked - len(found))
+        assert not list(crew.answers())
+    assert sorted(number for number, _, _ in found) == list(range(asked))
+    for one in {process for _, process, _ in found}:
+        calls = sorted(calls for _, process, calls in found if process == one)
+        assert calls == list(range(1, len(calls) + 1))
+
+
+@forks
 @pytest.mark.parametrize(
     ("method", "error", "said"),
-    [("dies", ts.SolverError, "was killed, .* use fewer"), ("fails", ts.ImageError, "not number 0")],
+    [("dies", ts.SolverError, "was killed, .* use fewer"), ("fails", ts.ImageError, "so it is")],
 )
 def test_what_befalls_a_process_is_told(method, error, said):
-    with Crew(2, os.getpid(), lambda: None) as crew:
-        (_, process), _ = crew.each(Worker, (1, 1), "where", [(0,), (1,)])
-        with pytest.raises(error, match=said):
-            crew.each(Worker, (1, 1), method, [(0,), (1,)])
-    assert gone(process)
+    processes = set()
+
+    def work():
+        with Crew(2, meeting(2), lambda: None) as crew:
+            processes.update(met(crew, 2) - {os.getpid()})
+            crew._tool[1][0] = 0
+            crew.begin(Worker, (1, 1), 2)
+            for k in range(2):
+                crew.ask(method, k)
+            list(crew.answers())
+
+    with pytest.raises(error, match=said):
+        work()
+    assert len(processes) == 1
+    assert all(map(gone, processes))
 
 
 @forks
@@ -152,8 +214,9 @@ def test_an_interruption_leaves_no_process():
     processes = set()
 
     def work():
-        with Crew(3, os.getpid(), lambda: None) as crew:
-            processes.update(number for _, number in crew.each(Worker, (1, 1), "where", [(0,), (1,), (2,)]))
+        with Crew(3, meeting(3), lambda: None) as crew:
+            processes.update(met(crew, 3))
+            crew.ask("counts", 0)
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -165,14 +228,12 @@ def test_an_interruption_leaves_no_process():
 @forks
 @pytest.mark.medium
 def test_processes_end_when_their_parent_is_killed():
-    code = """if True:
-        import os, time
-        from toposeam.texture.crew import Crew
-        class Worker:
-            def __init__(self, tool, shape): pass
-            def where(self): return os.getpid()
-        crew = Crew(3, None, lambda: None)
-        print(*crew.each(Worker, (1, 1), "where", [()] * 3), flush=True)
+    code = f"""if True:
+        import sys, time
+        sys.path.insert(0, {str(Path(__file__).parent)!r})
+        from test_waves import Crew, meeting, met
+        crew = Crew(3, meeting(3), lambda: None)
+        print(*met(crew, 3), flush=True)
         time.sleep(600)
     """
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as parent:
@@ -247,3 +308,33 @@ def test_what_is_shared_stays_what_it_was():
     for _ in range(3000):  # more than there was room for at first
         canvas.paint(3, 3, source, every)
     assert canvas.usage.sum() == (canvas.index >= 0).sum()
+
+
+@pytest.mark.parametrize("kind", [Laying, Mending])
+def test_whoever_cuts_a_patch_cuts_it_alike(kind, monkeypatch):
+    placers = []
+    monkeypatch.setattr(synthesize, "mend", lambda placer, *_: placers.append(placer))
+    ts.synthesize(data.gravel()[:70, :81], (90, 100), patch=24, seed=4)
+    placer, at, shape = placers[0], (30, 41), (24, 24)
+    if kind is Laying:
+        placer.canvas.index[40:, 50:] = -1
+    one, other = kind(placer, shape), kind(placer, shape)
+    offers = one.offers(at)
+    for place in zip(offers.rows.tolist(), offers.columns.tolist(), strict=True):
+        one.offers(at)
+        shows, again = one.shows(at, place), other.shows(at, place)
+        assert shows is again is None or (shows == again).all()
+    assert offers is not None
+
+
+def test_nothing_is_laid_where_nothing_is_wanted(monkeypatch):
+    placers = []
+    monkeypatch.setattr(synthesize, "mend", lambda placer, *_: placers.append(placer))
+    ts.synthesize(data.gravel()[:70, :81], (90, 100), patch=24, seed=4)
+    with Crew(1, placers[0], lambda: None) as crew:
+        before = placers[0].canvas.index.copy()
+        assert lay_wave(placers[0], crew, Laying, [(0, 0), (40, 50)], (24, 24)) == [False, False]
+        assert (placers[0].canvas.index == before).all()
+        placers[0].canvas.index[50, 60] = -1
+        assert lay_wave(placers[0], crew, Laying, [(0, 0), (40, 50)], (24, 24)) == [False, True]
+        assert (placers[0].canvas.index >= 0).all()

@@ -299,9 +299,8 @@ def contact_sheet(rows: list[list[np.ndarray]], side: int = 260, gap: int = 6) -
 
 def clock(processes: int, wanted: list[str]) -> None:
     """Seconds by the clock of the twenty samples."""
-    print(
-        f"{'':14}{'-j 1':>8}{f'-j {processes}':>8}{'gmic':>8}{'-j 1 ÷ gmic':>14}{f'-j {processes} ÷ gmic':>14}"
-    )
+    one, several = "-j 1", f"-j {processes}"
+    print(f"{'':14}{one:>8}{several:>8}{'gmic':>8}{one + ' ÷ gmic':>14}{several + ' ÷ gmic':>14}")
     ratios = []
     for sample in samples():
         if wanted and sample.name not in wanted:

@@ -94,6 +94,7 @@ ARROWS = {
         "toposeam_cli.drawn_seams",
         "toposeam_cli.figures",
         "toposeam_cli.files",
+        "toposeam_cli.jobs",
         "toposeam_cli.options",
         "toposeam_cli.placing",
         "toposeam_cli.progress",

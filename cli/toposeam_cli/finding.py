@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,8 @@ from toposeam.layers.tasks import Executor
 from toposeam_cli.composing import Outputs
 from toposeam_cli.drawn_seams import given_seams
 from toposeam_cli.figures.search import check_search
-from toposeam_cli.files.scratch import Scratch
+from toposeam_cli.files.scratch import Scratch, scratch
+from toposeam_cli.jobs.crew import crew
 from toposeam_cli.options import Keyed
 from toposeam_cli.placing import PlacedPictures, read_avoid
 from toposeam_cli.progress import share_bar
@@ -51,6 +53,21 @@ class Means:
     workers: Executor | None
     #: Whether pixels wait in files however few they are.
     stores: bool
+
+
+@contextmanager
+def means_of(folder: Path, files: Sequence[Path], processes: int, dask: str | None) -> Iterator[Means]:
+    """What the options give, for the time of a block; pixels wait in a folder.
+
+    Raises
+    ------
+    OptionError
+        When there is no such cluster, or its workers do not see the files.
+    """
+    with scratch(folder) as store, crew(processes, dask) as workers:
+        if dask is not None and workers is not None:
+            workers.check(store.new(), files)
+        yield Means(store, workers, dask is not None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

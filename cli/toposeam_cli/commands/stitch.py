@@ -17,7 +17,6 @@ from toposeam.images import Windows
 from toposeam.layers.composite import stitched as ts_stitched
 from toposeam.seam.drawing import draw_seams
 from toposeam_cli.composing import Outputs, check_outputs, crop_of, cropped, write
-from toposeam_cli.files.scratch import scratch
 from toposeam_cli.finding import (
     Means,
     SeamOptions,
@@ -25,10 +24,11 @@ from toposeam_cli.finding import (
     check_finding,
     composed_as,
     correlations,
+    means_of,
     shared_work,
     strangers,
 )
-from toposeam_cli.jobs.crew import crew, processes_of
+from toposeam_cli.jobs.crew import processes_of
 from toposeam_cli.large import describe_totals, make, summary_of_large, write_large
 from toposeam_cli.options import (
     FILE,
@@ -206,14 +206,8 @@ def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: 
     where, find, out = taken(Where, given), taken(SeamOptions, given), taken(Outputs, given)
     check_outputs(out)
     check_finding(find, out, given["dask"])
-    dask = given["dask"]
-    with (
-        scratch(out.output.parent) as files_of_pixels,
-        crew(processes_of(given["processes"]), dask) as workers,
-    ):
-        if dask is not None and workers is not None:
-            workers.check(files_of_pixels.new(), files)
-        return _stitch(files, where, find, out, given, Means(files_of_pixels, workers, dask is not None))
+    with means_of(out.output.parent, files, processes_of(given["processes"]), given["dask"]) as means:
+        return _stitch(files, where, find, out, given, means)
 
 
 def _stitch(
@@ -269,7 +263,6 @@ def _stitch(
     if overlay is not None and at is not None:
         (height, width), (left, top) = finished.image.shape[:2], at
         overlay = overlay[top : top + height, left : left + width]
-    # Every result exists before the first file is written.
     documents: list[tuple[Path, bytes]] = []
     if out.seam is not None:
         one = stitched.seams[0] if len(job.layers) == 2 else stitched

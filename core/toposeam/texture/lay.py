@@ -18,10 +18,11 @@ from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.keeping_step import Phase
 from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.nearby import Nearby, average_use
-from toposeam.texture.search import Compared, Ints, PatchSearch, box_sum
+from toposeam.texture.search import Compared, Ints, PatchSearch
 from toposeam.texture.sites import Guide, Offers, Site
 from toposeam.texture.turning import Turns
 from toposeam.texture.twins import Twins
+from toposeam.texture.use import Use
 
 #: How much dearer a place is whose pixels have all shown as often as they should, where there is no other.
 _USED_UP = 30
@@ -130,8 +131,8 @@ class PatchPlacer:
         weight[m : m + h, m : m + w] = inner >= 0
         return Site(at=(top, left), shape=shape, known=known, weight=weight, covers=covers)
 
-    def offers(self, site: Site) -> Offers:
-        """The best places for a patch in a window; changes nothing, and draws nothing."""
+    def offers(self, site: Site, use: Use | None = None) -> Offers:
+        """The best places for a patch in a window, given what shows; changes nothing, and draws nothing."""
         m, terms = self.margin, self._terms(site)
         h, w = site.shape
         new = int((site.weight[m : m + h, m : m + w] == 0).sum())
@@ -154,7 +155,7 @@ class PatchPlacer:
             joined.setdefault((place[0], place[1]), set()).add(first)
         area = self.canvas.area_of
         large = [list(place) for place, firsts in joined.items() if sum(map(area, firsts)) > limit]
-        rows, columns, errors = self._best(error, site, large)
+        rows, columns, errors = self._best(error, site, large, use)
         if not np.isfinite(errors).any():  # what room there is lies between the places of the reduced search
             rows, columns, errors = none, none, errors[:0]
         elif self.search.factor > 1:
@@ -190,6 +191,10 @@ class PatchPlacer:
     def reach(self, shape: tuple[int, int]) -> int:
         """How many px round its window a patch must know before a place is picked for it."""
         return self.margin if self._twins is None else max(self.margin, max(shape) // 2)
+
+    def use(self) -> Use:
+        """How often what shows on the canvas as it is."""
+        return Use(self.canvas, self.atlas, self._average, self._limit, self.options.variety)
 
     def beside(self) -> Beside:
         """Keeps patches that are picked at the same time apart."""
@@ -308,7 +313,9 @@ class PatchPlacer:
             step //= 2
         return row, column, error
 
-    def _best(self, error: Floats32, site: Site, large: list[list[int]]) -> tuple[Ints, Ints, Floats32]:
+    def _best(
+        self, error: Floats32, site: Site, large: list[list[int]], use: Use | None
+    ) -> tuple[Ints, Ints, Floats32]:
         """The best places of the search's grid that lie apart, and their errors: raised where the source
         shows often or near by, and without those that would continue a large copy.
         """
@@ -316,18 +323,8 @@ class PatchPlacer:
         m, f, (n, columns_n) = self.margin, self.search.factor, raised.shape
         used_up: Floats32 | None = None
         if self._uses_up:
-            usage = self.canvas.usage.reshape(self.atlas.usable.shape)
-            on_grid = slice(m, None, f), slice(m, None, f)
-            average = (shape[0] * shape[1] * self._average[m::f][:n]).astype(np.float32)
-            dearer = box_sum(usage, shape)[on_grid][:n, :columns_n] / average
-            np.square(dearer, out=dearer)
-            dearer *= np.float32(self.options.variety)
-            dearer += np.float32(1)
+            dearer, used_up = (use or self.use()).of_places(shape, (m, f), raised.shape)
             raised *= dearer
-            over = usage >= self._limit
-            if over.any():
-                used_up = box_sum(over, shape)[on_grid][:n, :columns_n].astype(np.float32)
-                used_up /= np.float32(shape[0] * shape[1])
             if self.options.variety and self.guide is None:
                 near = self._nearby.share(*at, *shape)(m, f, raised.shape)
                 near *= np.float32(_NEAR * self.options.variety)

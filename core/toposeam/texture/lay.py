@@ -287,31 +287,30 @@ class PatchPlacer:
         errors: Floats32,
     ) -> None:
         """Places and errors of the reduced search as they are at full size."""
-        m, f = self.margin, self.search.factor
+        m, f, k = self.margin, self.search.factor, np.flatnonzero(np.isfinite(errors))
         samples = [term.search.sample(term.values, term.weight, (m, m)) for term in terms]
-        for k in np.flatnonzero(np.isfinite(errors)).tolist():
-            found = self._exactly(terms, samples, int(rows[k]), int(columns[k]), site.shape)
-            errors[k] *= (found[2] + _FLOOR) / error[(rows[k] - m) // f, (columns[k] - m) // f]
-            rows[k], columns[k] = found[:2]
+        reduced = error[(rows[k] - m) // f, (columns[k] - m) // f]
+        rows[k], columns[k], exact = self._exactly(terms, samples, rows[k], columns[k], site.shape)
+        errors[k] *= (exact.astype(float) + _FLOOR).astype(np.float32) / reduced
 
     def _exactly(
-        self, terms: list[_Term], samples: list[Compared], row: int, column: int, shape: tuple[int, int]
-    ) -> tuple[int, int, float]:
-        """The best place at full size near one of the reduced search, in ever smaller steps, and its
-        error.
+        self, terms: list[_Term], samples: list[Compared], rows: Ints, columns: Ints, shape: tuple[int, int]
+    ) -> tuple[Ints, Ints, Floats32]:
+        """The best places at full size near those of the reduced search, in ever smaller steps, and their
+        errors.
         """
-        step, error = self.search.factor // 2, math.inf
+        step, margin, each = self.search.factor // 2, (self.margin, self.margin), np.arange(len(rows))
+        least = np.zeros(len(rows), np.float32)
         while step:
-            rows, columns, exact = np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(9, np.float32)
+            near_rows = near_columns = np.zeros((len(rows), 9), np.intp)
+            error = np.zeros((len(rows), 9), np.float32)
             for term, sample in zip(terms, samples, strict=True):
-                rows, columns, part = term.search.around(
-                    row, column, step, sample, (self.margin, self.margin), shape
-                )
-                exact = exact + term.strength * part
-            least = int(exact.argmin())
-            row, column, error = int(rows[least]), int(columns[least]), float(exact[least])
+                near_rows, near_columns, part = term.search.around(rows, columns, step, sample, margin, shape)
+                error = error + term.strength * part
+            found = each, error.argmin(axis=1)
+            rows, columns, least = near_rows[found], near_columns[found], error[found]
             step //= 2
-        return row, column, error
+        return rows, columns, least
 
     def _best(
         self, error: Floats32, site: Site, large: list[list[int]], use: Use | None

@@ -22,7 +22,7 @@ Ints32 = npt.NDArray[np.int32]
 #: Exemplars of more pixels are searched at reduced size first.
 SEARCH_PIXELS = 300 * 300
 #: Pixels that are located at a time, so that large canvases take no more memory.
-_AT_ONCE = 1 << 20
+_AT_ONCE = 1 << 18
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,15 +117,18 @@ class Atlas:
         place, exemplar = np.empty((*index.shape, 2), np.int32), np.zeros(index.shape, np.int16)
         flat, places, numbers = index.reshape(-1), place.reshape(-1, 2), exemplar.reshape(-1)
         rows, columns = self.corners.T.astype(np.int32)
+        top, left = rows[0], columns[0]
         owner = self.owner_of_rows.astype(np.int16)
         for first in range(0, len(flat), _AT_ONCE):
             part = slice(first, first + _AT_ONCE)
             row, column = np.divmod(flat[part], np.int32(self.width))
-            if len(self.corners) > 1:
+            if len(rows) > 1:
                 owner.take(row, out=numbers[part], mode="clip")
-            places[part, 0] = row - rows.take(numbers[part])
-            places[part, 1] = column - columns.take(numbers[part])
-            places[part][flat[part] < 0] = -1
+                top, left = rows.take(numbers[part]), columns.take(numbers[part])
+            np.subtract(row, top, out=places[part, 0])
+            np.subtract(column, left, out=places[part, 1])
+            if flat[part].min(initial=0) < 0:
+                places[part][flat[part] < 0] = -1
         return exemplar, place
 
     def index_of(self, exemplar: npt.NDArray[np.int16], place: Ints32) -> Ints32:

@@ -35,12 +35,16 @@ def joints(
         From a pixel of the atlas to its neighbour in that direction.
     """
     height, width = index.shape
+    empty = index.min(initial=0) < 0
     for top in range(0, height, ROWS):
-        rows = np.arange(top, min(top + ROWS, height))
-        here = index[rows]
+        here = index[top : top + ROWS]
+        rows = np.arange(top, top + len(here))
         below = (rows + 1) % height
-        for axis, (step, beside) in enumerate(((stride, index[below]), (1, np.roll(here, -1, axis=1)))):
-            apart = (beside - here != step) & (here >= 0) & (beside >= 0)
+        under = index[below] if below[-1] == 0 else index[top + 1 : top + 1 + len(here)]
+        for axis, (step, beside) in enumerate(((stride, under), (1, np.roll(here, -1, axis=1)))):
+            apart = beside - here != step
+            if empty:
+                apart &= (here >= 0) & (beside >= 0)
             if not wraps[axis]:
                 apart[(below == 0) if axis == 0 else (slice(None), -1)] = False
             y, x = np.nonzero(apart)

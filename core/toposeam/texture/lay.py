@@ -16,8 +16,9 @@ from toposeam.texture.atlas import Atlas, Floats32, Ints32, values_at
 from toposeam.texture.beside import Beside
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.keeping_step import Phase
+from toposeam.texture.landmarks import guarded, landmarks
 from toposeam.texture.lay_options import LayOptions
-from toposeam.texture.nearby import Nearby, average_use
+from toposeam.texture.nearby import Nearby, average_use, box_of
 from toposeam.texture.search import Compared, Ints, PatchSearch, box_sum
 from toposeam.texture.sites import Guide, Offers, Site
 from toposeam.texture.turning import Turns
@@ -25,8 +26,8 @@ from toposeam.texture.twins import Twins
 
 #: How much dearer a place is whose pixels have all shown as often as they should, where there is no other.
 _USED_UP = 30
-#: How much dearer a place is all of whose pixels show near by, per unit of variety.
-_NEAR = 1.0
+#: How much dearer a place is whose pixels would all show a second time near by, per unit of variety.
+_NEAR = 2.0
 #: Share of what there is to copy up to which use is not counted.
 _LITTLE = 0.05
 #: An exemplar that shows on less counts as showing on this much of the canvas.
@@ -93,7 +94,12 @@ class PatchPlacer:
         self._shares = None if shares is None else np.asarray(shares, float) / sum(shares)
         self._average = average_use(atlas, area, self._shares)
         self._limit = np.maximum(1, np.floor(options.most * self._average))
-        self._nearby = Nearby(atlas, canvas)
+        #: What seams pay for each pixel of the atlas, flat, where there are objects to be kept.
+        self.guard: Floats32 | None = None
+        self._nearby: Nearby | None = None
+        if self._uses_up and guide is None and options.variety:
+            weight, self.guard = landmarks(features, atlas.usable, atlas.factor)
+            self._nearby = Nearby(atlas, canvas, weight)
         self._twins = None if turns == "none" else Twins(atlas, canvas, turns)
         self.margin, self._copied = atlas.margin, int(atlas.copied.sum())
 
@@ -193,9 +199,9 @@ class PatchPlacer:
 
     def beside(self) -> Beside:
         """Keeps patches that are picked at the same time apart."""
-        near = _NEAR * self.options.variety if self._uses_up and self.guide is None else 0.0
+        near = (0, 0.0) if self._nearby is None else (self._nearby.reach, _NEAR * self.options.variety)
         limit = self._limit if self._uses_up else None
-        return Beside(self.canvas, self.atlas, self._nearby.reach, near, limit, self.largest_copy)
+        return Beside(self.canvas, self.atlas, *near, limit, self.largest_copy)
 
     def patch(self, place: tuple[int, int], shape: tuple[int, int]) -> Ints32:
         """The (h, w) flat indices of the patch at an atlas row and column."""
@@ -242,6 +248,8 @@ class PatchPlacer:
         b[1:-1, 1:-1] = self.features[row : row + source.shape[0], column : column + source.shape[1]]
         try:
             a, (method, cost) = values_at(self.features, padded), (self.options.method, self.options.cost)
+            if self.guard is not None:
+                a, b = guarded(self.guard, a, b, padded, source)
             labels = seam_labels(a, b, mask_a, mask_b, method, cost, closed=closed)
         except OverlapError:  # too thin to hold a seam
             return empty
@@ -328,8 +336,11 @@ class PatchPlacer:
             if over.any():
                 used_up = box_sum(over, shape)[on_grid][:n, :columns_n].astype(np.float32)
                 used_up /= np.float32(shape[0] * shape[1])
-            if self.options.variety and self.guide is None:
-                near = self._nearby.share(*at, *shape)(m, f, raised.shape)
+            if self._nearby is not None:
+                down, right, high, wide = box_of(site.weight[m : m + shape[0], m : m + shape[1]] == 0)
+                near = self._nearby.share(at[0] + down, at[1] + right, high, wide)(
+                    m + down, m + right, f, raised.shape
+                )
                 near *= np.float32(_NEAR * self.options.variety)
                 near += np.float32(1)
                 raised *= near

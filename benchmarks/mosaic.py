@@ -7,7 +7,9 @@ is seen at the seams.
     python benchmarks/mosaic.py --only toposeam       without the peers
 
 The peers: ``apt-get install enblend`` (Debian, Ubuntu). Multiblend has no package; built from
-https://horman.net/multiblend/ it is run too when it is on the PATH as ``multiblend``.
+https://horman.net/multiblend/ (or a copy of version 2.0 on GitHub) it is run too when it is on the PATH as
+``multiblend``. Where it ends with "Operation not permitted" its threads start before what they wait for is
+set: in ``threadpool.cpp`` move ``pthread_create`` to the end of the loop.
 
 The frames overlap by 30 %. Each is exposed up to ±10 % differently, darkens towards its corners by up to
 12 %, and shows some objects that no other frame shows at that place. Every program is a process of its own,

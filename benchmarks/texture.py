@@ -1,5 +1,5 @@
 """Texture synthesis against its peers, in one run: ``python benchmarks/texture.py [--seeds 5] [--sheet
-sheet.jpg] [--large]``.
+sheet.jpg] [--large] [--clock -j 2]``.
 
 192 × 192 px samples are grown to 512 × 512 px by TopoSeam (tileable, patches of 40 and 64 px), by G'MIC's
 ``syntexturize_matchpatch`` and by gimp-texturize (Kwatra's method, tileable) in GIMP 2.10, where they are
@@ -12,6 +12,10 @@ share of pixels whose right neighbour's best match in the sample is the match's 
 verbatim copy use        how often the most used source pixel shows, over the average (TopoSeam knows where
 each pixel came from) jump       99th percentile of the steps across seams, over that of the steps inside the
 sample (likewise)
+
+``--clock`` compares times by the clock instead, on an idle machine: the twenty samples of texture_samples.py
+grown open, patches of 40 px, by one process, by as many as ``-j`` says, and by G'MIC on one thread with its
+start; each the best of three, and the median of TopoSeam's over G'MIC's.
 """
 
 from __future__ import annotations
@@ -36,6 +40,7 @@ from scipy.spatial import cKDTree
 
 import toposeam as ts
 from stamp import stamp
+from texture_samples import samples
 
 SAMPLES = Path(__file__).resolve().parent.parent / "samples"
 SIZE, SOURCE = 512, 192
@@ -61,9 +66,17 @@ def main() -> None:
     options.add_argument(
         "--large", action="store_true", help="only 1024² and 4096² px, and toposeam tile on 2048² px"
     )
+    options.add_argument(
+        "--clock", action="store_true", help="only times by the clock, of one and -j processes"
+    )
+    options.add_argument("-j", type=int, default=2, metavar="N", help="how many processes")
+    options.add_argument("--only", default="", help="names of samples for --clock, with commas between")
     chosen = options.parse_args()
     if chosen.large:
         large()
+        return
+    if chosen.clock:
+        clock(chosen.j, chosen.only.split(",") if chosen.only else [])
         return
     sheet = []
     print(f"{'':10}{'':22}{'time s':>8}{'swd8':>7}{'wrap':>7}{'coher.':>8}{'use':>6}{'jump':>6}")
@@ -282,6 +295,41 @@ def contact_sheet(rows: list[list[np.ndarray]], side: int = 260, gap: int = 6) -
                 small, (gap if column == 0 else first + (column - 1) * (side + gap), gap + row * (side + gap))
             )
     return sheet
+
+
+def clock(processes: int, wanted: list[str]) -> None:
+    """Seconds by the clock of the twenty samples."""
+    one, several = "-j 1", f"-j {processes}"
+    print(f"{'':14}{one:>8}{several:>8}{'gmic':>8}{one + ' ÷ gmic':>14}{several + ' ÷ gmic':>14}")
+    ratios = []
+    for sample in samples():
+        if wanted and sample.name not in wanted:
+            continue
+
+        def grown(count: int, image: np.ndarray = sample.image) -> object:
+            return ts.synthesize(image, SIZE, patch=40, seed=1, processes=count)
+
+        ways: list[Callable[[], object]] = [
+            lambda: grown(1),
+            lambda: grown(processes),
+            lambda image=sample.image: gmic(image, 1),
+        ]
+        found = [min(_clocked(way) for _ in range(3)) for way in ways]
+        ratios.append([found[0] / found[2], found[1] / found[2]])
+        print(
+            f"{sample.name:14}"
+            + "".join(f"{seconds:8.2f}" for seconds in found)
+            + "".join(f"{ratio:14.2f}" for ratio in ratios[-1]),
+            flush=True,
+        )
+    median = np.median(ratios, axis=0)
+    print(f"{'median':14}{median[0]:38.2f}{median[1]:14.2f}")
+
+
+def _clocked(way: Callable[[], object]) -> float:
+    started = time.perf_counter()
+    way()
+    return time.perf_counter() - started
 
 
 def large() -> None:

@@ -21,7 +21,7 @@ from toposeam_cli.pictures.limits import check_together
 from toposeam_cli.pictures.masks import read_white
 from toposeam_cli.pictures.openraster import read_ora
 from toposeam_cli.pictures.picture import Picture, match_pictures, read_picture
-from toposeam_cli.pictures.stored import store
+from toposeam_cli.pictures.stored import read_stored, store
 from toposeam_cli.whereabouts import Where, places_of
 
 #: Pictures with more pixels together wait in files.
@@ -92,7 +92,8 @@ class _Reading:
     """Pictures read one after another; with `skips` those that cannot be are left out, and noted."""
 
     limit: int
-    keep: Callable[[Picture], Picture] | None
+    #: Where pixels wait, unless they do in memory.
+    scratch: Scratch | None
     skips: bool
     reasons: list[str] = field(default_factory=list)
     #: Of those that were read, which of the given ones they are; the names of the others.
@@ -116,10 +117,14 @@ class _Reading:
             yield number, picture
 
     def _read(self, path: Path) -> Picture:
+        if self.scratch is not None:
+            file = self.scratch.new()
+            with self.scratch.failures_told():
+                return read_stored(path, self.limit, file)
         picture = read_picture(path, max_pixels=self.limit)
         if picture.alpha is not None and bool((picture.alpha == full_scale(picture.alpha.dtype)).all()):
             picture = replace(picture, alpha=None)  # it says nothing
-        return picture if self.keep is None else self.keep(picture)
+        return picture
 
 
 def arrange(
@@ -149,8 +154,9 @@ def arrange(
         When two pictures share no pixel.
     """
     limit = round(max_megapixels * 1e6)
-    keep = None if scratch is None or not _many(files) else partial(store, scratch=scratch)
-    reading = _Reading(limit=limit, keep=keep, skips=skip_bad)
+    kept = scratch if scratch is not None and _many(files) else None
+    keep = None if kept is None else partial(store, scratch=kept)
+    reading = _Reading(limit=limit, scratch=kept, skips=skip_bad)
     sources = _sources(files, where, reading, 1 if alone else 2)
     pictures = match_pictures([source.picture for source in sources], keep)
     layers = [
@@ -197,7 +203,7 @@ def arrange(
         files=tuple(source.file for source in sources if source.file is not None),
         placement=placement,
         skipped=tuple(reading.reasons),
-        stored=keep is not None,
+        stored=kept is not None,
     )
 
 

@@ -50,8 +50,9 @@ def stitched(job: EngineJob, layers: Sequence[ts.Layer]) -> tuple[list[ts.Layer]
         )
     elif places != "given":
         raise ts.OptionError(f"places is {places!r}; give 'given', 'near' or 'anywhere'")
-    if options.pop("match_tones", False):
-        layers = ts.match_tones(layers)
+    tones, shading = (options.pop(f"match_{what}", False) for what in ("tones", "shading"))
+    if tones or shading:
+        layers = ts.match_tones(layers, shading=shading)
 
     def report(share: float) -> None:
         job.progress(start + (1 - start) * share)

@@ -66,6 +66,15 @@ _TONES = Option(
         "overlaps agree"
     ),
 )
+_SHADING = Option(
+    name="match-shading",
+    label=_("Match sh_ading too"),
+    default=False,
+    help=_(
+        "Also remove that lenses darken towards their corners: each layer's copy gets a smooth field of gain"
+    ),
+    advanced=True,
+)
 _PLACES = Option(
     name="places",
     label=_("_Positions"),
@@ -129,7 +138,7 @@ SEAM_ENTRIES = (
             "per seam. If there is a selection, the seams stay within it. Bend a path with the path tool and "
             "use Re-stitch from Paths to apply it."
         ),
-        options=(_BLEND, _WIDTH, _PLACES, _TONES, _SHOW, _MERGE, _KEEP, _METHOD, _GRADIENT),
+        options=(_BLEND, _WIDTH, _PLACES, _TONES, _SHOW, _MERGE, _KEEP, _SHADING, _METHOD, _GRADIENT),
         returns=("group", "The group of stitched layers, or the merged layer"),
         preview="stitch",
     ),

@@ -201,6 +201,7 @@ def test_options_for_the_engine_leave_out_the_plug_ins_own():
         "blend",
         "blend_width",
         "gradient",
+        "match_shading",
         "match_tones",
         "method",
         "places",

@@ -162,6 +162,7 @@ answer = [image.get_width(), image.get_height()]
         {"blend": "multiband"},
         {"blend": "gradient"},
         {"blend": "soft"},
+        {"blend": "feather", "match-shading": True},
     ],
 )
 @pytest.mark.parametrize("precision", ["U8_NON_LINEAR", pytest.param("FLOAT_LINEAR", marks=pytest.mark.slow)])

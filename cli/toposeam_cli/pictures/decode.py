@@ -3,8 +3,11 @@
 import os
 import re
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -25,19 +28,36 @@ _X_RESOLUTION = (b"\x1a\x01\x05\0", b"\x01\x1a\0\x05")
 
 _BLOCKS = ("icc-profile", "exif", "xmp")
 
+#: Strips are of about so many bytes.
+STRIP_BYTES = 1 << 22
+_DTYPES = {
+    name: np.dtype(kind)
+    for name, kind in {
+        "uchar": np.uint8,
+        "char": np.int8,
+        "ushort": np.uint16,
+        "short": np.int16,
+        "uint": np.uint32,
+        "int": np.int32,
+        "float": np.float32,
+        "complex": np.complex64,
+        "double": np.float64,
+        "dpcomplex": np.complex128,
+    }.items()
+}
+
 #: The XML namespace of a recipe in an XMP packet: it tells how this very picture was made, so that no other
 #: inherits it.
 RECIPE_NAMESPACE = "urn:x-toposeam:1.0:"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Decoded:
-    """What a file holds."""
+class Decoding:
+    """What a file holds, its pixels not yet read."""
 
-    #: (H, W) or (H, W, C) ndarray: channels as the file has them once its colours are gray or RGB, alpha
-    #: last; of one of the depths a picture can have.
-    values: np.ndarray
-    #: The profile of `values`, not yet compared with its channels.
+    #: Gray or RGB, upright; read from top to bottom.
+    image: VipsImage
+    #: The profile of its pixels, not yet compared with its channels.
     icc: bytes | None
     #: Horizontal and vertical, in pixels per mm.
     resolution: tuple[float, float] | None
@@ -45,9 +65,26 @@ class Decoded:
     exif: bytes | None
     xmp: bytes | None
 
+    def values(self) -> np.ndarray:
+        """All pixels, once: an (H, W) or (H, W, C) ndarray with the channels that the file has once its
+        colours are gray or RGB, alpha last; of one of the depths a picture can have.
+        """
+        return _known_depth(evaluate(self.image, self.image.numpy))
 
-def decode(path: Path, max_pixels: int) -> Decoded:
-    """Decode the first page of a file; the rules are those of
+    def strips(self) -> Iterator[np.ndarray]:
+        """The same, a few rows after the other."""
+        image = self.image
+        width, height, bands, dtype = image.width, image.height, image.bands, _DTYPES[image.format]
+        rows = max(1, STRIP_BYTES // (width * bands * dtype.itemsize))
+        region = load_vips().Region.new(image)
+        for top in range(0, height, rows):
+            fetch = partial(region.fetch, 0, top, width, min(rows, height - top))
+            yield _known_depth(np.frombuffer(evaluate(image, fetch), dtype).reshape(-1, width, bands))
+
+
+@contextmanager
+def decoding(path: Path, max_pixels: int) -> Iterator[Decoding]:
+    """The first page of a file, to be decoded within the block; the rules are those of
     :func:`toposeam_cli.pictures.picture.read_picture`.
 
     Raises
@@ -73,8 +110,7 @@ def decode(path: Path, max_pixels: int) -> Decoded:
         if not any(name.startswith("exif-ifd") for name in fields):
             fields.discard("exif-data")  # damaged
         icc, exif, xmp = (image.get(f"{name}-data") if f"{name}-data" in fields else None for name in _BLOCKS)
-        pixels = evaluate(image, image.numpy)
-        return Decoded(_known_depth(pixels), icc, resolution, exif, _xmp(xmp))
+        yield Decoding(image, icc, resolution, exif, _xmp(xmp))
     except vips.Error as error:
         if "samples out of range" in reason(error):
             raise ImageError(

@@ -8,8 +8,9 @@ thumbnail does not: it shows the source, not what was made of it.
 
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from toposeam.errors import ImageError
 from toposeam.images import full_scale
 from toposeam_cli.files.writing import OutputError, check_output, replacing
 from toposeam_cli.pictures.colour import DEPTHS, convert_profile, fits_profile, to_depth
-from toposeam_cli.pictures.decode import UNSTATED_RESOLUTION, decode
+from toposeam_cli.pictures.decode import UNSTATED_RESOLUTION, Decoding, decoding
 from toposeam_cli.pictures.libvips import (
     VipsImage,
     channels,
@@ -151,8 +152,19 @@ def read_picture(path: str | Path, max_pixels: int = MAX_PIXELS) -> Picture:
         If there is no such file, or it is no picture, damaged, cut short or too large.
     """
     path = Path(path)
-    file = decode(path, max_pixels)
-    pixels, alpha = _split_alpha(path, file.values)
+    with decoding(path, max_pixels) as file:
+        return _decoded(path, file, file.values())
+
+
+def read_strips(path: Path, max_pixels: int = MAX_PIXELS) -> Iterator[Picture]:
+    """What :func:`read_picture` reads, a few rows after the other."""
+    with decoding(path, max_pixels) as file:
+        for values in file.strips():
+            yield _decoded(path, file, values)
+
+
+def _decoded(path: Path, file: Decoding, values: np.ndarray) -> Picture:
+    pixels, alpha = _split_alpha(path, values)
     icc = file.icc if fits_profile(file.icc, channels(pixels)) else None
     return Picture(
         pixels=pixels,
@@ -257,7 +269,8 @@ def encode_png(picture: Picture) -> bytes:
 
 
 def match_pictures(
-    pictures: Sequence[Picture], keep: Callable[[Picture], Picture] | None = None
+    pictures: Sequence[Picture],
+    keep: Callable[[Picture, Callable[[Picture], Picture]], Picture] | None = None,
 ) -> list[Picture]:
     """Give pictures the same channels, depth and colour profile, so that their pixels can be compared.
 
@@ -272,7 +285,8 @@ def match_pictures(
     pictures : sequence of Picture
         Of any sizes.
     keep : callable, optional
-        What becomes of a picture whose pixels were converted, before the next one is.
+        What becomes of a picture that has to be converted, before the next one is: given that, and what
+        converts it, or some rows of it.
 
     Returns
     -------
@@ -289,16 +303,21 @@ def match_pictures(
     n_channels = max(channels(picture.pixels) for picture in pictures)
     dtype = max((picture.pixels.dtype for picture in pictures), key=DEPTHS.index)
     icc = next(picture.icc for picture in pictures if channels(picture.pixels) == n_channels)
+    convert = partial(_convert, dtype=dtype, icc=icc, n_channels=n_channels)
     matched = []
     for picture in pictures:
-        converted = _convert(picture, dtype, icc, n_channels)
-        changed = keep is not None and converted.pixels is not picture.pixels
-        matched.append(keep(converted) if keep is not None and changed else converted)
+        if not _is_like(picture, dtype, icc, n_channels):
+            picture = convert(picture) if keep is None else keep(picture, convert)
+        matched.append(picture)
     return matched
 
 
+def _is_like(picture: Picture, dtype: np.dtype, icc: bytes | None, n_channels: int) -> bool:
+    return (picture.pixels.dtype, picture.icc, channels(picture.pixels)) == (dtype, icc, n_channels)
+
+
 def _convert(picture: Picture, dtype: np.dtype, icc: bytes | None, n_channels: int) -> Picture:
-    if picture.pixels.dtype == dtype and picture.icc == icc and channels(picture.pixels) == n_channels:
+    if _is_like(picture, dtype, icc, n_channels):
         return picture
     try:
         pixels = convert_profile(to_depth(np.asarray(picture.pixels), dtype), picture.icc, icc, n_channels)

@@ -8,19 +8,57 @@ of fibres, is eased within a few pixels; what hardly does, as light, as far as t
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 import numpy.typing as npt
 
 from toposeam.heat.poisson import add_steps, spread
+from toposeam.images import Mask
 from toposeam.texture.atlas import Floats32, Ints32
 from toposeam.texture.joints import ROWS, joints
-from toposeam.texture.light import CopyLight
+from toposeam.texture.light import CopyLight, has_slow_light
 from toposeam.texture.rendering import Lift
+from toposeam.texture.sources import Sources
 
 #: How far a step reaches, px.
 _REACH = 12.0
 #: A step, in shares of white, of which half is eased; what is much larger is an edge.
 _EDGE = 0.3
+#: Of a smooth sample the periods below so many px hold at most this share of the variance.
+_FINE, _SHARE = 8, 0.1
+
+#: Whether light is levelled, or steps are eased only.
+Level = bool | Literal["steps"]
+
+
+def level_for(sources: Sources) -> Level:
+    """What exemplars need: light levelled where it is slow, steps eased where they are smooth."""
+    if any(map(has_slow_light, sources.features, sources.usable)):
+        return True
+    return "steps" if all(map(is_smooth, sources.features, sources.usable)) else False
+
+
+def is_smooth(features: Floats32, usable: Mask) -> bool:
+    """Whether a sample has so little fine detail that steps would be seen.
+
+    Parameters
+    ----------
+    features : (H, W, F) float32 array
+    usable : (H, W) bool array
+
+    Examples
+    --------
+    >>> wave = np.sin(np.arange(64, dtype=np.float32) / 4)[:, np.newaxis, np.newaxis].repeat(64, 1)
+    >>> is_smooth(wave, np.ones((64, 64), bool)), is_smooth(wave[::4], np.ones((16, 64), bool))
+    (True, False)
+    """
+    window = np.multiply.outer(*map(np.hanning, usable.shape))
+    values = np.where(usable, features.mean(axis=2), features[usable].mean())
+    power = np.square(np.abs(np.fft.fft2((values - values.mean()) * window)))
+    power[0, 0] = 0
+    frequency = np.hypot(*np.meshgrid(*map(np.fft.fftfreq, usable.shape), indexing="ij"))
+    return bool(power[frequency > 1 / _FINE].sum() <= _SHARE * power.sum())
 
 
 class EasedLight:

@@ -18,16 +18,19 @@ from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.keeping_step import Phase
 from toposeam.texture.landmarks import guarded, landmarks
 from toposeam.texture.lay_options import LayOptions
-from toposeam.texture.nearby import Nearby, average_use, box_of
-from toposeam.texture.search import Compared, Ints, PatchSearch, box_sum
+from toposeam.texture.nearby import Nearby, average_use
+from toposeam.texture.repeats import Repeats, box_of
+from toposeam.texture.search import Compared, Ints, PatchSearch
 from toposeam.texture.sites import Guide, Offers, Site
 from toposeam.texture.turning import Turns
 from toposeam.texture.twins import Twins
+from toposeam.texture.use import Use
 
 #: How much dearer a place is whose pixels have all shown as often as they should, where there is no other.
 _USED_UP = 30
-#: How much dearer a place is whose pixels would all show a second time near by, per unit of variety.
-_NEAR = 2.0
+#: How much dearer a place is all of whose pixels show near by, per unit of variety; and, where there are
+#: objects, a place of average pixels that would all show a second time within reach.
+_NEAR, _TWICE = 1.0, 2.0
 #: Share of what there is to copy up to which use is not counted.
 _LITTLE = 0.05
 #: An exemplar that shows on less counts as showing on this much of the canvas.
@@ -96,10 +99,10 @@ class PatchPlacer:
         self._limit = np.maximum(1, np.floor(options.most * self._average))
         #: What seams pay for each pixel of the atlas, flat, where there are objects to be kept.
         self.guard: Floats32 | None = None
-        self._nearby: Nearby | None = None
+        self._nearby, self._repeats = Nearby(atlas, canvas), None
         if self._uses_up and guide is None and options.variety:
             weight, self.guard = landmarks(features, atlas.usable, atlas.factor)
-            self._nearby = Nearby(atlas, canvas, weight)
+            self._repeats = None if self.guard is None else Repeats(atlas, canvas, weight)
         self._twins = None if turns == "none" else Twins(atlas, canvas, turns)
         self.margin, self._copied = atlas.margin, int(atlas.copied.sum())
 
@@ -136,8 +139,8 @@ class PatchPlacer:
         weight[m : m + h, m : m + w] = inner >= 0
         return Site(at=(top, left), shape=shape, known=known, weight=weight, covers=covers)
 
-    def offers(self, site: Site) -> Offers:
-        """The best places for a patch in a window; changes nothing, and draws nothing."""
+    def offers(self, site: Site, use: Use | None = None) -> Offers:
+        """The best places for a patch in a window, given what shows; changes nothing, and draws nothing."""
         m, terms = self.margin, self._terms(site)
         h, w = site.shape
         new = int((site.weight[m : m + h, m : m + w] == 0).sum())
@@ -160,7 +163,7 @@ class PatchPlacer:
             joined.setdefault((place[0], place[1]), set()).add(first)
         area = self.canvas.area_of
         large = [list(place) for place, firsts in joined.items() if sum(map(area, firsts)) > limit]
-        rows, columns, errors = self._best(error, site, large)
+        rows, columns, errors = self._best(error, site, large, use)
         if not np.isfinite(errors).any():  # what room there is lies between the places of the reduced search
             rows, columns, errors = none, none, errors[:0]
         elif self.search.factor > 1:
@@ -197,11 +200,16 @@ class PatchPlacer:
         """How many px round its window a patch must know before a place is picked for it."""
         return self.margin if self._twins is None else max(self.margin, max(shape) // 2)
 
+    def use(self) -> Use:
+        """How often what shows on the canvas as it is."""
+        return Use(self.canvas, self.atlas, self._average, self._limit, self.options.variety)
+
     def beside(self) -> Beside:
         """Keeps patches that are picked at the same time apart."""
-        near = (0, 0.0) if self._nearby is None else (self._nearby.reach, _NEAR * self.options.variety)
+        near = self.options.variety if self._uses_up and self.guide is None else 0.0
+        near *= _NEAR if self._repeats is None else _TWICE
         limit = self._limit if self._uses_up else None
-        return Beside(self.canvas, self.atlas, *near, limit, self.largest_copy)
+        return Beside(self.canvas, self.atlas, self._nearby.reach, near, limit, self.largest_copy)
 
     def patch(self, place: tuple[int, int], shape: tuple[int, int]) -> Ints32:
         """The (h, w) flat indices of the patch at an atlas row and column."""
@@ -290,33 +298,34 @@ class PatchPlacer:
         errors: Floats32,
     ) -> None:
         """Places and errors of the reduced search as they are at full size."""
-        m, f = self.margin, self.search.factor
+        m, f, k = self.margin, self.search.factor, np.flatnonzero(np.isfinite(errors))
         samples = [term.search.sample(term.values, term.weight, (m, m)) for term in terms]
-        for k in np.flatnonzero(np.isfinite(errors)).tolist():
-            found = self._exactly(terms, samples, int(rows[k]), int(columns[k]), site.shape)
-            errors[k] *= (found[2] + _FLOOR) / error[(rows[k] - m) // f, (columns[k] - m) // f]
-            rows[k], columns[k] = found[:2]
+        reduced = error[(rows[k] - m) // f, (columns[k] - m) // f]
+        rows[k], columns[k], exact = self._exactly(terms, samples, rows[k], columns[k], site.shape)
+        errors[k] *= (exact.astype(float) + _FLOOR).astype(np.float32) / reduced
 
     def _exactly(
-        self, terms: list[_Term], samples: list[Compared], row: int, column: int, shape: tuple[int, int]
-    ) -> tuple[int, int, float]:
-        """The best place at full size near one of the reduced search, in ever smaller steps, and its
-        error.
+        self, terms: list[_Term], samples: list[Compared], rows: Ints, columns: Ints, shape: tuple[int, int]
+    ) -> tuple[Ints, Ints, Floats32]:
+        """The best places at full size near those of the reduced search, in ever smaller steps, and their
+        errors.
         """
-        step, error = self.search.factor // 2, math.inf
+        step, margin, each = self.search.factor // 2, (self.margin, self.margin), np.arange(len(rows))
+        least = np.zeros(len(rows), np.float32)
         while step:
-            rows, columns, exact = np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(9, np.float32)
+            near_rows = near_columns = np.zeros((len(rows), 9), np.intp)
+            error = np.zeros((len(rows), 9), np.float32)
             for term, sample in zip(terms, samples, strict=True):
-                rows, columns, part = term.search.around(
-                    row, column, step, sample, (self.margin, self.margin), shape
-                )
-                exact = exact + term.strength * part
-            least = int(exact.argmin())
-            row, column, error = int(rows[least]), int(columns[least]), float(exact[least])
+                near_rows, near_columns, part = term.search.around(rows, columns, step, sample, margin, shape)
+                error = error + term.strength * part
+            found = each, error.argmin(axis=1)
+            rows, columns, least = near_rows[found], near_columns[found], error[found]
             step //= 2
-        return row, column, error
+        return rows, columns, least
 
-    def _best(self, error: Floats32, site: Site, large: list[list[int]]) -> tuple[Ints, Ints, Floats32]:
+    def _best(
+        self, error: Floats32, site: Site, large: list[list[int]], use: Use | None
+    ) -> tuple[Ints, Ints, Floats32]:
         """The best places of the search's grid that lie apart, and their errors: raised where the source
         shows often or near by, and without those that would continue a large copy.
         """
@@ -324,24 +333,16 @@ class PatchPlacer:
         m, f, (n, columns_n) = self.margin, self.search.factor, raised.shape
         used_up: Floats32 | None = None
         if self._uses_up:
-            usage = self.canvas.usage.reshape(self.atlas.usable.shape)
-            on_grid = slice(m, None, f), slice(m, None, f)
-            average = (shape[0] * shape[1] * self._average[m::f][:n]).astype(np.float32)
-            dearer = box_sum(usage, shape)[on_grid][:n, :columns_n] / average
-            np.square(dearer, out=dearer)
-            dearer *= np.float32(self.options.variety)
-            dearer += np.float32(1)
+            dearer, used_up = (use or self.use()).of_places(shape, (m, f), raised.shape)
             raised *= dearer
-            over = usage >= self._limit
-            if over.any():
-                used_up = box_sum(over, shape)[on_grid][:n, :columns_n].astype(np.float32)
-                used_up /= np.float32(shape[0] * shape[1])
-            if self._nearby is not None:
-                down, right, high, wide = box_of(site.weight[m : m + shape[0], m : m + shape[1]] == 0)
-                near = self._nearby.share(at[0] + down, at[1] + right, high, wide)(
-                    m + down, m + right, f, raised.shape
-                )
-                near *= np.float32(_NEAR * self.options.variety)
+            if self.options.variety and self.guide is None:
+                if self._repeats is None:
+                    near = self._nearby.share(*at, *shape)(m, f, raised.shape)
+                else:
+                    down, right, *box = box_of(site.weight[m : m + shape[0], m : m + shape[1]] == 0)
+                    on_grid = self._repeats.share(at[0] + down, at[1] + right, box[0], box[1])
+                    near = on_grid(m + down, m + right, f, raised.shape)
+                near *= np.float32((_NEAR if self._repeats is None else _TWICE) * self.options.variety)
                 near += np.float32(1)
                 raised *= near
         if self._shares is not None:

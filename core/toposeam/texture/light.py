@@ -11,6 +11,7 @@ leaves it open, take the sample's slope out.
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
@@ -149,13 +150,23 @@ class CopyLight:
     """
 
     atlas: Atlas
-    coefficients: Floats  #: (P, 3, C), of each patch: at the exemplar's middle, and its slopes
+    coefficients: Floats  #: (P, 3, C), of each patch: in the exemplar's middle, slopes; or P = 0
     floor: np.float32
     low: float
     high: float
 
+    @classmethod
+    def of(cls, plane: Floats32, atlas: Atlas) -> CopyLight:
+        """Copies as they are, of a sample (AH, AW, C)."""
+        low, high = (float(limit(plane[atlas.copied])) for limit in (np.min, np.max))
+        none = np.empty((0, 3, plane.shape[2]))
+        return cls(atlas=atlas, coefficients=none, floor=np.float32(0), low=low, high=high)
+
     def gain(self, index: Ints32, labels: Ints32, channels: slice = slice(None)) -> Floats32:
         """The gain (…, C) at pixels, given by what shows there and the number of the patch."""
+        if not len(self.coefficients):
+            count = len(range(self.coefficients.shape[2])[channels])
+            return np.ones((*index.shape, count), np.float32)
         terms = _coordinates(self.atlas, np.maximum(index, 0))
         found = self.coefficients[np.maximum(labels, 0), :, channels]
         result: Floats32 = np.exp(np.einsum("...k,...kc->...c", terms, found)).astype(np.float32)
@@ -198,8 +209,7 @@ def levelled_copies(
     CopyLight
     """
     given, level = plane.reshape(-1, plane.shape[2]), even.reshape(-1, even.shape[2])
-    low, high = (float(limit(plane[atlas.copied])) for limit in (np.min, np.max))
-    white, usable = max(abs(low), abs(high)) or 1.0, atlas.usable.ravel()
+    white, usable = float(np.abs(plane[atlas.copied]).max()) or 1.0, atlas.usable.ravel()
     flat = np.log(np.maximum(given, 0) / white + _BLACK)  # light multiplies
     parts = []
     for first, second, step in joints(index, atlas.width, wraps):
@@ -218,12 +228,10 @@ def levelled_copies(
         parts.append(_pairs(a, b, terms, apart, weight))
     matrix, wanted = _equations(parts, _even(flat, atlas, index, labels, copies))
     solved = linalg.splu(matrix).solve(wanted) if len(copies) else wanted
-    return CopyLight(
-        atlas=atlas,
+    return dataclasses.replace(
+        CopyLight.of(plane, atlas),
         coefficients=solved.reshape(len(copies), 3, -1)[copies],
         floor=np.float32(_BLACK * white),
-        low=low,
-        high=high,
     )
 
 

@@ -1,131 +1,88 @@
-"""What shows near a place of the canvas, so that the same landmark does not come twice within sight.
-
-A pixel of an exemplar that shows in two copies shows at two pixels of the canvas, as far from each other as
-the copies' shifts: what of a patch would come twice near by follows, for every place at once, from the shifts
-of the copies round it and from what each of them shows.
-"""
+"""What shows near a place of the canvas, so that the same landmark does not come twice within sight."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.images import Mask
 from toposeam.texture.atlas import Atlas, Floats32
 from toposeam.texture.canvas import IndexCanvas
+from toposeam.texture.search import box_sum
 
 #: Within this share of an exemplar's shorter side two copies are near each other.
 _REACH = 0.5
-#: So many times in the reach, at least, the canvas is looked at along one axis.
-_SAMPLED = 12
-#: Of so many pixels of the atlas, at most, each is looked at.
-_PIXELS = 10_000
-#: More than any shift.
-_FAR = 1 << 24
+#: Pixels of the canvas, about, that are looked at along one axis.
+_SAMPLED = 64
 
 
 class Nearby:
-    """Tells how much of a patch would show a second time near by.
+    """Tells which part of a patch shows near by already.
 
     Parameters
     ----------
     atlas : Atlas
     canvas : IndexCanvas
-    weight : (AH, AW) float32 array
-        How much each pixel of the atlas counts.
     """
 
-    def __init__(self, atlas: Atlas, canvas: IndexCanvas, weight: Floats32) -> None:
+    def __init__(self, atlas: Atlas, canvas: IndexCanvas) -> None:
         self._atlas, self._canvas = atlas, canvas
         #: Within so many px two copies are near each other.
         self.reach = round(_REACH * int(atlas.shapes.min(axis=1).max()))
-        self._step = step = max(1, self.reach // _SAMPLED, math.isqrt(weight.size // _PIXELS))
-        rows, columns = (-(-length // step) for length in weight.shape)
-        room = ((0, rows * step - weight.shape[0]), (0, columns * step - weight.shape[1]))
-        self._cells = np.pad(weight, room).reshape(rows, step, columns, step).mean(axis=(1, 3))
 
     def share(
         self, top: int, left: int, height: int, width: int
-    ) -> Callable[[int, int, int, tuple[int, ...]], Floats32]:
-        """For places of the atlas, how much of what would show in a window shows within reach already.
+    ) -> Callable[[int, int, tuple[int, ...]], Floats32]:
+        """The share of each place's pixels that show within reach of a window but not in it.
 
         Parameters
         ----------
         top, left, height, width : int
-            The window, canvas px; what it shows now does not count.
+            The window, canvas px.
 
         Returns
         -------
         callable
-            For the row and column of the atlas that the window's first pixel shows at the first place, a
-            factor and a shape, the (n, m) weights on a grid of places, per px of the window.
+            For a margin, a factor and a shape, the (n, m) shares on the grid of the search.
         """
-        step, atlas = self._step, self._atlas
-        index, y, x = self._seen(top, left, height, width)
-        row, column = np.divmod(index, np.int32(atlas.width))
-        both, number = np.unique((row - y) * (2 * _FAR) + (column - x), return_inverse=True)
-        down = (both + _FAR) // (2 * _FAR)
-        right = both - down * 2 * _FAR
-        row //= np.int32(step)
-        column //= np.int32(step)
-        sums = np.zeros((len(both), self._cells.shape[0] + 1, self._cells.shape[1] + 1), np.float32)
-        sums[number, row + 1, column + 1] = self._cells[row, column]
-        np.cumsum(sums, axis=1, out=sums)
-        np.cumsum(sums, axis=2, out=sums)
-        h, w = (
-            min(max(1, length // step), most - 1)
-            for length, most in zip((height, width), sums.shape[1:], strict=True)
-        )
-        sums = sums[:, h:] - sums[:, :-h]
-        sums = sums[:, :, w:] - sums[:, :, :-w]
-        apart = np.square((np.arange(sums.shape[1]) * step - top) - down[:, np.newaxis])[..., np.newaxis]
-        apart = (
-            apart + np.square((np.arange(sums.shape[2]) * step - left) - right[:, np.newaxis])[:, np.newaxis]
-        )
-        sums *= (apart < self.reach**2) & (apart >= step**2)  # nearer ones continue the copy, or nearly so
-        total = sums.sum(axis=0)
-        total /= np.float32(h * w)
-
-        def on_grid(row: int, column: int, factor: int, shape: tuple[int, ...]) -> Floats32:
-            rows, columns = (
-                np.minimum((first + factor * np.arange(n) + step // 2) // step, limit - 1)
-                for first, n, limit in zip((row, column), shape, total.shape, strict=True)
-            )
-            result: Floats32 = total.take(rows, axis=0).take(columns, axis=1)
-            return result
-
-        return on_grid
-
-    def _seen(
-        self, top: int, left: int, height: int, width: int
-    ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-        """What shows round a window: flat indices, and their rows and columns, which go on across borders."""
-        canvas, lines = self._canvas, []
+        canvas, reach = self._canvas, self.reach
+        step = max(1, (2 * reach + max(height, width)) // _SAMPLED)
+        axes = []
         for start, length, limit, wraps in zip(
             (top, left), (height, width), canvas.shape, canvas.wrap, strict=True
         ):
             # The opposite side of a small torus is not near twice.
-            most = min(self.reach, max((limit - length) // 2, 0)) if wraps else self.reach
-            line = np.arange(start - most, start + length + most, self._step)
-            lines.append(line if wraps else line[(line >= 0) & (line < limit)])
-        y, x = lines
-        index = canvas.index.take(
-            (y % canvas.shape[0])[:, np.newaxis] * canvas.shape[1] + x % canvas.shape[1]
+            most = min(reach, max((limit - length) // 2, 0)) if wraps else reach
+            line = np.arange(start - most, start + length + most, step)
+            axes.append(line % limit if wraps else line[(line >= 0) & (line < limit)])
+        index = canvas.index.take(axes[0][:, np.newaxis] * canvas.shape[1] + axes[1])
+        inside = np.ix_(
+            *(
+                (line - start) % limit < length
+                for line, start, length, limit in zip(
+                    axes, (top, left), (height, width), canvas.shape, strict=True
+                )
+            )
         )
         shown = index >= 0
-        shown[np.ix_((y >= top) & (y < top + height), (x >= left) & (x < left + width))] = False
-        i, j = np.nonzero(shown)
-        return index[i, j], y[i], x[j]
+        shown[inside] = False
+        row, column = np.divmod(index[shown], np.int32(self._atlas.width))
+        size = tuple(-(-length // step) for length in self._atlas.usable.shape)
+        cells = np.zeros(size, bool)
+        cells[row // step, column // step] = True
+        box = max(1, height // step), max(1, width // step)
+        sums = box_sum(cells, box).astype(np.float32) / np.float32(box[0] * box[1])
 
+        def on_grid(margin: int, factor: int, shape: tuple[int, ...]) -> Floats32:
+            rows, columns = (
+                np.minimum((margin + factor * np.arange(n)) // step, limit - 1)
+                for n, limit in zip(shape, sums.shape, strict=True)
+            )
+            result: Floats32 = sums.take(rows, axis=0).take(columns, axis=1)
+            return result
 
-def box_of(mask: Mask) -> tuple[int, int, int, int]:
-    """First row and column, height and width of what is set in a mask."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    top, left = int(rows[0]), int(columns[0])
-    return top, left, int(rows[-1]) + 1 - top, int(columns[-1]) + 1 - left
+        return on_grid
 
 
 def average_use(atlas: Atlas, area: int, shares: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:

@@ -21,7 +21,7 @@ from scipy import ndimage
 
 from toposeam.images import Mask
 from toposeam.texture.atlas import Atlas, Floats32
-from toposeam.texture.search import PatchSearch, box_sum, reduced
+from toposeam.texture.search import Ints, PatchSearch, box_sum, reduced
 
 #: The statistics are taken on a picture of at most this many pixels, from windows of this side, px.
 _PIXELS, _WINDOW = 40_000, 8
@@ -241,25 +241,27 @@ def _fitting(atlas: Atlas, features: Floats32, hole: Mask, missing: Mask) -> Shi
             continue
         error = search.fit(picture[part], weight, (0, 0), shape)
         apart = max(2, min(shape) // (4 * search.factor))
+        best: list[tuple[int, int]] = []
         for _ in range(most):
             i, j = divmod(int(error.argmin()), error.shape[1])
             if not np.isfinite(error[i, j]):
                 break
-            row, column = search.factor * i, search.factor * j
-            if search.factor > 1:
-                row, column = _exactly(search, row, column, picture[part], weight, shape)
-            found.append((row - place[0].start - top, column - place[1].start - left))
+            best.append((search.factor * i, search.factor * j))
             error[max(i - apart, 0) : i + apart + 1, max(j - apart, 0) : j + apart + 1] = np.inf
-    return np.array(found, np.intp).reshape(-1, 2)
+        rows, columns = np.array(best, np.intp).reshape(-1, 2).T
+        if search.factor > 1 and best:
+            rows, columns = _exactly(search, rows, columns, picture[part], weight, shape)
+        found.append(np.stack([rows - place[0].start - top, columns - place[1].start - left], axis=1))
+    return np.concatenate(found) if found else np.zeros((0, 2), np.intp)
 
 
 def _exactly(
-    search: PatchSearch, row: int, column: int, values: Floats32, weight: Floats32, shape: tuple[int, int]
-) -> tuple[int, int]:
-    step, sample = search.factor // 2, search.sample(values, weight, (0, 0))
+    search: PatchSearch, rows: Ints, columns: Ints, values: Floats32, weight: Floats32, shape: tuple[int, int]
+) -> tuple[Ints, Ints]:
+    step, sample, each = search.factor // 2, search.sample(values, weight, (0, 0)), np.arange(len(rows))
     while step:
-        rows, columns, error = search.around(row, column, step, sample, (0, 0), shape)
-        least = int(error.argmin())
-        row, column = int(rows[least]), int(columns[least])
+        near_rows, near_columns, error = search.around(rows, columns, step, sample, (0, 0), shape)
+        least = each, error.argmin(axis=1)
+        rows, columns = near_rows[least], near_columns[least]
         step //= 2
-    return row, column
+    return rows, columns

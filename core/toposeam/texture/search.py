@@ -122,19 +122,20 @@ class PatchSearch:
 
     def around(
         self,
-        row: int,
-        column: int,
+        rows: Ints,
+        columns: Ints,
         step: int,
         sample: Compared,
         margin: tuple[int, int],
         patch: tuple[int, int],
     ) -> tuple[Ints, Ints, Floats32]:
-        """The nine places at and round one, at full size, and the mean squared difference there.
+        """The nine places at and round each of some, at full size, and the mean squared difference there:
+        (n, 9) each.
 
         Parameters
         ----------
-        row, column : int
-            Atlas place of the patch's first pixel.
+        rows, columns : (n,) int array
+            Atlas places of the patch's first pixel.
         step : int
             How far apart the places are, px.
         sample : Compared
@@ -143,16 +144,20 @@ class PatchSearch:
             As for :meth:`fit`.
         """
         room = self.room(patch)
-        reach = np.array([-step, 0, step])
-        rows = np.clip(row + reach, margin[0], room.shape[0] - 1 - margin[0]).repeat(3)
-        columns = np.tile(np.clip(column + reach, margin[1], room.shape[1] - 1 - margin[1]), 3)
-        places = rows * self.atlas.width + columns
-        pixels = places[:, np.newaxis] + sample.offset
+        down, right = np.divmod(np.arange(9), 3)
+        rows, columns = (
+            np.clip(line[:, np.newaxis] + step * (moved - 1), first, limit - 1 - first)
+            for line, moved, first, limit in zip(
+                (rows, columns), (down, right), margin, room.shape, strict=True
+            )
+        )
+        pixels = (rows * self.atlas.width + columns).reshape(-1, 1) + sample.offset
         share = self.atlas.usable.ravel().take(pixels) * sample.weight
         apart = self.features.reshape(-1, sample.values.shape[1]).take(pixels, axis=0)
         apart -= sample.values
         error: Floats32 = np.einsum("knc,knc,kn->k", apart, apart, share)
         error /= np.maximum(share.sum(axis=1), np.float32(1e-9))
+        error = error.reshape(rows.shape)
         error[~room[rows, columns]] = np.inf
         return rows, columns, error
 

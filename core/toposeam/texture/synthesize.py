@@ -25,13 +25,13 @@ from toposeam.texture.atlas import Atlas
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.closing import closing_guide, order_axis
 from toposeam.texture.crew import MAX_PROCESSES, Crew
-from toposeam.texture.easing import EasedLight
+from toposeam.texture.easing import EasedLight, Level, level_for
 from toposeam.texture.finish import finish, settings_of
 from toposeam.texture.guiding import guide_of
 from toposeam.texture.keeping_step import Phase
 from toposeam.texture.lay import PatchPlacer
 from toposeam.texture.lay_options import VARIED, LayOptions, varied
-from toposeam.texture.light import flattened, has_slow_light, levelled_copies, without_light
+from toposeam.texture.light import CopyLight, flattened, levelled_copies, without_light
 from toposeam.texture.mend import mend
 from toposeam.texture.order import STRETCH, UNSEEN, find_order
 from toposeam.texture.raster import lay_all, patches_along, patches_on
@@ -72,7 +72,7 @@ def synthesize(
     guide_weight: float = 0.5,
     smooth: int = 1,
     flatten: bool = False,
-    level: bool | None = None,
+    level: Level | None = None,
     max_megapixels: float = MAX_PIXELS / 1e6,
     processes: int = 1,
     progress: Callable[[float], None] | None = None,
@@ -134,10 +134,11 @@ def synthesize(
         px to either side of a seam in which neighbouring patches are mixed; 0 for hard cuts.
     flatten : bool
         Take slow light out of the exemplars first (:func:`toposeam.flatten_light`); not out of maps.
-    level : bool, optional
+    level : bool or "steps", optional
         Whether light is levelled between patches (:mod:`toposeam.texture.light`), which changes colours a
-        little; by default where the exemplars have slow light and no guide is given. Maps never are: for
-        exemplars whose values are no colours, say False.
+        little, or steps at seams are eased into both sides only (:mod:`toposeam.texture.easing`). By default,
+        where no guide is given, light where the exemplars have slow light, steps where they are smooth. Maps
+        never are: for exemplars whose values are no colours, say False.
     max_megapixels : float
         Refuse a larger texture.
     processes : int
@@ -183,7 +184,7 @@ def synthesize(
         chosen = varied(chosen, variation)
     maps = check_items("maps", maps, object, "a sequence of images, one a map")
     check_choice("flatten", flatten, (True, False))
-    check_choice("level", level, (True, False, None))
+    check_choice("level", level, (True, False, "steps", None))
     check_choice("transparent", transparent, (True, False))
     if flatten:
         source = flattened(source, source_mask, white_of(data_range, 1 + len(maps))[0])
@@ -208,10 +209,8 @@ def synthesize(
     side, overlap = check_patch(sources, patch, overlap)
     atlas = Atlas.of(sources.present, chosen.context, sources.usable)
     if level is None:
-        level = (
-            guide is None and not transparent and any(map(has_slow_light, sources.features, sources.usable))
-        )
-    if level:
+        level = False if transparent or guide is not None else level_for(sources)
+    if level is True:
         even = tuple(map(without_light, sources.features, sources.present, sources.usable))
         sources = dataclasses.replace(sources, features=even)
     features = atlas.spread(sources.features)
@@ -293,7 +292,11 @@ def synthesize(
     if level:
         plane = atlas.spread(sources.planes[0]).astype(np.float32)
         laid = canvas.index, canvas.labels
-        light = levelled_copies(plane, features, atlas, *laid, canvas.first_patches(), wraps)
+        light = (
+            levelled_copies(plane, features, atlas, *laid, canvas.first_patches(), wraps)
+            if level is True
+            else CopyLight.of(plane, atlas)
+        )
         lift = EasedLight(plane, light, *laid, wraps)
     made = finish(sources, atlas, canvas, shape, settings, smooth, lift=lift)
     return dataclasses.replace(made, fits=fits)

@@ -9,8 +9,12 @@ from picture_samples import SRGB, fails, names, sample, smooth, stored
 from PIL import Image
 
 from toposeam.errors import ImageError, OptionError
+from toposeam_cli.files.scratch import scratch
 from toposeam_cli.files.writing import PICTURE_SUFFIXES, OutputError
+from toposeam_cli.pictures import picture
+from toposeam_cli.pictures.deep_zoom import write_deep_zoom
 from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.pictures.stored import read_stored
 
 
 def test_too_large_for_the_format_ends_in_one_sentence(tmp_path):
@@ -54,6 +58,49 @@ def test_a_disk_that_fills_up_keeps_the_existing_file(tmp_path, suffix, capfd):
     assert path.read_bytes() == b"precious"
     assert names(tmp_path) == [path.name]
     assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("transparent", [False, True])
+@pytest.mark.parametrize("way", ["BigTIFF", "pyramid", "deep zoom"])
+def test_a_disk_that_fills_up_in_the_middle_of_a_large_picture(
+    tmp_path, monkeypatch, way, transparent, capfd
+):
+    monkeypatch.setattr(picture, "_BIGTIFF_BYTES", 0)
+    alpha = sample("uint8", 1, (600, 700)) if transparent else None
+    noise = Picture(pixels=sample("uint8", 3, (600, 700)), alpha=alpha)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, limits[1]))  # the first tiles are smaller
+    try:
+        if way == "deep zoom":
+            text = fails(write_deep_zoom, tmp_path / "out.dzi", noise, False, error=OutputError)
+        else:
+            text = fails(
+                write_picture,
+                tmp_path / "out.tif",
+                noise,
+                error=OutputError,
+                pyramid=way == "pyramid",
+                compression="none",
+            )
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert "free some space" in text
+    assert names(tmp_path) == []
+    assert capfd.readouterr().err == ""
+
+
+def test_a_disk_that_fills_up_while_pixels_wait(tmp_path):
+    write_picture(tmp_path / "in.png", Picture(pixels=np.zeros((300, 400, 3), np.uint8)))
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limits[1]))
+    try:
+        with scratch(tmp_path) as files:
+            waits = files.new()
+            with pytest.raises(OutputError, match="cannot keep pixels in"), files.failures_told():
+                read_stored(tmp_path / "in.png", 10**6, waits)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert names(tmp_path) == ["in.png"]
 
 
 def test_the_source_itself_can_be_replaced(tmp_path):

@@ -1,10 +1,12 @@
 """Steps at seams, eased into the copies."""
 
+import dataclasses
 import tracemalloc
 
 import numpy as np
 import pytest
 import skimage.data
+from scipy import ndimage
 
 import toposeam as ts
 from toposeam.texture.atlas import Atlas
@@ -23,10 +25,8 @@ def two_copies(step, wraps):
     flat = np.arange(atlas.usable.size, dtype=np.int32).reshape(atlas.usable.shape)[atlas.places[0]]
     index = np.concatenate([flat[:, :40], flat[:, 70:110]], axis=1)
     labels = np.repeat(np.array([[0, 1]], np.int32), 40, axis=1).repeat(60, axis=0)
-    light = CopyLight(
-        atlas=atlas, coefficients=np.zeros((2, 3, 1)), floor=np.float32(12), low=0.0, high=255.0
-    )
     spread = atlas.spread([plane])
+    light = dataclasses.replace(CopyLight.of(spread, atlas), low=0.0, high=255.0)
     added = EasedLight(spread, light, index, labels, wraps)(0).offset[..., 0]
     return spread.reshape(-1)[index] + added, added
 
@@ -76,6 +76,27 @@ def test_seams_of_a_smooth_sample_step_no_more_than_its_inside(tileable, monkeyp
         EasedLight, "_step", lambda self, plane, first, second, step: np.zeros((len(first), 3))
     )
     assert steps(ts.synthesize(sample, 320, **options)) > 1.2
+
+
+@pytest.mark.parametrize("tileable", ["none", "both"])
+def test_steps_of_smooth_samples_are_eased_without_levelling_light(tileable):
+    noise = ndimage.gaussian_filter(np.random.default_rng(4).normal(size=(96, 96)), 2.5, mode="wrap")
+    sample = np.rint(128 + 30 * noise / noise.std()).clip(0, 255).astype(np.uint8)[..., np.newaxis]
+    options = {"seed": 2, "patch": 24, "tileable": tileable}
+    made, hard = ts.synthesize(sample, 160, **options), ts.synthesize(sample, 160, level=False, **options)
+    assert made.settings["level"] == "steps"
+    np.testing.assert_array_equal(made.source, hard.source)  # copies stay where they are
+    assert steps(made) < 0.95 * steps(hard)
+    assert abs(made.image.mean() - hard.image.mean()) < 0.5
+    copied = sample[made.source[..., 0], made.source[..., 1], 0].astype(int)
+    assert np.median(np.abs(made.image[..., 0] - copied)) <= 3
+
+
+def test_fine_detail_keeps_its_values():
+    sample = np.random.default_rng(4).integers(0, 256, (64, 64)).astype(np.uint8)
+    made = ts.synthesize(sample, 80, patch=20, smooth=0)
+    assert made.settings["level"] is False
+    np.testing.assert_array_equal(made.image, sample[made.source[..., 0], made.source[..., 1]])
 
 
 def test_light_of_a_large_canvas_takes_few_bytes_a_pixel():

@@ -51,8 +51,11 @@ def test_the_nine_places_round_one_have_the_same_error():
     expected = brute_force(features, atlas.usable, values, weight, m, patch)
     search = PatchSearch(atlas, features)
     sample = search.sample(values, weight, (m, m))
-    rows, columns, error = search.around(2 * m + 4, m + 2, 3, sample, (m, m), patch)
-    assert (rows.reshape(3, 3)[:, 0] - rows[0]).tolist() == [0, 3, 6]
+    middles = np.array([2 * m + 4, m + 3]), np.array([m + 2, m + 7])
+    rows, columns, error = search.around(*middles, 3, sample, (m, m), patch)
+    assert rows.shape == columns.shape == error.shape == (2, 9)
+    assert (rows[0].reshape(3, 3)[:, 0] - rows[0, 0]).tolist() == [0, 3, 6]
+    assert (np.stack([rows[:, 4], columns[:, 4]]) == middles).all()
     np.testing.assert_allclose(error, expected[rows - m, columns - m], rtol=1e-4)
 
 
@@ -70,8 +73,10 @@ def test_a_large_exemplar_is_searched_reduced_and_then_exactly():
     error = search.fit(values, weight, (m, m), (24, 24))
     i, j = np.unravel_index(error.argmin(), error.shape)
     sample = search.sample(values, weight, (m, m))
-    rows, columns, exact = search.around(m + 2 * i, m + 2 * j, 1, sample, (m, m), (24, 24))
-    best = exact.argmin()
+    rows, columns, exact = search.around(
+        np.array([m + 2 * i]), np.array([m + 2 * j]), 1, sample, (m, m), (24, 24)
+    )
+    best = 0, exact.argmin()
     assert (rows[best], columns[best]) == (row, column)
     assert exact[best] == 0
 
@@ -83,8 +88,8 @@ def test_a_window_at_the_very_corner_of_the_atlas_can_be_refined():
     values = np.zeros((32 + 2 * m, 32 + 2 * m, 1), np.float32)
     last = 400 - 32 + m
     sample = search.sample(values, np.ones(values.shape[:2], np.float32), (m, m))
-    rows, columns, exact = search.around(last, last, 1, sample, (m, m), (32, 32))
-    assert max(rows) == max(columns) == last
+    rows, columns, exact = search.around(np.array([last]), np.array([last]), 1, sample, (m, m), (32, 32))
+    assert rows.max() == columns.max() == last
     assert np.isfinite(exact).all()
 
 

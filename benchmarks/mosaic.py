@@ -184,7 +184,7 @@ def step_of(result: np.ndarray, labels: np.ndarray, truth: np.ndarray) -> float:
 
 
 def programs(files: list[str]) -> dict[str, list[str]]:
-    ours = [sys.executable, "-m", "toposeam", "stitch", *files, "--force", "--quiet"]
+    ours = [sys.executable, "-m", "toposeam", "stitch", *files, "--force", "--quiet", "-j", "1"]
     ours += ["--max-megapixels", "4000"]
     both = ["--match-tones", "--blend", "multiband"]
     shading = ["--match-shading", "--blend", "multiband"]

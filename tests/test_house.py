@@ -64,6 +64,7 @@ ARROWS = {
     "toposeam_cli.whereabouts": CLI_CORE | {"toposeam_cli.pictures", "toposeam_cli.options"},
     "toposeam_cli.placing": CLI_CORE
     | {
+        "toposeam.layers",
         "toposeam_cli.files",
         "toposeam_cli.pictures",
         "toposeam_cli.options",
@@ -88,9 +89,12 @@ ARROWS = {
     "toposeam_cli.drawn_seams": CLI_CORE | {"toposeam_cli.options", "toposeam_cli.placing"},
     "toposeam_cli.finding": CLI_CORE
     | {
+        "toposeam.layers",
         "toposeam_cli.composing",
         "toposeam_cli.drawn_seams",
         "toposeam_cli.figures",
+        "toposeam_cli.files",
+        "toposeam_cli.jobs",
         "toposeam_cli.options",
         "toposeam_cli.placing",
         "toposeam_cli.progress",

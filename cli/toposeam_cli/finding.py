@@ -2,21 +2,72 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import click
+
 import toposeam as ts
+from toposeam.layers.tasks import Executor
 from toposeam_cli.composing import Outputs
 from toposeam_cli.drawn_seams import given_seams
 from toposeam_cli.figures.search import check_search
+from toposeam_cli.files.scratch import Scratch, scratch
+from toposeam_cli.jobs.crew import crew
 from toposeam_cli.options import Keyed
 from toposeam_cli.placing import PlacedPictures, read_avoid
 from toposeam_cli.progress import share_bar
 
 #: Below this correlation two pictures hardly show the same.
 _STRANGE = 0.1
+
+
+def shared_work(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options that say who does the work."""
+    for option in (
+        click.option(
+            "--dask",
+            metavar="ADDRESS|local",
+            help="Work on the workers of a Dask scheduler, or on a Dask cluster made of -j processes.",
+        ),
+        click.option(
+            "-j",
+            "--jobs",
+            "processes",
+            type=click.IntRange(1, 256),
+            help="Processes; the cores by default. Pictures of 64 megapixels or less in all take one.",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+@dataclass(frozen=True, slots=True)
+class Means:
+    """Where pixels wait, and who does what can be done at once."""
+
+    store: Scratch
+    workers: Executor | None
+    #: Whether pixels wait in files however few they are.
+    stores: bool
+
+
+@contextmanager
+def means_of(folder: Path, files: Sequence[Path], processes: int, dask: str | None) -> Iterator[Means]:
+    """What the options give, for the time of a block; pixels wait in a folder.
+
+    Raises
+    ------
+    OptionError
+        When there is no such cluster, or its workers do not see the files.
+    """
+    with scratch(folder) as store, crew(processes, dask) as workers:
+        if dask is not None and workers is not None:
+            workers.check(store.new(), files)
+        yield Means(store, workers, dask is not None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,13 +95,18 @@ def by_windows(out: Outputs, find: SeamOptions) -> bool:
     return out.output.suffix.lower() != ".ora" and find.blend != "gradient" and out.history is None
 
 
-def check_finding(find: SeamOptions, out: Outputs) -> None:
+def check_finding(find: SeamOptions, out: Outputs, dask: str | None) -> None:
     """Refuse options that mean nothing together.
 
     Raises
     ------
     OptionError
     """
+    if dask is not None and not by_windows(out, find):
+        raise ts.OptionError(
+            "--dask makes pictures window by window, which .ora, --blend gradient and --history do not; "
+            "leave one of them out"
+        )
     iterates = not find.use_seam and find.method in (None, "heat", "thesis")
     if out.history is not None:
         if not iterates:
@@ -65,25 +121,31 @@ def check_finding(find: SeamOptions, out: Outputs) -> None:
         raise ts.OptionError("--align-radius belongs to --align; add that or leave it out")
 
 
-def correlations(job: PlacedPictures) -> dict[tuple[int, int], float]:
+def correlations(job: PlacedPictures, executor: Executor | None = None) -> dict[tuple[int, int], float]:
     """How much each two layers that overlap look alike there, -1 to 1."""
-    return ts.correlations(job.layers) if job.placement is None else job.placement.correlations
+    if job.placement is not None:
+        return job.placement.correlations
+    return ts.correlations(job.layers, executor=executor)
 
 
-def strangers(job: PlacedPictures) -> list[str]:
+def strangers(job: PlacedPictures, executor: Executor | None = None) -> list[str]:
     """A sentence for each two pictures that hardly show the same where they overlap."""
     if job.placement is not None:
         return []
     return [
         f"{job.layers[i].name} and {job.layers[j].name} hardly show the same where they overlap (correlation "
         f"{value:.2f}); check where they lie"
-        for (i, j), value in ts.correlations(job.layers).items()
+        for (i, j), value in ts.correlations(job.layers, executor=executor).items()
         if value < _STRANGE
     ]
 
 
 def composed_as(
-    job: PlacedPictures, find: SeamOptions, out: Outputs, files: Sequence[Path]
+    job: PlacedPictures,
+    find: SeamOptions,
+    out: Outputs,
+    files: Sequence[Path],
+    executor: Executor | None = None,
 ) -> ts.Composition:
     """Join the layers along seams.
 
@@ -101,6 +163,7 @@ def composed_as(
                 use_path=given_seams(find.use_seam, job),
                 record_frames=out.history is not None,
                 progress=progress,
+                executor=executor,
                 gradient=not find.no_gradient,
                 core=find.core,
                 match_tones=find.match_tones,

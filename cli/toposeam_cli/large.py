@@ -19,7 +19,8 @@ from toposeam.layers.composite import seams_svg
 from toposeam.layers.composition import Outline
 from toposeam.layers.cropping import largest_full
 from toposeam.layers.layer import Box
-from toposeam.layers.maps import BLOCK, new_map
+from toposeam.layers.maps import BLOCK, new_map, part_of
+from toposeam.layers.tasks import Executor, results
 from toposeam_cli.composing import Outputs, write_composite
 from toposeam_cli.files.scratch import Scratch
 from toposeam_cli.files.writing import all_or_nothing, atomic_write
@@ -28,6 +29,8 @@ from toposeam_cli.pictures.picture import Picture, write_picture
 from toposeam_cli.pictures.raw import Stored
 from toposeam_cli.placing import PlacedPictures
 
+#: How wide windows are that are handed to other processes, px.
+_COLUMNS = 4 * BLOCK
 #: Rows of a window that are written at once.
 _ROWS = 64
 
@@ -47,12 +50,52 @@ class Large:
     at: tuple[int, int] | None
 
 
+@dataclass(frozen=True, slots=True)
+class _Files:
+    """Raw values of the whole canvas: colours and opacity, which layer shows, the picture with its seams."""
+
+    colours: Path
+    labels: Path
+    drawn: Path
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Window:
+    """A window of the canvas that is to be computed into files."""
+
+    composed: ts.Composition | Framed
+    box: Box
+    files: _Files
+    #: Whether it is kept which layer shows.
+    labels: bool
+    #: Where seams are drawn, if they are.
+    marks: npt.NDArray[np.uint8] | None
+    background: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Painted:
+    """What is told of a window."""
+
+    #: (H, W) bool map.
+    opaque: npt.NDArray[np.bool_]
+    #: Pixels that show no layer, and each layer.
+    shown: npt.NDArray[np.int64]
+    #: Channels.
+    bands: int
+
+
 class Framed:
     """The part of a composition's plane that a frame shows, from 0,0 on; beyond the layers it is empty."""
 
     def __init__(self, composed: ts.Composition, width: int, height: int) -> None:
         self._composed, self.shape = composed, (height, width)
         self.layers, self.names, self.rounds = composed.layers, composed.names, composed.rounds
+        self.divides = False
+
+    def part(self, rows: slice, columns: slice) -> Framed:
+        """It is not divided."""
+        return self
 
     def window(self, rows: slice, columns: slice) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
         """The picture and its opacity."""
@@ -91,8 +134,9 @@ def make(
     crop: str,
     scratch: Scratch,
     progress: Callable[[float], None] | None = None,
+    executor: Executor | None = None,
 ) -> Large:
-    """Compute a composite into files.
+    """Compute a composite into files, window by window, here or where an executor does so.
 
     Raises
     ------
@@ -108,39 +152,29 @@ def make(
     marks = _marks(seams, composed.shape) if out.overlay is not None else None
     dtype = composed.layers[0].image.dtype
     opaque = new_map((height, width), False, bool)
-    grays = np.append(np.rint(np.linspace(0, 255, len(composed.names))).astype(np.uint8), np.uint8(0))
     shown = np.zeros(len(composed.names) + 1, np.int64)
-    files = scratch.new(), scratch.new(), scratch.new()
-    bands = 1
-    with (
-        scratch.failures_told(),
-        files[0].open("r+b") as colours,
-        files[1].open("r+b") as labels,
-        files[2].open("r+b") as drawn,
-    ):
-        for top in range(0, height, BLOCK):
-            rows = slice(top, min(top + BLOCK, height))
-            image, alpha = composed.window(rows, slice(0, width))
-            solid = out.background is not None
-            opaque[rows, slice(0, width)] = True if solid else alpha >= full_scale(dtype)
-            for first in range(rows.start, rows.stop, _ROWS):  # so that copies are small
-                strip = slice(first, min(first + _ROWS, rows.stop))
-                here = slice(strip.start - rows.start, strip.stop - rows.start)
-                part, opacity = image[here], alpha[here]
-                if out.background is not None:
-                    part = on_background(part, opacity, colour_of(out.background))
-                    opacity[:] = full_scale(dtype)
-                planes = part if part.ndim == 3 else part[..., np.newaxis]
-                bands = planes.shape[2]
-                colours.write(np.concatenate([planes, opacity[..., np.newaxis]], axis=2).tobytes())
-                shows = composed.labels(strip, slice(0, width))
-                shown += np.bincount(shows.ravel() + 1, minlength=len(shown))
-                if out.labels is not None:
-                    labels.write(grays[shows].tobytes())
-                if marks is not None:
-                    drawn.write(_drawn(planes, marks[strip, slice(0, width)]).tobytes())
+    bands, files = 1, _Files(scratch.new(), scratch.new(), scratch.new())
+    handed = executor if composed.divides else None
+    windows = list(_windows(height, width, width if handed is None else _COLUMNS))
+    items = (
+        _Window(
+            composed=composed if handed is None else composed.part(*box.slices),
+            box=box,
+            files=files,
+            labels=out.labels is not None,
+            marks=None if marks is None else part_of(marks, box),
+            background=out.background,
+        )
+        for box in windows
+    )
+    with scratch.failures_told():
+        done = results(handed, _painted, items)
+        for number, (box, painted) in enumerate(zip(windows, done, strict=True), start=1):
+            opaque[box.slices] = painted.opaque[box.slices]
+            shown += painted.shown
+            bands = painted.bands
             if progress is not None:
-                progress(0.5 + 0.5 * rows.stop / height)
+                progress(0.5 + 0.5 * number / len(windows))
     box = Box(0, 0, height, width)
     if crop == "inside":
         found = largest_full(opaque)
@@ -148,9 +182,9 @@ def make(
             raise ts.ImageError(f"'{out.output}' cannot be cropped: no pixel is opaque; use .png or .tif")
         box = found
     full = _is_full(opaque, box)
-    pixels = Stored(files[0], (height, width, bands + 1), dtype, (0, bands), box)
+    pixels = Stored(files.colours, (height, width, bands + 1), dtype, (0, bands), box)
     alpha_file = (
-        None if full else Stored(files[0], (height, width, bands + 1), dtype, (bands, bands + 1), box)
+        None if full else Stored(files.colours, (height, width, bands + 1), dtype, (bands, bands + 1), box)
     )
     picture = dataclasses.replace(
         job.pictures[0],
@@ -159,12 +193,59 @@ def make(
     )
     return Large(
         picture=picture,
-        labels=None if out.labels is None else _byte_picture(files[1], (height, width, 1), box),
-        overlay=None if marks is None else _byte_picture(files[2], (height, width, 3), box),
+        labels=None if out.labels is None else _byte_picture(files.labels, (height, width, 1), box),
+        overlay=None if marks is None else _byte_picture(files.drawn, (height, width, 3), box),
         seams=seams,
         shown=tuple(shown[1:].tolist()),
         at=None if box == (0, 0, height, width) else (box.left, box.top),
     )
+
+
+def _windows(height: int, width: int, columns: int) -> Iterator[Box]:
+    for top in range(0, height, BLOCK):
+        for left in range(0, width, columns):
+            yield Box(top, left, min(top + BLOCK, height), min(left + columns, width))
+
+
+def _painted(window: _Window) -> _Painted:
+    """Compute a window into files."""
+    composed, box, files = window.composed, window.box, window.files
+    width, count = composed.shape[1], len(composed.names)
+    image, alpha = composed.window(*box.slices)
+    white, bands = full_scale(image.dtype), 1
+    opaque, shown = new_map(composed.shape, False, bool), np.zeros(count + 1, np.int64)
+    opaque[box.slices] = True if window.background is not None else alpha >= white
+    grays = np.append(np.rint(np.linspace(0, 255, count)).astype(np.uint8), np.uint8(0))
+    for first in range(box.top, box.bottom, _ROWS):  # so that copies are small
+        strip = Box(first, box.left, min(first + _ROWS, box.bottom), box.right)
+        here = slice(strip.top - box.top, strip.bottom - box.top)
+        part, opacity = image[here], alpha[here]
+        if window.background is not None:
+            part = on_background(part, opacity, colour_of(window.background))
+            opacity[:] = white
+        planes = part if part.ndim == 3 else part[..., np.newaxis]
+        bands = planes.shape[2]
+        _write(files.colours, np.concatenate([planes, opacity[..., np.newaxis]], axis=2), strip, width)
+        shows = composed.labels(*strip.slices)
+        shown += np.bincount(shows.ravel() + 1, minlength=len(shown))
+        if window.labels:
+            _write(files.labels, grays[shows], strip, width)
+        if window.marks is not None:
+            _write(files.drawn, _drawn(planes, window.marks[strip.slices]), strip, width)
+    return _Painted(opaque, shown, bands)
+
+
+def _write(path: Path, values: npt.NDArray[Any], box: Box, width: int) -> None:
+    """Write a window into a file of raw values of a canvas so many px wide."""
+    size = values[0, 0].nbytes
+    with path.open("r+b") as file:
+        if values.shape[1] == width:
+            file.seek(box.top * width * size)
+            file.write(np.ascontiguousarray(values).data)
+            return
+        for row, line in enumerate(np.ascontiguousarray(values), start=box.top):
+            file.seek((row * width + box.left) * size)
+            file.write(line.data)
 
 
 def _give_back_memory() -> None:

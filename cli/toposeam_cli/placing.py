@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 import toposeam as ts
 from toposeam.images import full_scale
+from toposeam.layers.tasks import Executor, results
 from toposeam_cli.files.scratch import Scratch
 from toposeam_cli.options import Keyed
 from toposeam_cli.pictures.decode import size_of
@@ -92,9 +93,12 @@ class _Reading:
     """Pictures read one after another; with `skips` those that cannot be are left out, and noted."""
 
     limit: int
-    #: Where pixels wait, unless they do in memory.
+    #: Where pixels wait, unless they do in memory; what decodes several pictures at a time, then.
     scratch: Scratch | None
     skips: bool
+    executor: Executor | None
+    #: Whether that may be on other machines.
+    elsewhere: bool = False
     reasons: list[str] = field(default_factory=list)
     #: Of those that were read, which of the given ones they are; the names of the others.
     numbers: list[int] = field(default_factory=list)
@@ -104,27 +108,40 @@ class _Reading:
         """Each picture with its number."""
         if not self.skips:
             check_together(files, self.limit)
-        for number, (path, name) in enumerate(zip(files, names, strict=True)):
-            try:
-                picture = self._read(path)
-            except ts.ImageError as error:
-                if not self.skips:
-                    raise
-                self.reasons.append(str(error))
-                self.lost.append(name)
-                continue
-            self.numbers.append(number)
-            yield number, picture
+        scratch = self.scratch
+        items = (
+            (
+                path.absolute() if self.elsewhere else path,
+                self.limit,
+                None if scratch is None else scratch.new(),
+            )
+            for path in files
+        )
+        pictures = results(None if scratch is None else self.executor, _read, items)
+        with nullcontext() if scratch is None else scratch.failures_told():
+            for number, (picture, name) in enumerate(zip(pictures, names, strict=True)):
+                if isinstance(picture, ts.ImageError):
+                    if not self.skips:
+                        raise picture
+                    self.reasons.append(str(picture))
+                    self.lost.append(name)
+                    continue
+                self.numbers.append(number)
+                yield number, picture
 
-    def _read(self, path: Path) -> Picture:
-        if self.scratch is not None:
-            file = self.scratch.new()
-            with self.scratch.failures_told():
-                return read_stored(path, self.limit, file)
-        picture = read_picture(path, max_pixels=self.limit)
-        if picture.alpha is not None and bool((picture.alpha == full_scale(picture.alpha.dtype)).all()):
-            picture = replace(picture, alpha=None)  # it says nothing
-        return picture
+
+def _read(item: tuple[Path, int, Path | None]) -> Picture | ts.ImageError:
+    """A picture of at most so many pixels, which may wait in a file, or why it cannot be used."""
+    path, limit, waits = item
+    try:
+        if waits is not None:
+            return read_stored(path, limit, waits)
+        picture = read_picture(path, max_pixels=limit)
+    except ts.ImageError as error:
+        return error
+    if picture.alpha is not None and bool((picture.alpha == full_scale(picture.alpha.dtype)).all()):
+        picture = replace(picture, alpha=None)  # it says nothing
+    return picture
 
 
 def arrange(
@@ -138,10 +155,13 @@ def arrange(
     progress: Callable[[float], None] | None = None,
     scratch: Scratch | None = None,
     alone: bool = False,
+    executor: Executor | None = None,
+    stores: bool = False,
 ) -> PlacedPictures:
     """Read pictures, or the layers of one OpenRaster file or layout, and place them.
 
-    With `scratch` the pixels of many pictures wait there instead of in memory. One picture `alone` may be
+    With `scratch` the pixels of many pictures, or if it `stores` of all, wait there instead of in memory, and
+    an executor may decode several pictures at a time. One picture `alone` may be
     given, and pictures of which nobody says where they lie then lie at 0,0.
 
     Raises
@@ -154,9 +174,9 @@ def arrange(
         When two pictures share no pixel.
     """
     limit = round(max_megapixels * 1e6)
-    kept = scratch if scratch is not None and _many(files) else None
+    kept = scratch if scratch is not None and (stores or _many(files)) else None
     keep = None if kept is None else partial(store, scratch=kept)
-    reading = _Reading(limit=limit, scratch=kept, skips=skip_bad)
+    reading = _Reading(limit=limit, scratch=kept, skips=skip_bad, executor=executor, elsewhere=stores)
     sources = _sources(files, where, reading, 1 if alone else 2)
     pictures = match_pictures([source.picture for source in sources], keep)
     layers = [

@@ -2,8 +2,9 @@
 
 import numpy as np
 from PIL import ImageCms
+from scipy import ndimage
 
-from toposeam_cli.pictures.picture import match_pictures, read_picture
+from toposeam_cli.pictures.picture import Picture, match_pictures, read_picture, write_picture
 
 PROFILE = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
 
@@ -52,3 +53,20 @@ def assert_joined(path, labels, first, second, offset):
         assert (opacity == full).all()
     else:
         np.testing.assert_array_equal(result.alpha, opacity)
+
+
+def make_six(folder, width, height):
+    """Six pictures, three by two, that overlap by 30 %, and a layout that says so."""
+    rng = np.random.default_rng(1)
+    steps = int(0.7 * width), int(0.7 * height)
+    scene = ndimage.zoom(rng.random((100, 120, 3)), (8, 8, 1), order=1)
+    lines = []
+    for index in range(6):
+        row, column = divmod(index, 3)
+        x, y = column * steps[0], row * steps[1]
+        part = np.roll(scene, (-y, -x), axis=(0, 1)) * rng.uniform(150, 240)
+        part = np.clip(part + rng.normal(0, 3, part.shape), 0, 255).astype(np.uint8)
+        part = np.tile(part, (height // 800 + 1, width // 960 + 1, 1))[:height, :width]
+        write_picture(folder / f"{index}.tif", Picture(pixels=part), compression="none")
+        lines.append(f'[[layer]]\nfile = "{index}.tif"\nat = [{x}, {y}]\n')
+    (folder / "six.toml").write_text("\n".join(lines))

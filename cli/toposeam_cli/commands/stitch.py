@@ -13,11 +13,22 @@ import numpy as np
 from click.core import ParameterSource
 
 import toposeam as ts
+from toposeam.images import Windows
 from toposeam.layers.composite import stitched as ts_stitched
 from toposeam.seam.drawing import draw_seams
 from toposeam_cli.composing import Outputs, check_outputs, crop_of, cropped, write
-from toposeam_cli.files.scratch import Scratch, scratch
-from toposeam_cli.finding import SeamOptions, by_windows, check_finding, composed_as, correlations, strangers
+from toposeam_cli.finding import (
+    Means,
+    SeamOptions,
+    by_windows,
+    check_finding,
+    composed_as,
+    correlations,
+    means_of,
+    shared_work,
+    strangers,
+)
+from toposeam_cli.jobs.crew import processes_of
 from toposeam_cli.large import describe_totals, make, summary_of_large, write_large
 from toposeam_cli.options import (
     FILE,
@@ -172,6 +183,7 @@ from toposeam_cli.whereabouts import ORDERS, Where, width_round
     is_flag=True,
     help="Print costs, optima, ratios, stages, iterations and seconds as JSON.",
 )
+@shared_work
 @force_option
 @quiet_option
 def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: Any) -> dict[str, Any]:
@@ -193,9 +205,9 @@ def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: 
         return _stitch_clips(files, given)
     where, find, out = taken(Where, given), taken(SeamOptions, given), taken(Outputs, given)
     check_outputs(out)
-    check_finding(find, out)
-    with scratch(out.output.parent) as files_of_pixels:
-        return _stitch(files, where, find, out, given, files_of_pixels)
+    check_finding(find, out, given["dask"])
+    with means_of(out.output.parent, files, processes_of(given["processes"]), given["dask"]) as means:
+        return _stitch(files, where, find, out, given, means)
 
 
 def _stitch(
@@ -204,7 +216,7 @@ def _stitch(
     find: SeamOptions,
     out: Outputs,
     given: dict[str, Any],
-    store: Scratch,
+    means: Means,
 ) -> dict[str, Any]:
     with share_bar("placing", out.quiet) as progress:
         job = arrange(
@@ -215,8 +227,12 @@ def _stitch(
             max_megapixels=find.max_megapixels,
             skip_bad=given.pop("skip_bad"),
             progress=progress,
-            scratch=store if by_windows(out, find) else None,
+            scratch=means.store if by_windows(out, find) else None,
+            executor=means.workers,
+            stores=means.stores,
         )
+    if not all(isinstance(layer.image, Windows) for layer in job.layers):
+        means = dataclasses.replace(means, workers=None)
     for reason in job.skipped:
         click.echo(f"left out: {reason}", err=True)
     if len(job.layers) == 2 and find.use_seam and find.method is not None:
@@ -235,9 +251,9 @@ def _stitch(
         crop = crop_of(out, job.layers)
     else:
         crop = out.crop or ("outside" if out.has_alpha or out.background is not None else "inside")
-    warnings = [] if out.quiet else strangers(job)
+    warnings = [] if out.quiet else strangers(job, means.workers)
     if job.stored:
-        return _stitch_large(job, find, out, files, crop, store, [*warnings], aligned)
+        return _stitch_large(job, find, out, files, crop, means, [*warnings], aligned)
     composed = composed_as(job, find, out, files)
     asked = out.as_json or (out.overlay, out.seam, out.history, out.report) != (None,) * 4
     whole = asked or len(job.layers) == 2  # of many seams that nobody asks for outlines suffice
@@ -247,7 +263,6 @@ def _stitch(
     if overlay is not None and at is not None:
         (height, width), (left, top) = finished.image.shape[:2], at
         overlay = overlay[top : top + height, left : left + width]
-    # Every result exists before the first file is written.
     documents: list[tuple[Path, bytes]] = []
     if out.seam is not None:
         one = stitched.seams[0] if len(job.layers) == 2 else stitched
@@ -292,14 +307,14 @@ def _stitch_large(
     out: Outputs,
     files: Sequence[Path],
     crop: str,
-    store: Scratch,
+    means: Means,
     warnings: Sequence[str],
     aligned: ts.Aligned | None,
 ) -> dict[str, Any]:
     """The same for pictures larger than memory."""
-    composed = composed_as(job, find, out, files)
+    composed = composed_as(job, find, out, files, means.workers)
     with share_bar("writing", out.quiet) as progress:
-        large = make(composed, job, out, crop, store, progress)
+        large = make(composed, job, out, crop, means.store, progress, means.workers)
     documents: list[tuple[Path, bytes]] = []
     if out.save_layout is not None:
         documents.append((out.save_layout, saved_layout(job, out.save_layout.parent).encode()))
@@ -315,7 +330,7 @@ def _stitch_large(
             alpha=large.picture.alpha,
             seams=[(seam.pair, seam) for seam in large.seams],
             shown=large.shown,
-            correlations=correlations(job),
+            correlations=correlations(job, means.workers),
         )
         documents.append((out.report, seam_page(page).encode(errors="backslashreplace")))
     write_large(out, composed, large, documents)

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+import sys
+import uuid
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 from toposeam.errors import MissingPackageError, OptionError
@@ -21,17 +26,19 @@ _NO_PAGES: dict[str, list[str]] = {
 _CLOSING_S = 10
 
 
-class _Dask(Workers):
+class DaskWorkers(Workers):
     """The workers of a Dask cluster, through its executor."""
 
     attempts = 4  # a worker that dies takes what waits for it along, so that the innocent are tried again too
 
-    def __init__(self, executor: Executor, count: int) -> None:
+    def __init__(self, client: Any, count: int) -> None:
         super().__init__()
-        self._executor, self._count = executor, count
+        self._client, self._count = client, count
+        self._executor: Executor = client.get_executor(pure=False)
 
     @property
     def is_free(self) -> bool:
+        """Whether one has nothing to do."""
         return len(self._running) < self._count
 
     def _take(self) -> Executor:
@@ -39,6 +46,73 @@ class _Dask(Workers):
 
     def _give_back(self, executor: Executor, died: bool) -> None:
         pass
+
+    def check(self, look: WorkerCheck) -> None:
+        """Refuse workers that would not do the same work on the same files.
+
+        Raises
+        ------
+        OptionError
+        """
+        remedy = "install the same there as here, on storage that all of them share"
+        try:
+            answers = self._client.run(look, on_error="return")
+        except Exception as error:  # whatever cannot be sent there, or comes from there
+            raise OptionError(
+                f"the Dask workers cannot run TopoSeam ({_first_line(error)}); {remedy}"
+            ) from error
+        for worker, said in answers.items():
+            if isinstance(said, BaseException):
+                raise OptionError(
+                    f"the Dask worker at {worker} cannot run TopoSeam ({_first_line(said)}); {remedy}"
+                )
+            if said:
+                raise OptionError(f"the Dask worker at {worker} {said}")
+
+
+@dataclass(frozen=True, slots=True)
+class WorkerCheck:
+    """What a worker is asked before there is work: whether it has our versions, and sees our files."""
+
+    versions: Mapping[str, str]
+    #: Files, and how many bytes each has; the first one holds `secret`.
+    files: Mapping[str, int]
+    secret: str
+
+    @classmethod
+    def at(cls, probe: Path, files: Iterable[Path]) -> WorkerCheck:
+        """At some files, and at one that is made for it."""
+        secret = uuid.uuid4().hex
+        probe.write_text(secret)
+        sizes = {str(path.absolute()): path.stat().st_size for path in (probe, *files)}
+        return cls(versions(), sizes, secret)
+
+    def __call__(self) -> str:
+        """In a worker: what is wrong, or nothing."""
+        for name, theirs in versions().items():
+            if theirs != self.versions[name]:
+                return (
+                    f"has {name} {theirs}, and {self.versions[name]} is here; results would differ, so "
+                    "install the same"
+                )
+        for number, (path, size) in enumerate(self.files.items()):
+            try:
+                seen = Path(path).stat().st_size == size
+                seen = seen and (number > 0 or Path(path).read_text() == self.secret)
+            except OSError:
+                seen = False
+            if not seen:
+                return (
+                    f"does not see '{path}'; keep pictures and output on storage that all workers share, "
+                    "under the same names"
+                )
+        return ""
+
+
+def versions() -> dict[str, str]:
+    """Of what decides about the last bit."""
+    found = {name: version(name) for name in ("toposeam", "numpy", "scipy")}
+    return {"Python": ".".join(map(str, sys.version_info[:2])), **found}
 
 
 @contextmanager
@@ -86,7 +160,7 @@ def dask_workers(address: str, count: int) -> Iterator[Workers]:
                         "address outside of networks you trust.",
                         client.scheduler.address,
                     )
-                yield _Dask(client.get_executor(pure=False), threads)
+                yield DaskWorkers(client, threads)
         finally:
             _close(cluster)
 

@@ -251,8 +251,9 @@ def _run(
                 )
             yield from outcomes  # now that the workers are busy again
             outcomes = []
-            for name, answer in workers.ended(_REPORT_EVERY_S):
+            for name, said in workers.ended(_REPORT_EVERY_S):
                 job, row = begun.pop(name)
+                answer: Answer | None = said
                 if answer is None:
                     _tidy(job)
                     deaths[name] += 1

@@ -9,7 +9,7 @@ import signal
 import threading
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -64,32 +64,35 @@ class Workers(ABC):
     attempts = 2
 
     def __init__(self) -> None:
-        self._running: dict[Future[Answer], tuple[str, Executor]] = {}
+        self._running: dict[Future[Any], tuple[str, Executor]] = {}
 
     @property
     @abstractmethod
     def is_free(self) -> bool:
         """Whether another job can begin."""
 
-    def begin(self, name: str, task: Task) -> None:
-        """Give a free worker a job."""
+    def begin(self, name: str, task: Any, does: Callable[[Any], Any] | None = None) -> None:
+        """Give a free worker a job: a :class:`Task`, or what another function `does`."""
+        does = answer if does is None else does
         executor = self._take()
         try:
-            future = self._submit(executor, task)
+            future = self._submit(executor, does, task)
         except BrokenExecutor:  # its worker died while it had nothing to do
             self._give_back(executor, died=True)
             executor = self._take()
-            future = self._submit(executor, task)
+            future = self._submit(executor, does, task)
         self._running[future] = name, executor
 
-    def _submit(self, executor: Executor, task: Task) -> Future[Answer]:
+    def _submit(self, executor: Executor, does: Callable[[Any], Any], task: Any) -> Future[Any]:
         with ctrl_c_later():  # a terminal sends it to workers too, but it is their parent that answers
-            return executor.submit(answer, task)
+            return executor.submit(does, task)
 
-    def ended(self, timeout_s: float) -> list[tuple[str, Answer | None]]:
-        """Wait for jobs to end: their names, and what became of them, None where the worker died."""
+    def ended(self, timeout_s: float) -> list[tuple[str, Any]]:
+        """Wait for jobs to end: their names, and what became of them (an :class:`Answer`, of a task), None
+        where the worker died.
+        """
         done, _ = wait(self._running, timeout_s, FIRST_COMPLETED)
-        answers: list[tuple[str, Answer | None]] = []
+        answers: list[tuple[str, Any]] = []
         for future in done:
             name, executor = self._running.pop(future)
             died = future.cancelled() or future.exception() is not None

@@ -22,6 +22,7 @@ from toposeam.checks import check_items, check_whole
 from toposeam.errors import OverlapError
 from toposeam.images import Image, Mask, as_float
 from toposeam.layers.layer import Box, Layer, check_layers, cut
+from toposeam.layers.tasks import Executor, results
 
 #: Farthest a layer is searched from where it was said to be, px in x and in y.
 RADIUS = 32
@@ -117,7 +118,9 @@ def align(layers: Sequence[Layer], *, radius: int = RADIUS) -> Aligned:
     )
 
 
-def correlations(layers: Sequence[Layer]) -> dict[tuple[int, int], float]:
+def correlations(
+    layers: Sequence[Layer], *, executor: Executor | None = None
+) -> dict[tuple[int, int], float]:
     """How alike two layers are where they overlap, without their slow changes: 1 for the same, about 0 for
     strangers.
 
@@ -125,6 +128,8 @@ def correlations(layers: Sequence[Layer]) -> dict[tuple[int, int], float]:
     ----------
     layers : sequence of Layer
         Placed.
+    executor : concurrent.futures.Executor, optional
+        Where pairs are compared.
 
     Returns
     -------
@@ -139,19 +144,26 @@ def correlations(layers: Sequence[Layer]) -> dict[tuple[int, int], float]:
     1.0
     """
     layers = check_items("layers", layers, Layer, "a sequence of Layers")
-    found = {}
-    for i in range(len(layers)):
-        for j in range(i + 1, len(layers)):
-            box = _middle(_place(layers[i]).shared(_place(layers[j])), _LOOKED_AT)
-            if not all(box.shape) or box.shape[0] * box.shape[1] < _LEAST_PIXELS:
-                continue
-            parts = [_content(layers[k], _place(layers[k]), box) for k in (i, j)]
-            both = parts[0][1] & parts[1][1]
-            one, other = (part[0][both] for part in parts)
-            energy = float((one @ one) * (other @ other))
-            if np.count_nonzero(both) >= _LEAST_PIXELS and energy > 1e-8:
-                found[i, j] = float(one @ other) / float(np.sqrt(energy))
-    return found
+    pairs = [
+        (i, j)
+        for i in range(len(layers))
+        for j in range(i + 1, len(layers))
+        if np.prod(_middle(_place(layers[i]).shared(_place(layers[j])), _LOOKED_AT).shape) >= _LEAST_PIXELS
+    ]
+    items = [(layers[i], layers[j]) for i, j in pairs]
+    found = zip(pairs, results(executor, _correlation, items), strict=True)
+    return {pair: value for pair, value in found if value is not None}
+
+
+def _correlation(layers: tuple[Layer, Layer]) -> float | None:
+    box = _middle(_place(layers[0]).shared(_place(layers[1])), _LOOKED_AT)
+    parts = [_content(layer, _place(layer), box) for layer in layers]
+    both = parts[0][1] & parts[1][1]
+    one, other = (part[0][both] for part in parts)
+    energy = float((one @ one) * (other @ other))
+    if np.count_nonzero(both) < _LEAST_PIXELS or energy <= 1e-8:
+        return None
+    return float(one @ other) / float(np.sqrt(energy))
 
 
 def _check_joined(

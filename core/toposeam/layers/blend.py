@@ -138,6 +138,11 @@ class Blender:
             shifts = [begin] if period is None else [begin - period, begin, begin + period]
             self._mix = _Fade(placed, _Soft(dict(seams()), shifts).weights).mix
 
+    @property
+    def margin(self) -> int:
+        """How far beyond a tile its blending looks, px."""
+        return self._reach + self._step + self._beyond
+
     def spread(self, image: Image) -> None:
         """Blend a whole composite in place, as ``gradient`` does."""
         _spread(self._placed, image, self._width, self._period is not None)

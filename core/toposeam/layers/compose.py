@@ -23,6 +23,7 @@ from toposeam.layers.painting import LabelMap, channel_count
 from toposeam.layers.posing import exclusive_covers, pose_labelling
 from toposeam.layers.rounds import Rounds, best_rounds
 from toposeam.layers.steps import Steps, divided, order_of, paths_by_pair
+from toposeam.layers.tasks import Executor
 from toposeam.layers.tones import match_tones as matched
 from toposeam.layers.wrapping import (
     Turned,
@@ -66,6 +67,7 @@ def compose(
     max_megapixels: float = MAX_MEGAPIXELS,
     wrap: int | None = None,
     record_frames: bool = False,
+    executor: Executor | None = None,
     progress: Callable[[float], None] | None = None,
     **keywords: Any,
 ) -> Composition:
@@ -75,6 +77,9 @@ def compose(
     ----------
     layers : sequence of Layer
         As for :func:`toposeam.stitch`; their images may be :class:`toposeam.Windows`.
+    executor : concurrent.futures.Executor, optional
+        Where what does not depend on each other is done; the result is the same. Layers are handed to it:
+        let their images be Windows that are small when pickled, such as those that know a file's name.
     **options
         All of them are those of :func:`toposeam.stitch`.
 
@@ -115,7 +120,7 @@ def compose(
     for name, value in (("match_tones", match_tones), ("match_shading", match_shading)):
         check_choice(name, value, (True, False))
     if match_tones or match_shading:
-        layers = matched(layers, shading=match_shading)
+        layers = matched(layers, shading=match_shading, executor=executor)
     factor = None if weight is None else as_weights(weight, canvas.shape)
     away = None if avoid is None else as_mask(avoid, canvas.shape, "avoid")
     common = {"cost": match, "core": core, "data_range": layers[0].data_range}
@@ -147,7 +152,17 @@ def compose(
             given=[(pair, divided(layers, canvas, pair, paths[pair], match, core)) for pair in paths],
         )
         order = order_of(layers, steps.places, steps.covered)
-        moves, rounds = best_rounds(labelling, order, method, given, max_rounds, progress, blend == "soft")
+        alone = factor is not None or away is not None  # which are as large as the canvas
+        moves, rounds = best_rounds(
+            labelling,
+            order,
+            method,
+            given,
+            max_rounds,
+            progress,
+            blend == "soft",
+            None if alone else executor,
+        )
         label_map = moves.label_map
         pairs = moves.pairs(potentials=blend == "soft")
         made = Made(moves, list(paths), {"core": core, **dataclasses.asdict(match)})

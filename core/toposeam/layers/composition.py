@@ -7,18 +7,19 @@ seams are made one after another. :func:`toposeam.stitch` is the same for pictur
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
-from toposeam.images import Image
+from toposeam.images import Image, Windows
 from toposeam.layers.blend import Blend, Blender, Placed
 from toposeam.layers.labelling import Pair
 from toposeam.layers.layer import Box, Extent, Layer
-from toposeam.layers.maps import BLOCK, blocks
+from toposeam.layers.maps import BLOCK, blocks, part_of
 from toposeam.layers.painting import LabelMap, paint
 from toposeam.optimize.history import Termination
 from toposeam.seam.seam import Seam
@@ -57,6 +58,19 @@ class Totals:
     seconds: float
     #: Name of the method that found the first of them.
     method: str
+
+
+class _Blank(Windows):
+    """Pixels that nobody looks at."""
+
+    def read(self, rows: slice, columns: slice) -> Image:
+        """Zeros."""
+        size = len(range(*rows.indices(self.shape[0]))), len(range(*columns.indices(self.shape[1])))
+        return np.zeros((*size, *self.shape[2:]), self.dtype)
+
+
+def _unknown(pair: Pair, beside: bool) -> Seam:
+    raise ValueError(f"part of a composition does not know the seam between {pair[0]} and {pair[1]}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -150,6 +164,37 @@ class Composition:
                 alpha[here] = opacity[common.within(tile)]
         return image, alpha
 
+    def part(self, rows: slice, columns: slice) -> Composition:
+        """The same as far as a window is concerned, to be handed to another process, which gives the same
+        pixels there; without seams. It is all of it where blending needs all of it.
+        """
+        if not self.divides:
+            return self
+        (top, bottom), (left, right) = (
+            part.indices(side)[:2] for part, side in zip((rows, columns), self.shape, strict=True)
+        )
+        top, left = top - top % BLOCK, left - left % BLOCK
+        bottom, right = bottom + -bottom % BLOCK, right + -right % BLOCK
+        box = Box(top, left, bottom, right).grown(self._blender.margin).shared(self.canvas.box)
+        placed = self._placed
+        layers, covered = [], []
+        for layer, place, cover in zip(placed.layers, placed.places, placed.covered, strict=True):
+            common = place.shared(box)
+            if all(common.shape):
+                layers.append(dataclasses.replace(layer, mask=None, keep=None))
+                covered.append(part_of(cover, common.moved(-place.top, -place.left)))
+            else:
+                blank = cast(Image, _Blank(layer.image.shape, layer.image.dtype))
+                layers.append(dataclasses.replace(layer.bare, image=blank))
+                covered.append(np.zeros((0, 0), bool))
+        part = Placed(
+            layers=layers,
+            places=placed.places,
+            covered=covered,
+            label_map=part_of(placed.label_map, box),
+        )
+        return dataclasses.replace(self, layers=layers, pairs=(), _placed=part, _seam=_unknown, _totals=None)
+
     def seams(self) -> Iterator[tuple[Pair, Seam]]:
         """The seams with their pairs of layers, each made when its turn comes."""
         for pair in self.pairs:
@@ -190,6 +235,11 @@ class Composition:
             seconds=sum(seam.seconds for seam in seams),
             method=seams[0].method if seams else "",
         )
+
+    @property
+    def divides(self) -> bool:
+        """Whether parts are smaller than all of it."""
+        return not self._goes_round and self._blend not in ("soft", "gradient")
 
     def _empty(self, box: Box) -> tuple[Image, Image]:
         dtype = self.layers[0].image.dtype

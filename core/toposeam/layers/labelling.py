@@ -56,6 +56,9 @@ class PairCost(Protocol):
         """(h, w) bool, where both layers have pixels."""
         ...
 
+    def part(self, box: Box, seen: dict[int, Any]) -> PairCost:
+        """The same cost as far as a box is concerned; in `seen` is what several costs have in common."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Move:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, NamedTuple
@@ -88,6 +89,11 @@ class Layer:
     def white(self) -> float:
         """The value that counts as 1."""
         return float(full_scale(self.image.dtype)) if self.data_range is None else self.data_range
+
+    @property
+    def bare(self) -> Layer:
+        """The layer without its masks and opacity, of which others know where it has pixels."""
+        return dataclasses.replace(self, alpha=None, mask=None, keep=None)
 
     @property
     def covered(self) -> Mask:

@@ -7,6 +7,7 @@ writes like an array, by rows and columns, so that small canvases simply use arr
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, cast
 
@@ -54,6 +55,34 @@ class TileMap:
     def nbytes(self) -> int:
         """Of what is kept."""
         return self._values.nbytes + sum(tile.nbytes for tile in self._tiles.values())
+
+    def part(self, box: Box) -> TileMap:
+        """The same in a box; anything elsewhere."""
+        result = TileMap(self.shape, 0, self.dtype)
+        result._values = self._values.copy()
+        rows = range(box.top // TILE, -(-box.bottom // TILE))
+        columns = range(box.left // TILE, -(-box.right // TILE))
+        result._tiles = {
+            at: tile.copy() for at, tile in self._tiles.items() if at[0] in rows and at[1] in columns
+        }
+        return result
+
+    def __getstate__(self) -> dict[str, Any]:
+        tiles = b"".join(tile.tobytes() for tile in self._tiles.values())
+        state = self.__dict__ | {"_tiles": list(self._tiles), "packed": zlib.compress(tiles, 1)}
+        return state | {"_values": zlib.compress(self._values.tobytes(), 1)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        packed, tiles = zlib.decompress(state.pop("packed")), state.pop("_tiles")
+        values = np.frombuffer(zlib.decompress(state.pop("_values")), state["dtype"])
+        self.__dict__.update(state)
+        self._values = values.reshape([-(-side // TILE) for side in self.shape]).copy()
+        self._tiles, start = {}, 0
+        for at in tiles:
+            height, width = self._size(at)
+            tile = np.frombuffer(packed, self.dtype, height * width, start)
+            self._tiles[at] = tile.reshape(height, width).copy()
+            start += tile.nbytes
 
     def __getitem__(self, key: Windows2) -> npt.NDArray[Any]:
         rows, columns = self._bounds(key)
@@ -138,6 +167,28 @@ def new_map(shape: tuple[int, int], fill: Any, dtype: npt.DTypeLike) -> npt.NDAr
     if shape[0] * shape[1] <= DENSE_PIXELS:
         return np.full(shape, fill, dtype)
     return cast("npt.NDArray[Any]", TileMap(shape, fill, dtype))
+
+
+def part_of(values: Any, box: Box) -> npt.NDArray[Any]:
+    """A map as it is in a box, small enough to be handed to another process; anything elsewhere.
+
+    Examples
+    --------
+    >>> import pickle
+    >>> mask = np.zeros((3000, 4000), bool)
+    >>> mask[1000:1100, 2000:2100] = True
+    >>> part = pickle.dumps(part_of(mask, Box(900, 1900, 1200, 2200)))
+    >>> len(part) < 5000, int(np.sum(pickle.loads(part)[900:1200, 1900:2200]))
+    (True, 10000)
+    """
+    if not isinstance(values, TileMap):
+        whole, shape = values, (values.shape[0], values.shape[1])
+        box = box.shared(Box(0, 0, *shape))
+        value = uniform(values, box)
+        values = TileMap(shape, 0 if value is None else value, whole.dtype)
+        if value is None and all(box.shape):
+            values[box.slices] = whole[box.slices]
+    return cast("npt.NDArray[Any]", values.part(box))
 
 
 def made_map(

@@ -13,9 +13,10 @@ layers:
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,19 @@ from toposeam.errors import OptionError
 from toposeam.images import Mask, as_float, widen
 from toposeam.layers.labelling import Labelling, Pair, PairCost
 from toposeam.layers.layer import Box, Extent, Layer, cut
-from toposeam.layers.maps import EDGES, all_of, blocks, cover_of, dense, ground, made_map, new_map, uniform
+from toposeam.layers.maps import (
+    EDGES,
+    all_of,
+    blocks,
+    cover_of,
+    dense,
+    ground,
+    made_map,
+    new_map,
+    part_of,
+    uniform,
+)
+from toposeam.layers.table_costs import AROUND, spread
 from toposeam.seam.match_cost import Floats32, MatchCost, match_cost
 from toposeam.seam.overlap import FREE, NONE, A, B, Overlap, at_its_end, cores
 from toposeam.seam.posing import forbid
@@ -92,7 +105,13 @@ def meets(places: Sequence[Box], covered: Sequence[Mask], i: int, j: int) -> boo
     return any(_both(places, covered, i, j, box).any() for box in blocks(places[i].shared(places[j])))
 
 
-def _both(places: Sequence[Box], covered: Sequence[Mask], i: int, j: int, box: Box) -> Mask:
+def _both(
+    places: Sequence[Box] | Mapping[int, Box],
+    covered: Sequence[Mask] | Mapping[int, Mask],
+    i: int,
+    j: int,
+    box: Box,
+) -> Mask:
     shared: Mask = cut(covered[i], places[i], box) & cut(covered[j], places[j], box)
     return shared
 
@@ -184,14 +203,38 @@ def _divide(places: Sequence[Box], allowed: list[Mask], pair: Pair, labels: Mask
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Context:
-    layers: Sequence[Layer]
-    places: Sequence[Box]
-    covered: Sequence[Mask]
-    allowed: Sequence[Mask]
+    layers: Sequence[Layer] | Mapping[int, Layer]
+    places: Sequence[Box] | Mapping[int, Box]
+    covered: Sequence[Mask] | Mapping[int, Mask]
+    allowed: Sequence[Mask] | Mapping[int, Mask]
     match: MatchCost
     weight: npt.NDArray[Any] | None
     avoid: Mask | None
     canvas: Box
+    #: Whether costs of small overlaps are kept.
+    keeps: bool = True
+
+    def part(self, box: Box, seen: dict[int, Any]) -> _Context:
+        """As far as a box is concerned."""
+        found: _Context | None = seen.get(id(self))
+        if found is None:
+            box = box.grown(AROUND)
+            number = range(len(self.layers)) if isinstance(self.layers, Sequence) else list(self.layers)
+            near = [index for index in number if all(self.places[index].shared(box).shape)]
+
+            def parts(masks: Sequence[Mask] | Mapping[int, Mask]) -> dict[int, Mask]:
+                inside = {k: box.moved(-self.places[k].top, -self.places[k].left) for k in near}
+                return {k: part_of(masks[k], inside[k].shared(Box(0, 0, *masks[k].shape))) for k in near}
+
+            found = seen[id(self)] = dataclasses.replace(
+                self,
+                layers={k: self.layers[k].bare for k in near},
+                places={k: self.places[k] for k in near},
+                covered=parts(self.covered),
+                allowed=parts(self.allowed),
+                keeps=False,
+            )
+        return found
 
 
 class LayerPairCost:
@@ -201,6 +244,7 @@ class LayerPairCost:
         self._pair, self._context = pair, context
         self._box = context.places[pair[0]].shared(context.places[pair[1]]).grown(1)
         self._kept: tuple[Floats32, Floats32] | None = None
+        self._nearby: Reach | None = None
 
     @property
     def box(self) -> Box:
@@ -213,7 +257,7 @@ class LayerPairCost:
 
     def on(self, box: Box, beside: Mask | None = None) -> tuple[Floats32, Floats32]:
         """The costs in a box, of large overlaps only those of interfaces of the pixels asked for."""
-        if self.box.shape[0] * self.box.shape[1] > KEPT_PIXELS:
+        if not self._context.keeps or self.box.shape[0] * self.box.shape[1] > KEPT_PIXELS:
             common = self.box.shared(box)
             if min(common.shape) < 2:
                 return spread(None, common, box)
@@ -222,6 +266,21 @@ class LayerPairCost:
         if self._kept is None:
             self._kept = self._computed(self.box)
         return spread(self._kept, self.box, box)
+
+    def part(self, box: Box, seen: dict[int, Any]) -> LayerPairCost:
+        """The same cost as far as a box is concerned."""
+        whole = box.shared(self.box) == self.box
+        result = LayerPairCost(self._pair, self._context.part(box, seen))
+        result._nearby = self._nearby if whole else self._reach
+        return result
+
+    def looked_at(self) -> Reach | None:
+        """What was seen of all of the overlap, and needs not be looked at again (:meth:`know`)."""
+        return self._nearby
+
+    def know(self, nearby: Reach | None) -> None:
+        """Take over what another process has seen."""
+        self._nearby = nearby
 
     def _computed(self, box: Box, wanted: Mask | None = None) -> tuple[Floats32, Floats32]:
         """Block by block, so that only a few rows of the layers are held as float32."""
@@ -263,11 +322,15 @@ class LayerPairCost:
             forbid((down, right), away, _FORBIDDEN)
         return right[1:-1, 1:-1], down[1:-1, 1:-1]
 
-    @cached_property
+    @property
     def _reach(self) -> Reach | None:
-        reach, (height, width) = self._context.match.reach, self.box.shape
-        if not reach:
-            return None
+        reach = self._context.match.reach
+        if self._nearby is None and reach:
+            self._nearby = self._seen_by(reach)
+        return self._nearby
+
+    def _seen_by(self, reach: float) -> Reach:
+        height, width = self.box.shape
         rows_of = max(1, _BLOCK_PIXELS // width // CELL) * CELL
 
         def blocks() -> Iterator[tuple[int, Floats32, Mask]]:
@@ -286,37 +349,6 @@ class LayerPairCost:
         image = cut(layer.image, self._context.places[index], box)
         image[~present] = 0
         return as_float(image[::step, ::step], layer.name, layer.data_range)
-
-
-def spread(costs: tuple[Floats32, Floats32] | None, at: Box, box: Box) -> tuple[Floats32, Floats32]:
-    """Costs known in a box as those in another one, 0 beyond."""
-    right_box, down_box = (
-        Box(box.top, box.left, box.bottom, box.right - 1),
-        Box(box.top, box.left, box.bottom - 1, box.right),
-    )
-    if costs is None:
-        return np.zeros(right_box.shape, np.float32), np.zeros(down_box.shape, np.float32)
-    return cut(costs[0], Box(at.top, at.left, at.bottom, at.right - 1), right_box), cut(
-        costs[1], Box(at.top, at.left, at.bottom - 1, at.right), down_box
-    )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TableCost:
-    """The cost of two layers on a reduced canvas, as tables."""
-
-    box: Box
-    right: Floats32
-    down: Floats32
-
-    def on(self, box: Box, beside: Mask | None = None) -> tuple[Floats32, Floats32]:
-        """The costs in a box."""
-        return spread((self.right, self.down), self.box, box)
-
-    def shared(self, box: Box) -> Mask:
-        """(h, w) bool, the whole of their common box."""
-        inside = self.box.grown(-1)
-        return cut(np.ones(inside.shape, bool), inside, box)
 
 
 def exclusive_covers(layers: Sequence[Layer], places: Sequence[Box], canvas: Extent) -> list[Mask]:

@@ -15,18 +15,22 @@ fifth of its time.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
+from typing import Any, cast
 
 import numpy as np
 
 from toposeam.images import Mask
-from toposeam.layers.labelling import Labelling, Pair, PairCost
+from toposeam.layers.labelling import Labelling, PairCost
 from toposeam.layers.layer import Box, cut
 from toposeam.layers.maps import EDGES, blocks, ground, made_map, new_map, uniform
 from toposeam.layers.painting import LabelMap
-from toposeam.layers.posing import KEPT_PIXELS, TableCost, spread
+from toposeam.layers.posing import KEPT_PIXELS, LayerPairCost
+from toposeam.layers.table_costs import TableCost, spread
+from toposeam.layers.tasks import Executor, results
 from toposeam.seam.match_cost import Floats32
+from toposeam.seam.reach import Reach
 
 #: w above.
 WANDERING = 0.8
@@ -34,7 +38,7 @@ WANDERING = 0.8
 _ROWS = 64
 
 
-def reduced(labelling: Labelling) -> Labelling:
+def reduced(labelling: Labelling, executor: Executor | None = None) -> Labelling:
     """The problem at half the size.
 
     A layer is allowed at a reduced pixel when it is at all of its covered pixels, or, where no layer is, at
@@ -63,7 +67,7 @@ def reduced(labelling: Labelling) -> Labelling:
     allowed = [
         made_map(place.shape, bool, partial(chosen, index), EDGES) for index, place in enumerate(places)
     ]
-    costs: dict[Pair, PairCost] = {pair: _reduced_cost(cost) for pair, cost in labelling.costs.items()}
+    costs = dict(zip(labelling.costs, _reduced_costs(list(labelling.costs.values()), executor), strict=True))
     return Labelling(canvas, places, allowed, costs, labelling.forbidden)
 
 
@@ -140,7 +144,7 @@ class ReducedCost:
     """The reduced cost of a pair, computed where it is looked at."""
 
     def __init__(self, finer: PairCost) -> None:
-        self._finer = finer
+        self.finer = finer
         self.box = _halved(finer.box.grown(-1)).grown(1)
 
     def shared(self, box: Box) -> Mask:
@@ -173,6 +177,12 @@ class ReducedCost:
             down[start : part.bottom - 1, left:end] = below
         return spread((right, down), common, box)
 
+    def part(self, box: Box, seen: dict[int, Any]) -> PairCost:
+        """The same cost as far as a box is concerned."""
+        result = ReducedCost(self.finer.part(_doubled(box.grown(1)), seen))
+        result.box = self.box
+        return result
+
     def computed(self, box: Box) -> tuple[Floats32, Floats32]:
         """The costs in a box, a few rows at a time."""
         height, width = box.shape
@@ -181,7 +191,7 @@ class ReducedCost:
             stop = min(start + _ROWS, height)
             # One more reduced row, for the interfaces below.
             fine = _doubled(Box(box.top + start, box.left, box.top + min(stop + 1, height), box.right))
-            beside, below = self._finer.on(fine)
+            beside, below = self.finer.on(fine)
             across = _of_three(beside)
             right[start:stop] = (across[0::2] + across[1::2])[: stop - start]
             along = _of_three(below.T).T
@@ -190,12 +200,37 @@ class ReducedCost:
         return right, down
 
 
-def _reduced_cost(cost: PairCost) -> PairCost:
+def _reduced_costs(costs: Sequence[PairCost], executor: Executor | None) -> list[PairCost]:
     """Of large overlaps the costs are computed again where they are looked at."""
-    lazy = ReducedCost(cost)
-    if lazy.box.shape[0] * lazy.box.shape[1] > KEPT_PIXELS:
-        return lazy
-    return TableCost(lazy.box, *lazy.computed(lazy.box))
+    found: list[PairCost] = [ReducedCost(cost) for cost in costs]
+    small = [k for k, lazy in enumerate(found) if lazy.box.shape[0] * lazy.box.shape[1] <= KEPT_PIXELS]
+    looking = executor is not None and any(_pixels(costs[k]) is not None for k in small)
+    if not looking:
+        for k in small:
+            found[k] = _table(found[k])[0]
+        return found
+    items = [found[k].part(found[k].box, {}) for k in small]
+    for k, (table, nearby) in zip(small, results(executor, _table, items), strict=True):
+        pixels = _pixels(found[k])
+        if pixels is not None:
+            pixels.know(nearby)
+        found[k] = table
+    return found
+
+
+def _table(cost: PairCost) -> tuple[PairCost, Reach | None]:
+    """The costs themselves, and what was seen of the overlap."""
+    lazy = cast(ReducedCost, cost)
+    table = TableCost(lazy.box, *lazy.computed(lazy.box))
+    pixels = _pixels(lazy)
+    return table, None if pixels is None else pixels.looked_at()
+
+
+def _pixels(cost: PairCost) -> LayerPairCost | None:
+    """Where costs come from, unless that is a table."""
+    while isinstance(cost, ReducedCost):
+        cost = cost.finer
+    return cost if isinstance(cost, LayerPairCost) else None
 
 
 def _of_three(cost: Floats32) -> Floats32:

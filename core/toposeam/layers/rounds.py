@@ -20,29 +20,28 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
+from copy import copy
+from typing import Any, cast
 
 import numpy as np
-import numpy.typing as npt
 
-from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
-from toposeam.layers.band import band_of, write_pixels
+from toposeam.layers.band import write_pixels
+from toposeam.layers.dividing import LEAST_GAIN, Divided, Division, Pixels, Potential, divided
 from toposeam.layers.junctions import beside_steps, junctions
 from toposeam.layers.labelling import Labelling, Move, Pair
 from toposeam.layers.layer import Box
-from toposeam.layers.maps import dense, new_map, several
+from toposeam.layers.maps import dense, new_map, part_of, several
 from toposeam.layers.painting import LabelMap
+from toposeam.layers.parts import part_of_labelling
 from toposeam.layers.reduction import enlarged, opened, reduced
+from toposeam.layers.tasks import Executor, results, waves
 from toposeam.seam.find import Method, method_options, solve
-from toposeam.seam.gathering import gather_heat
 from toposeam.seam.heat import HeatOptions
 from toposeam.seam.overlap import FREE
 from toposeam.seam.solution import Solution
 from toposeam.seam.thesis_options import ThesisOptions
 
-#: A move counts when it lowers the cost of its region by this share.
-_LEAST_GAIN = 1e-7
 #: Problems in which so many pixels have several layers to choose from, or more, are reduced first.
 WHOLE_PIXELS = 10_000
 #: On reduced canvases the heat stops when no seam can be cheaper by more than this share.
@@ -62,8 +61,6 @@ _ANY_NETWORK: tuple[Method, ...] = ("heat", "shortest-path", "graph-cut")
 KEPT_CANVAS = 1 << 25
 
 Progress = Callable[[float], None]
-#: Rows and columns of pixels of the canvas.
-Pixels = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]
 
 
 def best_rounds(
@@ -74,6 +71,7 @@ def best_rounds(
     most: int,
     progress: Progress | None = None,
     potentials: bool = False,
+    executor: Executor | None = None,
 ) -> tuple[Rounds, int]:
     """The cheapest label map that is found, and how many rounds were made.
 
@@ -88,13 +86,15 @@ def best_rounds(
         Rounds at most; with 0 the layers are only joined one after another.
     potentials : bool
         Whether the label potentials of all seams are wanted, however large the canvas is.
+    executor : Executor, optional
+        Where moves are made that do not touch (:mod:`toposeam.layers.tasks`).
     """
     steps = _Steps(progress)
     levels = [labelling]
     while (
         levels[-1].contested(WHOLE_PIXELS + 1) > WHOLE_PIXELS and min(levels[-1].canvas.shape) > 2 * _SHORTEST
     ):
-        levels.append(reduced(levels[-1]))
+        levels.append(reduced(levels[-1], executor))
         steps.one()
     coarsest = levels.pop()
     ends: list[tuple[float, int, Rounds, int]] = []
@@ -113,7 +113,7 @@ def best_rounds(
         rounds = Rounds(
             finer, enlarged(rounds.label_map, finer), method, options, near, steps, len(levels), potentials
         )
-        rounds.refine(most)
+        rounds.refine(most, executor)
     return rounds, number
 
 
@@ -175,7 +175,7 @@ class Rounds:
         #: Pixels beside flow that the heat had not decided.
         self._flows: dict[Pair, Pixels] = {}
         #: Of pairs that were divided as bands, the label potential of the pixels that were open.
-        self.potentials: dict[Pair, tuple[*Pixels, npt.NDArray[np.float32]]] = {}
+        self.potentials: dict[Pair, Potential] = {}
         self.seconds: dict[Pair, float] = {}
 
     def join(self, order: Sequence[int]) -> None:
@@ -221,14 +221,38 @@ class Rounds:
                 return number + 1
         return most
 
-    def refine(self, most: int) -> None:
+    def refine(self, most: int, executor: Executor | None = None) -> None:
         """The best seams among the pixels that are open: one swap for each pair of layers that adjoin, and
         rounds where three layers meet.
         """
-        for pair in self.labelling.adjoining(self.label_map):
-            self._divide(pair)
-        for window in junctions(self.label_map, _WINDOW):
-            self.run(most, window)
+        pairs = self.labelling.adjoining(self.label_map)
+        options, forbidden = self._options, np.isfinite(self.labelling.forbidden)
+        if self._near is not None and isinstance(options, HeatOptions) and not forbidden:
+            self._divide([pair for pair in pairs if pair in self.labelling.costs], options, executor)
+        else:
+            for pair in pairs:
+                self._swap(pair)
+        windows = junctions(self.label_map, _WINDOW)
+        if executor is None:
+            for window in windows:
+                self.run(most, window)
+            return
+        items = ((self._part(window), most, window) for window in windows)
+        for window, (labels, seconds) in zip(windows, results(executor, _run_on, items), strict=True):
+            self._steps.one()
+            self.label_map[window.shared(self.labelling.canvas).slices] = labels
+            for pair, more in seconds.items():
+                self.seconds[pair] = self.seconds.get(pair, 0.0) + more
+
+    def _part(self, box: Box) -> Rounds:
+        """The same as far as a box of the canvas is concerned, which nothing was found for yet."""
+        part, box = copy(self), box.grown(1)
+        part._steps = _Steps(None)
+        part.labelling = part_of_labelling(self.labelling, box)
+        part.label_map = part_of(self.label_map, box)
+        part._near = None if self._near is None else part_of(self._near, box)
+        part.solved, part._flows, part.potentials, part.seconds = {}, {}, {}, {}
+        return part
 
     def beside_seams(self) -> Mask:
         """(H, W) bool: pixels beside a seam, or beside flow that the heat had not decided."""
@@ -255,7 +279,7 @@ class Rounds:
         turned = move.problem.complete(solve(move.problem, self.method, self._options).labels).astype(bool)
         new = np.where(turned & (move.labels >= 0), np.int16(index), move.labels)
         before = self.labelling.total(move.labels, move.box)
-        if self.labelling.total(new, move.box) >= before * (1 - _LEAST_GAIN):
+        if self.labelling.total(new, move.box) >= before * (1 - LEAST_GAIN):
             return None
         return self._change(move, new)
 
@@ -278,51 +302,36 @@ class Rounds:
         # What is fixed for want of ties costs nothing there, and no more than before.
         old = problem.complete(move.labels == pair[1]).astype(bool)
         second = problem.complete(solution.labels).astype(bool)
-        if problem.total(second) >= problem.total(old) * (1 - _LEAST_GAIN):
+        if problem.total(second) >= problem.total(old) * (1 - LEAST_GAIN):
             second = old
         either = (move.labels == pair[0]) | (move.labels == pair[1])
         return self._change(
             move, np.where(either, np.where(second, np.int16(pair[1]), np.int16(pair[0])), move.labels)
         )
 
-    def _divide(self, pair: Pair) -> None:
-        """Divide anew what is open between two layers, as a band where the heat decides and nothing is
-        forbidden.
-        """
-        options, near, labelling = self._options, self._near, self.labelling
-        if near is None or not isinstance(options, HeatOptions) or np.isfinite(labelling.forbidden):
-            self._swap(pair)
-            return
-        self._steps.one()
-        band = band_of(labelling, self.label_map, pair, near)
-        if band is None:
-            return
-        started = time.perf_counter()
-        network, cost, chosen = band.network()
-        with one_thread():
-            heat = gather_heat(network, cost, options.tolerance, options.max_iterations)
-        self.seconds[pair] = self.seconds.get(pair, 0.0) + time.perf_counter() - started
-        second = band.labels(chosen, heat.hot[:-2])
-        soft = second.astype(np.float64)
-        soft[chosen] = np.clip(heat.soft[:-2], 0.0, 1.0)
-        nothing = np.zeros((0, 0), bool)
-        solution = Solution(
-            labels=nothing,
-            soft=nothing.astype(np.float32),
-            contracted=True,
-            history=heat.history,
-            termination=heat.termination,
-        )
-        self.solved[pair] = Box(0, 0, 0, 0), solution
-        if self._undecided is not None:
-            self._flows[pair] = band.across(soft, self._undecided)
-        elif self._keeps:
-            self.potentials[pair] = band.rows, band.columns, soft.astype(np.float32)
-        if band.total(second) >= band.total(band.second) * (1 - _LEAST_GAIN):
-            return
-        changed = np.flatnonzero(second != band.second)
-        values = np.where(second[changed], np.int16(pair[1]), np.int16(pair[0]))
-        write_pixels(self.label_map, band.rows[changed], band.columns[changed], values)
+    def _divide(self, pairs: Sequence[Pair], options: HeatOptions, executor: Executor | None) -> None:
+        """Divide anew what is open between two layers, pair by pair, or those that do not touch at once."""
+        boxes = [self.labelling.costs[pair].box for pair in pairs]
+        for wave in [[k] for k in range(len(pairs))] if executor is None else waves(boxes):
+            parts = (self if executor is None else self._part(boxes[k]) for k in wave)
+            items = (part._division(pairs[k], options) for k, part in zip(wave, parts, strict=True))
+            for k, found in zip(wave, results(executor, divided, items), strict=True):
+                self._steps.one()
+                if found is not None:
+                    self._take(pairs[k], found)
+
+    def _division(self, pair: Pair, options: HeatOptions) -> Division:
+        near = cast(Mask, self._near)
+        return Division(self.labelling, self.label_map, near, pair, options, self._undecided, self._keeps)
+
+    def _take(self, pair: Pair, found: Divided) -> None:
+        self.seconds[pair] = self.seconds.get(pair, 0.0) + found.seconds
+        self.solved[pair] = Box(0, 0, 0, 0), found.solution
+        if found.flows is not None:
+            self._flows[pair] = found.flows
+        if found.potential is not None:
+            self.potentials[pair] = found.potential
+        write_pixels(self.label_map, *found.pixels, found.values)
 
     def _remember(self, pair: Pair, box: Box, solution: Solution) -> None:
         self.potentials.pop(pair, None)
@@ -353,7 +362,7 @@ class Rounds:
             top + int(rows[0]), left + int(columns[0]), top + int(rows[-1]) + 1, left + int(columns[-1]) + 1
         ).grown(1)
 
-    def known_potentials(self) -> dict[Pair, tuple[*Pixels, npt.NDArray[np.float32]]]:
+    def known_potentials(self) -> dict[Pair, Potential]:
         """Of each pair that was solved, the label potential of the pixels that were open then."""
         found = dict(self.potentials)
         for pair in self.solved.keys() - found.keys():
@@ -378,3 +387,10 @@ class Rounds:
                 if pair not in self.solved:
                     self._swap(pair)
         return [pair for pair in found if pair in self.labelling.costs]
+
+
+def _run_on(item: tuple[Rounds, int, Box]) -> tuple[LabelMap, dict[Pair, float]]:
+    """What rounds in a window end with, and how long the pairs took."""
+    rounds, most, window = item
+    rounds.run(most, window)
+    return rounds.label_map[window.shared(rounds.labelling.canvas).slices], rounds.seconds

@@ -23,6 +23,7 @@ from toposeam.images import Image, Mask, Windows, as_float
 from toposeam.layers.layer import Box, Layer, check_layers, extent_of
 from toposeam.layers.shading import field_on
 from toposeam.layers.shading import shading as field_coefficients
+from toposeam.layers.tasks import Executor, results
 
 #: Shares of full scale between which a pixel tells the exposure.
 TELLING = (0.04, 0.97)
@@ -35,7 +36,9 @@ _SAMPLE, _ENOUGH = 250_000, 16
 _ROWS = 256  # worked on at a time
 
 
-def tone_gains(layers: Sequence[Layer], places: Sequence[Box]) -> npt.NDArray[np.float64]:
+def tone_gains(
+    layers: Sequence[Layer], places: Sequence[Box], executor: Executor | None = None
+) -> npt.NDArray[np.float64]:
     """The gain of each layer and channel, (N, C); their geometric mean is 1 per channel, less where
     highlights would burn out.
 
@@ -44,16 +47,17 @@ def tone_gains(layers: Sequence[Layer], places: Sequence[Box]) -> npt.NDArray[np
     layers : sequence of Layer
     places : sequence of Box
         Where each lies on the canvas.
+    executor : Executor, optional
+        Where pairs are compared.
     """
     count = len(layers)
     channels = max(1 if layer.image.ndim == 2 else layer.image.shape[2] for layer in layers)
     logarithm = np.zeros((count, channels))
-    known = {
-        (i, j): _log_ratios(layers[i], places[i], layers[j], places[j], channels)
-        for i in range(count)
-        for j in range(i + 1, count)
-        if all(places[i].shared(places[j]).shape)
-    }
+    pairs = [
+        (i, j) for i in range(count) for j in range(i + 1, count) if all(places[i].shared(places[j]).shape)
+    ]
+    items = [(layers[i], places[i], layers[j], places[j], channels) for i, j in pairs]
+    known = dict(zip(pairs, results(executor, _log_ratios, items), strict=True))
     for channel in range(channels):
         rows, values = [], []
         for (i, j), ratios in known.items():
@@ -69,12 +73,14 @@ def tone_gains(layers: Sequence[Layer], places: Sequence[Box]) -> npt.NDArray[np
                 0
             ]  # of least norm: mean 0 where joined
     gains = np.clip(np.exp(logarithm - logarithm.mean(axis=0)), 1 / LARGEST_GAIN, LARGEST_GAIN)
-    room = min(_headroom(layer, gain) for layer, gain in zip(layers, gains, strict=True))
+    room = min(results(executor, _headroom, [(*one, None) for one in zip(layers, gains, strict=True)]))
     scaled: npt.NDArray[np.float64] = gains * min(1.0, room)
     return scaled
 
 
-def match_tones(layers: Sequence[Layer], *, shading: bool = False) -> list[Layer]:
+def match_tones(
+    layers: Sequence[Layer], *, shading: bool = False, executor: Executor | None = None
+) -> list[Layer]:
     """The layers with one gain per channel each, so that they agree where they overlap.
 
     Parameters
@@ -84,6 +90,8 @@ def match_tones(layers: Sequence[Layer], *, shading: bool = False) -> list[Layer
     shading : bool
         Also give each layer a smooth field of gain, against lenses that darken towards the corners
         (:mod:`toposeam.layers.shading`).
+    executor : Executor, optional
+        Where pairs are compared (:mod:`toposeam.layers.tasks`).
 
     Returns
     -------
@@ -110,11 +118,11 @@ def match_tones(layers: Sequence[Layer], *, shading: bool = False) -> list[Layer
             as_float(layer.image, data_range=layer.data_range, name=layer.name)  # what is white is known
     canvas = extent_of(layers)
     places = [canvas.place(layer) for layer in layers]
-    gains = tone_gains(layers, places)
+    gains = tone_gains(layers, places, executor)
     fields: Sequence[npt.NDArray[np.float64] | None] = [None] * len(layers)
     if shading:
         fields = _fields(layers, places, gains)
-        gains *= min(1.0, *(_headroom(*one) for one in zip(layers, gains, fields, strict=True)))
+        gains *= min(1.0, *results(executor, _headroom, list(zip(layers, gains, fields, strict=True))))
     toned = [Toned(*one) for one in zip(layers, gains, fields, strict=True)]
     return [
         dataclasses.replace(layer, image=image if isinstance(layer.image, Windows) else image[:, :])
@@ -156,10 +164,20 @@ class Toned(Windows):
             gain.mean(keepdims=True) if count == 1 else gain[np.minimum(np.arange(count), len(gain) - 1)]
         )
         self._field = field
-        self._tables: npt.NDArray[Any] | None = None
-        if field is None and self.dtype in (np.uint8, np.uint16):
-            share = np.arange(np.iinfo(self.dtype).max + 1) / self._white
-            self._tables = self._whole(share[:, np.newaxis] * self._factor).T.copy()
+        self._tables = self._made_tables()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_tables"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._tables = self._made_tables()
+
+    def _made_tables(self) -> npt.NDArray[Any] | None:
+        if self._field is not None or self.dtype not in (np.uint8, np.uint16):
+            return None
+        share = np.arange(np.iinfo(self.dtype).max + 1) / self._white
+        return self._whole(share[:, np.newaxis] * self._factor).T.copy()
 
     def read(self, rows: slice, columns: slice) -> Image:
         """Some rows and columns."""
@@ -210,8 +228,11 @@ class Toned(Windows):
         return np.clip(np.rint(share * self._white), limits.min, limits.max).astype(self.dtype)
 
 
-def _log_ratios(a: Layer, at_a: Box, b: Layer, at_b: Box, channels: int) -> list[tuple[float, int] | None]:
-    """Per channel the median of log a - log b over the pixels of both, and how many there are."""
+def _log_ratios(item: tuple[Layer, Box, Layer, Box, int]) -> list[tuple[float, int] | None]:
+    """Of two placed layers, per channel, the median of log a - log b over the pixels of both, and how many
+    there are.
+    """
+    a, at_a, b, at_b, channels = item
     found: list[tuple[float, int] | None] = []
     planes, step = _both(a, at_a, b, at_b, channels)
     for one, other, both in planes:
@@ -262,12 +283,11 @@ def _covered(layer: Layer, box: Box, step: int) -> Mask:
     return covered if layer.mask is None else covered & np.asarray(layer.mask)[key]
 
 
-def _headroom(
-    layer: Layer, gain: npt.NDArray[np.float64], field: npt.NDArray[np.float64] | None = None
-) -> float:
-    """By what a layer's gains may be multiplied before more than a thousandth of its pixels burns out that
-    had not before.
+def _headroom(item: tuple[Layer, npt.NDArray[np.float64], npt.NDArray[np.float64] | None]) -> float:
+    """By what a layer's gains, and its field of them, may be multiplied before more than a thousandth of its
+    pixels burns out that had not before.
     """
+    layer, gain, field = item
     if not np.issubdtype(layer.image.dtype, np.integer):
         return np.inf
     room = np.inf

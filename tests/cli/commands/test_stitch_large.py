@@ -22,6 +22,9 @@ from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
 def stored(monkeypatch):
     """Every picture waits in a file, and every canvas is one of tiles."""
     monkeypatch.setattr(placing, "STORED_PIXELS", 0)
+    monkeypatch.setattr(
+        "toposeam_cli.commands.stitch.processes_of", lambda _: 1
+    )  # others know the true sizes
     for module, name, value in (
         (maps, "DENSE_PIXELS", 0),
         (maps, "TILE", 16),
@@ -159,6 +162,9 @@ def test_a_disk_that_fills_up_meanwhile_leaves_nothing(three, toposeam, stored, 
 
         def __exit__(self, *_):
             self._file.close()
+
+        def seek(self, _):
+            pass
 
         def write(self, _):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

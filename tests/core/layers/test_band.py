@@ -9,6 +9,7 @@ from toposeam.layers.layer import Box
 from toposeam.layers.maps import TileMap
 from toposeam.layers.posing import exclusive_covers, pose_labelling
 from toposeam.layers.rounds import Rounds
+from toposeam.seam.heat import HeatOptions
 
 
 def three() -> Labelling:
@@ -57,9 +58,10 @@ def test_a_band_costs_what_the_labelling_does(started, pair):
 def test_a_band_is_divided_as_well_as_the_whole_overlap_with_the_rest_fixed(started, pair):
     labelling, label_map, near = started
     ends = []
-    for divide in (Rounds._divide, Rounds._swap):
+    options = HeatOptions(tolerance=1e-6)
+    for as_band in (True, False):
         rounds = Rounds(labelling, label_map.copy(), "heat", {"tolerance": 1e-6}, near)
-        divide(rounds, pair)
+        _ = rounds._divide([pair], options, None) if as_band else rounds._swap(pair)
         assert (rounds.label_map[~near] == label_map[~near]).all()
         ends.append(labelling.total(rounds.label_map, labelling.canvas))
     assert ends[0] < labelling.total(label_map, labelling.canvas)

@@ -10,8 +10,9 @@ import toposeam as ts
 from toposeam.layers import posing, reduction, rounds
 from toposeam.layers.labelling import Labelling
 from toposeam.layers.layer import Box, extent_of
-from toposeam.layers.posing import TableCost, exclusive_covers, pose_labelling
+from toposeam.layers.posing import exclusive_covers, pose_labelling
 from toposeam.layers.rounds import Rounds
+from toposeam.layers.table_costs import TableCost
 from toposeam.seam.overlap import FREE
 
 

@@ -1,0 +1,176 @@
+"""Independent parts of one piece of work, on processes of this machine or on Dask.
+
+:class:`TaskCrew` is what :mod:`toposeam.layers.tasks` calls an executor. Workers start when there is
+something for them to do; what one that died had begun is done again.
+"""
+
+from __future__ import annotations
+
+import logging
+import multiprocessing
+import os
+import pickle
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+from toposeam.errors import TopoSeamError
+from toposeam.sentence import sentence
+from toposeam_cli.jobs.dask_workers import DaskWorkers, WorkerCheck, dask_workers
+from toposeam_cli.jobs.workers import Workers, worker_processes
+
+_LOGGER = logging.getLogger(__name__)
+
+#: How often somebody who waits looks for signals, s.
+_LOOK_EVERY_S = 1.0
+#: Results that may wait for earlier ones, and items that may be made ready, per worker.
+_AHEAD = 4
+
+
+class WorkersDiedError(TopoSeamError, RuntimeError):
+    """Workers died again and again of the same part of the work."""
+
+
+def processes_of(wanted: int | None) -> int:
+    """How many processes: as many as are wanted, else one for each core this process may use; in a worker
+    only one, since its like are at work beside it.
+    """
+    if wanted is not None:
+        return wanted
+    if multiprocessing.parent_process() is not None:
+        return 1
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+class TaskCrew:
+    """Workers for the time of a block (:func:`crew`)."""
+
+    def __init__(self, processes: int, dask: str | None, block: ExitStack) -> None:
+        self._processes, self._dask, self._block = processes, dask, block
+        self._workers: Workers | None = None
+        #: Parts that were handed out, and the bytes that went there and came back.
+        self.parts = self.sent = self.received = 0
+
+    def start(self) -> Workers:
+        """The workers, started when they are needed first.
+
+        Raises
+        ------
+        OptionError, MissingPackageError
+            As :func:`toposeam_cli.jobs.dask_workers.dask_workers` has them.
+        """
+        if self._workers is None:
+            made = (
+                worker_processes(self._processes)
+                if self._dask is None
+                else dask_workers(self._dask, self._processes)
+            )
+            self._workers = self._block.enter_context(made)
+        return self._workers
+
+    def check(self, probe: Path, files: Iterable[Path]) -> None:
+        """Refuse workers on other machines that do not see some files; `probe` is overwritten.
+
+        Raises
+        ------
+        OptionError
+        """
+        workers = self.start()
+        if isinstance(workers, DaskWorkers):
+            workers.check(WorkerCheck.at(probe, files))
+
+    def map(self, function: Callable[[Any], Any], items: Iterable[Any], /) -> Iterator[Any]:
+        """The results of a function of each item, in their order. What one raises is raised here.
+
+        Raises
+        ------
+        WorkersDiedError
+            When workers die of an item.
+        """
+        workers = self.start()
+        waiting = enumerate(items)
+        calls: dict[int, bytes] = {}
+        said: dict[int, bytes] = {}
+        again: list[int] = []
+        deaths: Counter[int] = Counter()
+        told, ahead, more = 0, _AHEAD * max(self._processes, 1), True
+        while True:
+            while workers.is_free and (again or (more and len(calls) + len(said) < ahead)):
+                if again:
+                    number = again.pop(0)
+                else:
+                    try:
+                        number, item = next(waiting)
+                    except StopIteration:
+                        more = False
+                        break
+                    calls[number] = pickle.dumps((function, item), pickle.HIGHEST_PROTOCOL)
+                    self.parts, self.sent = self.parts + 1, self.sent + len(calls[number])
+                workers.begin(str(number), calls[number], done)
+            while told in said:
+                yield _value(said.pop(told))
+                told += 1
+            if not calls and not more:
+                return
+            for name, answer in workers.ended(_LOOK_EVERY_S) if calls else ():
+                number = int(name)
+                if answer is not None:
+                    del calls[number]
+                    said[number] = answer
+                    self.received += len(answer)
+                    continue
+                deaths[number] += 1
+                if deaths[number] >= workers.attempts:
+                    raise WorkersDiedError(
+                        "a worker process died every time, as it does when memory runs out; use fewer (-j), "
+                        "or -j 1"
+                    )
+                again.append(number)
+
+
+def done(call: bytes) -> bytes:
+    """In a worker: what a function of an item gives, or what it raises."""
+    try:
+        function, item = pickle.loads(call)  # noqa: S301 - from whoever started this worker
+        result = True, function(item)
+    except Exception as error:
+        result = False, _portable(error)
+    return pickle.dumps(result, pickle.HIGHEST_PROTOCOL)
+
+
+def _portable(error: Exception) -> Exception:
+    """An error that can be told to another process."""
+    try:
+        pickle.loads(pickle.dumps(error))  # noqa: S301
+    except Exception:
+        return TopoSeamError(sentence(error))
+    return error
+
+
+def _value(said: bytes) -> Any:
+    succeeded, value = pickle.loads(said)  # noqa: S301 - from a worker of ours
+    if not succeeded:
+        raise value
+    return value
+
+
+@contextmanager
+def crew(processes: int, dask: str | None = None) -> Iterator[TaskCrew | None]:
+    """So many processes, or the workers of a Dask cluster, which end with the block; None where this process
+    does everything itself.
+
+    Parameters
+    ----------
+    processes : int
+    dask : str, optional
+        As for :func:`toposeam_cli.jobs.dask_workers.dask_workers`.
+    """
+    if processes == 1 and dask is None:
+        yield None
+        return
+    with ExitStack() as block:
+        workers = TaskCrew(processes, dask, block)
+        yield workers
+        _LOGGER.info("%d parts, %d bytes to workers, %d back", workers.parts, workers.sent, workers.received)

@@ -1,0 +1,129 @@
+"""``stitch -j``: the same files whoever does the work, and nothing left when it ends early."""
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from stitching import make_six, names
+from toposeam_cli import placing
+from toposeam_cli.jobs import crew as crews
+from toposeam_cli.jobs.crew import WorkersDiedError, crew, processes_of
+
+WORDS = ("stitch", "six.toml", "--match-tones", "--blend", "multiband", "--max-megapixels", 2000)
+
+
+@pytest.fixture
+def six(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    make_six(tmp_path, 300, 220)
+    return tmp_path
+
+
+@pytest.fixture
+def waiting(monkeypatch):
+    """Pictures of any size wait in files, and so are worked on by several processes."""
+    monkeypatch.setattr(placing, "STORED_PIXELS", 0)
+
+
+@pytest.mark.slow
+def test_the_file_is_the_same_for_any_number_of_processes(six, waiting, toposeam, caplog):
+    caplog.set_level("INFO", "toposeam_cli.jobs.crew")
+    for count in (1, 2, 3):
+        outputs = "-o", f"out{count}.tif", "--labels", f"labels{count}.png", "--overlay", f"over{count}.png"
+        ran = toposeam(*WORDS, *outputs, "-j", count, "-q")
+        assert ran.code == 0, ran
+        for name in outputs[1::2]:
+            assert (six / name).read_bytes() == (six / name.replace(str(count), "1")).read_bytes()
+    parts = [record.args[0] for record in caplog.records]
+    assert len(parts) == 2, "one process does not hand anything to itself"
+    assert min(parts) >= 6 + 7 + 6 + 1, "pictures, tones of pairs, headrooms and windows were handed out"
+    assert parts[0] == parts[1]
+    assert [name for name in names(six) if name.endswith(".part")] == []
+
+
+def test_small_pictures_take_one_process(six, toposeam, monkeypatch):
+    monkeypatch.setattr(crews, "worker_processes", lambda count: pytest.fail("processes were started"))
+    assert toposeam(*WORDS, "-o", "out.tif", "-j", 2, "-q").code == 0
+
+
+@pytest.mark.parametrize("count", ["0", "-1", "1000000000000", "two"])
+def test_numbers_of_processes_that_make_no_sense_are_one_sentence(six, toposeam, count):
+    toposeam(*WORDS, "-o", "out.tif", "-j", count).fails("-j", code=2)
+    assert not (six / "out.tif").exists()
+
+
+def test_by_default_there_is_a_process_for_each_core_but_within_a_worker_one(monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 3, 4}, raising=False)
+    assert processes_of(None) == 3
+    assert processes_of(2) == 2
+    monkeypatch.setattr(crews.multiprocessing, "parent_process", lambda: "another")
+    assert processes_of(None) == 1
+    assert processes_of(2) == 2
+
+
+def squared(number):
+    return number * number
+
+
+def killed_once(item):
+    """Its process is killed where nobody was before."""
+    path, number = item
+    try:
+        path.touch(exist_ok=False)
+    except FileExistsError:
+        return number
+    return os.kill(os.getpid(), signal.SIGKILL)
+
+
+def killed(item):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def refused(item):
+    raise placing.ts.ImageError(f"{item} cannot be used; take another")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="Windows has no such signal")
+def test_results_come_in_order_also_of_workers_that_were_killed(tmp_path):
+    with crew(2) as workers:
+        assert list(workers.map(squared, range(40))) == [number * number for number in range(40)]
+        items = [(tmp_path / str(number // 3), number) for number in range(9)]
+        assert list(workers.map(killed_once, items)) == list(range(9))
+        with pytest.raises(placing.ts.ImageError, match=r"^3 cannot be used; take another$"):
+            list(workers.map(refused, [3]))
+        assert list(workers.map(squared, [])) == []
+    with crew(2) as workers, pytest.raises(WorkersDiedError, match="use fewer"):
+        list(workers.map(killed, [1, 2, 3]))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks for processes in /proc")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interruption_ends_all_processes_and_leaves_nothing(tmp_path, process, number):
+    make_six(tmp_path, 5000, 3400)  # 102 megapixels
+    before = names(tmp_path)
+    with process(*WORDS, "-o", "out.tif", "-j", 2, "-q", cwd=tmp_path) as child:
+        deadline = time.monotonic() + 300
+        while len(workers := children(child.pid)) < 3:  # two workers, and what looks after their resources
+            assert time.monotonic() < deadline
+            assert child.poll() is None
+            time.sleep(0.05)
+        child.send_signal(number)
+        assert child.wait(120) == (130 if number == signal.SIGINT else 128 + number)
+        deadline = time.monotonic() + 60
+        while any(Path(f"/proc/{worker}/stat").exists() for worker in workers):
+            assert time.monotonic() < deadline, "a worker outlives its command"
+            time.sleep(0.1)
+    assert names(tmp_path) == before
+
+
+def children(pid):
+    """The numbers of a process's children."""
+    found = []
+    for task in Path(f"/proc/{pid}/task").glob("*/children"):
+        found += task.read_text().split()
+    return found

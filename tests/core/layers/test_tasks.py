@@ -1,0 +1,172 @@
+"""Independent parts of the work done elsewhere: the same result, to the bit."""
+
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+from typing import ClassVar
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+import toposeam as ts
+from toposeam.layers import composition, maps, posing, reduction, rounds, tones
+from toposeam.layers.align import correlations
+from toposeam.layers.layer import Box
+from toposeam.layers.maps import TileMap, part_of
+from toposeam.layers.tasks import results, waves
+
+
+def copied(pickled):
+    return pickle.loads(pickled)  # noqa: S301 - what this test has written
+
+
+class Elsewhere:
+    """An executor that does everything in an order of its own, on copies, as another process would have."""
+
+    def __init__(self):
+        self.items, self.largest = 0, 0
+
+    def map(self, function, items):
+        calls = [pickle.dumps((function, item)) for item in items]
+        self.items += len(calls)
+        self.largest = max(self.largest, *map(len, calls), 0)
+        done = {}
+        for number in sorted(range(len(calls)), key=lambda k: (k % 3, -k)):
+            function, item = copied(calls[number])
+            done[number] = pickle.dumps(function(item))
+        return (copied(done[number]) for number in range(len(calls)))
+
+
+class Kept(ts.Windows):
+    """Pixels of which others are told only where they are, as those in files."""
+
+    everywhere: ClassVar = []
+
+    def __init__(self, image):
+        super().__init__(image.shape, image.dtype)
+        self.number = len(self.everywhere)
+        self.everywhere.append(image)
+
+    def read(self, rows, columns):
+        return self.everywhere[self.number][rows, columns].copy()
+
+
+@pytest.fixture
+def large(monkeypatch):
+    """Small canvases done as large ones are."""
+    for module in (maps, posing, reduction, rounds):
+        for name in ("DENSE_PIXELS", "KEPT_PIXELS"):
+            if hasattr(module, name):
+                monkeypatch.setattr(module, name, 3000)
+    for module in (maps, composition):
+        monkeypatch.setattr(module, "BLOCK", 128)
+    monkeypatch.setattr(rounds, "WHOLE_PIXELS", 2000)
+    monkeypatch.setattr(tones, "_SAMPLE", 2000)
+
+
+def six_layers(*, alpha=False, seed=3):
+    """Three by two, each exposed differently, with things that moved."""
+    rng = np.random.default_rng(seed)
+    scene = ndimage.gaussian_filter(rng.random((330, 460, 3)), (2, 2, 0))
+    scene = 200 * (scene - scene.min()) / np.ptp(scene) + 20
+    layers = []
+    for row in range(2):
+        for column in range(3):
+            x, y = 130 * column, 130 * row
+            part = scene[y : y + 200, x : x + 200] * rng.uniform(0.85, 1.15)
+            for _ in range(4):
+                cy, cx = rng.integers(20, 170, 2)
+                part[cy : cy + 14, cx : cx + 14] = rng.uniform(20, 220, 3)
+            image = np.clip(part + rng.normal(0, 2, part.shape), 0, 255).astype(np.uint8)
+            opacity = None
+            if alpha:
+                opacity = np.full((200, 200), 255, np.uint8)
+                opacity[:30, :30] = 0
+                opacity = Kept(opacity)
+            layers.append(ts.Layer(Kept(image), alpha=opacity, at=(x, y), name=f"{row}{column}"))
+    return layers
+
+
+def same(layers, executor, **options):
+    here, there = (ts.compose(layers, executor=one, **options) for one in (None, executor))
+    whole = slice(None), slice(None)
+    np.testing.assert_array_equal(here.labels(*whole), there.labels(*whole))
+    assert (here.pairs, here.rounds) == (there.pairs, there.rounds)
+    assert here.totals().cost == there.totals().cost
+    image, alpha = here.window(*whole)
+    assert len(np.unique(here.labels(*whole))) >= 6
+    for top in range(0, image.shape[0], 128):
+        for left in range(0, image.shape[1], 256):
+            window = slice(top, top + 128), slice(left, left + 256)
+            part = copied(pickle.dumps(there.part(*window))) if there.divides else there
+            there_image, there_alpha = part.window(*window)
+            np.testing.assert_array_equal(image[window], there_image)
+            np.testing.assert_array_equal(alpha[window], there_alpha)
+    return here
+
+
+@pytest.mark.medium
+@pytest.mark.parametrize(
+    ("options", "alpha"),
+    [
+        ({}, False),
+        ({"match_tones": True, "blend": "multiband", "blend_width": 8}, True),
+        ({"match_shading": True, "blend": "feather"}, True),
+        ({"blend": "soft"}, False),
+        ({"method": "shortest-path"}, True),
+    ],
+    ids=["cut", "tones and multiband", "shading and feather", "soft", "shortest path"],
+)
+def test_the_result_does_not_depend_on_who_does_the_work(large, options, alpha):
+    executor = Elsewhere()
+    same(six_layers(alpha=alpha), executor, **options)
+    assert executor.items > 15
+
+
+@pytest.mark.medium
+def test_executors_of_the_standard_library_will_do(large):
+    with ThreadPoolExecutor(3) as threads:
+        same(six_layers(), threads, match_tones=True, blend="multiband", blend_width=8)
+
+
+@pytest.mark.medium
+def test_items_say_where_pixels_are_and_carry_none(large):
+    """No item is as large as a single layer's pixels, of which there are six."""
+    executor = Elsewhere()
+    layers = six_layers()
+    ts.compose(layers, executor=executor, match_tones=True, blend="multiband", blend_width=8)
+    assert executor.largest < layers[0].image.everywhere[layers[0].image.number].nbytes
+
+
+def test_correlations_are_the_same():
+    layers = six_layers()
+    assert correlations(layers, executor=Elsewhere()) == correlations(layers)
+
+
+def test_a_part_of_a_map_is_the_map_there():
+    rng = np.random.default_rng(0)
+    values = np.repeat(np.repeat(rng.integers(0, 3, (30, 40)), 29, axis=0), 31, axis=1).astype(np.int16)
+    tiled = TileMap(values.shape, 0, np.int16)
+    tiled[:, :] = values
+    box = Box(100, 333, 517, 700)
+    for whole in (values, tiled):
+        part = copied(pickle.dumps(part_of(whole, box)))
+        np.testing.assert_array_equal(part[box.slices], values[box.slices])
+        part[box.slices] = -1
+        np.testing.assert_array_equal(whole[box.slices], values[box.slices])
+    assert len(pickle.dumps(part_of(np.broadcast_to(np.True_, (9000, 9000)), box))) < 2000
+
+
+def test_results_come_when_they_are_asked_for():
+    seen = []
+    given = results(None, lambda item: seen.append(item) or item, iter([1, 2]))
+    assert not seen
+    assert next(iter(given)) == 1
+    assert seen == [1]
+
+
+def test_work_that_touches_earlier_work_waits_for_it():
+    row = [Box(0, left, 9, left + 6) for left in range(0, 25, 5)]
+    assert waves(row) == [[0], [1], [2], [3], [4]]
+    assert waves(row[::2] + row[1::2]) == [[0, 1, 2], [3, 4]]
+    assert waves([]) == []

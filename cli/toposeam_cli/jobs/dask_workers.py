@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import sys
 import uuid
+import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import contextmanager, suppress
@@ -135,6 +136,7 @@ def dask_workers(address: str, count: int) -> Iterator[Workers]:
         raise MissingPackageError(
             "running on Dask needs distributed; install it with: pip install 'toposeam[dask]'"
         ) from error
+    warnings.filterwarnings("ignore", "Sending large graph", UserWarning)  # nothing a user could change
     # A worker's death is ours to answer: only we know which files it may have left.
     with dask.config.set({"distributed.scheduler.allowed-failures": 0, **_NO_PAGES}):
         cluster = _local_cluster(count) if address == "local" else None

@@ -16,8 +16,10 @@ from toposeam.texture.atlas import Atlas, Floats32, Ints32, values_at
 from toposeam.texture.beside import Beside
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.keeping_step import Phase
+from toposeam.texture.landmarks import guarded, landmarks
 from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.nearby import Nearby, average_use
+from toposeam.texture.repeats import Repeats, box_of
 from toposeam.texture.search import Compared, Ints, PatchSearch
 from toposeam.texture.sites import Guide, Offers, Site
 from toposeam.texture.turning import Turns
@@ -26,8 +28,9 @@ from toposeam.texture.use import Use
 
 #: How much dearer a place is whose pixels have all shown as often as they should, where there is no other.
 _USED_UP = 30
-#: How much dearer a place is all of whose pixels show near by, per unit of variety.
-_NEAR = 1.0
+#: How much dearer a place is all of whose pixels show near by, per unit of variety; and, where there are
+#: objects, a place of average pixels that would all show a second time within reach.
+_NEAR, _TWICE = 1.0, 2.0
 #: Share of what there is to copy up to which use is not counted.
 _LITTLE = 0.05
 #: An exemplar that shows on less counts as showing on this much of the canvas.
@@ -94,7 +97,12 @@ class PatchPlacer:
         self._shares = None if shares is None else np.asarray(shares, float) / sum(shares)
         self._average = average_use(atlas, area, self._shares)
         self._limit = np.maximum(1, np.floor(options.most * self._average))
-        self._nearby = Nearby(atlas, canvas)
+        #: What seams pay for each pixel of the atlas, flat, where there are objects to be kept.
+        self.guard: Floats32 | None = None
+        self._nearby, self._repeats = Nearby(atlas, canvas), None
+        if self._uses_up and guide is None and options.variety:
+            weight, self.guard = landmarks(features, atlas.usable, atlas.factor)
+            self._repeats = None if self.guard is None else Repeats(atlas, canvas, weight)
         self._twins = None if turns == "none" else Twins(atlas, canvas, turns)
         self.margin, self._copied = atlas.margin, int(atlas.copied.sum())
 
@@ -198,7 +206,8 @@ class PatchPlacer:
 
     def beside(self) -> Beside:
         """Keeps patches that are picked at the same time apart."""
-        near = _NEAR * self.options.variety if self._uses_up and self.guide is None else 0.0
+        near = self.options.variety if self._uses_up and self.guide is None else 0.0
+        near *= _NEAR if self._repeats is None else _TWICE
         limit = self._limit if self._uses_up else None
         return Beside(self.canvas, self.atlas, self._nearby.reach, near, limit, self.largest_copy)
 
@@ -247,6 +256,8 @@ class PatchPlacer:
         b[1:-1, 1:-1] = self.features[row : row + source.shape[0], column : column + source.shape[1]]
         try:
             a, (method, cost) = values_at(self.features, padded), (self.options.method, self.options.cost)
+            if self.guard is not None:
+                a, b = guarded(self.guard, a, b, padded, source)
             labels = seam_labels(a, b, mask_a, mask_b, method, cost, closed=closed)
         except OverlapError:  # too thin to hold a seam
             return empty
@@ -325,8 +336,13 @@ class PatchPlacer:
             dearer, used_up = (use or self.use()).of_places(shape, (m, f), raised.shape)
             raised *= dearer
             if self.options.variety and self.guide is None:
-                near = self._nearby.share(*at, *shape)(m, f, raised.shape)
-                near *= np.float32(_NEAR * self.options.variety)
+                if self._repeats is None:
+                    near = self._nearby.share(*at, *shape)(m, f, raised.shape)
+                else:
+                    down, right, *box = box_of(site.weight[m : m + shape[0], m : m + shape[1]] == 0)
+                    on_grid = self._repeats.share(at[0] + down, at[1] + right, box[0], box[1])
+                    near = on_grid(m + down, m + right, f, raised.shape)
+                near *= np.float32((_NEAR if self._repeats is None else _TWICE) * self.options.variety)
                 near += np.float32(1)
                 raised *= near
         if self._shares is not None:

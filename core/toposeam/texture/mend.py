@@ -197,15 +197,17 @@ def _seam_costs(placer: PatchPlacer, index: Ints32) -> Floats32:
             np.maximum(t - np.int32(step), 0),
         )
         at_s, at_t = values_at(placer.features, s), values_at(placer.features, t)
-        difference = _norm(values_at(placer.features, beyond) - at_t, usable[beyond]) + _norm(
-            at_s - values_at(placer.features, ahead), usable[ahead]
-        )
+        after, before = values_at(placer.features, beyond), values_at(placer.features, ahead)
+        guard = placer.guard
+        pays = (0, 0) if guard is None else (guard[beyond] + guard[t], guard[s] + guard[ahead])
+        difference = _norm(after - at_t, pays[0], usable[beyond])
+        difference += _norm(at_s - before, pays[1], usable[ahead])
         total[y, x] += difference
     return total
 
 
-def _norm(values: Floats32, usable: Mask) -> Floats32:
-    result: Floats32 = np.sqrt(np.square(values).sum(axis=1)) * usable
+def _norm(values: Floats32, pays: Floats32 | int, usable: Mask) -> Floats32:
+    result: Floats32 = np.sqrt(np.square(values).sum(axis=1) + np.square(pays)) * usable
     return result
 
 

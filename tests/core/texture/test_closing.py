@@ -76,7 +76,9 @@ def test_mending_makes_the_seams_better():
     def total(share):
         made = ts.synthesize(image, 150, patch=32, seed=1, mend=share)
         laid = SimpleNamespace(
-            atlas=made.atlas, features=made.atlas.spread([image[..., np.newaxis] / np.float32(255)])
+            guard=None,
+            atlas=made.atlas,
+            features=made.atlas.spread([image[..., np.newaxis] / np.float32(255)]),
         )
         return _seam_costs(laid, made.atlas.index_of(made.exemplar, made.source)).sum(), made.count
 

@@ -1,0 +1,128 @@
+"""How much of a patch would show a second time near by, for textures with objects on a ground.
+
+A pixel of an exemplar that shows in two copies shows at two pixels of the canvas, as far from each other as
+the copies' shifts: what of a patch would come twice near by follows, for every place at once, from the shifts
+of the copies round it and from what each of them shows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.images import Mask
+from toposeam.texture.atlas import Atlas, Floats32
+from toposeam.texture.canvas import IndexCanvas
+
+#: Within this share of an exemplar's shorter side two copies are near each other.
+_REACH = 0.5
+#: So many times in the reach, at least, the canvas is looked at along one axis.
+_SAMPLED = 12
+#: Of so many pixels of the atlas, at most, each is looked at.
+_PIXELS = 10_000
+#: More than any shift.
+_FAR = 1 << 24
+
+
+class Repeats:
+    """Tells how much of a patch would show a second time near by.
+
+    Parameters
+    ----------
+    atlas : Atlas
+    canvas : IndexCanvas
+    weight : (AH, AW) float32 array
+        How much each pixel of the atlas counts.
+    """
+
+    def __init__(self, atlas: Atlas, canvas: IndexCanvas, weight: Floats32) -> None:
+        self._atlas, self._canvas = atlas, canvas
+        #: Within so many px two copies are near each other.
+        self.reach = round(_REACH * int(atlas.shapes.min(axis=1).max()))
+        self._step = step = max(1, self.reach // _SAMPLED, math.isqrt(weight.size // _PIXELS))
+        rows, columns = (-(-length // step) for length in weight.shape)
+        room = ((0, rows * step - weight.shape[0]), (0, columns * step - weight.shape[1]))
+        self._cells = np.pad(weight, room).reshape(rows, step, columns, step).mean(axis=(1, 3))
+
+    def share(
+        self, top: int, left: int, height: int, width: int
+    ) -> Callable[[int, int, int, tuple[int, ...]], Floats32]:
+        """For places of the atlas, how much of what would show in a window shows within reach already.
+
+        Parameters
+        ----------
+        top, left, height, width : int
+            The window, canvas px; what it shows now does not count.
+
+        Returns
+        -------
+        callable
+            For the row and column of the atlas that the window's first pixel shows at the first place, a
+            factor and a shape, the (n, m) weights on a grid of places, per px of the window.
+        """
+        step, atlas = self._step, self._atlas
+        index, y, x = self._seen(top, left, height, width)
+        row, column = np.divmod(index, np.int32(atlas.width))
+        both, number = np.unique((row - y) * (2 * _FAR) + (column - x), return_inverse=True)
+        down = (both + _FAR) // (2 * _FAR)
+        right = both - down * 2 * _FAR
+        row //= np.int32(step)
+        column //= np.int32(step)
+        sums = np.zeros((len(both), self._cells.shape[0] + 1, self._cells.shape[1] + 1), np.float32)
+        sums[number, row + 1, column + 1] = self._cells[row, column]
+        np.cumsum(sums, axis=1, out=sums)
+        np.cumsum(sums, axis=2, out=sums)
+        h, w = (
+            min(max(1, length // step), most - 1)
+            for length, most in zip((height, width), sums.shape[1:], strict=True)
+        )
+        sums = sums[:, h:] - sums[:, :-h]
+        sums = sums[:, :, w:] - sums[:, :, :-w]
+        apart = np.square((np.arange(sums.shape[1]) * step - top) - down[:, np.newaxis])[..., np.newaxis]
+        apart = (
+            apart + np.square((np.arange(sums.shape[2]) * step - left) - right[:, np.newaxis])[:, np.newaxis]
+        )
+        sums *= (apart < self.reach**2) & (apart >= step**2)  # nearer ones continue the copy, or nearly so
+        total = sums.sum(axis=0)
+        total /= np.float32(h * w)
+
+        def on_grid(row: int, column: int, factor: int, shape: tuple[int, ...]) -> Floats32:
+            rows, columns = (
+                np.minimum((first + factor * np.arange(n) + step // 2) // step, limit - 1)
+                for first, n, limit in zip((row, column), shape, total.shape, strict=True)
+            )
+            result: Floats32 = total.take(rows, axis=0).take(columns, axis=1)
+            return result
+
+        return on_grid
+
+    def _seen(
+        self, top: int, left: int, height: int, width: int
+    ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+        """What shows round a window: flat indices, and their rows and columns, which go on across borders."""
+        canvas, lines = self._canvas, []
+        for start, length, limit, wraps in zip(
+            (top, left), (height, width), canvas.shape, canvas.wrap, strict=True
+        ):
+            # The opposite side of a small torus is not near twice.
+            most = min(self.reach, max((limit - length) // 2, 0)) if wraps else self.reach
+            line = np.arange(start - most, start + length + most, self._step)
+            lines.append(line if wraps else line[(line >= 0) & (line < limit)])
+        y, x = lines
+        index = canvas.index.take(
+            (y % canvas.shape[0])[:, np.newaxis] * canvas.shape[1] + x % canvas.shape[1]
+        )
+        shown = index >= 0
+        shown[np.ix_((y >= top) & (y < top + height), (x >= left) & (x < left + width))] = False
+        i, j = np.nonzero(shown)
+        return index[i, j], y[i], x[j]
+
+
+def box_of(mask: Mask) -> tuple[int, int, int, int]:
+    """First row and column, height and width of what is set in a mask."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    top, left = int(rows[0]), int(columns[0])
+    return top, left, int(rows[-1]) + 1 - top, int(columns[-1]) + 1 - left

@@ -22,7 +22,7 @@ from toposeam.checks import check_items, check_whole
 from toposeam.errors import OverlapError
 from toposeam.images import Image, Mask, as_float
 from toposeam.layers.layer import Box, Layer, check_layers, cut
-from toposeam.layers.tasks import Executor, results
+from toposeam.layers.tasks import Executor, check_executor, results
 
 #: Farthest a layer is searched from where it was said to be, px in x and in y.
 RADIUS = 32
@@ -144,6 +144,7 @@ def correlations(
     1.0
     """
     layers = check_items("layers", layers, Layer, "a sequence of Layers")
+    check_executor(executor)
     pairs = [
         (i, j)
         for i in range(len(layers))

@@ -23,7 +23,7 @@ from toposeam.layers.painting import LabelMap, channel_count
 from toposeam.layers.posing import exclusive_covers, pose_labelling
 from toposeam.layers.rounds import Rounds, best_rounds
 from toposeam.layers.steps import Steps, divided, order_of, paths_by_pair
-from toposeam.layers.tasks import Executor
+from toposeam.layers.tasks import Executor, check_executor
 from toposeam.layers.tones import match_tones as matched
 from toposeam.layers.wrapping import (
     Turned,
@@ -101,6 +101,7 @@ def compose(
     Composition(2 layers, 60 × 30 px, 1 seams)
     """
     layers = check_layers(layers)
+    check_executor(executor)
     check_whole("max_rounds", max_rounds, 0)
     match = match_options(gradient, cost)
     chosen = method_options(method, keywords) if options is None else options

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Protocol, TypeVar
 
+from toposeam.errors import OptionError
 from toposeam.layers.layer import Box
 
 Item = TypeVar("Item")
@@ -23,6 +24,19 @@ class Executor(Protocol):
     def map(self, function: Callable[[Any], Any], items: Iterable[Any], /) -> Iterable[Any]:
         """The results of a function of each item, in their order; both can be pickled."""
         ...
+
+
+def check_executor(executor: Any) -> None:
+    """Refuse what does no work.
+
+    Raises
+    ------
+    OptionError
+    """
+    if executor is not None and (isinstance(executor, type) or not callable(getattr(executor, "map", None))):
+        raise OptionError(
+            f"executor is of type {type(executor).__name__}; pass a concurrent.futures.Executor or None"
+        )
 
 
 def results(

@@ -23,7 +23,7 @@ from toposeam.images import Image, Mask, Windows, as_float
 from toposeam.layers.layer import Box, Layer, check_layers, extent_of
 from toposeam.layers.shading import field_on
 from toposeam.layers.shading import shading as field_coefficients
-from toposeam.layers.tasks import Executor, results
+from toposeam.layers.tasks import Executor, check_executor, results
 
 #: Shares of full scale between which a pixel tells the exposure.
 TELLING = (0.04, 0.97)
@@ -113,6 +113,7 @@ def match_tones(
     """
     layers = check_layers(layers)
     check_choice("shading", shading, (True, False))
+    check_executor(executor)
     for layer in layers:
         if not isinstance(layer.image, Windows):
             as_float(layer.image, data_range=layer.data_range, name=layer.name)  # what is white is known

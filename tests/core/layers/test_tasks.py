@@ -143,6 +143,14 @@ def test_correlations_are_the_same():
     assert correlations(layers, executor=Elsewhere()) == correlations(layers)
 
 
+@pytest.mark.parametrize("executor", [3, "two", ThreadPoolExecutor])
+@pytest.mark.parametrize("door", [ts.compose, ts.correlations, ts.match_tones])
+def test_what_does_no_work_is_refused(door, executor):
+    picture = np.zeros((20, 30), np.uint8)
+    with pytest.raises(ts.OptionError, match="executor is of type"):
+        door([ts.Layer(picture), ts.Layer(picture, at=(20, 0))], executor=executor)
+
+
 def test_a_part_of_a_map_is_the_map_there():
     rng = np.random.default_rng(0)
     values = np.repeat(np.repeat(rng.integers(0, 3, (30, 40)), 29, axis=0), 31, axis=1).astype(np.int16)

@@ -23,6 +23,8 @@ _NO_PAGES: dict[str, list[str]] = {
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
 }
+#: The environment of the processes of a local cluster.
+_SPAWNED = "distributed.nanny.pre-spawn-environ"
 #: How long the end of a local cluster is waited for, s.
 _CLOSING_S = 10
 
@@ -138,7 +140,9 @@ def dask_workers(address: str, count: int) -> Iterator[Workers]:
         ) from error
     warnings.filterwarnings("ignore", "Sending large graph", UserWarning)  # nothing a user could change
     # A worker's death is ours to answer: only we know which files it may have left.
-    with dask.config.set({"distributed.scheduler.allowed-failures": 0, **_NO_PAGES}):
+    # Dask has its workers give memory back at every chance and take it anew, which costs more than the work.
+    spawned = {name: value for name, value in dask.config.get(_SPAWNED).items() if "MALLOC" not in name}
+    with dask.config.set({"distributed.scheduler.allowed-failures": 0, _SPAWNED: spawned, **_NO_PAGES}):
         cluster = _local_cluster(count) if address == "local" else None
         try:
             try:

@@ -17,14 +17,14 @@ from toposeam.images import Mask
 from toposeam.texture.atlas import Atlas, Floats32
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.finish import finish, settings_of
-from toposeam.texture.holed import box_of, canvas_over, placer_over, read_holed
+from toposeam.texture.holed import canvas_over, placer_over, read_holed
 from toposeam.texture.homogeneity import is_texture
 from toposeam.texture.lay import PatchPlacer
 from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.levelling import levelled
 from toposeam.texture.offsets import candidate_shifts
 from toposeam.texture.rendering import Lift
-from toposeam.texture.search import box_sum
+from toposeam.texture.search import box_of, box_sum
 from toposeam.texture.shift_moves import Ground, stage
 from toposeam.texture.shifts import shift_map
 from toposeam.texture.sources import DataRange, Images, Sources

@@ -11,9 +11,9 @@ import numpy.typing as npt
 from toposeam.images import full_scale
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.canvas import IndexCanvas
-from toposeam.texture.holed import box_of
 from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.rendering import Lift, render, render_seen
+from toposeam.texture.search import box_of
 from toposeam.texture.sources import Sources
 from toposeam.texture.synthesis import Synthesis
 

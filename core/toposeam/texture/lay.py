@@ -19,8 +19,8 @@ from toposeam.texture.keeping_step import Phase
 from toposeam.texture.landmarks import guarded, landmarks
 from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.nearby import Nearby, average_use
-from toposeam.texture.repeats import Repeats, box_of
-from toposeam.texture.search import Compared, Ints, PatchSearch
+from toposeam.texture.repeats import Repeats
+from toposeam.texture.search import Compared, Ints, PatchSearch, box_of
 from toposeam.texture.sites import Guide, Offers, Site
 from toposeam.texture.turning import Turns
 from toposeam.texture.twins import Twins
@@ -339,8 +339,9 @@ class PatchPlacer:
                 if self._repeats is None:
                     near = self._nearby.share(*at, *shape)(m, f, raised.shape)
                 else:
-                    down, right, *box = box_of(site.weight[m : m + shape[0], m : m + shape[1]] == 0)
-                    on_grid = self._repeats.share(at[0] + down, at[1] + right, box[0], box[1])
+                    new = box_of(site.weight[m : m + shape[0], m : m + shape[1]] == 0)
+                    (down, bottom), (right, end) = ((side.start, side.stop) for side in new)
+                    on_grid = self._repeats.share(at[0] + down, at[1] + right, bottom - down, end - right)
                     near = on_grid(m + down, m + right, f, raised.shape)
                 near *= np.float32((_NEAR if self._repeats is None else _TWICE) * self.options.variety)
                 near += np.float32(1)

@@ -13,7 +13,6 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.images import Mask
 from toposeam.texture.atlas import Atlas, Floats32
 from toposeam.texture.canvas import IndexCanvas
 
@@ -119,10 +118,3 @@ class Repeats:
         shown[np.ix_((y >= top) & (y < top + height), (x >= left) & (x < left + width))] = False
         i, j = np.nonzero(shown)
         return index[i, j], y[i], x[j]
-
-
-def box_of(mask: Mask) -> tuple[int, int, int, int]:
-    """First row and column, height and width of what is set in a mask."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    top, left = int(rows[0]), int(columns[0])
-    return top, left, int(rows[-1]) + 1 - top, int(columns[-1]) + 1 - left

@@ -241,3 +241,20 @@ def reduced(values: Floats32, weight: Floats32, factor: int) -> tuple[Floats32, 
     total = np.pad(values * weight[..., np.newaxis], (*padding, (0, 0))).reshape(*blocks, -1).sum(axis=(1, 3))
     total /= np.maximum(mass, np.float32(1e-9))[..., np.newaxis]
     return total, mass / np.float32(factor**2)
+
+
+def box_of(mask: Mask, reach: int = 0) -> tuple[slice, slice]:
+    """Rows and columns of a mask that is not empty, and so many px beyond them where there are any.
+
+    Examples
+    --------
+    >>> box_of(np.eye(9)[:5] > 0, 1)
+    (slice(0, 5, None), slice(0, 6, None))
+    """
+    sides = []
+    for axis in (1, 0):
+        line = np.flatnonzero(mask.any(axis=axis))
+        sides.append(
+            slice(max(int(line[0]) - reach, 0), min(int(line[-1]) + 1 + reach, mask.shape[1 - axis]))
+        )
+    return sides[0], sides[1]

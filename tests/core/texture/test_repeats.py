@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from toposeam.texture.repeats import _REACH, Repeats, box_of
+from toposeam.texture.repeats import _REACH, Repeats
 
 SIDE, SAMPLE = 30, 10
 
@@ -48,9 +48,3 @@ def test_what_would_come_twice_near_by_is_counted_also_across_a_border_that_cont
     assert expected.max() > 0
     np.testing.assert_allclose(found(0, 0, 1, expected.shape), expected, atol=1e-5)
     np.testing.assert_allclose(found(1, 1, 2, (3, 3)), expected[1::2, 1::2][:3, :3], atol=1e-5)
-
-
-def test_the_box_of_a_mask_holds_all_of_it():
-    mask = np.zeros((9, 8), bool)
-    mask[2, 5] = mask[6, 3] = True
-    assert box_of(mask) == (2, 3, 5, 3)

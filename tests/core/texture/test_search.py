@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from toposeam.texture.atlas import Atlas
-from toposeam.texture.search import PatchSearch, box_sum, reduced
+from toposeam.texture.search import PatchSearch, box_of, box_sum, reduced
 
 
 def brute_force(features, usable, values, weight, margin, patch):
@@ -119,3 +119,10 @@ def test_indices_lead_back_to_exemplar_row_and_column():
         np.testing.assert_array_equal(place[..., 1], np.indices(index.shape)[1])
         np.testing.assert_array_equal(atlas.index_of(exemplar, place), index)
     assert (atlas.locate(np.array([-1], np.int32))[1] == -1).all()
+
+
+def test_the_box_of_a_mask_holds_all_of_it():
+    mask = np.zeros((9, 8), bool)
+    mask[2, 5] = mask[6, 3] = True
+    assert box_of(mask) == (slice(2, 7), slice(3, 6))
+    assert box_of(mask, 3) == (slice(0, 9), slice(0, 8))

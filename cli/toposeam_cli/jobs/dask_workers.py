@@ -146,7 +146,7 @@ def dask_workers(address: str, count: int) -> Iterator[Workers]:
         cluster = _local_cluster(count) if address == "local" else None
         try:
             try:
-                client = Client(cluster or address, timeout=10)
+                client = Client(cluster or address, timeout=10, set_as_default=False)
             except (OSError, ValueError, TypeError, TimeoutError) as error:
                 raise OptionError(
                     f"there is no Dask scheduler at {address!r} that lets us in ({_first_line(error)}); "

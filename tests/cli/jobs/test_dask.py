@@ -126,7 +126,7 @@ SCRIPT = """
 def test_nobody_else_can_submit_to_a_local_cluster(tmp_path, how):
     with dask_workers("local", 1) as workers:
         assert workers.is_free
-        scheduler = distributed.default_client().scheduler.address
+        scheduler = workers._client.scheduler.address
         assert scheduler.startswith("tls://127.0.0.1:")
         outsider = subprocess.run(
             [sys.executable, "-c", textwrap.dedent(SCRIPT), how, scheduler],

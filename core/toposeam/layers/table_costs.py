@@ -37,10 +37,12 @@ class TableCost:
     box: Box
     right: Floats32
     down: Floats32
+    #: The part of the box that the tables are of, 0 elsewhere; all of it where None.
+    at: Box | None = None
 
     def on(self, box: Box, beside: Mask | None = None) -> tuple[Floats32, Floats32]:
         """The costs in a box."""
-        return spread((self.right, self.down), self.box, box)
+        return spread((self.right, self.down), self.at or self.box, box)
 
     def shared(self, box: Box) -> Mask:
         """(h, w) bool, the whole of their common box."""
@@ -48,31 +50,10 @@ class TableCost:
         return cut(np.ones(inside.shape, bool), inside, box)
 
     def part(self, box: Box, seen: dict[int, Any]) -> PairCost:
-        """The table in a box."""
+        """The tables in a box; of a part they are that already."""
+        if self.at is not None:
+            return self
         common = box.grown(AROUND).shared(self.box)
         if min(common.shape) < 2:
             common = Box(self.box.top, self.box.left, self.box.top + 2, self.box.left + 2)
-        return PartCost(self.box, common, *spread((self.right, self.down), self.box, common))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PartCost:
-    """A part of such tables; 0 elsewhere."""
-
-    box: Box
-    at: Box
-    right: Floats32
-    down: Floats32
-
-    def on(self, box: Box, beside: Mask | None = None) -> tuple[Floats32, Floats32]:
-        """The costs in a box."""
-        return spread((self.right, self.down), self.at, box)
-
-    def shared(self, box: Box) -> Mask:
-        """(h, w) bool, the whole of their common box."""
-        inside = self.box.grown(-1)
-        return cut(np.ones(inside.shape, bool), inside, box)
-
-    def part(self, box: Box, seen: dict[int, Any]) -> PairCost:
-        """It is one already."""
-        return self
+        return TableCost(self.box, *spread((self.right, self.down), self.box, common), common)

@@ -20,7 +20,7 @@ from toposeam.texture.landmarks import guarded, landmarks
 from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.nearby import Nearby, average_use
 from toposeam.texture.repeats import Repeats
-from toposeam.texture.search import Compared, Ints, PatchSearch, box_of
+from toposeam.texture.search import Ints, PatchSearch, box_of, refined
 from toposeam.texture.sites import Guide, Offers, Site
 from toposeam.texture.turning import Turns
 from toposeam.texture.twins import Twins
@@ -299,29 +299,13 @@ class PatchPlacer:
     ) -> None:
         """Places and errors of the reduced search as they are at full size."""
         m, f, k = self.margin, self.search.factor, np.flatnonzero(np.isfinite(errors))
-        samples = [term.search.sample(term.values, term.weight, (m, m)) for term in terms]
+        compared = [
+            (term.search, term.search.sample(term.values, term.weight, (m, m)), term.strength)
+            for term in terms
+        ]
         reduced = error[(rows[k] - m) // f, (columns[k] - m) // f]
-        rows[k], columns[k], exact = self._exactly(terms, samples, rows[k], columns[k], site.shape)
+        rows[k], columns[k], exact = refined(compared, rows[k], columns[k], (m, m), site.shape)
         errors[k] *= (exact.astype(float) + _FLOOR).astype(np.float32) / reduced
-
-    def _exactly(
-        self, terms: list[_Term], samples: list[Compared], rows: Ints, columns: Ints, shape: tuple[int, int]
-    ) -> tuple[Ints, Ints, Floats32]:
-        """The best places at full size near those of the reduced search, in ever smaller steps, and their
-        errors.
-        """
-        step, margin, each = self.search.factor // 2, (self.margin, self.margin), np.arange(len(rows))
-        least = np.zeros(len(rows), np.float32)
-        while step:
-            near_rows = near_columns = np.zeros((len(rows), 9), np.intp)
-            error = np.zeros((len(rows), 9), np.float32)
-            for term, sample in zip(terms, samples, strict=True):
-                near_rows, near_columns, part = term.search.around(rows, columns, step, sample, margin, shape)
-                error = error + term.strength * part
-            found = each, error.argmin(axis=1)
-            rows, columns, least = near_rows[found], near_columns[found], error[found]
-            step //= 2
-        return rows, columns, least
 
     def _best(
         self, error: Floats32, site: Site, large: list[list[int]], use: Use | None

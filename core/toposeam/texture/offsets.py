@@ -21,7 +21,7 @@ from scipy import ndimage
 
 from toposeam.images import Mask
 from toposeam.texture.atlas import Atlas, Floats32
-from toposeam.texture.search import Ints, PatchSearch, box_sum, reduced
+from toposeam.texture.search import PatchSearch, box_sum, reduced, refined
 
 #: The statistics are taken on a picture of at most this many pixels, from windows of this side, px.
 _PIXELS, _WINDOW = 40_000, 8
@@ -250,18 +250,7 @@ def _fitting(atlas: Atlas, features: Floats32, hole: Mask, missing: Mask) -> Shi
             error[max(i - apart, 0) : i + apart + 1, max(j - apart, 0) : j + apart + 1] = np.inf
         rows, columns = np.array(best, np.intp).reshape(-1, 2).T
         if search.factor > 1 and best:
-            rows, columns = _exactly(search, rows, columns, picture[part], weight, shape)
+            sample = search.sample(picture[part], weight, (0, 0))
+            rows, columns, _ = refined([(search, sample, 1.0)], rows, columns, (0, 0), shape)
         found.append(np.stack([rows - place[0].start - top, columns - place[1].start - left], axis=1))
     return np.concatenate(found) if found else np.zeros((0, 2), np.intp)
-
-
-def _exactly(
-    search: PatchSearch, rows: Ints, columns: Ints, values: Floats32, weight: Floats32, shape: tuple[int, int]
-) -> tuple[Ints, Ints]:
-    step, sample, each = search.factor // 2, search.sample(values, weight, (0, 0)), np.arange(len(rows))
-    while step:
-        near_rows, near_columns, error = search.around(rows, columns, step, sample, (0, 0), shape)
-        least = each, error.argmin(axis=1)
-        rows, columns = near_rows[least], near_columns[least]
-        step //= 2
-    return rows, columns

@@ -14,6 +14,7 @@ of their size first and then at full size round the best places.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -241,6 +242,38 @@ def reduced(values: Floats32, weight: Floats32, factor: int) -> tuple[Floats32, 
     total = np.pad(values * weight[..., np.newaxis], (*padding, (0, 0))).reshape(*blocks, -1).sum(axis=(1, 3))
     total /= np.maximum(mass, np.float32(1e-9))[..., np.newaxis]
     return total, mass / np.float32(factor**2)
+
+
+def refined(
+    compared: Sequence[tuple[PatchSearch, Compared, float]],
+    rows: Ints,
+    columns: Ints,
+    margin: tuple[int, int],
+    patch: tuple[int, int],
+) -> tuple[Ints, Ints, Floats32]:
+    """The best places at full size near those of a reduced search, in ever smaller steps, and their errors.
+
+    Parameters
+    ----------
+    compared : sequence of (PatchSearch, Compared, float)
+        The searches, one at least and alike in their factor, each with its window and its strength.
+    rows, columns : (n,) int array
+        Atlas places of the patch's first pixel.
+    margin, patch : (int, int)
+        As for :meth:`PatchSearch.fit`.
+    """
+    step, each = compared[0][0].factor // 2, np.arange(len(rows))
+    least = np.zeros(len(rows), np.float32)
+    while step:
+        near_rows = near_columns = np.zeros((len(rows), 9), np.intp)
+        error = np.zeros((len(rows), 9), np.float32)
+        for search, sample, strength in compared:
+            near_rows, near_columns, part = search.around(rows, columns, step, sample, margin, patch)
+            error = error + strength * part
+        found = each, error.argmin(axis=1)
+        rows, columns, least = near_rows[found], near_columns[found], error[found]
+        step //= 2
+    return rows, columns, least
 
 
 def box_of(mask: Mask, reach: int = 0) -> tuple[slice, slice]:

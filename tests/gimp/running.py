@@ -158,6 +158,12 @@ class Gimp:
         return list((self.folder / "tmp").glob("toposeam-request-*"))
 
     def close(self):
+        """End GIMP, once its plug-ins of ours have ended: one that is still saying goodbye when GIMP is gone
+        complains of a broken pipe.
+        """
+        deadline = time.monotonic() + 30
+        while self.child("toposeam_gimp") is not None and time.monotonic() < deadline:
+            time.sleep(0.1)
         try:
             self.lines.write('["quit", {}]\n')
             self.lines.flush()

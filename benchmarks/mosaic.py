@@ -185,8 +185,13 @@ def programs(files: list[str]) -> dict[str, list[str]]:
     ours = [sys.executable, "-m", "toposeam", "stitch", *files, "--force", "--quiet"]
     ours += ["--max-megapixels", "4000"]
     both = ["--match-tones", "--blend", "multiband"]
+    shading = ["--match-shading", "--blend", "multiband"]
     plain = ["--compression", "none", "-o", "out.tif"]
-    found = {"toposeam, hard cut": [*ours, *plain], "toposeam, tones + multiband": [*ours, *both, *plain]}
+    found = {
+        "toposeam, hard cut": [*ours, *plain],
+        "toposeam, tones + multiband": [*ours, *both, *plain],
+        "toposeam, shading + multiband": [*ours, *shading, *plain],
+    }
     if shutil.which("enblend"):
         found["enblend"] = ["enblend", "--compression=NONE", "-o", "out.tif", *files]
     if shutil.which("multiblend"):

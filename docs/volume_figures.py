@@ -32,7 +32,7 @@ def main() -> None:
     waving = ts.loop(flag, level=True)
     strip(flag, waving)
     heat(waving.surfaces[0])
-    moving("loop-fire.webp", ts.loop(clips.flames()).frames)
+    moving("loop-fire.webp", ts.loop(clips.flames(seed=11), level=True).frames)
     moving("loop-flag.webp", waving.frames)
     cells()
 

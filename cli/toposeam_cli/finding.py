@@ -32,6 +32,7 @@ class SeamOptions:
     method: ts.Method | None
     formulation: int | None
     match_tones: bool
+    match_shading: bool
     blend: ts.Blend
     blend_width: float | None
     use_seam: tuple[Keyed, ...]
@@ -103,6 +104,7 @@ def composed_as(
                 gradient=not find.no_gradient,
                 core=find.core,
                 match_tones=find.match_tones,
+                match_shading=find.match_shading,
                 wrap=find.wrap,
                 blend=find.blend,
                 blend_width=find.blend_width,

@@ -155,7 +155,7 @@ def test_ctrl_c_at_any_moment_leaves_nothing_half_written(toposeam, inputs, here
         "import": ("toposeam_cli.registry.import_module",),
         "read": ("toposeam_cli.placing.read_picture",),
         "search": ("toposeam.compose",),
-        "figure": ("toposeam_cli.figures.search.history_figure",),
+        "figure": ("toposeam_cli.figures.history.history_figure",),
         "write": (output.os, "fsync"),
         "rename": (output, "give_name"),
     }[moment]

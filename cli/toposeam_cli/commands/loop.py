@@ -77,7 +77,12 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
 @click.option(
     "--grow", type=DurationType(), help="A longer clip: at least this long, by jumps back and forth."
 )
-@click.option("--level", is_flag=True, help="Even out slow changes of light.")
+@click.option(
+    "--level",
+    is_flag=True,
+    help="Even out what shows of the change, of light and of soft forms: pixels then keep their values no "
+    "more, but nothing is blended.",
+)
 @click.option("--still", type=FILE, help="A picture of the frames' size, white where nothing shall move.")
 @click.option("--fps", type=FiniteRange(0.01, 1000), help="Read the clip at so many frames a second.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of --grow: decides the order.")
@@ -97,11 +102,11 @@ def loop(clip: Path, output: Path, **given: Any) -> None:
 
     CLIP is a video (with PyAV), a GIF, WebP or APNG, or a folder of frames. Where it comes back best is
     found; there its end is joined to its beginning along a surface in time and space, so that every pixel
-    changes over when it shows least. Nothing is blended.
+    changes over when it shows least. Nothing is blended. With --level, what steps are left are spread evenly.
 
     \b
     toposeam loop waves.mp4 -o waves_loop.mp4 --length 3s-5s --level
-    toposeam loop fire.webp -o fire_loop.gif
+    toposeam loop fire.webp -o fire_loop.gif --level
     toposeam loop falls.mp4 -o falls.webp --still rocks.png
     toposeam loop frames/ -o longer/ --grow 60s
     """  # noqa: D301 - click wants the character

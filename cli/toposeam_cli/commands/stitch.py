@@ -112,6 +112,11 @@ from toposeam_cli.whereabouts import ORDERS, Where, width_round
     "--match-tones", is_flag=True, help="First take exposure steps out: one gain per picture and channel."
 )
 @click.option(
+    "--match-shading",
+    is_flag=True,
+    help="The same, and that lenses darken towards the corners: a smooth gain field per picture.",
+)
+@click.option(
     "--blend",
     type=click.Choice(ts.BLENDS),
     default="none",

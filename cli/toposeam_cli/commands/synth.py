@@ -146,6 +146,15 @@ _GUIDE = (
     default=None,
     help="Level light between patches; by default where SOURCE has slow light. Not for normals or heights.",
 )
+@click.option(
+    "-j",
+    "--jobs",
+    "processes",
+    type=click.IntRange(1, 1024),
+    default=1,
+    show_default=True,
+    help="How many processes work on it; it looks the same for any number. Windows and macOS have one.",
+)
 @grouped("guided", Guided, _GUIDE)
 @click.option(
     "--use-coordinates",
@@ -168,6 +177,7 @@ def synth(
     preview: Path | None,
     flatten: bool,
     level: bool | None,
+    processes: int,
     guided: Guided,
     use_coordinates: Path | None,
     search: Search,
@@ -227,6 +237,7 @@ def synth(
             maps=[[one.pixels for one in given] for given in maps],
             data_range=white_of(pictures[0], *(given[0] for given in maps)),
             max_megapixels=results.max_megapixels,
+            processes=processes,
             progress=progress,
             **guided.read(results.max_pixels),
             **patches.keywords(),

@@ -59,6 +59,7 @@ def compose(
     blend: Blend = "none",
     blend_width: float | None = None,
     match_tones: bool = False,
+    match_shading: bool = False,
     use_path: SvgSeam | Mapping[Pair, SvgSeam] | None = None,
     max_rounds: int = MAX_ROUNDS,
     options: HeatOptions | ThesisOptions | None = None,
@@ -111,8 +112,8 @@ def compose(
     if cost is None:
         match = dataclasses.replace(match, reach=reach_of(blend, blend_width))
     canvas = common_canvas(layers, max_megapixels=max_megapixels)
-    if match_tones:
-        layers = matched(layers)
+    if match_tones or match_shading:
+        layers = matched(layers, shading=match_shading)
     factor = None if weight is None else as_weights(weight, canvas.shape)
     away = None if avoid is None else as_mask(avoid, canvas.shape, "avoid")
     common = {"cost": match, "core": core, "data_range": layers[0].data_range}

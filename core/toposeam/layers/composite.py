@@ -142,6 +142,7 @@ def stitch(
     blend: Blend = "none",
     blend_width: float | None = None,
     match_tones: bool = False,
+    match_shading: bool = False,
     use_path: SvgSeam | Mapping[Pair, SvgSeam] | None = None,
     max_rounds: int = MAX_ROUNDS,
     options: HeatOptions | ThesisOptions | None = None,
@@ -176,6 +177,9 @@ def stitch(
         Of `feather`, `multiband` and `gradient`, in px.
     match_tones : bool
         First give each layer a gain per channel so that overlaps agree (:mod:`toposeam.layers.tones`).
+    match_shading : bool
+        The same, and a smooth field of gain, since lenses darken towards the corners
+        (:mod:`toposeam.layers.shading`).
     use_path : SvgSeam, or mapping of (int, int) to SvgSeam, optional
         Seams that were read from files, on the canvas: of the only two layers, or of pairs of layers by
         number.
@@ -220,6 +224,7 @@ def stitch(
         blend=blend,
         blend_width=blend_width,
         match_tones=match_tones,
+        match_shading=match_shading,
         use_path=use_path,
         max_rounds=max_rounds,
         options=options,

@@ -18,6 +18,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.heat.poisson import add_steps, spread
 from toposeam.images import Image, Mask
 from toposeam.layers.layer import Box, Layer
 from toposeam.layers.maps import dense
@@ -51,9 +52,7 @@ def correction(
     goes_round : bool
         Whether the canvas's left edge adjoins its right one.
     """
-    from scipy import fft  # nobody else needs it
-
-    height, columns = label_map.shape
+    columns = label_map.shape[1]
     source = np.zeros(label_map.shape)
     flat = label_map.ravel()
     borders = [(np.flatnonzero(_differ(label_map, axis)), stride) for axis, stride in ((1, 1), (0, columns))]
@@ -74,23 +73,8 @@ def correction(
             excess = np.where(both_p, j_p - i_p, 0.0) + np.where(both_q, j_q - i_q, 0.0)
             number = both_p.astype(int) + both_q
             step[mine] = np.where(number > 0, excess / np.maximum(number, 1), j_q - i_p)
-        np.add.at(source.ravel(), p, step)
-        np.subtract.at(source.ravel(), q, step)
-    screen = 0.0 if width is None else 1.0 / width**2
-    down = 2 - 2 * np.cos(np.pi * np.arange(height) / height)
-    around = 2 if goes_round else 1
-    across = 2 - 2 * np.cos(around * np.pi * np.arange(columns // around + around - 1) / columns)
-    spectrum = fft.dct(source, axis=0, overwrite_x=True)
-    spectrum = fft.rfft(spectrum, axis=1) if goes_round else fft.dct(spectrum, axis=1, overwrite_x=True)
-    if screen == 0.0:
-        spectrum[0, 0] = 0.0
-        down[0] = np.finfo(float).tiny  # 0 / tiny: the mean stays
-    for row in range(height):
-        spectrum[row] /= down[row] + across + screen
-    values = (
-        fft.irfft(spectrum, columns, axis=1) if goes_round else fft.idct(spectrum, axis=1, overwrite_x=True)
-    )
-    result: Floats = fft.idct(values, axis=0, overwrite_x=True)
+        add_steps(source.ravel(), p, q, step)
+    result: Floats = spread(source, width, goes_round)
     return result
 
 

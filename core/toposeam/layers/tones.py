@@ -20,6 +20,8 @@ import numpy.typing as npt
 
 from toposeam.images import Image, Mask, Windows, as_float
 from toposeam.layers.layer import Box, Layer, check_layers, extent_of
+from toposeam.layers.shading import field_on
+from toposeam.layers.shading import shading as field_coefficients
 
 #: Shares of full scale between which a pixel tells the exposure.
 TELLING = (0.04, 0.97)
@@ -71,13 +73,16 @@ def tone_gains(layers: Sequence[Layer], places: Sequence[Box]) -> npt.NDArray[np
     return scaled
 
 
-def match_tones(layers: Sequence[Layer]) -> list[Layer]:
+def match_tones(layers: Sequence[Layer], *, shading: bool = False) -> list[Layer]:
     """The layers with one gain per channel each, so that they agree where they overlap.
 
     Parameters
     ----------
     layers : sequence of Layer
         At least two, placed.
+    shading : bool
+        Also give each layer a smooth field of gain, against lenses that darken towards the corners
+        (:mod:`toposeam.layers.shading`).
 
     Returns
     -------
@@ -102,11 +107,35 @@ def match_tones(layers: Sequence[Layer]) -> list[Layer]:
         if not isinstance(layer.image, Windows):
             as_float(layer.image, data_range=layer.data_range, name=layer.name)  # what is white is known
     canvas = extent_of(layers)
-    gains = tone_gains(layers, [canvas.place(layer) for layer in layers])
+    places = [canvas.place(layer) for layer in layers]
+    gains = tone_gains(layers, places)
+    fields: Sequence[npt.NDArray[np.float64] | None] = [None] * len(layers)
+    if shading:
+        fields = _fields(layers, places, gains)
+        gains *= min(1.0, *(_headroom(*one) for one in zip(layers, gains, fields, strict=True)))
+    toned = [Toned(*one) for one in zip(layers, gains, fields, strict=True)]
     return [
-        dataclasses.replace(layer, image=toned if isinstance(layer.image, Windows) else toned[:, :])
-        for layer, toned in ((layer, Toned(layer, gain)) for layer, gain in zip(layers, gains, strict=True))
+        dataclasses.replace(layer, image=image if isinstance(layer.image, Windows) else image[:, :])
+        for layer, image in zip(layers, toned, strict=True)
     ]
+
+
+def _fields(
+    layers: Sequence[Layer], places: Sequence[Box], gains: npt.NDArray[np.float64]
+) -> list[npt.NDArray[np.float64]]:
+    """The coefficients of each layer's field."""
+
+    def ratios(i: int, j: int, common: Box) -> tuple[npt.NDArray[np.float64], int]:
+        planes, step = _both(layers[i], places[i], layers[j], places[j], gains.shape[1])
+        logarithms = [
+            np.where(
+                known, np.log(np.where(known, a, 1) * gain_a) - np.log(np.where(known, b, 1) * gain_b), np.nan
+            )
+            for (a, b, known), gain_a, gain_b in zip(planes, gains[i], gains[j], strict=True)
+        ]
+        return np.mean(logarithms, axis=0), step
+
+    return field_coefficients(places, ratios)
 
 
 class Toned(Windows):
@@ -115,15 +144,18 @@ class Toned(Windows):
     Integers are rounded, and what is burnt out in all channels stays white.
     """
 
-    def __init__(self, layer: Layer, gain: npt.NDArray[np.float64]) -> None:
+    def __init__(
+        self, layer: Layer, gain: npt.NDArray[np.float64], field: npt.NDArray[np.float64] | None = None
+    ) -> None:
         super().__init__(layer.image.shape, layer.image.dtype)
         self._image, self._white = layer.image, layer.white
         count = 1 if self.ndim == 2 else self.shape[2]
         self._factor = (
             gain.mean(keepdims=True) if count == 1 else gain[np.minimum(np.arange(count), len(gain) - 1)]
         )
+        self._field = field
         self._tables: npt.NDArray[Any] | None = None
-        if self.dtype in (np.uint8, np.uint16):
+        if field is None and self.dtype in (np.uint8, np.uint16):
             share = np.arange(np.iinfo(self.dtype).max + 1) / self._white
             self._tables = self._whole(share[:, np.newaxis] * self._factor).T.copy()
 
@@ -134,29 +166,42 @@ class Toned(Windows):
         result = np.empty(planes.shape, self.dtype)
         for start in range(0, len(planes), _ROWS):
             part = slice(start, start + _ROWS)
+            factor = self._factor
+            if self._field is not None:
+                at = range(*rows.indices(self.shape[0]))[part], range(*columns.indices(self.shape[1]))
+                field = field_on(self._field, self.shape, *at)[..., np.newaxis]
+                small = self.dtype.itemsize <= 2
+                factor = field.astype(np.float32) * factor.astype(np.float32) if small else field * factor
             if self._tables is not None:
                 for channel, table in enumerate(self._tables):
                     result[part, :, channel] = table.take(planes[part, :, channel])
-                self._keep_white(planes[part], result[part])
+                self._keep_white(planes[part], result[part], factor)
             elif not np.issubdtype(self.dtype, np.integer):
-                result[part] = planes[part] * self._factor
+                result[part] = planes[part] * factor
+            elif self.dtype.itemsize <= 2:
+                limits = np.iinfo(self.dtype)
+                values = planes[part] * factor
+                np.clip(np.rint(values, out=values), limits.min, limits.max, out=values)
+                result[part] = values
+                self._keep_white(planes[part], result[part], factor)
             else:
                 share = planes[part].astype(np.float64) / self._white
-                result[part] = self._whole(share * self._factor)
-                self._keep_white(planes[part], result[part])
+                result[part] = self._whole(share * factor)
+                self._keep_white(planes[part], result[part], factor)
         return result.reshape(image.shape)
 
-    def _keep_white(self, planes: Image, result: Image) -> None:
-        if (self._factor >= 1).all():
+    def _keep_white(self, planes: Image, result: Image, factor: npt.NDArray[np.float64]) -> None:
+        if (factor >= 1).all():
             return
         darkest = functools.reduce(np.minimum, np.moveaxis(planes, 2, 0))
         bright = darkest > WHITE * self._white
         if not bright.any():
             return
+        factor = np.broadcast_to(factor, planes.shape)[bright]
         share = planes[bright].astype(np.float64) / self._white
         burnt = np.clip((share.min(axis=1, keepdims=True) - WHITE) / (1 - WHITE), 0, 1)
         burnt *= burnt * (3 - 2 * burnt)
-        result[bright] = self._whole(share * self._factor + np.maximum(0.0, 1 - self._factor) * burnt)
+        result[bright] = self._whole(share * factor + np.maximum(0.0, 1 - factor) * burnt)
 
     def _whole(self, share: npt.NDArray[np.float64]) -> Image:
         limits = np.iinfo(self.dtype)
@@ -165,6 +210,21 @@ class Toned(Windows):
 
 def _log_ratios(a: Layer, at_a: Box, b: Layer, at_b: Box, channels: int) -> list[tuple[float, int] | None]:
     """Per channel the median of log a - log b over the pixels of both, and how many there are."""
+    found: list[tuple[float, int] | None] = []
+    planes, step = _both(a, at_a, b, at_b, channels)
+    for one, other, both in planes:
+        number = int(np.count_nonzero(both))
+        ratio = None if number < _ENOUGH else float(np.median(np.log(one[both]) - np.log(other[both])))
+        found.append(None if ratio is None else (ratio, number * step**2))
+    return found
+
+
+def _both(
+    a: Layer, at_a: Box, b: Layer, at_b: Box, channels: int
+) -> tuple[list[tuple[npt.NDArray[Any], npt.NDArray[Any], Mask]], int]:
+    """Per channel the values of two layers where both have pixels, and where they tell the exposure; every so
+    many-th pixel.
+    """
     common = at_a.shared(at_b)
     step = max(1, int(np.sqrt(common.shape[0] * common.shape[1] / _SAMPLE)))
     known: Mask = np.ones((1, 1), bool)
@@ -173,7 +233,7 @@ def _log_ratios(a: Layer, at_a: Box, b: Layer, at_b: Box, channels: int) -> list
         inside = common.moved(-place.top, -place.left)
         known = known & _covered(layer, inside, step)
         values.append(_every(layer.image, inside, step) / layer.white)
-    found: list[tuple[float, int] | None] = []
+    found = []
     for channel in range(channels):
         both = known
         planes = [part[..., min(channel, part.shape[2] - 1)] for part in values]
@@ -183,12 +243,8 @@ def _log_ratios(a: Layer, at_a: Box, b: Layer, at_b: Box, channels: int) -> list
                 & (plane > TELLING[0])
                 & (plane < (TELLING[1] if np.issubdtype(a.image.dtype, np.integer) else np.inf))
             )
-        number = int(np.count_nonzero(both))
-        ratio = (
-            None if number < _ENOUGH else float(np.median(np.log(planes[0][both]) - np.log(planes[1][both])))
-        )
-        found.append(None if ratio is None else (ratio, number * step**2))
-    return found
+        found.append((planes[0], planes[1], both))
+    return found, step
 
 
 def _every(image: Image, box: Box, step: int) -> Image:
@@ -204,7 +260,9 @@ def _covered(layer: Layer, box: Box, step: int) -> Mask:
     return covered if layer.mask is None else covered & np.asarray(layer.mask)[key]
 
 
-def _headroom(layer: Layer, gain: npt.NDArray[np.float64]) -> float:
+def _headroom(
+    layer: Layer, gain: npt.NDArray[np.float64], field: npt.NDArray[np.float64] | None = None
+) -> float:
     """By what a layer's gains may be multiplied before more than a thousandth of its pixels burns out that
     had not before.
     """
@@ -215,9 +273,12 @@ def _headroom(layer: Layer, gain: npt.NDArray[np.float64]) -> float:
     step = max(1, int(np.sqrt(height * width / _SAMPLE)))
     image = _every(layer.image, Box(0, 0, height, width), step)
     covered = np.broadcast_to(_covered(layer, Box(0, 0, height, width), step), image.shape[:2])
+    raised: Any = 1.0
+    if field is not None:
+        raised = field_on(field, layer.image.shape, range(0, height, step), range(0, width, step))[covered]
     for channel, factor in enumerate(gain):
         values = image[..., min(channel, image.shape[2] - 1)][covered] / layer.white
-        values = values[(values > TELLING[0]) & (values < TELLING[1])]
+        values = (values * raised)[(values > TELLING[0]) & (values < TELLING[1])]
         if len(values):
             room = min(room, 1.0 / (float(np.quantile(values, 0.999)) * factor))
     return room

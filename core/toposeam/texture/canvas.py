@@ -4,11 +4,29 @@ a torus.
 
 from __future__ import annotations
 
+from mmap import mmap
+from typing import Any, NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
 from toposeam.images import Mask
 from toposeam.texture.atlas import Ints32
+
+#: Patches for which there is room at first.
+_FIRST = 1024
+
+
+class Copies(NamedTuple):
+    """The copies in a window of a canvas."""
+
+    #: (n,) row and column in the window of a pixel of each, and the flat index that shows there.
+    y: Ints32
+    x: Ints32
+    shown: Ints32
+    #: The first patch of each, and how many of the canvas's pixels show it.
+    first: list[int]
+    areas: list[int]
 
 
 class IndexCanvas:
@@ -40,9 +58,22 @@ class IndexCanvas:
         self.usage: Ints32 = np.zeros(pixels, np.int32)
         self.patches = 0
         #: An earlier patch that each patch continues, or itself; all that are joined so are one copy.
-        self._copies: list[int] = []
+        self._copies: Ints32 = np.zeros(_FIRST, np.int32)
         #: How many pixels of the copy show, by its first patch.
-        self._areas: list[int] = []
+        self._areas: npt.NDArray[np.int64] = np.zeros(_FIRST, np.int64)
+
+    def share(self, patches: int) -> None:
+        """Move everything that changes into memory that forked processes have in common.
+
+        Parameters
+        ----------
+        patches : int
+            How many there will be at most.
+        """
+        if len(self._copies) < patches:
+            self._grow(patches)
+        self.index, self.labels, self.usage = map(_shared, (self.index, self.labels, self.usage))
+        self._copies, self._areas = _shared(self._copies), _shared(self._areas)
 
     def window(
         self, top: int, left: int, height: int, width: int
@@ -101,20 +132,6 @@ class IndexCanvas:
         same = (self.index[rows, columns] == source) & inside
         self._join(set(np.unique(self.labels[rows, columns][same]).tolist()) if same.any() else set())
         self.patches += 1
-        self.extend(number, top, left, source, shows)
-        return number
-
-    def extend(self, number: int, top: int, left: int, source: Ints32, shows: Mask) -> None:
-        """Show more of a patch that has been laid.
-
-        Parameters
-        ----------
-        number : int
-            The patch's.
-        top, left, source, shows
-            As for :meth:`paint`.
-        """
-        rows, columns, _ = self.window(top, left, *shows.shape)
         chosen = np.flatnonzero(shows)
         at = (rows * self.shape[1] + columns).ravel().take(chosen)
         new = source.ravel().take(chosen)
@@ -124,10 +141,11 @@ class IndexCanvas:
         if covered.any():
             np.subtract.at(self.usage, before[covered], 1)
             for label, count in zip(*np.unique(labels.take(at[covered]), return_counts=True), strict=True):
-                self._areas[self._copy_of(int(label))] -= int(count)
+                self._areas[self.copy_of(int(label))] -= int(count)
         self.usage[new] += 1
-        self._areas[self._copy_of(number)] += len(at)
+        self._areas[self.copy_of(number)] += len(at)
         index[at], labels[at] = new, number
+        return number
 
     def begin(self, index: Ints32) -> None:
         """Show something as patch 0 before any other is laid.
@@ -139,48 +157,64 @@ class IndexCanvas:
         """
         self.index[:] = index
         self.labels[index >= 0] = 0
-        self._copies, self._areas, self.patches = [0], [int((index >= 0).sum())], 1
+        self._copies[0], self._areas[0], self.patches = 0, int((index >= 0).sum()), 1
 
     def copy_labels(self) -> Ints32:
         """(H, W) int32, the number of the copy that shows: patches that continue one another have one number,
         the first one's. -1 where nothing shows.
         """
         first: dict[int, int] = {}
-        numbers = [first.setdefault(self._copy_of(patch), patch) for patch in range(self.patches)]
+        numbers = [first.setdefault(self.copy_of(patch), patch) for patch in range(self.patches)]
         return np.array([*numbers, -1], np.int32)[self.labels]
 
-    def copies(
-        self, top: int, left: int, height: int, width: int, larger: int = -1
-    ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], Ints32, npt.NDArray[np.intp]]:
-        """The copies in a window that show on more than so many pixels of the canvas: row and column in the
-        window of a pixel of each, the flat index that shows there, and how many pixels of the copy show.
-
-        A copy that goes once round a torus meets a window twice, and is told twice.
-        """
+    def copies(self, top: int, left: int, height: int, width: int) -> Copies:
+        """The copies in a window. One that goes once round a torus may meet it twice, and is told twice."""
         rows, columns, inside = self.window(top, left, height, width)
-        labels = np.where(inside, self.labels[rows, columns], np.int32(-1)).ravel()
-        place = np.full(self.patches + 1, -1, np.intp)  # the last is of what shows nothing
-        place[labels] = np.arange(len(labels))
+        labels = (
+            self.labels[rows, columns] if inside.all() else np.where(inside, self.labels[rows, columns], -1)
+        )
+        place = np.full(len(self._copies) + 1, -1, np.int32)  # the last is of what shows nothing
+        place[labels.ravel()] = np.arange(labels.size, dtype=np.int32)
         found = np.flatnonzero(place[:-1] >= 0)
-        areas = np.array([self._areas[self._copy_of(label)] for label in found.tolist()], np.intp)
-        many = areas > larger
-        y, x = np.divmod(place[found[many]], width)
-        return y, x, self.index[rows[y, 0], columns[0, x]], areas[many]
+        y, x = np.divmod(place[found], np.int32(width))
+        first = [self.copy_of(label) for label in found.tolist()]
+        return Copies(
+            y, x, self.index[rows[y, 0], columns[0, x]], first, [self.area_of(one) for one in first]
+        )
+
+    def area_of(self, first: int) -> int:
+        """How many pixels of a copy show, by its first patch."""
+        return int(self._areas[first])
 
     def _join(self, touched: set[int]) -> None:
         """The next patch as part of the copy of those that it continues, if it does."""
-        first = {self._copy_of(label) for label in touched}
+        first = {self.copy_of(label) for label in touched}
         copy = min(first) if first else self.patches
-        self._copies.append(copy)
-        self._areas.append(0)
+        if self.patches == len(self._copies):
+            self._grow(2 * self.patches)
+        self._copies[self.patches], self._areas[self.patches] = copy, 0
         for other in first - {copy}:
             self._copies[other] = copy
             self._areas[copy] += self._areas[other]
             self._areas[other] = 0
 
-    def _copy_of(self, patch: int) -> int:
+    def copy_of(self, patch: int) -> int:
         """The first patch of the copy that a patch belongs to."""
         copies = self._copies
-        while copies[patch] != patch:
-            copies[patch] = patch = copies[copies[patch]]
+        while (before := int(copies[patch])) != patch:
+            copies[patch] = patch = int(copies[before])
         return patch
+
+    def _grow(self, patches: int) -> None:
+        """Make room for more patches."""
+        more = patches - len(self._copies)
+        self._copies = np.concatenate([self._copies, np.zeros(more, np.int32)])
+        self._areas = np.concatenate([self._areas, np.zeros(more, np.int64)])
+
+
+def _shared(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """An array in memory that forks of this process see and change."""
+    found: npt.NDArray[Any] = np.frombuffer(mmap(-1, max(values.nbytes, 1)), values.dtype, values.size)
+    found = found.reshape(values.shape)
+    found[...] = values
+    return found

@@ -21,11 +21,13 @@ from scipy import ndimage
 from toposeam.images import Mask
 from toposeam.texture.atlas import Atlas, Floats32, values_at
 from toposeam.texture.canvas import IndexCanvas
-from toposeam.texture.lay import Guide, PatchPlacer
+from toposeam.texture.crew import Crew
+from toposeam.texture.lay import PatchPlacer
 from toposeam.texture.lay_options import LayOptions
-from toposeam.texture.raster import lay_all
+from toposeam.texture.raster import lay_all, patches_on
 from toposeam.texture.scale import autocorrelation
 from toposeam.texture.search import reduced
+from toposeam.texture.sites import Guide
 from toposeam.texture.sources import Sources
 
 #: Correlation with itself, beyond one element, from which on a texture counts as ordered.
@@ -74,6 +76,7 @@ def closing_guide(
     patch: int,
     overlap: int,
     seed: int,
+    processes: int = 1,
     progress: Callable[[float], None] | None = None,
 ) -> Guide:
     """What the texture should look like, planned at half size where patches are large enough.
@@ -87,7 +90,7 @@ def closing_guide(
         Of the texture that is to close.
     axis : int
         The axis on which its order runs.
-    patch, overlap, seed : int
+    patch, overlap, seed, processes : int
     progress : callable, optional
         Called with the share of the work done.
     """
@@ -114,7 +117,9 @@ def closing_guide(
             target=np.zeros((*size, features.shape[2]), np.float32),
             weight=0.0,
         )
-    lay_all(placer, side, lap, axis, progress)
+    count = patches_on(canvas, side, lap)
+    with Crew(processes, placer, lambda: canvas.share(count)) as crew:
+        lay_all(placer, side, lap, crew, axis, progress)
     grown = values_at(features, canvas.index)
     if axis == 1:
         grown = grown.swapaxes(0, 1)

@@ -9,7 +9,7 @@ from toposeam.checks import check_number
 from toposeam.errors import ImageError, OptionError
 from toposeam.images import as_array, as_float
 from toposeam.texture.atlas import Atlas
-from toposeam.texture.lay import Guide
+from toposeam.texture.sites import Guide
 from toposeam.texture.sources import Images, Sources, as_list
 from toposeam.texture.turning import Turns, count_of, turned
 

@@ -13,11 +13,13 @@ from toposeam.errors import ImageError, OverlapError
 from toposeam.images import Mask
 from toposeam.seam.labels import seam_labels
 from toposeam.texture.atlas import Atlas, Floats32, Ints32, values_at
+from toposeam.texture.beside import Beside
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.keeping_step import Phase
 from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.nearby import Nearby, average_use
 from toposeam.texture.search import Compared, Ints, PatchSearch, box_sum
+from toposeam.texture.sites import Guide, Offers, Site
 from toposeam.texture.turning import Turns
 from toposeam.texture.twins import Twins
 
@@ -34,18 +36,6 @@ _LEAST_SHARE = 0.02
 _FLOOR = 1e-4
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Guide:
-    """What a texture should look like, patch by patch."""
-
-    #: (AH, AW, G) float32, what each pixel of the atlas stands for.
-    source: Floats32
-    #: (H, W, G) float32, what is wanted on the canvas.
-    target: Floats32
-    #: Its share in the choice, in [0, 1]; the rest is the overlap's.
-    weight: float
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Term:
     """One reason to prefer a place: a window of values that should be found there, and how much that
@@ -56,45 +46,6 @@ class _Term:
     values: Floats32
     weight: Floats32
     strength: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Site:
-    """A window of the canvas before a patch is laid there."""
-
-    #: First row and column on the canvas, height and width.
-    at: tuple[int, int]
-    shape: tuple[int, int]
-    #: What the canvas shows there and in the margin round it, flat indices; -1 where empty.
-    known: Ints32
-    #: How much each of these pixels counts, float32.
-    weight: Floats32
-    #: (h, w) bool: where the patch may show.
-    covers: Mask
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Fits:
-    """How well the atlas's places fit a window."""
-
-    terms: list[_Term]
-    #: (n, m) float32 of :meth:`PatchSearch.fit`; None where there is nothing to fit to.
-    error: Floats32 | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Begun:
-    """A patch that shows where nothing was."""
-
-    site: Site
-    #: Of the canvas.
-    number: int
-    #: (h + 2, w + 2) flat indices: what the canvas showed there and one pixel round it before.
-    padded: Ints32
-    #: (h, w) flat indices of the patch.
-    source: Ints32
-    #: (h, w) bool: where nothing was.
-    empty: Mask
 
 
 class PatchPlacer:
@@ -161,8 +112,8 @@ class PatchPlacer:
         site = self.site(top, left, shape, may_show)
         if site is None:
             return False
-        begun = self.begin(site, self.fits(site))
-        self.end(begun, self.cut(begun.padded, begun.source, site.covers))
+        source = self.patch(self.pick(site.at, shape, self.offers(site)), shape)
+        self.canvas.paint(top, left, source, self.shows(site, source))
         return True
 
     def site(self, top: int, left: int, shape: tuple[int, int], may_show: Mask | None = None) -> Site | None:
@@ -179,39 +130,85 @@ class PatchPlacer:
         weight[m : m + h, m : m + w] = inner >= 0
         return Site(at=(top, left), shape=shape, known=known, weight=weight, covers=covers)
 
-    def fits(self, site: Site) -> Fits:
-        """How well each place fits a window; changes nothing, and depends only on what the window shows."""
+    def offers(self, site: Site) -> Offers:
+        """The best places for a patch in a window; changes nothing, and draws nothing."""
         m, terms = self.margin, self._terms(site)
+        h, w = site.shape
+        new = int((site.known[m : m + h, m : m + w] < 0).sum())
+        none = np.zeros(0, np.intp)
         error: Floats32 | None = None
         for term in terms:
             part = term.search.fit(term.values, term.weight, (m, m), site.shape)
             part *= np.float32(term.strength)
             error = part if error is None else error + part
-        return Fits(terms=terms, error=error)
+        if error is None:
+            return Offers(rows=none, columns=none, errors=none.astype(np.float32), new=new, continued=[])
+        error += np.float32(_FLOOR)
+        copies = self.canvas.copies(site.at[0] - m, site.at[1] - m, *site.known.shape)
+        row, column = np.divmod(copies.shown, np.int32(self.atlas.width))
+        row, column = row - copies.y + m, column - copies.x + m
+        continued = list(zip(row.tolist(), column.tolist(), copies.first, strict=True))
+        limit = self.largest_copy(site.shape) - new
+        large = [place for *place, first in continued if self.canvas.area_of(first) > limit]
+        rows, columns, errors = self._best(error, site, large)
+        if not np.isfinite(errors).any():  # what room there is lies between the places of the reduced search
+            rows, columns, errors = none, none, errors[:0]
+        elif self.search.factor > 1:
+            self._refine(site, terms, error, rows, columns, errors)
+        return Offers(rows=rows, columns=columns, errors=errors, new=new, continued=continued)
 
-    def begin(self, site: Site, fits: Fits) -> Begun:
-        """Choose a patch and show it where nothing is; what is there is left to :meth:`end`."""
-        top, left = site.at
-        source = self.choose(site, fits)
-        padded = self.canvas.read(top - 1, left - 1, site.shape[0] + 2, site.shape[1] + 2)
-        empty = (padded[1:-1, 1:-1] < 0) & site.covers
-        number = self.canvas.paint(top, left, source, empty)
-        return Begun(site=site, number=number, padded=padded, source=source, empty=empty)
+    def pick(
+        self, at: tuple[int, int], shape: tuple[int, int], offers: Offers, beside: Beside | None = None
+    ) -> tuple[int, int]:
+        """Atlas row and column of the patch for a window, drawn from the best places.
 
-    def end(self, begun: Begun, shows: Mask) -> None:
-        """Show the rest of a patch."""
-        self.canvas.extend(begun.number, *begun.site.at, begun.source, shows & ~begun.empty)
-
-    def choose(self, site: Site, fits: Fits) -> Ints32:
-        """A patch that fits a window, (h, w) flat indices."""
-        shape = site.shape
-        row, column = (
-            self._anywhere(shape) if fits.error is None else self._choose(site, fits.terms, fits.error)
-        )
+        Parameters
+        ----------
+        at, shape : (int, int)
+            The window.
+        offers : Offers
+        beside : Beside, optional
+            What has been picked since these were looked for.
+        """
+        if len(offers.errors):
+            errors = offers.errors if beside is None else beside.judged(at, shape, offers)
+            good = np.flatnonzero(errors <= (1 + self.options.tolerance) * errors.min())
+            pick = int(self.rng.choice(good))
+            place = int(offers.rows[pick]), int(offers.columns[pick])
+        else:
+            place = self._anywhere(shape)
+        if beside is not None:
+            beside.add(at, place, offers)
         if self.phase is not None:
-            self.phase.begin(site.at, (row, column), shape)
-        grid = np.arange(shape[0])[:, np.newaxis] * self.atlas.width + np.arange(shape[1])
-        return (row * self.atlas.width + column + grid).astype(np.int32)
+            self.phase.begin(at, place, shape)
+        return place
+
+    def reach(self, shape: tuple[int, int]) -> int:
+        """How many px round its window a patch must know before a place is picked for it."""
+        return self.margin if self._twins is None else max(self.margin, max(shape) // 2)
+
+    def beside(self) -> Beside:
+        """Keeps patches that are picked at the same time apart."""
+        near = _NEAR * self.options.variety if self._uses_up and self.guide is None else 0.0
+        limit = self._limit if self._uses_up else None
+        return Beside(self.canvas, self.atlas, self._nearby.reach, near, limit, self.largest_copy)
+
+    def patch(self, place: tuple[int, int], shape: tuple[int, int]) -> Ints32:
+        """The (h, w) flat indices of the patch at an atlas row and column."""
+        width = self.atlas.width
+        grid = np.arange(shape[0])[:, np.newaxis] * width + np.arange(shape[1])
+        return (place[0] * width + place[1] + grid).astype(np.int32)
+
+    def shows(self, site: Site, source: Ints32) -> Mask:
+        """Where a patch shows in a window: (h, w) bool."""
+        m, (h, w) = self.margin, site.shape
+        padded = site.known[m - 1 : m + h + 1, m - 1 : m + w + 1]
+        return self.cut(padded, source, site.covers) | ((padded[1:-1, 1:-1] < 0) & site.covers)
+
+    def largest_copy(self, shape: tuple[int, int]) -> int:
+        """How many px of the canvas a connected copy may show on."""
+        pixels, options = shape[0] * shape[1], self.options
+        return math.floor(max(min(options.copy_patches * pixels, options.copy_share * self._copied), pixels))
 
     def cut(self, padded: Ints32, source: Ints32, covers: Mask, closed: bool = False) -> Mask:
         """Where a patch shows, given what is there.
@@ -271,21 +268,22 @@ class PatchPlacer:
             terms.append(_Term(self._guides, self.guide.target[rows, columns], wanted, share))
         return terms
 
-    def _choose(self, site: Site, terms: list[_Term], error: Floats32) -> tuple[int, int]:
-        """Atlas row and column of the patch, drawn from the best places."""
+    def _refine(
+        self,
+        site: Site,
+        terms: list[_Term],
+        error: Floats32,
+        rows: Ints,
+        columns: Ints,
+        errors: Floats32,
+    ) -> None:
+        """Places and errors of the reduced search as they are at full size."""
         m, f = self.margin, self.search.factor
-        rows, columns, errors = self._best(error + np.float32(_FLOOR), site)
-        if not np.isfinite(errors).any():  # what room there is lies between the places of the reduced search
-            return self._anywhere(site.shape)
-        if f > 1:
-            samples = [term.search.sample(term.values, term.weight, (m, m)) for term in terms]
-            for k in np.flatnonzero(np.isfinite(errors)).tolist():
-                found = self._exactly(terms, samples, int(rows[k]), int(columns[k]), site.shape)
-                errors[k] *= (found[2] + _FLOOR) / (error[(rows[k] - m) // f, (columns[k] - m) // f] + _FLOOR)
-                rows[k], columns[k] = found[:2]
-        good = np.flatnonzero(errors <= (1 + self.options.tolerance) * errors.min())
-        pick = int(self.rng.choice(good))
-        return int(rows[pick]), int(columns[pick])
+        samples = [term.search.sample(term.values, term.weight, (m, m)) for term in terms]
+        for k in np.flatnonzero(np.isfinite(errors)).tolist():
+            found = self._exactly(terms, samples, int(rows[k]), int(columns[k]), site.shape)
+            errors[k] *= (found[2] + _FLOOR) / error[(rows[k] - m) // f, (columns[k] - m) // f]
+            rows[k], columns[k] = found[:2]
 
     def _exactly(
         self, terms: list[_Term], samples: list[Compared], row: int, column: int, shape: tuple[int, int]
@@ -306,11 +304,11 @@ class PatchPlacer:
             step //= 2
         return row, column, error
 
-    def _best(self, raised: Floats32, site: Site) -> tuple[Ints, Ints, Floats32]:
+    def _best(self, error: Floats32, site: Site, large: list[list[int]]) -> tuple[Ints, Ints, Floats32]:
         """The best places of the search's grid that lie apart, and their errors: raised where the source
-        shows often or near by, and without those that would make a connected copy too large.
+        shows often or near by, and without those that would continue a large copy.
         """
-        at, shape = site.at, site.shape
+        at, shape, raised = site.at, site.shape, error.copy()
         m, f, (n, columns_n) = self.margin, self.search.factor, raised.shape
         used_up: Floats32 | None = None
         if self._uses_up:
@@ -346,7 +344,7 @@ class PatchPlacer:
         if used_up is not None:
             left[used_up > 0] = np.inf
         apart = max(3, min(shape) // 8)
-        for row, column in self._exhausted(site):
+        for row, column in large:
             _block(left, (row - m) / f, (column - m) / f, apart / f)
         rows: list[int] = []
         columns: list[int] = []
@@ -373,22 +371,6 @@ class PatchPlacer:
         shown = np.add.reduceat(rows, self.atlas.corners[:, 0])
         part = shown / max(int(shown.sum()), 1)
         return np.asarray(((part + _LEAST_SHARE) / (shares + _LEAST_SHARE)) ** 6)
-
-    def _exhausted(self, site: Site) -> list[tuple[int, int]]:
-        """Atlas places at which the patch would continue a copy that is known, and make it too large."""
-        m, shape = self.margin, site.shape
-        new = int((site.known[m : m + shape[0], m : m + shape[1]] < 0).sum())
-        pixels = shape[0] * shape[1]
-        limit = max(
-            min(self.options.copy_patches * pixels, self.options.copy_share * self._copied),
-            pixels,
-        )
-        height, width = site.known.shape
-        y, x, index, _ = self.canvas.copies(
-            site.at[0] - m, site.at[1] - m, height, width, larger=math.floor(limit) - new
-        )
-        row, column = np.divmod(index, np.int32(self.atlas.width))
-        return [(int(r), int(c)) for r, c in zip(row - y + m, column - x + m, strict=True)]
 
 
 def _block(error: Floats32, row: float, column: float, reach: float) -> None:

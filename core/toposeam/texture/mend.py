@@ -17,8 +17,11 @@ from scipy import ndimage
 
 from toposeam.images import Mask
 from toposeam.texture.atlas import Floats32, Ints32, values_at
-from toposeam.texture.lay import PatchPlacer, Site
+from toposeam.texture.crew import Crew
+from toposeam.texture.lay import PatchPlacer
 from toposeam.texture.search import Ints
+from toposeam.texture.sites import Offers, Site
+from toposeam.texture.waves import At, lay_wave
 
 #: Side of the blocks of px by which bad places are found.
 _BLOCK = 8
@@ -26,12 +29,58 @@ _BLOCK = 8
 _BAD = 0.25
 #: A patch stays if the seams in its window cost less than this share of what they did.
 _BETTER = 0.97
+#: So many places, far enough from one another, are mended at the same time.
+_AT_ONCE = 8
 #: After so many places in a row that could not be mended, the rest, which are better already, are left alone.
 _PATIENCE = 8
 
 
+class Mending:
+    """Patches over what is bad in windows of one shape, each laid in two halves as by
+    :class:`toposeam.texture.waves.Laying`.
+    """
+
+    def __init__(self, placer: PatchPlacer, shape: tuple[int, int]) -> None:
+        self._placer, self._shape = placer, shape
+        self._found: dict[At, tuple[Site, Ints32, Mask, float]] = {}
+
+    def offers(self, at: At) -> Offers | None:
+        """The best places for a patch over what is bad in a window; None where nothing is."""
+        placer, m, (top, left), (h, w) = self._placer, self._placer.margin, at, self._shape
+        known = placer.canvas.read(top - m, left - m, h + 2 * m, w + 2 * m)
+        padded = known[m - 1 : m + h + 1, m - 1 : m + w + 1]
+        before = _seam_costs(placer, padded)
+        edge = min(self._shape) // 5
+        inner = slice(1 + edge, 1 + h - edge), slice(1 + edge, 1 + w - edge)
+        bad = np.zeros(before.shape, bool)
+        bad[inner] = before[inner] > _BAD * before[inner].max()
+        if not bad.any():
+            return None
+        bad |= np.roll(bad, 1, 0) | np.roll(bad, 1, 1)
+        bad = np.pad(bad, (0, 1))[: h + 2, : w + 2]
+        weight = np.where(known >= 0, np.float32(placer.options.context_weight), np.float32(0))
+        weight[m : m + h, m : m + w] = ~bad[1:-1, 1:-1]
+        _, _, inside = placer.canvas.window(top, left, h, w)
+        site = Site(at=at, shape=self._shape, known=known, weight=weight, covers=inside)
+        self._found[at] = site, padded, bad, float(before.sum())
+        return placer.offers(site)
+
+    def shows(self, at: At, place: At) -> Mask | None:
+        """Where the patch from a place shows; None if the seams would be no better."""
+        placer, (site, padded, bad, before) = self._placer, self._found.pop(at)
+        source = placer.patch(place, self._shape)
+        shows = placer.cut(np.where(bad, np.int32(-1), padded), source, site.covers, closed=True)
+        after = padded.copy()
+        np.copyto(after[1:-1, 1:-1], source, where=shows)
+        return None if _seam_costs(placer, after).sum() >= _BETTER * before else shows
+
+
 def mend(
-    placer: PatchPlacer, shape: tuple[int, int], count: int, progress: Callable[[float], None] | None = None
+    placer: PatchPlacer,
+    shape: tuple[int, int],
+    count: int,
+    crew: Crew,
+    progress: Callable[[float], None] | None = None,
 ) -> int:
     """Lay patches over the worst seams.
 
@@ -43,6 +92,8 @@ def mend(
         Height and width of the patches.
     count : int
         How many places are tried.
+    crew : Crew
+        Who does it.
     progress : callable, optional
         Called with the share of the places tried.
 
@@ -60,63 +111,58 @@ def mend(
     tried = np.zeros(worth.shape, np.float32)
     mode = ["wrap" if wraps else "constant" for wraps in canvas.wrap]
     reach = [max(1, length // (2 * _BLOCK)) for length in shape]
-    laid = failed = 0
-    for step in range(count):
-        if failed == _PATIENCE:
-            break
+    laid = failed = steps = 0
+    while steps < count and failed < _PATIENCE:
         local = ndimage.uniform_filter(worth, reach, mode=mode) * (1 - tried)
-        row, column = divmod(int(local.argmax()), local.shape[1])
-        if local[row, column] <= 0:
+        worst = _worst(placer, local, shape, min(_AT_ONCE, count - steps))
+        if not worst:
             break
-        middle = (_BLOCK * row + _BLOCK // 2, _BLOCK * column + _BLOCK // 2)
-        top, left = (
-            at - length // 2 if wraps else int(np.clip(at - length // 2, 0, max(limit - length, 0)))
-            for at, length, wraps, limit in zip(middle, shape, canvas.wrap, canvas.shape, strict=True)
-        )
-        better = _try(placer, top, left, shape)
-        laid += better
-        failed = 0 if better else failed + 1
-        if better:
+        for block in worst.values():
+            tried[block] = 1
+        steps += len(worst)
+        for at, better in zip(worst, lay_wave(placer, crew, Mending, list(worst), shape), strict=True):
+            laid += better
+            failed = 0 if better else failed + 1
+            if not better:
+                continue
+            top, left = at
             rows, columns, inside = canvas.window(top - 1, left - 1, shape[0] + 1, shape[1] + 1)
             new = _seam_costs(placer, canvas.read(top - 1, left - 1, shape[0] + 2, shape[1] + 2))
             cost[
                 np.broadcast_to(rows, inside.shape)[inside], np.broadcast_to(columns, inside.shape)[inside]
             ] = new[inside]
-            at = np.ix_(np.unique(rows // _BLOCK), np.unique(columns // _BLOCK))
-            worth[at] = _block_sums(cost, at[0].ravel(), at[1].ravel())
-        tried[row, column] = 1
+            near = np.ix_(np.unique(rows // _BLOCK), np.unique(columns // _BLOCK))
+            worth[near] = _block_sums(cost, near[0].ravel(), near[1].ravel())
         if progress is not None:
-            progress((step + 1) / count)
+            progress(steps / count)
     return laid
 
 
-def _try(placer: PatchPlacer, top: int, left: int, shape: tuple[int, int]) -> bool:
-    """Lay one patch over what is bad in a window, if that is better."""
-    (h, w), m, canvas = shape, placer.margin, placer.canvas
-    padded = canvas.read(top - 1, left - 1, h + 2, w + 2)
-    before = _seam_costs(placer, padded)
-    edge = min(shape) // 5
-    inner = slice(1 + edge, 1 + h - edge), slice(1 + edge, 1 + w - edge)
-    bad = np.zeros(before.shape, bool)
-    bad[inner] = before[inner] > _BAD * before[inner].max()
-    if not bad.any():
-        return False
-    bad |= np.roll(bad, 1, 0) | np.roll(bad, 1, 1)
-    bad = np.pad(bad, (0, 1))[: h + 2, : w + 2]
-    known = canvas.read(top - m, left - m, h + 2 * m, w + 2 * m)
-    weight = np.where(known >= 0, np.float32(placer.options.context_weight), np.float32(0))
-    weight[m : m + h, m : m + w] = ~bad[1:-1, 1:-1]
-    _, _, inside = canvas.window(top, left, h, w)
-    site = Site(at=(top, left), shape=shape, known=known, weight=weight, covers=inside)
-    found = placer.choose(site, placer.fits(site))
-    open_padded = np.where(bad, np.int32(-1), padded)
-    shows = placer.cut(open_padded, found, inside, closed=True)
-    after = padded.copy()
-    np.copyto(after[1:-1, 1:-1], found, where=shows)
-    if _seam_costs(placer, after).sum() >= _BETTER * before.sum():
-        return False
-    canvas.paint(top, left, found, shows)
-    return True
+def _worst(
+    placer: PatchPlacer, local: Floats32, shape: tuple[int, int], count: int
+) -> dict[At, tuple[int, int]]:
+    """The windows over some of the worst blocks, which do not wait for one another, and these blocks."""
+    found: dict[At, tuple[int, int]] = {}
+    canvas, apart = placer.canvas, placer.reach(shape)
+    starts: list[Ints] = []  # of the window over each block, by row and by column
+    for number, length, wraps, limit in zip(local.shape, shape, canvas.wrap, canvas.shape, strict=True):
+        start = _BLOCK * np.arange(number) + _BLOCK // 2 - length // 2
+        starts.append(start if wraps else np.clip(start, 0, max(limit - length, 0)))
+    while len(found) < count:
+        row, column = divmod(int(local.argmax()), local.shape[1])
+        if local[row, column] <= 0:
+            break
+        at = int(starts[0][row]), int(starts[1][column])
+        found[at] = row, column
+        near = []
+        for place, line, length, wraps, limit in zip(
+            at, starts, shape, canvas.wrap, canvas.shape, strict=True
+        ):
+            away = np.abs(line - place)
+            away = np.minimum(away % limit, -away % limit) if wraps else away
+            near.append(np.flatnonzero(away < length + apart))
+        local[np.ix_(*near)] = 0
+    return found
 
 
 def _seam_costs(placer: PatchPlacer, index: Ints32) -> Floats32:

@@ -28,7 +28,8 @@ class Nearby:
 
     def __init__(self, atlas: Atlas, canvas: IndexCanvas) -> None:
         self._atlas, self._canvas = atlas, canvas
-        self._reach = round(_REACH * int(atlas.shapes.min(axis=1).max()))
+        #: Within so many px two copies are near each other.
+        self.reach = round(_REACH * int(atlas.shapes.min(axis=1).max()))
 
     def share(
         self, top: int, left: int, height: int, width: int
@@ -45,7 +46,7 @@ class Nearby:
         callable
             For a margin, a factor and a shape, the (n, m) shares on the grid of the search.
         """
-        canvas, reach = self._canvas, self._reach
+        canvas, reach = self._canvas, self.reach
         step = max(1, (2 * reach + max(height, width)) // _SAMPLED)
         axes = []
         for start, length, limit, wraps in zip(

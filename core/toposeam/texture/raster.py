@@ -6,7 +6,10 @@ import math
 from collections.abc import Callable
 
 from toposeam.errors import OptionError
+from toposeam.texture.canvas import IndexCanvas
+from toposeam.texture.crew import Crew
 from toposeam.texture.lay import PatchPlacer
+from toposeam.texture.waves import Laying, lay_wave, waves_of
 
 #: Sides of a texture that repeats are at least this many px.
 SMALLEST_TILE = 16
@@ -16,6 +19,7 @@ def lay_all(
     placer: PatchPlacer,
     patch: int,
     overlap: int,
+    crew: Crew,
     axis: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[int, int]:
@@ -26,6 +30,8 @@ def lay_all(
     placer : PatchPlacer
     patch, overlap : int
         Side of the patches and least overlap, px.
+    crew : Crew
+        Who does it.
     axis : int
         0 row by row, 1 column by column.
     progress : callable, optional
@@ -40,14 +46,30 @@ def lay_all(
     rows = patches_along(canvas.shape[0], patch, overlap, canvas.wrap[0])
     columns = patches_along(canvas.shape[1], patch, overlap, canvas.wrap[1])
     shape = rows[0], columns[0]
-    places = [(top, left) for top in rows[1] for left in columns[1]]
+    lines = [rows[1], columns[1]]
+    waves = waves_of(
+        lines[axis],
+        lines[1 - axis],
+        shape[1 - axis] + placer.reach(shape),
+        canvas.shape[1 - axis] if canvas.wrap[1 - axis] else None,
+    )
     if axis == 1:
-        places.sort(key=lambda place: place[::-1])
-    for done, (top, left) in enumerate(places, start=1):
-        placer.lay(top, left, shape)
+        waves = [[(top, left) for left, top in wave] for wave in waves]
+    done, count = 0, len(rows[1]) * len(columns[1])
+    for wave in waves:
+        lay_wave(placer, crew, Laying, wave, shape)
+        done += len(wave)
         if progress is not None:
-            progress(done / len(places))
+            progress(done / count)
     return shape
+
+
+def patches_on(canvas: IndexCanvas, patch: int, overlap: int) -> int:
+    """How many patches :func:`lay_all` lays."""
+    return math.prod(
+        len(patches_along(length, patch, overlap, wraps)[1])
+        for length, wraps in zip(canvas.shape, canvas.wrap, strict=True)
+    )
 
 
 def patches_along(length: int, patch: int, overlap: int, wraps: bool) -> tuple[int, list[int]]:

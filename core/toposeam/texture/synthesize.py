@@ -24,6 +24,7 @@ from toposeam.images import MAX_PIXELS
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.closing import closing_guide, order_axis
+from toposeam.texture.crew import MAX_PROCESSES, Crew
 from toposeam.texture.easing import eased
 from toposeam.texture.finish import finish, settings_of
 from toposeam.texture.guiding import guide_of
@@ -33,7 +34,7 @@ from toposeam.texture.lay_options import VARIED, LayOptions, varied
 from toposeam.texture.light import flattened, has_slow_light, levelled_copies, without_light
 from toposeam.texture.mend import mend
 from toposeam.texture.order import STRETCH, UNSEEN, find_order
-from toposeam.texture.raster import lay_all, patches_along
+from toposeam.texture.raster import lay_all, patches_along, patches_on
 from toposeam.texture.scale import SMALLEST_PATCH, patch_for
 from toposeam.texture.sources import (
     DataRange,
@@ -73,6 +74,7 @@ def synthesize(
     flatten: bool = False,
     level: bool | None = None,
     max_megapixels: float = MAX_PIXELS / 1e6,
+    processes: int = 1,
     progress: Callable[[float], None] | None = None,
     preview: Callable[[npt.NDArray[Any]], None] | None = None,
     options: LayOptions | None = None,
@@ -138,6 +140,9 @@ def synthesize(
         exemplars whose values are no colours, say False.
     max_megapixels : float
         Refuse a larger texture.
+    processes : int
+        How many work on the texture, which looks the same for any number. Where processes cannot be forked
+        (Windows), or must not be (macOS), one does it.
     progress : callable, optional
         Called with the share of the work done, in [0, 1].
     preview : callable, optional
@@ -166,6 +171,7 @@ def synthesize(
     """
     height, width = _size(size, max_megapixels)
     wraps, seed, smooth = wraps_of(tileable), seed_of(seed), check_whole("smooth", smooth, 0, 8)
+    check_whole("processes", processes, 1, MAX_PROCESSES)
     chosen = options_from(LayOptions, options, given_options, "synthesize")
     if variation is not None:
         refused = sorted(set(VARIED) & set(given_options))
@@ -225,7 +231,17 @@ def synthesize(
             axis = order_axis(sources.features[0], sources.usable[0])
     if axis is not None and wraps[axis]:
         given = closing_guide(
-            sources, atlas, chosen, (height, width), wraps, axis, side, overlap, seed, report.stage(0.0, 0.3)
+            sources,
+            atlas,
+            chosen,
+            (height, width),
+            wraps,
+            axis,
+            side,
+            overlap,
+            seed,
+            processes,
+            report.stage(0.0, 0.3),
         )
     canvas = IndexCanvas((height, width), wraps, atlas.usable.size)
     placer = PatchPlacer(
@@ -250,8 +266,11 @@ def synthesize(
             f"{remedy}"
         )
     shown = None if preview is None else Previews(preview, sources, atlas, canvas)
-    lay_all(placer, side, overlap, 0, report.stage(report.done, 0.9, shown))
-    mend(placer, shape, round(chosen.mend * len(rows[1]) * len(columns[1])), report.stage(0.9, 1.0))
+    count = patches_on(canvas, side, overlap)
+    tries = round(chosen.mend * count)
+    with Crew(processes, placer, lambda: canvas.share(count + tries)) as crew:
+        lay_all(placer, side, overlap, crew, 0, report.stage(report.done, 0.9, shown))
+        mend(placer, shape, tries, crew, report.stage(0.9, 1.0))
     report.finish()
     settings = {
         "patch": side,

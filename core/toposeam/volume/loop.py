@@ -16,11 +16,12 @@ from toposeam.display import to_png
 from toposeam.errors import ImageError, OptionError
 from toposeam.heat.sweeps import Floats32
 from toposeam.heat.threads import one_thread
-from toposeam.images import MAX_PIXELS, Mask, as_mask, full_scale
+from toposeam.images import MAX_PIXELS, Mask, as_mask
 from toposeam.seam.match_cost import MatchCost, check_no_reach, match_options
-from toposeam.volume.arrays import Volume, as_shares, as_volume
+from toposeam.volume.arrays import Volume, as_volume
 from toposeam.volume.find import find_surface
 from toposeam.volume.heat import SurfaceOptions
+from toposeam.volume.levelling import levelled, without_light
 from toposeam.volume.period import Jump, best_jump, good_jumps, small_frames, small_mask, weights
 from toposeam.volume.posing import face_areas
 from toposeam.volume.surface import Surface
@@ -28,8 +29,6 @@ from toposeam.volume.walk import closed_walk
 
 #: Frames in which to change over, where nothing is said: a quarter of the clip, at most so many.
 _LONGEST = 24
-#: Light is levelled between places this share of the longer side apart.
-_LIGHT = 0.15
 #: Grown clips choose between so many jumps.
 _JUMPS = 12
 
@@ -117,8 +116,10 @@ def loop(
         In how many frames pixels change over, at least 2; by default a quarter of the clip or half the
         loop, 24 at most. The clip needs ``start + length + transition`` frames.
     level : bool
-        Even out slow changes of light: what the end is lighter or darker than the beginning, in the large, is
-        spread over the whole loop (the solution of Poisson's equation in time for a jump).
+        Even out what shows of the change, light or form: slow light is left out of the search for the
+        surface, and the steps along it are spread over the frames and pixels around, by Poisson's equation in
+        time and space; the wider they are the more gently, those of the whole picture over the whole loop.
+        Values then differ from the clip's.
     still : (H, W) array_like, optional
         Where the picture stands still (a cinemagraph); there it shows the frame that fits its surroundings
         best.
@@ -201,17 +202,15 @@ def loop(
                 )
             found = good_jumps(small, transition, counted, match, spacing, _JUMPS)
             walk = closed_walk(found, transition, grow, np.random.default_rng(chosen))
-    if level:
-        clip = _levelled(clip, walk[0], transition, data_range)
     distinct = list(dict.fromkeys(walk))
     surfaces: dict[Jump, Surface] = {}
     weight = None
     if still is not None:
         weight = np.broadcast_to(weights(moving), (transition, *moving.shape))
     for place, jump in enumerate(distinct):
+        a, b = (clip[first : first + transition] for first in (jump.leaves, jump.enters))
         surfaces[jump] = find_surface(
-            clip[jump.leaves : jump.leaves + transition],
-            clip[jump.enters : jump.enters + transition],
+            *(without_light(a, b, data_range) if level else (a, b)),
             cost=match,
             spacing=spacing,
             weight=weight,
@@ -224,6 +223,9 @@ def loop(
     if still is not None:
         source[:, ~moving] = _still_frame(small, source, counted)
     made = np.take_along_axis(clip, source[..., np.newaxis].astype(np.intp), axis=0)
+    if level:
+        labels = {jump: surface.labels for jump, surface in surfaces.items()}
+        made = levelled(made, clip, walk, labels, transition, moving)
     return Loop(
         frames=made[..., 0] if flat else made,
         source=source,
@@ -279,30 +281,6 @@ def _bounds(
         )
     lengths = max(lengths[0], transition), min(lengths[1], room)
     return lengths, ((0, count) if start is None else (start, start))
-
-
-def _levelled(clip: Volume, jump: Jump, transition: int, data_range: float | None) -> Volume:
-    """The clip without what its light changes in the large between the two stretches of a jump, as if that
-    had come about evenly.
-
-    A jump j after P frames is closed with the least change of all differences between successive frames when
-    every one of them gives up j / P.
-    """
-    end, beginning = (
-        as_shares(clip[at : at + transition], "frames", data_range).mean(axis=0)
-        for at in (jump.leaves, jump.enters)
-    )
-    reach = _LIGHT * max(clip.shape[1:3])
-    drift = ndimage.gaussian_filter(end - beginning, (reach, reach, 0), mode="nearest") / jump.period
-    middle = (jump.leaves + jump.enters + transition) / 2
-    white = float(full_scale(clip.dtype)) if data_range is None else data_range
-    result = np.empty_like(clip)
-    for index, frame in enumerate(clip):
-        even = frame - drift * (white * (index - middle))
-        if np.issubdtype(clip.dtype, np.integer):
-            even = np.rint(np.clip(even, 0, np.iinfo(clip.dtype).max))
-        result[index] = even
-    return result
 
 
 def _sources(

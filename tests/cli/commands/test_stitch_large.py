@@ -39,6 +39,7 @@ def stored(monkeypatch):
     [
         "out.tif",
         "out.png --match-tones --blend multiband",
+        "out.tif --match-shading",
         "out.tif --blend feather --compression lzw",
         "out.jpg",
         "out.jpg --background #336699 --quality 80",

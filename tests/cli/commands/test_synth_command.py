@@ -1,7 +1,12 @@
+import os
+import signal
+import subprocess
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import living
 from skimage import data
 
 from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
@@ -165,6 +170,8 @@ def test_a_mask_and_a_guide_are_read_from_pictures(toposeam):
         "synth",
         "gray.tif",
         *ASKED,
+        "--patch",
+        "16",
         "--guide",
         "guide.png",
         "--guide-source",
@@ -306,3 +313,44 @@ def test_bad_input_ends_in_one_sentence_and_leaves_nothing(toposeam, folder, arg
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     toposeam("synth", *arguments).fails(phrase, code)
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+@pytest.mark.medium
+def test_several_processes_make_the_same_file(toposeam):
+    for count in (1, 2):
+        ran = toposeam("synth", "moss.png", *ASKED, "--tileable", "x", "-j", count, "-o", f"{count}.png")
+        assert ran.code == 0, ran
+    assert Path("1.png").read_bytes() == Path("2.png").read_bytes()
+    assert toposeam("synth", "moss.png", *ASKED, "-j", 0, "-o", "0.png").code == 2
+
+
+def with_another(child):
+    """The process that a command has forked, when it has."""
+    while child.poll() is None:
+        others = [process.number for process in living() if process.parent == child.pid]
+        if others:
+            return others[0]
+        time.sleep(0.02)
+    raise AssertionError(child.communicate())
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="nobody tells of processes as Linux does")
+@pytest.mark.parametrize("ends", ["ctrl-c", "killed"])
+def test_processes_that_share_a_texture_end_without_a_trace(process, ends):
+    words = ["synth", "moss.png", "--size", "3000", "--patch", "24", "-j", "2", "-q", "-o", "huge.png"]
+    with process(*words, stderr=subprocess.PIPE, text=True, start_new_session=True) as child:
+        other = with_another(child)
+        if ends == "ctrl-c":
+            os.killpg(child.pid, signal.SIGINT)
+        else:
+            os.kill(other, signal.SIGKILL)
+        _, told = child.communicate(timeout=300)
+    assert child.returncode in ((130, -signal.SIGINT) if ends == "ctrl-c" else (1,))
+    assert "Traceback" not in told
+    if ends == "killed":
+        assert told.startswith("Error: a process that worked on the texture was killed")
+        assert told.count("\n") == 1
+    assert not [one for one in living() if one.group == child.pid]
+    assert not list(Path().rglob(".toposeam-*"))
+    assert not Path("huge.png").exists()

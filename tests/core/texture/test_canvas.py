@@ -22,16 +22,14 @@ def test_usage_and_areas_are_those_of_what_shows():
         row, column = divmod(int(seen), 40) if seen >= 0 and rng.random() < 0.4 else rng.integers(30, size=2)
         source = _copy(int(row), int(column))
         shows = rng.random((6, 6)) < 0.7
-        first = shows & (rng.random((6, 6)) < 0.5)
-        number = canvas.paint(top, left, source, first)
-        canvas.extend(number, top, left, source, shows & ~first)
+        canvas.paint(top, left, source, shows)
         used = np.bincount(canvas.index[canvas.index >= 0], minlength=1600)
         assert (canvas.usage == used).all()
         copies = canvas.copy_labels()
-        _, _, _, areas = canvas.copies(0, 0, 20, 23)
+        areas = canvas.copies(0, 0, 20, 23).areas
         shown = np.unique(canvas.labels[canvas.labels >= 0])
         wanted = [np.count_nonzero(copies == copies[canvas.labels == label][0]) for label in shown]
-        assert areas.tolist() == wanted
+        assert areas == wanted
 
 
 def test_patches_that_continue_one_another_are_one_copy():
@@ -44,10 +42,10 @@ def test_patches_that_continue_one_another_are_one_copy():
     canvas.paint(0, 5, _copy(0, 5, (6, 8)), np.ones((6, 8), bool))  # joins the first two
     labels = canvas.copy_labels()
     assert labels[0, 0] == labels[0, 8] == labels[0, 17] != labels[0, 25]
-    y, x, index, areas = canvas.copies(0, 0, 12, 30, larger=100)
-    assert areas.tolist() == [108] * len(areas)
-    assert len(areas) == 3
-    assert (index == canvas.index[y, x]).all()
+    copies = canvas.copies(0, 0, 12, 30)
+    assert copies.areas == [108, 108, 36, 108]
+    assert copies.first == [0, 0, 2, 0]
+    assert (copies.shown == canvas.index[copies.y, copies.x]).all()
 
 
 def test_windows_beyond_the_border_show_nothing_there():

@@ -1,0 +1,128 @@
+"""Poisson's equation on grids, solved directly: steps that are unwanted, spread as smoothly as can be.
+
+Of all corrections c the one is found that minimises Σ w (c(q) - c(p) + d(p, q))² over neighbours p, q, where
+d is the step between them that is too much. Its divergence is the *source*. Cosine transforms decouple the
+axes that end, Fourier's that of a cycle, so that the answer is exact to rounding, in O(n log n).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+
+def add_steps(
+    source: npt.NDArray[Any], lower: Any, upper: Any, step: npt.NDArray[Any], weight: float = 1.0
+) -> None:
+    """Add the divergence of unwanted steps to a source.
+
+    Parameters
+    ----------
+    source : float array, changed
+    lower, upper : indices
+        Of the two neighbours of every step; each place occurs at most once in either.
+    step : array
+        By how much the upper one is too high above the lower one.
+    weight : float
+        Of these steps among those along other axes.
+    """
+    source[lower] += weight * step
+    source[upper] -= weight * step
+
+
+def spread(
+    source: npt.NDArray[Any], width: float | None = None, goes_round: bool = False
+) -> npt.NDArray[Any]:
+    """The correction of a plane, of the same shape and dtype.
+
+    Parameters
+    ----------
+    source : (H, W) float array
+        Overwritten.
+    width : float, optional
+        Over this distance, px, the correction fades: c² / width² is added for every pixel. Otherwise its mean
+        is 0.
+    goes_round : bool
+        Whether each row's last pixel is followed by its first one.
+
+    Examples
+    --------
+    A step of 1 in the middle of a row is spread over all of it:
+
+    >>> source = np.zeros((1, 4))
+    >>> add_steps(source, (0, 1), (0, 2), np.array(1.0))
+    >>> (spread(source) + [0, 0, 1, 1]).round(6).tolist()
+    [[0.5, 0.5, 0.5, 0.5]]
+    """
+    from scipy import fft  # nothing else needs it
+
+    height, columns = source.shape
+    screen = 0.0 if width is None else 1.0 / width**2
+    down, across = _cosines(height), _waves(columns) if goes_round else _cosines(columns)
+    spectrum = fft.dct(source, axis=0, overwrite_x=True)
+    spectrum = fft.rfft(spectrum, axis=1) if goes_round else fft.dct(spectrum, axis=1, overwrite_x=True)
+    if screen == 0.0:
+        spectrum[0, 0] = 0.0
+        down[0] = np.finfo(float).tiny  # 0 / tiny: the mean stays
+    for row in range(height):
+        spectrum[row] /= down[row] + across + screen
+    values = (
+        fft.irfft(spectrum, columns, axis=1) if goes_round else fft.idct(spectrum, axis=1, overwrite_x=True)
+    )
+    result: npt.NDArray[Any] = fft.idct(values, axis=0, overwrite_x=True)
+    return result
+
+
+def spread_in_cycle(source: npt.NDArray[Any], stiffness: float) -> npt.NDArray[Any]:
+    """The correction of frames of which the last one is followed by the first, in place.
+
+    What is as wide as a wave of length λ, in px, fades within λ / 2π√stiffness frames of its step; a step of
+    whole frames is spread evenly over the cycle.
+
+    Parameters
+    ----------
+    source : (T, H, W) float array
+        Overwritten by the correction, whose mean is 0.
+    stiffness : float
+        Weight of the steps along rows and columns; 1 is that of the steps from frame to frame.
+
+    Examples
+    --------
+    The step from the second frame to the third is too much by 1; what closes the cycle stays:
+
+    >>> source = np.zeros((4, 2, 2))
+    >>> add_steps(source, 1, 2, np.ones((2, 2)))
+    >>> (spread_in_cycle(source, 1.0)[:, 0, 0] + [0, 0, 1, 1]).round(3).tolist()
+    [0.125, 0.375, 0.625, 0.875]
+    """
+    from scipy import fft
+
+    count, height, width = source.shape
+    moments = _waves(count)
+    rows, columns = stiffness * _cosines(height), stiffness * _cosines(width)
+    for frame in source:
+        frame[...] = fft.dctn(frame)
+    for row in range(height):
+        spectrum = fft.rfft(source[:, row], axis=0)
+        over = (moments[:, np.newaxis] + rows[row] + columns).astype(source.dtype)
+        if row == 0:
+            spectrum[0, 0], over[0, 0] = 0.0, 1.0  # the mean stays
+        spectrum /= over
+        source[:, row] = fft.irfft(spectrum, count, axis=0)
+    for frame in source:
+        frame[...] = fft.idctn(frame)
+    return source
+
+
+def _cosines(length: int) -> npt.NDArray[np.float64]:
+    """What second differences do to the cosines of a line of so many places."""
+    values: npt.NDArray[np.float64] = 2 - 2 * np.cos(np.pi * np.arange(length) / length)
+    return values
+
+
+def _waves(length: int) -> npt.NDArray[np.float64]:
+    """What second differences do to the waves of a cycle of so many places."""
+    values: npt.NDArray[np.float64] = 2 - 2 * np.cos(2 * np.pi * np.arange(length // 2 + 1) / length)
+    return values

@@ -1,0 +1,95 @@
+"""Patches that are picked for several windows at the same time, and keep apart from one another all the same.
+
+The windows of a wave do not touch, so the best places for each are looked for at the same time, on the canvas
+as it was before the wave; who else takes what is not known then. It is when places are picked, one window
+after another: of each window's best places, those are dearer that show what has just been picked near by, and
+those are left out that would use pixels up or make a copy too large, given what has just been picked.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.texture.atlas import Atlas, Floats32
+from toposeam.texture.canvas import IndexCanvas
+from toposeam.texture.sites import Offers
+
+
+class Beside:
+    """What has been picked for the windows of a wave so far.
+
+    Parameters
+    ----------
+    canvas : IndexCanvas
+    atlas : Atlas
+    reach : int
+        Within so many px of the canvas two copies are near each other.
+    near : float
+        How much dearer a place is all of whose pixels were picked near by.
+    limit : (AH, 1) array, optional
+        How often pixels may show, by the atlas's row.
+    largest_copy : callable
+        How many px of the canvas a copy may show on, for a patch's height and width.
+    """
+
+    def __init__(
+        self,
+        canvas: IndexCanvas,
+        atlas: Atlas,
+        reach: int,
+        near: float,
+        limit: npt.NDArray[np.float64] | None,
+        largest_copy: Callable[[tuple[int, int]], int],
+    ) -> None:
+        self._canvas, self._reach, self._near, self._limit = canvas, reach, near, limit
+        self._usage, self._largest_copy = canvas.usage.reshape(atlas.usable.shape), largest_copy
+        self._picked: list[tuple[tuple[int, int], tuple[int, int]]] = []
+        self._grown: Counter[int] = Counter()
+
+    def add(self, at: tuple[int, int], place: tuple[int, int], offers: Offers) -> None:
+        """A place has been picked for the window at a row and column of the canvas."""
+        self._picked.append((at, place))
+        for first in {first for *where, first in offers.continued if tuple(where) == place}:
+            self._grown[first] += offers.new
+
+    def judged(self, at: tuple[int, int], shape: tuple[int, int], offers: Offers) -> Floats32:
+        """The errors of places, given what has been picked; infinite where a place is ruled out and another
+        is left.
+        """
+        errors, (h, w) = offers.errors.copy(), shape
+        limit = self._largest_copy(shape) - offers.new
+        for row, column, first in offers.continued if self._grown else ():
+            if self._grown[first] and self._canvas.area_of(first) + self._grown[first] > limit:
+                errors[(offers.rows == row) & (offers.columns == column)] = np.inf
+        for where, (row, column) in self._picked:
+            down = np.minimum(offers.rows, row) + h - np.maximum(offers.rows, row)
+            right = np.minimum(offers.columns, column) + w - np.maximum(offers.columns, column)
+            both = np.flatnonzero((down > 0) & (right > 0))
+            if not len(both):
+                continue
+            if self._near and self._are_near(at, where, shape):
+                share = (down[both] * right[both]).astype(np.float32) / np.float32(h * w)
+                errors[both] *= 1 + np.float32(self._near) * share
+            if self._limit is None:
+                continue
+            for k in both.tolist():
+                top, left = max(int(offers.rows[k]), row), max(int(offers.columns[k]), column)
+                rows, columns = slice(top, top + int(down[k])), slice(left, left + int(right[k]))
+                if (self._usage[rows, columns] + 1 >= self._limit[rows]).any():
+                    errors[k] = np.inf
+        return errors if np.isfinite(errors).any() else offers.errors
+
+    def _are_near(self, first: tuple[int, int], second: tuple[int, int], shape: tuple[int, int]) -> bool:
+        """Whether one window of the canvas is within reach of another."""
+        canvas = self._canvas
+        for one, other, length, limit, wraps in zip(
+            first, second, shape, canvas.shape, canvas.wrap, strict=True
+        ):
+            apart = abs(one - other)
+            if (min(apart % limit, -apart % limit) if wraps else apart) >= length + self._reach:
+                return False
+        return True

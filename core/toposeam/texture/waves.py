@@ -1,0 +1,103 @@
+"""Patches laid in waves: those whose windows do not touch are worked on at the same time.
+
+In raster order a patch waits for its neighbours on the left and in the row above, so patches on a slope of
+the canvas do not wait for one another. All of a wave see the canvas as it was before it, and their places are
+picked in turn (:mod:`toposeam.texture.beside`), so the texture is the same however many processes work on it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from toposeam.images import Mask
+from toposeam.texture.crew import Crew
+from toposeam.texture.lay import PatchPlacer
+from toposeam.texture.sites import Offers, Site
+
+At = tuple[int, int]
+
+
+class Laying:
+    """Patches of one shape, each laid in two halves: what fits is looked for, and, when a place has been
+    picked, where it shows.
+    """
+
+    def __init__(self, placer: PatchPlacer, shape: tuple[int, int]) -> None:
+        self._placer, self._shape = placer, shape
+        self._sites: dict[At, Site] = {}
+
+    def offers(self, at: At) -> Offers | None:
+        """The best places for a window; None where nothing is empty."""
+        site = self._placer.site(*at, self._shape)
+        if site is None:
+            return None
+        self._sites[at] = site
+        return self._placer.offers(site)
+
+    def shows(self, at: At, place: At) -> Mask | None:
+        """Where the patch from a place shows."""
+        return self._placer.shows(self._sites.pop(at), self._placer.patch(place, self._shape))
+
+
+def lay_wave(
+    placer: PatchPlacer, crew: Crew, kind: type, windows: Sequence[At], shape: tuple[int, int]
+) -> list[bool]:
+    """Lay patches at the same time on windows that do not touch; whether each was laid.
+
+    Parameters
+    ----------
+    placer : PatchPlacer
+    crew : Crew
+        Its tool is the placer.
+    kind : type
+        Has the methods of :class:`Laying`.
+    windows : sequence of (int, int)
+        First rows and columns on the canvas.
+    shape : (int, int)
+        Height and width of the patches.
+    """
+    offered: list[Offers | None] = crew.each(kind, shape, "offers", [(at,) for at in windows])
+    beside = placer.beside()
+    picked = [
+        None if offers is None else (at, placer.pick(at, shape, offers, beside))
+        for at, offers in zip(windows, offered, strict=True)
+    ]
+    shown: list[Mask | None] = crew.each(kind, shape, "shows", picked)
+    for pick, shows in zip(picked, shown, strict=True):
+        if pick is not None and shows is not None:
+            placer.canvas.paint(*pick[0], placer.patch(pick[1], shape), shows)
+    return [shows is not None for shows in shown]
+
+
+def waves_of(rows: list[int], columns: list[int], width: int, length: int | None = None) -> list[list[At]]:
+    """Windows in raster order, those together that do not wait for one another.
+
+    Parameters
+    ----------
+    rows, columns : list of int
+        Where windows begin.
+    width : int
+        Of a window and what it looks at on one side of it, px.
+    length : int, optional
+        Of the rows, where they go round. Then each begins further on than the one above, so that all above it
+        is there.
+
+    Examples
+    --------
+    >>> waves_of([0, 7], [0, 7, 14], 8)
+    [[(0, 0)], [(0, 7)], [(0, 14), (7, 0)], [(7, 7)], [(7, 14)]]
+    """
+    count, ahead = len(columns), 1  # so many windows further on, they are apart
+    last = count if length is not None else 0
+    while ahead < count and any(
+        (columns[(k + ahead) % count] - columns[k]) % (length or math.inf) < width
+        for k in range(last or count - ahead)
+    ):
+        ahead += 1
+    skew, delay = (0, ahead) if length is None else (ahead - 1, min(2 * ahead - 1, count))
+    waves: list[list[At]] = [[] for _ in range(count + delay * (len(rows) - 1))]
+    for row, top in enumerate(rows):
+        for step in range(count):
+            waves[step + delay * row].append((top, columns[(step + skew * row) % count]))
+    return waves

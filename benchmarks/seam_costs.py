@@ -1,17 +1,17 @@
-"""What the seams of piles of pictures cost, against α-expansion from several starts, in any order of the layers.
+"""What the seams of piles of pictures cost, against α-expansion from several starts, in any order of layers.
 
     python benchmarks/seam_costs.py                  small piles and large ones, about ten minutes
     python benchmarks/seam_costs.py --large 0        only those of benchmarks/stitching.py
 
 *Small*: the crops of benchmarks/stitching.py. *Large*: 4 to 7 crops of photographs enlarged to 1200 px, at
-places where three or more of them overlap and more than 100,000 px have several layers to choose from. A third
-of these show the same but for exposure and noise, in a third each shows objects of its own, and in a third
-every layer is a piece of another photograph.
+places where three or more of them overlap and more than 100,000 px have several layers to choose from. A
+third of these show the same but for exposure and noise, in a third each shows objects of its own, and in a
+third every layer is a piece of another photograph.
 
 The peer is α-expansion at full size, each move decided by PyMaxflow, until no layer gains anything, from six
 starts: the layers joined one after another in their order and in the opposite one, on top of each other in
 both, and on top in two random orders. The cheapest end counts. Ours is ``toposeam.stitch`` with the layers in
-their order, in the opposite one, and shuffled. The peer's problem is ours with the layers in the same order.
+their order, in the opposite one, and shuffled. The peer's layers are in their order.
 """
 
 from __future__ import annotations

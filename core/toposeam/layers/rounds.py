@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -29,12 +29,13 @@ from toposeam.heat.network import Floats, Network
 from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
 from toposeam.layers.band import band_of, write_pixels
-from toposeam.layers.choices import Choices
+from toposeam.layers.choices import Choices, laid_on_top
 from toposeam.layers.junctions import beside_steps, dilated, junctions
 from toposeam.layers.labelling import Labelling, Move, Pair
 from toposeam.layers.layer import Box
 from toposeam.layers.maps import dense, new_map, several
 from toposeam.layers.painting import LabelMap
+from toposeam.layers.progressed import Progress, Progressed
 from toposeam.layers.reduction import enlarged, opened, reduced
 from toposeam.optimize.history import Termination
 from toposeam.seam.exact import minimum_cut
@@ -73,7 +74,6 @@ _ANY_NETWORK: tuple[Method, ...] = ("heat", "shortest-path", "graph-cut")
 #: On canvases of up to so many pixels the label potentials of all seams are kept.
 KEPT_CANVAS = 1 << 25
 
-Progress = Callable[[float], None]
 #: Rows and columns of pixels of the canvas.
 Pixels = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]
 
@@ -101,7 +101,7 @@ def best_rounds(
     potentials : bool
         Whether the label potentials of all seams are wanted, however large the canvas is.
     """
-    steps = _Steps(progress)
+    steps = Progressed(progress)
     levels = [labelling]
     while (
         levels[-1].contested(WHOLE_PIXELS + 1) > WHOLE_PIXELS and min(levels[-1].canvas.shape) > 2 * _SHORTEST
@@ -122,26 +122,6 @@ def best_rounds(
         )
         rounds.refine(most, hints)
     return rounds, number
-
-
-def _on_top(allowed: Sequence[Mask], order: Sequence[int]) -> LabelMap:
-    """(h w,) int16, the last layer of an order that is allowed; as many as there are where none is."""
-    shows = np.full(allowed[0].size, len(allowed), np.int16)
-    for k in order:
-        shows[allowed[k].ravel()] = k
-    return shows
-
-
-class _Steps:
-    """Reports progress of which nobody knows the end: each step does a tenth of what is left."""
-
-    def __init__(self, progress: Progress | None) -> None:
-        self._progress, self._left = progress, 1.0
-
-    def one(self) -> None:
-        self._left *= 0.9
-        if self._progress is not None:
-            self._progress(0.95 * (1 - self._left))
 
 
 class Rounds:
@@ -169,11 +149,11 @@ class Rounds:
         method: Method,
         options: dict[str, Any],
         near: Mask | None = None,
-        steps: _Steps | None = None,
+        steps: Progressed | None = None,
         finer: int = 0,
         keeps: bool = False,
     ) -> None:
-        self._steps = _Steps(None) if steps is None else steps
+        self._steps = Progressed(None) if steps is None else steps
         self.labelling, self.label_map, self._near = labelling, label_map, near
         self.method: Method = method if method in _ANY_NETWORK else "heat"
         self._options: HeatOptions | ThesisOptions | None = method_options(
@@ -211,7 +191,7 @@ class Rounds:
         with one_thread():
             for start in starts:
                 if start is None:
-                    choices.shows = _on_top(allowed, places)
+                    choices.shows = laid_on_top(allowed, places)
                 else:
                     choices.shows = np.full(choices.shows.shape, count, np.int16)
                     for k in start:

@@ -14,6 +14,7 @@ class Progressed:
         self._progress, self._left = progress, 1.0
 
     def one(self) -> None:
+        """One more step is done."""
         self._left *= 0.9
         if self._progress is not None:
             self._progress(0.95 * (1 - self._left))

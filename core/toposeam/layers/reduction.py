@@ -29,7 +29,7 @@ from toposeam.layers.posing import KEPT_PIXELS, TableCost, spread
 from toposeam.seam.match_cost import Floats32
 
 #: w above.
-WANDERING = 0.8
+WANDERING = 0.6
 #: Reduced rows that are made at once.
 _ROWS = 64
 

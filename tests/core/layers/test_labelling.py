@@ -96,7 +96,7 @@ def test_pixels_beside_seams_and_beside_undecided_flow_are_opened():
     labelling = row_of_four({(0, 1): 9, (0, 2): 1, (1, 2): 2})
     rounds = Rounds(labelling, np.array([[0, 0, 0, 2]], np.int16), "heat", {})
     assert rounds.beside_seams().tolist() == [[False, False, True, True]]
-    rounds._flows[0, 1] = np.array([0]), np.array([0])  # rows and columns: what a coarser solution told
+    rounds.undecided[0, 1] = np.array([0]), np.array([0])  # rows and columns: what a coarser solution told
     assert rounds.beside_seams().tolist() == [[True, False, True, True]]
 
 

@@ -1,18 +1,18 @@
 """Rounds of moves that lower the total cost of a label map until none does any more.
 
-Layers are joined one after another, as the thesis joins patches: each further one is expanded over what is
-there. An early seam cannot know what comes later, so *rounds* of moves follow
-(:mod:`toposeam.layers.labelling`): expansions until they gain nothing more, which are the stronger move, then
-swaps. Each is one seam problem. A move that does not lower the total is not made, so the rounds end.
+Expansions (:mod:`toposeam.layers.choices`), which are the stronger move, are made until they gain nothing
+more, then swaps, then expansions again. Each is one seam problem. A move that does not lower the total is not
+made, so the rounds end. Where only two layers meet one swap finds the best seam; rounds are for the places
+where three or more do.
 
 They end in an optimum that depends on where they started: hardly where layers show the same things, by up to
-a fifth of the cost where they have little in common. So there are two starts: the layers joined one after
-another, and the layers simply on top of each other. The cheaper end is taken.
+a fifth of the cost where they have little in common. So there are three starts: the layers joined one after
+another by their places, as the thesis joins patches, the same in the opposite order, and simply on top of
+each other. The cheapest end is taken; the order in which layers are given decides nothing.
 
-Large canvases are looked at reduced first (:mod:`toposeam.layers.reduction`); there all of this happens.
-Then, at every finer size, only pixels beside the seams, and beside flow that the heat had not yet decided,
-are opened again. Where two layers meet one swap finds the best seam among these; where three or more meet,
-windows round such places have rounds of their own.
+:mod:`toposeam.layers.levels` does this on a reduced canvas first. At every finer size only pixels beside the
+seams, and beside flow that the heat had not yet decided, are opened again: on small canvases all of them
+together, on large ones pair by pair, with windows round the places where three layers meet.
 """
 
 from __future__ import annotations
@@ -35,8 +35,7 @@ from toposeam.layers.labelling import Labelling, Move, Pair
 from toposeam.layers.layer import Box
 from toposeam.layers.maps import dense, new_map, several
 from toposeam.layers.painting import LabelMap
-from toposeam.layers.progressed import Progress, Progressed
-from toposeam.layers.reduction import enlarged, opened, reduced
+from toposeam.layers.progressed import Progressed
 from toposeam.optimize.history import Termination
 from toposeam.seam.exact import minimum_cut
 from toposeam.seam.find import Method, method_options, solve
@@ -49,12 +48,8 @@ from toposeam.seam.thesis_options import ThesisOptions
 
 #: A move counts when it lowers the cost of its region by this share.
 _LEAST_GAIN = 1e-7
-#: Problems in which so many pixels have several layers to choose from, or more, are reduced first.
-WHOLE_PIXELS = 2_500
 #: On reduced canvases the heat stops when no seam can be cheaper by more than this share.
 ROUGH = 1e-2
-#: Problems are not reduced below so many pixels a side.
-_SHORTEST = 32
 #: Where the label potential of two neighbours differs by more than this, heat has not decided yet; the pixels
 #: themselves decide details only, and on canvases above so many pixels less is looked at again.
 _UNDECIDED, _UNDECIDED_LAST = 0.005, 0.05
@@ -76,52 +71,6 @@ KEPT_CANVAS = 1 << 25
 
 #: Rows and columns of pixels of the canvas.
 Pixels = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]
-
-
-def best_rounds(
-    labelling: Labelling,
-    order: Sequence[int],
-    method: Method,
-    options: dict[str, Any],
-    most: int,
-    progress: Progress | None = None,
-    potentials: bool = False,
-) -> tuple[Rounds, int]:
-    """The cheapest label map that is found, and how many rounds were made.
-
-    Parameters
-    ----------
-    labelling : Labelling
-    order : sequence of int
-        In which the layers are joined.
-    method, options
-        How moves are solved, as for :func:`toposeam.find_seam`.
-    most : int
-        Rounds at most; with 0 the layers are only joined one after another.
-    potentials : bool
-        Whether the label potentials of all seams are wanted, however large the canvas is.
-    """
-    steps = Progressed(progress)
-    levels = [labelling]
-    while (
-        levels[-1].contested(WHOLE_PIXELS + 1) > WHOLE_PIXELS and min(levels[-1].canvas.shape) > 2 * _SHORTEST
-    ):
-        levels.append(reduced(levels[-1]))
-        steps.one()
-    coarsest = levels.pop()
-    rounds = Rounds(
-        coarsest, coarsest.on_top(), method, options, steps=steps, finer=len(levels), keeps=potentials
-    )
-    number = rounds.search(order, most)
-    while levels:
-        finer = levels.pop()
-        near = opened(rounds.beside_seams(), finer)
-        hints = rounds.undecided
-        rounds = Rounds(
-            finer, enlarged(rounds.label_map, finer), method, options, near, steps, len(levels), potentials
-        )
-        rounds.refine(most, hints)
-    return rounds, number
 
 
 class Rounds:

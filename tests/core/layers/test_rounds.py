@@ -11,8 +11,8 @@ import toposeam as ts
 from toposeam.layers.blend import reach_of
 from toposeam.layers.junctions import beside_steps, junctions
 from toposeam.layers.layer import Box
+from toposeam.layers.levels import best_rounds
 from toposeam.layers.posing import exclusive_covers, pose_labelling
-from toposeam.layers.rounds import best_rounds
 
 PHOTOGRAPHS = (data.coffee(), data.chelsea(), data.astronaut(), data.rocket())
 

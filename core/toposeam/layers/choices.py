@@ -2,8 +2,8 @@
 
 Where only some thousand pixels are open, on a canvas halved several times or round a place where three layers
 meet, building a move as a picture takes longer than deciding it. Here the open pixels are *nodes* and their
-interfaces *edges* of lists, and the cost of each edge for every two layers is looked up once. A move, as in
-:mod:`toposeam.layers.labelling`, is then some passes over these lists.
+interfaces *edges* of lists, and the cost of each edge for every two layers is looked up once. A move
+(:mod:`toposeam.layers.labelling` says which there are) is then some passes over these lists.
 """
 
 from __future__ import annotations

@@ -31,9 +31,6 @@ from toposeam.seam.problem import SeamProblem
 
 _NEIGHBOURS: Any = (np.s_[:, :-1], np.s_[:-1]), (np.s_[:, 1:], np.s_[1:])  # each pixel's right and lower one
 
-#: Least cost of an interface in an expansion, so that no pixel is without connection.
-_LEAST_LINK = 1e-6
-
 #: Two layers by their numbers, the lower one first.
 Pair = tuple[int, int]
 

@@ -1,7 +1,7 @@
 """Seams of many layers from coarse to fine.
 
-Large canvases are looked at reduced first (:mod:`toposeam.layers.reduction`): there the layers are joined,
-and rounds of moves made (:mod:`toposeam.layers.rounds`). Then every finer size is refined where the coarser
+Large canvases are looked at reduced first (:mod:`toposeam.layers.reduction`): there rounds of moves are
+made (:mod:`toposeam.layers.rounds`). Then every finer size is refined where the coarser
 one says that it matters.
 """
 
@@ -37,11 +37,11 @@ def best_rounds(
     ----------
     labelling : Labelling
     order : sequence of int
-        In which the layers are joined.
+        In which the layers are joined if no rounds are wanted.
     method, options
         How moves are solved, as for :func:`toposeam.find_seam`.
     most : int
-        Rounds at most; with 0 the layers are only joined one after another.
+        Rounds at most; with 0 the layers are only joined one after another, in the order.
     potentials : bool
         Whether the label potentials of all seams are wanted, however large the canvas is.
     """

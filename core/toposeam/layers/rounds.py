@@ -6,9 +6,9 @@ made, so the rounds end. Where only two layers meet one swap finds the best seam
 where three or more do.
 
 They end in an optimum that depends on where they started: hardly where layers show the same things, by up to
-a fifth of the cost where they have little in common. So there are three starts: the layers joined one after
-another by their places, as the thesis joins patches, the same in the opposite order, and simply on top of
-each other. The cheapest end is taken; the order in which layers are given decides nothing.
+a fifth of the cost where they have little in common. So there are several starts: the layers on top of each
+other, by rows and by columns of where they lie, from either end. The cheapest end is taken; the order in
+which layers are given decides nothing.
 
 :mod:`toposeam.layers.levels` does this on a reduced canvas first. At every finer size only pixels beside the
 seams, and beside flow that the heat had not yet decided, are opened again: on small canvases all of them
@@ -133,34 +133,40 @@ class Rounds:
         count = len(labelling.places)
         allowed = [labelling.allowed_in(k, canvas) for k in range(count)]
         choices = Choices(labelling, canvas, dense(self.label_map), allowed, range(count))
+        if not most:
+            with one_thread():
+                self._join(choices, allowed, order)
+            self.label_map[:, :] = choices.label_map()
+            return 0
         # Which layer was named first decides nothing.
         places = sorted(range(count), key=lambda k: labelling.places[k])
-        starts = [places, places[::-1], None] if most else [list(order)]
+        across = sorted(range(count), key=lambda k: labelling.places[k][1::-1])
         ends: list[tuple[float, int, LabelMap, int]] = []
         with one_thread():
-            for start in starts:
-                if start is None:
-                    choices.shows = laid_on_top(allowed, places)
-                else:
-                    choices.shows = np.full(choices.shows.shape, count, np.int16)
-                    for k in start:
-                        choices.lay(k, allowed[k].ravel())
-                        choices.expand(k, self._decide)
+            for start in dict.fromkeys(map(tuple, (places, places[::-1], across, across[::-1]))):
+                choices.shows = laid_on_top(allowed, start)
                 number = choices.run(self._decide, most, places)
                 self._steps.one()
                 ends.append((choices.total(), len(ends), choices.shows, number))
             _, _, choices.shows, number = min(ends, key=lambda end: end[:2])
-            if most:
-                for i, j in labelling.adjoining(choices.label_map()):
-                    choices.swap(i, j, self._decide)
-                    if self._undecided is not None:
-                        self._note(choices, (i, j))
-                number += choices.run(self._decide, most, places)
+            for i, j in labelling.adjoining(choices.label_map()):
+                choices.swap(i, j, self._decide)
+                if self._undecided is not None:
+                    self._note(choices, (i, j))
+            number += choices.run(self._decide, most - number, places)
         self.label_map[:, :] = choices.label_map()
-        if most and self._undecided is None:
+        if self._undecided is None:
             for pair in labelling.adjoining(self.label_map):
                 self._swap(pair)
         return number
+
+    def _join(self, choices: Choices, allowed: Sequence[Mask], order: Sequence[int]) -> None:
+        """Lay the layers one after another, each joined to what is there along the best seam."""
+        choices.shows = np.full(choices.shows.shape, len(allowed), np.int16)
+        for k in order:
+            choices.lay(k, allowed[k].ravel())
+            choices.expand(k, self._decide)
+            self._steps.one()
 
     def refine(self, most: int, hints: Mapping[Pair, Pixels] | None = None) -> None:
         """The best seams among the pixels that are open: one division of all that two layers may show, and

@@ -17,11 +17,12 @@ from toposeam.layers.blend import Blend, Placed, check_blend, reach_of
 from toposeam.layers.composition import Composition, Totals
 from toposeam.layers.labelling import Labelling, Pair
 from toposeam.layers.layer import MAX_MEGAPIXELS, Box, Extent, Layer, check_layers, common_canvas, cut
+from toposeam.layers.levels import best_rounds
 from toposeam.layers.made import Made
 from toposeam.layers.maps import blocks, cover_of, new_map
 from toposeam.layers.painting import LabelMap, channel_count
 from toposeam.layers.posing import exclusive_covers, pose_labelling
-from toposeam.layers.rounds import Rounds, best_rounds
+from toposeam.layers.rounds import Rounds
 from toposeam.layers.steps import Steps, divided, order_of, paths_by_pair
 from toposeam.layers.tasks import Executor, check_executor
 from toposeam.layers.tones import match_tones as matched

@@ -154,10 +154,10 @@ def stitch(
 ) -> Stitched:
     """Join placed layers.
 
-    They are joined one after another in the order given (one that overlaps none of those before waits until
-    one does), then swap rounds divide what each two layers hold between them anew, until the total cost no
-    longer falls (:mod:`toposeam.layers.rounds`). What shows where, and at what cost, is defined in
-    :mod:`toposeam.layers.labelling`.
+    Two are joined along one seam. More are laid on top of each other in several orders of their places; from
+    each of these starts, moves let one layer after another show more of itself, until the total cost falls no
+    longer, and the cheapest end is taken (:mod:`toposeam.layers.rounds`). What shows where, and at what cost,
+    is defined in :mod:`toposeam.layers.labelling`.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def stitch(
         Seams that were read from files, on the canvas: of the only two layers, or of pairs of layers by
         number.
     max_rounds : int
-        Swap rounds at most; 0 leaves the seams as they were found one after another.
+        Rounds at most; 0 leaves the seams as they were found one after another.
     max_megapixels : float
         Refuse a larger canvas.
     wrap : int, optional

@@ -47,3 +47,17 @@ def beside_steps(values: np.ndarray, step: float) -> Mask:
         result[s] |= differs
         result[t] |= differs
     return result
+
+
+def dilated(mask: Mask, reach: int) -> Mask:
+    """The pixels at most so many px from those of a mask, along each axis."""
+    result: Mask = mask.copy()
+    for turned in (result, result.T):
+        done = 0
+        while done < reach:
+            step = min(done + 1, reach - done)  # what is there spans 2 done + 1 px
+            before = turned.copy()
+            turned[step:] |= before[:-step]
+            turned[:-step] |= before[step:]
+            done += step
+    return result

@@ -31,9 +31,6 @@ from toposeam.seam.problem import SeamProblem
 
 _NEIGHBOURS: Any = (np.s_[:, :-1], np.s_[:-1]), (np.s_[:, 1:], np.s_[1:])  # each pixel's right and lower one
 
-#: Least cost of an interface in an expansion, so that no pixel is without connection.
-_LEAST_LINK = 1e-6
-
 #: Two layers by their numbers, the lower one first.
 Pair = tuple[int, int]
 
@@ -250,104 +247,6 @@ class Labelling:
                 total[s] += np.where(free[s] & theirs[t], values, np.float32(0))
                 total[t] += np.where(free[t] & theirs[s], values, np.float32(0))
         return total
-
-    def expansion(
-        self,
-        label_map: LabelMap,
-        index: int,
-        *,
-        within: Box | None = None,
-        opened: Mask | None = None,
-    ) -> Move | None:
-        r"""Whether to let a layer show more of itself; ``b`` is the layer.
-
-        At neighbours p and q that show i and j and may both turn to k, keeping both costs s = M_ij, turning p
-        c = M_kj, turning q b = M_ik, and turning both nothing. With x = 1 for a turned pixel that is ::
-
-            s + (c - b - s) / 2 x_p + (b - c - s) / 2 x_q + (b + c - s) / 2 |x_p - x_q|
-
-        the unary costs of p and q and the cost of their interface, as a seam problem has them. That is
-        submodular while s ≤ b + c. Where s > b + c, which no seam problem can say, b + c stands for s: the
-        move is then chosen by too low a cost of what there is, and made only if it lowers the true one.
-
-        *A worked example.* One row of four pixels, of which the first shows i, the second and third j, the
-        fourth k; the second and third may turn to k. With M_ij = 5, M_ik = 1, M_jk = 3 at every interface::
-
-            labels       i   j   j   k         turned        cost
-            interfaces     5   0   3           none          5 + 0 + 3 = 8
-                                               third         5 + 3 + 0 = 8
-                                               both          1 + 0 + 0 = 1
-
-        Interface 1 (i is fixed, q = j may turn): unary 5 for q staying, 1 for q turning. Interface 2 (both
-        may turn, i = j): s = 0, b = c = 3, so 3 |x_p - x_q| and no unary. Interface 3 (k is fixed): unary 3
-        for p staying. The least is 1: both turn.
-
-        Parameters
-        ----------
-        label_map, within, opened
-            As for :meth:`swap`.
-        index : int
-
-        Returns
-        -------
-        Move, or None where there is nothing to decide
-        """
-        limits = self.places[index].grown(1)
-        box: Box | None = limits if within is None else limits.shared(within)
-        if box is None or min(box.shape) < 2:
-            return None
-        labels = self.labels_in(label_map, box)
-        free = self.allowed_in(index, box) & (labels >= 0) & (labels != index)
-        box, inner = self._narrowed(free, box, opened, limits)
-        if box is None:
-            return None
-        free, labels = free[inner], labels[inner]
-        own = labels == index
-        side = np.where(labels < 0, np.uint8(NONE), np.uint8(A))
-        side[own], side[free] = B, FREE
-        unary = np.zeros(box.shape, np.float32)
-        right, down = (self._expansion_along(axis, labels, index, free, own, box, unary) for axis in (0, 1))
-        overlap = Overlap(side, free | own, (box.top, box.left), self.canvas.shape)
-        problem = SeamProblem(
-            overlap, right, down, showing_a=np.maximum(-unary, 0), showing_b=np.maximum(unary, 0)
-        )
-        return Move(_with_fixed(problem, own), box, labels)
-
-    def _expansion_along(
-        self, axis: int, labels: LabelMap, index: int, free: Mask, own: Mask, box: Box, unary: Floats32
-    ) -> Floats32:
-        """The costs of the interfaces in one direction; what turning p and q costs is added to `unary`."""
-        s, t = _NEIGHBOURS[0][axis], _NEIGHBOURS[1][axis]
-        p_stays, q_stays, both_stay = (np.zeros(free[s].shape, np.float32) for _ in range(3))
-        for k in _labels_of(labels):
-            cost = self.costs.get((min(k, index), max(k, index))) if k != index else None
-            if cost is not None:
-                values = cost.on(box, free)[axis]
-                p_stays += np.where(labels[s] == k, values, np.float32(0))
-                q_stays += np.where(labels[t] == k, values, np.float32(0))
-        for i, j in self.adjoining(labels):
-            cost = self.costs.get((i, j)) if index not in (i, j) else None
-            if cost is not None:
-                border = ((labels[s] == i) & (labels[t] == j)) | ((labels[s] == j) & (labels[t] == i))
-                both_stay += np.where(border, cost.on(box, free)[axis], np.float32(0))
-        known = (free[s] | free[t]) & (labels[s] >= 0) & (labels[t] >= 0)
-        # Beside a pixel that is the layer's already, all of it is the neighbour's unary cost.
-        q_stays[own[s]], p_stays[own[t]] = (
-            p_stays[own[s]] + q_stays[own[s]],
-            p_stays[own[t]] + q_stays[own[t]],
-        )
-        p_stays[own[s]], q_stays[own[t]] = q_stays[own[s]], p_stays[own[t]]
-        # Where only one may turn and the other shows a third layer, all of it is unary, whatever it costs.
-        p_alone, q_alone = free[s] & ~free[t] & ~own[t] & known, free[t] & ~free[s] & ~own[s] & known
-        unary[s] += np.where(p_alone, q_stays - both_stay, np.float32(0))
-        unary[t] += np.where(q_alone, p_stays - both_stay, np.float32(0))
-        known &= ~p_alone & ~q_alone
-        both_stay = np.minimum(both_stay, p_stays + q_stays)
-        unary[s] += np.where(known & free[s], (q_stays - p_stays - both_stay) / 2, np.float32(0))
-        unary[t] += np.where(known & free[t], (p_stays - q_stays - both_stay) / 2, np.float32(0))
-        link = np.maximum((p_stays + q_stays - both_stay) / 2, np.float32(_LEAST_LINK))
-        least = np.where(p_alone | q_alone, np.float32(_LEAST_LINK), np.float32(0))
-        return np.where(known, link, least)
 
     def total(self, labels: LabelMap, box: Box) -> float:
         """Σ M of a label map in a box."""

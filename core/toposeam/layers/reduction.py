@@ -32,14 +32,18 @@ from toposeam.layers.tasks import Executor, results
 from toposeam.seam.match_cost import Floats32
 from toposeam.seam.reach import Reach
 
-#: w above.
-WANDERING = 0.8
+#: w above; and others, with which other seams look cheapest.
+WANDERING, OTHERS = 0.6, (0.9, 0.3)
 #: Reduced rows that are made at once.
 _ROWS = 64
 
 
-def reduced(labelling: Labelling, executor: Executor | None = None) -> Labelling:
+def reduced(
+    labelling: Labelling, executor: Executor | None = None, wandering: float = WANDERING
+) -> Labelling:
     """The problem at half the size.
+
+    `wandering` is w above.
 
     A layer is allowed at a reduced pixel when it is at all of its covered pixels, or, where no layer is, at
     some.
@@ -67,7 +71,9 @@ def reduced(labelling: Labelling, executor: Executor | None = None) -> Labelling
     allowed = [
         made_map(place.shape, bool, partial(chosen, index), EDGES) for index, place in enumerate(places)
     ]
-    costs = dict(zip(labelling.costs, _reduced_costs(list(labelling.costs.values()), executor), strict=True))
+    costs = dict(
+        zip(labelling.costs, _reduced_costs(list(labelling.costs.values()), executor, wandering), strict=True)
+    )
     return Labelling(canvas, places, allowed, costs, labelling.forbidden)
 
 
@@ -143,8 +149,8 @@ def _any(mask: Mask) -> Mask:
 class ReducedCost:
     """The reduced cost of a pair, computed where it is looked at."""
 
-    def __init__(self, finer: PairCost) -> None:
-        self.finer = finer
+    def __init__(self, finer: PairCost, wandering: float) -> None:
+        self.finer, self.wandering = finer, wandering
         self.box = _halved(finer.box.grown(-1)).grown(1)
 
     def shared(self, box: Box) -> Mask:
@@ -179,7 +185,7 @@ class ReducedCost:
 
     def part(self, box: Box, seen: dict[int, Any]) -> PairCost:
         """The same cost as far as a box is concerned."""
-        result = ReducedCost(self.finer.part(_doubled(box.grown(1)), seen))
+        result = ReducedCost(self.finer.part(_doubled(box.grown(1)), seen), self.wandering)
         result.box = self.box
         return result
 
@@ -192,17 +198,17 @@ class ReducedCost:
             # One more reduced row, for the interfaces below.
             fine = _doubled(Box(box.top + start, box.left, box.top + min(stop + 1, height), box.right))
             beside, below = self.finer.on(fine)
-            across = _of_three(beside)
+            across = _of_three(beside, self.wandering)
             right[start:stop] = (across[0::2] + across[1::2])[: stop - start]
-            along = _of_three(below.T).T
+            along = _of_three(below.T, self.wandering).T
             along = along[:, 0::2] + along[:, 1::2]
             down[start : start + len(along)] = along[: height - 1 - start]
         return right, down
 
 
-def _reduced_costs(costs: Sequence[PairCost], executor: Executor | None) -> list[PairCost]:
+def _reduced_costs(costs: Sequence[PairCost], executor: Executor | None, wandering: float) -> list[PairCost]:
     """Of large overlaps the costs are computed again where they are looked at."""
-    found: list[PairCost] = [ReducedCost(cost) for cost in costs]
+    found: list[PairCost] = [ReducedCost(cost, wandering) for cost in costs]
     small = [k for k, lazy in enumerate(found) if lazy.box.shape[0] * lazy.box.shape[1] <= KEPT_PIXELS]
     looking = executor is not None and any(_pixels(costs[k]) is not None for k in small)
     if not looking:
@@ -233,12 +239,12 @@ def _pixels(cost: PairCost) -> LayerPairCost | None:
     return cost if isinstance(cost, LayerPairCost) else None
 
 
-def _of_three(cost: Floats32) -> Floats32:
+def _of_three(cost: Floats32, wandering: float) -> Floats32:
     """(n, 2 m - 1) costs between 2 m columns to (n, m - 1) between pairs of them; 0 is no interface."""
     first, border, last = cost[:, 0:-2:2], cost[:, 1:-1:2], cost[:, 2::2]
     known = border > 0
     least = np.where(first > 0, np.minimum(first, border), border)
     least = np.where(last > 0, np.minimum(last, least), least)
-    mixed: Floats32 = np.float32(WANDERING) * least + np.float32(1 - WANDERING) * border
+    mixed: Floats32 = np.float32(wandering) * least + np.float32(1 - wandering) * border
     # A border without a cost where the insides have one: the end of an overlap.
     return np.where(known, mixed, np.float32(0))

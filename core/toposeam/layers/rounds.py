@@ -1,132 +1,78 @@
 """Rounds of moves that lower the total cost of a label map until none does any more.
 
-Layers are joined one after another, as the thesis joins patches: each further one is expanded over what is
-there. An early seam cannot know what comes later, so *rounds* of moves follow
-(:mod:`toposeam.layers.labelling`): expansions until they gain nothing more, which are the stronger move, then
-swaps. Each is one seam problem. A move that does not lower the total is not made, so the rounds end.
+Expansions (:mod:`toposeam.layers.choices`), which are the stronger move, are made until they gain nothing
+more, then swaps, then expansions again. Each is one seam problem. A move that does not lower the total is not
+made, so the rounds end. Where only two layers meet one swap finds the best seam; rounds are for the places
+where three or more do.
 
 They end in an optimum that depends on where they started: hardly where layers show the same things, by up to
-a fifth of the cost where they have little in common. So there are two starts: the layers joined one after
-another, and the layers simply on top of each other. The cheaper end is taken.
+a fifth of the cost where they have little in common. So there are several starts: the layers on top of each
+other, by rows and by columns of where they lie, from either end, and joined one after another. After one
+round of each the cheapest two go on, and the others where these do not end alike. Wherever another end costs
+less than the cheapest one its patch is taken over.
 
-Large canvases are looked at reduced first (:mod:`toposeam.layers.reduction`); there all of this happens.
-Then, at every finer size, only pixels beside the seams, and beside flow that the heat had not yet decided,
-are opened again. Where two layers meet one swap finds the best seam among these; where three or more meet,
-windows round such places have rounds of their own.
+:mod:`toposeam.layers.levels` does this on a reduced canvas first. At every finer size only pixels beside the
+seams, and beside flow that the heat had not yet decided, are opened again: on small canvases all of them
+together, on large ones pair by pair, with windows round the places where three layers meet.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from typing import Any, cast
 
 import numpy as np
+import numpy.typing as npt
 
+from toposeam.heat.network import Floats, Network
+from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
 from toposeam.layers.band import write_pixels
+from toposeam.layers.choices import Choices, laid_on_top
 from toposeam.layers.dividing import LEAST_GAIN, Divided, Division, Pixels, Potential, divided
-from toposeam.layers.junctions import beside_steps, junctions
+from toposeam.layers.junctions import beside_steps, dilated, junctions
 from toposeam.layers.labelling import Labelling, Move, Pair
 from toposeam.layers.layer import Box
 from toposeam.layers.maps import dense, new_map, part_of, several
 from toposeam.layers.painting import LabelMap
 from toposeam.layers.parts import part_of_labelling
-from toposeam.layers.reduction import enlarged, opened, reduced
+from toposeam.layers.progressed import Progressed
 from toposeam.layers.tasks import Executor, results, waves
+from toposeam.optimize.history import Termination
+from toposeam.seam.exact import minimum_cut
 from toposeam.seam.find import Method, method_options, solve
+from toposeam.seam.gathering import Heat, gather_heat
+from toposeam.seam.graph_cut import least_cut
 from toposeam.seam.heat import HeatOptions
 from toposeam.seam.overlap import FREE
 from toposeam.seam.solution import Solution
 from toposeam.seam.thesis_options import ThesisOptions
 
-#: Problems in which so many pixels have several layers to choose from, or more, are reduced first.
-WHOLE_PIXELS = 10_000
 #: On reduced canvases the heat stops when no seam can be cheaper by more than this share.
 ROUGH = 1e-2
-#: Problems are not reduced below so many pixels a side.
-_SHORTEST = 32
 #: Where the label potential of two neighbours differs by more than this, heat has not decided yet; the pixels
-#: themselves decide details only.
-_UNDECIDED, _UNDECIDED_LAST = 0.03, 0.5
+#: themselves decide details only, and on canvases above so many pixels less is looked at again.
+_UNDECIDED, _UNDECIDED_LAST = 0.005, 0.05
+_UNDECIDED_LARGE, _UNDECIDED_LAST_LARGE, _LARGE = 0.03, 0.5, 1 << 20
 #: How far the windows reach round places where three layers meet, px.
 _WINDOW = 24
+#: Canvases of up to so many pixels are refined as a whole, all seams together.
+_TOGETHER = 1 << 19
+#: How far from where a layer shows it may show at the next finer size, px; round tangles, all may change.
+_REACH, _TANGLE = 4, 8
+#: The best two starts end alike when their costs differ by less than this share: then no other goes on.
+_AGREED = 1e-4
+#: Cycles of expansions at most where three layers meet.
+_CYCLES = 3
 
 #: Methods that solve a region with unary costs; the others leave it to heat.
 _ANY_NETWORK: tuple[Method, ...] = ("heat", "shortest-path", "graph-cut")
 
 #: On canvases of up to so many pixels the label potentials of all seams are kept.
 KEPT_CANVAS = 1 << 25
-
-Progress = Callable[[float], None]
-
-
-def best_rounds(
-    labelling: Labelling,
-    order: Sequence[int],
-    method: Method,
-    options: dict[str, Any],
-    most: int,
-    progress: Progress | None = None,
-    potentials: bool = False,
-    executor: Executor | None = None,
-) -> tuple[Rounds, int]:
-    """The cheapest label map that is found, and how many rounds were made.
-
-    Parameters
-    ----------
-    labelling : Labelling
-    order : sequence of int
-        In which the layers are joined.
-    method, options
-        How moves are solved, as for :func:`toposeam.find_seam`.
-    most : int
-        Rounds at most; with 0 the layers are only joined one after another.
-    potentials : bool
-        Whether the label potentials of all seams are wanted, however large the canvas is.
-    executor : Executor, optional
-        Where moves are made that do not touch (:mod:`toposeam.layers.tasks`).
-    """
-    steps = _Steps(progress)
-    levels = [labelling]
-    while (
-        levels[-1].contested(WHOLE_PIXELS + 1) > WHOLE_PIXELS and min(levels[-1].canvas.shape) > 2 * _SHORTEST
-    ):
-        levels.append(reduced(levels[-1], executor))
-        steps.one()
-    coarsest = levels.pop()
-    ends: list[tuple[float, int, Rounds, int]] = []
-    for start in ("joined", "on top") if most else ("joined",):
-        rounds = Rounds(
-            coarsest, coarsest.on_top(), method, options, steps=steps, finer=len(levels), keeps=potentials
-        )
-        if start == "joined":
-            rounds.join(order)
-        number = rounds.run(most) if most else 0
-        ends.append((coarsest.total(dense(rounds.label_map), coarsest.canvas), len(ends), rounds, number))
-    _, _, rounds, number = min(ends, key=lambda end: end[:2])
-    while levels:
-        finer = levels.pop()
-        near = opened(rounds.beside_seams(), finer)
-        rounds = Rounds(
-            finer, enlarged(rounds.label_map, finer), method, options, near, steps, len(levels), potentials
-        )
-        rounds.refine(most, executor)
-    return rounds, number
-
-
-class _Steps:
-    """Reports progress of which nobody knows the end: each step does a tenth of what is left."""
-
-    def __init__(self, progress: Progress | None) -> None:
-        self._progress, self._left = progress, 1.0
-
-    def one(self) -> None:
-        self._left *= 0.9
-        if self._progress is not None:
-            self._progress(0.95 * (1 - self._left))
 
 
 class Rounds:
@@ -154,17 +100,19 @@ class Rounds:
         method: Method,
         options: dict[str, Any],
         near: Mask | None = None,
-        steps: _Steps | None = None,
+        steps: Progressed | None = None,
         finer: int = 0,
         keeps: bool = False,
     ) -> None:
-        self._steps = _Steps(None) if steps is None else steps
+        self._steps = Progressed(None) if steps is None else steps
         self.labelling, self.label_map, self._near = labelling, label_map, near
         self.method: Method = method if method in _ANY_NETWORK else "heat"
         self._options: HeatOptions | ThesisOptions | None = method_options(
             self.method, options if self.method == method else {}
         )
-        self._undecided = None if not finer else _UNDECIDED_LAST if finer == 1 else _UNDECIDED
+        small = labelling.canvas.shape[0] * labelling.canvas.shape[1] <= _LARGE // 4  # the finer one's size
+        usual, last = (_UNDECIDED, _UNDECIDED_LAST) if small else (_UNDECIDED_LARGE, _UNDECIDED_LAST_LARGE)
+        self._undecided = None if not finer else last if finer == 1 else usual
         if finer and isinstance(self._options, HeatOptions):
             tolerance = max(ROUGH, self._options.tolerance)
             self._options = dataclasses.replace(self._options, tolerance=tolerance)
@@ -173,86 +121,204 @@ class Rounds:
         self.solved: dict[Pair, tuple[Box, Solution]] = {}
         self._keeps = keeps or labelling.canvas.shape[0] * labelling.canvas.shape[1] <= KEPT_CANVAS
         #: Pixels beside flow that the heat had not decided.
-        self._flows: dict[Pair, Pixels] = {}
+        self.undecided: dict[Pair, Pixels] = {}
+        self._heat: Heat | None = None
         #: Of pairs that were divided as bands, the label potential of the pixels that were open.
         self.potentials: dict[Pair, Potential] = {}
         self.seconds: dict[Pair, float] = {}
 
-    def join(self, order: Sequence[int]) -> None:
+    def search(self, order: Sequence[int], most: int) -> int:
+        """Expansions from several starts, and from the cheapest end swaps; with `most` 0 the layers are only
+        joined in the given order. Returns how many rounds of expansions that took.
+        """
+        labelling, canvas = self.labelling, self.labelling.canvas
+        count = len(labelling.places)
+        allowed = [labelling.allowed_in(k, canvas) for k in range(count)]
+        choices = Choices(labelling, canvas, dense(self.label_map), allowed, range(count))
+        if not most:
+            with one_thread():
+                self._join(choices, allowed, order)
+            self.label_map[:, :] = choices.label_map()
+            return 0
+        # Which layer was named first decides nothing.
+        places = sorted(range(count), key=lambda k: labelling.places[k])
+        across = sorted(range(count), key=lambda k: labelling.places[k][1::-1])
+        with one_thread():
+            self._join(choices, allowed, order)
+            starts = [choices.shows] + [
+                laid_on_top(allowed, start)
+                for start in dict.fromkeys(map(tuple, (places, places[::-1], across, across[::-1])))
+            ]
+            number = self._best_of(choices, starts, most, places)
+            for i, j in labelling.adjoining(choices.label_map()):
+                choices.swap(i, j, self._decide)
+                if self._undecided is not None:
+                    self._note(choices, (i, j))
+            number += choices.run(self._decide, most - number, places)
+        self.label_map[:, :] = choices.label_map()
+        if self._undecided is None:
+            for pair in labelling.adjoining(self.label_map):
+                self._swap(pair)
+        return number
+
+    def _best_of(self, choices: Choices, starts: Sequence[LabelMap], most: int, order: Sequence[int]) -> int:
+        """Expansions from several starts, the ends of which are fused; returns how many rounds that took."""
+        ends: list[tuple[float, int, LabelMap]] = []
+        for choices.shows in starts:
+            choices.run(self._decide, 1, order)
+            self._steps.one()
+            ends.append((choices.total(), len(ends), choices.shows))
+        ends.sort(key=lambda end: end[:2])
+        number = 1
+        for place, (_, _, choices.shows) in enumerate(ends):
+            if place == 2 and abs(ends[0][0] - ends[1][0]) <= _AGREED * ends[0][0]:
+                break
+            number = max(number, 1 + choices.run(self._decide, most - 1, order))
+            ends[place] = choices.total(), place, choices.shows
+            self._steps.one()
+        ends.sort(key=lambda end: end[:2])
+        choices.shows = ends[0][2]
+        for _, _, other in ends[1:]:
+            choices.fuse(other)
+        return number
+
+    def _join(self, choices: Choices, allowed: Sequence[Mask], order: Sequence[int]) -> None:
         """Lay the layers one after another, each joined to what is there along the best seam."""
-        there = dense(self.label_map).copy()
-        self.label_map[:, :] = -1
-        for index in order:
-            place, allowed = self.labelling.places[index], dense(self.labelling.allowed[index])
-            part = self.label_map[place.slices]
-            self.label_map[place.slices] = np.where(allowed & (part < 0), np.int16(index), part)
-            self._expand(index)
-        joined = dense(self.label_map)
-        self.label_map[:, :] = np.where(joined < 0, there, joined)
+        choices.shows = np.full(choices.shows.shape, len(allowed), np.int16)
+        for k in order:
+            choices.lay(k, allowed[k].ravel())
+            choices.expand(k, self._decide)
+            self._steps.one()
 
-    def run(self, most: int, within: Box | None = None) -> int:
-        """Make rounds until nothing is gained, at most so many; returns how many, the last of them without
-        gain.
-        """
-        places = self.labelling.places
-        if within is None:
-            growing, pairs = set(range(len(places))), sorted(self.labelling.costs)
-        else:
-            inside = within.shared(self.labelling.canvas)
-            growing = {int(k) for k in np.unique(self.label_map[inside.slices]) if k >= 0}
-            pairs = [pair for pair in sorted(self.labelling.costs) if growing >= set(pair)]
-        waiting = set(pairs)
-        layers = sorted(growing)
-        for number in range(most):
-            while growing:
-                for index in layers:
-                    changed = self._expand(index, within) if index in growing else None
-                    growing.discard(index)
-                    if changed is not None:
-                        waiting |= {pair for pair in pairs if self._touches(pair, changed)}
-                        growing |= {k for k in layers if k != index and all(places[k].shared(changed).shape)}
-            for pair in pairs:
-                changed = self._swap(pair, within) if pair in waiting else None
-                waiting.discard(pair)
-                if changed is not None:
-                    waiting |= {other for other in pairs if other != pair and self._touches(other, changed)}
-                    growing |= {k for k in layers if all(places[k].shared(changed).shape)}
-            if not growing:
-                return number + 1
-        return most
-
-    def refine(self, most: int, executor: Executor | None = None) -> None:
-        """The best seams among the pixels that are open: one swap for each pair of layers that adjoin, and
+    def refine(
+        self, most: int, hints: Mapping[Pair, Pixels] | None = None, executor: Executor | None = None
+    ) -> None:
+        """The best seams among the pixels that are open: one division of all that two layers may show, and
         rounds where three layers meet.
+
+        Parameters
+        ----------
+        most : int
+            Rounds at most.
+        hints : mapping of pairs to rows and columns, optional
+            Pixels of the canvas at half the size that two layers may show.
+        executor : Executor, optional
+            Where moves are made that do not touch (:mod:`toposeam.layers.tasks`).
         """
-        pairs = self.labelling.adjoining(self.label_map)
-        options, forbidden = self._options, np.isfinite(self.labelling.forbidden)
+        labelling, canvas = self.labelling, self.labelling.canvas
+        if self._near is not None and canvas.shape[0] * canvas.shape[1] <= _TOGETHER:
+            with one_thread():
+                self._refine_together(most, hints or {})
+            return
+        pairs = labelling.adjoining(self.label_map)
+        options, forbidden = self._options, np.isfinite(labelling.forbidden)
         if self._near is not None and isinstance(options, HeatOptions) and not forbidden:
-            self._divide([pair for pair in pairs if pair in self.labelling.costs], options, executor)
+            self._divide([pair for pair in pairs if pair in labelling.costs], options, executor)
         else:
             for pair in pairs:
                 self._swap(pair)
-        windows = junctions(self.label_map, _WINDOW)
-        if executor is None:
-            for window in windows:
-                self.run(most, window)
-            return
-        items = ((self._part(window), most, window) for window in windows)
-        for window, (labels, seconds) in zip(windows, results(executor, _run_on, items), strict=True):
+        windows = [window.shared(canvas) for window in junctions(self.label_map, _WINDOW)]
+        parts = (self if executor is None else self._part(window) for window in windows)
+        items = ((part, window, most) for part, window in zip(parts, windows, strict=True))
+        for window, labels in zip(windows, results(executor, _met, items), strict=True):
             self._steps.one()
-            self.label_map[window.shared(self.labelling.canvas).slices] = labels
-            for pair, more in seconds.items():
-                self.seconds[pair] = self.seconds.get(pair, 0.0) + more
+            if labels is not None:
+                self.label_map[window.slices] = labels
 
     def _part(self, box: Box) -> Rounds:
         """The same as far as a box of the canvas is concerned, which nothing was found for yet."""
         part, box = copy(self), box.grown(1)
-        part._steps = _Steps(None)
+        part._steps = Progressed(None)
         part.labelling = part_of_labelling(self.labelling, box)
         part.label_map = part_of(self.label_map, box)
         part._near = None if self._near is None else part_of(self._near, box)
-        part.solved, part._flows, part.potentials, part.seconds = {}, {}, {}, {}
+        part.solved, part.undecided, part.potentials, part.seconds = {}, {}, {}, {}
+        part._heat = None
         return part
+
+    def _refine_together(self, most: int, hints: Mapping[Pair, Pixels]) -> None:
+        labelling, canvas = self.labelling, self.labelling.canvas
+        near, labels = dense(self._near), dense(self.label_map)
+        count = len(labelling.places)
+        planes = [dilated(labels == k, _REACH) for k in range(count)]
+        for pair, (rows, columns) in hints.items():
+            hinted = np.zeros(tuple(-(-side // 2) for side in canvas.shape), bool)
+            hinted[rows, columns] = True
+            wide = dilated(hinted, 1).repeat(2, axis=0).repeat(2, axis=1)
+            wide = wide[: canvas.shape[0], : canvas.shape[1]]
+            for k in pair:
+                planes[k] |= wide
+        for k, plane in enumerate(planes):
+            plane &= near
+            plane &= labelling.allowed_in(k, canvas)
+        choices = Choices(labelling, canvas, labels, planes, range(count))
+        started = time.perf_counter()
+        free, one, other = choices.divide_all(self._decide)
+        took = time.perf_counter() - started
+        at = np.flatnonzero(free)
+        codes = one[at].astype(np.int64) * count + other[at]
+        pairs = [divmod(int(code), count) for code in np.unique(codes)]
+        for i, j in pairs:
+            own = at[codes == i * count + j]
+            self._solved_together((i, j), choices, own, took / len(pairs))
+        if self._undecided is not None:
+            for pair in pairs:
+                self._note(choices, pair, codes=(at, codes, pair[0] * count + pair[1]))
+        tangled = (choices.several & ~free).reshape(canvas.shape)
+        if tangled.any():
+            choices.run(self._decide, min(most, _CYCLES), within=dilated(tangled, _TANGLE).ravel())
+        self.label_map[:, :] = choices.label_map()
+        self._steps.one()
+
+    def _solved_together(self, pair: Pair, choices: Choices, own: npt.NDArray[np.intp], took: float) -> None:
+        nothing, heat = np.zeros((0, 0), bool), self._heat
+        self.solved[pair] = (
+            Box(0, 0, 0, 0),
+            Solution(
+                labels=nothing,
+                soft=nothing.astype(np.float32),
+                contracted=True,
+                history=() if heat is None else heat.history,
+                termination=Termination.SINGLE_LINE if heat is None else heat.termination,
+            ),
+        )
+        self.seconds[pair] = self.seconds.get(pair, 0.0) + took
+        if self._undecided is None and self._keeps:
+            rows, columns = np.divmod(own, choices.box.shape[1])
+            self.potentials[pair] = rows, columns, choices.soft[own]
+
+    def _note(self, choices: Choices, pair: Pair, codes: Any = None) -> None:
+        """Keep the pixels beside flow that was not decided between two layers."""
+        steep = choices.steep(self._undecided or 0.0)
+        if codes is not None:
+            at, values, code = codes
+            steep = np.intersect1d(steep, at[values == code], assume_unique=True)
+        self.undecided[pair] = np.divmod(steep, choices.box.shape[1])
+        choices.soft[:] = -1 if codes is None else choices.soft
+
+    def meet(self, window: Box, most: int) -> LabelMap | None:
+        """What expansions in a window round a place where three layers meet end with; None where none
+        gains.
+        """
+        labelling = self.labelling
+        labels = self.label_map[window.slices]
+        layers = [int(k) for k in np.unique(labels) if k >= 0]
+        open_ = np.zeros(window.shape, bool)
+        open_[1:-1, 1:-1] = True if self._near is None else self._near[window.slices][1:-1, 1:-1]
+        planes = [labelling.allowed_in(k, window) & open_ for k in layers]
+        choices = Choices(labelling, window, labels, planes, layers)
+        return choices.label_map() if choices.run(self._decide, min(most, _CYCLES)) else None
+
+    def _decide(self, network: Network, cost: Floats) -> tuple[Mask, Floats]:
+        """The cheapest cut of a network by the method that was asked for."""
+        if np.isfinite(self.labelling.forbidden):  # as much as all others together is forbidding enough
+            ordinary = float(cost[cost < self.labelling.forbidden].sum())
+            cost = np.minimum(cost, 1.01 * ordinary if ordinary > 0 else cost.max())
+        if isinstance(self._options, HeatOptions):
+            self._heat = gather_heat(network, cost, self._options.tolerance, self._options.max_iterations)
+            return self._heat.hot[:-2], np.clip(self._heat.soft[:-2], 0.0, 1.0)
+        hot = (least_cut if self.method == "graph-cut" else minimum_cut)(network, cost)
+        return hot, hot.astype(np.float64)
 
     def beside_seams(self) -> Mask:
         """(H, W) bool: pixels beside a seam, or beside flow that the heat had not decided."""
@@ -261,43 +327,20 @@ class Rounds:
         for block in several(self.label_map, canvas):
             beside = beside_steps(self.label_map[block.slices], 0)
             chosen[block.slices] = chosen[block.slices] | beside
-        for rows, columns in self._flows.values():
+        for rows, columns in self.undecided.values():
             write_pixels(chosen, rows, columns, np.ones(len(rows), bool))
         return chosen
 
-    def _touches(self, pair: Pair, changed: Box) -> bool:
-        return all(self.labelling.costs[pair].box.shared(changed).shape)
-
-    def _expand(self, index: int, within: Box | None = None) -> Box | None:
-        """Let a layer show more of itself; the box in which something changed, None where nothing was
-        gained.
-        """
+    def _swap(self, pair: Pair) -> None:
+        """Divide the region of two layers anew."""
         self._steps.one()
-        move = self.labelling.expansion(self.label_map, index, within=within, opened=self._near)
+        move = self.labelling.swap(self.label_map, pair, opened=self._near)
         if move is None or not (move.problem.overlap.side == FREE).any():
-            return None
-        turned = move.problem.complete(solve(move.problem, self.method, self._options).labels).astype(bool)
-        new = np.where(turned & (move.labels >= 0), np.int16(index), move.labels)
-        before = self.labelling.total(move.labels, move.box)
-        if self.labelling.total(new, move.box) >= before * (1 - LEAST_GAIN):
-            return None
-        return self._change(move, new)
-
-    def _swap(self, pair: Pair, within: Box | None = None) -> Box | None:
-        """Divide the region of two layers anew; the box in which something changed, None where nothing was
-        gained.
-        """
-        self._steps.one()
-        move = self.labelling.swap(self.label_map, pair, within=within, opened=self._near)
-        if move is None or not (move.problem.overlap.side == FREE).any():
-            return None
+            return
         problem = move.problem
         started = time.perf_counter()
         solution = solve(problem, self.method, self._options)
-        if within is None:
-            self._remember(
-                pair, move.box, dataclasses.replace(solution, soft=problem.complete(solution.soft))
-            )
+        self._remember(pair, move.box, dataclasses.replace(solution, soft=problem.complete(solution.soft)))
         self.seconds[pair] = self.seconds.get(pair, 0.0) + time.perf_counter() - started
         # What is fixed for want of ties costs nothing there, and no more than before.
         old = problem.complete(move.labels == pair[1]).astype(bool)
@@ -305,7 +348,7 @@ class Rounds:
         if problem.total(second) >= problem.total(old) * (1 - LEAST_GAIN):
             second = old
         either = (move.labels == pair[0]) | (move.labels == pair[1])
-        return self._change(
+        self._change(
             move, np.where(either, np.where(second, np.int16(pair[1]), np.int16(pair[0])), move.labels)
         )
 
@@ -328,7 +371,7 @@ class Rounds:
         self.seconds[pair] = self.seconds.get(pair, 0.0) + found.seconds
         self.solved[pair] = Box(0, 0, 0, 0), found.solution
         if found.flows is not None:
-            self._flows[pair] = found.flows
+            self.undecided[pair] = found.flows
         if found.potential is not None:
             self.potentials[pair] = found.potential
         write_pixels(self.label_map, *found.pixels, found.values)
@@ -339,7 +382,7 @@ class Rounds:
             undecided = beside_steps(np.asarray(solution.soft), self._undecided)
             inside = box.shared(self.labelling.canvas)
             rows, columns = np.nonzero(undecided[inside.within(box)])
-            self._flows[pair] = rows + inside.top, columns + inside.left
+            self.undecided[pair] = rows + inside.top, columns + inside.left
         if self._undecided is not None or not self._keeps:
             nothing = np.zeros((0, 0), bool)
             solution = dataclasses.replace(
@@ -348,19 +391,10 @@ class Rounds:
             box = Box(box.top, box.left, box.top, box.left)
         self.solved[pair] = box, solution
 
-    def _change(self, move: Move, new: LabelMap) -> Box | None:
-        """Write a box of the label map; the smaller box in which it changed, and a pixel around."""
-        changed = new != move.labels
-        if not changed.any():
-            return None
-        box = move.box
-        inside = box.shared(self.labelling.canvas)
-        self.label_map[inside.slices] = new[inside.within(box)]
-        rows, columns = np.flatnonzero(changed.any(axis=1)), np.flatnonzero(changed.any(axis=0))
-        top, left = box.top, box.left
-        return Box(
-            top + int(rows[0]), left + int(columns[0]), top + int(rows[-1]) + 1, left + int(columns[-1]) + 1
-        ).grown(1)
+    def _change(self, move: Move, new: LabelMap) -> None:
+        """Write a box of the label map."""
+        inside = move.box.shared(self.labelling.canvas)
+        self.label_map[inside.slices] = new[inside.within(move.box)]
 
     def known_potentials(self) -> dict[Pair, Potential]:
         """Of each pair that was solved, the label potential of the pixels that were open then."""
@@ -389,8 +423,8 @@ class Rounds:
         return [pair for pair in found if pair in self.labelling.costs]
 
 
-def _run_on(item: tuple[Rounds, int, Box]) -> tuple[LabelMap, dict[Pair, float]]:
-    """What rounds in a window end with, and how long the pairs took."""
-    rounds, most, window = item
-    rounds.run(most, window)
-    return rounds.label_map[window.shared(rounds.labelling.canvas).slices], rounds.seconds
+def _met(item: tuple[Rounds, Box, int]) -> LabelMap | None:
+    """What rounds in a window end with; None where none gains."""
+    rounds, window, most = item
+    with one_thread():
+        return rounds.meet(window, most)

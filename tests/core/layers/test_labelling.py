@@ -1,19 +1,16 @@
 """What is allowed where, what a move costs, and what a reduced problem says."""
 
-import itertools
-
 import numpy as np
 import pytest
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers import posing, reduction, rounds
+from toposeam.layers import levels, posing, reduction
 from toposeam.layers.labelling import Labelling
 from toposeam.layers.layer import Box, extent_of
 from toposeam.layers.posing import exclusive_covers, pose_labelling
 from toposeam.layers.rounds import Rounds
 from toposeam.layers.table_costs import TableCost
-from toposeam.seam.overlap import FREE
 
 
 def posed(layers, **options):
@@ -32,45 +29,6 @@ def row_of_four(costs):
         right[1, 1:4] = cost
         tables[pair] = TableCost(canvas.grown(1), right, down)
     return Labelling(canvas, [canvas] * 3, allowed, tables)
-
-
-@pytest.mark.parametrize("middle", [(0, 0), (0, 1), (1, 0), (1, 1)])
-@pytest.mark.parametrize("costs", [(5, 1, 3), (2, 3, 4), (1, 1, 1)])
-def test_an_expansion_costs_what_the_label_map_then_costs(middle, costs):
-    labelling = row_of_four(dict(zip(((0, 1), (0, 2), (1, 2)), costs, strict=True)))
-    before = np.array([[0, *(0 if m else 1 for m in middle), 2]], np.int16)
-    move = labelling.expansion(before, 2)
-    free = move.problem.overlap.side == FREE
-    assert free.sum() == 2
-    found = {}
-    for turned in itertools.product((False, True), repeat=2):
-        after = before.copy()
-        after[0, 1:3][np.array(turned)] = 2
-        labels = np.zeros(free.shape, bool)
-        labels[free] = turned
-        found[turned] = labelling.total(after, labelling.canvas), move.problem.total(labels)
-    stay = found[False, False]
-    if 5 not in costs or middle[0] == middle[1]:  # s ≤ b + c at every interface between two that may turn
-        for true, cost in found.values():
-            assert cost - stay[1] == pytest.approx(true - stay[0], abs=1e-4)
-
-
-def test_what_is_not_submodular_is_posed_as_b_plus_c_and_judged_by_its_true_cost():
-    # p shows 0 and q shows 1 at s = 9, and turning either costs 1 and 2 beside the other: b + c = 3 < s.
-    labelling = row_of_four({(0, 1): 9, (0, 2): 1, (1, 2): 2})
-    before = np.array([[0, 0, 1, 2]], np.int16)
-    move = labelling.expansion(before, 2)
-    free = move.problem.overlap.side == FREE
-    cost = {}
-    for turned in itertools.product((False, True), repeat=2):
-        labels = np.zeros(free.shape, bool)
-        labels[free] = turned
-        cost[turned] = move.problem.total(labels)
-    # true: none 0 + 9 + 2 = 11, the first 1 + 2 + 2 = 5, the second 0 + 1 + 0 = 1, both 1 + 0 + 0 = 1
-    assert cost[False, True] - cost[True, False] == pytest.approx(1 - 5, abs=1e-4)
-    assert cost[True, True] - cost[False, True] == pytest.approx(0, abs=1e-4)
-    assert cost[False, False] - cost[False, True] == pytest.approx((0 + 3 + 2) - 1, abs=1e-4)
-    assert labelling.total(before, labelling.canvas) == 11
 
 
 def test_where_cores_meet_a_later_layer_wins():
@@ -97,7 +55,7 @@ def test_pixels_beside_seams_and_beside_undecided_flow_are_opened():
     labelling = row_of_four({(0, 1): 9, (0, 2): 1, (1, 2): 2})
     rounds = Rounds(labelling, np.array([[0, 0, 0, 2]], np.int16), "heat", {})
     assert rounds.beside_seams().tolist() == [[False, False, True, True]]
-    rounds._flows[0, 1] = np.array([0]), np.array([0])  # rows and columns: what a coarser solution told
+    rounds.undecided[0, 1] = np.array([0]), np.array([0])  # rows and columns: what a coarser solution told
     assert rounds.beside_seams().tolist() == [[True, False, True, True]]
 
 
@@ -119,15 +77,14 @@ def test_costs_of_a_band_are_those_of_the_whole(monkeypatch):
         np.testing.assert_array_equal(banded[near], expected[near])
 
 
-def test_without_wandering_a_reduced_label_map_costs_what_it_does_enlarged(monkeypatch):
-    monkeypatch.setattr(reduction, "WANDERING", 0.0)
+def test_without_wandering_a_reduced_label_map_costs_what_it_does_enlarged():
     photograph = data.chelsea()[:100, :160]
     layers = [
         ts.Layer(photograph[y : y + 60, x : x + 100].copy() + np.uint8(3 * x // 10), at=(x, y), name=str(x))
         for x, y in ((0, 0), (50, 2), (20, 40))
     ]
     fine = posed(layers)
-    coarse = reduction.reduced(fine)
+    coarse = reduction.reduced(fine, wandering=0.0)
     small = coarse.on_top()
     large = reduction.enlarged(small, fine)
     inner = np.repeat(np.repeat(small, 2, 0), 2, 1)[: large.shape[0], : large.shape[1]]
@@ -137,12 +94,12 @@ def test_without_wandering_a_reduced_label_map_costs_what_it_does_enlarged(monke
 
 def test_a_reduced_interface_is_a_mean_of_the_least_of_three_and_the_middle_one():
     cost = np.array([[5.0, 3, 9, 4, 1, 2, 8]], np.float32)
-    w = reduction.WANDERING
+    w = 0.6
     expected = [[w * 3 + (1 - w) * 3, w * 1 + (1 - w) * 4, 0.0]]
     expected[0][2] = w * 1 + (1 - w) * 2
-    np.testing.assert_allclose(reduction._of_three(cost), expected, rtol=1e-6)
+    np.testing.assert_allclose(reduction._of_three(cost, w), expected, rtol=1e-6)
     cost[0, 3] = 0  # no interface on the border
-    assert reduction._of_three(cost)[0, 1] == 0
+    assert reduction._of_three(cost, w)[0, 1] == 0
 
 
 @pytest.mark.medium
@@ -157,7 +114,7 @@ def test_reduced_first_ends_within_two_percent_of_all_at_once(seed, monkeypatch)
             crop = crop + rng.integers(-9, 10, crop.shape) + rng.integers(-12, 12)
             layers.append(ts.Layer(np.clip(crop, 0, 255).astype(np.uint8), at=(x, y), name=f"{x},{y}"))
     quick = ts.stitch(layers).cost
-    monkeypatch.setattr(rounds, "WHOLE_PIXELS", 10**9)
+    monkeypatch.setattr(levels, "WHOLE_PIXELS", 10**9)
     assert quick <= 1.02 * ts.stitch(layers).cost
 
 

@@ -11,8 +11,8 @@ import toposeam as ts
 from toposeam.layers.blend import reach_of
 from toposeam.layers.junctions import beside_steps, junctions
 from toposeam.layers.layer import Box
+from toposeam.layers.levels import best_rounds
 from toposeam.layers.posing import exclusive_covers, pose_labelling
-from toposeam.layers.rounds import best_rounds
 
 PHOTOGRAPHS = (data.coffee(), data.chelsea(), data.astronaut(), data.rocket())
 
@@ -69,14 +69,14 @@ def test_total_cost_is_that_of_alpha_expansion(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 4])
-def test_the_order_hardly_matters(seed):
+@pytest.mark.parametrize("seed", [0, 1, 4])
+def test_the_order_does_not_matter(seed):
     layers = pile(seed, alike=seed % 2)
     costs = [
         ts.stitch([layers[k] for k in np.random.default_rng(order).permutation(len(layers))]).cost
         for order in range(3)
     ]
-    assert max(costs) <= 1.1 * min(costs)
+    assert max(costs) <= 1.002 * min(costs)
 
 
 @pytest.mark.medium

@@ -9,7 +9,7 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.layers import composition, maps, posing, reduction, rounds, tones
+from toposeam.layers import composition, levels, maps, posing, reduction, rounds, tones
 from toposeam.layers.align import correlations
 from toposeam.layers.layer import Box
 from toposeam.layers.maps import TileMap, part_of
@@ -54,13 +54,14 @@ class Kept(ts.Windows):
 @pytest.fixture
 def large(monkeypatch):
     """Small canvases done as large ones are."""
-    for module in (maps, posing, reduction, rounds):
+    for module in (maps, posing, reduction):
         for name in ("DENSE_PIXELS", "KEPT_PIXELS"):
             if hasattr(module, name):
                 monkeypatch.setattr(module, name, 3000)
     for module in (maps, composition):
         monkeypatch.setattr(module, "BLOCK", 128)
-    monkeypatch.setattr(rounds, "WHOLE_PIXELS", 2000)
+    monkeypatch.setattr(levels, "WHOLE_PIXELS", 2000)
+    monkeypatch.setattr(rounds, "_TOGETHER", 5000)
     monkeypatch.setattr(tones, "_SAMPLE", 2000)
 
 

@@ -1,0 +1,166 @@
+"""What the seams of piles of pictures cost, against α-expansion from several starts, in any order of layers.
+
+    python benchmarks/seam_costs.py                  small piles and large ones, about ten minutes
+    python benchmarks/seam_costs.py --large 0        only those of benchmarks/stitching.py
+
+*Small*: the crops of benchmarks/stitching.py. *Large*: 4 to 7 crops of photographs enlarged to 1200 px, at
+places where three or more of them overlap and more than 100,000 px have several layers to choose from. A
+third of these show the same but for exposure and noise, in a third each shows objects of its own, and in a
+third every layer is a piece of another photograph.
+
+The peer is α-expansion at full size, each move decided by PyMaxflow, until no layer gains anything, from six
+starts: the layers joined one after another in their order and in the opposite one, on top of each other in
+both, and on top in two random orders. The cheapest end counts. Ours is ``toposeam.stitch`` with the layers in
+their order, in the opposite one, and shuffled. The peer's layers are in their order.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+import numpy as np
+
+import stitching
+import toposeam as ts
+from placing import EXPOSURE, NOISE, PHOTOGRAPHS, photograph
+from stamp import stamp
+from toposeam.heat.network import Floats, Network
+from toposeam.layers.choices import Choices
+from toposeam.layers.posing import exclusive_covers, pose_labelling
+from toposeam.seam.graph_cut import least_cut
+
+KINDS = ("alike", "objects", "unlike")
+LEAST_PIXELS = 100_000
+
+
+def large_pile(index: int, seed: int) -> tuple[str, list[ts.Layer]]:
+    """Crops of 1200 px wide photographs, and of which kind."""
+    rng = np.random.default_rng([seed, index])
+    kind = KINDS[index % len(KINDS)]
+    count = int(rng.integers(4, 8))
+    scenes = [photograph(PHOTOGRAPHS[(index + k) % len(PHOTOGRAPHS)]) for k in range(count)]
+    if kind != "unlike":
+        scenes = scenes[:1] * count
+    height, width = (min(scene.shape[axis] for scene in scenes) for axis in (0, 1))
+    layers = []
+    for number, scene in enumerate(scenes):
+        h, w = int(rng.uniform(0.5, 0.7) * height), int(rng.uniform(0.5, 0.7) * width)
+        y, x = int(rng.integers(height - h + 1)), int(rng.integers(width - w + 1))
+        crop = scene[y : y + h, x : x + w].copy()
+        for _ in range(8 if kind == "objects" else 0):
+            cy, cx, radius = rng.integers(h), rng.integers(w), rng.uniform(0.02, 0.08) * w
+            down, right = np.mgrid[:h, :w]
+            crop[(down - cy) ** 2 + (right - cx) ** 2 < radius**2] = rng.uniform(20, 235, 3)
+        crop = crop * (1 + rng.uniform(-EXPOSURE, EXPOSURE)) + rng.normal(0, NOISE, crop.shape)
+        image = np.clip(np.rint(crop), 0, 255).astype(np.uint8)
+        layers.append(ts.Layer(image, at=(x, y), name=str(number)))
+    return kind, layers
+
+
+def peer(layers: list[ts.Layer], rng: np.random.Generator) -> tuple[float, float, int]:
+    """The cheapest end of α-expansion, the dearest one, and how many pixels have several layers."""
+
+    def decide(network: Network, cost: Floats) -> tuple[np.ndarray, np.ndarray]:
+        hot = least_cut(network, cost)
+        return hot, hot.astype(float)
+
+    canvas = ts.common_canvas(layers)
+    covered = exclusive_covers(layers, [canvas.place(layer) for layer in layers], canvas)
+    labelling = pose_labelling(layers, canvas, covered)
+    count, box = len(layers), canvas.box
+    allowed = [labelling.allowed_in(k, box) for k in range(count)]
+    choices = Choices(labelling, box, labelling.on_top(), allowed, range(count))
+    order = list(range(count))
+    ends = []
+    for joined in (order, order[::-1]):
+        choices.shows = np.full(choices.shows.shape, count, np.int16)
+        for k in joined:
+            choices.lay(k, allowed[k].ravel())
+            choices.expand(k, decide)
+        ends.append(finished(choices, decide, labelling))
+    for top in (order, order[::-1], rng.permutation(count), rng.permutation(count)):
+        choices.shows = np.full(choices.shows.shape, count, np.int16)
+        for k in top:
+            choices.shows[allowed[k].ravel()] = k
+        ends.append(finished(choices, decide, labelling))
+    return min(ends), max(ends), int(choices.several.sum())
+
+
+def finished(choices: Choices, decide, labelling) -> float:
+    choices.run(decide, 100)
+    return labelling.total(choices.label_map(), labelling.canvas)
+
+
+def measured(
+    layers: list[ts.Layer], rng: np.random.Generator
+) -> tuple[list[float], float, float, int, float]:
+    """Ours ÷ the peer's cheapest end, in three orders; how far these are apart among each other; the peer's
+    dearest end ÷ its cheapest; pixels to choose for; our seconds.
+    """
+    orders = [list(range(len(layers))), list(range(len(layers)))[::-1], list(rng.permutation(len(layers)))]
+    ours, seconds, best, worst, pixels = [], [], np.inf, np.inf, 0
+    ratios = []
+    for order in orders:
+        pile = [layers[k] for k in order]
+        started = time.process_time()
+        ours.append(ts.stitch(pile).cost)
+        seconds.append(time.process_time() - started)
+    best, worst, pixels = peer(layers, rng)
+    ratios = [cost / best for cost in ours]
+    return ratios, max(ours) / min(ours), worst / best, pixels, float(np.median(seconds))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--small", type=int, default=20, help="how many small piles")
+    parser.add_argument("--large", type=int, default=12, help="how many large ones")
+    parser.add_argument("--seed", type=int, default=4)
+    parser.add_argument("--each", action="store_true", help="a line for every pile")
+    options = parser.parse_args()
+    rng = np.random.default_rng(options.seed)
+    rows: dict[str, list[tuple[list[float], float, float, int, float]]] = {}
+    for index in range(options.small):
+        rows.setdefault("small", []).append(measured(stitching.make_set(index, options.seed)[1], rng))
+        if options.each:
+            show(f"small {index}", rows["small"][-1])
+    index = 0
+    while sum(map(len, rows.values())) < options.small + options.large:
+        kind, layers = large_pile(index, options.seed)
+        index += 1
+        try:
+            ts.stitch(layers[:], max_rounds=0)
+        except ts.OverlapError:
+            continue
+        row = measured(layers, rng)
+        if row[3] < LEAST_PIXELS:
+            continue
+        rows.setdefault(f"large, {kind}", []).append(row)
+        if options.each:
+            show(f"large {index - 1}, {kind}", row)
+    print(f"{'':<18}{'piles':>6}{'median':>9}{'worst':>8}{'orders apart':>14}{'peer apart':>12}{'s':>8}")
+    every = [row for found in rows.values() for row in found]
+    for name, found in {**rows, "all": every}.items():
+        ratios = np.array([ratio for row in found for ratio in row[0]])
+        print(
+            f"{name:<18}{len(found):>6}{np.median(ratios):>9.4f}{ratios.max():>8.4f}"
+            f"{max(row[1] for row in found):>14.4f}{max(row[2] for row in found):>12.4f}"
+            f"{np.median([row[4] for row in found]):>8.2f}"
+        )
+
+
+def show(name: str, row: tuple[list[float], float, float, int, float]) -> None:
+    ratios, apart, spread, pixels, seconds = row
+    print(
+        f"{name:<18} {pixels:>8} px  "
+        + " ".join(f"{ratio:.4f}" for ratio in ratios)
+        + f"  apart {apart:.4f}, peer {spread:.4f}, {seconds:.2f} s",
+        flush=True,
+    )
+
+
+if __name__ == "__main__":
+    print(stamp())
+    main()

@@ -1,0 +1,342 @@
+"""Many layers on few pixels: moves on a list of those that may still change.
+
+Where only some thousand pixels are open, on a canvas halved several times or round a place where three layers
+meet, building a move as a picture takes longer than deciding it. Here the open pixels are *nodes* and their
+interfaces *edges* of lists, and the cost of each edge for every two layers is looked up once. A move
+(:mod:`toposeam.layers.labelling` says which there are) is then some passes over these lists.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from toposeam.heat.network import Floats, Ints, Network
+from toposeam.images import Mask
+from toposeam.layers.labelling import Labelling
+from toposeam.layers.layer import Box
+from toposeam.layers.painting import LabelMap
+
+#: A move counts when it lowers the cost of what it may change by this share.
+_LEAST_GAIN = 1e-7
+#: Least cost of an interface, so that no pixel is without connection.
+_LEAST_LINK = 1e-6
+
+#: Decides a network: from conductors and costs to the nodes on the hot side, (n,) bool, and their potential.
+Decide = Callable[[Network, Floats], tuple[Mask, Floats]]
+
+
+class Choices:
+    """The pixels of a box that may show several layers.
+
+    Parameters
+    ----------
+    labelling : Labelling
+    box : Box
+        A part of the canvas; what lies around it is not looked at.
+    label_map : (h, w) int16 array
+        What shows in the box, -1 where nothing does.
+    candidates : sequence of (h, w) bool arrays, per layer of `layers`
+        Where each may show.
+    layers : sequence of int
+        All that show in the box.
+    """
+
+    def __init__(
+        self,
+        labelling: Labelling,
+        box: Box,
+        label_map: LabelMap,
+        candidates: Sequence[Mask],
+        layers: Sequence[int],
+    ) -> None:
+        self.box, self.layers = box, list(layers)
+        count = len(layers)
+        number = np.full(max(layers, default=0) + 2, count, np.int16)
+        number[list(layers)] = np.arange(count)
+        #: (h w,) position in `layers` of what shows, `count` where nothing does.
+        self.shows = number[label_map.ravel()]
+        #: (count, h w) bool.
+        self.may = np.array([mask.ravel() for mask in candidates])
+        #: (h w,) bool, which are nodes.
+        self.several = several = self.may.sum(axis=0) > 1
+        self.may &= several
+        known = label_map.ravel() >= 0
+        first, second, which = [], [], []
+        at = np.arange(len(self.shows)).reshape(box.shape)
+        for axis, s, t in ((1, at[:, :-1], at[:, 1:]), (0, at[:-1], at[1:])):
+            p, q = s.ravel(), t.ravel()
+            chosen = np.flatnonzero((several[p] | several[q]) & known[p] & known[q])
+            first.append(p[chosen])
+            second.append(q[chosen])
+            which.append(np.full(len(chosen), axis, np.int8))
+        #: (E,) the two pixels of each edge, by flat index.
+        self.p, self.q = np.concatenate(first), np.concatenate(second)
+        #: (h w,) label potential of the pixels that were last divided between two layers, else -1.
+        self.soft = np.full(len(self.shows), -1, np.float32)
+        #: (count + 1, count + 1) rows of `cost`; the first one is 0.
+        self.row = np.zeros((count + 1, count + 1), np.intp)
+        self.cost = self._costs(labelling, np.concatenate(which))
+
+    def _costs(self, labelling: Labelling, axis: npt.NDArray[np.int8]) -> npt.NDArray[np.float32]:
+        """(P + 1, E) costs for the pairs of layers that may adjoin."""
+        rows, columns = np.divmod(self.p, self.box.shape[1])
+        tables = [np.zeros(len(self.p), np.float32)]
+        seen = [self.may[k] | (self.shows == k) for k in range(len(self.layers))]
+        for i in range(len(self.layers)):
+            for j in range(i + 1, len(self.layers)):
+                low, high = sorted((self.layers[i], self.layers[j]))
+                cost = labelling.costs.get((low, high))
+                if cost is None:
+                    continue
+                common = cost.box.shared(self.box)
+                if not all(common.shape):
+                    continue
+                wanted = (seen[i][self.p] & seen[j][self.q]) | (seen[j][self.p] & seen[i][self.q])
+                top, left = common.top - self.box.top, common.left - self.box.left
+                height, width = common.shape
+                y, x = rows - top, columns - left
+                wanted &= (y >= 0) & (x >= 0) & (y < height - (axis == 0)) & (x < width - (axis == 1))
+                chosen = np.flatnonzero(wanted)
+                if not len(chosen):
+                    continue
+                right, down = cost.on(common)
+                values = np.zeros(len(self.p), np.float32)
+                y, x, along = y[chosen], x[chosen], axis[chosen] == 1
+                values[chosen[along]] = right[y[along], x[along]]
+                values[chosen[~along]] = down[y[~along], x[~along]]
+                self.row[i, j] = self.row[j, i] = len(tables)
+                tables.append(values)
+        return np.array(tables)
+
+    def total(self, edges: npt.NDArray[np.intp] | None = None) -> float:
+        """Σ M over the edges, or some of them."""
+        p, q = (self.p, self.q) if edges is None else (self.p[edges], self.q[edges])
+        at = np.arange(len(self.p)) if edges is None else edges
+        return float(self.cost[self.row[self.shows[p], self.shows[q]], at].sum(dtype=np.float64))
+
+    def label_map(self) -> LabelMap:
+        """(h, w) int16, what shows."""
+        number = np.array([*self.layers, -1], np.int16)
+        return number[self.shows].reshape(self.box.shape)
+
+    def lay(self, k: int, everywhere: Mask) -> None:
+        """Let a layer show where it has pixels and nothing does yet."""
+        self.shows[everywhere & (self.shows == len(self.layers))] = k
+
+    def run(
+        self, decide: Decide, most: int, order: Sequence[int] | None = None, within: Mask | None = None
+    ) -> int:
+        """Expansions in an order until none gains, at most so many rounds; how many were made."""
+        order = range(len(self.layers)) if order is None else order
+        waiting = set(order)
+        for number in range(most):
+            if not waiting:
+                return number
+            for k in order:
+                if k in waiting:
+                    waiting.discard(k)
+                    if self.expand(k, decide, within):
+                        waiting |= set(order) - {k}
+        return most
+
+    def expand(self, k: int, decide: Decide, within: Mask | None = None) -> bool:
+        r"""Let a layer show more of itself; whether that gained something.
+
+        At neighbours p and q that show i and j and may both turn to k, keeping both costs s = M_ij, turning p
+        c = M_kj, turning q b = M_ik, and turning both nothing. With x = 1 for a turned pixel that is ::
+
+            s + (c - b - s) / 2 x_p + (b - c - s) / 2 x_q + (b + c - s) / 2 |x_p - x_q|
+
+        the unary costs of p and q and the cost of their interface, as a seam problem has them. That is
+        submodular while s ≤ b + c. Where s > b + c, which no seam problem can say, b + c stands for s: the
+        move is then chosen by too low a cost of what there is, and made only if it lowers the true one.
+
+        *A worked example.* One row of four pixels, of which the first shows i, the second and third j, the
+        fourth k; the second and third may turn to k. With M_ij = 5, M_ik = 1, M_jk = 3 at every interface::
+
+            labels       i   j   j   k         turned        cost
+            interfaces     5   0   3           none          5 + 0 + 3 = 8
+                                               third         5 + 3 + 0 = 8
+                                               both          1 + 0 + 0 = 1
+
+        Interface 1 (i is fixed, q = j may turn): unary 5 for q staying, 1 for q turning. Interface 2 (both
+        may turn, i = j): s = 0, b = c = 3, so 3 |x_p - x_q| and no unary. Interface 3 (k is fixed): unary 3
+        for p staying. The least is 1: both turn.
+        """
+        shows, nothing = self.shows, len(self.layers)
+        free = self.may[k] & (shows != k) & (shows != nothing)
+        if within is not None:
+            free &= within
+        edges = np.flatnonzero(free[self.p] | free[self.q])
+        if not len(edges):
+            return False
+        p, q = self.p[edges], self.q[edges]
+        i, j = shows[p], shows[q]
+        edges, p, q, i, j = (part[(i != nothing) & (j != nothing)] for part in (edges, p, q, i, j))
+        stay = self.cost[self.row[i, j], edges].astype(np.float64)
+        q_turns = self.cost[self.row[i, k], edges].astype(np.float64)
+        p_turns = self.cost[self.row[k, j], edges].astype(np.float64)
+        free_p, free_q = free[p], free[q]
+        both, p_only, q_only = free_p & free_q, free_p & ~free_q, free_q & ~free_p
+        least = np.minimum(stay, p_turns + q_turns)
+        # What turning costs more than staying.
+        on_p = np.where(both, (p_turns - q_turns - least) / 2, np.where(p_only, p_turns - stay, 0.0))
+        on_q = np.where(both, (q_turns - p_turns - least) / 2, np.where(q_only, q_turns - stay, 0.0))
+        link = (p_turns + q_turns - least) / 2
+        nodes = np.flatnonzero(free)
+        number = np.full(len(shows), -1, np.intp)
+        number[nodes] = np.arange(len(nodes))
+        unary: Floats = np.zeros(len(nodes))
+        unary += np.bincount(number[p[free_p]], on_p[free_p], len(nodes))
+        unary += np.bincount(number[q[free_q]], on_q[free_q], len(nodes))
+        inner = np.flatnonzero(both)
+        turns, _ = _decided(
+            free.reshape(self.box.shape),
+            nodes,
+            number[p[inner]],
+            number[q[inner]],
+            np.maximum(link[inner], _LEAST_LINK),
+            -unary,
+            decide,
+        )
+        if not turns.any():
+            return False
+        before, old = float(stay.sum()), shows[nodes]
+        shows[nodes[turns]] = k
+        if self.total(edges) < before * (1 - _LEAST_GAIN):
+            return True
+        shows[nodes] = old
+        return False
+
+    def fuse(self, other: npt.NDArray[np.int16]) -> None:
+        """Take what another solution, (h w,), shows wherever that costs less, in each patch in which they
+        differ as a whole (:mod:`toposeam.layers.fusion`).
+        """
+        patch, count = ndimage.label((self.shows != other).reshape(self.box.shape))
+        patch = patch.ravel()
+        at = np.maximum(patch[self.p], patch[self.q])
+        edges = np.flatnonzero(at)
+        own, others = (
+            np.bincount(
+                at[edges], self.cost[self.row[shows[self.p[edges]], shows[self.q[edges]]], edges], count + 1
+            )
+            for shows in (self.shows, other)
+        )
+        self.shows = np.where((others < own)[patch], other, self.shows)
+
+    def swap(self, i: int, j: int, decide: Decide) -> bool:
+        """Divide anew what shows one of two layers and may show either; whether that gained something."""
+        free = self.may[i] & self.may[j] & ((self.shows == i) | (self.shows == j))
+        return self.divide(free, np.full(len(free), i, np.int16), np.full(len(free), j, np.int16), decide)
+
+    def steep(self, step: float) -> npt.NDArray[np.intp]:
+        """The pixels beside which the potential of the last division changes by more."""
+        one, other = self.soft[self.p], self.soft[self.q]
+        edges = np.flatnonzero((np.abs(one - other) > step) & (one >= 0) & (other >= 0))
+        return np.unique(np.concatenate([self.p[edges], self.q[edges]]))
+
+    def divide_all(self, decide: Decide) -> tuple[Mask, npt.NDArray[np.int16], npt.NDArray[np.int16]]:
+        """Divide anew all pixels that may show two layers, as long as those beside them may not show others,
+        together; (h w,) bool, which, and the positions of the two layers.
+        """
+        free = (self.may.sum(axis=0) == 2) & (self.shows != len(self.layers))
+        one = self.may.argmax(axis=0).astype(np.int16)
+        other = (len(self.layers) - 1 - self.may[::-1].argmax(axis=0)).astype(np.int16)
+        unlike = (one[self.p] != one[self.q]) | (other[self.p] != other[self.q])
+        unlike &= free[self.p] & free[self.q]
+        free[self.p[unlike]] = free[self.q[unlike]] = False
+        self.divide(free, one, other, decide)
+        return free, one, other
+
+    def divide(
+        self, free: Mask, one: npt.NDArray[np.int16], other: npt.NDArray[np.int16], decide: Decide
+    ) -> bool:
+        """Decide for some pixels which of two layers each shows, the two being the same for pixels that
+        adjoin; whether that gained something.
+        """
+        shows = self.shows
+        edges = np.flatnonzero(free[self.p] | free[self.q])
+        if not len(edges):
+            return False
+        p, q = self.p[edges], self.q[edges]
+        nodes = np.flatnonzero(free)
+        number = np.full(len(shows), -1, np.intp)
+        number[nodes] = np.arange(len(nodes))
+        unary = np.zeros(len(nodes))
+        free_p, free_q = free[p], free[q]
+        for here, there, alone in ((p, q, free_p & ~free_q), (q, p, free_q & ~free_p)):
+            at, beyond, edge = here[alone], shows[there[alone]], edges[alone]
+            surplus = self.cost[self.row[one[at], beyond], edge].astype(np.float64)
+            surplus -= self.cost[self.row[other[at], beyond], edge]
+            unary += np.bincount(number[at], surplus, len(nodes))
+        both = np.flatnonzero(free_p & free_q)
+        link = self.cost[self.row[one[p[both]], other[q[both]]], edges[both]].astype(np.float64)
+        turned, soft = _decided(
+            free.reshape(self.box.shape),
+            nodes,
+            number[p[both]],
+            number[q[both]],
+            np.maximum(link, _LEAST_LINK),
+            unary,
+            decide,
+            shows[nodes] == other[nodes],
+        )
+        self.soft[nodes] = soft
+        before, old = self.total(edges), shows[nodes]
+        shows[nodes] = np.where(turned, other[nodes], one[nodes])
+        if self.total(edges) < before * (1 - _LEAST_GAIN):
+            return True
+        shows[nodes] = old
+        return False
+
+
+def _decided(
+    free: Mask,
+    nodes: npt.NDArray[np.intp],
+    tail: Ints,
+    head: Ints,
+    link: Floats,
+    pull: Floats,
+    decide: Decide,
+    now: Mask | None = None,
+) -> tuple[Mask, Floats]:
+    """(n,) bool: which nodes end on the hot side, and their potential; `pull` is what not ending there costs
+    more. Nodes are the `free` pixels, (h, w), and all that lie side by side are linked.
+    """
+    component = ndimage.label(free)[0].ravel()[nodes]
+    count = int(component.max()) + 1
+    warm, cool = (np.bincount(component, side, count) > 0 for side in (pull > 0, pull < 0))
+    result: Mask = warm[component]
+    if now is not None:  # nothing pulls: all stays
+        result = result | (now & ~(warm | cool)[component])
+    open_ = (warm & cool)[component]
+    potential = result.astype(np.float64)
+    if not open_.any():
+        return result, potential
+    chosen = np.flatnonzero(open_)
+    size = len(chosen)
+    inner = open_[tail]
+    order = np.full(len(nodes), -1, np.intp)
+    order[chosen] = np.arange(size)
+    tied = np.flatnonzero(pull[chosen])
+    strength = pull[chosen[tied]]
+    network = Network(
+        size,
+        np.concatenate([order[tail[inner]], tied]),
+        np.concatenate([order[head[inner]], np.where(strength > 0, size + 1, size)]),
+        np.sum(np.divmod(nodes[chosen], free.shape[1]), axis=0) % 2 == 0,
+    )
+    result[chosen], potential[chosen] = decide(network, np.concatenate([link[inner], np.abs(strength)]))
+    return result, potential
+
+
+def laid_on_top(allowed: Sequence[Mask], order: Sequence[int]) -> LabelMap:
+    """(h w,) int16, the last layer of an order that is allowed; as many as there are where none is."""
+    shows = np.full(allowed[0].size, len(allowed), np.int16)
+    for k in order:
+        shows[allowed[k].ravel()] = k
+    return shows

@@ -1,0 +1,116 @@
+"""Seams of many layers from coarse to fine.
+
+Large canvases are looked at reduced first (:mod:`toposeam.layers.reduction`): there rounds of moves are
+made (:mod:`toposeam.layers.rounds`). Then every finer size is refined where the coarser
+one says that it matters.
+
+Reduced costs are a guess at what a seam will cost, off by some per cent, and which of several ways it takes
+hangs by less. So problems of up to some megapixels are reduced in three ways, each of which leads to other
+mistakes; :mod:`toposeam.layers.fusion` takes the best of each, and what lies beside these seams is divided
+once more. That ends within 0.5 % of what solving everything at full size does, instead of 2 %.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from toposeam.images import Mask
+from toposeam.layers.fusion import fused
+from toposeam.layers.junctions import beside_steps, dilated
+from toposeam.layers.labelling import Labelling
+from toposeam.layers.maps import dense
+from toposeam.layers.painting import LabelMap
+from toposeam.layers.progressed import Progress, Progressed
+from toposeam.layers.reduction import OTHERS, WANDERING, enlarged, opened, reduced
+from toposeam.layers.rounds import Rounds
+from toposeam.layers.tasks import Executor
+from toposeam.seam.find import Method
+
+#: Problems in which so many pixels have several layers to choose from, or more, are reduced first.
+WHOLE_PIXELS = 10_000
+#: Problems are not reduced below so many pixels a side.
+_SHORTEST = 32
+#: Where more pixels than this have several layers to choose from, on canvases of up to so many pixels, costs
+#: are reduced in several ways; how far beside the best seams pixels are opened again, px.
+_TRIED, _TRIED_CANVAS, _BESIDE = 100_000, 1 << 22, 4
+
+
+def best_rounds(
+    labelling: Labelling,
+    order: Sequence[int],
+    method: Method,
+    options: dict[str, Any],
+    most: int,
+    progress: Progress | None = None,
+    potentials: bool = False,
+    executor: Executor | None = None,
+) -> tuple[Rounds, int]:
+    """The cheapest label map that is found, and how many rounds were made.
+
+    Parameters
+    ----------
+    labelling : Labelling
+    order : sequence of int
+        In which the layers are joined if no rounds are wanted.
+    method, options
+        How moves are solved, as for :func:`toposeam.find_seam`.
+    most : int
+        Rounds at most; with 0 the layers are only joined one after another, in the order.
+    potentials : bool
+        Whether the label potentials of all seams are wanted, however large the canvas is.
+    executor : Executor, optional
+        Where moves are made that do not touch (:mod:`toposeam.layers.tasks`).
+    """
+    steps = Progressed(progress)
+    search = _Search(order, method, options, most, steps, potentials, executor)
+    height, width = labelling.canvas.shape
+    tries = most and height * width <= _TRIED_CANVAS and labelling.contested(_TRIED + 1) > _TRIED
+    if not tries:
+        return search.from_coarse(labelling, WANDERING)
+    found = [search.from_coarse(labelling, wandering) for wandering in (WANDERING, *OTHERS)]
+    shows = dense(found[0][0].label_map)
+    for other, _ in found[1:]:
+        shows = fused(labelling, shows, dense(other.label_map))
+    near = dilated(beside_steps(shows, 0), _BESIDE)
+    rounds = Rounds(labelling, shows, method, options, near, steps, keeps=potentials)
+    rounds.refine(most, executor=executor)
+    return rounds, max(number for _, number in found)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Search:
+    """How seams are looked for."""
+
+    order: Sequence[int]
+    method: Method
+    options: dict[str, Any]
+    most: int
+    steps: Progressed
+    potentials: bool
+    executor: Executor | None
+
+    def from_coarse(self, labelling: Labelling, wandering: float) -> tuple[Rounds, int]:
+        """What costs that were reduced in one way lead to, and how many rounds were made."""
+        levels = [labelling]
+        while (
+            levels[-1].contested(WHOLE_PIXELS + 1) > WHOLE_PIXELS
+            and min(levels[-1].canvas.shape) > 2 * _SHORTEST
+        ):
+            levels.append(reduced(levels[-1], self.executor, wandering))
+            self.steps.one()
+        coarsest = levels.pop()
+        rounds = self._rounds(coarsest, coarsest.on_top(), None, len(levels))
+        number = rounds.search(self.order, self.most)
+        while levels:
+            finer = levels.pop()
+            near = opened(rounds.beside_seams(), finer)
+            hints = rounds.undecided
+            rounds = self._rounds(finer, enlarged(rounds.label_map, finer), near, len(levels))
+            rounds.refine(self.most, hints, self.executor)
+        return rounds, number
+
+    def _rounds(self, labelling: Labelling, label_map: LabelMap, near: Mask | None, finer: int) -> Rounds:
+        keeps = self.potentials
+        return Rounds(labelling, label_map, self.method, self.options, near, self.steps, finer, keeps)

@@ -30,7 +30,7 @@ from toposeam.images import Image, Mask, as_float, full_scale, in_dtype
 from toposeam.layers.gradient import correction
 from toposeam.layers.layer import Box, Layer, cut
 from toposeam.layers.maps import uniform
-from toposeam.layers.multiband import Mixture, Contribution
+from toposeam.layers.multiband import Contribution, Mixture
 from toposeam.layers.painting import LabelMap
 from toposeam.seam.seam import Seam, potential_on_window
 

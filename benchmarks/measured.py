@@ -37,6 +37,7 @@ print(json.dumps([seconds, clock, usage.ru_maxrss / 1024, os.waitstatus_to_exitc
 def measured(command: list[str], folder: Path) -> Measured:
     """One process, its time and its largest resident set."""
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # installed, all has been compiled
     ran = subprocess.run(
         [sys.executable, "-c", STARTER, *command],
         cwd=folder,

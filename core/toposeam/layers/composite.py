@@ -154,10 +154,10 @@ def stitch(
 ) -> Stitched:
     """Join placed layers.
 
-    Two are joined along one seam. More are laid on top of each other in several orders of their places; from
-    each of these starts, moves let one layer after another show more of itself, until the total cost falls no
-    longer, and the cheapest end is taken (:mod:`toposeam.layers.rounds`). What shows where, and at what cost,
-    is defined in :mod:`toposeam.layers.labelling`.
+    Two are joined along one seam. More are joined one after another, and laid on top of each other in several
+    orders of their places; from each of these starts, moves let one layer after another show more of itself,
+    until the total cost falls no longer, and the best of each end is taken (:mod:`toposeam.layers.rounds`).
+    What shows where, and at what cost, is defined in :mod:`toposeam.layers.labelling`.
 
     Parameters
     ----------

@@ -7,9 +7,9 @@ where three or more do.
 
 They end in an optimum that depends on where they started: hardly where layers show the same things, by up to
 a fifth of the cost where they have little in common. So there are several starts: the layers on top of each
-other, by rows and by columns of where they lie, from either end, and joined one after another. After one
-round of each the cheapest two go on, and the others where these do not end alike. Wherever another end costs
-less than the cheapest one its patch is taken over.
+other, by rows and by columns of where they lie, from either end, and joined one after another in the given
+order and the opposite one. After one round of each the cheapest two go on, and the others where these do not
+end alike. Wherever another end costs less than the cheapest one its patch is taken over.
 
 :mod:`toposeam.layers.levels` does this on a reduced canvas first. At every finer size only pixels beside the
 seams, and beside flow that the heat had not yet decided, are opened again: on small canvases all of them
@@ -19,6 +19,7 @@ together, on large ones pair by pair, with windows round the places where three 
 from __future__ import annotations
 
 import dataclasses
+import math
 import time
 from collections.abc import Mapping, Sequence
 from copy import copy
@@ -40,7 +41,7 @@ from toposeam.layers.maps import dense, new_map, part_of, several
 from toposeam.layers.painting import LabelMap
 from toposeam.layers.parts import part_of_labelling
 from toposeam.layers.progressed import Progressed
-from toposeam.layers.tasks import Executor, results, waves
+from toposeam.layers.tasks import Executor, groups, results
 from toposeam.optimize.history import Termination
 from toposeam.seam.exact import minimum_cut
 from toposeam.seam.find import Method, method_options, solve
@@ -59,7 +60,8 @@ _UNDECIDED, _UNDECIDED_LAST = 0.005, 0.05
 _UNDECIDED_LARGE, _UNDECIDED_LAST_LARGE, _LARGE = 0.03, 0.5, 1 << 20
 #: How far the windows reach round places where three layers meet, px.
 _WINDOW = 24
-#: Canvases of up to so many pixels are refined as a whole, all seams together.
+#: Canvases of up to so many pixels are refined as a whole, all seams together, which is sooner done than
+#: handed on.
 _TOGETHER = 1 << 19
 #: How far from where a layer shows it may show at the next finer size, px; round tangles, all may change.
 _REACH, _TANGLE = 4, 8
@@ -119,7 +121,7 @@ class Rounds:
         self.settings = {} if self._options is None else dataclasses.asdict(self._options)
         #: Of each pair what was last solved; on large canvases without labels and potentials.
         self.solved: dict[Pair, tuple[Box, Solution]] = {}
-        self._keeps = keeps or labelling.canvas.shape[0] * labelling.canvas.shape[1] <= KEPT_CANVAS
+        self._keeps = keeps or math.prod(labelling.canvas.shape) <= KEPT_CANVAS
         #: Pixels beside flow that the heat had not decided.
         self.undecided: dict[Pair, Pixels] = {}
         self._heat: Heat | None = None
@@ -144,11 +146,13 @@ class Rounds:
         places = sorted(range(count), key=lambda k: labelling.places[k])
         across = sorted(range(count), key=lambda k: labelling.places[k][1::-1])
         with one_thread():
-            self._join(choices, allowed, order)
-            starts = [choices.shows] + [
+            starts = [
                 laid_on_top(allowed, start)
                 for start in dict.fromkeys(map(tuple, (places, places[::-1], across, across[::-1])))
             ]
+            for joined in (order, order[::-1]):
+                self._join(choices, allowed, joined)
+                starts.append(choices.shows)
             number = self._best_of(choices, starts, most, places)
             for i, j in labelling.adjoining(choices.label_map()):
                 choices.swap(i, j, self._decide)
@@ -206,7 +210,7 @@ class Rounds:
             Where moves are made that do not touch (:mod:`toposeam.layers.tasks`).
         """
         labelling, canvas = self.labelling, self.labelling.canvas
-        if self._near is not None and canvas.shape[0] * canvas.shape[1] <= _TOGETHER:
+        if self._near is not None and math.prod(canvas.shape) <= _TOGETHER:
             with one_thread():
                 self._refine_together(most, hints or {})
             return
@@ -353,12 +357,12 @@ class Rounds:
         )
 
     def _divide(self, pairs: Sequence[Pair], options: HeatOptions, executor: Executor | None) -> None:
-        """Divide anew what is open between two layers, pair by pair, or those that do not touch at once."""
+        """Divide anew what is open between two layers, those pairs at once that do not touch."""
         boxes = [self.labelling.costs[pair].box for pair in pairs]
-        for wave in [[k] for k in range(len(pairs))] if executor is None else waves(boxes):
-            parts = (self if executor is None else self._part(boxes[k]) for k in wave)
-            items = (part._division(pairs[k], options) for k, part in zip(wave, parts, strict=True))
-            for k, found in zip(wave, results(executor, divided, items), strict=True):
+        for group in groups(boxes):
+            parts = (self if executor is None else self._part(boxes[k]) for k in group)
+            items = (part._division(pairs[k], options) for k, part in zip(group, parts, strict=True))
+            for k, found in zip(group, results(executor, divided, items), strict=True):
                 self._steps.one()
                 if found is not None:
                     self._take(pairs[k], found)

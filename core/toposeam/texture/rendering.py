@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.images import Mask, full_scale
+from toposeam.images import Mask, full_scale, in_dtype
 from toposeam.texture.atlas import Ints32
 from toposeam.texture.joints import ROWS, joints
 
@@ -65,11 +65,12 @@ def render(
     result = np.empty((*index.shape, plane.shape[2]), plane.dtype)
     for first in range(0, len(index), ROWS):
         rows = slice(first, first + ROWS)
-        result[rows] = flat[np.maximum(index[rows], 0)]
+        flat.take(index[rows], axis=0, out=result[rows], mode="clip")
         if lift is not None:
             gain = np.broadcast_to(lift.gain, result.shape)[rows]
             result[rows] = _stored(gain * result[rows] + lift.offset[rows], plane.dtype, lift)
-    result[index < 0] = 0
+    if index.min(initial=0) < 0:
+        result[index < 0] = 0
     if smooth:
         for y, x in _near_seams(index, plane.shape[1], wrap, smooth):
             mixed = _mixed(index, flat, usable.ravel(), plane.shape[1], wrap, smooth, y, x, lift)
@@ -103,7 +104,7 @@ def _stored(
     """Values in the picture's dtype."""
     if lift is not None:
         values = np.clip(values, lift.low, lift.high)
-    return (np.rint(values) if np.issubdtype(dtype, np.integer) else values).astype(dtype)
+    return in_dtype(values, dtype)
 
 
 def _near_seams(

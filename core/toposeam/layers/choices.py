@@ -332,11 +332,3 @@ def _decided(
     )
     result[chosen], potential[chosen] = decide(network, np.concatenate([link[inner], np.abs(strength)]))
     return result, potential
-
-
-def laid_on_top(allowed: Sequence[Mask], order: Sequence[int]) -> LabelMap:
-    """(h w,) int16, the last layer of an order that is allowed; as many as there are where none is."""
-    shows = np.full(allowed[0].size, len(allowed), np.int16)
-    for k in order:
-        shows[allowed[k].ravel()] = k
-    return shows

@@ -6,10 +6,8 @@ made, so the rounds end. Where only two layers meet one swap finds the best seam
 where three or more do.
 
 They end in an optimum that depends on where they started: hardly where layers show the same things, by up to
-a fifth of the cost where they have little in common. So there are several starts: the layers on top of each
-other, by rows and by columns of where they lie, from either end, and joined one after another in the given
-order and the opposite one. After one round of each the cheapest two go on, and the others where these do not
-end alike. Wherever another end costs less than the cheapest one its patch is taken over.
+a fifth of the cost where they have little in common. So there are several starts
+(:mod:`toposeam.layers.starts`).
 
 :mod:`toposeam.layers.levels` does this on a reduced canvas first. At every finer size only pixels beside the
 seams, and beside flow that the heat had not yet decided, are opened again: on small canvases all of them
@@ -32,7 +30,7 @@ from toposeam.heat.network import Floats, Network
 from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
 from toposeam.layers.band import write_pixels
-from toposeam.layers.choices import Choices, laid_on_top
+from toposeam.layers.choices import Choices
 from toposeam.layers.dividing import LEAST_GAIN, Divided, Division, Pixels, Potential, divided
 from toposeam.layers.junctions import beside_steps, dilated, junctions
 from toposeam.layers.labelling import Labelling, Move, Pair
@@ -41,6 +39,7 @@ from toposeam.layers.maps import dense, new_map, part_of, several
 from toposeam.layers.painting import LabelMap
 from toposeam.layers.parts import part_of_labelling
 from toposeam.layers.progressed import Progressed
+from toposeam.layers.starts import best_of_starts, joined
 from toposeam.layers.tasks import Executor, groups, results
 from toposeam.optimize.history import Termination
 from toposeam.seam.exact import minimum_cut
@@ -65,8 +64,6 @@ _WINDOW = 24
 _TOGETHER = 1 << 19
 #: How far from where a layer shows it may show at the next finer size, px; round tangles, all may change.
 _REACH, _TANGLE = 4, 8
-#: The best two starts end alike when their costs differ by less than this share: then no other goes on.
-_AGREED = 1e-4
 #: Cycles of expansions at most where three layers meet.
 _CYCLES = 3
 
@@ -139,21 +136,13 @@ class Rounds:
         choices = Choices(labelling, canvas, dense(self.label_map), allowed, range(count))
         if not most:
             with one_thread():
-                self._join(choices, allowed, order)
+                joined(choices, allowed, order, self._decide, self._steps)
             self.label_map[:, :] = choices.label_map()
             return 0
-        # Which layer was named first decides nothing.
-        places = sorted(range(count), key=lambda k: labelling.places[k])
-        across = sorted(range(count), key=lambda k: labelling.places[k][1::-1])
         with one_thread():
-            starts = [
-                laid_on_top(allowed, start)
-                for start in dict.fromkeys(map(tuple, (places, places[::-1], across, across[::-1])))
-            ]
-            for joined in (order, order[::-1]):
-                self._join(choices, allowed, joined)
-                starts.append(choices.shows)
-            number = self._best_of(choices, starts, most, places)
+            number, places = best_of_starts(
+                choices, allowed, labelling.places, order, self._decide, most, self._steps
+            )
             for i, j in labelling.adjoining(choices.label_map()):
                 choices.swap(i, j, self._decide)
                 if self._undecided is not None:
@@ -164,35 +153,6 @@ class Rounds:
             for pair in labelling.adjoining(self.label_map):
                 self._swap(pair)
         return number
-
-    def _best_of(self, choices: Choices, starts: Sequence[LabelMap], most: int, order: Sequence[int]) -> int:
-        """Expansions from several starts, the ends of which are fused; returns how many rounds that took."""
-        ends: list[tuple[float, int, LabelMap]] = []
-        for choices.shows in starts:
-            choices.run(self._decide, 1, order)
-            self._steps.one()
-            ends.append((choices.total(), len(ends), choices.shows))
-        ends.sort(key=lambda end: end[:2])
-        number = 1
-        for place, (_, _, choices.shows) in enumerate(ends):
-            if place == 2 and abs(ends[0][0] - ends[1][0]) <= _AGREED * ends[0][0]:
-                break
-            number = max(number, 1 + choices.run(self._decide, most - 1, order))
-            ends[place] = choices.total(), place, choices.shows
-            self._steps.one()
-        ends.sort(key=lambda end: end[:2])
-        choices.shows = ends[0][2]
-        for _, _, other in ends[1:]:
-            choices.fuse(other)
-        return number
-
-    def _join(self, choices: Choices, allowed: Sequence[Mask], order: Sequence[int]) -> None:
-        """Lay the layers one after another, each joined to what is there along the best seam."""
-        choices.shows = np.full(choices.shows.shape, len(allowed), np.int16)
-        for k in order:
-            choices.lay(k, allowed[k].ravel())
-            choices.expand(k, self._decide)
-            self._steps.one()
 
     def refine(
         self, most: int, hints: Mapping[Pair, Pixels] | None = None, executor: Executor | None = None

@@ -1,0 +1,83 @@
+"""Rounds of expansions from several starts.
+
+The layers lie on top of each other, by rows and by columns of where they are, from either end, and are joined
+one after another in the given order and the opposite one. After one round of each the cheapest two go on, and
+the others where these do not end alike. Wherever another end costs less than the cheapest one its patch is
+taken over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from toposeam.images import Mask
+from toposeam.layers.choices import Choices, Decide
+from toposeam.layers.layer import Box
+from toposeam.layers.painting import LabelMap
+from toposeam.layers.progressed import Progressed
+
+#: The best two starts end alike when their costs differ by less than this share: then no other goes on.
+_AGREED = 1e-4
+
+
+def best_of_starts(
+    choices: Choices,
+    allowed: Sequence[Mask],
+    boxes: Sequence[Box],
+    order: Sequence[int],
+    decide: Decide,
+    most: int,
+    steps: Progressed,
+) -> tuple[int, list[int]]:
+    """Let the choices show the best of what several starts end in; how many rounds that took, and the layers
+    in the order of their places.
+    """
+    count = len(boxes)
+    places = sorted(range(count), key=lambda k: boxes[k])
+    across = sorted(range(count), key=lambda k: boxes[k][1::-1])
+    starts = [
+        laid_on_top(allowed, start)
+        for start in dict.fromkeys(map(tuple, (places, places[::-1], across, across[::-1])))
+    ]
+    for one_way in (order, order[::-1]):
+        joined(choices, allowed, one_way, decide, steps)
+        starts.append(choices.shows)
+    ends: list[tuple[float, int, LabelMap]] = []
+    for choices.shows in starts:
+        choices.run(decide, 1, places)
+        steps.one()
+        ends.append((choices.total(), len(ends), choices.shows))
+    ends.sort(key=lambda end: end[:2])
+    number = 1
+    for place, (_, _, choices.shows) in enumerate(ends):
+        if place == 2 and abs(ends[0][0] - ends[1][0]) <= _AGREED * ends[0][0]:
+            break
+        number = max(number, 1 + choices.run(decide, most - 1, places))
+        ends[place] = choices.total(), place, choices.shows
+        steps.one()
+    ends.sort(key=lambda end: end[:2])
+    choices.shows = ends[0][2]
+    for _, _, other in ends[1:]:
+        choices.fuse(other)
+    return number, places
+
+
+def joined(
+    choices: Choices, allowed: Sequence[Mask], order: Sequence[int], decide: Decide, steps: Progressed
+) -> None:
+    """Lay the layers one after another, each joined to what is there along the best seam."""
+    choices.shows = np.full(choices.shows.shape, len(allowed), np.int16)
+    for k in order:
+        choices.lay(k, allowed[k].ravel())
+        choices.expand(k, decide)
+        steps.one()
+
+
+def laid_on_top(allowed: Sequence[Mask], order: Sequence[int]) -> LabelMap:
+    """(h w,) int16, the last layer of an order that is allowed; as many as there are where none is."""
+    shows = np.full(allowed[0].size, len(allowed), np.int16)
+    for k in order:
+        shows[allowed[k].ravel()] = k
+    return shows

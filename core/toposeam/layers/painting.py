@@ -59,7 +59,10 @@ def paint(
                 if shows.all():
                     image[here], alpha[here] = part, own
                 else:
-                    image[here][shows] = np.broadcast_to(part, image[here].shape)[shows]
+                    on = image[here]
+                    part = np.broadcast_to(part, on.shape)
+                    for channel in [...] if on.ndim == 2 else range(on.shape[2]):
+                        np.copyto(on[..., channel], part[..., channel], where=shows)
                     np.copyto(alpha[here], own, where=shows)
     return image, alpha
 

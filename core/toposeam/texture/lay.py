@@ -33,6 +33,8 @@ _USED_UP = 30
 _NEAR, _TWICE = 1.0, 2.0
 #: Share of what there is to copy up to which use is not counted.
 _LITTLE = 0.05
+#: The share of what it overlaps on which a patch shows, about, where that is not known yet.
+_WON = 0.5
 #: An exemplar that shows on less counts as showing on this much of the canvas.
 _LEAST_SHARE = 0.02
 #: Added to every error, so that a perfect fit does not outweigh everything else; the square of 1 % of the
@@ -143,7 +145,8 @@ class PatchPlacer:
         """The best places for a patch in a window, given what shows; changes nothing, and draws nothing."""
         m, terms = self.margin, self._terms(site)
         h, w = site.shape
-        new = int((site.weight[m : m + h, m : m + w] == 0).sum())
+        empty = int((site.weight[m : m + h, m : m + w] == 0).sum())
+        new = empty + round(_WON * (h * w - empty))
         none = np.zeros(0, np.intp)
         error: Floats32 | None = None
         for term in terms:

@@ -64,7 +64,7 @@ def means_of(folder: Path, files: Sequence[Path], processes: int, dask: str | No
     OptionError
         When there is no such cluster, or its workers do not see the files.
     """
-    with scratch(folder) as store, crew(processes, dask) as workers:
+    with scratch(folder) as store, crew(processes, dask, store) as workers:
         if dask is not None and workers is not None:
             workers.check(store.new(), files)
         yield Means(store, workers, dask is not None)

@@ -95,7 +95,8 @@ class _Reading:
     limit: int
     #: Where pixels wait, unless they do in memory; what decodes several pictures at a time, then.
     scratch: Scratch | None
-    skips: bool
+    #: None where nobody can ask for it.
+    skips: bool | None
     executor: Executor | None
     #: Whether that may be on other machines.
     elsewhere: bool = False
@@ -107,7 +108,10 @@ class _Reading:
     def read(self, files: Sequence[Path], names: Sequence[str]) -> Iterator[tuple[int, Picture]]:
         """Each picture with its number."""
         if not self.skips:
-            check_together(files, self.limit)
+            try:
+                check_together(files, self.limit)
+            except ts.ImageError as error:
+                raise self._with_remedy(error, len(files)) from None
         scratch = self.scratch
         items = (
             (
@@ -122,12 +126,18 @@ class _Reading:
             for number, (picture, name) in enumerate(zip(pictures, names, strict=True)):
                 if isinstance(picture, ts.ImageError):
                     if not self.skips:
-                        raise picture
+                        raise self._with_remedy(picture, len(files))
                     self.reasons.append(str(picture))
                     self.lost.append(name)
                     continue
                 self.numbers.append(number)
                 yield number, picture
+
+    def _with_remedy(self, error: ts.ImageError, count: int) -> ts.ImageError:
+        """What is wrong with one of so many pictures, and that it can be left out if two others are left."""
+        if self.skips is None or count <= 2:
+            return error
+        return ts.ImageError(f"{error}; --skip-bad leaves out what cannot be read")
 
 
 def _read(item: tuple[Path, int, Path | None]) -> Picture | ts.ImageError:
@@ -151,7 +161,7 @@ def arrange(
     masks: Sequence[Keyed] = (),
     keeps: Sequence[Keyed] = (),
     max_megapixels: float,
-    skip_bad: bool = False,
+    skip_bad: bool | None = None,
     progress: Callable[[float], None] | None = None,
     scratch: Scratch | None = None,
     alone: bool = False,

@@ -220,6 +220,21 @@ def full_scale(dtype: np.dtype[Any]) -> Any:
     return dtype.type(np.iinfo(dtype).max if np.issubdtype(dtype, np.integer) else 1)
 
 
+def in_dtype(values: npt.NDArray[np.floating[Any]], dtype: np.dtype[Any]) -> npt.NDArray[Any]:
+    """Values reckoned with as values of a picture: those of integers are rounded and kept within its limits.
+
+    Examples
+    --------
+    >>> in_dtype(np.array([-3.0, 1.5, 2.5, 400.0]), np.dtype(np.uint8)).tolist()
+    [0, 2, 2, 255]
+    """
+    if np.issubdtype(dtype, np.integer):
+        limits = np.iinfo(dtype)
+        values = np.rint(values)
+        np.clip(values, limits.min, limits.max, out=values)
+    return values.astype(dtype, copy=False)
+
+
 def as_mask(mask: npt.ArrayLike, shape: tuple[int, ...], name: str) -> Mask:
     """The mask as a bool array of the given shape, (H, W) or (D, H, W), True where it is not zero.
 

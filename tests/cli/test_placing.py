@@ -153,7 +153,11 @@ def test_tiff_files_say_where_they_lie(crops, toposeam):
 @pytest.mark.medium
 def test_a_picture_that_cannot_be_read_is_left_out_when_asked(crops, toposeam, tmp_path):
     (tmp_path / "bad.png").write_bytes(b"\x89PNG broken")
-    toposeam("stitch", *crops, "bad.png", "-o", "all.png").fails("bad.png")
+    ran = toposeam("stitch", *crops, "bad.png", "-o", "all.png")
+    ran.fails("bad.png")
+    ran.fails("--skip-bad")
+    two = toposeam("stitch", crops[0], "bad.png", "-o", "all.png")
+    assert "--skip-bad" not in two.err  # no two would be left
     ran = toposeam("stitch", *crops, "bad.png", "-o", "all.png", "--skip-bad")
     assert ran.code == 0
     assert "left out: cannot read" in ran.err

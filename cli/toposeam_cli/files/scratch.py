@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from toposeam_cli.files.temporary import claimed, remove, temporary_beside, tidy_once
+from toposeam_cli.files.temporary import claimed, claimed_folder, remove, temporary_beside, tidy_once
 from toposeam_cli.files.writing import OutputError, reason
 
 
@@ -29,6 +29,18 @@ class Scratch:
             self._open.callback(remove, path)
             self._open.enter_context(claimed(path))
         return path
+
+    def folder(self) -> Path:
+        """An empty folder.
+
+        Raises
+        ------
+        OutputError
+        """
+        path = temporary_beside(self._folder / "scratch")
+        with self.failures_told():
+            tidy_once(self._folder)
+            return self._open.enter_context(claimed_folder(path))
 
     @contextmanager
     def failures_told(self) -> Iterator[None]:

@@ -12,21 +12,28 @@ import os
 import pickle
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
 from toposeam.errors import TopoSeamError
 from toposeam.sentence import sentence
+from toposeam_cli.files.scratch import Scratch
 from toposeam_cli.jobs.dask_workers import DaskWorkers, WorkerCheck, dask_workers
+from toposeam_cli.jobs.handing import Handing
 from toposeam_cli.jobs.workers import Workers, worker_processes
 
 _LOGGER = logging.getLogger(__name__)
+
+#: A function and an item, pickled, and the folder of arrays that they and the result say the place of.
+Call = tuple[bytes, Path | None]
 
 #: How often somebody who waits looks for signals, s.
 _LOOK_EVERY_S = 1.0
 #: Results that may wait for earlier ones, and items that may be made ready, per worker.
 _AHEAD = 4
+#: Items that wait for each worker of a cluster, so that it need not wait for us.
+_WAITING = 1
 
 
 class WorkersDiedError(TopoSeamError, RuntimeError):
@@ -47,9 +54,10 @@ def processes_of(wanted: int | None) -> int:
 class TaskCrew:
     """Workers for the time of a block (:func:`crew`)."""
 
-    def __init__(self, processes: int, dask: str | None, block: ExitStack) -> None:
-        self._processes, self._dask, self._block = processes, dask, block
+    def __init__(self, processes: int, dask: str | None, block: ExitStack, store: Scratch | None) -> None:
+        self._processes, self._dask, self._block, self._store = processes, dask, block, store
         self._workers: Workers | None = None
+        self._handing = Handing(None)
         #: Parts that were handed out, and the bytes that went there and came back.
         self.parts = self.sent = self.received = 0
 
@@ -65,9 +73,11 @@ class TaskCrew:
             made = (
                 worker_processes(self._processes)
                 if self._dask is None
-                else dask_workers(self._dask, self._processes)
+                else dask_workers(self._dask, self._processes, _WAITING)
             )
             self._workers = self._block.enter_context(made)
+            if self._store is not None:
+                self._handing = Handing(self._store.folder())
         return self._workers
 
     def check(self, probe: Path, files: Iterable[Path]) -> None:
@@ -91,11 +101,11 @@ class TaskCrew:
         """
         workers = self.start()
         waiting = enumerate(items)
-        calls: dict[int, bytes] = {}
+        calls: dict[int, Call] = {}
         said: dict[int, bytes] = {}
         again: list[int] = []
         deaths: Counter[int] = Counter()
-        told, ahead, more = 0, _AHEAD * max(self._processes, 1), True
+        told, ahead, more = 0, _AHEAD * workers.count, True
         while True:
             while workers.is_free and (again or (more and len(calls) + len(said) < ahead)):
                 if again:
@@ -106,11 +116,14 @@ class TaskCrew:
                     except StopIteration:
                         more = False
                         break
-                    calls[number] = pickle.dumps((function, item), pickle.HIGHEST_PROTOCOL)
-                    self.parts, self.sent = self.parts + 1, self.sent + len(calls[number])
+                    with self._failures_told():
+                        calls[number] = self._handing.pickled((function, item)), self._handing.folder
+                    self.parts, self.sent = self.parts + 1, self.sent + len(calls[number][0])
                 workers.begin(str(number), calls[number], done)
             while told in said:
-                yield _value(said.pop(told))
+                with self._failures_told():
+                    value = _value(said.pop(told))
+                yield value
                 told += 1
             if not calls and not more:
                 return
@@ -129,15 +142,18 @@ class TaskCrew:
                     )
                 again.append(number)
 
+    def _failures_told(self) -> AbstractContextManager[None]:
+        return nullcontext() if self._store is None else self._store.failures_told()
 
-def done(call: bytes) -> bytes:
+
+def done(call: Call) -> bytes:
     """In a worker: what a function of an item gives, or what it raises."""
+    pickled, folder = call
     try:
-        function, item = pickle.loads(call)  # noqa: S301 - from whoever started this worker
-        result = True, function(item)
+        function, item = pickle.loads(pickled)  # noqa: S301 - from whoever started this worker
+        return Handing(folder).pickled((True, function(item)))
     except Exception as error:
-        result = False, _portable(error)
-    return pickle.dumps(result, pickle.HIGHEST_PROTOCOL)
+        return pickle.dumps((False, _portable(error)), pickle.HIGHEST_PROTOCOL)
 
 
 def _portable(error: Exception) -> Exception:
@@ -157,7 +173,7 @@ def _value(said: bytes) -> Any:
 
 
 @contextmanager
-def crew(processes: int, dask: str | None = None) -> Iterator[TaskCrew | None]:
+def crew(processes: int, dask: str | None = None, store: Scratch | None = None) -> Iterator[TaskCrew | None]:
     """So many processes, or the workers of a Dask cluster, which end with the block; None where this process
     does everything itself.
 
@@ -166,11 +182,13 @@ def crew(processes: int, dask: str | None = None) -> Iterator[TaskCrew | None]:
     processes : int
     dask : str, optional
         As for :func:`toposeam_cli.jobs.dask_workers.dask_workers`.
+    store : Scratch, optional
+        Where large arrays lie that several look things up in; else they go through the scheduler.
     """
     if processes == 1 and dask is None:
         yield None
         return
     with ExitStack() as block:
-        workers = TaskCrew(processes, dask, block)
+        workers = TaskCrew(processes, dask, block, store)
         yield workers
         _LOGGER.info("%d parts, %d bytes to workers, %d back", workers.parts, workers.sent, workers.received)

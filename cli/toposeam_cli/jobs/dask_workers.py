@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import logging
 import sys
+import time
 import uuid
-import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import contextmanager, suppress
@@ -25,6 +25,8 @@ _NO_PAGES: dict[str, list[str]] = {
 }
 #: The environment of the processes of a local cluster.
 _SPAWNED = "distributed.nanny.pre-spawn-environ"
+#: When workers are asked again of which one was gone before it answered, s.
+_AGAIN_S = 0.5
 #: How long the end of a local cluster is waited for, s.
 _CLOSING_S = 10
 
@@ -34,15 +36,15 @@ class DaskWorkers(Workers):
 
     attempts = 4  # a worker that dies takes what waits for it along, so that the innocent are tried again too
 
-    def __init__(self, client: Any, count: int) -> None:
-        super().__init__()
-        self._client, self._count = client, count
+    def __init__(self, client: Any, count: int, waiting: int = 0) -> None:
+        super().__init__(count)
+        self._client, self._most = client, count * (1 + waiting)
         self._executor: Executor = client.get_executor(pure=False)
 
     @property
     def is_free(self) -> bool:
-        """Whether one has nothing to do."""
-        return len(self._running) < self._count
+        """Whether one has nothing to do, or nothing that waits for it."""
+        return len(self._running) < self._most
 
     def _take(self) -> Executor:
         return self._executor
@@ -58,12 +60,16 @@ class DaskWorkers(Workers):
         OptionError
         """
         remedy = "install the same there as here, on storage that all of them share"
-        try:
-            answers = self._client.run(look, on_error="return")
-        except Exception as error:  # whatever cannot be sent there, or comes from there
-            raise OptionError(
-                f"the Dask workers cannot run TopoSeam ({_first_line(error)}); {remedy}"
-            ) from error
+        for _ in range(self.attempts):
+            try:
+                answers = self._client.run(look, on_error="return")
+            except Exception as error:  # whatever cannot be sent there, or comes from there
+                raise OptionError(
+                    f"the Dask workers cannot run TopoSeam ({_first_line(error)}); {remedy}"
+                ) from error
+            if not any(isinstance(said, OSError) for said in answers.values()):
+                break
+            time.sleep(_AGAIN_S)  # one was killed meanwhile; another will take its place
         for worker, said in answers.items():
             if isinstance(said, BaseException):
                 raise OptionError(
@@ -119,9 +125,9 @@ def versions() -> dict[str, str]:
 
 
 @contextmanager
-def dask_workers(address: str, count: int) -> Iterator[Workers]:
+def dask_workers(address: str, count: int, waiting: int = 0) -> Iterator[Workers]:
     """Workers of the Dask cluster at an address, or of ``local``: one that is made for the block, with
-    `count` processes, which nobody else can use.
+    `count` processes, which nobody else can use. So many jobs may be `waiting` for each of them.
 
     Raises
     ------
@@ -138,7 +144,6 @@ def dask_workers(address: str, count: int) -> Iterator[Workers]:
         raise MissingPackageError(
             "running on Dask needs distributed; install it with: pip install 'toposeam[dask]'"
         ) from error
-    warnings.filterwarnings("ignore", "Sending large graph", UserWarning)  # nothing a user could change
     # A worker's death is ours to answer: only we know which files it may have left.
     # Dask has its workers give memory back at every chance and take it anew, which costs more than the work.
     spawned = {name: value for name, value in dask.config.get(_SPAWNED).items() if "MALLOC" not in name}
@@ -166,7 +171,7 @@ def dask_workers(address: str, count: int) -> Iterator[Workers]:
                         "address outside of networks you trust.",
                         client.scheduler.address,
                     )
-                yield DaskWorkers(client, threads)
+                yield DaskWorkers(client, threads, waiting)
         finally:
             _close(cluster)
 

@@ -63,7 +63,9 @@ class Workers(ABC):
     #: How often a job is begun whose worker dies.
     attempts = 2
 
-    def __init__(self) -> None:
+    def __init__(self, count: int) -> None:
+        #: How many there are.
+        self.count = count
         self._running: dict[Future[Any], tuple[str, Executor]] = {}
 
     @property
@@ -139,7 +141,7 @@ class _Processes(Workers):
     """
 
     def __init__(self, count: int) -> None:
-        super().__init__()
+        super().__init__(count)
         start_resource_tracker()
         self._context = multiprocessing.get_context("spawn")
         self._ending, self._alive = self._context.Pipe(duplex=False)

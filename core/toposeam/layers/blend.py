@@ -26,11 +26,11 @@ from scipy import ndimage
 
 from toposeam.checks import check_choice
 from toposeam.errors import OptionError
-from toposeam.images import Image, Mask, as_float, full_scale
+from toposeam.images import Image, Mask, as_float, full_scale, in_dtype
 from toposeam.layers.gradient import correction
 from toposeam.layers.layer import Box, Layer, cut
 from toposeam.layers.maps import uniform
-from toposeam.layers.multiband import multiband
+from toposeam.layers.multiband import Contribution, Mixture
 from toposeam.layers.painting import LabelMap
 from toposeam.seam.seam import Seam, potential_on_window
 
@@ -39,8 +39,8 @@ BLENDS: tuple[Blend, ...] = get_args(Blend)
 
 #: Width in px where none is given; None spreads over the whole picture.
 WIDTHS: dict[Blend, float | None] = {"feather": 7.0, "multiband": 32.0, "gradient": None}
-#: How far wide blends mix, px, where no width is given.
-_REACHES: dict[Blend, float] = {"multiband": 32.0, "soft": 32.0}
+#: How far blends mix that have no width, px.
+_REACHES: dict[Blend, float] = {"soft": 32.0}
 #: Widths that make sense: beyond, tiles would no longer bound the memory.
 WIDEST = 512.0
 
@@ -89,9 +89,9 @@ def check_blend(blend: str, width: float | None) -> None:
 
 def reach_of(blend: Blend, width: float | None) -> float:
     """How far from a seam, px, a blend mixes what differs; 0 for narrow ones, and those that follow seams."""
-    if blend not in _REACHES:
-        return 0.0
-    return _REACHES[blend] if width is None else width
+    if blend == "multiband":
+        return WIDTHS[blend] or 0.0 if width is None else width
+    return _REACHES.get(blend, 0.0)
 
 
 class Blender:
@@ -164,6 +164,8 @@ class Blender:
         top, left = (edge // step * step for edge in part[:2])
         bottom, right = (-(-edge // step) * step for edge in part[2:])
         around = Box(top, left, bottom, right).grown(self._beyond)
+        if step > 1:  # beyond the canvas there is nothing to be mixed
+            around = around.shared(Box(0, 0, *(-(-side // step) * step for side in placed.box.shape)))
         shows = cut(placed.label_map, placed.box, around, fill=-1)
         index = [k for k in range(len(placed.layers)) if all(placed.places[k].shared(around).shape)]
         if len(index) < 2:
@@ -171,9 +173,9 @@ class Blender:
         colours, opacity, changed = self._mix(around, shows, index)
         inner, here = part.within(around), part.within(tile)
         now = changed[inner] & (shows[inner] >= 0)
-        _write(image[here], colours[inner], now)
+        _write(image[here], colours[inner], now, placed.layers[0].white)
         if opacity is not None:
-            _write(alpha[here], opacity[inner], now)
+            _write(alpha[here], opacity[inner], now, float(full_scale(alpha.dtype)))
 
     def _near_seams(self, tile: Box) -> Box | None:
         """The part of a tile that seams may change."""
@@ -196,13 +198,15 @@ class Blender:
         return part if all(part.shape) else None
 
 
-def _write(target: npt.NDArray[Any], values: Floats32, where: Mask) -> None:
-    """Put float values in [0, 1] (or beyond, for floats) where they have changed."""
-    chosen: npt.NDArray[Any] = values[where]
-    if np.issubdtype(target.dtype, np.integer):
-        limits = np.iinfo(target.dtype)
-        chosen = np.clip(np.rint(chosen.astype(np.float64) * limits.max), limits.min, limits.max)
-    target[where] = chosen.reshape(target[where].shape).astype(target.dtype)
+def _write(target: npt.NDArray[Any], values: Floats32, where: Mask, white: float) -> None:
+    """Put float values, of which 1 is `white`, where they have changed; both with or without channels."""
+    if values.ndim == 3:
+        planes = target[..., np.newaxis] if target.ndim == 2 else target
+        for channel in range(values.shape[2]):
+            _write(planes[..., channel], values[..., channel], where, white)
+        return
+    exact = np.float32 if target.dtype.itemsize <= 2 else np.float64
+    np.copyto(target, in_dtype(values * exact(white), target.dtype), where=where)
 
 
 def _colours(placed: Placed, index: int, box: Box, channels: int) -> tuple[Floats32, Mask]:
@@ -315,23 +319,31 @@ class _Multiband:
         self._placed, self._levels = placed, levels
 
     def mix(self, box: Box, shows: LabelMap, index: list[int]) -> tuple[Floats32, None, Mask]:
-        index = [k for k in index if (shows == k).any()]
-        channels = _channels(self._placed)
-        masks = [shows == k for k in index]
-        differences, known = [], []
+        placed = self._placed
+        channels = _channels(placed)
         mixed = np.zeros((channels, *box.shape), np.float32)
-        for k, mask in zip(index, masks, strict=True):
-            planes, present = _planes(self._placed, k, box, channels)
-            np.copyto(mixed, planes, where=mask)
-            differences.append(planes)
-            known.append(present & (shows >= 0))
-        for planes, here in zip(differences, known, strict=True):
-            planes -= mixed
-            if not here.all():
-                planes *= here
-        mixture, share = multiband(differences, known, masks, self._levels)
-        mixed += mixture
-        return np.moveaxis(mixed, 0, 2), None, share < 1 - _SETTLED
+        found = []
+        for k in index:
+            common = placed.places[k].shared(box)
+            # Pairs of pixels become one: the box's edges are even.
+            part = Box(*(edge // 2 * 2 for edge in common[:2]), *(-(-edge // 2) * 2 for edge in common[2:]))
+            here = part.within(box)
+            own = shows[here] == k
+            if not own.any():
+                continue
+            planes, present = _planes(placed, k, part, channels)
+            np.copyto(mixed[:, *here], planes, where=own)
+            found.append((part, here, own, planes, present & (shows[here] >= 0)))
+        pieces = []
+        for part, here, own, planes, known in found:
+            planes -= mixed[:, *here]
+            if not known.all():
+                planes *= known
+            pieces.append(
+                Contribution(box=part.moved(-box.top, -box.left), difference=planes, known=known, shows=own)
+            )
+        changed = Mixture(pieces, box.shape, self._levels, _SETTLED).onto(mixed)
+        return np.moveaxis(mixed, 0, 2), None, changed
 
 
 def _spread(placed: Placed, image: Image, width: float | None, goes_round: bool) -> None:
@@ -342,8 +354,4 @@ def _spread(placed: Placed, image: Image, width: float | None, goes_round: bool)
             placed.layers, placed.places, placed.covered, placed.label_map, channel, width, goes_round
         )
         values += plane
-        if np.issubdtype(plane.dtype, np.integer):
-            limits = np.iinfo(plane.dtype)
-            np.rint(values, out=values)
-            np.clip(values, limits.min, limits.max, out=values)
-        np.copyto(plane, values.astype(plane.dtype), where=ground)
+        np.copyto(plane, in_dtype(values, plane.dtype), where=ground)

@@ -168,6 +168,12 @@ def compose(
         pairs = moves.pairs(potentials=blend == "soft")
         made = Made(moves, list(paths), {"core": core, **dataclasses.asdict(match)})
         seam_of, totals = made, made.totals
+        if executor is not None and not alone:
+            known = made.totals(executor)  # which may have gone when somebody asks
+
+            def totals() -> Totals:
+                return known
+
     placed = Placed(layers=layers, places=steps.places, covered=steps.covered, label_map=label_map)
     return Composition(
         layers=layers,

@@ -15,7 +15,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from toposeam.images import Image, Windows
+from toposeam.images import Image, Windows, in_dtype
 from toposeam.layers.blend import Blend, Blender, Placed
 from toposeam.layers.labelling import Pair
 from toposeam.layers.layer import Box, Extent, Layer
@@ -274,7 +274,7 @@ class Composition:
         share = (np.arange(part.left, part.right) + joint + 1.0 - end) / (joint + 1)
         share = share.reshape((1, -1) + (1,) * (image.ndim - 2))
         mixed = here + share * (other.astype(np.float64) - here)
-        here[...] = np.rint(mixed) if np.issubdtype(image.dtype, np.integer) else mixed
+        here[...] = in_dtype(mixed, image.dtype)
 
     @cached_property
     def _blender(self) -> Blender:

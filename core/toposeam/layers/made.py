@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.images import Mask
 from toposeam.layers.band import costs_at
 from toposeam.layers.composition import Totals
-from toposeam.layers.labelling import Pair
+from toposeam.layers.labelling import Pair, PairCost
 from toposeam.layers.layer import Box
 from toposeam.layers.maps import BLOCK, dense, several
 from toposeam.layers.rounds import Rounds
+from toposeam.layers.tasks import Executor, results
 from toposeam.optimize.history import Termination
 from toposeam.seam.overlap import FREE
 from toposeam.seam.seam import Seam
@@ -24,6 +26,17 @@ from toposeam.seam.solution import Solution
 _MARGIN, _LARGE_BOX = 8, 1 << 20
 #: The interfaces that begin in a block which goes on by a pixel: their direction and their two pixels.
 _INTERFACES: Any = (1, np.s_[:BLOCK, :-1], np.s_[:BLOCK, 1:]), (0, np.s_[:-1, :BLOCK], np.s_[1:, :BLOCK])
+
+
+#: The cost of a pair, a canvas, and of interfaces on it their first pixels and their directions.
+_Interfaces = tuple[PairCost, Box, npt.NDArray[np.intp], Mask]
+
+
+def _measured(item: _Interfaces) -> tuple[int, float]:
+    """How many of some interfaces cost something, and what all do."""
+    cost, canvas, first, beside = item
+    costs = costs_at(cost, canvas, first, beside.astype(np.intp))
+    return int(np.count_nonzero(costs)), float(costs.sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +98,9 @@ class Made:
             problem=problem,
         )
 
-    def totals(self) -> Totals:
-        """Of all seams."""
-        found = self.measured()
+    def totals(self, executor: Executor | None = None) -> Totals:
+        """Of all seams, their pairs looked at where an executor does so."""
+        found = self.measured(executor)
         return Totals(
             length=float(sum(length for length, _ in found.values())),
             cost=sum(cost for _, cost in found.values()),
@@ -95,7 +108,7 @@ class Made:
             method="path" if next(iter(found), None) in self.given else self.moves.method,
         )
 
-    def measured(self) -> dict[Pair, tuple[int, float]]:
+    def measured(self, executor: Executor | None = None) -> dict[Pair, tuple[int, float]]:
         """How long each seam is, px, and what it costs, without making it."""
         canvas = self.moves.labelling.canvas
         found: dict[Pair, list[tuple[npt.NDArray[np.intp], ...]]] = {}
@@ -108,12 +121,14 @@ class Made:
                 for pair in {(int(i), int(j)) for i, j in ends.T} & self.moves.labelling.costs.keys():
                     own = np.flatnonzero((ends[0] == pair[0]) & (ends[1] == pair[1]))
                     found.setdefault(pair, []).append((at[own], np.full(len(own), axis)))
-        result = {}
-        for pair, lists in sorted(found.items()):
-            first, axes = (np.concatenate(part) for part in zip(*lists, strict=True))
-            costs = costs_at(self.moves.labelling.costs[pair], canvas, first, axes)
-            result[pair] = int(np.count_nonzero(costs)), float(costs.sum())
-        return result
+        pairs = sorted(found)
+        items = (self._interfaces(pair, found[pair]) for pair in pairs)
+        return dict(zip(pairs, results(executor, _measured, items), strict=True))
+
+    def _interfaces(self, pair: Pair, lists: Sequence[tuple[npt.NDArray[np.intp], ...]]) -> _Interfaces:
+        first, axes = (np.concatenate(part) for part in zip(*lists, strict=True))
+        cost = self.moves.labelling.costs[pair]
+        return cost.part(cost.box, {}), self.moves.labelling.canvas, first, axes.astype(bool)
 
     def _seam_box(self, pair: Pair) -> Box | None:
         """On large overlaps, the box of the seam and some pixels around it."""

@@ -6,119 +6,131 @@ masks of their own level and put together again (Burt and Adelson 1983, doi:10.1
 Pyramids are linear, so that the mixture is the hard cut plus the mixture of what each layer differs from it.
 These differences are 0 where the layer shows, and nearly constant where only the exposure differs: where a
 layer has no pixels its difference, unlike the layer itself, can be continued without inventing anything.
-Known pixels are averaged down the pyramid, and what is missing is filled in from the next coarser level.
+Known pixels are averaged down the pyramid, and going up again what is missing is filled in from the next
+coarser level: what a level says beyond that is its band, 0 where nothing is known.
+
+At full size each pixel is that of the layer that shows, whose difference is 0 there. So the finest band needs
+no sums, and all mixing is done at half the size and less, of all layers together.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from toposeam.images import Mask
-from toposeam.seam.pyramid import expand, expand_part, gaussian
+from toposeam.layers.layer import Box
+from toposeam.seam.pyramid import expand, expand_part, gaussian, reduce
 
 Floats32 = npt.NDArray[np.float32]
 
 #: Weight of bands that were made up, and what keeps sums of weights from being 0.
-_MADE_UP, _LEAST = 1e-3, 1e-9
+_MADE_UP, _LEAST = np.float32(1e-3), np.float32(1e-9)
+#: Of how little is known at least, lest it be divided by 0.
+_KNOWN = np.float32(1e-3)
+#: So far from what is known, px, a reduced pixel may know something of it.
+_AROUND = 2
 
 
-def multiband(
-    differences: Sequence[Floats32], present: Sequence[Mask], shows: Sequence[Mask], levels: int
-) -> tuple[Floats32, Floats32]:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Contribution:
+    """A layer as far as it matters to a tile."""
+
+    #: Where it lies on the tile; all edges are even.
+    box: Box
+    #: (C, h, w) float32, its colours minus those of the hard cut; 0 where they are not known.
+    difference: Floats32
+    #: (h, w) bool, where the difference is known, and where the layer shows.
+    known: Mask
+    shows: Mask
+
+
+class Mixture:
     """What the mixture of some layers differs from their hard cut.
 
     Parameters
     ----------
-    differences : sequence of (C, h, w) float32 arrays
-        Per layer, its colours minus those of the hard cut; height and width are multiples of 2 ** levels.
-    present : sequence of (h, w) bool arrays
-        Where each difference is known.
-    shows : sequence of (h, w) bool arrays
-        Where each layer shows; nowhere two, and where none does the mixture is arbitrary.
+    parts : sequence of Contribution
+        Nowhere do two of them show.
+    shape : (int, int)
+        Height and width of the tile, multiples of 2 ** levels px.
     levels : int
-        Halvings of the resolution. The coarsest band is mixed over about 2 ** levels px on either side of the
-        seam.
-
-    Returns
-    -------
-    mixture : (C, h, w) float32 array
-    share : (h, w) float32 array
-        How much of the coarsest band is that of the layer that shows.
+        Halvings of the resolution, at least one. The coarsest band is mixed over about 2 ** levels px on
+        either side of the seam.
+    settled : float
+        Pixels of which the layer that shows has all but this share of the coarsest band do not change.
     """
-    mixed: list[Floats32] = []
-    total: list[Floats32] = []
-    own = np.zeros(shows[0].shape, np.float32)
-    sums = np.zeros(shows[0].shape, np.float32)
-    for difference, known, mask in zip(differences, present, shows, strict=True):
-        weights = gaussian(mask[np.newaxis].astype(np.float32), levels)
-        knowns = None if known.all() else gaussian(known[np.newaxis].astype(np.float32), levels)
-        for level, band in enumerate(_laplacian(_continued(difference, known, knowns), levels)):
-            weight = weights[level]
-            if level == len(mixed):
-                mixed.append(np.zeros_like(band))
-                total.append(np.full_like(weight, _LEAST))
-            if knowns is not None:
-                # What was made up counts next to nothing, unless nobody knows better.
-                weight = weight * np.maximum(2 * knowns[level] - 1, np.float32(_MADE_UP))
-            band *= weight
-            mixed[level] += band
-            total[level] += weight
-        share = weights[levels]
-        for _ in range(levels):
+
+    def __init__(
+        self, parts: Sequence[Contribution], shape: tuple[int, int], levels: int, settled: float
+    ) -> None:
+        self._parts = parts
+        count, channels = len(parts), len(parts[0].difference)
+        half = shape[0] // 2, shape[1] // 2
+        sums = np.zeros((count, channels, *half), np.float32)
+        known, shows = (np.zeros((count, *half), np.float32) for _ in range(2))
+        whole = Box(0, 0, *shape)
+        for k, part in enumerate(parts):
+            around = part.box.grown(_AROUND).shared(whole)
+            at, inside = _halved(around).slices, part.box.within(around)
+            planes = np.zeros((channels + 2, *around.shape), np.float32)
+            for target, values in zip(planes, (*part.difference, part.known, part.shows), strict=True):
+                target[inside] = values
+            reduced = reduce(planes)
+            sums[k, :, *at], known[k, *at], shows[k, *at] = reduced[:-2], reduced[-2], reduced[-1]
+        #: (K, C, h / 2, w / 2), each layer's difference, and (C, h / 2, w / 2), the mixture of all.
+        self._layers, self._mixed = _mixed(sums, known, shows, levels)
+        share = gaussian(shows, levels - 1)[-1]
+        for _ in range(levels - 1):
             share = expand(share)
-        np.copyto(own, share[0], where=mask)
-        sums += share[0]
-    result = np.zeros(0, np.float32)
-    for level in reversed(range(levels + 1)):
-        mixed[level] /= total[level]
-        if level < levels:
-            mixed[level] += expand(result)
-        result = mixed[level]
-    return result, np.divide(own, sums, out=own, where=sums > 0)
+        self._changes = share < (1 - settled) * share.sum(axis=0)
+
+    def onto(self, colours: Floats32) -> Mask:
+        """Add it to (C, H, W) colours in place; (H, W) bool, which pixels count as changed."""
+        changed = np.zeros(colours.shape[1:], bool)
+        for part, layer, changes in zip(self._parts, self._layers, self._changes, strict=True):
+            here, reduced = part.box.slices, _halved(part.box)
+            if not changes[reduced.slices].any():
+                continue
+            wide = reduced.grown(1).shared(Box(0, 0, *changes.shape))
+            more = self._mixed[:, *wide.slices] - layer[:, *wide.slices]
+            rows, columns = (slice(2 * side.start, 2 * side.stop) for side in reduced.within(wide))
+            more = expand_part(more, rows, columns)
+            more *= part.shows
+            colours[:, *here] += more
+            changed[here] |= part.shows & changes[reduced.slices].repeat(2, axis=0).repeat(2, axis=1)
+        return changed
 
 
-def _laplacian(planes: Floats32, levels: int) -> list[Floats32]:
-    """The bands, finest first; the image itself is not needed any more."""
-    pyramid = gaussian(planes, levels)
-    for fine, coarse in pairwise(pyramid):
-        fine -= expand(coarse)
-    return pyramid
-
-
-def _continued(planes: Floats32, known: Mask, weights: list[Floats32] | None) -> Floats32:
-    """The image with smooth values where it has none; `weights` is the pyramid of `known`."""
-    if weights is None:
-        return planes
-    levels = len(weights) - 1
-    sums = gaussian(np.where(known, planes, np.float32(0)), levels)
-    filled = _ratio(sums[-1], weights[-1])
-    for level in reversed(range(1, levels)):
-        share = weights[level]
+def _mixed(sums: Floats32, known: Floats32, shows: Floats32, levels: int) -> tuple[Floats32, Floats32]:
+    """All bands but the finest, from the coarsest to that of half the size."""
+    count, channels, *half = sums.shape
+    means = gaussian(sums.reshape(-1, *half), levels - 1)
+    weights, masks = gaussian(known, levels - 1), gaussian(shows, levels - 1)
+    layers = mixed = np.zeros(0, np.float32)
+    for level in reversed(range(levels)):
+        weight = weights[level]
+        band = means[level].reshape(count, channels, *weight.shape[1:])
+        band /= np.maximum(weight, _KNOWN)[:, np.newaxis]
+        # What was made up counts next to nothing, unless nobody knows better.
+        part = masks[level] * np.maximum(2 * weight - 1, _MADE_UP)
+        part /= part.sum(axis=0) + _LEAST
+        if level == levels - 1:
+            layers, mixed = band, (band * part[:, np.newaxis]).sum(axis=0)
+            continue
+        coarser = expand(layers.reshape(-1, *layers.shape[2:])).reshape(band.shape)
+        band -= coarser
         # Averages of few pixels give way to the coarser level.
-        trust = np.minimum(share, 1)
-        coarser = expand(filled)
-        filled = _ratio(sums[level], share)
-        filled -= coarser
-        filled *= trust
-        filled += coarser
-    result = planes.copy()
-    missing = ~known
-    rows, columns = (_doubles(np.flatnonzero(missing.any(axis=axis))) for axis in (1, 0))
-    part = np.s_[:, rows, columns]
-    np.copyto(result[part], expand_part(filled, rows, columns), where=missing[rows, columns])
-    return result
+        band *= np.minimum(weight, 1)[:, np.newaxis]
+        mixed = expand(mixed)
+        mixed += (band * part[:, np.newaxis]).sum(axis=0)
+        band += coarser
+        layers = band
+    return layers, mixed
 
 
-def _doubles(at: npt.NDArray[np.intp]) -> slice:
-    """From the first index to the last one, in whole pairs."""
-    return slice(int(at[0]) // 2 * 2, int(at[-1]) // 2 * 2 + 2)
-
-
-def _ratio(sums: Floats32, weights: Floats32) -> Floats32:
-    """Means from sums; 0 where next to nothing was summed."""
-    result: Floats32 = np.divide(sums, np.maximum(weights, np.float32(1e-3)), dtype=np.float32)
-    return result
+def _halved(box: Box) -> Box:
+    return Box(box.top // 2, box.left // 2, box.bottom // 2, box.right // 2)

@@ -18,6 +18,7 @@ windows round such places have rounds of their own.
 from __future__ import annotations
 
 import dataclasses
+import math
 import time
 from collections.abc import Callable, Sequence
 from copy import copy
@@ -35,7 +36,7 @@ from toposeam.layers.maps import dense, new_map, part_of, several
 from toposeam.layers.painting import LabelMap
 from toposeam.layers.parts import part_of_labelling
 from toposeam.layers.reduction import enlarged, opened, reduced
-from toposeam.layers.tasks import Executor, results, waves
+from toposeam.layers.tasks import Executor, groups, results
 from toposeam.seam.find import Method, method_options, solve
 from toposeam.seam.heat import HeatOptions
 from toposeam.seam.overlap import FREE
@@ -57,6 +58,8 @@ _WINDOW = 24
 #: Methods that solve a region with unary costs; the others leave it to heat.
 _ANY_NETWORK: tuple[Method, ...] = ("heat", "shortest-path", "graph-cut")
 
+#: Seams on canvases of so many pixels or less are sooner found than handed on.
+_HANDED_ON = 1 << 19
 #: On canvases of up to so many pixels the label potentials of all seams are kept.
 KEPT_CANVAS = 1 << 25
 
@@ -113,7 +116,7 @@ def best_rounds(
         rounds = Rounds(
             finer, enlarged(rounds.label_map, finer), method, options, near, steps, len(levels), potentials
         )
-        rounds.refine(most, executor)
+        rounds.refine(most, executor if math.prod(finer.canvas.shape) > _HANDED_ON else None)
     return rounds, number
 
 
@@ -171,7 +174,7 @@ class Rounds:
         self.settings = {} if self._options is None else dataclasses.asdict(self._options)
         #: Of each pair what was last solved; on large canvases without labels and potentials.
         self.solved: dict[Pair, tuple[Box, Solution]] = {}
-        self._keeps = keeps or labelling.canvas.shape[0] * labelling.canvas.shape[1] <= KEPT_CANVAS
+        self._keeps = keeps or math.prod(labelling.canvas.shape) <= KEPT_CANVAS
         #: Pixels beside flow that the heat had not decided.
         self._flows: dict[Pair, Pixels] = {}
         #: Of pairs that were divided as bands, the label potential of the pixels that were open.
@@ -310,12 +313,12 @@ class Rounds:
         )
 
     def _divide(self, pairs: Sequence[Pair], options: HeatOptions, executor: Executor | None) -> None:
-        """Divide anew what is open between two layers, pair by pair, or those that do not touch at once."""
+        """Divide anew what is open between two layers, those pairs at once that do not touch."""
         boxes = [self.labelling.costs[pair].box for pair in pairs]
-        for wave in [[k] for k in range(len(pairs))] if executor is None else waves(boxes):
-            parts = (self if executor is None else self._part(boxes[k]) for k in wave)
-            items = (part._division(pairs[k], options) for k, part in zip(wave, parts, strict=True))
-            for k, found in zip(wave, results(executor, divided, items), strict=True):
+        for group in groups(boxes):
+            parts = (self if executor is None else self._part(boxes[k]) for k in group)
+            items = (part._division(pairs[k], options) for k, part in zip(group, parts, strict=True))
+            for k, found in zip(group, results(executor, divided, items), strict=True):
                 self._steps.one()
                 if found is not None:
                     self._take(pairs[k], found)

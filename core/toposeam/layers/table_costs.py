@@ -40,6 +40,10 @@ class TableCost:
     #: The part of the box that the tables are of, 0 elsewhere; all of it where None.
     at: Box | None = None
 
+    def __post_init__(self) -> None:
+        for table in (self.right, self.down):
+            table.setflags(write=False)  # who hands them on need not look whether they are still the same
+
     def on(self, box: Box, beside: Mask | None = None) -> tuple[Floats32, Floats32]:
         """The costs in a box."""
         return spread((self.right, self.down), self.at or self.box, box)
@@ -56,4 +60,6 @@ class TableCost:
         common = box.grown(AROUND).shared(self.box)
         if min(common.shape) < 2:
             common = Box(self.box.top, self.box.left, self.box.top + 2, self.box.left + 2)
-        return TableCost(self.box, *spread((self.right, self.down), self.box, common), common)
+        rows, columns = common.within(self.box)
+        right = self.right[rows, columns.start : columns.stop - 1]
+        return TableCost(self.box, right, self.down[rows.start : rows.stop - 1, columns], common)

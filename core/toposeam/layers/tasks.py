@@ -52,21 +52,22 @@ def results(
     return map(function, items) if executor is None else executor.map(function, items)
 
 
-def waves(boxes: Sequence[Box]) -> list[list[int]]:
+def groups(boxes: Sequence[Box]) -> list[list[int]]:
     """Work on boxes of one map, in groups to be done one after another: within a group no two boxes have a
-    pixel in common, and of two that do the first one comes first.
+    pixel in common. The largest boxes come first, each in the first group that it fits in, so that there are
+    few groups, however many boxes there are.
 
     Examples
     --------
-    >>> waves([Box(0, 0, 9, 5), Box(0, 4, 9, 9), Box(0, 9, 9, 12), Box(3, 0, 6, 12)])
+    >>> groups([Box(0, 0, 9, 5), Box(0, 4, 9, 9), Box(0, 9, 9, 12), Box(3, 0, 6, 12)])
     [[0, 2], [1], [3]]
     """
-    groups: list[list[int]] = []
-    number: list[int] = []
-    for index, box in enumerate(boxes):
-        after = [number[k] + 1 for k in range(index) if all(boxes[k].shared(box).shape)]
-        number.append(max(after, default=0))
-        if number[-1] == len(groups):
-            groups.append([])
-        groups[number[-1]].append(index)
-    return groups
+    found: list[list[int]] = []
+    for index in sorted(range(len(boxes)), key=lambda k: (-boxes[k].shape[0] * boxes[k].shape[1], k)):
+        for group in found:
+            if not any(all(boxes[k].shared(boxes[index]).shape) for k in group):
+                group.append(index)
+                break
+        else:
+            found.append([index])
+    return found

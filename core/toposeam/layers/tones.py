@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import check_choice
-from toposeam.images import Image, Mask, Windows, as_float
+from toposeam.images import Image, Mask, Windows, as_float, in_dtype
 from toposeam.layers.layer import Box, Layer, check_layers, extent_of
 from toposeam.layers.shading import field_on
 from toposeam.layers.shading import shading as field_coefficients
@@ -200,10 +200,7 @@ class Toned(Windows):
             elif not np.issubdtype(self.dtype, np.integer):
                 result[part] = planes[part] * factor
             elif self.dtype.itemsize <= 2:
-                limits = np.iinfo(self.dtype)
-                values = planes[part] * factor
-                np.clip(np.rint(values, out=values), limits.min, limits.max, out=values)
-                result[part] = values
+                result[part] = in_dtype(planes[part] * factor, self.dtype)
                 self._keep_white(planes[part], result[part], factor)
             else:
                 share = planes[part].astype(np.float64) / self._white
@@ -225,8 +222,7 @@ class Toned(Windows):
         result[bright] = self._whole(share * factor + np.maximum(0.0, 1 - factor) * burnt)
 
     def _whole(self, share: npt.NDArray[np.float64]) -> Image:
-        limits = np.iinfo(self.dtype)
-        return np.clip(np.rint(share * self._white), limits.min, limits.max).astype(self.dtype)
+        return in_dtype(share * self._white, self.dtype)
 
 
 def _log_ratios(item: tuple[Layer, Box, Layer, Box, int]) -> list[tuple[float, int] | None]:

@@ -12,7 +12,7 @@ from scipy import ndimage
 
 from toposeam.checks import check_kind, check_number, check_numbers
 from toposeam.errors import OptionError
-from toposeam.images import Mask, check_values, full_scale
+from toposeam.images import Mask, check_values, full_scale, in_dtype
 from toposeam.layers.layer import Layer
 
 Floats = npt.NDArray[np.float64]
@@ -75,22 +75,21 @@ def placed(layer: Layer, *, at: tuple[float, float], turn: float = 0.0, scale: f
     for channel in range(planes.shape[2]):
         values = _warped(planes[..., channel], inverse, base, shape, 3)
         if np.issubdtype(dtype, np.integer):
-            values = np.clip(np.rint(values), 0, layer.white)
-        image[..., channel] = np.where(inside, values, 0)
+            values = np.clip(values, 0, layer.white)
+        image[..., channel] = in_dtype(np.where(inside, values, np.float32(0)), dtype)
     opacity = inside.astype(np.float32)
     if layer.alpha is not None:
         opacity *= np.clip(
             _warped(np.asarray(layer.alpha), inverse, base, shape, 1) / float(full_scale(dtype)), 0, 1
         )
-    full = float(full_scale(dtype))
-    alpha = np.rint(opacity * full) if np.issubdtype(dtype, np.integer) else opacity * full
+    alpha = in_dtype(opacity * float(full_scale(dtype)), dtype)
     mask, keep = (
         None if given is None else inside & (_warped(np.asarray(given), inverse, base, shape, 0) > 0.5)
         for given in (layer.mask, layer.keep)
     )
     return Layer(
         image if layer.image.ndim == 3 else image[..., 0],
-        alpha=alpha.astype(dtype),
+        alpha=alpha,
         at=(left, top),
         name=layer.name,
         mask=mask,

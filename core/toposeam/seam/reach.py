@@ -71,6 +71,7 @@ class Reach:
             sums[at] += here
             counts[at] += _by_cells(known[..., np.newaxis].astype(np.float32))
         self._values = np.zeros(cells, np.float32) if sums is None else _bands(sums, counts, levels)
+        self._values.setflags(write=False)
 
     def on(self, rows: slice, columns: slice) -> Floats32:
         """R in some rows and columns of the window, which may lie beyond it."""

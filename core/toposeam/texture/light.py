@@ -21,7 +21,7 @@ from scipy import sparse
 from scipy.sparse import linalg
 
 from toposeam.errors import ImageError
-from toposeam.images import Image, Mask, as_array, as_mask, check_values, full_scale
+from toposeam.images import Image, Mask, as_array, as_mask, check_values, full_scale, in_dtype
 from toposeam.texture.atlas import Atlas, Floats32, Ints32
 from toposeam.texture.joints import ROWS, joints
 from toposeam.texture.sources import Images, as_list
@@ -116,9 +116,8 @@ def flatten_light(
     flat = deep * mean / np.maximum(light, np.maximum(_DARKEST * np.abs(mean), 1e-12))
     flat = flat[..., 0] if values.ndim == 2 else flat
     if np.issubdtype(array.dtype, np.integer):
-        flat = np.rint(np.clip(flat, 0, float(data_range or full_scale(array.dtype))))
-    result: Image = flat.astype(array.dtype)
-    return result
+        flat = np.clip(flat, 0, float(data_range or full_scale(array.dtype)))
+    return in_dtype(flat, array.dtype)
 
 
 def flattened(source: Images, mask: Images | None, white: float | None) -> list[Any]:

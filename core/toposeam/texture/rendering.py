@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.images import Mask, full_scale
+from toposeam.images import Mask, full_scale, in_dtype
 from toposeam.texture.atlas import Ints32
 from toposeam.texture.joints import ROWS, joints
 
@@ -103,7 +103,7 @@ def _stored(
     """Values in the picture's dtype."""
     if lift is not None:
         values = np.clip(values, lift.low, lift.high)
-    return (np.rint(values) if np.issubdtype(dtype, np.integer) else values).astype(dtype)
+    return in_dtype(values, dtype)
 
 
 def _near_seams(

@@ -15,7 +15,7 @@ from scipy import ndimage
 
 from toposeam.heat.bricks import HIGH, LOW, along
 from toposeam.heat.poisson import add_steps, spread_in_cycle
-from toposeam.images import Mask, full_scale
+from toposeam.images import Mask, full_scale, in_dtype
 from toposeam.volume.arrays import Volume, as_shares
 from toposeam.volume.period import Jump
 
@@ -109,10 +109,4 @@ def _add_surface(
 def added(values: Volume, change: npt.NDArray[np.floating]) -> Volume:
     """Values and a change, in the values' dtype."""
     sums: Volume = values + change
-    if values.dtype.kind == "b":
-        sums = sums > 0.5
-    elif values.dtype.kind != "f":
-        ends = np.iinfo(values.dtype)
-        sums = np.rint(np.clip(sums, ends.min, ends.max))
-    result: Volume = sums.astype(values.dtype, copy=False)
-    return result
+    return sums > 0.5 if values.dtype.kind == "b" else in_dtype(sums, values.dtype)

@@ -57,7 +57,7 @@ def kill_when_something_waits(folder, pid):
     begun = False
     while not begun and time.monotonic() < deadline:
         with suppress(FileNotFoundError):
-            begun = any(path.stat().st_size > 1000 for path in folder.glob(".toposeam-*"))
+            begun = any(p.is_file() and p.stat().st_size > 1000 for p in folder.glob(".toposeam-*"))
         time.sleep(0.01)
     os.kill(pid, signal.SIGKILL)
 
@@ -125,11 +125,27 @@ class Client:
     ("answers", "says"),
     [
         ({"tls://one:1": "", "tls://two:2": "does not see 'a'; move it"}, "worker at tls://two:2 does not"),
+        ({"tls://one:1": OSError("Stream is closed")}, "worker at tls://one:1 cannot run TopoSeam"),
         ({"tls://one:1": ModuleNotFoundError("No module named 'toposeam_cli'")}, "cannot run TopoSeam"),
         (TypeError("cannot be sent"), "cannot run TopoSeam"),
     ],
 )
-def test_what_is_wrong_with_a_worker_is_told(tmp_path, answers, says):
+def test_what_is_wrong_with_a_worker_is_told(tmp_path, answers, says, monkeypatch):
+    monkeypatch.setattr(dask_workers, "_AGAIN_S", 0)
     workers = dask_workers.DaskWorkers(Client(answers), 2)
     with pytest.raises(ts.OptionError, match=says):
         workers.check(WorkerCheck.at(tmp_path / "probe", []))
+
+
+def test_a_worker_that_is_killed_while_it_is_asked_is_asked_no_more(tmp_path, monkeypatch):
+    monkeypatch.setattr(dask_workers, "_AGAIN_S", 0)
+    client = Client({"tls://one:1": OSError("Stream is closed"), "tls://two:2": ""})
+    asked = []
+
+    def run(look, on_error):
+        asked.append(look)
+        return dict(list(client._answers.items())[len(asked) - 1 :])
+
+    monkeypatch.setattr(client, "run", run)
+    dask_workers.DaskWorkers(client, 2).check(WorkerCheck.at(tmp_path / "probe", []))
+    assert len(asked) == 2

@@ -5,10 +5,13 @@ import signal
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from stitching import make_six, names
 from toposeam_cli import placing
+from toposeam_cli.files.scratch import scratch
+from toposeam_cli.files.writing import OutputError
 from toposeam_cli.jobs import crew as crews
 from toposeam_cli.jobs.crew import WorkersDiedError, crew, processes_of
 
@@ -98,6 +101,41 @@ def test_results_come_in_order_also_of_workers_that_were_killed(tmp_path):
         assert list(workers.map(squared, [])) == []
     with crew(2) as workers, pytest.raises(WorkersDiedError, match="use fewer"):
         list(workers.map(killed, [1, 2, 3]))
+
+
+def table(seed):
+    made = np.random.default_rng(seed).random((400, 300))
+    made.setflags(write=False)
+    return made
+
+
+def looked_up(item):
+    values, row = item
+    return values[row].sum()
+
+
+@pytest.mark.slow
+def test_large_tables_go_by_files_and_none_is_left(tmp_path):
+    with scratch(tmp_path) as store, crew(2, None, store) as workers:
+        tables = [*workers.map(table, range(3)), table(3)]
+        items = [(values[row:], 5) for values in tables for row in range(0, 300, 50)]
+        sums = list(workers.map(looked_up, items))
+        assert sums == [table(seed)[row + 5].sum() for seed in range(4) for row in range(0, 300, 50)]
+        assert workers.sent + workers.received < 20_000
+        assert len(list(next(tmp_path.iterdir()).iterdir())) == 4, "each is written once"
+    assert not list(tmp_path.iterdir())
+
+
+def full(path, data):
+    raise OSError(28, "No space left on device")
+
+
+def test_a_full_disk_is_one_sentence(tmp_path, monkeypatch):
+    with scratch(tmp_path) as store, crew(2, None, store) as workers:
+        monkeypatch.setattr(Path, "write_bytes", full)
+        with pytest.raises(OutputError, match=r"cannot keep pixels .*; free some space"):
+            list(workers.map(looked_up, [(table(0), 1)]))
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.slow

@@ -343,6 +343,15 @@ def test_narrow_blends_take_the_seam_of_the_hard_cut():
     assert (ts.stitch(layers, blend="multiband").label_map != hard).any()
 
 
+@pytest.mark.parametrize("blend", ["feather", "soft", "multiband", "gradient"])
+@pytest.mark.parametrize("dtype", [np.uint16, np.uint32, np.float32])
+def test_what_counts_as_white_is_white_after_blending(blend, dtype):
+    """Twelve bits in sixteen, as cameras give them."""
+    whole = np.random.default_rng(0).integers(1000, 3000, (60, 90)).astype(dtype)
+    layers = [ts.Layer(whole[:, left : left + 60], at=(left, 0), data_range=4095) for left in (0, 30)]
+    np.testing.assert_allclose(ts.stitch(layers, blend=blend).image, whole, rtol=1e-5)
+
+
 @pytest.mark.parametrize("rows", [slice(0, 6), slice(4, 12), slice(18, 20), slice(0, 20)])
 @pytest.mark.parametrize("columns", [slice(0, 2), slice(6, 10), slice(12, 16)])
 def test_a_part_of_an_expanded_image_is_what_the_whole_has_there(rows, columns):

@@ -13,7 +13,7 @@ from toposeam.layers import composition, maps, posing, reduction, rounds, tones
 from toposeam.layers.align import correlations
 from toposeam.layers.layer import Box
 from toposeam.layers.maps import TileMap, part_of
-from toposeam.layers.tasks import results, waves
+from toposeam.layers.tasks import groups, results
 
 
 def copied(pickled):
@@ -61,6 +61,7 @@ def large(monkeypatch):
     for module in (maps, composition):
         monkeypatch.setattr(module, "BLOCK", 128)
     monkeypatch.setattr(rounds, "WHOLE_PIXELS", 2000)
+    monkeypatch.setattr(rounds, "_HANDED_ON", 2000)
     monkeypatch.setattr(tones, "_SAMPLE", 2000)
 
 
@@ -173,8 +174,21 @@ def test_results_come_when_they_are_asked_for():
     assert seen == [1]
 
 
-def test_work_that_touches_earlier_work_waits_for_it():
+def test_work_that_touches_other_work_is_not_done_at_once():
     row = [Box(0, left, 9, left + 6) for left in range(0, 25, 5)]
-    assert waves(row) == [[0], [1], [2], [3], [4]]
-    assert waves(row[::2] + row[1::2]) == [[0, 1, 2], [3, 4]]
-    assert waves([]) == []
+    assert groups(row) == [[0, 2, 4], [1, 3]]
+    assert groups([*row, Box(0, 0, 9, 99)]) == [[5], [0, 2, 4], [1, 3]]
+    assert groups([]) == []
+
+
+def test_however_many_pictures_there_are_their_overlaps_are_a_few_groups():
+    """Of six rows of nine pictures that overlap by a third."""
+    places = [
+        Box(20 * row, 20 * column, 20 * row + 30, 20 * column + 30) for row in range(6) for column in range(9)
+    ]
+    shared = [a.shared(b) for k, a in enumerate(places) for b in places[:k]]
+    boxes = [box.grown(1) for box in shared if all(box.shape)]
+    found = groups(boxes)
+    assert sorted(k for group in found for k in group) == list(range(len(boxes)))
+    assert len(boxes) == 8 * 6 + 9 * 5 + 2 * 8 * 5
+    assert len(found) <= 8

@@ -1,0 +1,117 @@
+"""Large arrays that processes hand to each other by files, on storage that all of them see.
+
+Tables that one worker makes and others look up here and there would cost most of what goes through a
+scheduler. So arrays that nobody may write to are written once, into a folder, and what is pickled says where:
+whoever unpickles it maps the file, and reads no more of it than it looks at.
+"""
+
+from __future__ import annotations
+
+import io
+import pickle
+import uuid
+import weakref
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+#: Arrays of so many bytes or more go by files.
+LEAST_BYTES = 1 << 15
+
+Array = npt.NDArray[Any]
+
+
+class Handing:
+    """Pickles for one folder.
+
+    Parameters
+    ----------
+    folder : Path, optional
+        Without one everything is pickled as usual.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> table = np.zeros((500, 700))
+    >>> table.setflags(write=False)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     one = Handing(Path(folder))
+    ...     first, second = one.pickled(table), one.pickled(table[100:200])
+    ...     len(first) + len(second) < 1000, len(list(Path(folder).iterdir()))
+    ...     pickle.loads(second).shape
+    (True, 1)
+    (100, 700)
+    """
+
+    def __init__(self, folder: Path | None) -> None:
+        self.folder = folder
+        #: Bytes that were written into the folder.
+        self.written = 0
+        #: Arrays that lie in a file, by their number in memory.
+        self._lying: dict[int, tuple[weakref.ref[Array], Path]] = {}
+
+    def pickled(self, value: Any) -> bytes:
+        """What unpickles in any process that sees the folder.
+
+        Raises
+        ------
+        OSError
+            When the folder cannot be written to.
+        """
+        stream = io.BytesIO()
+        _Pickler(stream, self).dump(value)
+        return stream.getvalue()
+
+    def place(self, array: Array) -> tuple[Any, ...] | None:
+        """Where an array lies, as the arguments of :func:`mapped`; None when it is to be pickled as usual."""
+        owner = array
+        while isinstance(owner.base, np.ndarray):
+            owner = owner.base
+        if owner.flags.writeable or array.dtype.hasobject or array.nbytes < LEAST_BYTES:
+            return None
+        if isinstance(owner, np.memmap) and owner.filename is not None:
+            path = Path(owner.filename)
+        elif self.folder is None or owner.nbytes < array.nbytes or not owner.flags.c_contiguous:
+            return None  # without a folder, or one value seen as many
+        else:
+            path = self._path(owner, self.folder)
+        start = array.__array_interface__["data"][0] - owner.__array_interface__["data"][0]
+        return str(path), array.dtype.str, array.shape, array.strides, start
+
+    def _path(self, owner: Array, folder: Path) -> Path:
+        known = self._lying.get(id(owner))
+        if known is not None and known[0]() is owner:
+            return known[1]
+        path = folder / uuid.uuid4().hex
+        path.write_bytes(owner.data)
+        self.written += owner.nbytes
+        number = id(owner)
+        self._lying[number] = weakref.ref(owner, lambda _: self._lying.pop(number, None)), path
+        return path
+
+
+class _Pickler(pickle.Pickler):
+    def __init__(self, stream: io.BytesIO, handing: Handing) -> None:
+        super().__init__(stream, pickle.HIGHEST_PROTOCOL)
+        self._handing = handing
+
+    def reducer_override(self, value: Any) -> Any:
+        """Arrays that lie in files are opened there."""
+        place = self._handing.place(value) if isinstance(value, np.ndarray) else None
+        return NotImplemented if place is None else (mapped, place)
+
+
+def mapped(path: str, dtype: str, shape: tuple[int, ...], strides: tuple[int, ...], start: int) -> Array:
+    """A read-only array that lies in a file.
+
+    Parameters
+    ----------
+    path : str
+    dtype : str
+    shape, strides : tuple of int
+    start : int
+        The byte at which its first value begins.
+    """
+    return np.ndarray(shape, dtype, np.memmap(path, np.uint8, "r"), start, strides)

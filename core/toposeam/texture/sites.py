@@ -45,7 +45,7 @@ class Offers:
     rows: Ints
     columns: Ints
     errors: Floats32
-    #: How many pixels of the window the patch will show on, about.
+    #: How many pixels of the window are empty.
     new: int
     #: The place at which a patch would continue each copy that the window shows, and that copy's first patch.
     continued: list[tuple[int, int, int]]

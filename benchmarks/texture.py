@@ -1,5 +1,5 @@
 """Texture synthesis against its peers, in one run: ``python benchmarks/texture.py [--seeds 5] [--sheet
-sheet.jpg] [--large] [--clock -j 2]``.
+sheet.jpg] [--clock -j 2]``.
 
 192 × 192 px samples are grown to 512 × 512 px by TopoSeam (tileable, patches of 40 and 64 px), by G'MIC's
 ``syntexturize_matchpatch`` and by gimp-texturize (Kwatra's method, tileable) in GIMP 2.10, where they are
@@ -25,7 +25,6 @@ import os
 import resource
 import shutil
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -64,17 +63,11 @@ def main() -> None:
         "--sheet", type=Path, help="write all results side by side, the tile border in the middle"
     )
     options.add_argument(
-        "--large", action="store_true", help="only 1024² and 4096² px, and toposeam tile on 2048² px"
-    )
-    options.add_argument(
         "--clock", action="store_true", help="only times by the clock, of one and -j processes"
     )
     options.add_argument("-j", type=int, default=2, metavar="N", help="how many processes")
     options.add_argument("--only", default="", help="names of samples for --clock, with commas between")
     chosen = options.parse_args()
-    if chosen.large:
-        large()
-        return
     if chosen.clock:
         clock(chosen.j, chosen.only.split(",") if chosen.only else [])
         return
@@ -330,62 +323,6 @@ def _clocked(way: Callable[[], object]) -> float:
     started = time.perf_counter()
     way()
     return time.perf_counter() - started
-
-
-def large() -> None:
-    code = (
-        "import resource, sys, time, skimage.data, toposeam as ts\n"
-        "sample = getattr(skimage.data, sys.argv[2])()[:192, :192]\n"
-        "size, level = int(sys.argv[1]), sys.argv[3] == 'levelled'\n"
-        "ts.synthesize(sample, 64, patch=40)\n"
-        "started = time.process_time()\n"
-        "made = ts.synthesize(sample, size, patch=40, tileable=True, level=level)\n"
-        "print(time.process_time() - started, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)\n"
-    )
-    for name, levelled in (("gravel", "plain"), ("coffee", "plain"), ("coffee", "levelled")):
-        seconds, peak = {}, 0.0
-        for size in (1024, 4096):
-            ran = subprocess.run(
-                [sys.executable, "-c", code, str(size), name, levelled],
-                check=True,
-                capture_output=True,
-                text=True,
-            )
-            seconds[size], peak = map(float, ran.stdout.split())
-        print(
-            f"{name}, {levelled}: 4096² takes {seconds[4096] / seconds[1024] / 16:.2f} × 16 times as long as "
-            f"1024² ({seconds[4096]:.1f} and {seconds[1024]:.1f} s), and {peak:.0f} MiB with Python and all",
-            flush=True,
-        )
-    tiling()
-
-
-def tiling() -> None:
-    """``toposeam tile`` on 2048 × 2048 px against reading and writing that PNG, CPU seconds."""
-    from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
-
-    pictures = {
-        "photographs": np.roll(np.tile(skimage.data.astronaut(), (4, 4, 1)), 100, axis=0),
-        "noise": np.random.default_rng(0).integers(0, 256, (2048, 2048, 3), np.uint8),
-        "gravel, gray": np.roll(np.tile(skimage.data.gravel(), (4, 4)), 100, axis=0),
-    }
-    for name, pixels in pictures.items():
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder, "large.png")
-            write_picture(path, Picture(pixels=np.ascontiguousarray(pixels)))
-            files, whole = [], []
-            for _ in range(3):
-                started = time.process_time()
-                picture = read_picture(path)
-                write_picture(Path(folder, "again.png"), picture, force=True)
-                files.append(time.process_time() - started)
-                started = time.process_time()
-                ts.make_tileable(picture.pixels)
-                whole.append(time.process_time() - started + files[-1])
-            print(
-                f"tile on 2048², {name}: {np.median(whole):.1f} s, {np.median(whole) / np.median(files):.1f} "
-                "× reading and writing the PNG"
-            )
 
 
 if __name__ == "__main__":

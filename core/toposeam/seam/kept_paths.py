@@ -98,9 +98,7 @@ def _places(before: npt.NDArray[np.int32], kept: _Paths) -> Indices | None:
     """(n,) the number of each corner along the path of its piece, far below 0 off the path: only what follows
     one another is one apart. None where an end cannot be reached.
     """
-    place = np.full(len(before), -(10**9), np.intp)
-    place -= 2 * np.arange(len(before))
-    steps, first = before.tolist(), 0
+    place, steps, first = np.arange(-(10**9), 2 * len(before) - 10**9, 2), before.data, 0
     for source, target in zip(kept.sources.tolist(), kept.targets.tolist(), strict=True):
         path = [target]
         while path[-1] != source:

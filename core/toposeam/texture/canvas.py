@@ -141,8 +141,9 @@ class IndexCanvas:
         covered = before >= 0
         if covered.any():
             np.subtract.at(self.usage, before[covered], 1)
-            for label, count in zip(*np.unique(labels.take(at[covered]), return_counts=True), strict=True):
-                self._areas[self.copy_of(int(label))] -= int(count)
+            counts = np.bincount(labels.take(at[covered]))
+            for label in np.flatnonzero(counts).tolist():
+                self._areas[self.copy_of(label)] -= int(counts[label])
         self.usage[new] += 1
         self._areas[self.copy_of(number)] += len(at)
         index[at], labels[at] = new, number
@@ -156,17 +157,20 @@ class IndexCanvas:
         index : (H, W) int32 array
             Flat indices, -1 where nothing shows.
         """
+        shown = index >= 0
         self.index[:] = index
-        self.labels[index >= 0] = 0
-        self._copies[0], self._areas[0], self.patches = 0, int((index >= 0).sum()), 1
+        np.copyto(self.labels, np.int32(0), where=shown)
+        self._copies[0], self._areas[0], self.patches = 0, int(np.count_nonzero(shown)), 1
 
     def copy_labels(self) -> Ints32:
         """(H, W) int32, the number of the copy that shows: patches that continue one another have one number,
         the first one's. -1 where nothing shows.
         """
-        first, labels = np.append(self.first_patches(), np.int32(-1)), np.empty_like(self.labels)
-        for top in range(0, len(labels), ROWS):
-            labels[top : top + ROWS] = first[self.labels[top : top + ROWS]]
+        first, labels = self.first_patches(), self.labels.copy()
+        if (first != np.arange(len(first))).any():
+            first = np.append(first, np.int32(-1))
+            for rows in (slice(top, top + ROWS) for top in range(0, len(labels), ROWS)):
+                first.take(self.labels[rows], out=labels[rows], mode="wrap")
         return labels
 
     def first_patches(self) -> Ints32:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from toposeam.images import full_scale
-from toposeam.texture.atlas import Atlas
+from toposeam.texture.atlas import Atlas, Ints32
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.rendering import Lift, render, render_seen
@@ -27,41 +27,54 @@ def finish(
     smooth: int,
     changed: npt.NDArray[np.bool_] | None = None,
     lift: Callable[[int], Lift] | None = None,
+    windows: Sequence[tuple[int, int, tuple[int, int]]] | None = None,
 ) -> Synthesis:
     """Every map, made of what the canvas shows; the first one, the picture, may be given light, channel by
-    channel.
+    channel. Of a picture that was given only what changed is drawn anew, in the box round it or in windows.
     """
     made: list[npt.NDArray[Any]] = []
-    box = (slice(None), slice(None)) if changed is None or any(canvas.wrap) else box_of(changed, smooth + 1)
-    index = canvas.index[box]
     for images, gray in zip(sources.planes, sources.gray, strict=True):
         plane = atlas.spread(images)
-        if sources.transparent and sources.has_alpha and len(made) + 1 < len(sources.planes):
-            opacity = atlas.spread(sources.planes[-1])
-            picture = render_seen(index, plane, opacity, atlas.usable, canvas.wrap, smooth)
-        elif lift is None or made:
-            picture = render(index, plane, atlas.usable, canvas.wrap, smooth)
-        else:
+
+        def drawn(
+            index: Ints32, wrap: tuple[bool, bool], plane: npt.NDArray[Any] = plane
+        ) -> npt.NDArray[Any]:
+            if sources.transparent and sources.has_alpha and len(made) + 1 < len(sources.planes):
+                opacity = atlas.spread(sources.planes[-1])
+                return render_seen(index, plane, opacity, atlas.usable, wrap, smooth)
+            if lift is None or made:
+                return render(index, plane, atlas.usable, wrap, smooth)
             picture = np.empty((*index.shape, plane.shape[2]), plane.dtype)
             for channel in range(plane.shape[2]):
                 one = np.s_[..., channel : channel + 1]
-                picture[one] = render(index, plane[one], atlas.usable, canvas.wrap, smooth, lift(channel))
-        if changed is not None:
-            whole = images[0].copy()
-            np.copyto(whole[box], picture, where=changed[box][..., np.newaxis])
-            picture = whole
+                picture[one] = render(index, plane[one], atlas.usable, wrap, smooth, lift(channel))
+            return picture
+
+        if changed is None:
+            picture = drawn(canvas.index, canvas.wrap)
+        elif windows is None:
+            box, picture = box_of(changed, smooth + 1), images[0].copy()
+            np.copyto(
+                picture[box], drawn(canvas.index[box], canvas.wrap), where=changed[box][..., np.newaxis]
+            )
+        else:
+            picture, reach = images[0].copy(), smooth + 1
+            for top, left, (h, w) in windows:
+                wide = canvas.read(top - reach, left - reach, h + 2 * reach, w + 2 * reach)
+                part = drawn(wide, (False, False))[reach:-reach, reach:-reach]
+                rows, columns, _ = canvas.window(top, left, h, w)
+                y, x = np.nonzero(changed[rows, columns])
+                picture[rows[y, 0], columns[0, x]] = part[y, x]
         made.append(picture[..., 0] if gray else picture)
     alpha = made.pop() if sources.has_alpha else None
     if alpha is None and canvas.ground is not None:
         alpha = canvas.ground * full_scale(made[0].dtype)
-    exemplar, place = atlas.locate(canvas.index)
     return Synthesis(
         image=made[0],
         alpha=alpha,
         maps=tuple(made[1:]),
         labels=canvas.copy_labels(),
-        source=place,
-        exemplar=exemplar,
+        index=canvas.index,
         wraps=canvas.wrap,
         patch=patch,
         settings=settings,

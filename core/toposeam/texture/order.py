@@ -36,8 +36,12 @@ STRETCH, UNSEEN = 0.05, 0.005
 _LOOKED_AT = 512
 #: Peaks of the autocorrelation that are tried as vectors, and lattices that are fitted.
 _PEAKS, _FITTED = 24, 20
-#: Waves whose directions are tried.
-_WAVES = 6
+#: Points of a lattice, at most, by which it is fitted.
+_POINTS = 400
+#: Three boxes of so many px, one after the other, blur like a Gaussian of 23.5 px: what is slower is light.
+_SLOW = 47
+#: Waves whose directions are tried, and by how many degrees these are turned to be exact.
+_WAVES, _TURNS = 6, (np.arange(-3, 3.1, 0.5), np.array([-0.25, 0.25]))
 
 Floats = npt.NDArray[np.float64]
 
@@ -112,13 +116,18 @@ def find_order(features: Floats32, usable: Mask) -> Order | None:
     near = _near(features[middle], usable[middle])
     height, width = (length // 2 for length in near.shape)
     distance = np.hypot(*np.ogrid[-height : height + 1, -width : width + 1])
-    ring = np.array([near[(distance >= r) & (distance < r + 1)].mean() for r in range(min(height, width))])
-    ends = np.flatnonzero(ring < 0.05)
+    rings = distance.astype(np.intp).ravel()
+    ring = np.bincount(rings, near.ravel()) / np.maximum(np.bincount(rings), 1)
+    ends = np.flatnonzero(ring[: min(height, width)] < 0.05)
     if not len(ends):
         return None
     element = max(int(ends[0]), 4)
     smooth = ndimage.gaussian_filter(near, 1.0)
-    lattice = _lattice(smooth, element)
+    # The mean on a lattice is no higher than the highest value beyond the shortest vector.
+    highest = float(smooth[distance >= 0.6 * element].max(initial=0))
+    if highest < ORDERED_LINES:
+        return None
+    lattice = _lattice(smooth, element) if highest >= ORDERED else None
     if lattice is not None:
         strength = _on(smooth, lattice)
         far = _on(smooth, lattice, beyond=0.4)
@@ -132,9 +141,9 @@ def _near(features: Floats32, usable: Mask) -> Floats:
     """The autocorrelation without slow light, shifts up to half the exemplar, 0 in the middle. Pixels near
     the border count less: elements cut by it would move the maxima.
     """
-    slow = np.stack(
-        [ndimage.gaussian_filter(features[..., c], 24.0) for c in range(features.shape[2])], axis=2
-    )
+    slow = features
+    for axis in (0, 1) * 3:
+        slow = ndimage.uniform_filter1d(slow, _SLOW, axis)
     height, width = (length // 2 for length in usable.shape)
     taper = np.outer(*[np.sin(np.pi * (np.arange(n) + 0.5) / n) for n in usable.shape])
     weight = (usable * taper).astype(np.float32)
@@ -205,11 +214,10 @@ def _points(vectors: Floats, room: tuple[float, float]) -> tuple[Floats, Floats]
     """Whole coordinates and shifts of the lattice's points in one half of a box, but 0."""
     most = int(np.ceil(1.5 * max(room) / max(float(np.linalg.norm(vectors, axis=1).min()), 3.0))) + 1
     line = np.arange(-most, most + 1)
-    whole = np.stack(np.meshgrid(line, line, indexing="ij"), axis=-1).reshape(-1, 2).astype(float)
-    shifts = whole @ vectors
-    kept = (np.abs(shifts) <= room).all(axis=1) & (whole != 0).any(axis=1)
-    kept &= (shifts[:, 0] > 0) | ((shifts[:, 0] == 0) & (shifts[:, 1] > 0))
-    return whole[kept], shifts[kept]
+    y, x = (line[:, np.newaxis] * vectors[0, axis] + line * vectors[1, axis] for axis in (0, 1))
+    kept = (y <= room[0]) & (np.abs(x) <= room[1]) & ((y > 0) | ((y == 0) & (x > 0)))
+    whole = np.argwhere(kept).astype(float) - most
+    return whole, np.stack([y[kept], x[kept]], axis=1)
 
 
 def _on(smooth: Floats, vectors: Floats, beside: Floats | float = 0.0, beyond: float = 0.0) -> float:
@@ -229,6 +237,9 @@ def _refined(smooth: Floats, vectors: Floats) -> Floats:
     steps = np.stack(np.meshgrid(*[np.arange(-2, 3)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
     for share in (0.35, 0.6, 0.8, 0.8):
         whole, shifts = _points(vectors, (share * height, share * width))
+        if len(whole) > _POINTS:
+            some = np.sort(np.random.default_rng(0).choice(len(whole), _POINTS, replace=False))
+            whole, shifts = whole[some], shifts[some]
         around = np.rint(shifts).astype(int)[:, np.newaxis] + steps + [height, width]
         np.clip(around, 1, np.subtract(smooth.shape, 2), out=around)
         values = smooth[around[..., 0], around[..., 1]]
@@ -255,7 +266,7 @@ def _lines(smooth: Floats, element: int) -> Order | None:
     the mean autocorrelation along lines rises and falls most regularly.
     """
     best, angle, period = 0.0, 0.0, 0.0
-    for turns in (_directions(smooth), np.deg2rad(np.arange(-3, 3.1, 0.25))):
+    for turns in (_directions(smooth), *map(np.deg2rad, _TURNS)):
         for turn in turns + angle:
             score, length = _rhythm(_profile(smooth, turn), element)
             if score > best:

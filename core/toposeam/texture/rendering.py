@@ -65,11 +65,12 @@ def render(
     result = np.empty((*index.shape, plane.shape[2]), plane.dtype)
     for first in range(0, len(index), ROWS):
         rows = slice(first, first + ROWS)
-        result[rows] = flat[np.maximum(index[rows], 0)]
+        flat.take(index[rows], axis=0, out=result[rows], mode="clip")
         if lift is not None:
             gain = np.broadcast_to(lift.gain, result.shape)[rows]
             result[rows] = _stored(gain * result[rows] + lift.offset[rows], plane.dtype, lift)
-    result[index < 0] = 0
+    if index.min(initial=0) < 0:
+        result[index < 0] = 0
     if smooth:
         for y, x in _near_seams(index, plane.shape[1], wrap, smooth):
             mixed = _mixed(index, flat, usable.ravel(), plane.shape[1], wrap, smooth, y, x, lift)

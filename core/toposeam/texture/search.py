@@ -62,11 +62,12 @@ class PatchSearch:
         self._channels = np.concatenate([np.complex64(-2) * found[1:-1], found[:1]])
         self._kept: dict[tuple[bytes, tuple[int, int]], _Known] = {}
         self._rooms: dict[tuple[int, int], Mask] = {}
+        self._wholes: dict[tuple[int, int], Mask] = {}
 
     def room(self, shape: tuple[int, int]) -> Mask:
         """(AH - h + 1, AW - w + 1) bool: where a patch of that shape may be copied."""
         if shape not in self._rooms:
-            self._rooms[shape] = box_sum(~self.atlas.copied, shape) == 0
+            self._rooms[shape] = whole(self.atlas.copied, shape)
         return self._rooms[shape]
 
     def fit(
@@ -119,7 +120,8 @@ class PatchSearch:
         known = known[:: max(1, len(known) // _COMPARED)]
         y, x = np.divmod(known, weight.shape[1])
         offset = (y - margin[0]) * self.atlas.width + x - margin[1]
-        return Compared(offset, values.reshape(-1, values.shape[2])[known], weight.ravel()[known])
+        shape = weight.shape[0], weight.shape[1]
+        return Compared(offset, values.reshape(-1, values.shape[2])[known], weight.ravel()[known], shape)
 
     def around(
         self,
@@ -153,14 +155,26 @@ class PatchSearch:
             )
         )
         pixels = (rows * self.atlas.width + columns).reshape(-1, 1) + sample.offset
-        share = self.atlas.usable.ravel().take(pixels) * sample.weight
-        apart = self.features.reshape(-1, sample.values.shape[1]).take(pixels, axis=0)
+        channels = sample.values.shape[1]
+        apart = self.features.reshape(-1, channels).take(pixels, axis=0)
         apart -= sample.values
-        error: Floats32 = np.einsum("knc,knc,kn->k", apart, apart, share)
-        error /= np.maximum(share.sum(axis=1), np.float32(1e-9))
+        np.square(apart, out=apart)
+        error: Floats32 = np.einsum("kn,n->k", apart.reshape(len(apart), -1), sample.weight.repeat(channels))
+        error /= sample.weight.sum()
+        part = np.flatnonzero(~self._whole(sample.shape)[rows - margin[0], columns - margin[1]])
+        if len(part):  # the window meets pixels without a value
+            share = self.atlas.usable.ravel().take(pixels.take(part, axis=0)) * sample.weight
+            error[part] = np.einsum("knc,kn->k", apart.take(part, axis=0), share)
+            error[part] /= np.maximum(share.sum(axis=1), np.float32(1e-9))
         error = error.reshape(rows.shape)
         error[~room[rows, columns]] = np.inf
         return rows, columns, error
+
+    def _whole(self, shape: tuple[int, int]) -> Mask:
+        """Where a window of that shape meets pixels with a value only."""
+        if shape not in self._wholes:
+            self._wholes[shape] = whole(self.atlas.usable, shape)
+        return self._wholes[shape]
 
     def _known(self, mass: Floats32, margin: tuple[int, int], patch: tuple[int, int]) -> _Known:
         """What the weights alone say; they come again and again."""
@@ -206,6 +220,8 @@ class Compared(NamedTuple):
     #: (n, F) and (n,) float32.
     values: Floats32
     weight: Floats32
+    #: Height and width of the window.
+    shape: tuple[int, int]
 
 
 class _Known(NamedTuple):
@@ -229,19 +245,42 @@ def box_sum(values: npt.NDArray[Any], shape: tuple[int, int]) -> npt.NDArray[np.
     return result
 
 
+def whole(mask: Mask, shape: tuple[int, int]) -> Mask:
+    """Whether every h × w box of an (H, W) mask is full: (H - h + 1, W - w + 1)."""
+    left = tuple(max(n - m + 1, 0) for n, m in zip(mask.shape, shape, strict=True))
+    if 0 in left:
+        return np.zeros(left, bool)
+    for axis, length in enumerate(shape):
+        done = 1
+        while done < length:  # boxes of twice the length, or less, are two boxes
+            step = min(done, length - done)
+            first, second = (slice(None, -step), slice(step, None))
+            mask = mask[first] & mask[second] if axis == 0 else mask[:, first] & mask[:, second]
+            done += step
+    return mask
+
+
 def reduced(values: Floats32, weight: Floats32, factor: int) -> tuple[Floats32, Floats32]:
     """Weighted means over blocks of factor × factor pixels, and the blocks' weight; what does not fill a
     block counts with weight 0.
     """
     if factor == 1:
         return values.copy(), weight
-    h, w = (-(-length // factor) * factor for length in weight.shape)
-    padding = ((0, h - weight.shape[0]), (0, w - weight.shape[1]))
-    blocks = h // factor, factor, w // factor, factor
-    mass = np.pad(weight, padding).reshape(blocks).sum(axis=(1, 3))
-    total = np.pad(values * weight[..., np.newaxis], (*padding, (0, 0))).reshape(*blocks, -1).sum(axis=(1, 3))
-    total /= np.maximum(mass, np.float32(1e-9))[..., np.newaxis]
-    return total, mass / np.float32(factor**2)
+    mass = _summed(weight[..., np.newaxis], factor)
+    total = _summed(values * weight[..., np.newaxis], factor)
+    total /= np.maximum(mass, np.float32(1e-9))
+    return total, mass[..., 0] / np.float32(factor**2)
+
+
+def _summed(values: Floats32, factor: int) -> Floats32:
+    """Sums over blocks of factor × factor pixels of an (H, W, C) array: rows first, which are long."""
+    h, w, channels = (-(-values.shape[0] // factor), -(-values.shape[1] // factor), values.shape[2])
+    padding = (0, h * factor - values.shape[0]), (0, w * factor - values.shape[1]), (0, 0)
+    if padding[0][1] or padding[1][1]:
+        values = np.pad(values, padding)
+    rows = values.reshape(h, factor, w * factor * channels).sum(axis=1)
+    result: Floats32 = rows.reshape(h, w, factor, channels).sum(axis=2)
+    return result
 
 
 def refined(

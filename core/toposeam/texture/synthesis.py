@@ -50,10 +50,8 @@ class Synthesis:
     #: (H, W) int32, number of the patch that shows; patches that continue one another as one copy have one
     #: number. In pictures that were only mended, 0 is what was there.
     labels: Ints32
-    #: (H, W, 2) int32, row and column of the exemplar's pixel that shows.
-    source: Ints32
-    #: (H, W) int16, number of the exemplar it came from.
-    exemplar: npt.NDArray[np.int16]
+    #: (H, W) int32, flat index into the atlas of the pixel that shows.
+    index: Ints32
     #: Whether rows and whether columns continue at the opposite border.
     wraps: tuple[bool, bool] = (False, False)
     #: Height and width near by on which the texture's order would close without being stretched, px; None
@@ -81,7 +79,22 @@ class Synthesis:
     @property
     def count(self) -> int:
         """How many patches show; what was there before is none."""
-        return len(np.unique(self.labels[self.labels >= (self.changed is not None)]))
+        shown = np.bincount((self.labels + 1).ravel())  # -1 stands for nothing
+        return int(np.count_nonzero(shown[1 + (self.changed is not None) :]))
+
+    @cached_property
+    def source(self) -> Ints32:
+        """(H, W, 2) int32, row and column of the exemplar's pixel that shows."""
+        return self._located[1]
+
+    @cached_property
+    def exemplar(self) -> npt.NDArray[np.int16]:
+        """(H, W) int16, number of the exemplar it came from."""
+        return self._located[0]
+
+    @cached_property
+    def _located(self) -> tuple[npt.NDArray[np.int16], Ints32]:
+        return self.atlas.locate(self.index)
 
     @cached_property
     def paths(self) -> list[Polyline]:
@@ -142,8 +155,7 @@ class Synthesis:
         return made[..., 0] if found[0].ndim == 2 else made
 
     def _render(self, images: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
-        index = self.atlas.index_of(self.exemplar, self.source)
-        made = render(index, self.atlas.spread(images), self.atlas.usable, self.wraps, self.smooth)
+        made = render(self.index, self.atlas.spread(images), self.atlas.usable, self.wraps, self.smooth)
         if self.changed is not None:
             np.copyto(made, images[0], where=~self.changed[..., np.newaxis])
         return made

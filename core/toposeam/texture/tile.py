@@ -120,7 +120,13 @@ def make_tileable(
         "smooth": smooth,
         **settings_of(placer.options),
     }
-    return finish(sources, placer.atlas, placer.canvas, (2 * band, 2 * band), settings, smooth, near)
+    across: list[tuple[int, int, tuple[int, int]]] = []
+    if wraps[0]:
+        across.append((-band, 0, (2 * band, width)))
+    if wraps[1]:
+        across.append((0, -band, (height, 2 * band)))
+    patch = 2 * band, 2 * band
+    return finish(sources, placer.atlas, placer.canvas, patch, settings, smooth, near, windows=across)
 
 
 def _along_borders(

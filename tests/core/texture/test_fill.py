@@ -110,6 +110,15 @@ def test_a_periodic_pattern_that_closes_already_is_left_as_it_is():
     np.testing.assert_array_equal(ts.make_tileable(image, band=16).image, image)
 
 
+@pytest.mark.parametrize("tileable", ["both", "x", "y"])
+@pytest.mark.parametrize("smooth", [0, 1, 4])
+def test_only_the_border_of_a_tile_is_drawn_as_the_whole_would_be(smooth, tileable):
+    image = np.random.default_rng(1).integers(0, 256, (70, 96, 3), np.uint8)
+    made = ts.make_tileable(image, band=16, tileable=tileable, smooth=smooth)
+    assert (made.image != image).any()
+    np.testing.assert_array_equal(made.apply(image), made.image)
+
+
 def test_floats_with_nothing_in_the_hole_are_filled(sample):
     image = sample(5, (90, 90), dtype=np.float32)
     hole = np.zeros(image.shape, bool)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from toposeam.texture.atlas import Atlas
-from toposeam.texture.search import PatchSearch, box_of, box_sum, reduced
+from toposeam.texture.search import PatchSearch, box_of, box_sum, reduced, whole
 
 
 def brute_force(features, usable, values, weight, margin, patch):
@@ -126,3 +126,10 @@ def test_the_box_of_a_mask_holds_all_of_it():
     mask[2, 5] = mask[6, 3] = True
     assert box_of(mask) == (slice(2, 7), slice(3, 6))
     assert box_of(mask, 3) == (slice(0, 9), slice(0, 8))
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 5), (7, 3), (20, 24), (21, 3), (3, 25)])
+def test_boxes_are_whole_where_no_pixel_is_missing(shape):
+    mask = np.random.default_rng(0).random((20, 24)) < 0.97
+    missing = box_sum(~mask, shape)
+    np.testing.assert_array_equal(whole(mask, shape), missing == 0)

@@ -213,7 +213,7 @@ def arrange(
             places = [(0, 0) for _ in sources]
     placement = None
     if places is None:
-        placement = ts.find_places(layers, progress=progress)
+        placement = ts.find_places(layers, progress=progress, executor=None if kept is None else executor)
         layers = list(placement.layers)
     else:
         layers = [

@@ -244,7 +244,7 @@ def _stitch(
     aligned = None
     if find.align:
         radius = {} if find.align_radius is None else {"radius": find.align_radius}
-        aligned = ts.align(job.layers, **radius)
+        aligned = ts.align(job.layers, executor=means.workers, **radius)
         job = dataclasses.replace(job, layers=aligned.layers)
     find = dataclasses.replace(find, wrap=width_round(find.wrap, job.files or files))
     if find.wrap is None:

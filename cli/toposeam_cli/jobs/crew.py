@@ -60,6 +60,8 @@ class TaskCrew:
         self._handing = Handing(None)
         #: Parts that were handed out, and the bytes that went there and came back.
         self.parts = self.sent = self.received = 0
+        #: The same by what was done.
+        self.kinds: dict[str, Counter[str]] = {}
 
     def start(self) -> Workers:
         """The workers, started when they are needed first.
@@ -101,6 +103,7 @@ class TaskCrew:
         """
         workers = self.start()
         waiting = enumerate(items)
+        kind = self.kinds.setdefault(getattr(function, "__name__", ""), Counter())
         calls: dict[int, Call] = {}
         said: dict[int, bytes] = {}
         again: list[int] = []
@@ -119,6 +122,7 @@ class TaskCrew:
                     with self._failures_told():
                         calls[number] = self._handing.pickled((function, item)), self._handing.folder
                     self.parts, self.sent = self.parts + 1, self.sent + len(calls[number][0])
+                    kind.update(parts=1, sent=len(calls[number][0]))
                 workers.begin(str(number), calls[number], done)
             while told in said:
                 with self._failures_told():
@@ -133,6 +137,7 @@ class TaskCrew:
                     del calls[number]
                     said[number] = answer
                     self.received += len(answer)
+                    kind.update(received=len(answer))
                     continue
                 deaths[number] += 1
                 if deaths[number] >= workers.attempts:
@@ -192,3 +197,5 @@ def crew(processes: int, dask: str | None = None, store: Scratch | None = None) 
         workers = TaskCrew(processes, dask, block, store)
         yield workers
         _LOGGER.info("%d parts, %d bytes to workers, %d back", workers.parts, workers.sent, workers.received)
+        for name, of in workers.kinds.items():
+            _LOGGER.debug("%s %d %d %d", name, of["parts"], of["sent"], of["received"])

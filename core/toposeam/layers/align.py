@@ -12,6 +12,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -63,7 +64,7 @@ class Aligned:
         return f"Aligned({len(self.layers)} layers, moved by up to {most} px)"
 
 
-def align(layers: Sequence[Layer], *, radius: int = RADIUS) -> Aligned:
+def align(layers: Sequence[Layer], *, radius: int = RADIUS, executor: Executor | None = None) -> Aligned:
     """Move layers from about where they belong to where they agree.
 
     Parameters
@@ -72,6 +73,8 @@ def align(layers: Sequence[Layer], *, radius: int = RADIUS) -> Aligned:
         At least two.
     radius : int
         How far off, in px in x and in y, a pair may be.
+    executor : concurrent.futures.Executor, optional
+        Where pairs are compared; the places are the same.
 
     Returns
     -------
@@ -93,18 +96,23 @@ def align(layers: Sequence[Layer], *, radius: int = RADIUS) -> Aligned:
     [(0, 0), (40, 0)]
     """
     check_whole("radius", radius, 1)
+    check_executor(executor)
     layers = check_layers(layers)
     found: dict[tuple[int, int], tuple[Floats, float, float]] = {}
     best: dict[int, float] = dict.fromkeys(range(len(layers)), -1.0)
-    for i in range(len(layers)):
-        for j in range(i + 1, len(layers)):
-            match = _match(layers[i], layers[j], radius)
-            if match is None:
-                continue
-            shift, correlation, weight = match
-            best[i], best[j] = max(best[i], correlation), max(best[j], correlation)
-            if correlation >= LEAST_CORRELATION:
-                found[i, j] = shift, correlation, weight
+    pairs = [
+        (i, j)
+        for i, j in combinations(range(len(layers)), 2)
+        if all(_place(layers[i]).shared(_place(layers[j]).grown(radius)).shape)
+    ]
+    items = [(layers[i], layers[j], radius) for i, j in pairs]
+    for (i, j), match in zip(pairs, results(executor, _match, items), strict=True):
+        if match is None:
+            continue
+        shift, correlation, weight = match
+        best[i], best[j] = max(best[i], correlation), max(best[j], correlation)
+        if correlation >= LEAST_CORRELATION:
+            found[i, j] = shift, correlation, weight
     _check_joined(layers, found, best, radius)
     shifts = np.rint(_positions(len(layers), found)).astype(np.intp)
     moved = [
@@ -204,14 +212,13 @@ def _positions(count: int, found: dict[tuple[int, int], tuple[Floats, float, flo
     return np.asarray(np.linalg.lstsq(rows, values, rcond=None)[0], np.float64)
 
 
-def _match(a: Layer, b: Layer, radius: int) -> tuple[Floats, float, float] | None:
-    """By how much (x, y) `b` has to move to fit `a`, how well they then correlate, and the weight of that;
-    None if they are apart.
+def _match(item: tuple[Layer, Layer, int]) -> tuple[Floats, float, float] | None:
+    """By how much (x, y) the second of two layers that may overlap has to move to fit the first, at most so
+    many px, how well they then correlate, and the weight of that; None if they are apart.
     """
+    a, b, radius = item
     at_a, at_b = _place(a), _place(b)
     box = at_a.shared(at_b.grown(radius)).grown(radius).shared(_around(at_a, at_b))
-    if not all(at_a.shared(at_b.grown(radius)).shape):
-        return None
     scale = max(1, int(np.ceil(np.sqrt(box.shape[0] * box.shape[1] / _COARSE_PIXELS))))
     shift = _shift(_content(a, at_a, box, scale), _content(b, at_b, box, scale), radius / scale) * scale
     if scale > 1:

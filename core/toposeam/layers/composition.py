@@ -177,19 +177,27 @@ class Composition:
         bottom, right = bottom + -bottom % BLOCK, right + -right % BLOCK
         box = Box(top, left, bottom, right).grown(self._blender.margin).shared(self.canvas.box)
         placed = self._placed
-        layers, covered = [], []
+        layers, covered, places = [], [], []
+        # Of a thousand layers nearly all are elsewhere: one thing that is pickled once stands for them.
+        nowhere, nothing = Box(0, 0, 0, 0), np.zeros((0, 0), bool)
+        blanks: dict[tuple[Any, ...], Layer] = {}
         for layer, place, cover in zip(placed.layers, placed.places, placed.covered, strict=True):
             common = place.shared(box)
             if all(common.shape):
                 layers.append(dataclasses.replace(layer, mask=None, keep=None))
                 covered.append(part_of(cover, common.moved(-place.top, -place.left)))
-            else:
-                blank = cast(Image, _Blank(layer.image.shape, layer.image.dtype))
-                layers.append(dataclasses.replace(layer.bare, image=blank))
-                covered.append(np.zeros((0, 0), bool))
+                places.append(place)
+                continue
+            kind = layer.image.shape[2:], layer.image.dtype, layer.data_range
+            if kind not in blanks:
+                blank = cast(Image, _Blank((1, 1, *kind[0]), layer.image.dtype))
+                blanks[kind] = dataclasses.replace(layer.bare, image=blank, name="elsewhere", at=(0, 0))
+            layers.append(blanks[kind])
+            covered.append(nothing)
+            places.append(nowhere)
         part = Placed(
             layers=layers,
-            places=placed.places,
+            places=places,
             covered=covered,
             label_map=part_of(placed.label_map, box),
         )

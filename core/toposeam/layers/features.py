@@ -31,12 +31,17 @@ class Look:
     keypoints: Floats  #: (K, 2) x and y at full size
     descriptors: npt.NDArray[Any] | None
 
+    def __post_init__(self) -> None:
+        for values in (self.detail, self.known, self.descriptors):
+            if values is not None:
+                values.setflags(write=False)  # as those of costs
+
 
 def look_at(picture: Layer) -> Look:
     """Detail and features of a picture."""
     from skimage import feature
 
-    known = picture.covered
+    known = picture.covered.copy()
     gray = as_float(np.asarray(picture.image), picture.name, picture.data_range).mean(axis=2)
     gray[~known] = 0
     weight = ndimage.gaussian_filter(known.astype(np.float32), _BLUR)

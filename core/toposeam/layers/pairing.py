@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
 
@@ -18,6 +18,7 @@ from scipy import ndimage
 from toposeam.layers.features import Look, cornered, look_at, shared_features
 from toposeam.layers.labelling import Pair
 from toposeam.layers.layer import Layer
+from toposeam.layers.tasks import Executor, results
 
 #: Farthest that pictures may be turned against each other, degrees, and scaled, as a share.
 LARGEST_TURN, LARGEST_SCALE = 3.5, 0.035
@@ -28,6 +29,8 @@ _LEAST_OWN = 0.6  # correlation of a patch that counts
 #: Two pictures that so many forests of pairs already join, no pair in two of them, are not tried: the pairs
 #: of 12 pictures that all show the same are tried, and of more pictures up to so many for each.
 _FORESTS = 6
+#: So many pairs are tried at once.
+_AT_ONCE = 64
 
 Floats = npt.NDArray[np.float64]
 
@@ -50,7 +53,10 @@ def _digest(picture: Layer) -> bytes:
 
 
 def find_matches(
-    pictures: Sequence[Layer], least: float, report: Callable[[float], None]
+    pictures: Sequence[Layer],
+    least: float,
+    report: Callable[[float], None],
+    executor: Executor | None = None,
 ) -> tuple[dict[Pair, Match], Floats]:
     """The pairs that show the same, and the best correlation of each picture.
 
@@ -64,22 +70,19 @@ def find_matches(
         Correlation of pictures that show the same.
     report : callable
         Called with the share of the work done, up to 0.9.
+    executor : Executor, optional
+        Where pictures and pairs are looked at.
     """
+    which = list(results(executor, _digest, pictures))
+    first = {digest: index for index, digest in reversed(list(enumerate(which)))}
+    different = sorted(set(which), key=lambda digest: first[digest])
     seen: dict[bytes, Look] = {}
-    which = []
-    for index, picture in enumerate(pictures):
-        digest = _digest(picture)
-        if digest not in seen:
-            seen[digest] = look_at(picture)
-        which.append(digest)
-        report(0.3 * (index + 1) / len(pictures))
+    for look in results(executor, look_at, [pictures[first[digest]] for digest in different]):
+        seen[different[len(seen)]] = look
+        report(0.3 * len(seen) / len(different))
     looks = [seen[digest] for digest in which]
     pairs = list(combinations(range(len(looks)), 2))
-    shared: dict[tuple[bytes, bytes], npt.NDArray[np.intp]] = {}
-    for number, (i, j) in enumerate(pairs):
-        if (which[i], which[j]) not in shared:
-            shared[which[i], which[j]] = shared_features(looks[i], looks[j])
-        report(0.3 + 0.2 * (number + 1) / len(pairs))
+    shared = _shared(seen, ((which[i], which[j]) for i, j in pairs), report, executor)
     pairs.sort(key=lambda pair: -len(shared[which[pair[0]], which[pair[1]]]))
     known: dict[tuple[bytes, bytes], Match | None] = {}
     matches: dict[Pair, Match] = {}
@@ -89,7 +92,15 @@ def find_matches(
         key, apart = (which[i], which[j]), np.flatnonzero(trees[:, i] != trees[:, j])
         if len(apart):
             if key not in known:
-                known[key] = _match(looks[i], looks[j], shared[key])
+                # Elsewhere also the next ones that are tried unless what is found till then joins them.
+                following: dict[tuple[bytes, bytes], None] = {}
+                for k, n in pairs[number:] if executor is not None else [(i, j)]:
+                    if (trees[:, k] != trees[:, n]).any() and (which[k], which[n]) not in known:
+                        following[which[k], which[n]] = None
+                    if len(following) >= _AT_ONCE:
+                        break
+                items = [(seen[one], seen[other], shared[one, other]) for one, other in following]
+                known.update(zip(following, results(executor, _matched, items), strict=True))
             match = known[key]
             if match is not None:
                 best[[i, j]] = np.maximum(best[[i, j]], match.correlation)
@@ -99,6 +110,37 @@ def find_matches(
                     tree[tree == tree[j]] = tree[i]
         report(0.5 + 0.4 * (number + 1) / len(pairs))
     return dict(sorted(matches.items())), best
+
+
+def _shared(
+    seen: dict[bytes, Look],
+    pairs: Iterable[tuple[bytes, bytes]],
+    report: Callable[[float], None],
+    executor: Executor | None,
+) -> dict[tuple[bytes, bytes], npt.NDArray[np.intp]]:
+    """The features that pairs of pictures share; all pairs that a picture is the first of go together."""
+    nothing = np.zeros((0, 0), np.float32)
+    bare = {digest: replace(look, detail=nothing, known=nothing > 0) for digest, look in seen.items()}
+    seconds: dict[bytes, list[bytes]] = {}
+    for one, other in dict.fromkeys(pairs):
+        seconds.setdefault(one, []).append(other)
+    count = sum(map(len, seconds.values()))
+    shared: dict[tuple[bytes, bytes], npt.NDArray[np.intp]] = {}
+    items = ((bare[one], [bare[other] for other in others]) for one, others in seconds.items())
+    for one, found in zip(seconds, results(executor, _shared_with, items), strict=True):
+        for other, numbers in zip(seconds[one], found, strict=True):
+            shared[one, other] = numbers
+            report(0.3 + 0.2 * len(shared) / count)
+    return shared
+
+
+def _shared_with(item: tuple[Look, Sequence[Look]]) -> list[npt.NDArray[np.intp]]:
+    one, others = item
+    return [shared_features(one, other) for other in others]
+
+
+def _matched(item: tuple[Look, Look, npt.NDArray[np.intp]]) -> Match | None:
+    return _match(*item)
 
 
 def _match(a: Look, b: Look, found: npt.NDArray[np.intp]) -> Match | None:

@@ -28,6 +28,7 @@ from toposeam.errors import OptionError, OverlapError
 from toposeam.layers.labelling import Pair
 from toposeam.layers.layer import Layer
 from toposeam.layers.pairing import Match, find_matches
+from toposeam.layers.tasks import Executor, check_executor
 from toposeam.layers.turning import placed
 
 #: Least correlation of two overlaps that are taken to show the same.
@@ -93,6 +94,7 @@ def find_places(
     *,
     least_correlation: float = LEAST_CORRELATION,
     progress: Callable[[float], None] | None = None,
+    executor: Executor | None = None,
 ) -> Placement:
     """Find out which pictures belong together, and where.
 
@@ -105,6 +107,8 @@ def find_places(
         Of the overlap of two pictures that are taken to show the same.
     progress : callable, optional
         Called with the share of the work done, in [0, 1].
+    executor : concurrent.futures.Executor, optional
+        Where pictures and pairs are looked at; the places are the same.
 
     Returns
     -------
@@ -125,11 +129,12 @@ def find_places(
     [(0, 0), (120, 0)]
     """
     check_range(0, 1, above=True, least_correlation=least_correlation)
+    check_executor(executor)
     pictures = check_items("pictures", pictures, Layer, "a sequence of Layers")
     if len(pictures) < 2:
         raise OptionError(f"{len(pictures)} picture was given; pass at least two")
     report: Callable[[float], None] = progress or (lambda _: None)
-    matches, best = find_matches(pictures, least_correlation, report)
+    matches, best = find_matches(pictures, least_correlation, report, executor)
     _check_joined(pictures, matches, best, least_correlation)
     transforms, misfit = _solve(pictures, matches)
     turns = np.degrees(np.arctan2(transforms[:, 1], transforms[:, 0]))

@@ -47,6 +47,24 @@ def test_the_file_is_the_same_for_any_number_of_processes(six, waiting, toposeam
     assert [name for name in names(six) if name.endswith(".part")] == []
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("where", "does"), [((), {"look_at", "_shared_with", "_matched"}), (("six.toml", "--align"), {"_match"})]
+)
+def test_places_are_found_by_workers(six, waiting, toposeam, caplog, where, does):
+    caplog.set_level("DEBUG", "toposeam_cli.jobs.crew")
+    pictures = where or [f"{number}.tif" for number in range(6)]
+    for count in (1, 2):
+        outputs = "-o", f"out{count}.tif", "--save-layout", f"found{count}.toml"
+        ran = toposeam("stitch", *pictures, *outputs, "-j", count, "-q")
+        assert ran.code == 0, ran
+        for name in outputs[1::2]:
+            assert (six / name).read_bytes() == (six / name.replace(str(count), "1")).read_bytes()
+    parts = {record.args[0]: record.args[1] for record in caplog.records if record.levelname == "DEBUG"}
+    assert does <= parts.keys()
+    assert min(parts[name] for name in does) >= 5
+
+
 def test_small_pictures_take_one_process(six, toposeam, monkeypatch):
     monkeypatch.setattr(crews, "worker_processes", lambda count: pytest.fail("processes were started"))
     assert toposeam(*WORDS, "-o", "out.tif", "-j", 2, "-q").code == 0

@@ -62,8 +62,8 @@ def test_a_pair_that_fits_beyond_the_radius_only_tells_nothing(monkeypatch, shif
     scene = np.random.default_rng(0).random((60, 110))
     pair = ts.Layer(scene[:, :70]), ts.Layer(scene[:, 40:], at=(40, 0))
     monkeypatch.setattr(align, "_refined", lambda *_: (np.array(shift), 0.9, 5000))
-    assert align._match(*pair, radius=8) is None
-    assert align._match(*pair, radius=9)[0].tolist() == [shift[1], shift[0]]
+    assert align._match((*pair, 8)) is None
+    assert align._match((*pair, 9))[0].tolist() == [shift[1], shift[0]]
 
 
 def test_what_agrees_with_nothing_is_refused():

@@ -2,6 +2,7 @@
 
 import pickle
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.layers import composition, maps, posing, reduction, rounds, tones
+from toposeam.layers import composition, maps, pairing, posing, reduction, rounds, tones
 from toposeam.layers.align import correlations
 from toposeam.layers.layer import Box
 from toposeam.layers.maps import TileMap, part_of
@@ -144,8 +145,33 @@ def test_correlations_are_the_same():
     assert correlations(layers, executor=Elsewhere()) == correlations(layers)
 
 
+@pytest.mark.medium
+@pytest.mark.parametrize("forests", [1, 6])
+def test_places_that_nobody_says_are_the_same(monkeypatch, forests):
+    """Also where pairs are tried that turn out to be needed no more."""
+    monkeypatch.setattr(pairing, "_FORESTS", forests)
+    pictures = [*six_layers(), six_layers()[2]]
+    executor = Elsewhere()
+    here, there = (ts.find_places(pictures, executor=one) for one in (None, executor))
+    np.testing.assert_array_equal(here.places, there.places)
+    assert [layer.at for layer in here.layers] == [layer.at for layer in there.layers]
+    assert (here.correlations, here.misfit) == (there.correlations, there.misfit)
+    assert executor.items >= 7 + 6 + 6 + 9, "digests, looks, features that are shared, and pairs"
+
+
+def test_pictures_are_aligned_the_same():
+    layers = six_layers()
+    moved = [replace(layer, at=(layer.at[0] + k % 3, layer.at[1] - k)) for k, layer in enumerate(layers)]
+    executor = Elsewhere()
+    here, there = (ts.align(moved, radius=8, executor=one) for one in (None, executor))
+    np.testing.assert_array_equal(here.shifts, there.shifts)
+    assert (here.shifts != 0).any()
+    assert here.correlations == there.correlations
+    assert executor.items == 11, "pairs that may overlap"
+
+
 @pytest.mark.parametrize("executor", [3, "two", ThreadPoolExecutor])
-@pytest.mark.parametrize("door", [ts.compose, ts.correlations, ts.match_tones])
+@pytest.mark.parametrize("door", [ts.compose, ts.correlations, ts.match_tones, ts.find_places, ts.align])
 def test_what_does_no_work_is_refused(door, executor):
     picture = np.zeros((20, 30), np.uint8)
     with pytest.raises(ts.OptionError, match="executor is of type"):

@@ -94,3 +94,27 @@ def test_the_sentences_on_the_variants_follow_from_their_table():
     assert "one strip in twenty keeps several lines" in text
     cases = rows(variants().partition("--cases")[2])["thesis, plain, move ≤ 1"]
     assert f"with 1 it costs {float(cases[1]):.1f} and {float(cases[3]):.1f} times as much" in text
+
+
+def test_what_is_said_of_workers_is_one_measurement(monkeypatch):
+    """The ratio is that of the clocks beside it, and 1,000 frames are as large as the page says."""
+    monkeypatch.syspath_prepend(str(HERE / "benchmarks"))
+    workers = pytest.importorskip("workers")
+    text = (HERE / "docs" / "distributed.md").read_text(encoding="utf-8")
+    tables = {
+        name: [[cell.strip() for cell in line.strip("|").split("|")] for line in body.strip().splitlines()]
+        for name, body in re.findall(
+            r"<!-- numbers: written by benchmarks/workers.py, (\w+) -->\n(.*?)<!-- end", text, re.DOTALL
+        )
+    }
+    assert list(tables) == ["measured", "parts", "thousand"]
+    clocks = {row[0]: float(row[1]) for row in tables["measured"][2:]}
+    ratios = {row[0]: row[2] for row in tables["measured"][2:] if row[2]}
+    assert clocks.keys() == {"one process", "1 worker", "2 workers"}
+    assert float(ratios["2 workers"]) == pytest.approx(clocks["1 worker"] / clocks["2 workers"], abs=0.03)
+    said = dict(row for row in tables["thousand"][2:])
+    assert said["picture"] == f"{workers.sizes(*workers.THOUSAND)['picture'] / 1e3:.1f} gigapixels"
+    assert workers.sizes(*workers.THOUSAND)["frames"] == 24_000
+    assert f"{workers.sizes(*workers.FRAMES)['picture']:.0f} megapixels" in text
+    hours = [float(said[name].split()[0]) for name in said if name.startswith("time with")]
+    assert hours == sorted(hours, reverse=True)

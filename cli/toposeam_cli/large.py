@@ -29,7 +29,7 @@ from toposeam_cli.pictures.picture import Picture, write_picture
 from toposeam_cli.pictures.raw import Stored
 from toposeam_cli.placing import PlacedPictures
 
-#: How wide windows are that are handed to other processes, px.
+#: How wide windows are that are computed at once, px.
 _COLUMNS = 4 * BLOCK
 #: Rows of a window that are written at once.
 _ROWS = 64
@@ -155,7 +155,7 @@ def make(
     shown = np.zeros(len(composed.names) + 1, np.int64)
     bands, files = 1, _Files(scratch.new(), scratch.new(), scratch.new())
     handed = executor if composed.divides else None
-    windows = list(_windows(height, width, width if handed is None else _COLUMNS))
+    windows = list(_windows(height, width))
     items = (
         _Window(
             composed=composed if handed is None else composed.part(*box.slices),
@@ -201,10 +201,10 @@ def make(
     )
 
 
-def _windows(height: int, width: int, columns: int) -> Iterator[Box]:
+def _windows(height: int, width: int) -> Iterator[Box]:
     for top in range(0, height, BLOCK):
-        for left in range(0, width, columns):
-            yield Box(top, left, min(top + BLOCK, height), min(left + columns, width))
+        for left in range(0, width, _COLUMNS):
+            yield Box(top, left, min(top + BLOCK, height), min(left + _COLUMNS, width))
 
 
 def _painted(window: _Window) -> _Painted:

@@ -15,6 +15,7 @@ fifth of its time.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any, cast
@@ -36,6 +37,8 @@ from toposeam.seam.reach import Reach
 WANDERING = 0.8
 #: Reduced rows that are made at once.
 _ROWS = 64
+#: Pixels of all overlaps of one size whose costs are kept, 8 bytes each.
+KEPT_TOGETHER = 1 << 25
 
 
 def reduced(labelling: Labelling, executor: Executor | None = None) -> Labelling:
@@ -201,9 +204,16 @@ class ReducedCost:
 
 
 def _reduced_costs(costs: Sequence[PairCost], executor: Executor | None) -> list[PairCost]:
-    """Of large overlaps the costs are computed again where they are looked at."""
+    """Of large overlaps, and of more than can be kept, the costs are computed again where they are looked
+    at, which is beside what the next smaller size shows.
+    """
     found: list[PairCost] = [ReducedCost(cost) for cost in costs]
-    small = [k for k, lazy in enumerate(found) if lazy.box.shape[0] * lazy.box.shape[1] <= KEPT_PIXELS]
+    small, kept = [], 0
+    for k, lazy in enumerate(found):
+        size = math.prod(lazy.box.shape)
+        if size <= KEPT_PIXELS and kept + size <= KEPT_TOGETHER:
+            small.append(k)
+            kept += size
     looking = executor is not None and any(_pixels(costs[k]) is not None for k in small)
     if not looking:
         for k in small:

@@ -1,6 +1,7 @@
 """What is allowed where, what a move costs, and what a reduced problem says."""
 
 import itertools
+import math
 
 import numpy as np
 import pytest
@@ -117,6 +118,32 @@ def test_costs_of_a_band_are_those_of_the_whole(monkeypatch):
         expected = full[part[0].start :, part[1].start :][: banded.shape[0], : banded.shape[1]]
         near = beside[:, :-1] | beside[:, 1:] if axis == 0 else beside[:-1] | beside[1:]
         np.testing.assert_array_equal(banded[near], expected[near])
+
+
+def test_costs_of_reduced_overlaps_are_kept_as_far_as_they_may(monkeypatch):
+    photograph = data.coffee()[:150, :330]
+    layers = [
+        ts.Layer(photograph[:, 70 * k : 70 * k + 110].copy() // (k + 1), at=(70 * k, k)) for k in range(4)
+    ]
+    fine = posed(layers)
+    half = reduction.reduced(fine)
+    assert all(isinstance(cost, TableCost) for cost in half.costs.values())
+    kept = math.prod(half.costs[0, 1].box.shape)
+    for together, tables in ((0, 0), (kept, 1), (2 * kept + 1, 2)):
+        monkeypatch.setattr(reduction, "KEPT_TOGETHER", together)
+        sparing = reduction.reduced(fine)
+        assert [isinstance(cost, TableCost) for cost in sparing.costs.values()] == [
+            k < tables for k in range(len(sparing.costs))
+        ]
+        for pair, cost in sparing.costs.items():
+            for found, expected in zip(cost.on(cost.box), half.costs[pair].on(cost.box), strict=True):
+                np.testing.assert_array_equal(found, expected)
+    monkeypatch.setattr(rounds, "WHOLE_PIXELS", 500)
+    spared = ts.stitch(layers)
+    monkeypatch.undo()
+    monkeypatch.setattr(rounds, "WHOLE_PIXELS", 500)
+    for mask, expected in zip(spared.masks, ts.stitch(layers).masks, strict=True):
+        np.testing.assert_array_equal(mask, expected)
 
 
 def test_without_wandering_a_reduced_label_map_costs_what_it_does_enlarged(monkeypatch):

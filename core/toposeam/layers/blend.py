@@ -136,7 +136,7 @@ class Blender:
             self._mix = _Fade(placed, _Feather(placed, size).weights).mix
         elif blend == "soft":
             shifts = [begin] if period is None else [begin - period, begin, begin + period]
-            self._mix = _Fade(placed, _Soft(dict(seams()), shifts).weights).mix
+            self._mix = _Fade(placed, _Soft(placed.places, dict(seams()), shifts).weights).mix
 
     @property
     def margin(self) -> int:
@@ -230,33 +230,36 @@ def _channels(placed: Placed) -> int:
 
 
 class _Fade:
-    """Layers mixed by weights that add up to 1."""
+    """Layers mixed by weights that add up to 1, given on what each has in common with a box."""
 
     def __init__(
         self, placed: Placed, weights: Callable[[Box, LabelMap, list[int]], dict[int, Floats32]]
     ) -> None:
         self._placed, self._weights = placed, weights
 
-    def mix(self, box: Box, shows: LabelMap, index: list[int]) -> tuple[Floats32, Floats32, Mask]:
+    def mix(self, box: Box, shows: LabelMap, index: list[int]) -> tuple[Floats32, Floats32 | None, Mask]:
         placed = self._placed
         channels = _channels(placed)
-        colour = np.zeros((*box.shape, channels), np.float32)
-        opacity, total = np.zeros(box.shape, np.float32), np.zeros(box.shape, np.float32)
-        own = np.zeros(box.shape, np.float32)
+        colour = np.zeros((channels, *box.shape), np.float32)
+        opacity, total, own = (np.zeros(box.shape, np.float32) for _ in range(3))
+        opaque = all(placed.layers[k].alpha is None for k in index)
         for k, weight in self._weights(box, shows, index).items():
-            values, present = _colours(placed, k, box, channels)
-            layer = placed.layers[k]
+            common = placed.places[k].shared(box)
+            here = common.within(box)
+            planes, present = _planes(placed, k, common, channels)
             weight = weight * present
-            own += np.where(shows == k, weight, np.float32(0))
-            total += weight
-            if layer.alpha is not None:
-                alpha = np.where(present, cut(layer.alpha, placed.places[k], box), layer.alpha.dtype.type(0))
-                weight = weight * (alpha / full_scale(alpha.dtype)).astype(np.float32)
-            opacity += weight
-            colour += weight[..., np.newaxis] * values
-        colour /= np.maximum(opacity, np.float32(1e-9))[..., np.newaxis]
+            own[here] += weight * (shows[here] == k)
+            total[here] += weight
+            if (alpha := placed.layers[k].alpha) is not None:
+                opacities = np.where(present, cut(alpha, placed.places[k], common), alpha.dtype.type(0))
+                weight = weight * (opacities / full_scale(alpha.dtype)).astype(np.float32)
+            opacity[here] += weight
+            planes *= weight
+            colour[:, *here] += planes
+        colour /= np.maximum(opacity, np.float32(1e-9))
+        changed = (own < (1 - _SETTLED) * total) & (opacity > 0)
         opacity /= np.maximum(total, np.float32(1e-9))
-        return colour, opacity, (own < (1 - _SETTLED) * total) & (opacity > 0)
+        return np.moveaxis(colour, 0, 2), None if opaque else opacity, changed
 
 
 class _Feather:
@@ -272,11 +275,15 @@ class _Feather:
         )  # beyond the layers there is nothing to mix in
         result = {}
         for k in index:
-            if not (shows == k).any():
+            common = self._placed.places[k].shared(box)
+            around = common.grown(self._size).shared(box)  # beyond, its weights are 0
+            near, inner = around.within(box), common.within(around)
+            own = shows[near] == k
+            if not own.any():
                 continue
-            smooth: Floats32 = self._smooth(shows == k) / reach
-            present = cut(self._placed.covered[k], self._placed.places[k], box) | ~ground
-            inside = np.clip(2 * self._smooth(present) - 1, 0, 1)
+            smooth = self._smooth(own)[inner] / reach[common.within(box)]
+            present = cut(self._placed.covered[k], self._placed.places[k], around) | ~ground[near]
+            inside = np.clip(2 * self._smooth(present)[inner] - 1, 0, 1)
             result[k] = smooth * inside
         return result
 
@@ -290,7 +297,10 @@ class _Soft:
     canvas goes round.
     """
 
-    def __init__(self, seams: dict[tuple[int, int], Seam], shifts: Sequence[int]) -> None:
+    def __init__(
+        self, places: Sequence[Box], seams: dict[tuple[int, int], Seam], shifts: Sequence[int]
+    ) -> None:
+        self._places = places
         self._seams = [(pair, seam, shift) for pair, seam in seams.items() for shift in shifts]
 
     def weights(self, box: Box, shows: LabelMap, index: list[int]) -> dict[int, Floats32]:
@@ -309,7 +319,7 @@ class _Soft:
             back = np.clip(1 - potential[there], 0, 1 - _SETTLED)
             result[j][here] += np.where(free & (shows[here] == i), towards / (1 - towards), np.float32(0))
             result[i][here] += np.where(free & (shows[here] == j), back / (1 - back), np.float32(0))
-        return result
+        return {k: weight[self._places[k].shared(box).within(box)] for k, weight in result.items()}
 
 
 class _Multiband:

@@ -59,7 +59,12 @@ def paint(
                 if shows.all():
                     image[here], alpha[here] = part, own
                 else:
-                    image[here][shows] = np.broadcast_to(part, image[here].shape)[shows]
+                    on, planes = (
+                        each if each.ndim == 3 else each[..., np.newaxis] for each in (image[here], part)
+                    )
+                    for channel in range(on.shape[2]):  # several times as fast as pixel by pixel
+                        values = planes[..., min(channel, planes.shape[2] - 1)]
+                        np.copyto(on[..., channel], values, where=shows)
                     np.copyto(alpha[here], own, where=shows)
     return image, alpha
 

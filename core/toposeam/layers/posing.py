@@ -14,7 +14,7 @@ layers:
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -44,7 +44,7 @@ from toposeam.seam.match_cost import Floats32, MatchCost, match_cost
 from toposeam.seam.overlap import FREE, NONE, A, B, Overlap, at_its_end, cores
 from toposeam.seam.posing import forbid
 from toposeam.seam.problem import M_MAX
-from toposeam.seam.reach import CELL, STEP, Reach
+from toposeam.seam.reach import STEP, Reach
 
 #: Costs of pairs whose box holds up to so many pixels are kept; others are computed again where they are
 #: looked at.
@@ -330,19 +330,16 @@ class LayerPairCost:
         return self._nearby
 
     def _seen_by(self, reach: float) -> Reach:
-        height, width = self.box.shape
-        rows_of = max(1, _BLOCK_PIXELS // width // CELL) * CELL
+        def part(rows: slice) -> tuple[Floats32, Mask] | None:
+            top = self.box.top
+            here = Box(top + rows.start, self.box.left, top + rows.stop, self.box.right)
+            both = self.shared(here)
+            if not both.any():
+                return None
+            a, b = widen(*(self._colours(k, here, both, STEP) for k in self._pair))
+            return a - b, both[::STEP, ::STEP]
 
-        def blocks() -> Iterator[tuple[int, Floats32, Mask]]:
-            for first in range(0, height, rows_of):
-                bottom = min(self.box.top + first + rows_of, self.box.bottom)
-                part = Box(self.box.top + first, self.box.left, bottom, self.box.right)
-                both = self.shared(part)
-                if both.any():
-                    a, b = widen(*(self._colours(k, part, both, STEP) for k in self._pair))
-                    yield first, a - b, both[::STEP, ::STEP]
-
-        return Reach((height, width), blocks(), reach)
+        return Reach.by_rows(self.box.shape, part, reach)
 
     def _colours(self, index: int, box: Box, present: Mask, step: int = 1) -> Floats32:
         layer = self._context.layers[index]

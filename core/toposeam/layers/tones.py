@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import check_choice
-from toposeam.images import Image, Mask, Windows, as_float, in_dtype
+from toposeam.images import Image, Mask, Windows, check_values, in_dtype
 from toposeam.layers.layer import Box, Layer, check_layers, extent_of
 from toposeam.layers.shading import field_on
 from toposeam.layers.shading import shading as field_coefficients
@@ -34,6 +34,7 @@ LARGEST_GAIN = 4.0
 #: Pixels of an overlap that are looked at, and those that are needed.
 _SAMPLE, _ENOUGH = 250_000, 16
 _ROWS = 256  # worked on at a time
+_BURNT = 0.999  # of the pixels stay below white
 
 
 def tone_gains(
@@ -116,7 +117,7 @@ def match_tones(
     check_executor(executor)
     for layer in layers:
         if not isinstance(layer.image, Windows):
-            as_float(layer.image, data_range=layer.data_range, name=layer.name)  # what is white is known
+            check_values(layer.image, layer.name, layer.data_range)  # what is white is known
     canvas = extent_of(layers)
     places = [canvas.place(layer) for layer in layers]
     gains = tone_gains(layers, places, executor)
@@ -296,8 +297,30 @@ def _headroom(item: tuple[Layer, npt.NDArray[np.float64], npt.NDArray[np.float64
     if field is not None:
         raised = field_on(field, layer.image.shape, range(0, height, step), range(0, width, step))[covered]
     for channel, factor in enumerate(gain):
-        values = image[..., min(channel, image.shape[2] - 1)][covered] / layer.white
-        values = (values * raised)[(values > TELLING[0]) & (values < TELLING[1])]
-        if len(values):
-            room = min(room, 1.0 / (float(np.quantile(values, 0.999)) * factor))
+        values = image[..., min(channel, image.shape[2] - 1)][covered]
+        if field is None and values.dtype in (np.uint8, np.uint16):
+            brightest = _brightest(values, layer.white)
+        else:
+            values = values / layer.white
+            values = (values * raised)[(values > TELLING[0]) & (values < TELLING[1])]
+            brightest = float(np.quantile(values, _BURNT)) if len(values) else 0.0
+        if brightest:
+            room = min(room, 1.0 / (brightest * factor))
     return room
+
+
+def _brightest(values: npt.NDArray[Any], white: float) -> float:
+    """The quantile above of small integers as shares of white, of those that tell the exposure: counted,
+    which takes less than sorting them. 0 where there are none.
+    """
+    count = np.bincount(values)
+    share = np.arange(len(count)) / white
+    telling = np.flatnonzero((share > TELLING[0]) & (share < TELLING[1]))
+    before = count[telling].cumsum()
+    if not len(before) or not before[-1]:
+        return 0.0
+    at = _BURNT * (before[-1] - 1)
+    low, high = (
+        share[telling[np.searchsorted(before, np.floor(at) + k, side="right")]] for k in (0, np.ceil(at % 1))
+    )
+    return float(low + (at % 1) * (high - low))

@@ -320,10 +320,9 @@ def minimum_cut(network: Network, weight: npt.NDArray[np.float64]) -> Mask:
     rows, columns = np.concatenate([network.tail, network.head]), np.concatenate([network.head, network.tail])
     graph = csr_array((np.concatenate([capacity, capacity]), (rows, columns)), shape=(n + 2, n + 2))
     flow = maximum_flow(graph, n + 1, n).flow
-    residual = graph - flow
-    residual.data[residual.data < 0] = 0
-    residual.eliminate_zeros()
-    reached = breadth_first_order(residual, n + 1, return_predecessors=False)
+    graph.data -= flow.data  # both have every element in both directions, in one order
+    graph.eliminate_zeros()
+    reached = breadth_first_order(graph, n + 1, return_predecessors=False)
     hot = np.zeros(n + 2, bool)
     hot[reached] = True
     return hot[:n]

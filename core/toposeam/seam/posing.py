@@ -5,7 +5,7 @@ costs out.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from toposeam.images import Image, Mask, as_array, as_float, as_mask, check_shap
 from toposeam.seam.match_cost import Floats32, MatchCost, match_cost, match_options
 from toposeam.seam.overlap import SIDES, Overlap, Side, between_masks, side_by_side
 from toposeam.seam.problem import M_MAX, SeamProblem
-from toposeam.seam.reach import CELL, STEP, Reach
+from toposeam.seam.reach import STEP, Reach
 
 #: The match cost is computed from blocks of about so many pixels.
 _BLOCK_PIXELS = 1 << 18
@@ -211,21 +211,17 @@ def _reach(
     reach: float,
     data_range: float | None,
 ) -> Reach:
+    def part(rows: slice) -> tuple[Floats32, Mask]:
+        start = (overlap.start[0] + rows.start, overlap.start[1])
+        here = Overlap(overlap.side[rows], overlap.shared[rows], start, overlap.canvas)
+        one, other = widen(
+            _patch(a, here, on_a[rows], "a", data_range, STEP),
+            _patch(b, here, on_b[rows], "b", data_range, STEP),
+        )
+        return one - other, here.shared[::STEP, ::STEP]
+
     height, width = overlap.side.shape
-    rows_of = max(1, _BLOCK_PIXELS // width // CELL) * CELL
-
-    def blocks() -> Iterator[tuple[int, Floats32, Mask]]:
-        for first in range(0, height, rows_of):
-            rows = slice(first, min(first + rows_of, height))
-            start = (overlap.start[0] + first, overlap.start[1])
-            part = Overlap(overlap.side[rows], overlap.shared[rows], start, overlap.canvas)
-            one, other = widen(
-                _patch(a, part, on_a[rows], "a", data_range, STEP),
-                _patch(b, part, on_b[rows], "b", data_range, STEP),
-            )
-            yield first, one - other, overlap.shared[rows][::STEP, ::STEP]
-
-    return Reach((height, width), blocks(), reach)
+    return Reach.by_rows((height, width), part, reach)
 
 
 def _patch(

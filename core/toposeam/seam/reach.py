@@ -13,7 +13,7 @@ Noise averages out in it, and what differs evenly (the exposure), which blending
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +30,8 @@ CELL, STEP = 4, 2
 _WEIGHT = 1.0
 #: Cells of which so few pixels are known count as unknown.
 _KNOWN = 1e-3
+#: Rows of about so many pixels are looked at at once.
+_BLOCK_PIXELS = 1 << 17
 
 
 class Reach:
@@ -72,6 +74,34 @@ class Reach:
             counts[at] += _by_cells(known[..., np.newaxis].astype(np.float32))
         self._values = np.zeros(cells, np.float32) if sums is None else _bands(sums, counts, levels)
         self._values.setflags(write=False)
+
+    @classmethod
+    def by_rows(
+        cls, shape: tuple[int, int], part: Callable[[slice], tuple[Floats32, Mask] | None], reach: float
+    ) -> Reach:
+        """R of a window that is looked at some rows at a time, so that the pictures are never held as float32
+        as a whole.
+
+        Parameters
+        ----------
+        shape : (int, int)
+            Height and width of the window, px.
+        part : callable
+            Gives for some rows the difference and where it is known, as in `blocks` above; None where it is
+            known nowhere.
+        reach : float
+            As above.
+        """
+        height, width = shape
+        rows_of = max(1, _BLOCK_PIXELS // width // CELL) * CELL
+
+        def blocks() -> Iterator[tuple[int, Floats32, Mask]]:
+            for first in range(0, height, rows_of):
+                found = part(slice(first, min(first + rows_of, height)))
+                if found is not None:
+                    yield first, *found
+
+        return cls(shape, blocks(), reach)
 
     def on(self, rows: slice, columns: slice) -> Floats32:
         """R in some rows and columns of the window, which may lie beyond it."""

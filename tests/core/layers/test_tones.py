@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
+from toposeam.layers import tones
 from toposeam.layers.layer import extent_of
 from toposeam.layers.tones import LARGEST_GAIN, WHITE, tone_gains
 
@@ -64,3 +65,13 @@ def test_layers_of_which_nobody_knows_what_is_white_are_refused(dtype):
         [ts.Layer(values, data_range=255), ts.Layer(values, at=(20, 0), data_range=255)]
     )
     assert (first.image == 200).all()
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 1000, 1001, 2500])
+@pytest.mark.parametrize(("dtype", "white"), [(np.uint8, 255), (np.uint16, 4095)])
+def test_counted_highlights_are_the_sorted_ones(count, dtype, white):
+    values = np.random.default_rng(count).integers(0, white, count, endpoint=True).astype(dtype)
+    share = values / white
+    telling = share[(share > tones.TELLING[0]) & (share < tones.TELLING[1])]
+    expected = np.quantile(telling, 0.999) if len(telling) else 0.0
+    assert tones._brightest(values, float(white)) == pytest.approx(expected, rel=1e-12)

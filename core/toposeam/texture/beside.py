@@ -33,7 +33,8 @@ class Beside:
     limit : (AH, 1) array, optional
         How often pixels may show, by the atlas's row.
     largest_copy : callable
-        How many px of the canvas a copy may show on, for a patch's height and width.
+        How many px of the canvas a copy may show on with a patch more, for its height and width and the px
+        that it fills.
     """
 
     def __init__(
@@ -43,7 +44,7 @@ class Beside:
         reach: int,
         near: float,
         limit: npt.NDArray[np.float64] | None,
-        largest_copy: Callable[[tuple[int, int]], int],
+        largest_copy: Callable[[tuple[int, int], int], int],
     ) -> None:
         self._canvas, self._reach, self._near, self._limit = canvas, reach, near, limit
         self._usage, self._largest_copy = canvas.usage.reshape(atlas.usable.shape), largest_copy
@@ -61,7 +62,7 @@ class Beside:
         is left.
         """
         errors, (h, w) = offers.errors.copy(), shape
-        limit = self._largest_copy(shape) - offers.new
+        limit = self._largest_copy(shape, offers.new) - offers.new
         for row, column, first in offers.continued if self._grown else ():
             if self._grown[first] and self._canvas.area_of(first) + self._grown[first] > limit:
                 errors[(offers.rows == row) & (offers.columns == column)] = np.inf

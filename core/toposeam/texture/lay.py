@@ -33,6 +33,8 @@ _USED_UP = 30
 _NEAR, _TWICE = 1.0, 2.0
 #: Share of what there is to copy up to which use is not counted.
 _LITTLE = 0.05
+#: Of what it overlaps, a patch shows on this share, about.
+_WON = 0.5
 #: An exemplar that shows on less counts as showing on this much of the canvas.
 _LEAST_SHARE = 0.02
 #: Added to every error, so that a perfect fit does not outweigh everything else; the square of 1 % of the
@@ -157,7 +159,7 @@ class PatchPlacer:
         row, column = np.divmod(copies.shown, np.int32(self.atlas.width))
         row, column = row - copies.y + m, column - copies.x + m
         continued = list(zip(row.tolist(), column.tolist(), copies.first, strict=True))
-        limit = self.largest_copy(site.shape) - new
+        limit = self.largest_copy(site.shape, new) - new
         joined: dict[tuple[int, int], set[int]] = {}
         for *place, first in continued:
             joined.setdefault((place[0], place[1]), set()).add(first)
@@ -223,10 +225,14 @@ class PatchPlacer:
         padded = site.known[m - 1 : m + h + 1, m - 1 : m + w + 1]
         return self.cut(padded, source, site.covers) | ((padded[1:-1, 1:-1] < 0) & site.covers)
 
-    def largest_copy(self, shape: tuple[int, int]) -> int:
-        """How many px of the canvas a connected copy may show on."""
+    def largest_copy(self, shape: tuple[int, int], new: int | None = None) -> int:
+        """How many px of the canvas a connected copy may show on; with a patch more, which fills some new px
+        and may win others.
+        """
         pixels, options = shape[0] * shape[1], self.options
-        return math.floor(max(min(options.copy_patches * pixels, options.copy_share * self._copied), pixels))
+        won = 0 if new is None else _WON * (pixels - new)
+        share = options.copy_share * self._copied - won
+        return math.floor(max(min(options.copy_patches * pixels, share), pixels))
 
     def cut(self, padded: Ints32, source: Ints32, covers: Mask, closed: bool = False) -> Mask:
         """Where a patch shows, given what is there.

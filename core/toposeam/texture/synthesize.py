@@ -26,9 +26,11 @@ from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.closing import closing_guide, order_axis
 from toposeam.texture.crew import MAX_PROCESSES, Crew
 from toposeam.texture.easing import EasedLight, Level, level_for
+from toposeam.texture.exchange import Exchange
 from toposeam.texture.finish import finish, settings_of
 from toposeam.texture.guiding import guide_of
 from toposeam.texture.keeping_step import Phase
+from toposeam.texture.landmarks import landmarks
 from toposeam.texture.lay import PatchPlacer
 from toposeam.texture.lay_options import VARIED, LayOptions, varied
 from toposeam.texture.light import CopyLight, flattened, levelled_copies, without_light
@@ -221,13 +223,14 @@ def synthesize(
     )
     report = Stages(progress)
     phase, axis, fits = None, None, None
+    has_objects = bool(chosen.variety) and landmarks(features, atlas.usable, atlas.factor).guard is not None
     if given is None and chosen.close and any(wraps):
         order = find_order(sources.features[0], sources.usable[0]) if len(sources.shapes) == 1 else None
         if order is not None:
             closed, stretch = order.fitted((height, width), wraps)
             fits = order.closing_size((height, width), wraps) if stretch > UNSEEN else None
             phase = Phase(order, closed, max(1.0, 0.75 * atlas.factor)) if stretch <= STRETCH else None
-        if phase is None and min(height, width) >= 4 * side:
+        if phase is None and min(height, width) >= 4 * side and not has_objects:
             axis = order_axis(sources.features[0], sources.usable[0])
     if axis is not None and wraps[axis]:
         given = closing_guide(
@@ -271,6 +274,8 @@ def synthesize(
     with Crew(processes, placer, lambda: canvas.share(count + tries)) as crew:
         lay_all(placer, side, overlap, crew, 0, report.stage(report.done, 0.9, shown))
         mend(placer, shape, tries, crew, report.stage(0.9, 1.0))
+    if placer.guard is not None and chosen.mend:
+        Exchange(placer, shape).run()
     report.finish()
     del placer, given, crew  # a guide takes more memory than the picture
     settings = {

@@ -260,7 +260,7 @@ def test_what_is_picked_together_keeps_apart(wrap):
     limit = np.full((atlas.usable.shape[0], 1), 2.0)
 
     def beside(near=1.0, most=100):
-        return Beside(canvas, atlas, 30, near, limit, lambda _: most)
+        return Beside(canvas, atlas, 30, near, limit, lambda *_: most)
 
     def offers(*places, new=10, continued=()):
         rows, columns = np.array(places).T

@@ -1,0 +1,320 @@
+"""Objects of a finished texture made whole, and exchanged where one comes twice near by.
+
+On a ground with objects, patches leave some objects cut where two of them met, and bring others a second time
+within sight, as what lies between them goes with them. When all is laid, each such object is replaced by
+itself: by another one with the ground round it, along a closed seam that runs through ground only. Which one
+becomes which is found by the rule of fewest conflicts (Minton et al. 1992, doi:10.1016/0004-3702(92)90007-K).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from toposeam.images import Mask
+from toposeam.texture.atlas import Ints32, values_at
+from toposeam.texture.lay import PatchPlacer
+from toposeam.texture.objects import RING, At, Key, Objects
+from toposeam.texture.search import Ints, box_of
+
+#: An object of which less than this share shows is cut; one of which more than that shows counts as there.
+_WHOLE, _THERE = 0.95, 0.4
+#: Within this share of an exemplar's shorter side, and so many px more as cut ones have their middle
+#: elsewhere, two of the same are near each other.
+_NEAR, _SLACK = 0.5, 4
+#: By how many steps, of so many px each, an object may lie beside the middle of the one that was cut.
+_ASIDE, _STEP = 2, 3
+#: Objects are exchanged for others up to so many times as large, or as small.
+_ALIKE = 2.5
+#: So many places are compared, about, where ground replaces what is left of an object.
+_GROUNDS = 400
+#: So many of what fits best are tried.
+_TRIED = 6
+#: So many exchanges are thought through for every object that comes twice near by, and so often is looked
+#: again for what could not be laid, by how many steps aside.
+_THOUGHT, _ROUNDS = 40, (0, 1, 2)
+
+
+class _Window(NamedTuple):
+    """What a canvas shows round a place."""
+
+    top: int
+    left: int
+    known: Ints32
+    inside: Mask
+    #: What has to go, and other objects.
+    goes: Mask
+    busy: Mask
+
+
+class _Fit(NamedTuple):
+    """Something that could be laid there."""
+
+    error: float
+    number: int
+    #: Where it must show.
+    must: Mask
+    #: Place of the window's first pixel on the atlas.
+    place: At
+
+
+class Exchange:
+    """Exchanges objects on a placer's canvas, which is full.
+
+    Parameters
+    ----------
+    placer : PatchPlacer
+        It has a guard.
+    shape : (int, int)
+        Height and width of its patches.
+    """
+
+    def __init__(self, placer: PatchPlacer, shape: tuple[int, int]) -> None:
+        self._placer, self._canvas, self._atlas = placer, placer.canvas, placer.atlas
+        guard = np.zeros(placer.atlas.usable.size, np.float32) if placer.guard is None else placer.guard
+        self._objects = Objects(guard, placer.atlas, placer.canvas)
+        self._largest, self._all = placer.largest_copy(shape), self._objects.all
+        self._near = _NEAR * int(self._atlas.shapes.min(axis=1).max()) + _SLACK
+        self._bare = self._atlas.copied & ~ndimage.binary_dilation(self._objects.marks > 0)
+        self._shown = self._objects.shown()
+        self._kept: tuple[Ints, Ints] | None = None
+
+    def run(self) -> int:
+        """Make objects whole, and exchange those that come twice near by; how many were replaced."""
+        done, shares = 0, {key: self._share(key) for key in self._shown}
+        for key in sorted(shares, key=lambda one: (-shares[one], one)):
+            done += shares[key] < _WHOLE and self._mend(key)
+        for aside in _ROUNDS:
+            for key, number in self._chosen(aside).items():
+                done += self._replace(key, [number], aside)
+        return done
+
+    def _share(self, key: Key) -> float:
+        """What share of an object shows of what could."""
+        return self._shown[key] / max(self._objects.room(key), 1)
+
+    def _mend(self, key: Key) -> bool:
+        """Make a cut object whole, replace it by another one or, if little of it is left, by ground."""
+        share = self._share(key)
+        if not 0 < share < _WHOLE:
+            return False
+        for beside in (False, True) if share > _THERE else ():
+            others = [k for k in self._like(key[0]) if not self._comes_near(k, key[1:])]
+            if (
+                self._replace(key, [key[0]], 0, beside)
+                or self._replace(key, others, 0, beside)
+                or self._replace(key, others, _ASIDE, beside)
+            ):
+                return True
+        return self._replace(key, [], 0)
+
+    def _like(self, number: int) -> list[int]:
+        """Other objects about as large as one."""
+        sizes = [len(one.pixels) for one in self._all]
+        return [
+            k for k, size in enumerate(sizes) if k != number and 1 / _ALIKE < size / sizes[number] < _ALIKE
+        ]
+
+    def _replace(self, key: Key, numbers: list[int], aside: int, beside: bool = False) -> bool:
+        """Lay the one that fits best of some objects over another, or ground where none is given; whether
+        there was room. With `beside` what is cut and touches it goes as well.
+        """
+        largest = max(self._all[k].reach for k in (key[0], *numbers))
+        around = largest + aside * _STEP + RING + 2
+        window = self._window(key, around, beside)
+        if window is None or not window.goes.any():
+            return False
+        fits = self._fits(window, numbers, aside) if numbers else self._grounds(window)
+        return any(self._lay(window, fit) for fit in sorted(fits, key=lambda fit: fit.error)[:_TRIED])
+
+    def _window(self, key: Key, around: int, beside: bool = False) -> _Window | None:
+        """So many px round an object's middle; None where they would meet themselves."""
+        top, left, side = key[1] - around, key[2] - around, 2 * around + 1
+        limits = zip(self._canvas.shape, self._canvas.wrap, strict=True)
+        if any(wraps and limit < side for limit, wraps in limits):
+            return None
+        known = self._canvas.read(top, left, side, side)
+        inside = known >= 0
+        marks = self._objects.marks.ravel()[np.maximum(known, 0)] * inside
+        goes = self._seen(key, known, top, left)
+        if beside:
+            y, x = np.nonzero(ndimage.binary_dilation(goes, iterations=3) & (marks > 0) & ~goes)
+            for other in self._objects.at(y + top, x + left, known[y, x]):
+                if self._share(other) < _WHOLE:
+                    goes |= self._seen(other, known, top, left)
+        return _Window(top, left, known, inside, goes, (marks > 0) & ~goes)
+
+    def _seen(self, key: Key, known: Ints32, top: int, left: int) -> Mask:
+        """Where a window shows an object and its fringe."""
+        y, x = np.arange(known.shape[0])[:, np.newaxis], np.arange(known.shape[1])[np.newaxis]
+        lines = []
+        for line, first, at, middle, limit, wraps in zip(
+            (y, x),
+            (top, left),
+            key[1:],
+            self._all[key[0]].middle,
+            self._canvas.shape,
+            self._canvas.wrap,
+            strict=True,
+        ):
+            away = (first - at + limit // 2) % limit - limit // 2 if wraps else first - at
+            lines.append(middle + away + line)
+        seen: Mask = known == lines[0] * self._atlas.width + lines[1]
+        seen &= self._objects.fringed.ravel()[np.maximum(known, 0)] == key[0] + 1
+        return seen
+
+    def _fits(self, window: _Window, numbers: list[int], aside: int) -> list[_Fit]:
+        """Where in the middle of a window, or beside it, some objects have room."""
+        found, features = [], self._placer.features.reshape(self._atlas.usable.size, -1)
+        known = values_at(self._placer.features, window.known)
+        busy = ndimage.binary_dilation(window.busy)
+        middle = len(known) // 2
+        steps = [(i * _STEP, j * _STEP) for i in range(-aside, aside + 1) for j in range(-aside, aside + 1)]
+        for number in numbers:
+            one = self._all[number]
+            for down, right in steps if one.whole else ():
+                at = np.array([middle + down, middle + right])
+                y, x = (one.pixels + at).T
+                if busy[y, x].any():
+                    continue
+                must = window.goes.copy()
+                must[y, x] = True
+                y, x = (one.ring + at).T
+                free = window.inside[y, x] & ~must[y, x] & ~busy[y, x]
+                y, x = y[free], x[free]
+                source = (one.ring[free] + one.middle) @ (self._atlas.width, 1)
+                error = np.square(features[source] - known[y, x]).sum() / max(len(y), 1)
+                place = one.middle[0] - down - middle, one.middle[1] - right - middle
+                found.append(_Fit(float(error), number, must & window.inside, place))
+        return found
+
+    def _grounds(self, window: _Window) -> list[_Fit]:
+        """Ground for what has to go in a window."""
+        width, features = self._atlas.width, self._placer.features
+        box = box_of(window.goes)
+        rows, columns = (
+            limit - side.stop + side.start for limit, side in zip(self._bare.shape, box, strict=True)
+        )
+        step = max(1, round((rows * columns / _GROUNDS) ** 0.5))
+        grid = np.mgrid[step // 2 : rows : step, step // 2 : columns : step].reshape(2, -1).T
+        places = grid - (box[0].start, box[1].start)
+        y, x = np.nonzero(window.goes)
+        covers = self._bare.ravel()[(places @ (width, 1))[:, np.newaxis] + y * width + x].all(axis=1)
+        places = places[covers]
+        rim = ndimage.binary_dilation(window.goes, iterations=2) & ~window.goes & ~window.busy & window.inside
+        y, x = np.nonzero(rim)
+        at = (places @ (width, 1))[:, np.newaxis] + y * width + x
+        free = (at >= 0) & (at < self._bare.size)
+        free &= self._bare.ravel()[at * free]
+        off = values_at(features, at * free) - values_at(features, window.known[y, x])
+        error = (np.square(off).sum(axis=2) * free).sum(axis=1) / np.maximum(free.sum(axis=1), 1)
+        few = 2 * free.sum(axis=1) < len(y)  # hardly anything to go by
+        return [
+            _Fit(one, -1, window.goes, (row, column))
+            for one, (row, column) in zip((error + few).tolist(), places.tolist(), strict=True)
+        ]
+
+    def _lay(self, window: _Window, fit: _Fit) -> bool:
+        """Lay what fits, if there is room for it and its copy does not grow too large."""
+        placer, atlas, canvas, (_, number, must, place) = self._placer, self._atlas, self._canvas, fit
+        rows, columns = (start + np.arange(length) for start, length in zip(place, must.shape, strict=True))
+        height, width = atlas.usable.shape
+        on = ((rows >= 0) & (rows < height))[:, np.newaxis] & (columns >= 0) & (columns < width)
+        at = np.clip(rows, 0, height - 1)[:, np.newaxis], np.clip(columns, 0, width - 1)
+        on &= atlas.copied[at]
+        marks = self._objects.marks[at]
+        other = (marks > 0) & (marks != number + 1)
+        if (must & (other | window.busy | ~on)).any():
+            return False
+        may = ndimage.binary_dilation(must, iterations=RING) & window.inside & on
+        may = (may & ~ndimage.binary_dilation(other | window.busy)) | must
+        box = box_of(may)
+        top, left = window.top + box[0].start, window.left + box[1].start
+        shape = box[0].stop - box[0].start, box[1].stop - box[1].start
+        source = placer.patch((place[0] + box[0].start, place[1] + box[1].start), shape)
+        padded = canvas.read(top - 1, left - 1, shape[0] + 2, shape[1] + 2)
+        before = padded[1:-1, 1:-1].copy()
+        y, x = np.nonzero(before == source)
+        row, column, _ = canvas.window(top, left, *shape)
+        labels = np.unique(canvas.labels[row[y, 0], column[0, x]])
+        joined = {canvas.copy_of(label) for label in labels.tolist()}
+        padded[1:-1, 1:-1][must[box]] = -1
+        shows = placer.cut(padded, source, may[box], closed=True) | must[box]
+        if joined and sum(map(canvas.area_of, joined)) + np.sum(shows & (before != source)) > self._largest:
+            return False
+        y, x = np.nonzero(shows)
+        self._shown.subtract(self._objects.at(y + top, x + left, before[shows]))
+        self._shown.update(self._objects.at(y + top, x + left, source[shows]))
+        self._kept = None
+        canvas.paint(top, left, source, shows)
+        return True
+
+    def _there(self) -> tuple[Ints, Ints]:
+        """Numbers (n,) and middles (n, 2) of the objects that are there."""
+        if self._kept is None:
+            least = [_THERE * len(one.pixels) for one in self._all]
+            keys = sorted(key for key, count in self._shown.items() if count > least[key[0]])
+            found = np.array(keys, np.intp).reshape(-1, 3)
+            self._kept = found[:, 0], found[:, 1:]
+        return self._kept
+
+    def _are_near(self, middles: Ints, at: npt.ArrayLike) -> Mask:
+        """Which middles are near a place."""
+        away = np.abs(middles - np.asarray(at))
+        for axis, (limit, wraps) in enumerate(zip(self._canvas.shape, self._canvas.wrap, strict=True)):
+            if wraps:
+                away[:, axis] = np.minimum(away[:, axis] % limit, -away[:, axis] % limit)
+        near: Mask = np.square(away).sum(axis=1) < self._near**2
+        return near
+
+    def _comes_near(self, number: int, at: At) -> bool:
+        """Whether an object shows near a place."""
+        numbers, middles = self._there()
+        return bool(self._are_near(middles[numbers == number], at).any())
+
+    def _chosen(self, aside: int) -> dict[Key, int]:
+        """What objects should become so that none comes twice near by: again and again, one that does becomes
+        what is near it least often.
+        """
+        first, middles = self._there()
+        numbers, rng = first.copy(), self._placer.rng
+        near: dict[int, Ints] = {}
+        fitting: dict[int, Ints] = {}
+
+        def beside(slot: int) -> Ints:
+            if slot not in near:
+                found = np.flatnonzero(self._are_near(middles, middles[slot]))
+                near[slot] = found[found != slot]
+            return near[slot]
+
+        def twice(slot: int) -> bool:
+            return bool((numbers[beside(slot)] == numbers[slot]).any())
+
+        bad = {slot for slot in range(len(numbers)) if twice(slot)}
+        best, fewest = numbers.copy(), len(bad)
+        for _ in range(_THOUGHT * len(bad)):
+            if not bad:
+                break
+            slot = sorted(bad)[int(rng.integers(len(bad)))]
+            if slot not in fitting:
+                fitting[slot] = self._fitting((int(first[slot]), *middles[slot].tolist()), aside)
+            count = np.bincount(numbers[beside(slot)], minlength=len(self._all))[fitting[slot]]
+            least = fitting[slot][count == count.min()]
+            numbers[slot] = least[int(rng.integers(len(least)))]
+            for one in (slot, *beside(slot).tolist()):
+                (bad.add if twice(one) else bad.discard)(one)
+            if len(bad) < fewest:
+                best, fewest = numbers.copy(), len(bad)
+        changed = np.flatnonzero(best != first).tolist()
+        return {(int(first[slot]), *middles[slot].tolist()): int(best[slot]) for slot in changed}
+
+    def _fitting(self, key: Key, aside: int) -> Ints:
+        """The objects that have room in the place of one, itself too."""
+        others = self._like(key[0])
+        around = max(self._all[k].reach for k in (key[0], *others)) + aside * _STEP + RING + 2
+        window = self._window(key, around)
+        found = set() if window is None else {fit.number for fit in self._fits(window, others, aside)}
+        return np.array([key[0], *sorted(found)], np.intp)

@@ -1,0 +1,116 @@
+"""The objects of exemplars that are a ground with objects on it, and where a canvas shows which of them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from toposeam.texture.atlas import Atlas, Floats32, Ints32
+from toposeam.texture.canvas import IndexCanvas
+from toposeam.texture.joints import ROWS
+from toposeam.texture.search import Ints
+
+#: px round an object in which a seam round it may run.
+RING = 6
+#: px round an object that go with it.
+_FRINGE = 2
+
+At = tuple[int, int]
+#: Number of an object, and row and column of the canvas where its middle lies.
+Key = tuple[int, int, int]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Object:
+    """One object of an exemplar."""
+
+    #: Row and column of its middle on the atlas.
+    middle: At
+    #: (n, 2) its pixels, and those of ground round it, from its middle on.
+    pixels: Ints
+    ring: Ints
+    #: How far its pixels are from its middle at most, along either axis.
+    reach: int
+    #: Whether all of it, and what is next to it, may be copied.
+    whole: bool
+
+
+class Objects:
+    """Finds objects.
+
+    Parameters
+    ----------
+    guard : (AH * AW,) float32 array
+        Above 0 where there is an object.
+    atlas : Atlas
+    canvas : IndexCanvas
+    """
+
+    def __init__(self, guard: Floats32, atlas: Atlas, canvas: IndexCanvas) -> None:
+        self.atlas, self.canvas = atlas, canvas
+        # What catches the eye is seen blurred, and a little too large.
+        core = ndimage.binary_erosion(guard.reshape(atlas.usable.shape) > 0, border_value=1)
+        marks = ndimage.label(core)[0].astype(np.int32)
+        #: (AH, AW) int32, the number of the object at each pixel, from 1 on, and the same with its fringe.
+        self.marks: Ints32 = marks
+        self.fringed = np.where(marks > 0, marks, ndimage.grey_dilation(marks, (2 * _FRINGE + 1,) * 2))
+        self.all = [self._object(number, box) for number, box in enumerate(ndimage.find_objects(marks), 1)]
+        self._middles = np.array([one.middle for one in self.all], np.intp).reshape(-1, 2)
+
+    def shown(self) -> Counter[Key]:
+        """How many pixels of which object show where on the canvas."""
+        found: Counter[Key] = Counter()
+        index = self.canvas.index
+        for top in range(0, index.shape[0] if self.all else 0, ROWS):
+            part = index[top : top + ROWS]
+            y, x = np.divmod(np.arange(part.size), index.shape[1])
+            found.update(self.at(y + top, x, part.ravel()))
+        return found
+
+    def at(self, y: Ints, x: Ints, index: Ints32) -> Counter[Key]:
+        """The same of some pixels only: their rows, columns and flat indices, (n,) each."""
+        number = self.marks.ravel()[np.maximum(index, 0)] * (index >= 0)
+        on = np.flatnonzero(number)
+        row, column = np.divmod(index[on].astype(np.int64), self.atlas.width)
+        place = np.stack([y[on] - row, x[on] - column], axis=1) + self._middles[number[on] - 1]
+        for axis, (limit, wraps) in enumerate(zip(self.canvas.shape, self.canvas.wrap, strict=True)):
+            if wraps:
+                place[:, axis] %= limit
+        far = 1 << 20  # more than any row or column
+        both = (number[on].astype(np.int64) - 1) * (2 * far) + place[:, 0] + far
+        both = both * (2 * far) + place[:, 1] + far
+        found: Counter[Key] = Counter()
+        for one, count in zip(*np.unique(both, return_counts=True), strict=True):
+            rest, right = divmod(int(one), 2 * far)
+            which, down = divmod(rest, 2 * far)
+            found[which, down - far, right - far] = int(count)
+        return found
+
+    def room(self, key: Key) -> int:
+        """How many pixels of an object would be on the canvas."""
+        pixels = self.all[key[0]].pixels + key[1:]
+        inside = np.ones(len(pixels), bool)
+        for axis, (limit, wraps) in enumerate(zip(self.canvas.shape, self.canvas.wrap, strict=True)):
+            if not wraps:
+                inside &= (pixels[:, axis] >= 0) & (pixels[:, axis] < limit)
+        return int(inside.sum())
+
+    def _object(self, number: int, box: tuple[slice, slice]) -> Object:
+        top, left = (max(side.start - RING, 0) for side in box)
+        around = slice(top, box[0].stop + RING), slice(left, box[1].stop + RING)
+        marks = self.marks[around]
+        own = marks == number
+        ring = ndimage.binary_dilation(own, iterations=RING) & (marks == 0)
+        middle = (box[0].start + box[0].stop - 1) // 2, (box[1].start + box[1].stop - 1) // 2
+        offset = np.array([top - middle[0], left - middle[1]])
+        pixels = np.argwhere(own) + offset
+        return Object(
+            middle=middle,
+            pixels=pixels,
+            ring=np.argwhere(ring) + offset,
+            reach=int(np.abs(pixels).max()),
+            whole=bool(self.atlas.copied[around][ndimage.binary_dilation(own)].all()),
+        )

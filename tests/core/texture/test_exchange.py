@@ -1,0 +1,106 @@
+"""Objects of a texture that are made whole, and exchanged where one comes twice near by."""
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+import toposeam as ts
+from toposeam.texture.atlas import Atlas
+from toposeam.texture.canvas import IndexCanvas
+from toposeam.texture.exchange import Exchange
+from toposeam.texture.lay import PatchPlacer
+from toposeam.texture.objects import Objects
+
+SIDE = 128
+
+
+def discs(count=16):
+    """Discs of 16 px on paper, and the number of the disc at each pixel."""
+    y, x = np.mgrid[:SIDE, :SIDE]
+    objects, rng, middles = np.zeros((SIDE, SIDE), int), np.random.default_rng(1), []
+    for _ in range(4000):
+        row, column = rng.integers(10, SIDE - 10, 2)
+        if len(middles) < count and all(np.hypot(row - a, column - b) > 24 for a, b in middles):
+            middles.append((row, column))
+            objects[np.hypot(y - row, x - column) < 8] = len(middles)
+    paper = 0.8 + 0.04 * rng.normal(size=(SIDE, SIDE))
+    return np.clip(np.where(objects > 0, 0.2, paper), 0, 1).astype(np.float32), objects, np.array(middles)
+
+
+def placer_on(image, index, wrap=(False, False)):
+    """A placer whose canvas shows pixels of an image, by flat index into it."""
+    atlas = Atlas.of([np.ones(image.shape, bool)], 8)
+    canvas = IndexCanvas(index.shape, wrap, atlas.usable.size)
+    row, column = np.divmod(index, image.shape[1])
+    top, left = atlas.corners[0]
+    canvas.begin(((row + top) * atlas.width + column + left).astype(np.int32))
+    canvas.usage[:] = np.bincount(canvas.index.ravel(), minlength=atlas.usable.size)
+    features = atlas.spread([image[..., np.newaxis]])
+    options = ts.LayOptions(copy_share=1.0, copy_patches=100)
+    return PatchPlacer(atlas, features, canvas, options, np.random.default_rng(0), index.size)
+
+
+def shown(placer, objects):
+    """The number of the disc at each pixel of a placer's canvas."""
+    _, place = placer.atlas.locate(placer.canvas.index)
+    return objects[place[..., 0], place[..., 1]]
+
+
+def test_objects_and_where_they_show_are_found():
+    image, _, middles = discs()
+    index = np.arange(image.size).reshape(image.shape)
+    placer = placer_on(image, np.roll(index, (5, 9), (0, 1)), (True, True))
+    found = Objects(placer.guard, placer.atlas, placer.canvas)
+    assert len(found.all) == len(middles)
+    assert all(one.whole for one in found.all)
+    counts = found.shown()
+    assert len(counts) == len(middles)
+    assert {key: found.room(key) for key in counts} == dict(counts)
+    at = {tuple(place) for place in (middles + np.array([5, 9])) % SIDE}
+    assert all(min(np.hypot(*(np.array(key[1:]) - place)) for place in at) < 2 for key in counts)
+
+
+def test_a_cut_object_is_made_whole_and_what_is_left_of_one_goes():
+    image, objects, middles = discs(9)
+    index = np.arange(image.size).reshape(image.shape)
+    bare = ndimage.maximum_filter(objects, 21, mode="constant", cval=1) == 0
+    (row, column), (cut, small) = np.argwhere(bare)[0], middles[[3, 8]]
+    placer = placer_on(image, index)
+    atlas, canvas = placer.atlas, placer.canvas
+    for (top, left), height in (cut, 6), (small, 13):
+        corner = atlas.corners[0] + (row - 8, column - 8)
+        ground = placer.patch(tuple(corner), (height, 17))
+        canvas.paint(top - 8, left - 8, ground, np.ones(ground.shape, bool))
+    area = np.bincount(objects.ravel())
+    assert np.count_nonzero(shown(placer, objects) == 4) < 0.9 * area[4]
+    assert Exchange(placer, (40, 40)).run() == 2
+    made = np.bincount(shown(placer, objects).ravel(), minlength=len(area))
+    assert made[4] == area[4]
+    assert made[9] == 0
+    np.testing.assert_array_equal(np.delete(made, [0, 9]), np.delete(area, [0, 9]))
+    usage = np.bincount(canvas.index.ravel(), minlength=len(canvas.usage))
+    np.testing.assert_array_equal(canvas.usage, usage)
+
+
+@pytest.mark.parametrize("tileable", ["none", "both"])
+def test_objects_stay_whole_and_none_comes_twice_near_by(tileable):
+    image, objects, _ = discs()
+    area = np.bincount(objects.ravel())
+    made = ts.synthesize(image, 300, patch=40, seed=2, tileable=tileable)
+    number = objects[made.source[..., 0], made.source[..., 1]]
+    middles, whole = [], []
+    for k in range(1, len(area)):
+        pieces, _ = ndimage.label(number == k)
+        for piece, box in enumerate(ndimage.find_objects(pieces), 1):
+            if all(side.start > 0 and side.stop < 300 for side in box):
+                size = np.count_nonzero(pieces[box] == piece)
+                whole.append(size > 0.9 * area[k])
+                if 2 * size > area[k]:
+                    middles.append((k, *ndimage.center_of_mass(pieces == piece)))
+    assert np.mean(whole) > 0.97
+    found = np.array(middles)
+    near = np.hypot(*(found[:, np.newaxis, 1:] - found[:, 1:]).transpose(2, 0, 1)) < SIDE / 2
+    twice = near & (found[:, np.newaxis, 0] == found[:, 0])
+    assert twice.sum() - len(found) <= 2
+    again = ts.synthesize(image, 300, patch=40, seed=2, tileable=tileable, processes=2)
+    np.testing.assert_array_equal(again.source, made.source)

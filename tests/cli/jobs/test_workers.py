@@ -22,7 +22,7 @@ class Two(Workers):
     """Two executors, of which the first has died unnoticed."""
 
     def __init__(self):
-        super().__init__()
+        super().__init__(2)
         self.free, self.given_back = [Executor(), Executor(dead=True)], []
 
     @property

@@ -136,5 +136,8 @@ def _prior(count: int) -> sparse.csr_array:
     second = np.diff(np.eye(_SIZE), 2, axis=0)
     one = np.eye(_SIZE)
     curved = np.concatenate([np.kron(second, one), np.kron(one, second)])
-    lens, own = (np.eye(_SIZE**2) / size**2 + curved.T @ curved / bend**2 for size, bend in (_LENS, _OWN))
+    lens, own = (
+        sparse.coo_array(np.eye(_SIZE**2) / size**2 + curved.T @ curved / bend**2)
+        for size, bend in (_LENS, _OWN)
+    )
     return sparse.csr_array(sparse.block_diag([lens] + [own] * count))

@@ -55,3 +55,23 @@ def pytest_runtest_call(item):
         if "PyMaxflow" in str(error) and find_spec("maxflow") is None:
             pytest.skip("PyMaxflow is not installed")
         raise
+
+
+@pytest.fixture
+def dask_cluster():
+    """Dask clusters of N processes, on free ports only: Dask's schedulers all try the same one first, and
+    where another test's has it they warn, which ends here as an error.
+    """
+    distributed = pytest.importorskip("distributed")
+
+    def start(count):
+        return distributed.LocalCluster(
+            n_workers=count,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            dashboard_address=None,
+            scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
+        )
+
+    return start

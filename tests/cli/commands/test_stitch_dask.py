@@ -26,13 +26,10 @@ def six(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # of distributed about its own sockets, when a worker is killed
-def test_workers_make_the_same_file_also_when_they_are_killed(six, toposeam, caplog):
-    distributed = pytest.importorskip("distributed")
+def test_workers_make_the_same_file_also_when_they_are_killed(six, toposeam, caplog, dask_cluster):
     caplog.set_level(logging.INFO, "toposeam_cli.jobs.crew")
     assert toposeam(*WORDS, "-o", "here.tif", "-j", 1).code == 0
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
-    ) as cluster:
+    with dask_cluster(2) as cluster:
         ran = toposeam(*WORDS, "-o", "there.tif", "--dask", cluster.scheduler_address)
         assert ran.code == 0, ran
         before = {worker.pid for worker in cluster.workers.values()}

@@ -44,7 +44,7 @@ def functions(tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")]))
 
 
-def test_one_of_the_workers_is_killed(tmp_path, functions):
+def test_one_of_the_workers_is_killed(tmp_path, functions, dask_cluster):
     out = tmp_path / "out"
     out.mkdir()
     jobs = [
@@ -56,9 +56,7 @@ def test_one_of_the_workers_is_killed(tmp_path, functions):
         )
         for index in range(COUNT)
     ]
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
-    ) as cluster:
+    with dask_cluster(2) as cluster:
         outcomes = []
         for outcome in run(jobs, dask=cluster.scheduler_address, journal=tmp_path / "results.jsonl"):
             outcomes.append(outcome)
@@ -189,14 +187,12 @@ def test_what_dask_tells_of_connections_that_end_is_not_told_on(tmp_path):
     assert "closed" not in ran.stderr
 
 
-def test_an_address_without_tls_is_warned_of_once(tmp_path, functions, caplog):
+def test_an_address_without_tls_is_warned_of_once(tmp_path, functions, caplog, dask_cluster):
     jobs = [
         Job(name, "dask_functions:write", {"output": str(tmp_path / name), "seconds": 0}, (tmp_path / name,))
         for name in "ab"
     ]
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None
-    ) as cluster:
+    with dask_cluster(1) as cluster:
         assert {outcome.status for outcome in run(jobs, dask=cluster.scheduler_address)} == {"done"}
     assert [record.name for record in caplog.records if "does not use TLS" in record.message] == [
         "toposeam_cli.jobs.dask_workers"

@@ -109,15 +109,13 @@ def test_blocks_do_not_copy_what_is_mapped():
 
 
 @pytest.mark.slow
-def test_a_cluster_joins_as_one_machine_does():
+def test_a_cluster_joins_as_one_machine_does(dask_cluster):
     distributed = pytest.importorskip("distributed")
     a, b, offset = stacks((20, 30, 50), 20)
     lazy = [array.from_array(stack, chunks=(10, 16, 20)) for stack in (a, b)]
     alone = ts.join_volumes(*lazy, offset=offset, block=16)
     with (
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
-        ) as cluster,
+        dask_cluster(2) as cluster,
         distributed.Client(cluster) as client,
     ):
         together = ts.join_volumes(*lazy, offset=offset, block=16)

@@ -27,7 +27,7 @@ from toposeam.images import Mask
 from toposeam.layers.fusion import fused
 from toposeam.layers.junctions import beside_steps, dilated
 from toposeam.layers.labelling import Labelling
-from toposeam.layers.maps import dense
+from toposeam.layers.maps import dense, new_map
 from toposeam.layers.painting import LabelMap
 from toposeam.layers.progressed import Progress, Progressed
 from toposeam.layers.reduction import OTHERS, WANDERING, enlarged, opened, reduced
@@ -136,7 +136,11 @@ class _Search:
         if not changed.any():
             return rounds, number
         near = dilated(beside_steps(shows, 0), _BESIDE) & changed
-        last = Rounds(labelling, shows, self.method, self.options, near, self.steps, keeps=self.potentials)
+        label_map: LabelMap = new_map(shows.shape, -1, np.int16)
+        label_map[:, :] = shows
+        last = Rounds(
+            labelling, label_map, self.method, self.options, near, self.steps, keeps=self.potentials
+        )
         last.refine(self.most, executor=self.executor)
         _take_over(last, rounds, changed)
         return last, number
@@ -156,9 +160,9 @@ class _Search:
             if not apart.any():
                 return None
             finer = levels.pop()
-            where = opened(dilated(apart, 1), finer)
-            near = opened(rounds.beside_seams(), finer) & where
-            start: LabelMap = np.where(where, enlarged(rounds.label_map, finer), fine)
+            where = dense(opened(dilated(apart, 1), finer))
+            near = dense(opened(rounds.beside_seams(), finer)) & where
+            start: LabelMap = np.where(where, dense(enlarged(rounds.label_map, finer)), fine)
             rounds = self._rounds(finer, start, near, len(levels))
             rounds.refine(self.most, executor=self.executor)
         return dense(rounds.label_map)
@@ -187,7 +191,9 @@ def _take_over(last: Rounds, rounds: Rounds, changed: Mask) -> None:
         last.seconds[pair] = last.seconds.get(pair, 0.0) + seconds
     for pair, (rows, columns, soft) in rounds.potentials.items():
         kept = np.flatnonzero(~changed[rows, columns])
-        own = rows[kept], columns[kept], soft[kept]
+        rows, columns, soft = rows[kept], columns[kept], soft[kept]
         if pair in last.potentials:
-            own = tuple(np.concatenate(both) for both in zip(own, last.potentials[pair], strict=True))
-        last.potentials[pair] = own
+            own = last.potentials[pair]
+            rows, columns = np.append(rows, own[0]), np.append(columns, own[1])
+            soft = np.append(soft, own[2])
+        last.potentials[pair] = rows, columns, soft

@@ -1,7 +1,7 @@
-"""One picture made by one process, and by one and two Dask workers, in one run: time by the clock and of the
-processors, what is sent, memory per worker; and from these what 1,000 frames cost.
+"""One picture made by one and two processes (``-j``), and by one and two Dask workers, in one run: time by
+the clock and of the processors, what is sent, memory per worker; and from these what 1,000 frames cost.
 
-    python benchmarks/workers.py                     12 frames of 16.5 megapixels (about six minutes)
+    python benchmarks/workers.py                     12 frames of 16.5 megapixels (about five minutes)
     python benchmarks/workers.py --keep FOLDER       leave the frames there, or take those that are there
     python benchmarks/workers.py --write             put the tables into docs/distributed.md
 
@@ -38,11 +38,13 @@ OVERLAP = 0.30
 #: What is done, by the name of its function: what to call it, and what it grows with.
 KINDS = {
     "_read": ("decoding", "frames"),
+    "_turned": ("decoding", "frames"),
     "_log_ratios": ("comparing tones", "overlaps"),
     "_headroom": ("comparing tones", "frames"),
     "_table": ("costs of overlaps", "overlaps"),
     "divided": ("dividing overlaps", "overlaps"),
-    "_run_on": ("dividing overlaps", "overlaps"),
+    "swapped": ("dividing overlaps", "overlaps"),
+    "_met": ("dividing overlaps", "overlaps"),
     "_measured": ("dividing overlaps", "overlaps"),
     "_painted": ("blending", "picture"),
 }
@@ -233,10 +235,9 @@ def measured_rows(runs: list[Ran]) -> list[list[str]]:
     from stamp import commit
 
     names = ["clock, s", "÷", "command, s", "workers, s", "scheduler, s", "peak, MiB", "share, MiB"]
-    one = next(run for run in runs if run.workers == 1)
     rows = [[f"at commit {commit()}", *names]]
-    for run in runs:
-        ratio = f"{one.clock / run.clock:.2f}" if run.workers > 1 else ""
+    for run, one in zip(runs, [None, *runs], strict=False):
+        ratio = f"{one.clock / run.clock:.2f}" if one is not None and run.name.startswith("2") else ""
         line = [run.name, f"{run.clock:.0f}", ratio, f"{run.command:.1f}"]
         helpers = [
             f"{run.helpers:.1f}",
@@ -301,14 +302,15 @@ def main() -> None:
         folder.mkdir(exist_ok=True)
         if not all((folder / file).exists() for file in files):
             make_large(folder, columns, rows, width, height, 5)
-        runs = [ran("one process", folder, files, "-j", "1")]
+        runs = [ran("1 process (-j 1)", folder, files, "-j", "1")]
+        runs.append(ran("2 processes (-j 2)", folder, files, "-j", "2"))
         runs += [with_workers(count, folder, files) for count in (1, 2)]
     if len({run.digest for run in runs}) != 1:
         raise SystemExit("the pictures differ")
     tables = {
         "measured": measured_rows(runs),
         "parts": kind_rows(runs[-1]),
-        "thousand": thousand_rows(runs[1]),
+        "thousand": thousand_rows(runs[2]),
     }
     for named, table in tables.items():
         for row in table:

@@ -24,7 +24,7 @@ from toposeam_cli.pictures.masks import read_white
 from toposeam_cli.pictures.openraster import read_ora
 from toposeam_cli.pictures.picture import Picture, match_pictures, read_picture
 from toposeam_cli.pictures.stored import read_stored, store
-from toposeam_cli.pictures.turned import placed_layers
+from toposeam_cli.turning import placed_layers
 from toposeam_cli.whereabouts import Where, places_of
 
 #: Pictures with more pixels together wait in files.

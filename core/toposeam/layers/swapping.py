@@ -4,20 +4,38 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from toposeam.layers.band import write_pixels
-from toposeam.layers.dividing import Pixels
-from toposeam.layers.labelling import Pair
+from toposeam.layers.dividing import Pixels, Potential
+from toposeam.layers.labelling import Labelling, Pair
 from toposeam.layers.layer import Box
+from toposeam.layers.painting import LabelMap
+from toposeam.layers.progressed import Progressed
 from toposeam.layers.tasks import Executor, on_boxes
 from toposeam.seam.solution import Solution
 
-if TYPE_CHECKING:
-    from toposeam.layers.rounds import Rounds
+
+class Dividing(Protocol):
+    """What divides regions: :class:`toposeam.layers.rounds.Rounds`."""
+
+    labelling: Labelling
+    label_map: LabelMap
+    steps: Progressed
+    solved: dict[Pair, tuple[Box, Solution]]
+    undecided: dict[Pair, Pixels]
+    potentials: dict[Pair, Potential]
+    seconds: dict[Pair, float]
+
+    def swap(self, pair: Pair) -> None:
+        """Divide the region of two layers anew."""
+
+    def part(self, box: Box) -> Self:
+        """The same as far as a box of the canvas is concerned."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -32,11 +50,11 @@ class Swapped:
     seconds: float
 
 
-def swap_all(rounds: Rounds, pairs: Sequence[Pair], executor: Executor | None) -> None:
+def swap_all(rounds: Dividing, pairs: Sequence[Pair], executor: Executor | None) -> None:
     """Divide the regions of some pairs anew, at once those that do not touch."""
     boxes = [rounds.labelling.costs[pair].box for pair in pairs]
 
-    def item(k: int) -> tuple[Rounds, Pair]:
+    def item(k: int) -> tuple[Dividing, Pair]:
         return rounds if executor is None else rounds.part(boxes[k]), pairs[k]
 
     if executor is None:
@@ -49,7 +67,7 @@ def swap_all(rounds: Rounds, pairs: Sequence[Pair], executor: Executor | None) -
             _take(rounds, pairs[k], found)
 
 
-def _take(rounds: Rounds, pair: Pair, found: Swapped) -> None:
+def _take(rounds: Dividing, pair: Pair, found: Swapped) -> None:
     rounds.potentials.pop(pair, None)
     rounds.seconds[pair] = rounds.seconds.get(pair, 0.0) + found.seconds
     rounds.solved[pair] = found.solved
@@ -58,12 +76,12 @@ def _take(rounds: Rounds, pair: Pair, found: Swapped) -> None:
     write_pixels(rounds.label_map, *found.pixels, found.values)
 
 
-def _swapped_here(item: tuple[Rounds, Pair]) -> None:
+def _swapped_here(item: tuple[Dividing, Pair]) -> None:
     rounds, pair = item
     rounds.swap(pair)
 
 
-def swapped(item: tuple[Rounds, Pair]) -> Swapped | None:
+def swapped(item: tuple[Dividing, Pair]) -> Swapped | None:
     """The region of two layers divided anew in a part that nobody else has; None where there is nothing to
     decide.
     """

@@ -226,8 +226,10 @@ class Rounds:
             own = at[codes == i * count + j]
             self._solved_together((i, j), choices, own, took / len(pairs))
         if self._undecided is not None:
-            for pair in pairs:
-                self._note(choices, pair, codes=(at, codes, pair[0] * count + pair[1]))
+            steep = choices.steep(self._undecided)
+            for i, j in pairs:
+                own = np.intersect1d(steep, at[codes == i * count + j], assume_unique=True)
+                self.undecided[i, j] = np.divmod(own, choices.box.shape[1])
         tangled = (choices.several & ~free).reshape(canvas.shape)
         if tangled.any():
             choices.run(self._decide, min(most, _CYCLES), within=dilated(tangled, _TANGLE).ravel())
@@ -251,14 +253,10 @@ class Rounds:
             rows, columns = np.divmod(own, choices.box.shape[1])
             self.potentials[pair] = rows, columns, choices.soft[own]
 
-    def _note(self, choices: Choices, pair: Pair, codes: Any = None) -> None:
+    def _note(self, choices: Choices, pair: Pair) -> None:
         """Keep the pixels beside flow that was not decided between two layers."""
-        steep = choices.steep(self._undecided or 0.0)
-        if codes is not None:
-            at, values, code = codes
-            steep = np.intersect1d(steep, at[values == code], assume_unique=True)
-        self.undecided[pair] = np.divmod(steep, choices.box.shape[1])
-        choices.soft[:] = -1 if codes is None else choices.soft
+        self.undecided[pair] = np.divmod(choices.steep(self._undecided or 0.0), choices.box.shape[1])
+        choices.soft[:] = -1
 
     def meet(self, window: Box, most: int) -> LabelMap | None:
         """What expansions in a window round a place where three layers meet end with; None where none

@@ -3,6 +3,7 @@ the clock and of the processors, what is sent, memory per worker; and from these
 
     python benchmarks/workers.py                     12 frames of 16.5 megapixels (about five minutes)
     python benchmarks/workers.py --keep FOLDER       leave the frames there, or take those that are there
+    python benchmarks/workers.py --only workers --times 2    the Dask workers, the best of two runs each
     python benchmarks/workers.py --write             put the tables into docs/distributed.md
 
 The frames are those of ``mosaic.py``: 4 × 3 of 5000 × 3300 px that overlap by 30 %, tones matched, blended by
@@ -29,6 +30,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -234,21 +236,25 @@ def growth() -> dict[str, float]:
     return {name: large[name] / small[name] for name in small}
 
 
-def measured_rows(runs: list[Ran]) -> list[list[str]]:
+def process_rows(*runs: Ran) -> list[list[str]]:
+    from stamp import commit
+
+    rows = [[f"at commit {commit()}", "clock, s", "÷", "processors, s"]]
+    for run in runs:
+        ratio = f"{runs[0].clock / run.clock:.2f}" if run is not runs[0] else ""
+        rows.append([run.name, f"{run.clock:.0f}", ratio, f"{run.command:.1f}"])
+    return rows
+
+
+def measured_rows(*runs: Ran) -> list[list[str]]:
     from stamp import commit
 
     names = ["clock, s", "÷", "command, s", "workers, s", "scheduler, s", "peak, MiB", "share, MiB"]
     rows = [[f"at commit {commit()}", *names]]
-    for run, one in zip(runs, [None, *runs], strict=False):
-        ratio = f"{one.clock / run.clock:.2f}" if one is not None and run.name.startswith("2") else ""
-        line = [run.name, f"{run.clock:.0f}", ratio, f"{run.command:.1f}"]
-        helpers = [
-            f"{run.helpers:.1f}",
-            f"{run.scheduler:.1f}",
-            f"{run.resident:.0f}",
-            f"{run.proportional:.0f}",
-        ]
-        rows.append(line + (helpers if run.workers else [""] * 4))
+    for run in runs:
+        ratio = f"{runs[0].clock / run.clock:.2f}" if run is not runs[0] else ""
+        line = [run.name, f"{run.clock:.0f}", ratio, f"{run.command:.1f}", f"{run.helpers:.1f}"]
+        rows.append([*line, f"{run.scheduler:.1f}", f"{run.resident:.0f}", f"{run.proportional:.0f}"])
     return rows
 
 
@@ -293,6 +299,8 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--keep", type=Path, help="leave the frames in this folder, or take those there")
+    parser.add_argument("--only", choices=["processes", "workers"])
+    parser.add_argument("--times", type=int, default=1, help="runs of each, of which the quickest counts")
     parser.add_argument("--write", action="store_true", help="put the tables into docs/distributed.md")
     options = parser.parse_args()
     from mosaic import make_large
@@ -300,27 +308,39 @@ def main() -> None:
 
     columns, rows, width, height = FRAMES
     files = [f"frame{index:02d}.tif" for index in range(columns * rows)]
+    tables: dict[str, list[list[str]]] = {}
     with tempfile.TemporaryDirectory(prefix="workers-") as name:
         folder = (options.keep or Path(name)).resolve()
         folder.mkdir(exist_ok=True)
         if not all((folder / file).exists() for file in files):
             make_large(folder, columns, rows, width, height, 5)
-        runs = [ran("1 process (-j 1)", folder, files, "-j", "1")]
-        runs.append(ran("2 processes (-j 2)", folder, files, "-j", "2"))
-        runs += [with_workers(count, folder, files) for count in (1, 2)]
-    if len({run.digest for run in runs}) != 1:
-        raise SystemExit("the pictures differ")
-    tables = {
-        "measured": measured_rows(runs),
-        "parts": kind_rows(runs[-1]),
-        "thousand": thousand_rows(runs[2]),
-    }
+        if options.only != "workers":
+            one, two = best(
+                options.times,
+                lambda: ran("1 process (-j 1)", folder, files, "-j", "1"),
+                lambda: ran("2 processes (-j 2)", folder, files, "-j", "2"),
+            )
+            tables["processes"] = process_rows(one, two)
+        if options.only != "processes":
+            one, two = best(options.times, *(partial(with_workers, count, folder, files) for count in (1, 2)))
+            tables["measured"] = measured_rows(one, two)
+            tables |= {"parts": kind_rows(two), "thousand": thousand_rows(one)}
     for named, table in tables.items():
         for row in table:
             print(f"{row[0]:<56}" + "".join(f"{cell:>14}" for cell in row[1:]))
         print(flush=True)
         if options.write:
             write_table("distributed.md", f"benchmarks/workers.py, {named}", table)
+
+
+def best(times: int, *does: Callable[[], Ran]) -> list[Ran]:
+    """Of each, the run that took least by the clock; they take turns, and all make the same picture."""
+    runs = [[one() for one in does] for _ in range(times)]
+    if len({run.digest for turn in runs for run in turn}) != 1:
+        raise SystemExit("the pictures differ")
+    for turn in runs:
+        print(", ".join(f"{run.name}: {run.clock:.1f} s" for run in turn), flush=True)
+    return [min(turns, key=lambda run: run.clock) for turns in zip(*runs, strict=True)]
 
 
 if __name__ == "__main__":

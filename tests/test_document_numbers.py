@@ -110,12 +110,8 @@ def test_what_is_said_of_workers_is_one_measurement(monkeypatch):
     assert list(tables) == ["measured", "parts", "thousand"]
     clocks = {row[0]: float(row[1]) for row in tables["measured"][2:]}
     ratios = {row[0]: row[2] for row in tables["measured"][2:] if row[2]}
-    one, two = "1 process (-j 1)", "2 processes (-j 2)"
-    assert list(clocks) == [one, two, "1 worker", "2 workers"]
-    assert ratios.keys() == {two, "2 workers"}
-    assert float(ratios[two]) == pytest.approx(clocks[one] / clocks[two], abs=0.04)
-    assert float(ratios["2 workers"]) == pytest.approx(clocks["1 worker"] / clocks["2 workers"], abs=0.04)
-    assert float(ratios["2 workers"]) >= 1.7
+    assert clocks.keys() == {"one process", "1 worker", "2 workers"}
+    assert float(ratios["2 workers"]) == pytest.approx(clocks["1 worker"] / clocks["2 workers"], abs=0.03)
     said = dict(row for row in tables["thousand"][2:])
     assert said["picture"] == f"{workers.sizes(*workers.THOUSAND)['picture'] / 1e3:.1f} gigapixels"
     assert workers.sizes(*workers.THOUSAND)["frames"] == 24_000

@@ -100,15 +100,20 @@ class TileMap:
     def __setitem__(self, key: Windows2, values: Any) -> None:
         rows, columns = self._bounds(key)
         given = np.broadcast_to(np.asarray(values, self.dtype), (len(rows), len(columns)))
+        value = given.flat[0] if given.size and given.strides == (0, 0) else None
         for at, inside, here in self._parts(rows, columns):
             part = given[here]
             size = self._size(at)
             if part.shape == size:
-                self._put(at, part.copy() if part.strides != (0, 0) else part)
+                if value is None:
+                    self._put(at, part.copy())
+                else:
+                    self._values[at] = value
+                    self._tiles.pop(at, None)
                 continue
             tile = self._tiles.get(at)
             if tile is None:
-                if (part == self._values[at]).all():
+                if (part == self._values[at]).all() if value is None else value == self._values[at]:
                     continue
                 tile = np.full(size, self._values[at])
             tile[inside] = part
@@ -224,8 +229,12 @@ def blocks(box: Box, side: int = BLOCK, overlap: int = 0) -> Iterator[Box]:
             yield Box(top, left, top + side + overlap, left + side + overlap).shared(box)
 
 
-def several(label_map: Any, box: Box, overlap: int = 1, side: int = BLOCK) -> Iterator[Box]:
-    """The blocks of a box in which a map has more than one value, with so many px of the next ones."""
+def several(label_map: Any, box: Box, overlap: int = 1, side: int | None = None) -> Iterator[Box]:
+    """The blocks of a box in which a map has more than one value, with so many px of the next ones. They are
+    large where every block would have to be looked at, and small where that is known.
+    """
+    if side is None:
+        side = EDGES if isinstance(label_map, TileMap) else BLOCK
     for block in blocks(box, side, overlap):
         if uniform(label_map, block) is None:
             yield block

@@ -127,30 +127,30 @@ class Rounds:
         self.potentials: dict[Pair, Potential] = {}
         self.seconds: dict[Pair, float] = {}
 
-    def search(self, order: Sequence[int], most: int) -> int:
+    def search(self, order: Sequence[int] | None, most: int) -> int:
         """Expansions from several starts, and from the cheapest end swaps; with `most` 0 the layers are only
-        joined in the given order. Returns how many rounds of expansions that took.
+        joined in the given order; without an order all starts from what the label map shows. Returns how many
+        rounds of expansions that took.
         """
         labelling, canvas = self.labelling, self.labelling.canvas
-        count = len(labelling.places)
-        allowed = [labelling.allowed_in(k, canvas) for k in range(count)]
-        choices = Choices(labelling, canvas, dense(self.label_map), allowed, range(count))
-        if not most:
-            with one_thread():
-                joined(choices, allowed, order, self._decide, self.steps)
-            self.label_map[:, :] = choices.label_map()
-            return 0
+        boxes = labelling.places
+        allowed = [labelling.allowed_in(k, canvas) for k in range(len(boxes))]
+        choices = Choices(labelling, canvas, dense(self.label_map), allowed, range(len(boxes)))
+        number, places = 0, sorted(range(len(boxes)), key=lambda k: boxes[k])
         with one_thread():
-            number, places = best_of_starts(
-                choices, allowed, labelling.places, order, self._decide, most, self.steps
-            )
-            for i, j in labelling.adjoining(choices.label_map()):
+            if order is not None and not most:
+                joined(choices, allowed, order, self._decide, self.steps)
+            elif order is not None:
+                number, places = best_of_starts(
+                    choices, allowed, boxes, order, self._decide, most, self.steps
+                )
+            for i, j in labelling.adjoining(choices.label_map()) if most else []:
                 choices.swap(i, j, self._decide)
                 if self._undecided is not None:
                     self._note(choices, (i, j))
             number += choices.run(self._decide, most - number, places)
         self.label_map[:, :] = choices.label_map()
-        if self._undecided is None:
+        if self._undecided is None and most:
             for pair in labelling.adjoining(self.label_map):
                 self.swap(pair)
         return number

@@ -56,15 +56,16 @@ class TileMap:
         """Of what is kept."""
         return self._values.nbytes + sum(tile.nbytes for tile in self._tiles.values())
 
-    def part(self, box: Box) -> TileMap:
-        """The same in a box; anything elsewhere."""
+    def part(self, *boxes: Box) -> TileMap:
+        """The same in some boxes; anything elsewhere."""
         result = TileMap(self.shape, 0, self.dtype)
         result._values = self._values.copy()
-        rows = range(box.top // TILE, -(-box.bottom // TILE))
-        columns = range(box.left // TILE, -(-box.right // TILE))
-        result._tiles = {
-            at: tile.copy() for at, tile in self._tiles.items() if at[0] in rows and at[1] in columns
-        }
+        for box in boxes:
+            rows = range(box.top // TILE, -(-box.bottom // TILE))
+            columns = range(box.left // TILE, -(-box.right // TILE))
+            result._tiles |= {
+                at: tile.copy() for at, tile in self._tiles.items() if at[0] in rows and at[1] in columns
+            }
         return result
 
     def __getstate__(self) -> dict[str, Any]:
@@ -174,8 +175,8 @@ def new_map(shape: tuple[int, int], fill: Any, dtype: npt.DTypeLike) -> npt.NDAr
     return cast("npt.NDArray[Any]", TileMap(shape, fill, dtype))
 
 
-def part_of(values: Any, box: Box) -> npt.NDArray[Any]:
-    """A map as it is in a box, small enough to be handed to another process; anything elsewhere.
+def part_of(values: Any, *boxes: Box) -> npt.NDArray[Any]:
+    """A map as it is in some boxes, small enough to be handed to another process; anything elsewhere.
 
     Examples
     --------
@@ -188,12 +189,13 @@ def part_of(values: Any, box: Box) -> npt.NDArray[Any]:
     """
     if not isinstance(values, TileMap):
         whole, shape = values, (values.shape[0], values.shape[1])
-        box = box.shared(Box(0, 0, *shape))
-        value = uniform(values, box)
+        boxes = tuple(box.shared(Box(0, 0, *shape)) for box in boxes)
+        value = uniform(whole, boxes[0])  # of all of it, where that is known
         values = TileMap(shape, 0 if value is None else value, whole.dtype)
-        if value is None and all(box.shape):
-            values[box.slices] = whole[box.slices]
-    return cast("npt.NDArray[Any]", values.part(box))
+        for box in boxes:
+            if value is None and all(box.shape):
+                values[box.slices] = whole[box.slices]
+    return cast("npt.NDArray[Any]", values.part(*boxes))
 
 
 def made_map(

@@ -9,6 +9,7 @@ interfaces *edges* of lists, and the cost of each edge for every two layers is l
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from hashlib import blake2b
 
 import numpy as np
 import numpy.typing as npt
@@ -80,6 +81,8 @@ class Choices:
         #: (count + 1, count + 1) rows of `cost`; the first one is 0.
         self.row = np.zeros((count + 1, count + 1), np.intp)
         self.cost = self._costs(labelling, np.concatenate(which))
+        #: What turned when a piece was asked for before, by all that decides it.
+        self._known: dict[bytes, npt.NDArray[np.intp]] = {}
 
     def _costs(self, labelling: Labelling, axis: npt.NDArray[np.int8]) -> npt.NDArray[np.float32]:
         """(P + 1, E) costs for the pairs of layers that may adjoin."""
@@ -174,9 +177,64 @@ class Choices:
         edges = np.flatnonzero(free[self.p] | free[self.q])
         if not len(edges):
             return False
+        nodes = np.flatnonzero(free)
+        piece, count = ndimage.label(free.reshape(self.box.shape))
+        piece = piece.ravel()
+        p, q = self.p[edges], self.q[edges]
+        known = (shows[p] != nothing) & (shows[q] != nothing)
+        edges, p, q = edges[known], p[known], q[known]
+        of_edge = np.maximum(piece[p], piece[q])
+        asked = self._asked(k, count, edges, of_edge, shows[p], shows[q])
+        turning = [self._known[key] for key in asked if key in self._known]
+        new = np.array([False, *(key not in self._known for key in asked)])
+        if new.any():
+            own = new[of_edge]
+            turned = self._turned(k, free & new[piece], edges[own], decide)
+            before, after = shows, shows.copy()
+            after[turned] = k
+            p, q, edges, of_edge = p[own], q[own], edges[own], of_edge[own]
+            old, now = (
+                np.bincount(of_edge, self.cost[self.row[state[p], state[q]], edges], count + 1)
+                for state in (before, after)
+            )
+            gains = now < old * (1 - _LEAST_GAIN)
+            of_node = piece[turned]
+            for number, key in enumerate(asked, 1):
+                if new[number]:
+                    self._known[key] = turned[of_node == number] if gains[number] else turned[:0]
+                    turning.append(self._known[key])
+        changed = np.concatenate([nodes[:0], *turning])
+        shows[changed] = k
+        return len(changed) > 0
+
+    def _asked(
+        self,
+        k: int,
+        count: int,
+        edges: npt.NDArray[np.intp],
+        piece: npt.NDArray[np.int32],
+        i: npt.NDArray[np.int16],
+        j: npt.NDArray[np.int16],
+    ) -> list[bytes]:
+        """Of each piece of what may turn to k a digest of all that decides whether it does."""
+        order = np.argsort(piece.astype(np.int16) if count < 1 << 15 else piece, kind="stable")
+        ends = np.cumsum(np.bincount(piece, minlength=count + 1))
+        told = edges[order] * (len(self.layers) + 1) ** 2 + (i * np.int16(len(self.layers) + 1) + j)[order]
+        start = blake2b(k.to_bytes(4), digest_size=16)
+        found = []
+        for first, last in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
+            digest = start.copy()
+            digest.update(told[first:last])
+            found.append(digest.digest())
+        return found
+
+    def _turned(
+        self, k: int, free: Mask, edges: npt.NDArray[np.intp], decide: Decide
+    ) -> npt.NDArray[np.intp]:
+        """Which of some pixels turn to k, by the edges that end in them."""
+        shows = self.shows
         p, q = self.p[edges], self.q[edges]
         i, j = shows[p], shows[q]
-        edges, p, q, i, j = (part[(i != nothing) & (j != nothing)] for part in (edges, p, q, i, j))
         stay = self.cost[self.row[i, j], edges].astype(np.float64)
         q_turns = self.cost[self.row[i, k], edges].astype(np.float64)
         p_turns = self.cost[self.row[k, j], edges].astype(np.float64)
@@ -203,14 +261,7 @@ class Choices:
             -unary,
             decide,
         )
-        if not turns.any():
-            return False
-        before, old = float(stay.sum()), shows[nodes]
-        shows[nodes[turns]] = k
-        if self.total(edges) < before * (1 - _LEAST_GAIN):
-            return True
-        shows[nodes] = old
-        return False
+        return nodes[turns]
 
     def fuse(self, other: npt.NDArray[np.int16]) -> None:
         """Take what another solution, (h w,), shows wherever that costs less, in each patch in which they
@@ -239,13 +290,18 @@ class Choices:
         edges = np.flatnonzero((np.abs(one - other) > step) & (one >= 0) & (other >= 0))
         return np.unique(np.concatenate([self.p[edges], self.q[edges]]))
 
-    def divide_all(self, decide: Decide) -> tuple[Mask, npt.NDArray[np.int16], npt.NDArray[np.int16]]:
-        """Divide anew all pixels that may show two layers, as long as those beside them may not show others,
-        together; (h w,) bool, which, and the positions of the two layers.
+    def divide_all(
+        self, decide: Decide, candidates: Sequence[Mask]
+    ) -> tuple[Mask, npt.NDArray[np.int16], npt.NDArray[np.int16]]:
+        """Divide anew all pixels for which two layers are candidates, as long as those beside them have no
+        others, together; (h w,) bool, which, and the positions of the two layers.
+
+        `candidates` are (h, w) bool for each layer, and no more than those that may show.
         """
-        free = (self.may.sum(axis=0) == 2) & (self.shows != len(self.layers))
-        one = self.may.argmax(axis=0).astype(np.int16)
-        other = (len(self.layers) - 1 - self.may[::-1].argmax(axis=0)).astype(np.int16)
+        may = np.array([mask.ravel() for mask in candidates])
+        free = (may.sum(axis=0) == 2) & (self.shows != len(self.layers))
+        one = may.argmax(axis=0).astype(np.int16)
+        other = (len(self.layers) - 1 - may[::-1].argmax(axis=0)).astype(np.int16)
         unlike = (one[self.p] != one[self.q]) | (other[self.p] != other[self.q])
         unlike &= free[self.p] & free[self.q]
         free[self.p[unlike]] = free[self.q[unlike]] = False

@@ -28,8 +28,10 @@ from toposeam.layers.rounds import Rounds
 from toposeam.layers.tasks import Executor
 from toposeam.seam.find import Method
 
-#: Problems in which so many pixels have several layers to choose from, or more, are reduced first.
-WHOLE_PIXELS = 10_000
+#: Problems in which so many pixels have several layers to choose from, or more, are reduced first, but very
+#: large ones no further than to the second number; at finer sizes with no more than that expansions over all
+#: pixels follow.
+WHOLE_PIXELS, _AFIELD = 2_500, 10_000
 #: Problems are not reduced below so many pixels a side.
 _SHORTEST = 32
 #: Where more pixels than this have several layers to choose from, on canvases of up to so many pixels, costs
@@ -94,10 +96,8 @@ class _Search:
     def from_coarse(self, labelling: Labelling, wandering: float) -> tuple[Rounds, int]:
         """What costs that were reduced in one way lead to, and how many rounds were made."""
         levels = [labelling]
-        while (
-            levels[-1].contested(WHOLE_PIXELS + 1) > WHOLE_PIXELS
-            and min(levels[-1].canvas.shape) > 2 * _SHORTEST
-        ):
+        whole = max(WHOLE_PIXELS, _AFIELD) if labelling.contested(_TRIED + 1) > _TRIED else WHOLE_PIXELS
+        while levels[-1].contested(whole + 1) > whole and min(levels[-1].canvas.shape) > 2 * _SHORTEST:
             levels.append(reduced(levels[-1], self.executor, wandering))
             self.steps.one()
         coarsest = levels.pop()
@@ -108,7 +108,8 @@ class _Search:
             near = opened(rounds.beside_seams(), finer)
             hints = rounds.undecided
             rounds = self._rounds(finer, enlarged(rounds.label_map, finer), near, len(levels))
-            rounds.refine(self.most, hints, self.executor)
+            afield = finer.contested(_AFIELD + 1) <= _AFIELD
+            rounds.refine(self.most, hints, self.executor, afield)
         return rounds, number
 
     def _rounds(self, labelling: Labelling, label_map: LabelMap, near: Mask | None, finer: int) -> Rounds:

@@ -64,6 +64,8 @@ _WINDOW = 24
 _TOGETHER = 1 << 19
 #: How far from where a layer shows it may show at the next finer size, px; round tangles, all may change.
 _REACH, _TANGLE = 4, 8
+#: Expansions of up to so many pixels are decided by maximum flows.
+_BY_FLOW = 30_000
 #: Cycles of expansions at most where three layers meet.
 _CYCLES = 3
 
@@ -72,6 +74,9 @@ _ANY_NETWORK: tuple[Method, ...] = ("heat", "shortest-path", "graph-cut")
 
 #: On canvases of up to so many pixels the label potentials of all seams are kept.
 KEPT_CANVAS = 1 << 25
+
+
+ROUNDS = 2
 
 
 class Rounds:
@@ -136,18 +141,18 @@ class Rounds:
         choices = Choices(labelling, canvas, dense(self.label_map), allowed, range(count))
         if not most:
             with one_thread():
-                joined(choices, allowed, order, self._decide, self._steps)
+                joined(choices, allowed, order, self._exactly, self._steps)
             self.label_map[:, :] = choices.label_map()
             return 0
         with one_thread():
             number, places = best_of_starts(
-                choices, allowed, labelling.places, order, self._decide, most, self._steps
+                choices, allowed, labelling.places, order, self._exactly, most, self._steps
             )
             for i, j in labelling.adjoining(choices.label_map()):
                 choices.swap(i, j, self._decide)
                 if self._undecided is not None:
                     self._note(choices, (i, j))
-            number += choices.run(self._decide, most - number, places)
+            number += choices.run(self._exactly, most - number, places)
         self.label_map[:, :] = choices.label_map()
         if self._undecided is None:
             for pair in labelling.adjoining(self.label_map):
@@ -155,7 +160,11 @@ class Rounds:
         return number
 
     def refine(
-        self, most: int, hints: Mapping[Pair, Pixels] | None = None, executor: Executor | None = None
+        self,
+        most: int,
+        hints: Mapping[Pair, Pixels] | None = None,
+        executor: Executor | None = None,
+        afield: bool = False,
     ) -> None:
         """The best seams among the pixels that are open: one division of all that two layers may show, and
         rounds where three layers meet.
@@ -168,11 +177,14 @@ class Rounds:
             Pixels of the canvas at half the size that two layers may show.
         executor : Executor, optional
             Where moves are made that do not touch (:mod:`toposeam.layers.tasks`).
+        afield : bool
+            On a canvas that is refined as a whole: whether a round of expansions over all pixels follows,
+            which may find seams that were not open.
         """
         labelling, canvas = self.labelling, self.labelling.canvas
         if self._near is not None and math.prod(canvas.shape) <= _TOGETHER:
             with one_thread():
-                self._refine_together(most, hints or {})
+                self._refine_together(most, hints or {}, afield)
             return
         pairs = labelling.adjoining(self.label_map)
         options, forbidden = self._options, np.isfinite(labelling.forbidden)
@@ -200,7 +212,7 @@ class Rounds:
         part._heat = None
         return part
 
-    def _refine_together(self, most: int, hints: Mapping[Pair, Pixels]) -> None:
+    def _refine_together(self, most: int, hints: Mapping[Pair, Pixels], afield: bool) -> None:
         labelling, canvas = self.labelling, self.labelling.canvas
         near, labels = dense(self._near), dense(self.label_map)
         count = len(labelling.places)
@@ -212,12 +224,13 @@ class Rounds:
             wide = wide[: canvas.shape[0], : canvas.shape[1]]
             for k in pair:
                 planes[k] |= wide
-        for k, plane in enumerate(planes):
+        allowed = [labelling.allowed_in(k, canvas) for k in range(count)]
+        for plane, everywhere in zip(planes, allowed, strict=True):
             plane &= near
-            plane &= labelling.allowed_in(k, canvas)
-        choices = Choices(labelling, canvas, labels, planes, range(count))
+            plane &= everywhere
+        choices = Choices(labelling, canvas, labels, allowed if afield else planes, range(count))
         started = time.perf_counter()
-        free, one, other = choices.divide_all(self._decide)
+        free, one, other = choices.divide_all(self._decide, planes)
         took = time.perf_counter() - started
         at = np.flatnonzero(free)
         codes = one[at].astype(np.int64) * count + other[at]
@@ -229,8 +242,10 @@ class Rounds:
             for pair in pairs:
                 self._note(choices, pair, codes=(at, codes, pair[0] * count + pair[1]))
         tangled = (choices.several & ~free).reshape(canvas.shape)
+        if afield:
+            choices.run(self._exactly, min(most, ROUNDS))
         if tangled.any():
-            choices.run(self._decide, min(most, _CYCLES), within=dilated(tangled, _TANGLE).ravel())
+            choices.run(self._exactly, min(most, _CYCLES), within=dilated(tangled, _TANGLE).ravel())
         self.label_map[:, :] = choices.label_map()
         self._steps.one()
 
@@ -271,13 +286,26 @@ class Rounds:
         open_[1:-1, 1:-1] = True if self._near is None else self._near[window.slices][1:-1, 1:-1]
         planes = [labelling.allowed_in(k, window) & open_ for k in layers]
         choices = Choices(labelling, window, labels, planes, layers)
-        return choices.label_map() if choices.run(self._decide, min(most, _CYCLES)) else None
+        return choices.label_map() if choices.run(self._exactly, min(most, _CYCLES)) else None
 
-    def _decide(self, network: Network, cost: Floats) -> tuple[Mask, Floats]:
-        """The cheapest cut of a network by the method that was asked for."""
+    def _exactly(self, network: Network, cost: Floats) -> tuple[Mask, Floats]:
+        """The cheapest cut of a network of which no potential is wanted: where heat was asked for, and the
+        network is small, a maximum flow ends sooner.
+        """
+        if not isinstance(self._options, HeatOptions) or network.n > _BY_FLOW:
+            return self._decide(network, cost)
+        hot = minimum_cut(network, self._bounded(cost))
+        return hot, hot.astype(np.float64)
+
+    def _bounded(self, cost: Floats) -> Floats:
         if np.isfinite(self.labelling.forbidden):  # as much as all others together is forbidding enough
             ordinary = float(cost[cost < self.labelling.forbidden].sum())
             cost = np.minimum(cost, 1.01 * ordinary if ordinary > 0 else cost.max())
+        return cost
+
+    def _decide(self, network: Network, cost: Floats) -> tuple[Mask, Floats]:
+        """The cheapest cut of a network by the method that was asked for."""
+        cost = self._bounded(cost)
         if isinstance(self._options, HeatOptions):
             self._heat = gather_heat(network, cost, self._options.tolerance, self._options.max_iterations)
             return self._heat.hot[:-2], np.clip(self._heat.soft[:-2], 0.0, 1.0)

@@ -106,7 +106,7 @@ def test_all_seams_divided_together_gain_what_they_gain_one_by_one():
     label_map = labelling.on_top()
     labels = [dilated(label_map == k, 3) & labelling.allowed_in(k, labelling.canvas) for k in range(4)]
     together = Choices(labelling, labelling.canvas, label_map, labels, range(4))
-    free, one, other = together.divide_all(by_heat)
+    free, one, other = together.divide_all(by_heat, labels)
     apart = Choices(labelling, labelling.canvas, label_map, labels, range(4))
     for i, j in itertools.combinations(range(4), 2):
         own = free & (one == i) & (other == j)
@@ -124,7 +124,7 @@ def test_pixels_that_nothing_pulls_at_stay():
     labelling = Labelling(canvas, [canvas] * 2, allowed, {(0, 1): table})
     for label_map in np.array([[[0, 1, 0]], [[1, 1, 0]]], np.int16):
         choices = choices_of(labelling, label_map)
-        assert not choices.divide_all(by_flow)[0].all() or (choices.label_map() == label_map).all()
+        assert not choices.divide_all(by_flow, allowed)[0].all() or (choices.label_map() == label_map).all()
 
 
 @pytest.mark.parametrize("reach", [1, 2, 3, 4, 8])

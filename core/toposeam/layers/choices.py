@@ -224,7 +224,7 @@ class Choices:
         found = []
         for first, last in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
             digest = start.copy()
-            digest.update(told[first:last])
+            digest.update(told[first:last].tobytes())
             found.append(digest.digest())
         return found
 

@@ -64,6 +64,8 @@ _WINDOW = 24
 _TOGETHER = 1 << 19
 #: How far from where a layer shows it may show at the next finer size, px; round tangles, all may change.
 _REACH, _TANGLE = 4, 8
+#: Rounds of expansions over all pixels, not only what is open.
+_AFIELD = 2
 #: Expansions of up to so many pixels are decided by maximum flows.
 _BY_FLOW = 30_000
 #: Cycles of expansions at most where three layers meet.
@@ -74,9 +76,6 @@ _ANY_NETWORK: tuple[Method, ...] = ("heat", "shortest-path", "graph-cut")
 
 #: On canvases of up to so many pixels the label potentials of all seams are kept.
 KEPT_CANVAS = 1 << 25
-
-
-ROUNDS = 2
 
 
 class Rounds:
@@ -243,8 +242,8 @@ class Rounds:
                 self._note(choices, pair, codes=(at, codes, pair[0] * count + pair[1]))
         tangled = (choices.several & ~free).reshape(canvas.shape)
         if afield:
-            choices.run(self._exactly, min(most, ROUNDS))
-        if tangled.any():
+            choices.run(self._exactly, min(most, _AFIELD))
+        elif tangled.any():
             choices.run(self._exactly, min(most, _CYCLES), within=dilated(tangled, _TANGLE).ravel())
         self.label_map[:, :] = choices.label_map()
         self._steps.one()

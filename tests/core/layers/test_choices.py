@@ -117,6 +117,29 @@ def test_all_seams_divided_together_gain_what_they_gain_one_by_one():
     assert set(together.steep(0.5)) <= set(np.flatnonzero(free))
 
 
+def test_what_was_decided_before_is_not_decided_again():
+    labelling = four()
+    label_map = labelling.on_top()
+    choices = choices_of(labelling, label_map)
+    start, asked = choices.shows.copy(), []
+
+    def counted(network, cost):
+        asked.append(network.n)
+        return by_flow(network, cost)
+
+    ends = []
+    for _ in range(2):
+        choices.shows = start.copy()
+        assert choices.expand(0, counted)
+        ends.append(choices.label_map())
+    assert len(asked) == 1
+    np.testing.assert_array_equal(*ends)
+    choices.shows = start.copy()
+    choices.shows[choices.may[1] & choices.may[0]] = 1  # other labels are another question
+    choices.expand(0, counted)
+    assert len(asked) == 2
+
+
 def test_pixels_that_nothing_pulls_at_stay():
     canvas = Box(0, 0, 1, 3)
     allowed = [np.ones((1, 3), bool)] * 2

@@ -2,7 +2,8 @@
 
 Large canvases are looked at reduced first (:mod:`toposeam.layers.reduction`): there rounds of moves are
 made (:mod:`toposeam.layers.rounds`). Then every finer size is refined where the coarser
-one says that it matters.
+one says that it matters. As long as canvases are small, expansions over all pixels follow, which repair what
+the reduced costs misled to.
 
 Reduced costs are a guess at what a seam will cost, off by some per cent, and which of several ways it takes
 hangs by less. So problems of up to some megapixels are reduced in three ways, each of which leads to other

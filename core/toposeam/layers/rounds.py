@@ -27,11 +27,11 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.heat.network import Floats, Network
 from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
 from toposeam.layers.band import write_pixels
 from toposeam.layers.choices import Choices
+from toposeam.layers.deciding import Deciding
 from toposeam.layers.dividing import LEAST_GAIN, Divided, Division, Pixels, Potential, divided
 from toposeam.layers.junctions import beside_steps, dilated, junctions
 from toposeam.layers.labelling import Labelling, Move, Pair
@@ -43,10 +43,7 @@ from toposeam.layers.progressed import Progressed
 from toposeam.layers.starts import best_of_starts, joined
 from toposeam.layers.tasks import Executor, groups, results
 from toposeam.optimize.history import Termination
-from toposeam.seam.exact import minimum_cut
 from toposeam.seam.find import Method, method_options, solve
-from toposeam.seam.gathering import Heat, gather_heat
-from toposeam.seam.graph_cut import least_cut
 from toposeam.seam.heat import HeatOptions
 from toposeam.seam.overlap import FREE
 from toposeam.seam.solution import Solution
@@ -67,8 +64,6 @@ _TOGETHER = 1 << 19
 _REACH, _TANGLE = 4, 8
 #: Rounds of expansions over all pixels, not only what is open.
 _AFIELD = 2
-#: Expansions of up to so many pixels are decided by maximum flows.
-_BY_FLOW = 30_000
 #: Cycles of expansions at most where three layers meet.
 _CYCLES = 3
 
@@ -126,7 +121,7 @@ class Rounds:
         self._keeps = keeps or math.prod(labelling.canvas.shape) <= KEPT_CANVAS
         #: Pixels beside flow that the heat had not decided.
         self.undecided: dict[Pair, Pixels] = {}
-        self._heat: Heat | None = None
+        self._decide = Deciding(self.method, self._options, labelling.forbidden)
         #: Of pairs that were divided as bands, the label potential of the pixels that were open.
         self.potentials: dict[Pair, Potential] = {}
         self.seconds: dict[Pair, float] = {}
@@ -141,18 +136,18 @@ class Rounds:
         choices = Choices(labelling, canvas, dense(self.label_map), allowed, range(count))
         if not most:
             with one_thread():
-                joined(choices, allowed, order, self._exactly, self._steps)
+                joined(choices, allowed, order, self._decide.exactly, self._steps)
             self.label_map[:, :] = choices.label_map()
             return 0
         with one_thread():
             number, places = best_of_starts(
-                choices, allowed, labelling.places, order, self._exactly, most, self._steps
+                choices, allowed, labelling.places, order, self._decide.exactly, most, self._steps
             )
             for i, j in labelling.adjoining(choices.label_map()):
                 choices.swap(i, j, self._decide)
                 if self._undecided is not None:
                     self._note(choices, (i, j))
-            number += choices.run(self._exactly, most - number, places)
+            number += choices.run(self._decide.exactly, most - number, places)
         self.label_map[:, :] = choices.label_map()
         if self._undecided is None:
             for pair in labelling.adjoining(self.label_map):
@@ -209,7 +204,7 @@ class Rounds:
         part.label_map = part_of(self.label_map, box)
         part._near = None if self._near is None else part_of(self._near, box)
         part.solved, part.undecided, part.potentials, part.seconds = {}, {}, {}, {}
-        part._heat = None
+        part._decide = dataclasses.replace(self._decide, heat=None)
         return part
 
     def _refine_together(self, most: int, hints: Mapping[Pair, Pixels], afield: bool) -> None:
@@ -243,14 +238,14 @@ class Rounds:
                 self._note(choices, pair, codes=(at, codes, pair[0] * count + pair[1]))
         tangled = (choices.several & ~free).reshape(canvas.shape)
         if afield:
-            choices.run(self._exactly, min(most, _AFIELD))
+            choices.run(self._decide.exactly, min(most, _AFIELD))
         elif tangled.any():
-            choices.run(self._exactly, min(most, _CYCLES), within=dilated(tangled, _TANGLE).ravel())
+            choices.run(self._decide.exactly, min(most, _CYCLES), within=dilated(tangled, _TANGLE).ravel())
         self.label_map[:, :] = choices.label_map()
         self._steps.one()
 
     def _solved_together(self, pair: Pair, choices: Choices, own: npt.NDArray[np.intp], took: float) -> None:
-        nothing, heat = np.zeros((0, 0), bool), self._heat
+        nothing, heat = np.zeros((0, 0), bool), self._decide.heat
         self.solved[pair] = (
             Box(0, 0, 0, 0),
             Solution(
@@ -286,31 +281,7 @@ class Rounds:
         open_[1:-1, 1:-1] = True if self._near is None else self._near[window.slices][1:-1, 1:-1]
         planes = [labelling.allowed_in(k, window) & open_ for k in layers]
         choices = Choices(labelling, window, labels, planes, layers)
-        return choices.label_map() if choices.run(self._exactly, min(most, _CYCLES)) else None
-
-    def _exactly(self, network: Network, cost: Floats) -> tuple[Mask, Floats]:
-        """The cheapest cut of a network of which no potential is wanted: where heat was asked for, and the
-        network is small, a maximum flow ends sooner.
-        """
-        if not isinstance(self._options, HeatOptions) or network.n > _BY_FLOW:
-            return self._decide(network, cost)
-        hot = minimum_cut(network, self._bounded(cost))
-        return hot, hot.astype(np.float64)
-
-    def _bounded(self, cost: Floats) -> Floats:
-        if np.isfinite(self.labelling.forbidden):  # as much as all others together is forbidding enough
-            ordinary = float(cost[cost < self.labelling.forbidden].sum())
-            cost = np.minimum(cost, 1.01 * ordinary if ordinary > 0 else cost.max())
-        return cost
-
-    def _decide(self, network: Network, cost: Floats) -> tuple[Mask, Floats]:
-        """The cheapest cut of a network by the method that was asked for."""
-        cost = self._bounded(cost)
-        if isinstance(self._options, HeatOptions):
-            self._heat = gather_heat(network, cost, self._options.tolerance, self._options.max_iterations)
-            return self._heat.hot[:-2], np.clip(self._heat.soft[:-2], 0.0, 1.0)
-        hot = (least_cut if self.method == "graph-cut" else minimum_cut)(network, cost)
-        return hot, hot.astype(np.float64)
+        return choices.label_map() if choices.run(self._decide.exactly, min(most, _CYCLES)) else None
 
     def beside_seams(self) -> Mask:
         """(H, W) bool: pixels beside a seam, or beside flow that the heat had not decided."""

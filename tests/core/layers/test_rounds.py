@@ -292,5 +292,5 @@ def test_afield_also_pixels_that_are_not_open_change():
 def test_expansions_by_flow_end_as_those_by_heat_do(monkeypatch):
     layers = pile(3, alike=True)
     by_flow = ts.stitch(layers).cost
-    monkeypatch.setattr("toposeam.layers.rounds._BY_FLOW", 0)
+    monkeypatch.setattr("toposeam.layers.deciding._BY_FLOW", 0)
     assert ts.stitch(layers).cost == pytest.approx(by_flow, rel=5e-3)

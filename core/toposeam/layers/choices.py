@@ -8,15 +8,17 @@ interfaces *edges* of lists, and the cost of each edge for every two layers is l
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from copy import copy
 from hashlib import blake2b
 
 import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.heat.network import Floats, Ints, Network
+from toposeam.heat.network import Floats
 from toposeam.images import Mask
+from toposeam.layers.deciding import Decide, decided
 from toposeam.layers.labelling import Labelling
 from toposeam.layers.layer import Box
 from toposeam.layers.painting import LabelMap
@@ -25,9 +27,6 @@ from toposeam.layers.painting import LabelMap
 _LEAST_GAIN = 1e-7
 #: Least cost of an interface, so that no pixel is without connection.
 _LEAST_LINK = 1e-6
-
-#: Decides a network: from conductors and costs to the nodes on the hot side, (n,) bool, and their potential.
-Decide = Callable[[Network, Floats], tuple[Mask, Floats]]
 
 
 class Choices:
@@ -81,8 +80,29 @@ class Choices:
         #: (count + 1, count + 1) rows of `cost`; the first one is 0.
         self.row = np.zeros((count + 1, count + 1), np.intp)
         self.cost = self._costs(labelling, np.concatenate(which))
+        #: (E,) which column of `cost` each edge has.
+        self._column = np.arange(len(self.p))
         #: What turned when a piece was asked for before, by all that decides it.
         self._known: dict[bytes, npt.NDArray[np.intp]] = {}
+
+    def stacked(self, shows: Sequence[npt.NDArray[np.int16]]) -> Choices:
+        """Several solutions of the same problem, (h w,) each, one below the other, as one."""
+        (height, width), count, times = self.box.shape, len(self.layers), len(shows)
+        pixels = (height + 1) * width  # a row without pixels keeps them apart
+        result = copy(self)
+        result.box = Box(0, 0, times * (height + 1), width)
+        rows = [np.pad(part, (0, width), constant_values=count) for part in shows]
+        result.shows = np.concatenate(rows)
+        result.may = np.tile(np.pad(self.may, ((0, 0), (0, width))), times)
+        starts = np.arange(times)[:, None] * pixels
+        result.p, result.q = (self.p + starts).ravel(), (self.q + starts).ravel()
+        result._column = np.tile(self._column, times)
+        return result
+
+    def parts(self, times: int) -> list[npt.NDArray[np.int16]]:
+        """The solutions that are stacked."""
+        each = len(self.shows) // times
+        return [part[: each - self.box.shape[1]].copy() for part in np.split(self.shows, times)]
 
     def _costs(self, labelling: Labelling, axis: npt.NDArray[np.int8]) -> npt.NDArray[np.float32]:
         """(P + 1, E) costs for the pairs of layers that may adjoin."""
@@ -118,7 +138,7 @@ class Choices:
     def total(self, edges: npt.NDArray[np.intp] | None = None) -> float:
         """Σ M over the edges, or some of them."""
         p, q = (self.p, self.q) if edges is None else (self.p[edges], self.q[edges])
-        at = np.arange(len(self.p)) if edges is None else edges
+        at = self._column if edges is None else self._column[edges]
         return float(self.cost[self.row[self.shows[p], self.shows[q]], at].sum(dtype=np.float64))
 
     def label_map(self) -> LabelMap:
@@ -177,35 +197,35 @@ class Choices:
         edges = np.flatnonzero(free[self.p] | free[self.q])
         if not len(edges):
             return False
-        nodes = np.flatnonzero(free)
         piece, count = ndimage.label(free.reshape(self.box.shape))
         piece = piece.ravel()
         p, q = self.p[edges], self.q[edges]
         known = (shows[p] != nothing) & (shows[q] != nothing)
         edges, p, q = edges[known], p[known], q[known]
         of_edge = np.maximum(piece[p], piece[q])
-        asked = self._asked(k, count, edges, of_edge, shows[p], shows[q])
-        turning = [self._known[key] for key in asked if key in self._known]
-        new = np.array([False, *(key not in self._known for key in asked)])
-        if new.any():
+        asked, part = self._asked(k, count, edges, of_edge, shows[p], shows[q])
+        first = {key: number for number, key in reversed(list(enumerate(asked, 1))) if key not in self._known}
+        if first:
+            new = np.zeros(count + 1, bool)
+            new[list(first.values())] = True
             own = new[of_edge]
             turned = self._turned(k, free & new[piece], edges[own], decide)
             before, after = shows, shows.copy()
             after[turned] = k
-            p, q, edges, of_edge = p[own], q[own], edges[own], of_edge[own]
+            p, q, at, of_edge = p[own], q[own], self._column[edges[own]], of_edge[own]
             old, now = (
-                np.bincount(of_edge, self.cost[self.row[state[p], state[q]], edges], count + 1)
+                np.bincount(of_edge, self.cost[self.row[state[p], state[q]], at], count + 1)
                 for state in (before, after)
             )
             gains = now < old * (1 - _LEAST_GAIN)
             of_node = piece[turned]
-            for number, key in enumerate(asked, 1):
-                if new[number]:
-                    self._known[key] = turned[of_node == number] if gains[number] else turned[:0]
-                    turning.append(self._known[key])
-        changed = np.concatenate([nodes[:0], *turning])
-        shows[changed] = k
-        return len(changed) > 0
+            for key, number in first.items():
+                found = turned[of_node == number] if gains[number] else turned[:0]
+                self._known[key] = found - part[number]
+        changed = [self._known[key] + first for key, first in zip(asked, part[1:].tolist(), strict=True)]
+        turning = np.concatenate([np.zeros(0, np.intp), *changed])
+        shows[turning] = k
+        return len(turning) > 0
 
     def _asked(
         self,
@@ -215,18 +235,24 @@ class Choices:
         piece: npt.NDArray[np.int32],
         i: npt.NDArray[np.int16],
         j: npt.NDArray[np.int16],
-    ) -> list[bytes]:
-        """Of each piece of what may turn to k a digest of all that decides whether it does."""
+    ) -> tuple[list[bytes], npt.NDArray[np.intp]]:
+        """Of each piece of what may turn to k a digest of all that decides whether it does, and the first
+        pixel of the part in which it lies.
+        """
         order = np.argsort(piece.astype(np.int16) if count < 1 << 15 else piece, kind="stable")
         ends = np.cumsum(np.bincount(piece, minlength=count + 1))
-        told = edges[order] * (len(self.layers) + 1) ** 2 + (i * np.int16(len(self.layers) + 1) + j)[order]
+        told = self._column[edges[order]] * (len(self.layers) + 1) ** 2
+        told += (i * np.int16(len(self.layers) + 1) + j)[order]
         start = blake2b(k.to_bytes(4), digest_size=16)
         found = []
         for first, last in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
             digest = start.copy()
             digest.update(told[first:last].tobytes())
             found.append(digest.digest())
-        return found
+        each = self.cost.shape[1]
+        some = np.zeros(count + 1, np.intp)
+        some[piece] = edges // max(each, 1)
+        return found, some * (len(self.shows) // max(len(self.p) // max(each, 1), 1))
 
     def _turned(
         self, k: int, free: Mask, edges: npt.NDArray[np.intp], decide: Decide
@@ -234,10 +260,10 @@ class Choices:
         """Which of some pixels turn to k, by the edges that end in them."""
         shows = self.shows
         p, q = self.p[edges], self.q[edges]
-        i, j = shows[p], shows[q]
-        stay = self.cost[self.row[i, j], edges].astype(np.float64)
-        q_turns = self.cost[self.row[i, k], edges].astype(np.float64)
-        p_turns = self.cost[self.row[k, j], edges].astype(np.float64)
+        i, j, at = shows[p], shows[q], self._column[edges]
+        stay = self.cost[self.row[i, j], at].astype(np.float64)
+        q_turns = self.cost[self.row[i, k], at].astype(np.float64)
+        p_turns = self.cost[self.row[k, j], at].astype(np.float64)
         free_p, free_q = free[p], free[q]
         both, p_only, q_only = free_p & free_q, free_p & ~free_q, free_q & ~free_p
         least = np.minimum(stay, p_turns + q_turns)
@@ -252,7 +278,7 @@ class Choices:
         unary += np.bincount(number[p[free_p]], on_p[free_p], len(nodes))
         unary += np.bincount(number[q[free_q]], on_q[free_q], len(nodes))
         inner = np.flatnonzero(both)
-        turns, _ = _decided(
+        turns, _ = decided(
             free.reshape(self.box.shape),
             nodes,
             number[p[inner]],
@@ -331,7 +357,7 @@ class Choices:
             unary += np.bincount(number[at], surplus, len(nodes))
         both = np.flatnonzero(free_p & free_q)
         link = self.cost[self.row[one[p[both]], other[q[both]]], edges[both]].astype(np.float64)
-        turned, soft = _decided(
+        turned, soft = decided(
             free.reshape(self.box.shape),
             nodes,
             number[p[both]],
@@ -348,43 +374,3 @@ class Choices:
             return True
         shows[nodes] = old
         return False
-
-
-def _decided(
-    free: Mask,
-    nodes: npt.NDArray[np.intp],
-    tail: Ints,
-    head: Ints,
-    link: Floats,
-    pull: Floats,
-    decide: Decide,
-    now: Mask | None = None,
-) -> tuple[Mask, Floats]:
-    """(n,) bool: which nodes end on the hot side, and their potential; `pull` is what not ending there costs
-    more. Nodes are the `free` pixels, (h, w), and all that lie side by side are linked.
-    """
-    component = ndimage.label(free)[0].ravel()[nodes]
-    count = int(component.max()) + 1
-    warm, cool = (np.bincount(component, side, count) > 0 for side in (pull > 0, pull < 0))
-    result: Mask = warm[component]
-    if now is not None:  # nothing pulls: all stays
-        result = result | (now & ~(warm | cool)[component])
-    open_ = (warm & cool)[component]
-    potential = result.astype(np.float64)
-    if not open_.any():
-        return result, potential
-    chosen = np.flatnonzero(open_)
-    size = len(chosen)
-    inner = open_[tail]
-    order = np.full(len(nodes), -1, np.intp)
-    order[chosen] = np.arange(size)
-    tied = np.flatnonzero(pull[chosen])
-    strength = pull[chosen[tied]]
-    network = Network(
-        size,
-        np.concatenate([order[tail[inner]], tied]),
-        np.concatenate([order[head[inner]], np.where(strength > 0, size + 1, size)]),
-        np.sum(np.divmod(nodes[chosen], free.shape[1]), axis=0) % 2 == 0,
-    )
-    result[chosen], potential[chosen] = decide(network, np.concatenate([link[inner], np.abs(strength)]))
-    return result, potential

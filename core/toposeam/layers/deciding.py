@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
 
 import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
 
-from toposeam.heat.network import Floats, Network
+from toposeam.heat.network import Floats, Ints, Network
 from toposeam.images import Mask
 from toposeam.seam.exact import minimum_cut
 from toposeam.seam.find import Method
@@ -19,15 +21,26 @@ from toposeam.seam.thesis_options import ThesisOptions
 _BY_FLOW = 30_000
 
 
-@dataclass(slots=True, eq=False)
-class Deciding:
-    """The cheapest cuts of networks, and what heat last did."""
+#: Decides a network: from conductors and costs to the nodes on the hot side, (n,) bool, and their potential.
+Decide = Callable[[Network, Floats], tuple[Mask, Floats]]
 
-    method: Method
-    options: HeatOptions | ThesisOptions | None
-    #: Interfaces that cost as much or more are forbidden.
-    forbidden: float
-    heat: Heat | None = None
+
+class Deciding:
+    """The cheapest cuts of networks, and what heat last did.
+
+    Parameters
+    ----------
+    method, options
+        As for :func:`toposeam.find_seam`.
+    forbidden : float
+        Interfaces that cost as much or more are forbidden.
+    """
+
+    def __init__(self, method: Method, options: HeatOptions | ThesisOptions | None, forbidden: float) -> None:
+        self.method: Method = method
+        self.options, self.forbidden = options, forbidden
+        #: How heat gathered when a cut was last found by it.
+        self.heat: Heat | None = None
 
     def __call__(self, network: Network, cost: Floats) -> tuple[Mask, Floats]:
         """By the method that was asked for: the nodes on the hot side, (n,) bool, and their potential."""
@@ -51,3 +64,43 @@ class Deciding:
             ordinary = float(cost[cost < self.forbidden].sum())
             cost = np.minimum(cost, 1.01 * ordinary if ordinary > 0 else cost.max())
         return cost
+
+
+def decided(
+    free: Mask,
+    nodes: npt.NDArray[np.intp],
+    tail: Ints,
+    head: Ints,
+    link: Floats,
+    pull: Floats,
+    decide: Decide,
+    now: Mask | None = None,
+) -> tuple[Mask, Floats]:
+    """(n,) bool: which nodes end on the hot side, and their potential; `pull` is what not ending there costs
+    more. Nodes are the `free` pixels, (h, w), and all that lie side by side are linked.
+    """
+    component = ndimage.label(free)[0].ravel()[nodes]
+    count = int(component.max()) + 1
+    warm, cool = (np.bincount(component, side, count) > 0 for side in (pull > 0, pull < 0))
+    result: Mask = warm[component]
+    if now is not None:  # nothing pulls: all stays
+        result = result | (now & ~(warm | cool)[component])
+    open_ = (warm & cool)[component]
+    potential = result.astype(np.float64)
+    if not open_.any():
+        return result, potential
+    chosen = np.flatnonzero(open_)
+    size = len(chosen)
+    inner = open_[tail]
+    order = np.full(len(nodes), -1, np.intp)
+    order[chosen] = np.arange(size)
+    tied = np.flatnonzero(pull[chosen])
+    strength = pull[chosen[tied]]
+    network = Network(
+        size,
+        np.concatenate([order[tail[inner]], tied]),
+        np.concatenate([order[head[inner]], np.where(strength > 0, size + 1, size)]),
+        np.sum(np.divmod(nodes[chosen], free.shape[1]), axis=0) % 2 == 0,
+    )
+    result[chosen], potential[chosen] = decide(network, np.concatenate([link[inner], np.abs(strength)]))
+    return result, potential

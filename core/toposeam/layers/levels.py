@@ -103,16 +103,20 @@ class _Search:
             self.steps.one()
         coarsest = levels.pop()
         rounds = self._rounds(coarsest, coarsest.on_top(), None, len(levels))
-        number = rounds.search(self.order, self.most)
+        number = rounds.search(self.order, self.most, not (levels and _few(levels[-1])))
         while levels:
             finer = levels.pop()
             near = opened(rounds.beside_seams(), finer)
             hints = rounds.undecided
             rounds = self._rounds(finer, enlarged(rounds.label_map, finer), near, len(levels))
-            afield = finer.contested(_AFIELD + 1) <= _AFIELD
-            rounds.refine(self.most, hints, self.executor, afield)
+            rounds.refine(self.most, hints, self.executor, afield=_few(finer))
         return rounds, number
 
     def _rounds(self, labelling: Labelling, label_map: LabelMap, near: Mask | None, finer: int) -> Rounds:
         keeps = self.potentials
         return Rounds(labelling, label_map, self.method, self.options, near, self.steps, finer, keeps)
+
+
+def _few(labelling: Labelling) -> bool:
+    """Whether expansions over all pixels are made."""
+    return labelling.contested(_AFIELD + 1) <= _AFIELD

@@ -126,9 +126,10 @@ class Rounds:
         self.potentials: dict[Pair, Potential] = {}
         self.seconds: dict[Pair, float] = {}
 
-    def search(self, order: Sequence[int], most: int) -> int:
-        """Expansions from several starts, and from the cheapest end swaps; with `most` 0 the layers are only
-        joined in the given order. Returns how many rounds of expansions that took.
+    def search(self, order: Sequence[int], most: int, swaps: bool = True) -> int:
+        """Expansions from several starts, and from the cheapest end swaps, unless they are left to finer
+        sizes; with `most` 0 the layers are only joined in the given order. Returns how many rounds of
+        expansions that took.
         """
         labelling, canvas = self.labelling, self.labelling.canvas
         count = len(labelling.places)
@@ -143,7 +144,7 @@ class Rounds:
             number, places = best_of_starts(
                 choices, allowed, labelling.places, order, self._decide.exactly, most, self._steps
             )
-            for i, j in labelling.adjoining(choices.label_map()):
+            for i, j in labelling.adjoining(choices.label_map()) if swaps else ():
                 choices.swap(i, j, self._decide)
                 if self._undecided is not None:
                     self._note(choices, (i, j))
@@ -204,7 +205,7 @@ class Rounds:
         part.label_map = part_of(self.label_map, box)
         part._near = None if self._near is None else part_of(self._near, box)
         part.solved, part.undecided, part.potentials, part.seconds = {}, {}, {}, {}
-        part._decide = dataclasses.replace(self._decide, heat=None)
+        part._decide = Deciding(self.method, self._options, self.labelling.forbidden)
         return part
 
     def _refine_together(self, most: int, hints: Mapping[Pair, Pixels], afield: bool) -> None:

@@ -140,6 +140,40 @@ def test_what_was_decided_before_is_not_decided_again():
     assert len(asked) == 2
 
 
+def test_stacked_solutions_end_as_each_does_alone():
+    labelling = four()
+    choices = choices_of(labelling, labelling.on_top())
+    count = len(labelling.places)
+    covers = [labelling.allowed_in(k, labelling.canvas).ravel() for k in range(count)]
+    starts = []
+    for order in itertools.islice(itertools.permutations(range(count)), 0, 24, 5):
+        shows = np.full(len(choices.shows), count, np.int16)
+        for k in order:
+            shows[covers[k]] = k
+        starts.append(shows)
+    asked = []
+
+    def counted(network, cost):
+        asked.append(network.n)
+        return by_flow(network, cost)
+
+    stack = choices.stacked(starts)
+    assert stack.total() == pytest.approx(sum(total_of(choices, shows) for shows in starts))
+    stack.run(counted, 10)
+    ends, together = stack.parts(len(starts)), len(asked)
+    for start, end in zip(starts, ends, strict=True):
+        alone = choices_of(labelling, labelling.on_top())
+        alone.shows = start.copy()
+        alone.run(counted, 10)
+        np.testing.assert_array_equal(end, alone.shows)
+    assert together < (len(asked) - together) / 2
+
+
+def total_of(choices, shows):
+    choices.shows = shows
+    return choices.total()
+
+
 def test_pixels_that_nothing_pulls_at_stay():
     canvas = Box(0, 0, 1, 3)
     allowed = [np.ones((1, 3), bool)] * 2

@@ -3,7 +3,8 @@
 Where only some thousand pixels are open, on a canvas halved several times or round a place where three layers
 meet, building a move as a picture takes longer than deciding it. Here the open pixels are *nodes* and their
 interfaces *edges* of lists, and the cost of each edge for every two layers is looked up once. A move
-(:mod:`toposeam.layers.labelling` says which there are) is then some passes over these lists.
+(:mod:`toposeam.layers.labelling` says which there are) is then some passes over these lists. What a connected
+piece of pixels does when it is asked for again, with the same beside it, is known: no piece is decided twice.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from hashlib import blake2b
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -82,6 +84,10 @@ class Choices:
         self.cost = self._costs(labelling, np.concatenate(which))
         #: (E,) which column of `cost` each edge has.
         self._column = np.arange(len(self.p))
+        #: Pixels of one solution, of which several may be stacked.
+        self._pixels = max(len(self.shows), 1)
+        #: Rows and columns outside of which nothing changes.
+        self._around = slice(0, box.shape[0]), slice(0, box.shape[1])
         #: What turned when a piece was asked for before, by all that decides it.
         self._known: dict[bytes, npt.NDArray[np.intp]] = {}
 
@@ -91,12 +97,23 @@ class Choices:
         pixels = (height + 1) * width  # a row without pixels keeps them apart
         result = copy(self)
         result.box = Box(0, 0, times * (height + 1), width)
-        rows = [np.pad(part, (0, width), constant_values=count) for part in shows]
-        result.shows = np.concatenate(rows)
+        result._pixels = pixels
+        result._around = slice(0, times * (height + 1)), slice(0, width)
+        result.shows = np.concatenate([np.pad(part, (0, width), constant_values=count) for part in shows])
         result.may = np.tile(np.pad(self.may, ((0, 0), (0, width))), times)
         starts = np.arange(times)[:, None] * pixels
         result.p, result.q = (self.p + starts).ravel(), (self.q + starts).ravel()
         result._column = np.tile(self._column, times)
+        return result
+
+    def _narrowed(self, within: Mask) -> Choices:
+        """The same, of which only some pixels, (h w,) bool, may change: what shows is the same array."""
+        result = copy(self)
+        result.may, result._known = self.may & within, {}
+        edges = np.flatnonzero(within[self.p] | within[self.q])
+        result.p, result.q, result._column = self.p[edges], self.q[edges], self._column[edges]
+        boxes = ndimage.find_objects(within.reshape(self.box.shape).astype(np.int8))
+        result._around = boxes[0] if boxes else self._around
         return result
 
     def parts(self, times: int) -> list[npt.NDArray[np.int16]]:
@@ -141,6 +158,13 @@ class Choices:
         at = self._column if edges is None else self._column[edges]
         return float(self.cost[self.row[self.shows[p], self.shows[q]], at].sum(dtype=np.float64))
 
+    def _paid(self, i: Any, j: Any, column: npt.NDArray[np.intp]) -> Floats:
+        """What edges cost whose ends show i and j."""
+        place = self.row.take(i * np.intp(len(self.row)) + j)
+        place *= self.cost.shape[1]
+        place += column
+        return np.asarray(self.cost.take(place), np.float64)
+
     def label_map(self) -> LabelMap:
         """(h, w) int16, what shows."""
         number = np.array([*self.layers, -1], np.int16)
@@ -154,6 +178,8 @@ class Choices:
         self, decide: Decide, most: int, order: Sequence[int] | None = None, within: Mask | None = None
     ) -> int:
         """Expansions in an order until none gains, at most so many rounds; how many were made."""
+        if within is not None:
+            return self._narrowed(within).run(decide, most, order)
         order = range(len(self.layers)) if order is None else order
         waiting = set(order)
         for number in range(most):
@@ -162,11 +188,11 @@ class Choices:
             for k in order:
                 if k in waiting:
                     waiting.discard(k)
-                    if self.expand(k, decide, within):
+                    if self.expand(k, decide):
                         waiting |= set(order) - {k}
         return most
 
-    def expand(self, k: int, decide: Decide, within: Mask | None = None) -> bool:
+    def expand(self, k: int, decide: Decide) -> bool:
         r"""Let a layer show more of itself; whether that gained something.
 
         At neighbours p and q that show i and j and may both turn to k, keeping both costs s = M_ij, turning p
@@ -192,29 +218,30 @@ class Choices:
         """
         shows, nothing = self.shows, len(self.layers)
         free = self.may[k] & (shows != k) & (shows != nothing)
-        if within is not None:
-            free &= within
         edges = np.flatnonzero(free[self.p] | free[self.q])
         if not len(edges):
             return False
-        piece, count = ndimage.label(free.reshape(self.box.shape))
-        piece = piece.ravel()
+        piece = np.zeros(len(shows), np.int32)
+        window = free.reshape(self.box.shape)[self._around]
+        piece.reshape(self.box.shape)[self._around], count = ndimage.label(window)
         p, q = self.p[edges], self.q[edges]
         known = (shows[p] != nothing) & (shows[q] != nothing)
         edges, p, q = edges[known], p[known], q[known]
         of_edge = np.maximum(piece[p], piece[q])
-        asked, part = self._asked(k, count, edges, of_edge, shows[p], shows[q])
+        part = np.zeros(count + 1, np.intp)  # the first pixel of the solution in which a piece lies
+        part[of_edge] = p - p % self._pixels
+        asked = self._asked(k, count, edges, of_edge, shows[p], shows[q])
         first = {key: number for number, key in reversed(list(enumerate(asked, 1))) if key not in self._known}
         if first:
             new = np.zeros(count + 1, bool)
             new[list(first.values())] = True
             own = new[of_edge]
-            turned = self._turned(k, free & new[piece], edges[own], decide)
+            turned = self._turned(k, np.where(new[piece], piece, 0), edges[own], decide)
             before, after = shows, shows.copy()
             after[turned] = k
             p, q, at, of_edge = p[own], q[own], self._column[edges[own]], of_edge[own]
             old, now = (
-                np.bincount(of_edge, self.cost[self.row[state[p], state[q]], at], count + 1)
+                np.bincount(of_edge, self._paid(state[p], state[q], at), count + 1)
                 for state in (before, after)
             )
             gains = now < old * (1 - _LEAST_GAIN)
@@ -235,10 +262,8 @@ class Choices:
         piece: npt.NDArray[np.int32],
         i: npt.NDArray[np.int16],
         j: npt.NDArray[np.int16],
-    ) -> tuple[list[bytes], npt.NDArray[np.intp]]:
-        """Of each piece of what may turn to k a digest of all that decides whether it does, and the first
-        pixel of the part in which it lies.
-        """
+    ) -> list[bytes]:
+        """Of each piece of what may turn to k a digest of all that decides whether it does."""
         order = np.argsort(piece.astype(np.int16) if count < 1 << 15 else piece, kind="stable")
         ends = np.cumsum(np.bincount(piece, minlength=count + 1))
         told = self._column[edges[order]] * (len(self.layers) + 1) ** 2
@@ -249,21 +274,16 @@ class Choices:
             digest = start.copy()
             digest.update(told[first:last].tobytes())
             found.append(digest.digest())
-        each = self.cost.shape[1]
-        some = np.zeros(count + 1, np.intp)
-        some[piece] = edges // max(each, 1)
-        return found, some * (len(self.shows) // max(len(self.p) // max(each, 1), 1))
+        return found
 
     def _turned(
-        self, k: int, free: Mask, edges: npt.NDArray[np.intp], decide: Decide
+        self, k: int, piece: npt.NDArray[np.int32], edges: npt.NDArray[np.intp], decide: Decide
     ) -> npt.NDArray[np.intp]:
-        """Which of some pixels turn to k, by the edges that end in them."""
-        shows = self.shows
+        """Which pixels of pieces turn to k, by the edges that end in them."""
+        shows, free = self.shows, piece > 0
         p, q = self.p[edges], self.q[edges]
         i, j, at = shows[p], shows[q], self._column[edges]
-        stay = self.cost[self.row[i, j], at].astype(np.float64)
-        q_turns = self.cost[self.row[i, k], at].astype(np.float64)
-        p_turns = self.cost[self.row[k, j], at].astype(np.float64)
+        stay, q_turns, p_turns = self._paid(i, j, at), self._paid(i, k, at), self._paid(k, j, at)
         free_p, free_q = free[p], free[q]
         both, p_only, q_only = free_p & free_q, free_p & ~free_q, free_q & ~free_p
         least = np.minimum(stay, p_turns + q_turns)
@@ -279,8 +299,8 @@ class Choices:
         unary += np.bincount(number[q[free_q]], on_q[free_q], len(nodes))
         inner = np.flatnonzero(both)
         turns, _ = decided(
-            free.reshape(self.box.shape),
-            nodes,
+            piece[nodes],
+            self._chessboard(nodes),
             number[p[inner]],
             number[q[inner]],
             np.maximum(link[inner], _LEAST_LINK),
@@ -288,6 +308,10 @@ class Choices:
             decide,
         )
         return nodes[turns]
+
+    def _chessboard(self, nodes: npt.NDArray[np.intp]) -> Mask:
+        """(n,) bool: pixels of which no two are neighbours."""
+        return np.asarray(np.sum(np.divmod(nodes, self.box.shape[1]), axis=0) % 2 == 0)
 
     def fuse(self, other: npt.NDArray[np.int16]) -> None:
         """Take what another solution, (h w,), shows wherever that costs less, in each patch in which they
@@ -358,8 +382,8 @@ class Choices:
         both = np.flatnonzero(free_p & free_q)
         link = self.cost[self.row[one[p[both]], other[q[both]]], edges[both]].astype(np.float64)
         turned, soft = decided(
-            free.reshape(self.box.shape),
-            nodes,
+            ndimage.label(free.reshape(self.box.shape))[0].ravel()[nodes],
+            self._chessboard(nodes),
             number[p[both]],
             number[q[both]],
             np.maximum(link, _LEAST_LINK),

@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
 
 from toposeam.heat.network import Floats, Ints, Network
 from toposeam.images import Mask
@@ -67,8 +66,8 @@ class Deciding:
 
 
 def decided(
-    free: Mask,
-    nodes: npt.NDArray[np.intp],
+    component: npt.NDArray[np.int32],
+    white: Mask,
     tail: Ints,
     head: Ints,
     link: Floats,
@@ -77,9 +76,8 @@ def decided(
     now: Mask | None = None,
 ) -> tuple[Mask, Floats]:
     """(n,) bool: which nodes end on the hot side, and their potential; `pull` is what not ending there costs
-    more. Nodes are the `free` pixels, (h, w), and all that lie side by side are linked.
+    more. `component` is the connected one of each node, (n,), and of `white` nodes no two are linked.
     """
-    component = ndimage.label(free)[0].ravel()[nodes]
     count = int(component.max()) + 1
     warm, cool = (np.bincount(component, side, count) > 0 for side in (pull > 0, pull < 0))
     result: Mask = warm[component]
@@ -92,7 +90,7 @@ def decided(
     chosen = np.flatnonzero(open_)
     size = len(chosen)
     inner = open_[tail]
-    order = np.full(len(nodes), -1, np.intp)
+    order = np.full(len(component), -1, np.intp)
     order[chosen] = np.arange(size)
     tied = np.flatnonzero(pull[chosen])
     strength = pull[chosen[tied]]
@@ -100,7 +98,7 @@ def decided(
         size,
         np.concatenate([order[tail[inner]], tied]),
         np.concatenate([order[head[inner]], np.where(strength > 0, size + 1, size)]),
-        np.sum(np.divmod(nodes[chosen], free.shape[1]), axis=0) % 2 == 0,
+        white[chosen],
     )
     result[chosen], potential[chosen] = decide(network, np.concatenate([link[inner], np.abs(strength)]))
     return result, potential

@@ -63,7 +63,7 @@ _TOGETHER = 1 << 19
 #: How far from where a layer shows it may show at the next finer size, px; round tangles, all may change.
 _REACH, _TANGLE = 4, 8
 #: Rounds of expansions over all pixels, not only what is open.
-_AFIELD = 2
+_AFIELD = 1
 #: Cycles of expansions at most where three layers meet.
 _CYCLES = 3
 

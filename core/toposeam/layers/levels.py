@@ -29,9 +29,9 @@ from toposeam.layers.rounds import Rounds
 from toposeam.layers.tasks import Executor
 from toposeam.seam.find import Method
 
-#: Problems in which so many pixels have several layers to choose from, or more, are reduced first, but very
-#: large ones no further than to the second number; at finer sizes with no more than that expansions over all
-#: pixels follow.
+#: Problems are reduced until no more than so many pixels have several layers to choose from: the second number
+#: in general, the first one where expansions over all pixels follow at the next size, which must have no more
+#: than the second.
 WHOLE_PIXELS, _AFIELD = 2_500, 10_000
 #: Problems are not reduced below so many pixels a side.
 _SHORTEST = 32
@@ -97,7 +97,8 @@ class _Search:
     def from_coarse(self, labelling: Labelling, wandering: float) -> tuple[Rounds, int]:
         """What costs that were reduced in one way lead to, and how many rounds were made."""
         levels = [labelling]
-        whole = max(WHOLE_PIXELS, _AFIELD) if labelling.contested(_TRIED + 1) > _TRIED else WHOLE_PIXELS
+        small = labelling.contested(4 * _AFIELD + 1) <= 4 * _AFIELD
+        whole = WHOLE_PIXELS if small else max(WHOLE_PIXELS, _AFIELD)
         while levels[-1].contested(whole + 1) > whole and min(levels[-1].canvas.shape) > 2 * _SHORTEST:
             levels.append(reduced(levels[-1], self.executor, wandering))
             self.steps.one()

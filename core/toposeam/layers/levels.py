@@ -29,9 +29,9 @@ from toposeam.layers.rounds import Rounds
 from toposeam.layers.tasks import Executor
 from toposeam.seam.find import Method
 
-#: Problems are reduced until no more than so many pixels have several layers to choose from: the second number
-#: in general, the first one where expansions over all pixels follow at the next size, which must have no more
-#: than the second.
+#: Problems are reduced until no more than so many pixels have several layers to choose from: the second
+#: number in general, the first one where expansions over all pixels follow at the next size, at which no
+#: more than the second may have them.
 WHOLE_PIXELS, _AFIELD = 2_500, 10_000
 #: Problems are not reduced below so many pixels a side.
 _SHORTEST = 32

@@ -1,10 +1,10 @@
 """Rounds of expansions from several starts.
 
-The layers lie on top of each other, by rows and by columns of where they are, from either end. On few pixels
-these starts are stacked and taken to their ends together: what a network costs that is solved by itself is
-mostly what it costs to pose it. On more pixels two starts are added, the layers joined one after another in
-the given order and the opposite one; after one round of each the cheapest two go on, and the others where
-these do not end alike. Wherever another end costs less than the cheapest one its patch is taken over.
+The layers lie on top of each other, by rows and by columns of where they are, from either end, and are joined
+one after another in the given order and the opposite one. On few pixels all starts are stacked and taken to
+their ends together, because what a small network costs is mostly what it costs to pose it. On more pixels,
+after one round of each, the cheapest two go on, and the others where these do not end alike. Wherever another
+end costs less than the cheapest one its patch is taken over.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from toposeam.layers.painting import LabelMap
 from toposeam.layers.progressed import Progressed
 
 #: Starts of up to so many pixels altogether are stacked.
-_STACKED = 20_000
+_STACKED = 30_000
 #: The best two starts end alike when their costs differ by less than this share: then no other goes on.
 _AGREED = 1e-4
 
@@ -45,6 +45,9 @@ def best_of_starts(
         laid_on_top(allowed, start)
         for start in dict.fromkeys(map(tuple, (places, places[::-1], across, across[::-1])))
     ]
+    for one_way in (order, order[::-1]):
+        joined(choices, allowed, one_way, decide, steps)
+        starts.append(choices.shows)
     if int(choices.several.sum()) * len(starts) <= _STACKED:
         stack = choices.stacked(starts)
         number = stack.run(decide, most, places)
@@ -53,9 +56,6 @@ def best_of_starts(
             ends.append((choices.total(), len(ends), choices.shows))
             steps.one()
     else:
-        for one_way in (order, order[::-1]):
-            joined(choices, allowed, one_way, decide, steps)
-            starts.append(choices.shows)
         number, ends = _one_by_one(choices, starts, places, decide, most, steps)
     ends.sort(key=lambda end: end[:2])
     choices.shows = ends[0][2]

@@ -266,8 +266,8 @@ class Choices:
         """Of each piece of what may turn to k a digest of all that decides whether it does."""
         order = np.argsort(piece.astype(np.int16) if count < 1 << 15 else piece, kind="stable")
         ends = np.cumsum(np.bincount(piece, minlength=count + 1))
-        told = self._column[edges[order]] * (len(self.layers) + 1) ** 2
-        told += (i * np.int16(len(self.layers) + 1) + j)[order]
+        number = np.intp(len(self.row))
+        told = self._column[edges[order]] * number**2 + (i * number + j)[order]
         start = blake2b(k.to_bytes(4), digest_size=16)
         found = []
         for first, last in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):

@@ -34,6 +34,8 @@ _LIGHT = 0.15
 _OFFSET, _SLOPE = 0.02, 0.2
 #: Added to values, in shares of white, before their logarithm is taken.
 _BLACK = 0.05
+#: So many pixels of a texture, about, tell how bright it is.
+_LOOKED_AT = 1 << 14
 #: Light is nowhere taken to be darker than this share of its mean.
 _DARKEST = 0.1
 
@@ -227,11 +229,29 @@ def levelled_copies(
         parts.append(_pairs(a, b, terms, apart, weight))
     matrix, wanted = _equations(parts, _even(flat, atlas, index, labels, copies))
     solved = linalg.splu(matrix).solve(wanted) if len(copies) else wanted
-    return dataclasses.replace(
+    light = dataclasses.replace(
         CopyLight.of(plane, atlas),
         coefficients=solved.reshape(len(copies), 3, -1)[copies],
         floor=np.float32(_BLACK * white),
     )
+    return _as_bright(light, flat, index, labels) if len(copies) else light
+
+
+def _as_bright(light: CopyLight, flat: Floats32, index: Ints32, labels: Ints32) -> CopyLight:
+    """The same light, as bright that of the logarithms (AH * AW, C) of the texture the median is that of its
+    exemplars, whatever glare or shadow these hold; agreement along seams leaves it open.
+    """
+    atlas, step = light.atlas, max(1, round((index.size / _LOOKED_AT) ** 0.5))
+    index, labels = index[::step, ::step], labels[::step, ::step]
+    shown = index >= 0
+    index, labels = index[shown], labels[shown]
+    logarithms = flat.reshape(*atlas.copied.shape, -1)
+    middles = np.stack([np.median(logarithms[place][atlas.copied[place]], axis=0) for place in atlas.places])
+    exemplar, _ = atlas.locate(index)
+    made = flat.take(index, axis=0) + np.log(light.gain(index, labels))
+    coefficients = light.coefficients.copy()
+    coefficients[:, 0] += np.median(middles[exemplar] - made, axis=0)
+    return dataclasses.replace(light, coefficients=coefficients)
 
 
 def _pairs(

@@ -260,6 +260,7 @@ def synthesize(
         phase,
         each,
         turns,
+        level is True,
     )
     shape = rows[0], columns[0]
     if not placer.search.room(shape).any():

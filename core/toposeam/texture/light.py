@@ -35,7 +35,7 @@ _OFFSET, _SLOPE = 0.02, 0.2
 #: Added to values, in shares of white, before their logarithm is taken.
 _BLACK = 0.05
 #: So many pixels of a texture, about, tell how bright it is.
-_LOOKED_AT = 1 << 14
+_LOOKED_AT = 1 << 13
 #: Light is nowhere taken to be darker than this share of its mean.
 _DARKEST = 0.1
 
@@ -234,23 +234,36 @@ def levelled_copies(
         coefficients=solved.reshape(len(copies), 3, -1)[copies],
         floor=np.float32(_BLACK * white),
     )
-    return _as_bright(light, flat, index, labels) if len(copies) else light
+    return _as_bright(light, plane, index, labels) if len(copies) else light
 
 
-def _as_bright(light: CopyLight, flat: Floats32, index: Ints32, labels: Ints32) -> CopyLight:
-    """The same light, as bright that of the logarithms (AH * AW, C) of the texture the median is that of its
-    exemplars, whatever glare or shadow these hold; agreement along seams leaves it open.
+def _as_bright(light: CopyLight, plane: Floats32, index: Ints32, labels: Ints32) -> CopyLight:
+    """The same light, as bright that the values of the texture are nearest to those of its exemplars, each to
+    that of its rank; agreement along seams leaves that open.
     """
     atlas, step = light.atlas, max(1, round((index.size / _LOOKED_AT) ** 0.5))
     index, labels = index[::step, ::step], labels[::step, ::step]
     shown = index >= 0
     index, labels = index[shown], labels[shown]
-    logarithms = flat.reshape(*atlas.copied.shape, -1)
-    middles = np.stack([np.median(logarithms[place][atlas.copied[place]], axis=0) for place in atlas.places])
     exemplar, _ = atlas.locate(index)
-    made = flat.take(index, axis=0) + np.log(light.gain(index, labels))
+    wanted = []
+    for number, count in enumerate(np.bincount(exemplar, minlength=len(atlas.places)).tolist()):
+        place = atlas.places[number]
+        values = plane[place][atlas.copied[place]]
+        wanted.append(values[np.linspace(0, len(values) - 1, count).astype(np.intp)])
+    given = np.sort(np.concatenate(wanted) + light.floor, axis=0)
+    made = plane.reshape(-1, plane.shape[2]).take(index, axis=0) + light.floor
+    made = np.sort(made * light.gain(index, labels), axis=0)
     coefficients = light.coefficients.copy()
-    coefficients[:, 0] += np.median(middles[exemplar] - made, axis=0)
+    for channel in range(plane.shape[2]):
+        # The factor that makes the sum of |given - factor * made| least is a weighted median.
+        weight = np.maximum(made[:, channel], np.float32(1e-9))
+        ratio = np.maximum(given[:, channel], np.float32(1e-9)) / weight
+        order = np.argsort(ratio)
+        middle = np.searchsorted(
+            np.cumsum(weight[order], dtype=np.float64), 0.5 * weight.sum(dtype=np.float64)
+        )
+        coefficients[:, 0, channel] += np.log(float(ratio[order[middle]]))
     return dataclasses.replace(light, coefficients=coefficients)
 
 

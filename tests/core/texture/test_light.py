@@ -61,7 +61,7 @@ def test_a_levelled_texture_is_as_bright_as_its_sample():
     image = np.ascontiguousarray(skimage.data.retina()[560:944:2, 360:744:2])
     made = ts.synthesize(image, 300, patch=40, seed=1)
     assert made.settings["level"] is True
-    np.testing.assert_allclose(np.median(made.image, axis=(0, 1)), np.median(image, axis=(0, 1)), atol=1.5)
+    np.testing.assert_allclose(np.median(made.image, axis=(0, 1)), np.median(image, axis=(0, 1)), atol=3)
 
 
 @pytest.mark.medium

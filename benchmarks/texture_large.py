@@ -1,14 +1,19 @@
 """Large textures, in processor time: ``python benchmarks/texture_large.py [--times 3] [--only grown,tiled]``.
 
 grown   how much longer 4096 × 4096 px take than 16 times 1024 × 1024, each the median of some runs in
-        processes of their own, and the peak memory of the larger ones
+        processes of their own, and the peak memory of the larger ones; gray and colour, colour with its light
+        levelled, and grounds with objects, which are exchanged (``--samples`` to measure some of them)
 tiled   ``toposeam tile`` on 2048 × 2048 px against reading and writing that PNG, pictures of many kinds: the
-        less there is to a picture, the less its file takes and the dearer is the rest
+        less there is to a picture, the less its file takes and the dearer is the rest. Both in one process
+        that has everything loaded; and, in brackets, both as commands that begin with the start of Python
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
+import resource
 import subprocess
 import sys
 import tempfile
@@ -26,9 +31,27 @@ from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
 
 STARS = Path(__file__).resolve().parent.parent / "samples" / "stars.png"
 SIDE = 2048
+COPIED = """
+import sys
+from pathlib import Path
+from toposeam_cli.pictures.picture import read_picture, write_picture
+write_picture(Path(sys.argv[2]), read_picture(Path(sys.argv[1])), force=True)
+"""
+GROWN_SAMPLES = (
+    ("gravel", "plain"),
+    ("coffee", "plain"),
+    ("coffee", "levelled"),
+    ("dots", "plain"),
+    ("mushrooms", "plain"),
+)
 GROWN = """
 import resource, sys, time, skimage.data, toposeam as ts
-sample = getattr(skimage.data, sys.argv[2])()[:192, :192]
+name = sys.argv[2]
+if hasattr(skimage.data, name):
+    sample = getattr(skimage.data, name)()[:192, :192]
+else:
+    import texture_samples
+    sample, _ = texture_samples.MAKERS[name]()
 size, level = int(sys.argv[1]), sys.argv[3] == "levelled"
 ts.synthesize(sample, 64, patch=40)
 started = time.process_time()
@@ -43,12 +66,18 @@ def main() -> None:
     )
     options.add_argument("--times", type=int, default=3, help="how often each is measured")
     options.add_argument("--only", default="grown,tiled", help="what to measure, with commas between")
+    options.add_argument("--samples", default="", help="which pictures, with commas between; without it all")
     chosen = options.parse_args()
     if "grown" in chosen.only:
-        for name, levelled in (("gravel", "plain"), ("coffee", "plain"), ("coffee", "levelled")):
-            grown(name, levelled, chosen.times)
+        for name, levelled in GROWN_SAMPLES:
+            if not chosen.samples or f"{name} {levelled}" in chosen.samples.split(","):
+                grown(name, levelled, chosen.times)
     if "tiled" in chosen.only:
-        ratios = {name: tiled(name, picture, chosen.times) for name, picture in pictures()}
+        ratios = {
+            name: tiled(name, picture, chosen.times)
+            for name, picture in pictures()
+            if not chosen.samples or name in chosen.samples.split(",")
+        }
         worst = max(ratios, key=lambda name: ratios[name])
         print(f"tile on {SIDE}²: {ratios[worst]:.1f} × reading and writing at most ({worst})")
 
@@ -61,8 +90,9 @@ def grown(name: str, levelled: str, times: int) -> None:
             ran = subprocess.run(
                 [sys.executable, "-c", GROWN, str(size), name, levelled],
                 check=True,
-                capture_output=True,
+                stdout=subprocess.PIPE,
                 text=True,
+                cwd=Path(__file__).parent,
             )
             took, peak = map(float, ran.stdout.split())
             seconds[size].append(took)
@@ -106,17 +136,33 @@ def tiled(name: str, picture: Picture, times: int) -> float:
     with tempfile.TemporaryDirectory() as folder:
         path, again, made = (Path(folder, file) for file in ("large.png", "again.png", "made.png"))
         write_picture(path, picture)
-        files, whole = [], []
+        words = ["tile", str(path), "-o", str(made), "--force"]
+        files, whole, commands = [], [], []
         for _ in range(times + 1):
             started = time.process_time()
             write_picture(again, read_picture(path), force=True)
             files.append(time.process_time() - started)
             started = time.process_time()
-            command(["tile", str(path), "-o", str(made), "--force", "--quiet"], standalone_mode=False)
+            with contextlib.redirect_stdout(io.StringIO()):
+                command(words, standalone_mode=False)
             whole.append(time.process_time() - started)
+            tile_alone = started_alone("-m", "toposeam", *words)
+            commands.append(tile_alone / started_alone("-c", COPIED, str(path), str(again)))
     seconds, ratio = np.median(whole[1:]), float(np.median(whole[1:]) / np.median(files[1:]))
-    print(f"tile on {SIDE}², {name}: {seconds:.2f} s, {ratio:.1f} × reading and writing the PNG", flush=True)
+    print(
+        f"tile on {SIDE}², {name}: {seconds:.2f} s, {ratio:.1f} × reading and writing the PNG "
+        f"({np.median(commands[1:]):.1f} × as commands)",
+        flush=True,
+    )
     return ratio
+
+
+def started_alone(*words: str) -> float:
+    """Seconds of processor time that a process of its own takes."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run([sys.executable, *words], check=True, stdout=subprocess.DEVNULL)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
-"""One picture made by one process, and by one and two Dask workers, in one run: time by the clock and of the
-processors, what is sent, memory per worker; and from these what 1,000 frames cost.
+"""One picture made by one and two processes (``-j``), and by one and two Dask workers, in one run: time by
+the clock and of the processors, what is sent, memory per worker; and from these what 1,000 frames cost.
 
-    python benchmarks/workers.py                     12 frames of 16.5 megapixels (about six minutes)
+    python benchmarks/workers.py                     12 frames of 16.5 megapixels (about five minutes)
     python benchmarks/workers.py --keep FOLDER       leave the frames there, or take those that are there
+    python benchmarks/workers.py --only workers --times 2    the Dask workers, the best of two runs each
     python benchmarks/workers.py --write             put the tables into docs/distributed.md
 
 The frames are those of ``mosaic.py``: 4 × 3 of 5000 × 3300 px that overlap by 30 %, tones matched, blended by
@@ -29,6 +30,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -38,11 +40,13 @@ OVERLAP = 0.30
 #: What is done, by the name of its function: what to call it, and what it grows with.
 KINDS = {
     "_read": ("decoding", "frames"),
+    "_turned": ("decoding", "frames"),
     "_log_ratios": ("comparing tones", "overlaps"),
     "_headroom": ("comparing tones", "frames"),
     "_table": ("costs of overlaps", "overlaps"),
     "divided": ("dividing overlaps", "overlaps"),
-    "_run_on": ("dividing overlaps", "overlaps"),
+    "swapped": ("dividing overlaps", "overlaps"),
+    "_met": ("dividing overlaps", "overlaps"),
     "_measured": ("dividing overlaps", "overlaps"),
     "_painted": ("blending", "picture"),
 }
@@ -187,6 +191,9 @@ def ran(name: str, folder: Path, files: list[str], *words: str) -> Ran:
     log.unlink(missing_ok=True)
     stitch = ["stitch", *files, "--force", "--quiet", "--max-megapixels", "4000", "--compression", "none"]
     stitch += ["--match-tones", "--blend", "multiband", "-o", out.name, *words]
+    for file in files:  # so that no run waits for the disk more than another
+        (folder / file).read_bytes()
+    os.sync()
     took = measured([sys.executable, "-c", COMMAND, str(log), *stitch], folder)
     if took.code:
         raise SystemExit(f"{name} ended with {took.code}: {took.said}")
@@ -229,22 +236,25 @@ def growth() -> dict[str, float]:
     return {name: large[name] / small[name] for name in small}
 
 
-def measured_rows(runs: list[Ran]) -> list[list[str]]:
+def process_rows(*runs: Ran) -> list[list[str]]:
+    from stamp import commit
+
+    rows = [[f"at commit {commit()}", "clock, s", "÷", "processors, s"]]
+    for run in runs:
+        ratio = f"{runs[0].clock / run.clock:.2f}" if run is not runs[0] else ""
+        rows.append([run.name, f"{run.clock:.0f}", ratio, f"{run.command:.1f}"])
+    return rows
+
+
+def measured_rows(*runs: Ran) -> list[list[str]]:
     from stamp import commit
 
     names = ["clock, s", "÷", "command, s", "workers, s", "scheduler, s", "peak, MiB", "share, MiB"]
-    one = next(run for run in runs if run.workers == 1)
     rows = [[f"at commit {commit()}", *names]]
     for run in runs:
-        ratio = f"{one.clock / run.clock:.2f}" if run.workers > 1 else ""
-        line = [run.name, f"{run.clock:.0f}", ratio, f"{run.command:.1f}"]
-        helpers = [
-            f"{run.helpers:.1f}",
-            f"{run.scheduler:.1f}",
-            f"{run.resident:.0f}",
-            f"{run.proportional:.0f}",
-        ]
-        rows.append(line + (helpers if run.workers else [""] * 4))
+        ratio = f"{runs[0].clock / run.clock:.2f}" if run is not runs[0] else ""
+        line = [run.name, f"{run.clock:.0f}", ratio, f"{run.command:.1f}", f"{run.helpers:.1f}"]
+        rows.append([*line, f"{run.scheduler:.1f}", f"{run.resident:.0f}", f"{run.proportional:.0f}"])
     return rows
 
 
@@ -289,6 +299,8 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--keep", type=Path, help="leave the frames in this folder, or take those there")
+    parser.add_argument("--only", choices=["processes", "workers"])
+    parser.add_argument("--times", type=int, default=1, help="runs of each, of which the quickest counts")
     parser.add_argument("--write", action="store_true", help="put the tables into docs/distributed.md")
     options = parser.parse_args()
     from mosaic import make_large
@@ -296,26 +308,39 @@ def main() -> None:
 
     columns, rows, width, height = FRAMES
     files = [f"frame{index:02d}.tif" for index in range(columns * rows)]
+    tables: dict[str, list[list[str]]] = {}
     with tempfile.TemporaryDirectory(prefix="workers-") as name:
         folder = (options.keep or Path(name)).resolve()
         folder.mkdir(exist_ok=True)
         if not all((folder / file).exists() for file in files):
             make_large(folder, columns, rows, width, height, 5)
-        runs = [ran("one process", folder, files, "-j", "1")]
-        runs += [with_workers(count, folder, files) for count in (1, 2)]
-    if len({run.digest for run in runs}) != 1:
-        raise SystemExit("the pictures differ")
-    tables = {
-        "measured": measured_rows(runs),
-        "parts": kind_rows(runs[-1]),
-        "thousand": thousand_rows(runs[1]),
-    }
+        if options.only != "workers":
+            one, two = best(
+                options.times,
+                lambda: ran("1 process (-j 1)", folder, files, "-j", "1"),
+                lambda: ran("2 processes (-j 2)", folder, files, "-j", "2"),
+            )
+            tables["processes"] = process_rows(one, two)
+        if options.only != "processes":
+            one, two = best(options.times, *(partial(with_workers, count, folder, files) for count in (1, 2)))
+            tables["measured"] = measured_rows(one, two)
+            tables |= {"parts": kind_rows(two), "thousand": thousand_rows(one)}
     for named, table in tables.items():
         for row in table:
             print(f"{row[0]:<56}" + "".join(f"{cell:>14}" for cell in row[1:]))
         print(flush=True)
         if options.write:
             write_table("distributed.md", f"benchmarks/workers.py, {named}", table)
+
+
+def best(times: int, *does: Callable[[], Ran]) -> list[Ran]:
+    """Of each, the run that took least by the clock; they take turns, and all make the same picture."""
+    runs = [[one() for one in does] for _ in range(times)]
+    if len({run.digest for turn in runs for run in turn}) != 1:
+        raise SystemExit("the pictures differ")
+    for turn in runs:
+        print(", ".join(f"{run.name}: {run.clock:.1f} s" for run in turn), flush=True)
+    return [min(turns, key=lambda run: run.clock) for turns in zip(*runs, strict=True)]
 
 
 if __name__ == "__main__":

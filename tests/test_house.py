@@ -68,8 +68,10 @@ ARROWS = {
         "toposeam_cli.files",
         "toposeam_cli.pictures",
         "toposeam_cli.options",
+        "toposeam_cli.turning",
         "toposeam_cli.whereabouts",
     },
+    "toposeam_cli.turning": CLI_CORE | {"toposeam.layers", "toposeam_cli.files", "toposeam_cli.pictures"},
     "toposeam_cli.composing": CLI_CORE
     | {
         "toposeam.layers",

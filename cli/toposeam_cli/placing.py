@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 import toposeam as ts
 from toposeam.images import full_scale
+from toposeam.layers.placing import LEAST_CORRELATION, found_places
 from toposeam.layers.tasks import Executor, results
 from toposeam_cli.files.scratch import Scratch
 from toposeam_cli.options import Keyed
@@ -23,6 +24,7 @@ from toposeam_cli.pictures.masks import read_white
 from toposeam_cli.pictures.openraster import read_ora
 from toposeam_cli.pictures.picture import Picture, match_pictures, read_picture
 from toposeam_cli.pictures.stored import read_stored, store
+from toposeam_cli.turning import placed_layers
 from toposeam_cli.whereabouts import Where, places_of
 
 #: Pictures with more pixels together wait in files.
@@ -213,13 +215,13 @@ def arrange(
             places = [(0, 0) for _ in sources]
     placement = None
     if places is None:
-        placement = ts.find_places(layers, progress=progress, executor=None if kept is None else executor)
+        place = partial(placed_layers, scratch=kept, executor=executor)
+        found = None if kept is None else executor
+        placement = found_places(layers, LEAST_CORRELATION, progress, found, place)
         layers = list(placement.layers)
     else:
-        layers = [
-            ts.placed(layer, at=place, turn=source.turn, scale=source.scale)
-            for layer, place, source in zip(layers, places, sources, strict=True)
-        ]
+        turns, scales = ([getattr(source, name) for source in sources] for name in ("turn", "scale"))
+        layers = placed_layers(layers, places, turns, scales, kept, executor)
     if len(layers) == 2 and not alone:
         _check_touching(*layers)
     upright = [

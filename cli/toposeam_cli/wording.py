@@ -176,6 +176,7 @@ _SAID: Mapping[str, Sequence[tuple[str, Words]]] = {
     ),
     "tile": (
         *_TEXTURES,
+        (r"^source\b", lambda found, given: given["image"].name),
         (r"(?<!\bone )(?<!\ban )\b(?:the )?image()\b", lambda found, given: given["image"].name),
     ),
     "fill": (

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.errors import OptionError
-from toposeam.images import Image, as_array, as_float, full_scale
+from toposeam.images import Image, as_array, as_float, full_scale, in_dtype
 
 if TYPE_CHECKING:
     import PIL.Image
@@ -34,7 +34,7 @@ def to_rgba8(image: Image, alpha: Image | None = None) -> Image:
         planes.append(as_float(alpha, data_range=float(full_scale(as_array(alpha).dtype))))
     elif values.shape[2] in (2, 4):
         planes.append(values[..., -1:])
-    return np.rint(np.clip(np.concatenate(planes, axis=2), 0, 1) * 255).astype(np.uint8)
+    return in_dtype(np.concatenate(planes, axis=2) * 255, np.dtype(np.uint8))
 
 
 def to_pil(result: Any) -> PIL.Image.Image:

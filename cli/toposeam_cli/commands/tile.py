@@ -65,15 +65,8 @@ def tile(
     """  # noqa: D301 - click wants the character
     goes = results.destinations(output, map_outputs(output, search.also), preview)
     picture, maps = read_one(image, search, results)
-    fits = ts.closing_size(
-        picture.pixels,
-        picture.pixels.shape[:2],
-        tileable=tileable,
-        within=True,
-        source_mask=picture.alpha,
-        data_range=white_of(picture)[0],
-    )
-    if size is not None:
+    fits = None if size is None else _closing_size(picture, tileable)
+    if fits is not None:
         picture, *maps = (_cropped(one, fits) for one in (picture, *maps))
     with share_bar(f"closing {image.name}", results.quiet) as progress:
         made = ts.make_tileable(
@@ -92,11 +85,24 @@ def tile(
         click.echo(
             f"{output}: {width} × {height} px, {made.count} patches in a band of {made.settings['band']} px"
         )
+        fits = fits or _closing_size(picture, tileable)
         if fits != (height, width):
             click.echo(
                 f"its order does not close on this size; cropped to {fits[1]} × {fits[0]} px it does (--size "
                 "auto)"
             )
+
+
+def _closing_size(picture: Picture, tileable: ts.Tileable) -> tuple[int, int]:
+    """Height and width within a picture on which its order closes."""
+    return ts.closing_size(
+        picture.pixels,
+        picture.pixels.shape[:2],
+        tileable=tileable,
+        within=True,
+        alpha=picture.alpha,
+        data_range=white_of(picture)[0],
+    )
 
 
 def _cropped(picture: Picture, size: tuple[int, int]) -> Picture:

@@ -32,7 +32,7 @@ Call = tuple[bytes, Path | None]
 _LOOK_EVERY_S = 1.0
 #: Results that may wait for earlier ones, and items that may be made ready, per worker.
 _AHEAD = 4
-#: Items that wait for each worker of a cluster, so that it need not wait for us.
+#: Items that wait for each worker, so that it need not wait for us.
 _WAITING = 1
 
 
@@ -73,7 +73,7 @@ class TaskCrew:
         """
         if self._workers is None:
             made = (
-                worker_processes(self._processes)
+                worker_processes(self._processes, _WAITING)
                 if self._dask is None
                 else dask_workers(self._dask, self._processes, _WAITING)
             )
@@ -101,41 +101,70 @@ class TaskCrew:
         WorkersDiedError
             When workers die of an item.
         """
+        waiting, ahead = enumerate(items), _AHEAD * self.start().count
+        said: dict[int, bytes] = {}
+        begun = told = 0
+
+        def ready() -> tuple[int, Any] | None:
+            nonlocal begun
+            found = next(waiting, None) if begun - told < ahead else None
+            begun += found is not None
+            return found
+
+        for number, answer in self._said(function, ready):
+            said[number] = answer
+            while told in said:
+                value = self._value(said.pop(told))
+                told += 1
+                yield value
+
+    def stream(
+        self, function: Callable[[Any], Any], ready: Callable[[], tuple[int, Any] | None], /
+    ) -> Iterator[tuple[int, Any]]:
+        """Results as they come, as :class:`toposeam.layers.tasks.Streaming` has them.
+
+        Raises
+        ------
+        WorkersDiedError
+            When workers die of an item.
+        """
+        for number, answer in self._said(function, ready):
+            yield number, self._value(answer)
+
+    def _said(
+        self, function: Callable[[Any], Any], ready: Callable[[], tuple[int, Any] | None]
+    ) -> Iterator[tuple[int, bytes]]:
+        """What workers say of items, each with its number."""
         workers = self.start()
-        waiting = enumerate(items)
         kind = self.kinds.setdefault(getattr(function, "__name__", ""), Counter())
         calls: dict[int, Call] = {}
-        said: dict[int, bytes] = {}
+        said: list[tuple[int, bytes]] = []
         again: list[int] = []
         deaths: Counter[int] = Counter()
-        told, ahead, more = 0, _AHEAD * workers.count, True
         while True:
-            while workers.is_free and (again or (more and len(calls) + len(said) < ahead)):
+            while workers.is_free:
                 if again:
                     number = again.pop(0)
                 else:
-                    try:
-                        number, item = next(waiting)
-                    except StopIteration:
-                        more = False
+                    found = ready()
+                    if found is None:
                         break
+                    number, item = found
                     with self._failures_told():
                         calls[number] = self._handing.pickled((function, item)), self._handing.folder
                     self.parts, self.sent = self.parts + 1, self.sent + len(calls[number][0])
                     kind.update(parts=1, sent=len(calls[number][0]))
                 workers.begin(str(number), calls[number], done)
-            while told in said:
-                with self._failures_told():
-                    value = _value(said.pop(told))
-                yield value
-                told += 1
-            if not calls and not more:
+            if said:
+                yield said.pop(0)
+                continue
+            if not calls:
                 return
-            for name, answer in workers.ended(_LOOK_EVERY_S) if calls else ():
+            for name, answer in workers.ended(_LOOK_EVERY_S):
                 number = int(name)
                 if answer is not None:
                     del calls[number]
-                    said[number] = answer
+                    said.append((number, answer))
                     self.received += len(answer)
                     kind.update(received=len(answer))
                     continue
@@ -146,6 +175,13 @@ class TaskCrew:
                         "or -j 1"
                     )
                 again.append(number)
+
+    def _value(self, said: bytes) -> Any:
+        with self._failures_told():
+            succeeded, value = pickle.loads(said)  # noqa: S301 - from a worker of ours
+            if not succeeded:
+                raise value
+            return value
 
     def _failures_told(self) -> AbstractContextManager[None]:
         return nullcontext() if self._store is None else self._store.failures_told()
@@ -168,13 +204,6 @@ def _portable(error: Exception) -> Exception:
     except Exception:
         return TopoSeamError(sentence(error))
     return error
-
-
-def _value(said: bytes) -> Any:
-    succeeded, value = pickle.loads(said)  # noqa: S301 - from a worker of ours
-    if not succeeded:
-        raise value
-    return value
 
 
 @contextmanager

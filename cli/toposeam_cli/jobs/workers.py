@@ -133,37 +133,50 @@ def answer(task: Task) -> Answer:
 
 
 class _Processes(Workers):
-    """Worker processes, each an executor of its own: when one dies, only the job it had is concerned, and
+    """Worker processes, each an executor of its own: when one dies, only what it had is concerned, and
     another takes its place.
 
     They are spawned, as libvips does not survive a fork. All hold one end of a pipe into which nobody ever
     writes: when the other end closes, be it that the run is interrupted or that the parent is gone, they end.
     """
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, waiting: int = 0) -> None:
         super().__init__(count)
+        if waiting:
+            self.attempts = 4  # who dies takes what waits for it along
         start_resource_tracker()
         self._context = multiprocessing.get_context("spawn")
         self._ending, self._alive = self._context.Pipe(duplex=False)
-        self._idle: list[Executor] = [self._start() for _ in range(count)]
+        self._most = 1 + waiting
+        #: How many jobs each has, the one it does included.
+        self._load: dict[Executor, int] = {self._start(): 0 for _ in range(count)}
 
     @property
     def is_free(self) -> bool:
-        return bool(self._idle)
+        """Whether one has nothing to do, or nothing that waits for it."""
+        return min(self._load.values()) < self._most
 
     def end(self, now: bool) -> None:
         """End the workers, `now` or when they have done what they were given."""
         if now:
             self._alive.close()
-        for executor in [*self._idle, *(executor for _, executor in self._running.values())]:
+        for executor in self._load:
             executor.shutdown(cancel_futures=True)
         self._alive.close()
 
     def _take(self) -> Executor:
-        return self._idle.pop()
+        executor = min(self._load, key=lambda one: self._load[one])
+        self._load[executor] += 1
+        return executor
 
     def _give_back(self, executor: Executor, died: bool) -> None:
-        self._idle.append(self._start() if died else executor)
+        if executor not in self._load:
+            return  # another took its place when the first of its jobs was told
+        if not died:
+            self._load[executor] -= 1
+            return
+        del self._load[executor]
+        self._load[self._start()] = 0
 
     def _start(self) -> Executor:
         return ProcessPoolExecutor(1, self._context, _prepare, (self._ending,))
@@ -188,9 +201,11 @@ def _end_with(ending: Connection) -> None:
 
 
 @contextmanager
-def worker_processes(count: int) -> Iterator[Workers]:
-    """Workers on this machine; they end with the block, at once if it is left by an exception."""
-    workers = _Processes(count)
+def worker_processes(count: int, waiting: int = 0) -> Iterator[Workers]:
+    """Workers on this machine, for each of which so many jobs may wait; they end with the block, at once if
+    it is left by an exception.
+    """
+    workers = _Processes(count, waiting)
     try:
         yield workers
     except BaseException:

@@ -75,6 +75,17 @@ def stored_at(file: Path, parts: Iterable[Picture]) -> Picture:
     return stored_picture(file, first, height, first.pixels.shape[1])
 
 
+def stored_in(file: Path, picture: Picture) -> Picture:
+    """The same picture, its pixels in a file that exists.
+
+    Raises
+    ------
+    OSError
+        When there is no space.
+    """
+    return stored_at(file, _parts(picture))
+
+
 def stored_picture(path: Path, like: Picture, height: int, width: int) -> Picture:
     """The picture in a file that holds its colours and, if it has any, its opacity behind them."""
     count = 1 if like.pixels.ndim == 2 else 3

@@ -16,8 +16,8 @@ Work is done in tiles, so that memory does not grow with the picture but with ``
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -66,6 +66,40 @@ class Placed:
         return Box(0, 0, *self.label_map.shape)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Fading:
+    """Between two layers, the label potential on the window of their seam's problem."""
+
+    pair: tuple[int, int]
+    #: Where the window lies, and what is held of it.
+    box: Box
+    #: (h, w) float32; (h, w) bool, where both have pixels.
+    potential: Floats32
+    shared: Mask
+
+    @classmethod
+    def of(cls, pair: tuple[int, int], seam: Seam) -> Fading:
+        """What a blend needs of a seam."""
+        top, left = seam.problem.overlap.start
+        potential, shared = potential_on_window(seam).copy(), seam.problem.overlap.shared.copy()
+        for values in (potential, shared):
+            values.setflags(write=False)  # so that large ones go by files
+        height, width = potential.shape
+        return cls(pair, Box(top, left, top + height, left + width), potential, shared)
+
+    def moved(self, right: int) -> Fading:
+        """The same at another place."""
+        return replace(self, box=self.box.moved(0, right))
+
+    def part(self, box: Box) -> Fading | None:
+        """As far as a box is concerned; None where it is not."""
+        common = self.box.shared(box)
+        if not all(common.shape):
+            return None
+        here = common.within(self.box)
+        return replace(self, box=common, potential=self.potential[here], shared=self.shared[here])
+
+
 def check_blend(blend: str, width: float | None) -> None:
     """Refuse what :func:`blend_seams` cannot do.
 
@@ -100,26 +134,23 @@ class Blender:
     Parameters
     ----------
     placed : Placed
-    seams : callable
-        Gives ((int, int), Seam) for each two layers that a seam divides; called for ``soft`` only.
+    fadings : callable
+        Gives what fades between each two layers; called for ``soft`` only.
     blend, width
         See :func:`check_blend`; None for the default width.
-    period : int, optional
-        Width of a canvas that goes round.
-    begin : int
-        Column of `placed` where the canvas begins, on which seams lie.
+    goes_round : bool
+        Whether the canvas does.
     """
 
     def __init__(
         self,
         placed: Placed,
-        seams: Callable[[], Iterable[tuple[tuple[int, int], Seam]]],
+        fadings: Callable[[], Sequence[Fading]],
         blend: Blend,
         width: float | None,
-        period: int | None = None,
-        begin: int = 0,
+        goes_round: bool = False,
     ) -> None:
-        self._period = period
+        self._goes_round = goes_round
         self._placed, self._blend = placed, blend
         self._width = width = WIDTHS.get(blend) if width is None else width
         #: How far a seam changes pixels, how far beyond pixels matter to that, and on which grid.
@@ -135,8 +166,7 @@ class Blender:
             self._reach = self._beyond = 2 * size + 2
             self._mix = _Fade(placed, _Feather(placed, size).weights).mix
         elif blend == "soft":
-            shifts = [begin] if period is None else [begin - period, begin, begin + period]
-            self._mix = _Fade(placed, _Soft(placed.places, dict(seams()), shifts).weights).mix
+            self._mix = _Fade(placed, _Soft(placed.places, fadings()).weights).mix
 
     @property
     def margin(self) -> int:
@@ -145,7 +175,7 @@ class Blender:
 
     def spread(self, image: Image) -> None:
         """Blend a whole composite in place, as ``gradient`` does."""
-        _spread(self._placed, image, self._width, self._period is not None)
+        _spread(self._placed, image, self._width, self._goes_round)
 
     def blend(self, tile: Box, image: Image, alpha: Image) -> None:
         """Blend a tile in place.
@@ -293,30 +323,22 @@ class _Feather:
 
 
 class _Soft:
-    """Weights from the label potential of each pair of layers; each seam lies at several columns where the
-    canvas goes round.
-    """
+    """Weights from the label potential of each pair of layers."""
 
-    def __init__(
-        self, places: Sequence[Box], seams: dict[tuple[int, int], Seam], shifts: Sequence[int]
-    ) -> None:
-        self._places = places
-        self._seams = [(pair, seam, shift) for pair, seam in seams.items() for shift in shifts]
+    def __init__(self, places: Sequence[Box], fadings: Sequence[Fading]) -> None:
+        self._places, self._fadings = places, fadings
 
     def weights(self, box: Box, shows: LabelMap, index: list[int]) -> dict[int, Floats32]:
         result = {k: (shows == k).astype(np.float32) for k in index}
-        for (i, j), seam, shift in self._seams:
-            problem = seam.problem
-            top, left = problem.overlap.start
-            potential = potential_on_window(seam)
-            at = Box(top, left, top + potential.shape[0], left + potential.shape[1]).moved(0, shift)
-            common = at.shared(box)
+        for fading in self._fadings:
+            i, j = fading.pair
+            common = fading.box.shared(box)
             if i not in result or j not in result or not all(common.shape):
                 continue
-            here, there = common.within(box), common.within(at)
-            towards = np.clip(potential[there], 0, 1 - _SETTLED)
-            free = problem.overlap.shared[there]
-            back = np.clip(1 - potential[there], 0, 1 - _SETTLED)
+            here, there = common.within(box), common.within(fading.box)
+            potential, free = fading.potential[there], fading.shared[there]
+            towards = np.clip(potential, 0, 1 - _SETTLED)
+            back = np.clip(1 - potential, 0, 1 - _SETTLED)
             result[j][here] += np.where(free & (shows[here] == i), towards / (1 - towards), np.float32(0))
             result[i][here] += np.where(free & (shows[here] == j), back / (1 - back), np.float32(0))
         return {k: weight[self._places[k].shared(box).within(box)] for k, weight in result.items()}

@@ -131,7 +131,7 @@ def compose(
     if wrap is not None:
         if factor is not None or away is not None or paths:
             raise OptionError("wrap goes without weight, avoid and paths; leave them out")
-        search = _Search(method, given, max_rounds, progress, core, match)
+        search = _Search(method, given, max_rounds, progress, core, match, executor)
         return _round(layers, check_whole("wrap", wrap, 2), search, channels, blend, blend_width)
     seam_of: Callable[[Pair, bool], Seam]
     totals: Callable[[], Totals] | None = None
@@ -154,7 +154,6 @@ def compose(
             given=[(pair, divided(layers, canvas, pair, paths[pair], match, core)) for pair in paths],
         )
         order = order_of(layers, steps.places, steps.covered)
-        alone = factor is not None or away is not None  # which are as large as the canvas
         moves, rounds = best_rounds(
             labelling,
             order,
@@ -163,13 +162,13 @@ def compose(
             max_rounds,
             progress,
             blend == "soft",
-            None if alone else executor,
+            executor,
         )
         label_map = moves.label_map
         pairs = moves.pairs(potentials=blend == "soft")
         made = Made(moves, list(paths), {"core": core, **dataclasses.asdict(match)})
         seam_of, totals = made, made.totals
-        if executor is not None and not alone:
+        if executor is not None:
             known = made.totals(executor)  # which may have gone when somebody asks
 
             def totals() -> Totals:
@@ -200,6 +199,7 @@ class _Search:
     progress: Callable[[float], None] | None
     core: float
     match: MatchCost
+    executor: Executor | None
 
 
 def _round(
@@ -227,14 +227,21 @@ def _round(
     order = order_of(parts, labelling.places, covered)
     soft = blend == "soft"
     moves, rounds = best_rounds(
-        labelling, order, search.method, search.options, search.rounds, search.progress, soft
+        labelling,
+        order,
+        search.method,
+        search.options,
+        search.rounds,
+        search.progress,
+        soft,
+        search.executor,
     )
     moves.pairs(potentials=soft)
     potentials = [(moves.known_potentials(), cut_at)] if soft else []
     start = cut_at - period // 2
     labels = turned_map(moves.label_map, period, start - cut_at, period)
     moves = Rounds(posed(start)[0], labels, search.method, search.options, band(frame.shape), keeps=soft)
-    moves.refine(search.rounds)
+    moves.refine(search.rounds, executor=search.executor)
     if soft:
         potentials.append((moves.known_potentials(), start))
     labels = turned_map(moves.label_map, period, -start, period)

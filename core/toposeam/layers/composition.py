@@ -16,13 +16,13 @@ from typing import Any, cast
 import numpy as np
 
 from toposeam.images import Image, Windows, in_dtype
-from toposeam.layers.blend import Blend, Blender, Placed
+from toposeam.layers.blend import Blend, Blender, Fading, Placed
 from toposeam.layers.labelling import Pair
 from toposeam.layers.layer import Box, Extent, Layer
 from toposeam.layers.maps import BLOCK, blocks, part_of
 from toposeam.layers.painting import LabelMap, paint
 from toposeam.optimize.history import Termination
-from toposeam.seam.seam import Seam
+from toposeam.seam.seam import Seam, knows_potential
 from toposeam.vector.polyline import Polyline
 
 #: Over so many columns the end of a canvas that goes round fades into its beginning.
@@ -107,6 +107,8 @@ class Composition:
     _goes_round: bool = False
     #: Told without making the seams, where that is known.
     _totals: Callable[[], Totals] | None = None
+    #: Of a part, what fades there.
+    _known_fadings: list[Fading] | None = None
 
     def __repr__(self) -> str:
         height, width = self.shape
@@ -175,17 +177,22 @@ class Composition:
         )
         top, left = top - top % BLOCK, left - left % BLOCK
         bottom, right = bottom + -bottom % BLOCK, right + -right % BLOCK
-        box = Box(top, left, bottom, right).grown(self._blender.margin).shared(self.canvas.box)
+        window = Box(top, left, bottom, right).shared(self.canvas.box).moved(0, self._begin)
+        margin = self._blender.margin
+        boxes = [window.grown(margin).shared(self._placed.box)]
+        end = self._begin + self.shape[1]
+        if self._goes_round and self._blend == "multiband" and window.right > end - _JOINT:  # it is eased
+            boxes.append(boxes[0].moved(0, -self.shape[1]).shared(self._placed.box))
         placed = self._placed
         layers, covered, places = [], [], []
         # Of a thousand layers nearly all are elsewhere: one thing that is pickled once stands for them.
         nowhere, nothing = Box(0, 0, 0, 0), np.zeros((0, 0), bool)
         blanks: dict[tuple[Any, ...], Layer] = {}
         for layer, place, cover in zip(placed.layers, placed.places, placed.covered, strict=True):
-            common = place.shared(box)
-            if all(common.shape):
+            common = [place.shared(box) for box in boxes]
+            if any(all(one.shape) for one in common):
                 layers.append(dataclasses.replace(layer, mask=None, keep=None))
-                covered.append(part_of(cover, common.moved(-place.top, -place.left)))
+                covered.append(part_of(cover, *(one.moved(-place.top, -place.left) for one in common)))
                 places.append(place)
                 continue
             kind = layer.image.shape[2:], layer.image.dtype, layer.data_range
@@ -199,9 +206,21 @@ class Composition:
             layers=layers,
             places=places,
             covered=covered,
-            label_map=part_of(placed.label_map, box),
+            label_map=part_of(placed.label_map, *boxes),
         )
-        return dataclasses.replace(self, layers=layers, pairs=(), _placed=part, _seam=_unknown, _totals=None)
+        fadings = None
+        if self._blend == "soft":
+            cut_out = (fading.part(box) for box in boxes for fading in self._fadings)
+            fadings = [fading for fading in cut_out if fading is not None]
+        return dataclasses.replace(
+            self,
+            layers=layers,
+            pairs=(),
+            _placed=part,
+            _seam=_unknown,
+            _totals=None,
+            _known_fadings=fadings,
+        )
 
     def seams(self) -> Iterator[tuple[Pair, Seam]]:
         """The seams with their pairs of layers, each made when its turn comes."""
@@ -247,7 +266,7 @@ class Composition:
     @property
     def divides(self) -> bool:
         """Whether parts are smaller than all of it."""
-        return not self._goes_round and self._blend not in ("soft", "gradient")
+        return self._blend != "gradient"
 
     def _empty(self, box: Box) -> tuple[Image, Image]:
         dtype = self.layers[0].image.dtype
@@ -286,8 +305,22 @@ class Composition:
 
     @cached_property
     def _blender(self) -> Blender:
-        period = self.shape[1] if self._goes_round else None
-        return Blender(self._placed, self.seams, self._blend, self._blend_width, period, self._begin)
+        return Blender(self._placed, lambda: self._fadings, self._blend, self._blend_width, self._goes_round)
+
+    @cached_property
+    def _fadings(self) -> list[Fading]:
+        """What fades between layers, on `_placed`; where the canvas goes round, at both ends."""
+        if self._known_fadings is not None:
+            return self._known_fadings
+        period = self.shape[1]
+        turns = (-period, 0, period) if self._goes_round else (0,)
+        found = (Fading.of(pair, self._known_seam(pair)) for pair in self.pairs)
+        return [fading.moved(self._begin + turn) for fading in found for turn in turns]
+
+    def _known_seam(self, pair: Pair) -> Seam:
+        """A seam with its label potential, for which costs are needed only where it was not kept."""
+        seam = self._seam(pair, True)
+        return seam if knows_potential(seam) else self._seam(pair, False)
 
     @cached_property
     def _spread(self) -> tuple[Image, Image]:

@@ -5,22 +5,29 @@ made (:mod:`toposeam.layers.rounds`). Then every finer size is refined where the
 one says that it matters.
 
 Reduced costs are a guess at what a seam will cost, off by some per cent, and which of several ways it takes
-hangs by less. So problems of up to some megapixels are reduced in three ways, each of which leads to other
+hangs by less. So problems of up to some megapixels are reduced in several ways, each of which leads to other
 mistakes; :mod:`toposeam.layers.fusion` takes the best of each, and what lies beside these seams is divided
 once more. That ends within 0.5 % of what solving everything at full size does, instead of 2 %.
+
+Large problems are searched anew each time, for they have many optima. Smaller ones, of which each search is
+most of the time, are searched once; the other ways start where that ended, and are followed to full size only
+where they lead elsewhere.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
+
+import numpy as np
 
 from toposeam.images import Mask
 from toposeam.layers.fusion import fused
 from toposeam.layers.junctions import beside_steps, dilated
 from toposeam.layers.labelling import Labelling
-from toposeam.layers.maps import dense
+from toposeam.layers.maps import dense, new_map
 from toposeam.layers.painting import LabelMap
 from toposeam.layers.progressed import Progress, Progressed
 from toposeam.layers.reduction import OTHERS, WANDERING, enlarged, opened, reduced
@@ -68,6 +75,8 @@ def best_rounds(
     height, width = labelling.canvas.shape
     tries = most and height * width <= _TRIED_CANVAS and labelling.contested(_TRIED + 1) > _TRIED
     if not tries:
+        if most and height * width <= _TRIED_CANVAS and labelling.contested(WHOLE_PIXELS + 1) > WHOLE_PIXELS:
+            return search.twice(labelling)
         return search.from_coarse(labelling, WANDERING)
     found = [search.from_coarse(labelling, wandering) for wandering in (WANDERING, *OTHERS)]
     shows = dense(found[0][0].label_map)
@@ -91,8 +100,75 @@ class _Search:
     potentials: bool
     executor: Executor | None
 
-    def from_coarse(self, labelling: Labelling, wandering: float) -> tuple[Rounds, int]:
-        """What costs that were reduced in one way lead to, and how many rounds were made."""
+    def from_coarse(
+        self, labelling: Labelling, wandering: float, trail: list[LabelMap] | None = None
+    ) -> tuple[Rounds, int]:
+        """What costs that were reduced in one way lead to, and how many rounds were made; `trail` takes the
+        label maps of all sizes, the smallest first.
+        """
+        levels = self._levels(labelling, wandering)
+        coarsest = levels.pop()
+        rounds = self._rounds(coarsest, coarsest.on_top(), None, len(levels))
+        number = rounds.search(self.order, self.most)
+        while levels:
+            if trail is not None:
+                trail.append(dense(rounds.label_map))
+            finer = levels.pop()
+            near = opened(rounds.beside_seams(), finer)
+            hints = rounds.undecided
+            rounds = self._rounds(finer, enlarged(rounds.label_map, finer), near, len(levels))
+            rounds.refine(self.most, hints, self.executor)
+        if trail is not None:
+            trail.append(dense(rounds.label_map))
+        return rounds, number
+
+    def twice(self, labelling: Labelling) -> tuple[Rounds, int]:
+        """What costs that were reduced in one way lead to, and wherever another way leads to something
+        cheaper, that.
+        """
+        trail: list[LabelMap] = []
+        rounds, number = self.from_coarse(labelling, WANDERING, trail)
+        shows = trail[-1]
+        for wandering in OTHERS:
+            other = self._otherwise(labelling, wandering, trail)
+            shows = shows if other is None else fused(labelling, shows, other)
+        changed = dilated(shows != trail[-1], 2 * _BESIDE)
+        if not changed.any():
+            return rounds, number
+        near = dilated(beside_steps(shows, 0), _BESIDE) & changed
+        label_map: LabelMap = new_map(shows.shape, -1, np.int16)
+        label_map[:, :] = shows
+        last = Rounds(
+            labelling, label_map, self.method, self.options, near, self.steps, keeps=self.potentials
+        )
+        last.refine(self.most, executor=self.executor)
+        _take_over(last, rounds, changed)
+        return last, number
+
+    def _otherwise(
+        self, labelling: Labelling, wandering: float, trail: Sequence[LabelMap]
+    ) -> LabelMap | None:
+        """What costs that were reduced in another way lead to from where a search ended that left a trail,
+        looked at where they lead elsewhere; None if they do nowhere.
+        """
+        levels = self._levels(labelling, wandering)
+        coarsest = levels.pop()
+        rounds = self._rounds(coarsest, trail[0].copy(), None, len(levels))
+        rounds.search(None, self.most)
+        for known, fine in pairwise(trail):
+            apart = dense(rounds.label_map) != known
+            if not apart.any():
+                return None
+            finer = levels.pop()
+            where = dense(opened(dilated(apart, 1), finer))
+            near = dense(opened(rounds.beside_seams(), finer)) & where
+            start: LabelMap = np.where(where, dense(enlarged(rounds.label_map, finer)), fine)
+            rounds = self._rounds(finer, start, near, len(levels))
+            rounds.refine(self.most, executor=self.executor)
+        return dense(rounds.label_map)
+
+    def _levels(self, labelling: Labelling, wandering: float) -> list[Labelling]:
+        """The problem, and halved until few pixels have several layers to choose from."""
         levels = [labelling]
         while (
             levels[-1].contested(WHOLE_PIXELS + 1) > WHOLE_PIXELS
@@ -100,17 +176,24 @@ class _Search:
         ):
             levels.append(reduced(levels[-1], self.executor, wandering))
             self.steps.one()
-        coarsest = levels.pop()
-        rounds = self._rounds(coarsest, coarsest.on_top(), None, len(levels))
-        number = rounds.search(self.order, self.most)
-        while levels:
-            finer = levels.pop()
-            near = opened(rounds.beside_seams(), finer)
-            hints = rounds.undecided
-            rounds = self._rounds(finer, enlarged(rounds.label_map, finer), near, len(levels))
-            rounds.refine(self.most, hints, self.executor)
-        return rounds, number
+        return levels
 
     def _rounds(self, labelling: Labelling, label_map: LabelMap, near: Mask | None, finer: int) -> Rounds:
         keeps = self.potentials
         return Rounds(labelling, label_map, self.method, self.options, near, self.steps, finer, keeps)
+
+
+def _take_over(last: Rounds, rounds: Rounds, changed: Mask) -> None:
+    """Let rounds that looked at a part of the canvas also know what others found for the rest of it."""
+    for pair, solved in rounds.solved.items():
+        last.solved.setdefault(pair, solved)
+    for pair, seconds in rounds.seconds.items():
+        last.seconds[pair] = last.seconds.get(pair, 0.0) + seconds
+    for pair, (rows, columns, soft) in rounds.potentials.items():
+        kept = np.flatnonzero(~changed[rows, columns])
+        rows, columns, soft = rows[kept], columns[kept], soft[kept]
+        if pair in last.potentials:
+            own = last.potentials[pair]
+            rows, columns = np.append(rows, own[0]), np.append(columns, own[1])
+            soft = np.append(soft, own[2])
+        last.potentials[pair] = rows, columns, soft

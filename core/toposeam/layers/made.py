@@ -110,7 +110,7 @@ class Made:
 
     def measured(self, executor: Executor | None = None) -> dict[Pair, tuple[int, float]]:
         """How long each seam is, px, and what it costs, without making it."""
-        canvas = self.moves.labelling.canvas
+        canvas, count = self.moves.labelling.canvas, len(self.moves.labelling.places)
         found: dict[Pair, list[tuple[npt.NDArray[np.intp], ...]]] = {}
         for block in several(self.moves.label_map, canvas, side=BLOCK):
             labels = self.moves.label_map[block.slices]
@@ -118,7 +118,9 @@ class Made:
                 rows, columns = np.nonzero(labels[s] != labels[t])
                 ends = np.sort([labels[s][rows, columns], labels[t][rows, columns]], axis=0)
                 at = (rows + block.top) * canvas.shape[1] + columns + block.left
-                for pair in {(int(i), int(j)) for i, j in ends.T} & self.moves.labelling.costs.keys():
+                codes = ends[0].astype(np.int64) * count + ends[1]
+                known = {divmod(int(code), count) for code in np.unique(codes[ends[0] >= 0])}
+                for pair in known & self.moves.labelling.costs.keys():
                     own = np.flatnonzero((ends[0] == pair[0]) & (ends[1] == pair[1]))
                     found.setdefault(pair, []).append((at[own], np.full(len(own), axis)))
         pairs = sorted(found)

@@ -56,15 +56,16 @@ class TileMap:
         """Of what is kept."""
         return self._values.nbytes + sum(tile.nbytes for tile in self._tiles.values())
 
-    def part(self, box: Box) -> TileMap:
-        """The same in a box; anything elsewhere."""
+    def part(self, *boxes: Box) -> TileMap:
+        """The same in some boxes; anything elsewhere."""
         result = TileMap(self.shape, 0, self.dtype)
         result._values = self._values.copy()
-        rows = range(box.top // TILE, -(-box.bottom // TILE))
-        columns = range(box.left // TILE, -(-box.right // TILE))
-        result._tiles = {
-            at: tile.copy() for at, tile in self._tiles.items() if at[0] in rows and at[1] in columns
-        }
+        for box in boxes:
+            rows = range(box.top // TILE, -(-box.bottom // TILE))
+            columns = range(box.left // TILE, -(-box.right // TILE))
+            result._tiles |= {
+                at: tile.copy() for at, tile in self._tiles.items() if at[0] in rows and at[1] in columns
+            }
         return result
 
     def __getstate__(self) -> dict[str, Any]:
@@ -99,15 +100,20 @@ class TileMap:
     def __setitem__(self, key: Windows2, values: Any) -> None:
         rows, columns = self._bounds(key)
         given = np.broadcast_to(np.asarray(values, self.dtype), (len(rows), len(columns)))
+        value = given.flat[0] if given.size and given.strides == (0, 0) else None
         for at, inside, here in self._parts(rows, columns):
             part = given[here]
             size = self._size(at)
             if part.shape == size:
-                self._put(at, part.copy() if part.strides != (0, 0) else part)
+                if value is None:
+                    self._put(at, part.copy())
+                else:
+                    self._values[at] = value
+                    self._tiles.pop(at, None)
                 continue
             tile = self._tiles.get(at)
             if tile is None:
-                if (part == self._values[at]).all():
+                if (part == self._values[at]).all() if value is None else value == self._values[at]:
                     continue
                 tile = np.full(size, self._values[at])
             tile[inside] = part
@@ -169,8 +175,8 @@ def new_map(shape: tuple[int, int], fill: Any, dtype: npt.DTypeLike) -> npt.NDAr
     return cast("npt.NDArray[Any]", TileMap(shape, fill, dtype))
 
 
-def part_of(values: Any, box: Box) -> npt.NDArray[Any]:
-    """A map as it is in a box, small enough to be handed to another process; anything elsewhere.
+def part_of(values: Any, *boxes: Box) -> npt.NDArray[Any]:
+    """A map as it is in some boxes, small enough to be handed to another process; anything elsewhere.
 
     Examples
     --------
@@ -183,12 +189,13 @@ def part_of(values: Any, box: Box) -> npt.NDArray[Any]:
     """
     if not isinstance(values, TileMap):
         whole, shape = values, (values.shape[0], values.shape[1])
-        box = box.shared(Box(0, 0, *shape))
-        value = uniform(values, box)
+        boxes = tuple(box.shared(Box(0, 0, *shape)) for box in boxes)
+        value = uniform(whole, boxes[0])  # of all of it, where that is known
         values = TileMap(shape, 0 if value is None else value, whole.dtype)
-        if value is None and all(box.shape):
-            values[box.slices] = whole[box.slices]
-    return cast("npt.NDArray[Any]", values.part(box))
+        for box in boxes:
+            if value is None and all(box.shape):
+                values[box.slices] = whole[box.slices]
+    return cast("npt.NDArray[Any]", values.part(*boxes))
 
 
 def made_map(
@@ -222,8 +229,12 @@ def blocks(box: Box, side: int = BLOCK, overlap: int = 0) -> Iterator[Box]:
             yield Box(top, left, top + side + overlap, left + side + overlap).shared(box)
 
 
-def several(label_map: Any, box: Box, overlap: int = 1, side: int = BLOCK) -> Iterator[Box]:
-    """The blocks of a box in which a map has more than one value, with so many px of the next ones."""
+def several(label_map: Any, box: Box, overlap: int = 1, side: int | None = None) -> Iterator[Box]:
+    """The blocks of a box in which a map has more than one value, with so many px of the next ones. They are
+    large where every block would have to be looked at, and small where that is known.
+    """
+    if side is None:
+        side = EDGES if isinstance(label_map, TileMap) else BLOCK
     for block in blocks(box, side, overlap):
         if uniform(label_map, block) is None:
             yield block

@@ -130,6 +130,28 @@ def find_places(
     """
     check_range(0, 1, above=True, least_correlation=least_correlation)
     check_executor(executor)
+    return found_places(pictures, least_correlation, progress, executor, _placed_here)
+
+
+#: Pictures placed at x and y of (N, 2), turned by (N,) degrees and scaled by (N,).
+Places = Callable[[Sequence[Layer], Floats, Floats, Floats], Sequence[Layer]]
+
+
+def _placed_here(pictures: Sequence[Layer], at: Floats, turns: Floats, scales: Floats) -> Sequence[Layer]:
+    return [
+        placed(picture, at=(float(u), float(v)), turn=float(turn), scale=float(scale))
+        for picture, (u, v), turn, scale in zip(pictures, at, turns, scales, strict=True)
+    ]
+
+
+def found_places(
+    pictures: Sequence[Layer],
+    least_correlation: float,
+    progress: Callable[[float], None] | None,
+    executor: Executor | None,
+    place: Places,
+) -> Placement:
+    """As :func:`find_places`, for whoever places pictures in a way of their own, as into files."""
     pictures = check_items("pictures", pictures, Layer, "a sequence of Layers")
     if len(pictures) < 2:
         raise OptionError(f"{len(pictures)} picture was given; pass at least two")
@@ -139,10 +161,7 @@ def find_places(
     transforms, misfit = _solve(pictures, matches)
     turns = np.degrees(np.arctan2(transforms[:, 1], transforms[:, 0]))
     scales = np.hypot(transforms[:, 0], transforms[:, 1])
-    layers = tuple(
-        placed(picture, at=(float(u), float(v)), turn=float(turn), scale=float(scale))
-        for picture, (u, v), turn, scale in zip(pictures, transforms[:, 2:], turns, scales, strict=True)
-    )
+    layers = tuple(place(pictures, transforms[:, 2:], turns, scales))
     report(1.0)
     return Placement(
         layers=layers,

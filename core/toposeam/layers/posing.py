@@ -231,6 +231,8 @@ class _Context:
                 layers={k: self.layers[k].bare for k in near},
                 places={k: self.places[k] for k in near},
                 covered=parts(self.covered),
+                weight=None if self.weight is None else part_of(self.weight, box),
+                avoid=None if self.avoid is None else part_of(self.avoid, box),
                 allowed=parts(self.allowed),
                 keeps=False,
             )

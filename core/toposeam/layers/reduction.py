@@ -225,7 +225,7 @@ def _reduced_costs(costs: Sequence[PairCost], executor: Executor | None, wanderi
         for k in small:
             found[k] = _table(found[k])[0]
         return found
-    items = [found[k].part(found[k].box, {}) for k in small]
+    items = (found[k].part(found[k].box, {}) for k in small)
     for k, (table, nearby) in zip(small, results(executor, _table, items), strict=True):
         pixels = _pixels(found[k])
         if pixels is not None:

@@ -40,7 +40,8 @@ from toposeam.layers.painting import LabelMap
 from toposeam.layers.parts import part_of_labelling
 from toposeam.layers.progressed import Progressed
 from toposeam.layers.starts import best_of_starts, joined
-from toposeam.layers.tasks import Executor, groups, results
+from toposeam.layers.swapping import swap_all
+from toposeam.layers.tasks import Executor, on_boxes, results
 from toposeam.optimize.history import Termination
 from toposeam.seam.exact import minimum_cut
 from toposeam.seam.find import Method, method_options, solve
@@ -103,7 +104,7 @@ class Rounds:
         finer: int = 0,
         keeps: bool = False,
     ) -> None:
-        self._steps = Progressed(None) if steps is None else steps
+        self.steps = Progressed(None) if steps is None else steps
         self.labelling, self.label_map, self._near = labelling, label_map, near
         self.method: Method = method if method in _ANY_NETWORK else "heat"
         self._options: HeatOptions | ThesisOptions | None = method_options(
@@ -126,32 +127,32 @@ class Rounds:
         self.potentials: dict[Pair, Potential] = {}
         self.seconds: dict[Pair, float] = {}
 
-    def search(self, order: Sequence[int], most: int) -> int:
+    def search(self, order: Sequence[int] | None, most: int) -> int:
         """Expansions from several starts, and from the cheapest end swaps; with `most` 0 the layers are only
-        joined in the given order. Returns how many rounds of expansions that took.
+        joined in the given order; without an order all starts from what the label map shows. Returns how many
+        rounds of expansions that took.
         """
         labelling, canvas = self.labelling, self.labelling.canvas
-        count = len(labelling.places)
-        allowed = [labelling.allowed_in(k, canvas) for k in range(count)]
-        choices = Choices(labelling, canvas, dense(self.label_map), allowed, range(count))
-        if not most:
-            with one_thread():
-                joined(choices, allowed, order, self._decide, self._steps)
-            self.label_map[:, :] = choices.label_map()
-            return 0
+        boxes = labelling.places
+        allowed = [labelling.allowed_in(k, canvas) for k in range(len(boxes))]
+        choices = Choices(labelling, canvas, dense(self.label_map), allowed, range(len(boxes)))
+        number, places = 0, sorted(range(len(boxes)), key=lambda k: boxes[k])
         with one_thread():
-            number, places = best_of_starts(
-                choices, allowed, labelling.places, order, self._decide, most, self._steps
-            )
-            for i, j in labelling.adjoining(choices.label_map()):
+            if order is not None and not most:
+                joined(choices, allowed, order, self._decide, self.steps)
+            elif order is not None:
+                number, places = best_of_starts(
+                    choices, allowed, boxes, order, self._decide, most, self.steps
+                )
+            for i, j in labelling.adjoining(choices.label_map()) if most else []:
                 choices.swap(i, j, self._decide)
                 if self._undecided is not None:
                     self._note(choices, (i, j))
             number += choices.run(self._decide, most - number, places)
         self.label_map[:, :] = choices.label_map()
-        if self._undecided is None:
+        if self._undecided is None and most:
             for pair in labelling.adjoining(self.label_map):
-                self._swap(pair)
+                self.swap(pair)
         return number
 
     def refine(
@@ -179,20 +180,19 @@ class Rounds:
         if self._near is not None and isinstance(options, HeatOptions) and not forbidden:
             self._divide([pair for pair in pairs if pair in labelling.costs], options, executor)
         else:
-            for pair in pairs:
-                self._swap(pair)
+            swap_all(self, [pair for pair in pairs if pair in labelling.costs], executor)
         windows = [window.shared(canvas) for window in junctions(self.label_map, _WINDOW)]
-        parts = (self if executor is None else self._part(window) for window in windows)
+        parts = (self if executor is None else self.part(window) for window in windows)
         items = ((part, window, most) for part, window in zip(parts, windows, strict=True))
         for window, labels in zip(windows, results(executor, _met, items), strict=True):
-            self._steps.one()
+            self.steps.one()
             if labels is not None:
                 self.label_map[window.slices] = labels
 
-    def _part(self, box: Box) -> Rounds:
+    def part(self, box: Box) -> Rounds:
         """The same as far as a box of the canvas is concerned, which nothing was found for yet."""
         part, box = copy(self), box.grown(1)
-        part._steps = Progressed(None)
+        part.steps = Progressed(None)
         part.labelling = part_of_labelling(self.labelling, box)
         part.label_map = part_of(self.label_map, box)
         part._near = None if self._near is None else part_of(self._near, box)
@@ -226,13 +226,15 @@ class Rounds:
             own = at[codes == i * count + j]
             self._solved_together((i, j), choices, own, took / len(pairs))
         if self._undecided is not None:
-            for pair in pairs:
-                self._note(choices, pair, codes=(at, codes, pair[0] * count + pair[1]))
+            steep = choices.steep(self._undecided)
+            for i, j in pairs:
+                own = np.intersect1d(steep, at[codes == i * count + j], assume_unique=True)
+                self.undecided[i, j] = np.divmod(own, choices.box.shape[1])
         tangled = (choices.several & ~free).reshape(canvas.shape)
         if tangled.any():
             choices.run(self._decide, min(most, _CYCLES), within=dilated(tangled, _TANGLE).ravel())
         self.label_map[:, :] = choices.label_map()
-        self._steps.one()
+        self.steps.one()
 
     def _solved_together(self, pair: Pair, choices: Choices, own: npt.NDArray[np.intp], took: float) -> None:
         nothing, heat = np.zeros((0, 0), bool), self._heat
@@ -251,14 +253,10 @@ class Rounds:
             rows, columns = np.divmod(own, choices.box.shape[1])
             self.potentials[pair] = rows, columns, choices.soft[own]
 
-    def _note(self, choices: Choices, pair: Pair, codes: Any = None) -> None:
+    def _note(self, choices: Choices, pair: Pair) -> None:
         """Keep the pixels beside flow that was not decided between two layers."""
-        steep = choices.steep(self._undecided or 0.0)
-        if codes is not None:
-            at, values, code = codes
-            steep = np.intersect1d(steep, at[values == code], assume_unique=True)
-        self.undecided[pair] = np.divmod(steep, choices.box.shape[1])
-        choices.soft[:] = -1 if codes is None else choices.soft
+        self.undecided[pair] = np.divmod(choices.steep(self._undecided or 0.0), choices.box.shape[1])
+        choices.soft[:] = -1
 
     def meet(self, window: Box, most: int) -> LabelMap | None:
         """What expansions in a window round a place where three layers meet end with; None where none
@@ -295,9 +293,9 @@ class Rounds:
             write_pixels(chosen, rows, columns, np.ones(len(rows), bool))
         return chosen
 
-    def _swap(self, pair: Pair) -> None:
+    def swap(self, pair: Pair) -> None:
         """Divide the region of two layers anew."""
-        self._steps.one()
+        self.steps.one()
         move = self.labelling.swap(self.label_map, pair, opened=self._near)
         if move is None or not (move.problem.overlap.side == FREE).any():
             return
@@ -319,13 +317,14 @@ class Rounds:
     def _divide(self, pairs: Sequence[Pair], options: HeatOptions, executor: Executor | None) -> None:
         """Divide anew what is open between two layers, those pairs at once that do not touch."""
         boxes = [self.labelling.costs[pair].box for pair in pairs]
-        for group in groups(boxes):
-            parts = (self if executor is None else self._part(boxes[k]) for k in group)
-            items = (part._division(pairs[k], options) for k, part in zip(group, parts, strict=True))
-            for k, found in zip(group, results(executor, divided, items), strict=True):
-                self._steps.one()
-                if found is not None:
-                    self._take(pairs[k], found)
+
+        def item(k: int) -> Division:
+            return (self if executor is None else self.part(boxes[k]))._division(pairs[k], options)
+
+        for k, found in on_boxes(executor, divided, item, boxes):
+            self.steps.one()
+            if found is not None:
+                self._take(pairs[k], found)
 
     def _division(self, pair: Pair, options: HeatOptions) -> Division:
         near = cast(Mask, self._near)
@@ -383,7 +382,7 @@ class Rounds:
         if potentials:
             for pair in found:
                 if pair not in self.solved:
-                    self._swap(pair)
+                    self.swap(pair)
         return [pair for pair in found if pair in self.labelling.costs]
 
 

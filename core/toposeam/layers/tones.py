@@ -231,12 +231,39 @@ def _log_ratios(item: tuple[Layer, Box, Layer, Box, int]) -> list[tuple[float, i
     there are.
     """
     a, at_a, b, at_b, channels = item
+    if a.image.dtype == b.image.dtype == np.uint8:
+        return _log_ratios_of_bytes(a, at_a, b, at_b, channels)
     found: list[tuple[float, int] | None] = []
     planes, step = _both(a, at_a, b, at_b, channels)
     for one, other, both in planes:
         number = int(np.count_nonzero(both))
         ratio = None if number < _ENOUGH else float(np.median(np.log(one[both]) - np.log(other[both])))
         found.append(None if ratio is None else (ratio, number * step**2))
+    return found
+
+
+def _log_ratios_of_bytes(
+    a: Layer, at_a: Box, b: Layer, at_b: Box, channels: int
+) -> list[tuple[float, int] | None]:
+    """The same where there are 256 values: their pairs are counted, which takes less than a logarithm of each
+    and sorting them.
+    """
+    step = _step(at_a.shared(at_b))
+    (one, on_a), (other, on_b) = (_seen(*layer, at_a.shared(at_b), step) for layer in ((a, at_a), (b, at_b)))
+    known = np.broadcast_to(on_a & on_b, one.shape[:2])
+    shares = [np.arange(256) / layer.white for layer in (a, b)]
+    telling = np.logical_and.outer(*((share > TELLING[0]) & (share < TELLING[1]) for share in shares)).ravel()
+    logarithms = [np.log(share, out=np.zeros(256), where=share > 0) for share in shares]
+    ratios = np.subtract.outer(*logarithms).ravel()
+    order = np.argsort(ratios)
+    found: list[tuple[float, int] | None] = []
+    for channel in range(channels):
+        first, second = (part[..., min(channel, part.shape[2] - 1)] for part in (one, other))
+        codes = first.astype(np.uint16) * np.uint16(256) + second
+        count = (np.bincount(codes[known], minlength=len(ratios)) * telling)[order].cumsum()
+        number = int(count[-1])
+        middle = order[np.searchsorted(count, [(number - 1) // 2, number // 2], side="right") % len(order)]
+        found.append(None if number < _ENOUGH else (float(ratios[middle].mean()), number * step**2))
     return found
 
 
@@ -247,13 +274,13 @@ def _both(
     many-th pixel.
     """
     common = at_a.shared(at_b)
-    step = max(1, int(np.sqrt(common.shape[0] * common.shape[1] / _SAMPLE)))
+    step = _step(common)
     known: Mask = np.ones((1, 1), bool)
     values = []
     for layer, place in ((a, at_a), (b, at_b)):
-        inside = common.moved(-place.top, -place.left)
-        known = known & _covered(layer, inside, step)
-        values.append(_every(layer.image, inside, step) / layer.white)
+        part, covered = _seen(layer, place, common, step)
+        known = known & covered
+        values.append(part / layer.white)
     found = []
     for channel in range(channels):
         both = known
@@ -266,6 +293,17 @@ def _both(
             )
         found.append((planes[0], planes[1], both))
     return found, step
+
+
+def _step(common: Box) -> int:
+    """Every so many-th pixel of an overlap is looked at."""
+    return max(1, int(np.sqrt(common.shape[0] * common.shape[1] / _SAMPLE)))
+
+
+def _seen(layer: Layer, place: Box, common: Box, step: int) -> tuple[Image, Mask]:
+    """What is looked at of a placed layer, and where it may show."""
+    inside = common.moved(-place.top, -place.left)
+    return _every(layer.image, inside, step), _covered(layer, inside, step)
 
 
 def _every(image: Image, box: Box, step: int) -> Image:

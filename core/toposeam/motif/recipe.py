@@ -17,7 +17,7 @@ import numpy.typing as npt
 from toposeam.checks import check_choice, check_number, check_pair, check_range, check_whole
 from toposeam.colours import LUMA
 from toposeam.errors import OptionError
-from toposeam.images import as_float
+from toposeam.images import as_float, in_dtype
 from toposeam.motif.edges import EDGES
 from toposeam.motif.symmetry import check_repeat
 
@@ -244,7 +244,7 @@ def pack_base(image: npt.ArrayLike) -> str:
             "none",
             (max(1, round(gray.shape[0] / step)), max(1, round(gray.shape[1] / step))),
         )
-    levels = np.round(np.clip(gray, 0.0, 1.0) * 255).astype(np.uint8)
+    levels = in_dtype(gray * 255, np.dtype(np.uint8))
     return f"{levels.shape[0]}x{levels.shape[1]}:" + base64.b85encode(
         zlib.compress(levels.tobytes(), 9)
     ).decode("ascii")

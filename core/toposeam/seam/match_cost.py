@@ -238,8 +238,11 @@ def _norm(planes: Floats32) -> Floats32:
 
 def _steps(present: Mask, axis: int) -> tuple[Floats32 | None, Floats32]:
     """Where the steps to the next pixel along an axis are known, 1 or 0, None for everywhere; and one over
-    how many are, of the two that each pixel takes part in, 0 for none. Neither may be written to.
+    how many are, of the two that each pixel takes part in, 0 for none, along this axis only where it is the
+    same along the others. Neither may be written to.
     """
+    if present.all():
+        return _kept_inside(present.shape, axis)
     if present.size > KEPT_PIXELS:
         return _steps_of(present, axis)
     return _kept_steps(present.shape, present.tobytes(), axis)
@@ -257,6 +260,13 @@ def _steps_of(present: Mask, axis: int) -> tuple[Floats32 | None, Floats32]:
 
 
 @lru_cache(maxsize=_KEPT_STEPS)
+def _kept_inside(shape: tuple[int, ...], axis: int) -> tuple[None, Floats32]:
+    """The same where all pixels are present."""
+    line = [length if number == axis else 1 for number, length in enumerate(shape)]
+    return None, _steps_of(np.ones(line, bool), axis)[1]
+
+
+@lru_cache(maxsize=_KEPT_STEPS)
 def _kept_steps(shape: tuple[int, ...], present: bytes, axis: int) -> tuple[Floats32 | None, Floats32]:
     return _steps_of(np.frombuffer(present, bool).reshape(shape), axis)
 
@@ -267,7 +277,7 @@ def _gradient(planes: Floats32, known: Floats32 | None, share: Floats32, axis: i
     """
     s, t = _pair(axis + 1)
     last = (slice(None),) * (axis + 1) + (slice(-1, None),)
-    squares = np.zeros(share.shape, np.float32)
+    squares = np.zeros(planes.shape[1:], np.float32)
     # Planes of small images together, which takes fewer calls; those of large ones would not fit the caches.
     together = len(planes) if planes.size <= _CACHED else 1
     for part in (planes[first : first + together] for first in range(0, len(planes), together)):

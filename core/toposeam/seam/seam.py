@@ -329,6 +329,11 @@ def seam_of(
     )
 
 
+def knows_potential(seam: Seam) -> bool:
+    """Whether the label potential was kept when the seam was found, and needs not be solved for."""
+    return seam._potential is not None
+
+
 def potential_on_window(seam: Seam) -> npt.NDArray[np.float32]:
     """The label potential on the window of the seam's problem, (h, w) float32; ``Seam.soft`` is as large as
     the canvas.

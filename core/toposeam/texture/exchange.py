@@ -8,16 +8,18 @@ becomes which is found by the rule of fewest conflicts (Minton et al. 1992, doi:
 
 from __future__ import annotations
 
+from bisect import bisect_left
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy import ndimage
 
 from toposeam.images import Mask
 from toposeam.texture.atlas import Ints32, values_at
 from toposeam.texture.lay import PatchPlacer
 from toposeam.texture.objects import RING, At, Key, Objects
+from toposeam.texture.positions import Positions
 from toposeam.texture.search import Ints, box_of
 
 #: An object of which less than this share shows is cut; one of which more than that shows counts as there.
@@ -77,10 +79,11 @@ class Exchange:
         guard = np.zeros(placer.atlas.usable.size, np.float32) if placer.guard is None else placer.guard
         self._objects = Objects(guard, placer.atlas, placer.canvas)
         self._largest, self._all = placer.largest_copy(shape), self._objects.all
-        self._near = _NEAR * int(self._atlas.shapes.min(axis=1).max()) + _SLACK
+        near = _NEAR * int(self._atlas.shapes.min(axis=1).max()) + _SLACK
         self._bare = self._atlas.copied & ~ndimage.binary_dilation(self._objects.marks > 0)
         self._shown = self._objects.shown()
-        self._kept: tuple[Ints, Ints] | None = None
+        self._there = Positions(placer.canvas.shape, placer.canvas.wrap, near)
+        self._note(self._shown)
 
     def run(self) -> int:
         """Make objects whole, and exchange those that come twice near by; how many were replaced."""
@@ -266,70 +269,58 @@ class Exchange:
         if joined and sum(map(canvas.area_of, joined)) + np.sum(shows & (before != source)) > self._largest:
             return False
         y, x = np.nonzero(shows)
-        self._shown.subtract(self._objects.at(y + top, x + left, before[shows]))
-        self._shown.update(self._objects.at(y + top, x + left, source[shows]))
-        self._kept = None
+        gone = self._objects.at(y + top, x + left, before[shows])
+        come = self._objects.at(y + top, x + left, source[shows])
+        self._shown.subtract(gone)
+        self._shown.update(come)
+        self._note(gone.keys() | come.keys())
         canvas.paint(top, left, source, shows)
         return True
 
-    def _there(self) -> tuple[Ints, Ints]:
-        """Numbers (n,) and middles (n, 2) of the objects that are there."""
-        if self._kept is None:
-            least = [_THERE * len(one.pixels) for one in self._all]
-            keys = sorted(key for key, count in self._shown.items() if count > least[key[0]])
-            found = np.array(keys, np.intp).reshape(-1, 3)
-            self._kept = found[:, 0], found[:, 1:]
-        return self._kept
-
-    def _are_near(self, middles: Ints, at: npt.ArrayLike) -> Mask:
-        """Which middles are near a place."""
-        away = np.abs(middles - np.asarray(at))
-        for axis, (limit, wraps) in enumerate(zip(self._canvas.shape, self._canvas.wrap, strict=True)):
-            if wraps:
-                away[:, axis] = np.minimum(away[:, axis] % limit, -away[:, axis] % limit)
-        near: Mask = np.square(away).sum(axis=1) < self._near**2
-        return near
-
     def _comes_near(self, number: int, at: At) -> bool:
         """Whether an object shows near a place."""
-        numbers, middles = self._there()
-        return bool(self._are_near(middles[numbers == number], at).any())
+        return any(key[0] == number for key in self._there.near(at))
+
+    def _note(self, keys: Iterable[Key]) -> None:
+        """Keep in mind whether these objects are there."""
+        for key in keys:
+            self._there.put(key, self._shown[key] > _THERE * len(self._all[key[0]].pixels))
 
     def _chosen(self, aside: int) -> dict[Key, int]:
         """What objects should become so that none comes twice near by: again and again, one that does becomes
         what is near it least often.
         """
-        first, middles = self._there()
-        numbers, rng = first.copy(), self._placer.rng
-        near: dict[int, Ints] = {}
-        fitting: dict[int, Ints] = {}
-
-        def beside(slot: int) -> Ints:
-            if slot not in near:
-                found = np.flatnonzero(self._are_near(middles, middles[slot]))
-                near[slot] = found[found != slot]
-            return near[slot]
-
-        def twice(slot: int) -> bool:
-            return bool((numbers[beside(slot)] == numbers[slot]).any())
-
-        bad = {slot for slot in range(len(numbers)) if twice(slot)}
+        slots, rng = self._there.all(), self._placer.rng
+        number_of = {key: slot for slot, key in enumerate(slots)}
+        numbers = [key[0] for key in slots]
+        beside = [[number_of[near] for near in self._there.near(key[1:]) if near != key] for key in slots]
+        # How many near each are the same.
+        twice = [
+            sum(numbers[one] == number for one in near) for near, number in zip(beside, numbers, strict=True)
+        ]
+        bad = [slot for slot, count in enumerate(twice) if count]  # in order
         best, fewest = numbers.copy(), len(bad)
+        fitting: dict[int, Ints] = {}
         for _ in range(_THOUGHT * len(bad)):
             if not bad:
                 break
-            slot = sorted(bad)[int(rng.integers(len(bad)))]
+            slot = bad[int(rng.integers(len(bad)))]
             if slot not in fitting:
-                fitting[slot] = self._fitting((int(first[slot]), *middles[slot].tolist()), aside)
-            count = np.bincount(numbers[beside(slot)], minlength=len(self._all))[fitting[slot]]
+                fitting[slot] = self._fitting(slots[slot], aside)
+            near = [numbers[one] for one in beside[slot]]
+            count = np.bincount(np.array(near, np.intp), minlength=len(self._all))[fitting[slot]]
             least = fitting[slot][count == count.min()]
-            numbers[slot] = least[int(rng.integers(len(least)))]
-            for one in (slot, *beside(slot).tolist()):
-                (bad.add if twice(one) else bad.discard)(one)
+            before, numbers[slot] = numbers[slot], int(least[int(rng.integers(len(least)))])
+            for one in beside[slot]:
+                change = (numbers[one] == numbers[slot]) - (numbers[one] == before)
+                if change:
+                    twice[one] += change
+                    twice[slot] += change
+                    _keep(bad, one, twice[one] > 0)
+            _keep(bad, slot, twice[slot] > 0)
             if len(bad) < fewest:
                 best, fewest = numbers.copy(), len(bad)
-        changed = np.flatnonzero(best != first).tolist()
-        return {(int(first[slot]), *middles[slot].tolist()): int(best[slot]) for slot in changed}
+        return {key: number for key, number in zip(slots, best, strict=True) if number != key[0]}
 
     def _fitting(self, key: Key, aside: int) -> Ints:
         """The objects that have room in the place of one, itself too."""
@@ -338,3 +329,13 @@ class Exchange:
         window = self._window(key, around)
         found = set() if window is None else {fit.number for fit in self._fits(window, others, aside)}
         return np.array([key[0], *sorted(found)], np.intp)
+
+
+def _keep(slots: list[int], slot: int, there: bool) -> None:
+    """Have a number in a list in order, or not."""
+    at = bisect_left(slots, slot)
+    if there != (at < len(slots) and slots[at] == slot):
+        if there:
+            slots.insert(at, slot)
+        else:
+            del slots[at]

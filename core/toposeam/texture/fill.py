@@ -24,6 +24,7 @@ from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.levelling import levelled
 from toposeam.texture.offsets import candidate_shifts
 from toposeam.texture.rendering import Lift
+from toposeam.texture.scale import SMALLEST_PATCH
 from toposeam.texture.search import box_of, box_sum
 from toposeam.texture.shift_moves import Ground, stage
 from toposeam.texture.shifts import shift_map
@@ -252,7 +253,8 @@ def _windows(
     height, width = (min(side, length) for length in canvas.shape)
     if large.any() and not _has_room(placer, (height, width)):
         raise ImageError(
-            f"no place outside the mask has room for a patch of {width} × {height} px; use smaller patches"
+            f"no place outside the mask has room for a patch of {width} × {height} px; use "
+            f"{'smaller patches or ' if min(width, height) > SMALLEST_PATCH else ''}a smaller mask"
         )
     while True:
         empty = (canvas.index < 0) & large

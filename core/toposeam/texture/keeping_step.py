@@ -71,6 +71,7 @@ def closing_size(
     *,
     tileable: Tileable = "both",
     within: bool = False,
+    alpha: Images | None = None,
     source_mask: Images | None = None,
     data_range: DataRange = None,
 ) -> tuple[int, int]:
@@ -89,8 +90,8 @@ def closing_size(
         The axes on which the texture is to repeat.
     within : bool
         Whether the size must not be larger, as when a picture is cropped to it.
-    source_mask : (H, W) array_like, or a list with one per exemplar
-        What may be copied.
+    alpha, source_mask : (H, W) array_like, or a list with one per exemplar
+        Opacity, and what may be copied.
     data_range : float, optional
         The value that counts as white, as for :func:`toposeam.synthesize`.
 
@@ -116,6 +117,6 @@ def closing_size(
     height, width = check_pair("size", size, 1)
     check_choice("within", within, (True, False))
     wraps = wraps_of(tileable)
-    sources = read_sources(source, mask=source_mask, data_range=data_range)
+    sources = read_sources(source, alpha=alpha, mask=source_mask, data_range=data_range)
     order = find_order(sources.features[0], sources.usable[0])
     return (height, width) if order is None else order.closing_size((height, width), wraps, within)

@@ -142,9 +142,7 @@ class PatchPlacer:
         if not empty.any():
             return None
         covers = inside if may_show is None else (may_show | empty) & inside
-        weight = np.where(known >= 0, np.float32(self.options.context_weight), np.float32(0))
-        weight[m : m + h, m : m + w] = inner >= 0
-        return Site(at=(top, left), shape=shape, known=known, weight=weight, covers=covers)
+        return Site.of((top, left), shape, known, inner >= 0, covers, self.options.context_weight)
 
     def offers(self, site: Site, use: Use | None = None) -> Offers:
         """The best places for a patch in a window, given what shows; changes nothing, and draws nothing."""

@@ -81,10 +81,8 @@ class Mending:
             return None
         bad |= np.roll(bad, 1, 0) | np.roll(bad, 1, 1)
         bad = np.pad(bad, (0, 1))[: h + 2, : w + 2]
-        weight = np.where(known >= 0, np.float32(placer.options.context_weight), np.float32(0))
-        weight[m : m + h, m : m + w] = ~bad[1:-1, 1:-1]
         _, _, inside = placer.canvas.window(top, left, h, w)
-        site = Site(at=at, shape=self._shape, known=known, weight=weight, covers=inside)
+        site = Site.of(at, self._shape, known, ~bad[1:-1, 1:-1], inside, placer.options.context_weight)
         return site, padded, bad, float(before.sum())
 
 

@@ -306,16 +306,19 @@ def _rhythm(profile: Floats, element: int) -> tuple[float, float]:
     if not len(periods):
         return 0.0, 1.0
     distance = np.arange(len(profile)) / 2
-    scores = []
-    for period in periods:
-        multiples = np.arange(1, int(distance[-1] / period) + 1) * period
-        on, off = (np.interp(at, distance, profile) for at in (multiples, multiples - period / 2))
-        kept = on.min() >= _KEPT * profile[0]
-        scores.append(min(on.mean(), 0.5 * (on.mean() - off.mean())) if kept else 0.0)
-    found = np.asarray(scores)
-    if found.max() <= 0:
+    counts = (distance[-1] / periods).astype(int)
+    starts = np.cumsum(counts) - counts
+    multiples = (np.arange(counts.sum()) - starts.repeat(counts) + 1) * periods.repeat(counts)
+    on, off = (np.interp(multiples - away, distance, profile) for away in (0, (periods / 2).repeat(counts)))
+    regular = np.minimum.reduceat(on, starts) >= _KEPT * profile[0]
+    scores = np.zeros(len(periods))
+    for number in np.flatnonzero(regular).tolist():
+        part = slice(int(starts[number]), int(starts[number] + counts[number]))
+        high, low = on[part].mean(), off[part].mean()
+        scores[number] = min(high, 0.5 * (high - low))
+    if scores.max() <= 0:
         return 0.0, 1.0
-    tops = np.flatnonzero(found >= 0.9 * found.max())
-    first = tops[: 1 + int(np.flatnonzero(np.diff(tops, append=len(found) + 2) > 1)[0])]
-    best = int(first[found[first].argmax()])
-    return float(found[best]), float(periods[best])
+    tops = np.flatnonzero(scores >= 0.9 * scores.max())
+    first = tops[: 1 + int(np.flatnonzero(np.diff(tops, append=len(scores) + 2) > 1)[0])]
+    best = int(first[scores[first].argmax()])
+    return float(scores[best]), float(periods[best])

@@ -10,6 +10,7 @@ import scipy.fft as sf
 
 from toposeam.images import Mask
 from toposeam.texture.atlas import Floats32
+from toposeam.texture.search import whole
 from toposeam.texture.sources import DataRange, Images, read_sources
 
 #: Sides of a patch are at least this many px.
@@ -86,13 +87,30 @@ def element_size(features: Floats32, usable: Mask) -> float:
 
 
 def patch_for(features: Sequence[Floats32], usable: Sequence[Mask], rooms: Sequence[tuple[int, int]]) -> int:
-    """A patch size for some exemplars: a few elements, and never more than a third of the smallest exemplar's
-    shorter side.
+    """A patch size for some exemplars: a few elements, never more than a third of the smallest exemplar's
+    shorter side, and smaller where holes leave no room for it.
     """
     span = float(np.mean([element_size(values, mask) for values, mask in zip(features, usable, strict=True)]))
     room = min(min(shape) for shape in rooms)
     least = int(np.clip(room // 4, min(SMALLEST, room), USUAL))
-    return int(np.clip(round(_ELEMENTS * span), least, max(min(LARGEST, room // 3), least)))
+    return _fitting(int(np.clip(round(_ELEMENTS * span), least, max(min(LARGEST, room // 3), least))), usable)
+
+
+def _fitting(patch: int, usable: Sequence[Mask]) -> int:
+    """The largest patch, up to a size, that some exemplar has room for; that size where it has for none."""
+
+    def fits(side: int) -> bool:
+        return any(mask.all() and min(mask.shape) >= side for mask in usable) or any(
+            bool(whole(mask, (side, side)).any()) for mask in usable
+        )
+
+    if fits(patch) or not fits(SMALLEST_PATCH):
+        return patch
+    most, least = patch, SMALLEST_PATCH
+    while most - least > 1:
+        middle = (least + most) // 2
+        least, most = (middle, most) if fits(middle) else (least, middle)
+    return least
 
 
 def autocorrelation(features: Floats32, usable: Mask | Floats32) -> npt.NDArray[np.float32]:

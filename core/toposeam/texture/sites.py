@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from toposeam.images import Mask
 from toposeam.texture.atlas import Floats32, Ints32
 from toposeam.texture.search import Ints
@@ -34,6 +36,22 @@ class Site:
     weight: Floats32
     #: (h, w) bool: where the patch may show.
     covers: Mask
+
+    @classmethod
+    def of(
+        cls,
+        at: tuple[int, int],
+        shape: tuple[int, int],
+        known: Ints32,
+        counts: Mask,
+        covers: Mask,
+        context: float,
+    ) -> Site:
+        """A window in which some (h, w) pixels count, and those of the margin that are known count less."""
+        m, (h, w) = (known.shape[0] - shape[0]) // 2, shape
+        weight = np.where(known >= 0, np.float32(context), np.float32(0))
+        weight[m : m + h, m : m + w] = counts
+        return cls(at=at, shape=shape, known=known, weight=weight, covers=covers)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

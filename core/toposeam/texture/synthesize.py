@@ -265,11 +265,13 @@ def synthesize(
     shape = rows[0], columns[0]
     if not placer.search.room(shape).any():
         where, remedy = (
-            ("in the mask", " or a larger mask") if source_mask is not None else ("that shows", "")
+            ("in the mask", "a larger mask")
+            if source_mask is not None
+            else ("that shows", "an exemplar with fewer holes")
         )
+        smaller = "" if patch is None else "smaller patches or "
         raise ImageError(
-            f"no place {where} has room for a patch of {shape[1]} × {shape[0]} px; use smaller patches"
-            f"{remedy}"
+            f"no place {where} has room for a patch of {shape[1]} × {shape[0]} px; use {smaller}{remedy}"
         )
     shown = None if preview is None else Previews(preview, sources, atlas, canvas)
     count = patches_on(canvas, side, overlap)

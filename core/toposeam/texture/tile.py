@@ -100,6 +100,8 @@ def make_tileable(
             for side in (slice(0, band), slice(-band, None)):
                 near[(*border, side)] = True
     if alpha is not None and np.shape(alpha) == hole.shape and not (hole & (np.asarray(alpha) > 0)).any():
+        if not np.any(np.asarray(alpha) > 0):
+            raise ImageError("image is transparent everywhere; give one that shows something")
         raise ImageError(
             "the image is transparent all along its borders, so it repeats as it is; crop it to what it "
             "shows first"

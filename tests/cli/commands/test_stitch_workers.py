@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 from stitching import make_six, names
+from toposeam.layers import rounds
 from toposeam_cli import placing
 from toposeam_cli.files.scratch import scratch
 from toposeam_cli.files.writing import OutputError
 from toposeam_cli.jobs import crew as crews
 from toposeam_cli.jobs.crew import WorkersDiedError, crew, processes_of
+from toposeam_cli.pictures.picture import Picture, write_picture
 
 WORDS = ("stitch", "six.toml", "--match-tones", "--blend", "multiband", "--max-megapixels", 2000)
 
@@ -65,8 +67,38 @@ def test_places_are_found_by_workers(six, waiting, toposeam, caplog, where, does
     assert min(parts[name] for name in does) >= 5
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("words", "does"),
+    [
+        (("turned.toml", "--blend", "soft"), {"_turned", "divided"}),
+        (("six.toml", "--avoid", "avoid.png", "--blend", "feather"), {"swapped"}),
+        (("six.toml", "--wrap", 690, "--blend", "multiband"), {"divided"}),
+    ],
+    ids=["turned and soft", "avoid", "wrap"],
+)
+def test_everything_that_can_be_asked_is_done_by_workers(
+    six, waiting, toposeam, caplog, monkeypatch, words, does
+):
+    """Pictures turned, overlaps divided, windows blended: none of it by the command itself."""
+    monkeypatch.setattr(rounds, "_TOGETHER", 0)  # small canvases are divided as large ones are
+    layout = (six / "six.toml").read_text()
+    (six / "turned.toml").write_text(layout.replace("at = [210, 0]", "at = [210, 0]\nturn = 0.7"))
+    away = np.zeros((374, 720), np.uint8)
+    away[80:140, 200:310] = 255
+    write_picture(six / "avoid.png", Picture(pixels=away))
+    caplog.set_level("DEBUG", "toposeam_cli.jobs.crew")
+    for count in (1, 2):
+        ran = toposeam("stitch", *words, "-o", f"out{count}.tif", "-j", count, "-q")
+        assert ran.code == 0, ran
+    assert (six / "out1.tif").read_bytes() == (six / "out2.tif").read_bytes()
+    parts = {record.args[0]: record.args[1] for record in caplog.records if record.levelname == "DEBUG"}
+    assert {*does, "_painted"} <= parts.keys()
+    assert not [name for name in names(six) if name.endswith(".part")]
+
+
 def test_small_pictures_take_one_process(six, toposeam, monkeypatch):
-    monkeypatch.setattr(crews, "worker_processes", lambda count: pytest.fail("processes were started"))
+    monkeypatch.setattr(crews, "worker_processes", lambda *_: pytest.fail("processes were started"))
     assert toposeam(*WORDS, "-o", "out.tif", "-j", 2, "-q").code == 0
 
 

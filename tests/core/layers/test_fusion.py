@@ -66,6 +66,19 @@ def test_lists_of_pixels_are_fused_as_label_maps_are():
     np.testing.assert_array_equal(choices.label_map(), fused(labelling, one, other))
 
 
+def test_what_another_reduction_finds_is_taken_where_it_is_cheaper(monkeypatch):
+    layers, labelling = five(side=200)
+    assert levels.WHOLE_PIXELS < labelling.contested(10**9) < levels._TRIED
+    both = ts.stitch(layers, blend="soft")
+    monkeypatch.setattr(levels, "OTHERS", ())
+    once = ts.stitch(layers, blend="soft")
+    assert both.cost < once.cost * 0.9999
+    away = both.label_map != once.label_map  # beside these seams are other ones; the rest stays as it is
+    assert 0 < away.sum() < away.size // 20
+    far = ndimage.distance_transform_edt(~away) > 24
+    np.testing.assert_array_equal(both.image[far], once.image[far])
+
+
 def test_what_costs_are_reduced_to_in_several_ways_is_no_dearer_than_one_way(monkeypatch):
     layers, _ = five(side=200)
     monkeypatch.setattr(levels, "_TRIED", 10**9)

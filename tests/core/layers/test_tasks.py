@@ -10,7 +10,7 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.layers import composition, levels, maps, pairing, posing, reduction, rounds, tones
+from toposeam.layers import composition, levels, maps, pairing, posing, reduction, rounds, tones, wrapping
 from toposeam.layers.align import correlations
 from toposeam.layers.layer import Box
 from toposeam.layers.maps import TileMap, part_of
@@ -52,6 +52,11 @@ class Kept(ts.Windows):
         return self.everywhere[self.number][rows, columns].copy()
 
 
+#: On the canvas of six layers, what seams must not run through: across overlaps, and where three meet.
+AVOID = np.zeros((330, 460), bool)
+AVOID[60:90, 120:190] = AVOID[150:190, 300:310] = True
+
+
 @pytest.fixture
 def large(monkeypatch):
     """Small canvases done as large ones are."""
@@ -59,11 +64,32 @@ def large(monkeypatch):
         for name in ("DENSE_PIXELS", "KEPT_PIXELS"):
             if hasattr(module, name):
                 monkeypatch.setattr(module, name, 3000)
-    for module in (maps, composition):
+    for module in (maps, composition, wrapping):
         monkeypatch.setattr(module, "BLOCK", 128)
     monkeypatch.setattr(levels, "WHOLE_PIXELS", 2000)
     monkeypatch.setattr(rounds, "_TOGETHER", 2000)
     monkeypatch.setattr(tones, "_SAMPLE", 2000)
+
+
+class Streams(Elsewhere):
+    """One that asks for items as it can begin them, two at a time, and tells the later one first."""
+
+    def __init__(self):
+        super().__init__()
+        self.most = 0
+
+    def stream(self, function, ready):
+        waiting = []
+        while True:
+            while len(waiting) < 2 and (found := ready()) is not None:
+                waiting.append((found[0], pickle.dumps((function, found[1]))))
+            if not waiting:
+                return
+            self.most = max(self.most, len(waiting))
+            self.items += 1
+            number, call = waiting.pop()
+            function, item = copied(call)
+            yield number, copied(pickle.dumps(function(item)))
 
 
 def six_layers(*, alpha=False, seed=3):
@@ -116,13 +142,31 @@ def same(layers, executor, **options):
         ({"match_shading": True, "blend": "feather"}, True),
         ({"blend": "soft"}, False),
         ({"method": "shortest-path"}, True),
+        ({"avoid": AVOID, "blend": "soft"}, False),
+        ({"avoid": AVOID, "weight": 1.0 + AVOID[::-1]}, True),
+        ({"wrap": 430, "blend": "multiband", "blend_width": 8}, False),
+        ({"wrap": 430, "blend": "soft"}, True),
     ],
-    ids=["cut", "tones and multiband", "shading and feather", "soft", "shortest path"],
+    ids=[
+        "cut",
+        "tones and multiband",
+        "shading and feather",
+        "soft",
+        "shortest path",
+        "avoid",
+        "avoid and weight",
+        "round",
+        "round and soft",
+    ],
 )
-def test_the_result_does_not_depend_on_who_does_the_work(large, options, alpha):
-    executor = Elsewhere()
-    same(six_layers(alpha=alpha), executor, **options)
+@pytest.mark.parametrize("kind", [Elsewhere, Streams])
+def test_the_result_does_not_depend_on_who_does_the_work(large, options, alpha, kind):
+    executor = kind()
+    composed = same(six_layers(alpha=alpha), executor, **options)
     assert executor.items > 15
+    assert composed.divides
+    if kind is Streams and "wrap" not in options:
+        assert executor.most == 2, "overlaps that do not touch are divided at once"
 
 
 @pytest.mark.medium

@@ -75,3 +75,24 @@ def test_counted_highlights_are_the_sorted_ones(count, dtype, white):
     telling = share[(share > tones.TELLING[0]) & (share < tones.TELLING[1])]
     expected = np.quantile(telling, 0.999) if len(telling) else 0.0
     assert tones._brightest(values, float(white)) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("holes", [False, True])
+def test_ratios_of_counted_bytes_are_those_of_sorted_logarithms(holes):
+    rng = np.random.default_rng(3)
+    layers = []
+    for x in (0, 30):
+        image = rng.integers(0, 256, (41, 60, 3), dtype=np.uint8)
+        image[..., 2] = 255  # tells nothing
+        alpha = np.where(rng.random((41, 60)) < 0.3, 0, 255).astype(np.uint8) if holes else None
+        layers.append(ts.Layer(image, alpha=alpha, at=(x, 0)))
+    places = [extent_of(layers).place(layer) for layer in layers]
+    planes, step = tones._both(layers[0], places[0], layers[1], places[1], 3)
+    found = tones._log_ratios((layers[0], places[0], layers[1], places[1], 3))
+    for known, (one, other, both) in zip(found[:2], planes[:2], strict=True):
+        assert known == (
+            pytest.approx(np.median(np.log(one[both]) - np.log(other[both])), abs=1e-15),
+            both.sum(),
+        )
+    assert step == 1
+    assert found[2] is None

@@ -1,6 +1,7 @@
 """The patch that suits a texture: a few of its elements."""
 
 import numpy as np
+import pytest
 from scipy import ndimage
 
 import toposeam as ts
@@ -25,3 +26,28 @@ def test_the_natural_patch_holds_about_four_elements():
     masked = np.zeros(checks.shape, bool)
     masked[:100, :100] = True
     assert 24 <= ts.natural_patch(checks, source_mask=masked) <= 96
+
+
+def test_the_patch_fits_between_holes(sample):
+    image, whole = sample(3, (120, 120)), np.ones((120, 120), bool)
+    usual = ts.natural_patch(image)
+    holed = whole.copy()
+    holed[::18] = False
+    assert usual > 17
+    assert ts.natural_patch(image, source_mask=holed) == 17
+    made = ts.synthesize(image, 60, source_mask=holed)
+    assert made.settings["patch"] == 17
+    assert holed[made.source[..., 0], made.source[..., 1]].all()
+    holed[:60] = whole[:60]  # there is one large enough place
+    assert ts.natural_patch(image, source_mask=holed) == usual
+
+
+@pytest.mark.parametrize("shape", [(20, 20), (8, 8), (9, 64), (64, 9)])
+def test_small_pictures_are_grown_and_filled_by_patches_that_fit(sample, shape):
+    image = sample(4, shape)
+    assert ts.synthesize(image, 48, tileable=True).image.shape == (48, 48)
+    hole = np.zeros(shape, bool)
+    hole[shape[0] // 2, shape[1] // 2] = True
+    made = ts.fill(image, hole, by="patches")
+    assert made.settings["patch"] <= min(shape)
+    assert made.labels[hole].item() > 0

@@ -116,14 +116,12 @@ class Exchange:
 
     def _twice(self) -> list[Key]:
         """Objects that are there twice near by."""
-        numbers, middles = self._there()
-        keys = ((k, y, x) for k, (y, x) in zip(numbers.tolist(), middles.tolist(), strict=True))
-        return [key for key in keys if self._is_twice(key)]
+        return [key for key in self._there.all() if self._is_twice(key)]
 
     def _is_twice(self, key: Key) -> bool:
-        """Whether an object that is there shows near by once more."""
-        numbers, middles = self._there()
-        return int(self._are_near(middles[numbers == key[0]], key[1:]).sum()) > 1
+        """Whether an object is there, and near by once more."""
+        near = set(self._there.near(key[1:]))
+        return key in near and any(one[0] == key[0] for one in near - {key})
 
     def _part(self, key: Key) -> bool:
         """Replace an object that still comes twice near by, as what it should have become had no room there,

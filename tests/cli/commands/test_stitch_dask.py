@@ -81,7 +81,8 @@ def test_what_workers_cannot_read_is_named_and_can_be_left_out(six, started):
     assert names(six) == before
     ran = started(*words, "--skip-bad")
     assert (ran.code, ran.out) == (0, "")
-    assert "left out: 'broken.tif'" in ran.err
+    assert ran.err.startswith("left out: ")
+    assert "broken.tif'" in ran.err
     assert (six / "here.tif").read_bytes() == (six / "there.tif").read_bytes()
 
 

@@ -61,7 +61,7 @@ def test_a_band_is_divided_as_well_as_the_whole_overlap_with_the_rest_fixed(star
     options = HeatOptions(tolerance=1e-6)
     for as_band in (True, False):
         rounds = Rounds(labelling, label_map.copy(), "heat", {"tolerance": 1e-6}, near)
-        _ = rounds._divide([pair], options, None) if as_band else rounds._swap(pair)
+        _ = rounds._divide([pair], options, None) if as_band else rounds.swap(pair)
         assert (rounds.label_map[~near] == label_map[~near]).all()
         ends.append(labelling.total(rounds.label_map, labelling.canvas))
     assert ends[0] < labelling.total(label_map, labelling.canvas)

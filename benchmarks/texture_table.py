@@ -16,7 +16,7 @@ whole    of the objects off the border, those as large as in the sample, ± 10 %
 near     pairs of copies of one object nearer than half the sample's width, and how few there could be were
          objects of one look (dots of one colour, mushrooms) exchanged for each other
 broken   pieces of the repeating texture more than a quarter of a period out of step with the lattice that
-         closes on it, where the sample has an order (text: its lines)
+         closes on it, where the sample has an order (texture_order.py)
 """
 
 from __future__ import annotations
@@ -34,8 +34,9 @@ from scipy.sparse.csgraph import connected_components
 import toposeam as ts
 from stamp import stamp
 from texture import gmic, gray, swd8, wrap
+from texture_order import broken
 from texture_samples import SIDE, Sample, samples
-from toposeam.texture.order import Order, find_order
+from toposeam.texture.order import find_order
 
 SIZE, PATCH, OVERLAP, SEEDS = 512, 40, 10, (1, 2, 3)
 #: Of a smooth sample the periods below so many px hold at most this share of the variance.
@@ -184,23 +185,6 @@ def is_smooth(image: np.ndarray) -> bool:
     return bool(power[fine].sum() <= SHARE * power.sum())
 
 
-def broken(image: np.ndarray, order: Order) -> int:
-    """Pieces of a tile that are out of step: where the wave of a reciprocal vector, seen through a window of
-    a period, is turned by more than a quarter.
-    """
-    values, size = gray(image), np.array(image.shape[:2])
-    found = np.zeros(values.shape, bool)
-    y, x = np.mgrid[: size[0], : size[1]]
-    for cycles in order.reciprocal:
-        period = 1 / np.linalg.norm(cycles)
-        closed = np.rint(cycles * size) / size
-        wave = values - ndimage.gaussian_filter(values, period, mode="wrap")
-        wave = wave * np.exp(-2j * np.pi * (closed[0] * y + closed[1] * x))
-        local = ndimage.gaussian_filter(wave, period, mode="wrap")
-        found |= (local * np.exp(-1j * np.angle(local.sum()))).real <= 0
-    return int(ndimage.label(found)[1])
-
-
 def timed(image: np.ndarray, **options: object) -> tuple[ts.Synthesis, float]:
     started = time.process_time()
     made = ts.synthesize(image, SIZE, **options)
@@ -258,7 +242,7 @@ def main() -> None:
         height, width = sample.image.shape[:2]
         values = (sample.image / np.float32(255)).reshape(height, width, -1)
         order = find_order(values, np.ones((height, width), bool))
-        lines = "–" if order is None else str(broken(repeats.image, order))
+        lines = "–" if order is None else str(broken(repeats.image, sample.image, order))
         middle = float(np.median([step(one) for one in grown]))
         print(
             f"{sample.name:14}{seconds:6.2f}{ratio:8.2f}{cells[0]:7.2f}{theirs:7.2f}{cells[1]:7.2f}"

@@ -93,7 +93,7 @@ class Exchange:
         for aside in _ROUNDS:
             for key, number in self._chosen(aside).items():
                 done += self._replace(key, [number], aside)
-        return done
+        return done + sum(map(self._part, self._twice()))
 
     def _share(self, key: Key) -> float:
         """What share of an object shows of what could."""
@@ -113,6 +113,24 @@ class Exchange:
             ):
                 return True
         return self._replace(key, [], 0)
+
+    def _twice(self) -> list[Key]:
+        """Objects that are there twice near by."""
+        return [key for key in self._there.all() if self._is_twice(key)]
+
+    def _is_twice(self, key: Key) -> bool:
+        """Whether an object is there, and near by once more."""
+        near = set(self._there.near(key[1:]))
+        return key in near and any(one[0] == key[0] for one in near - {key})
+
+    def _part(self, key: Key) -> bool:
+        """Replace an object that still comes twice near by, as what it should have become had no room there,
+        by any other that does not.
+        """
+        if not self._is_twice(key):  # the other one has gone
+            return False
+        others = [k for k in self._like(key[0]) if not self._comes_near(k, key[1:])]
+        return bool(others) and any(self._replace(key, others, aside) for aside in _ROUNDS)
 
     def _like(self, number: int) -> list[int]:
         """Other objects about as large as one."""

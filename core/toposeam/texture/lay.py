@@ -75,6 +75,9 @@ class PatchPlacer:
         What part of the canvas each exemplar is to show on, in any unit; without it wherever it fits best.
     turns : str
         Which positions of every exemplar the atlas holds.
+    lone : bool
+        Whether what catches the eye is kept apart also where it is no object on a ground: where light is
+        even, a dark spot stands out.
     """
 
     def __init__(
@@ -89,6 +92,7 @@ class PatchPlacer:
         phase: Phase | None = None,
         shares: Sequence[float] | None = None,
         turns: Turns = "none",
+        lone: bool = False,
     ) -> None:
         self.atlas, self.features, self.canvas = atlas, features, canvas
         self.options, self.rng, self.guide, self.phase = options, rng, guide, phase
@@ -104,7 +108,8 @@ class PatchPlacer:
         self._nearby, self._repeats = Nearby(atlas, canvas), None
         if self._uses_up and guide is None and options.variety:
             weight, self.guard = landmarks(features, atlas.usable, atlas.factor)
-            self._repeats = None if self.guard is None else Repeats(atlas, canvas, weight)
+            if lone or self.guard is not None:
+                self._repeats = Repeats(atlas, canvas, weight)
         self._twins = None if turns == "none" else Twins(atlas, canvas, turns)
         self.margin, self._copied = atlas.margin, int(atlas.copied.sum())
 

@@ -34,6 +34,8 @@ _LIGHT = 0.15
 _OFFSET, _SLOPE = 0.02, 0.2
 #: Added to values, in shares of white, before their logarithm is taken.
 _BLACK = 0.05
+#: So many pixels of a texture, about, tell how bright it is.
+_LOOKED_AT = 1 << 13
 #: Light is nowhere taken to be darker than this share of its mean.
 _DARKEST = 0.1
 
@@ -227,11 +229,42 @@ def levelled_copies(
         parts.append(_pairs(a, b, terms, apart, weight))
     matrix, wanted = _equations(parts, _even(flat, atlas, index, labels, copies))
     solved = linalg.splu(matrix).solve(wanted) if len(copies) else wanted
-    return dataclasses.replace(
+    light = dataclasses.replace(
         CopyLight.of(plane, atlas),
         coefficients=solved.reshape(len(copies), 3, -1)[copies],
         floor=np.float32(_BLACK * white),
     )
+    return _as_bright(light, plane, index, labels) if len(copies) else light
+
+
+def _as_bright(light: CopyLight, plane: Floats32, index: Ints32, labels: Ints32) -> CopyLight:
+    """The same light, as bright that the values of the texture are nearest to those of its exemplars, each to
+    that of its rank; agreement along seams leaves that open.
+    """
+    atlas, step = light.atlas, max(1, round((index.size / _LOOKED_AT) ** 0.5))
+    index, labels = index[::step, ::step], labels[::step, ::step]
+    shown = index >= 0
+    index, labels = index[shown], labels[shown]
+    exemplar, _ = atlas.locate(index)
+    wanted = []
+    for number, count in enumerate(np.bincount(exemplar, minlength=len(atlas.places)).tolist()):
+        place = atlas.places[number]
+        values = plane[place][atlas.copied[place]]
+        wanted.append(values[np.linspace(0, len(values) - 1, count).astype(np.intp)])
+    given = np.sort(np.concatenate(wanted) + light.floor, axis=0)
+    made = plane.reshape(-1, plane.shape[2]).take(index, axis=0) + light.floor
+    made = np.sort(made * light.gain(index, labels), axis=0)
+    coefficients = light.coefficients.copy()
+    for channel in range(plane.shape[2]):
+        # The factor that makes the sum of |given - factor * made| least is a weighted median.
+        weight = np.maximum(made[:, channel], np.float32(1e-9))
+        ratio = np.maximum(given[:, channel], np.float32(1e-9)) / weight
+        order = np.argsort(ratio)
+        middle = np.searchsorted(
+            np.cumsum(weight[order], dtype=np.float64), 0.5 * weight.sum(dtype=np.float64)
+        )
+        coefficients[:, 0, channel] += np.log(float(ratio[order[middle]]))
+    return dataclasses.replace(light, coefficients=coefficients)
 
 
 def _pairs(

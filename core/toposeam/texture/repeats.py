@@ -65,6 +65,8 @@ class Repeats:
         step, atlas = self._step, self._atlas
         index, y, x = self._seen(top, left, height, width)
         row, column = np.divmod(index, np.int32(atlas.width))
+        weighs = np.flatnonzero(self._cells[row // step, column // step])  # others would show nothing twice
+        row, column, y, x = (one.take(weighs) for one in (row, column, y, x))
         both, number = np.unique((row - y) * (2 * _FAR) + (column - x), return_inverse=True)
         down = (both + _FAR) // (2 * _FAR)
         right = both - down * 2 * _FAR

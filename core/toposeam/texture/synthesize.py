@@ -22,6 +22,7 @@ from toposeam.checks import (
 from toposeam.errors import ImageError, OptionError
 from toposeam.images import MAX_PIXELS
 from toposeam.texture.atlas import Atlas
+from toposeam.texture.beginning import begun
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.closing import closing_guide, order_axis
 from toposeam.texture.crew import MAX_PROCESSES, Crew
@@ -100,7 +101,8 @@ def synthesize(
     seed : int, Generator or None
         The same seed gives the same bytes; the result keeps it.
     tileable : {"both", "x", "y", "none"} or bool
-        On which axes the texture continues at the opposite border.
+        On which axes the texture continues at the opposite border. Without a guide it begins there at a line
+        that shows little (:mod:`toposeam.texture.beginning`).
     turns : {"none", "mirror", "quarters", "all"}
         Whether patches are also taken from the exemplars mirrored left to right, turned by quarters, or both:
         for gravel and leaves, which have no upper side. The light turns with them; values do not, so that
@@ -258,6 +260,7 @@ def synthesize(
         phase,
         each,
         turns,
+        level is True,
     )
     shape = rows[0], columns[0]
     if not placer.search.room(shape).any():
@@ -306,7 +309,8 @@ def synthesize(
         )
         lift = EasedLight(plane, light, *laid, wraps)
     made = finish(sources, atlas, canvas, shape, settings, smooth, lift=lift)
-    return dataclasses.replace(made, fits=fits)
+    made = dataclasses.replace(made, fits=fits)
+    return begun(made) if guide is None else made
 
 
 def _shares(shares: Sequence[float] | None, count: int) -> list[float] | None:

@@ -82,6 +82,24 @@ def test_a_cut_object_is_made_whole_and_what_is_left_of_one_goes():
     np.testing.assert_array_equal(canvas.usage, usage)
 
 
+def test_an_object_that_comes_twice_becomes_another_one_if_what_was_chosen_has_no_room(monkeypatch):
+    image, objects, middles = discs()
+    placer = placer_on(image, np.arange(image.size).reshape(image.shape))
+    apart = np.hypot(*(middles[:, np.newaxis] - middles).transpose(2, 0, 1))
+    inner = ((middles > 20) & (middles < SIDE - 20)).all(axis=1)
+    one, other = next((i, j) for i, j in np.argwhere(apart < SIDE / 2) if i != j and inner[i] and inner[j])
+    source = placer.patch(tuple(placer.atlas.corners[0] + middles[one] - 9), (19, 19))
+    placer.canvas.paint(*(middles[other] - 9).tolist(), source, np.ones(source.shape, bool))
+
+    def twice():
+        return np.count_nonzero(shown(placer, objects) == one + 1) > 1.5 * (objects == one + 1).sum()
+
+    assert twice()
+    monkeypatch.setattr(Exchange, "_chosen", lambda *_: {})
+    assert Exchange(placer, (40, 40)).run() == 1
+    assert not twice()
+
+
 @pytest.mark.parametrize("tileable", ["none", "both"])
 def test_objects_stay_whole_and_none_comes_twice_near_by(tileable):
     image, objects, _ = discs()

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import skimage.data
 from scipy import ndimage
 
 import toposeam as ts
@@ -54,6 +55,33 @@ def test_patches_under_unlike_light_show_no_squares(lit):
         ts.synthesize(image, 256, patch=32, seed=1, level=False, smooth=0).image,
         image[hard.source[..., 0], hard.source[..., 1]],
     )
+
+
+def test_a_levelled_texture_is_as_bright_as_its_sample():
+    image = np.ascontiguousarray(skimage.data.retina()[560:944:2, 360:744:2])
+    made = ts.synthesize(image, 300, patch=40, seed=1)
+    assert made.settings["level"] is True
+    np.testing.assert_allclose(np.median(made.image, axis=(0, 1)), np.median(image, axis=(0, 1)), atol=3)
+
+
+@pytest.mark.medium
+def test_a_dark_spot_does_not_stand_in_rows():
+    image = np.ascontiguousarray(skimage.data.retina()[560:944:2, 360:744:2])
+    dark = ndimage.gaussian_filter(image.mean(axis=2), 6)  # the spot, cut by the sample's border
+    row, column = np.unravel_index(dark.argmin(), dark.shape)
+    y, x = np.indices(dark.shape)
+    away = np.hypot(y - row, x - column)
+    near = total = 0
+    for seed in range(2):
+        made = ts.synthesize(image, 400, seed=seed)
+        assert made.settings["level"] is True
+        pieces, count = ndimage.label(away[made.source[..., 0], made.source[..., 1]] < 5)
+        at = np.array(ndimage.center_of_mass(pieces > 0, pieces, np.arange(1, count + 1)))
+        apart = np.hypot(*(at[:, np.newaxis] - at).transpose(2, 0, 1))
+        near += (np.count_nonzero(apart < 60) - count) // 2
+        total += count
+    assert total >= 6
+    assert near <= total / 5
 
 
 def test_maps_are_cut_alike_and_keep_their_values(lit, sample):

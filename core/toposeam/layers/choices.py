@@ -3,19 +3,24 @@
 Where only some thousand pixels are open, on a canvas halved several times or round a place where three layers
 meet, building a move as a picture takes longer than deciding it. Here the open pixels are *nodes* and their
 interfaces *edges* of lists, and the cost of each edge for every two layers is looked up once. A move
-(:mod:`toposeam.layers.labelling` says which there are) is then some passes over these lists.
+(:mod:`toposeam.layers.labelling` says which there are) is then some passes over these lists. What a connected
+piece of pixels does when it is asked for again, with the same beside it, is known: no piece is decided twice.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from copy import copy
+from hashlib import blake2b
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.heat.network import Floats, Ints, Network
+from toposeam.heat.network import Floats
 from toposeam.images import Mask
+from toposeam.layers.deciding import Decide, decided
 from toposeam.layers.labelling import Labelling
 from toposeam.layers.layer import Box
 from toposeam.layers.painting import LabelMap
@@ -24,9 +29,6 @@ from toposeam.layers.painting import LabelMap
 _LEAST_GAIN = 1e-7
 #: Least cost of an interface, so that no pixel is without connection.
 _LEAST_LINK = 1e-6
-
-#: Decides a network: from conductors and costs to the nodes on the hot side, (n,) bool, and their potential.
-Decide = Callable[[Network, Floats], tuple[Mask, Floats]]
 
 
 class Choices:
@@ -80,6 +82,44 @@ class Choices:
         #: (count + 1, count + 1) rows of `cost`; the first one is 0.
         self.row = np.zeros((count + 1, count + 1), np.intp)
         self.cost = self._costs(labelling, np.concatenate(which))
+        #: (E,) which column of `cost` each edge has.
+        self._column = np.arange(len(self.p))
+        #: Pixels of one solution, of which several may be stacked.
+        self._pixels = max(len(self.shows), 1)
+        #: Rows and columns outside of which nothing changes.
+        self._around = slice(0, box.shape[0]), slice(0, box.shape[1])
+        #: What turned when a piece was asked for before, by all that decides it.
+        self._known: dict[bytes, npt.NDArray[np.intp]] = {}
+
+    def stacked(self, shows: Sequence[npt.NDArray[np.int16]]) -> Choices:
+        """Several solutions of the same problem, (h w,) each, one below the other, as one."""
+        (height, width), count, times = self.box.shape, len(self.layers), len(shows)
+        pixels = (height + 1) * width  # a row without pixels keeps them apart
+        result = copy(self)
+        result.box = Box(0, 0, times * (height + 1), width)
+        result._pixels = pixels
+        result._around = slice(0, times * (height + 1)), slice(0, width)
+        result.shows = np.concatenate([np.pad(part, (0, width), constant_values=count) for part in shows])
+        result.may = np.tile(np.pad(self.may, ((0, 0), (0, width))), times)
+        starts = np.arange(times)[:, None] * pixels
+        result.p, result.q = (self.p + starts).ravel(), (self.q + starts).ravel()
+        result._column = np.tile(self._column, times)
+        return result
+
+    def _narrowed(self, within: Mask) -> Choices:
+        """The same, of which only some pixels, (h w,) bool, may change: what shows is the same array."""
+        result = copy(self)
+        result.may, result._known = self.may & within, {}
+        edges = np.flatnonzero(within[self.p] | within[self.q])
+        result.p, result.q, result._column = self.p[edges], self.q[edges], self._column[edges]
+        boxes = ndimage.find_objects(within.reshape(self.box.shape).astype(np.int8))
+        result._around = boxes[0] if boxes else self._around
+        return result
+
+    def parts(self, times: int) -> list[npt.NDArray[np.int16]]:
+        """The solutions that are stacked."""
+        each = len(self.shows) // times
+        return [part[: each - self.box.shape[1]].copy() for part in np.split(self.shows, times)]
 
     def _costs(self, labelling: Labelling, axis: npt.NDArray[np.int8]) -> npt.NDArray[np.float32]:
         """(P + 1, E) costs for the pairs of layers that may adjoin."""
@@ -115,8 +155,15 @@ class Choices:
     def total(self, edges: npt.NDArray[np.intp] | None = None) -> float:
         """Σ M over the edges, or some of them."""
         p, q = (self.p, self.q) if edges is None else (self.p[edges], self.q[edges])
-        at = np.arange(len(self.p)) if edges is None else edges
+        at = self._column if edges is None else self._column[edges]
         return float(self.cost[self.row[self.shows[p], self.shows[q]], at].sum(dtype=np.float64))
+
+    def _paid(self, i: Any, j: Any, column: npt.NDArray[np.intp]) -> Floats:
+        """What edges cost whose ends show i and j."""
+        place = self.row.take(i * np.intp(len(self.row)) + j)
+        place *= self.cost.shape[1]
+        place += column
+        return np.asarray(self.cost.take(place), np.float64)
 
     def label_map(self) -> LabelMap:
         """(h, w) int16, what shows."""
@@ -131,6 +178,8 @@ class Choices:
         self, decide: Decide, most: int, order: Sequence[int] | None = None, within: Mask | None = None
     ) -> int:
         """Expansions in an order until none gains, at most so many rounds; how many were made."""
+        if within is not None:
+            return self._narrowed(within).run(decide, most, order)
         order = range(len(self.layers)) if order is None else order
         waiting = set(order)
         for number in range(most):
@@ -139,11 +188,11 @@ class Choices:
             for k in order:
                 if k in waiting:
                     waiting.discard(k)
-                    if self.expand(k, decide, within):
+                    if self.expand(k, decide):
                         waiting |= set(order) - {k}
         return most
 
-    def expand(self, k: int, decide: Decide, within: Mask | None = None) -> bool:
+    def expand(self, k: int, decide: Decide) -> bool:
         r"""Let a layer show more of itself; whether that gained something.
 
         At neighbours p and q that show i and j and may both turn to k, keeping both costs s = M_ij, turning p
@@ -169,17 +218,72 @@ class Choices:
         """
         shows, nothing = self.shows, len(self.layers)
         free = self.may[k] & (shows != k) & (shows != nothing)
-        if within is not None:
-            free &= within
         edges = np.flatnonzero(free[self.p] | free[self.q])
         if not len(edges):
             return False
+        piece = np.zeros(len(shows), np.int32)
+        window = free.reshape(self.box.shape)[self._around]
+        piece.reshape(self.box.shape)[self._around], count = ndimage.label(window)
         p, q = self.p[edges], self.q[edges]
-        i, j = shows[p], shows[q]
-        edges, p, q, i, j = (part[(i != nothing) & (j != nothing)] for part in (edges, p, q, i, j))
-        stay = self.cost[self.row[i, j], edges].astype(np.float64)
-        q_turns = self.cost[self.row[i, k], edges].astype(np.float64)
-        p_turns = self.cost[self.row[k, j], edges].astype(np.float64)
+        known = (shows[p] != nothing) & (shows[q] != nothing)
+        edges, p, q = edges[known], p[known], q[known]
+        of_edge = np.maximum(piece[p], piece[q])
+        part = np.zeros(count + 1, np.intp)  # the first pixel of the solution in which a piece lies
+        part[of_edge] = p - p % self._pixels
+        asked = self._asked(k, count, edges, of_edge, shows[p], shows[q])
+        first = {key: number for number, key in reversed(list(enumerate(asked, 1))) if key not in self._known}
+        if first:
+            new = np.zeros(count + 1, bool)
+            new[list(first.values())] = True
+            own = new[of_edge]
+            turned = self._turned(k, np.where(new[piece], piece, 0), edges[own], decide)
+            before, after = shows, shows.copy()
+            after[turned] = k
+            p, q, at, of_edge = p[own], q[own], self._column[edges[own]], of_edge[own]
+            old, now = (
+                np.bincount(of_edge, self._paid(state[p], state[q], at), count + 1)
+                for state in (before, after)
+            )
+            gains = now < old * (1 - _LEAST_GAIN)
+            of_node = piece[turned]
+            for key, number in first.items():
+                found = turned[of_node == number] if gains[number] else turned[:0]
+                self._known[key] = found - part[number]
+        changed = [self._known[key] + first for key, first in zip(asked, part[1:].tolist(), strict=True)]
+        turning = np.concatenate([np.zeros(0, np.intp), *changed])
+        shows[turning] = k
+        return len(turning) > 0
+
+    def _asked(
+        self,
+        k: int,
+        count: int,
+        edges: npt.NDArray[np.intp],
+        piece: npt.NDArray[np.int32],
+        i: npt.NDArray[np.int16],
+        j: npt.NDArray[np.int16],
+    ) -> list[bytes]:
+        """Of each piece of what may turn to k a digest of all that decides whether it does."""
+        order = np.argsort(piece.astype(np.int16) if count < 1 << 15 else piece, kind="stable")
+        ends = np.cumsum(np.bincount(piece, minlength=count + 1))
+        number = np.intp(len(self.row))
+        told = self._column[edges[order]] * number**2 + (i * number + j)[order]
+        start = blake2b(k.to_bytes(4), digest_size=16)
+        found = []
+        for first, last in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
+            digest = start.copy()
+            digest.update(told[first:last].tobytes())
+            found.append(digest.digest())
+        return found
+
+    def _turned(
+        self, k: int, piece: npt.NDArray[np.int32], edges: npt.NDArray[np.intp], decide: Decide
+    ) -> npt.NDArray[np.intp]:
+        """Which pixels of pieces turn to k, by the edges that end in them."""
+        shows, free = self.shows, piece > 0
+        p, q = self.p[edges], self.q[edges]
+        i, j, at = shows[p], shows[q], self._column[edges]
+        stay, q_turns, p_turns = self._paid(i, j, at), self._paid(i, k, at), self._paid(k, j, at)
         free_p, free_q = free[p], free[q]
         both, p_only, q_only = free_p & free_q, free_p & ~free_q, free_q & ~free_p
         least = np.minimum(stay, p_turns + q_turns)
@@ -194,23 +298,20 @@ class Choices:
         unary += np.bincount(number[p[free_p]], on_p[free_p], len(nodes))
         unary += np.bincount(number[q[free_q]], on_q[free_q], len(nodes))
         inner = np.flatnonzero(both)
-        turns, _ = _decided(
-            free.reshape(self.box.shape),
-            nodes,
+        turns, _ = decided(
+            piece[nodes],
+            self._chessboard(nodes),
             number[p[inner]],
             number[q[inner]],
             np.maximum(link[inner], _LEAST_LINK),
             -unary,
             decide,
         )
-        if not turns.any():
-            return False
-        before, old = float(stay.sum()), shows[nodes]
-        shows[nodes[turns]] = k
-        if self.total(edges) < before * (1 - _LEAST_GAIN):
-            return True
-        shows[nodes] = old
-        return False
+        return nodes[turns]
+
+    def _chessboard(self, nodes: npt.NDArray[np.intp]) -> Mask:
+        """(n,) bool: pixels of which no two are neighbours."""
+        return np.asarray(np.sum(np.divmod(nodes, self.box.shape[1]), axis=0) % 2 == 0)
 
     def fuse(self, other: npt.NDArray[np.int16]) -> None:
         """Take what another solution, (h w,), shows wherever that costs less, in each patch in which they
@@ -239,13 +340,18 @@ class Choices:
         edges = np.flatnonzero((np.abs(one - other) > step) & (one >= 0) & (other >= 0))
         return np.unique(np.concatenate([self.p[edges], self.q[edges]]))
 
-    def divide_all(self, decide: Decide) -> tuple[Mask, npt.NDArray[np.int16], npt.NDArray[np.int16]]:
-        """Divide anew all pixels that may show two layers, as long as those beside them may not show others,
-        together; (h w,) bool, which, and the positions of the two layers.
+    def divide_all(
+        self, decide: Decide, candidates: Sequence[Mask]
+    ) -> tuple[Mask, npt.NDArray[np.int16], npt.NDArray[np.int16]]:
+        """Divide anew all pixels for which two layers are candidates, as long as those beside them have no
+        others, together; (h w,) bool, which, and the positions of the two layers.
+
+        `candidates` are (h, w) bool for each layer, and no more than those that may show.
         """
-        free = (self.may.sum(axis=0) == 2) & (self.shows != len(self.layers))
-        one = self.may.argmax(axis=0).astype(np.int16)
-        other = (len(self.layers) - 1 - self.may[::-1].argmax(axis=0)).astype(np.int16)
+        may = np.array([mask.ravel() for mask in candidates])
+        free = (may.sum(axis=0) == 2) & (self.shows != len(self.layers))
+        one = may.argmax(axis=0).astype(np.int16)
+        other = (len(self.layers) - 1 - may[::-1].argmax(axis=0)).astype(np.int16)
         unlike = (one[self.p] != one[self.q]) | (other[self.p] != other[self.q])
         unlike &= free[self.p] & free[self.q]
         free[self.p[unlike]] = free[self.q[unlike]] = False
@@ -275,9 +381,9 @@ class Choices:
             unary += np.bincount(number[at], surplus, len(nodes))
         both = np.flatnonzero(free_p & free_q)
         link = self.cost[self.row[one[p[both]], other[q[both]]], edges[both]].astype(np.float64)
-        turned, soft = _decided(
-            free.reshape(self.box.shape),
-            nodes,
+        turned, soft = decided(
+            ndimage.label(free.reshape(self.box.shape))[0].ravel()[nodes],
+            self._chessboard(nodes),
             number[p[both]],
             number[q[both]],
             np.maximum(link, _LEAST_LINK),
@@ -292,43 +398,3 @@ class Choices:
             return True
         shows[nodes] = old
         return False
-
-
-def _decided(
-    free: Mask,
-    nodes: npt.NDArray[np.intp],
-    tail: Ints,
-    head: Ints,
-    link: Floats,
-    pull: Floats,
-    decide: Decide,
-    now: Mask | None = None,
-) -> tuple[Mask, Floats]:
-    """(n,) bool: which nodes end on the hot side, and their potential; `pull` is what not ending there costs
-    more. Nodes are the `free` pixels, (h, w), and all that lie side by side are linked.
-    """
-    component = ndimage.label(free)[0].ravel()[nodes]
-    count = int(component.max()) + 1
-    warm, cool = (np.bincount(component, side, count) > 0 for side in (pull > 0, pull < 0))
-    result: Mask = warm[component]
-    if now is not None:  # nothing pulls: all stays
-        result = result | (now & ~(warm | cool)[component])
-    open_ = (warm & cool)[component]
-    potential = result.astype(np.float64)
-    if not open_.any():
-        return result, potential
-    chosen = np.flatnonzero(open_)
-    size = len(chosen)
-    inner = open_[tail]
-    order = np.full(len(nodes), -1, np.intp)
-    order[chosen] = np.arange(size)
-    tied = np.flatnonzero(pull[chosen])
-    strength = pull[chosen[tied]]
-    network = Network(
-        size,
-        np.concatenate([order[tail[inner]], tied]),
-        np.concatenate([order[head[inner]], np.where(strength > 0, size + 1, size)]),
-        np.sum(np.divmod(nodes[chosen], free.shape[1]), axis=0) % 2 == 0,
-    )
-    result[chosen], potential[chosen] = decide(network, np.concatenate([link[inner], np.abs(strength)]))
-    return result, potential

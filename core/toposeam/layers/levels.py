@@ -2,7 +2,8 @@
 
 Large canvases are looked at reduced first (:mod:`toposeam.layers.reduction`): there rounds of moves are
 made (:mod:`toposeam.layers.rounds`). Then every finer size is refined where the coarser
-one says that it matters.
+one says that it matters. As long as canvases are small, expansions over all pixels follow, which repair what
+the reduced costs misled to.
 
 Reduced costs are a guess at what a seam will cost, off by some per cent, and which of several ways it takes
 hangs by less. So problems of up to some megapixels are reduced in several ways, each of which leads to other
@@ -35,8 +36,10 @@ from toposeam.layers.rounds import Rounds
 from toposeam.layers.tasks import Executor
 from toposeam.seam.find import Method
 
-#: Problems in which so many pixels have several layers to choose from, or more, are reduced first.
-WHOLE_PIXELS = 10_000
+#: Problems are reduced until no more than so many pixels have several layers to choose from: the second
+#: number in general, the first one where expansions over all pixels follow at the next size, at which no
+#: more than the second may have them.
+WHOLE_PIXELS, _AFIELD = 2_500, 10_000
 #: Problems are not reduced below so many pixels a side.
 _SHORTEST = 32
 #: Where more pixels than this have several layers to choose from, on canvases of up to so many pixels, costs
@@ -75,7 +78,8 @@ def best_rounds(
     height, width = labelling.canvas.shape
     tries = most and height * width <= _TRIED_CANVAS and labelling.contested(_TRIED + 1) > _TRIED
     if not tries:
-        if most and height * width <= _TRIED_CANVAS and labelling.contested(WHOLE_PIXELS + 1) > WHOLE_PIXELS:
+        many = max(WHOLE_PIXELS, _AFIELD)
+        if most and height * width <= _TRIED_CANVAS and labelling.contested(many + 1) > many:
             return search.twice(labelling)
         return search.from_coarse(labelling, WANDERING)
     found = [search.from_coarse(labelling, wandering) for wandering in (WANDERING, *OTHERS)]
@@ -109,7 +113,7 @@ class _Search:
         levels = self._levels(labelling, wandering)
         coarsest = levels.pop()
         rounds = self._rounds(coarsest, coarsest.on_top(), None, len(levels))
-        number = rounds.search(self.order, self.most)
+        number = rounds.search(self.order, self.most, not (levels and _few(levels[-1])))
         while levels:
             if trail is not None:
                 trail.append(dense(rounds.label_map))
@@ -117,7 +121,7 @@ class _Search:
             near = opened(rounds.beside_seams(), finer)
             hints = rounds.undecided
             rounds = self._rounds(finer, enlarged(rounds.label_map, finer), near, len(levels))
-            rounds.refine(self.most, hints, self.executor)
+            rounds.refine(self.most, hints, self.executor, afield=_few(finer))
         if trail is not None:
             trail.append(dense(rounds.label_map))
         return rounds, number
@@ -154,7 +158,7 @@ class _Search:
         levels = self._levels(labelling, wandering)
         coarsest = levels.pop()
         rounds = self._rounds(coarsest, trail[0].copy(), None, len(levels))
-        rounds.search(None, self.most)
+        rounds.search(None, self.most, not (levels and _few(levels[-1])))
         for known, fine in pairwise(trail):
             apart = dense(rounds.label_map) != known
             if not apart.any():
@@ -170,10 +174,9 @@ class _Search:
     def _levels(self, labelling: Labelling, wandering: float) -> list[Labelling]:
         """The problem, and halved until few pixels have several layers to choose from."""
         levels = [labelling]
-        while (
-            levels[-1].contested(WHOLE_PIXELS + 1) > WHOLE_PIXELS
-            and min(levels[-1].canvas.shape) > 2 * _SHORTEST
-        ):
+        small = labelling.contested(4 * _AFIELD + 1) <= 4 * _AFIELD
+        whole = WHOLE_PIXELS if small else max(WHOLE_PIXELS, _AFIELD)
+        while levels[-1].contested(whole + 1) > whole and min(levels[-1].canvas.shape) > 2 * _SHORTEST:
             levels.append(reduced(levels[-1], self.executor, wandering))
             self.steps.one()
         return levels
@@ -181,6 +184,11 @@ class _Search:
     def _rounds(self, labelling: Labelling, label_map: LabelMap, near: Mask | None, finer: int) -> Rounds:
         keeps = self.potentials
         return Rounds(labelling, label_map, self.method, self.options, near, self.steps, finer, keeps)
+
+
+def _few(labelling: Labelling) -> bool:
+    """Whether expansions over all pixels are made."""
+    return labelling.contested(_AFIELD + 1) <= _AFIELD
 
 
 def _take_over(last: Rounds, rounds: Rounds, changed: Mask) -> None:

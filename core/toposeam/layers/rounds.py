@@ -3,7 +3,8 @@
 Expansions (:mod:`toposeam.layers.choices`), which are the stronger move, are made until they gain nothing
 more, then swaps, then expansions again. Each is one seam problem. A move that does not lower the total is not
 made, so the rounds end. Where only two layers meet one swap finds the best seam; rounds are for the places
-where three or more do.
+where three or more do. Seams of two layers are gathered by heat, whose potential also tells where it has not
+decided; expansions, of which nothing but the labels is wanted, end sooner as maximum flows on small networks.
 
 They end in an optimum that depends on where they started: hardly where layers show the same things, by up to
 a fifth of the cost where they have little in common. So there are several starts
@@ -26,11 +27,11 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.heat.network import Floats, Network
 from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
 from toposeam.layers.band import write_pixels
 from toposeam.layers.choices import Choices
+from toposeam.layers.deciding import Deciding
 from toposeam.layers.dividing import LEAST_GAIN, Divided, Division, Pixels, Potential, divided
 from toposeam.layers.junctions import beside_steps, dilated, junctions
 from toposeam.layers.labelling import Labelling, Move, Pair
@@ -43,10 +44,7 @@ from toposeam.layers.starts import best_of_starts, joined
 from toposeam.layers.swapping import swap_all
 from toposeam.layers.tasks import Executor, on_boxes, results
 from toposeam.optimize.history import Termination
-from toposeam.seam.exact import minimum_cut
 from toposeam.seam.find import Method, method_options, solve
-from toposeam.seam.gathering import Heat, gather_heat
-from toposeam.seam.graph_cut import least_cut
 from toposeam.seam.heat import HeatOptions
 from toposeam.seam.overlap import FREE
 from toposeam.seam.solution import Solution
@@ -65,6 +63,8 @@ _WINDOW = 24
 _TOGETHER = 1 << 19
 #: How far from where a layer shows it may show at the next finer size, px; round tangles, all may change.
 _REACH, _TANGLE = 4, 8
+#: Rounds of expansions over all pixels, not only what is open.
+_AFIELD = 1
 #: Cycles of expansions at most where three layers meet.
 _CYCLES = 3
 
@@ -122,15 +122,15 @@ class Rounds:
         self._keeps = keeps or math.prod(labelling.canvas.shape) <= KEPT_CANVAS
         #: Pixels beside flow that the heat had not decided.
         self.undecided: dict[Pair, Pixels] = {}
-        self._heat: Heat | None = None
+        self._decide = Deciding(self.method, self._options, labelling.forbidden)
         #: Of pairs that were divided as bands, the label potential of the pixels that were open.
         self.potentials: dict[Pair, Potential] = {}
         self.seconds: dict[Pair, float] = {}
 
-    def search(self, order: Sequence[int] | None, most: int) -> int:
-        """Expansions from several starts, and from the cheapest end swaps; with `most` 0 the layers are only
-        joined in the given order; without an order all starts from what the label map shows. Returns how many
-        rounds of expansions that took.
+    def search(self, order: Sequence[int] | None, most: int, swaps: bool = True) -> int:
+        """Expansions from several starts, and from the cheapest end swaps, unless they are left to finer
+        sizes; with `most` 0 the layers are only joined in the given order; without an order all starts from
+        what the label map shows. Returns how many rounds of expansions that took.
         """
         labelling, canvas = self.labelling, self.labelling.canvas
         boxes = labelling.places
@@ -139,16 +139,16 @@ class Rounds:
         number, places = 0, sorted(range(len(boxes)), key=lambda k: boxes[k])
         with one_thread():
             if order is not None and not most:
-                joined(choices, allowed, order, self._decide, self.steps)
+                joined(choices, allowed, order, self._decide.exactly, self.steps)
             elif order is not None:
                 number, places = best_of_starts(
-                    choices, allowed, boxes, order, self._decide, most, self.steps
+                    choices, allowed, boxes, order, self._decide.exactly, most, self.steps
                 )
-            for i, j in labelling.adjoining(choices.label_map()) if most else []:
+            for i, j in labelling.adjoining(choices.label_map()) if most and swaps else ():
                 choices.swap(i, j, self._decide)
                 if self._undecided is not None:
                     self._note(choices, (i, j))
-            number += choices.run(self._decide, most - number, places)
+            number += choices.run(self._decide.exactly, most - number, places)
         self.label_map[:, :] = choices.label_map()
         if self._undecided is None and most:
             for pair in labelling.adjoining(self.label_map):
@@ -156,7 +156,11 @@ class Rounds:
         return number
 
     def refine(
-        self, most: int, hints: Mapping[Pair, Pixels] | None = None, executor: Executor | None = None
+        self,
+        most: int,
+        hints: Mapping[Pair, Pixels] | None = None,
+        executor: Executor | None = None,
+        afield: bool = False,
     ) -> None:
         """The best seams among the pixels that are open: one division of all that two layers may show, and
         rounds where three layers meet.
@@ -169,11 +173,14 @@ class Rounds:
             Pixels of the canvas at half the size that two layers may show.
         executor : Executor, optional
             Where moves are made that do not touch (:mod:`toposeam.layers.tasks`).
+        afield : bool
+            On a canvas that is refined as a whole: whether a round of expansions over all pixels follows,
+            which may find seams that were not open.
         """
         labelling, canvas = self.labelling, self.labelling.canvas
         if self._near is not None and math.prod(canvas.shape) <= _TOGETHER:
             with one_thread():
-                self._refine_together(most, hints or {})
+                self._refine_together(most, hints or {}, afield)
             return
         pairs = labelling.adjoining(self.label_map)
         options, forbidden = self._options, np.isfinite(labelling.forbidden)
@@ -197,10 +204,10 @@ class Rounds:
         part.label_map = part_of(self.label_map, box)
         part._near = None if self._near is None else part_of(self._near, box)
         part.solved, part.undecided, part.potentials, part.seconds = {}, {}, {}, {}
-        part._heat = None
+        part._decide = Deciding(self.method, self._options, self.labelling.forbidden)
         return part
 
-    def _refine_together(self, most: int, hints: Mapping[Pair, Pixels]) -> None:
+    def _refine_together(self, most: int, hints: Mapping[Pair, Pixels], afield: bool) -> None:
         labelling, canvas = self.labelling, self.labelling.canvas
         near, labels = dense(self._near), dense(self.label_map)
         count = len(labelling.places)
@@ -212,12 +219,13 @@ class Rounds:
             wide = wide[: canvas.shape[0], : canvas.shape[1]]
             for k in pair:
                 planes[k] |= wide
-        for k, plane in enumerate(planes):
+        allowed = [labelling.allowed_in(k, canvas) for k in range(count)]
+        for plane, everywhere in zip(planes, allowed, strict=True):
             plane &= near
-            plane &= labelling.allowed_in(k, canvas)
-        choices = Choices(labelling, canvas, labels, planes, range(count))
+            plane &= everywhere
+        choices = Choices(labelling, canvas, labels, allowed if afield else planes, range(count))
         started = time.perf_counter()
-        free, one, other = choices.divide_all(self._decide)
+        free, one, other = choices.divide_all(self._decide, planes)
         took = time.perf_counter() - started
         at = np.flatnonzero(free)
         codes = one[at].astype(np.int64) * count + other[at]
@@ -231,13 +239,15 @@ class Rounds:
                 own = np.intersect1d(steep, at[codes == i * count + j], assume_unique=True)
                 self.undecided[i, j] = np.divmod(own, choices.box.shape[1])
         tangled = (choices.several & ~free).reshape(canvas.shape)
-        if tangled.any():
-            choices.run(self._decide, min(most, _CYCLES), within=dilated(tangled, _TANGLE).ravel())
+        if afield:
+            choices.run(self._decide.exactly, min(most, _AFIELD))
+        elif tangled.any():
+            choices.run(self._decide.exactly, min(most, _CYCLES), within=dilated(tangled, _TANGLE).ravel())
         self.label_map[:, :] = choices.label_map()
         self.steps.one()
 
     def _solved_together(self, pair: Pair, choices: Choices, own: npt.NDArray[np.intp], took: float) -> None:
-        nothing, heat = np.zeros((0, 0), bool), self._heat
+        nothing, heat = np.zeros((0, 0), bool), self._decide.heat
         self.solved[pair] = (
             Box(0, 0, 0, 0),
             Solution(
@@ -269,18 +279,7 @@ class Rounds:
         open_[1:-1, 1:-1] = True if self._near is None else self._near[window.slices][1:-1, 1:-1]
         planes = [labelling.allowed_in(k, window) & open_ for k in layers]
         choices = Choices(labelling, window, labels, planes, layers)
-        return choices.label_map() if choices.run(self._decide, min(most, _CYCLES)) else None
-
-    def _decide(self, network: Network, cost: Floats) -> tuple[Mask, Floats]:
-        """The cheapest cut of a network by the method that was asked for."""
-        if np.isfinite(self.labelling.forbidden):  # as much as all others together is forbidding enough
-            ordinary = float(cost[cost < self.labelling.forbidden].sum())
-            cost = np.minimum(cost, 1.01 * ordinary if ordinary > 0 else cost.max())
-        if isinstance(self._options, HeatOptions):
-            self._heat = gather_heat(network, cost, self._options.tolerance, self._options.max_iterations)
-            return self._heat.hot[:-2], np.clip(self._heat.soft[:-2], 0.0, 1.0)
-        hot = (least_cut if self.method == "graph-cut" else minimum_cut)(network, cost)
-        return hot, hot.astype(np.float64)
+        return choices.label_map() if choices.run(self._decide.exactly, min(most, _CYCLES)) else None
 
     def beside_seams(self) -> Mask:
         """(H, W) bool: pixels beside a seam, or beside flow that the heat had not decided."""

@@ -1,9 +1,10 @@
 """Rounds of expansions from several starts.
 
 The layers lie on top of each other, by rows and by columns of where they are, from either end, and are joined
-one after another in the given order and the opposite one. After one round of each the cheapest two go on, and
-the others where these do not end alike. Wherever another end costs less than the cheapest one its patch is
-taken over.
+one after another in the given order and the opposite one. On few pixels all starts are stacked and taken to
+their ends together, because what a small network costs is mostly what it costs to pose it. On more pixels,
+after one round of each, the cheapest two go on, and the others where these do not end alike. Wherever another
+end costs less than the cheapest one its patch is taken over.
 """
 
 from __future__ import annotations
@@ -13,11 +14,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from toposeam.images import Mask
-from toposeam.layers.choices import Choices, Decide
+from toposeam.layers.choices import Choices
+from toposeam.layers.deciding import Decide
 from toposeam.layers.layer import Box
 from toposeam.layers.painting import LabelMap
 from toposeam.layers.progressed import Progressed
 
+#: Starts of up to so many pixels altogether are stacked.
+_STACKED = 30_000
 #: The best two starts end alike when their costs differ by less than this share: then no other goes on.
 _AGREED = 1e-4
 
@@ -44,6 +48,31 @@ def best_of_starts(
     for one_way in (order, order[::-1]):
         joined(choices, allowed, one_way, decide, steps)
         starts.append(choices.shows)
+    if int(choices.several.sum()) * len(starts) <= _STACKED:
+        stack = choices.stacked(starts)
+        number = stack.run(decide, most, places)
+        ends: list[tuple[float, int, LabelMap]] = []
+        for choices.shows in stack.parts(len(starts)):
+            ends.append((choices.total(), len(ends), choices.shows))
+            steps.one()
+    else:
+        number, ends = _one_by_one(choices, starts, places, decide, most, steps)
+    ends.sort(key=lambda end: end[:2])
+    choices.shows = ends[0][2]
+    for _, _, other in ends[1:]:
+        choices.fuse(other)
+    return number, places
+
+
+def _one_by_one(
+    choices: Choices,
+    starts: Sequence[LabelMap],
+    places: Sequence[int],
+    decide: Decide,
+    most: int,
+    steps: Progressed,
+) -> tuple[int, list[tuple[float, int, LabelMap]]]:
+    """How many rounds were made, and of each start what its end costs, a number, and the end."""
     ends: list[tuple[float, int, LabelMap]] = []
     for choices.shows in starts:
         choices.run(decide, 1, places)
@@ -57,11 +86,7 @@ def best_of_starts(
         number = max(number, 1 + choices.run(decide, most - 1, places))
         ends[place] = choices.total(), place, choices.shows
         steps.one()
-    ends.sort(key=lambda end: end[:2])
-    choices.shows = ends[0][2]
-    for _, _, other in ends[1:]:
-        choices.fuse(other)
-    return number, places
+    return number, ends
 
 
 def joined(

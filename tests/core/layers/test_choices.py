@@ -106,7 +106,7 @@ def test_all_seams_divided_together_gain_what_they_gain_one_by_one():
     label_map = labelling.on_top()
     labels = [dilated(label_map == k, 3) & labelling.allowed_in(k, labelling.canvas) for k in range(4)]
     together = Choices(labelling, labelling.canvas, label_map, labels, range(4))
-    free, one, other = together.divide_all(by_heat)
+    free, one, other = together.divide_all(by_heat, labels)
     apart = Choices(labelling, labelling.canvas, label_map, labels, range(4))
     for i, j in itertools.combinations(range(4), 2):
         own = free & (one == i) & (other == j)
@@ -117,6 +117,63 @@ def test_all_seams_divided_together_gain_what_they_gain_one_by_one():
     assert set(together.steep(0.5)) <= set(np.flatnonzero(free))
 
 
+def test_what_was_decided_before_is_not_decided_again():
+    labelling = four()
+    label_map = labelling.on_top()
+    choices = choices_of(labelling, label_map)
+    start, asked = choices.shows.copy(), []
+
+    def counted(network, cost):
+        asked.append(network.n)
+        return by_flow(network, cost)
+
+    ends = []
+    for _ in range(2):
+        choices.shows = start.copy()
+        assert choices.expand(0, counted)
+        ends.append(choices.label_map())
+    assert len(asked) == 1
+    np.testing.assert_array_equal(*ends)
+    choices.shows = start.copy()
+    choices.shows[choices.may[1] & choices.may[0]] = 1  # other labels are another question
+    choices.expand(0, counted)
+    assert len(asked) == 2
+
+
+def test_stacked_solutions_end_as_each_does_alone():
+    labelling = four()
+    choices = choices_of(labelling, labelling.on_top())
+    count = len(labelling.places)
+    covers = [labelling.allowed_in(k, labelling.canvas).ravel() for k in range(count)]
+    starts = []
+    for order in itertools.islice(itertools.permutations(range(count)), 0, 24, 5):
+        shows = np.full(len(choices.shows), count, np.int16)
+        for k in order:
+            shows[covers[k]] = k
+        starts.append(shows)
+    asked = []
+
+    def counted(network, cost):
+        asked.append(network.n)
+        return by_flow(network, cost)
+
+    stack = choices.stacked(starts)
+    assert stack.total() == pytest.approx(sum(total_of(choices, shows) for shows in starts))
+    stack.run(counted, 10)
+    ends, together = stack.parts(len(starts)), len(asked)
+    for start, end in zip(starts, ends, strict=True):
+        alone = choices_of(labelling, labelling.on_top())
+        alone.shows = start.copy()
+        alone.run(counted, 10)
+        np.testing.assert_array_equal(end, alone.shows)
+    assert together < (len(asked) - together) / 2
+
+
+def total_of(choices, shows):
+    choices.shows = shows
+    return choices.total()
+
+
 def test_pixels_that_nothing_pulls_at_stay():
     canvas = Box(0, 0, 1, 3)
     allowed = [np.ones((1, 3), bool)] * 2
@@ -124,7 +181,7 @@ def test_pixels_that_nothing_pulls_at_stay():
     labelling = Labelling(canvas, [canvas] * 2, allowed, {(0, 1): table})
     for label_map in np.array([[[0, 1, 0]], [[1, 1, 0]]], np.int16):
         choices = choices_of(labelling, label_map)
-        assert not choices.divide_all(by_flow)[0].all() or (choices.label_map() == label_map).all()
+        assert not choices.divide_all(by_flow, allowed)[0].all() or (choices.label_map() == label_map).all()
 
 
 @pytest.mark.parametrize("reach", [1, 2, 3, 4, 8])

@@ -13,6 +13,7 @@ from toposeam.layers.junctions import beside_steps, junctions
 from toposeam.layers.layer import Box
 from toposeam.layers.levels import best_rounds
 from toposeam.layers.posing import exclusive_covers, pose_labelling
+from toposeam.layers.rounds import Rounds
 
 PHOTOGRAPHS = (data.coffee(), data.chelsea(), data.astronaut(), data.rocket())
 
@@ -274,3 +275,22 @@ def test_where_three_layers_meet_is_solved_once_more_and_where_two_do_is_not():
     assert junctions(labels, 24) == [Box(39, 69, 41, 71).grown(24)]
     labels[:40] = -1  # nothing is no layer
     assert junctions(labels, 24) == []
+
+
+def test_afield_also_pixels_that_are_not_open_change():
+    labelling = labelling_of(pile(1, alike=True))
+    costs = []
+    for afield in (False, True):
+        shows = labelling.on_top()
+        rounds = Rounds(labelling, shows, "heat", {}, np.zeros(shows.shape, bool))
+        rounds.refine(5, afield=afield)
+        costs.append(labelling.total(shows, labelling.canvas))
+    assert costs[0] == labelling.total(labelling.on_top(), labelling.canvas)
+    assert costs[1] < 0.9 * costs[0]
+
+
+def test_expansions_by_flow_end_as_those_by_heat_do(monkeypatch):
+    layers = pile(3, alike=True)
+    by_flow = ts.stitch(layers).cost
+    monkeypatch.setattr("toposeam.layers.deciding._BY_FLOW", 0)
+    assert ts.stitch(layers).cost == pytest.approx(by_flow, rel=5e-3)

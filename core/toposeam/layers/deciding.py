@@ -1,0 +1,104 @@
+"""How moves are decided: by the method asked for or, where only labels are wanted, by maximum flows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.heat.network import Floats, Ints, Network
+from toposeam.images import Mask
+from toposeam.seam.exact import minimum_cut
+from toposeam.seam.find import Method
+from toposeam.seam.gathering import Heat, gather_heat
+from toposeam.seam.graph_cut import least_cut
+from toposeam.seam.heat import HeatOptions
+from toposeam.seam.thesis_options import ThesisOptions
+
+#: Networks of up to so many nodes have their maximum flow sooner than heat gathers.
+_BY_FLOW = 30_000
+
+
+#: Decides a network: from conductors and costs to the nodes on the hot side, (n,) bool, and their potential.
+Decide = Callable[[Network, Floats], tuple[Mask, Floats]]
+
+
+class Deciding:
+    """The cheapest cuts of networks, and what heat last did.
+
+    Parameters
+    ----------
+    method, options
+        As for :func:`toposeam.find_seam`.
+    forbidden : float
+        Interfaces that cost as much or more are forbidden.
+    """
+
+    def __init__(self, method: Method, options: HeatOptions | ThesisOptions | None, forbidden: float) -> None:
+        self.method: Method = method
+        self.options, self.forbidden = options, forbidden
+        #: How heat gathered when a cut was last found by it.
+        self.heat: Heat | None = None
+
+    def __call__(self, network: Network, cost: Floats) -> tuple[Mask, Floats]:
+        """By the method that was asked for: the nodes on the hot side, (n,) bool, and their potential."""
+        cost = self._bounded(cost)
+        if isinstance(self.options, HeatOptions):
+            self.heat = gather_heat(network, cost, self.options.tolerance, self.options.max_iterations)
+            return self.heat.hot[:-2], np.clip(self.heat.soft[:-2], 0.0, 1.0)
+        hot = (least_cut if self.method == "graph-cut" else minimum_cut)(network, cost)
+        return hot, hot.astype(np.float64)
+
+    def exactly(self, network: Network, cost: Floats) -> tuple[Mask, Floats]:
+        """The same where no potential is wanted: a maximum flow ends sooner than heat on small networks."""
+        if not isinstance(self.options, HeatOptions) or network.n > _BY_FLOW:
+            return self(network, cost)
+        hot = minimum_cut(network, self._bounded(cost))
+        return hot, hot.astype(np.float64)
+
+    def _bounded(self, cost: Floats) -> Floats:
+        """As much as all others together is forbidding enough."""
+        if np.isfinite(self.forbidden):
+            ordinary = float(cost[cost < self.forbidden].sum())
+            cost = np.minimum(cost, 1.01 * ordinary if ordinary > 0 else cost.max())
+        return cost
+
+
+def decided(
+    component: npt.NDArray[np.int32],
+    white: Mask,
+    tail: Ints,
+    head: Ints,
+    link: Floats,
+    pull: Floats,
+    decide: Decide,
+    now: Mask | None = None,
+) -> tuple[Mask, Floats]:
+    """(n,) bool: which nodes end on the hot side, and their potential; `pull` is what not ending there costs
+    more. `component` is the connected one of each node, (n,), and of `white` nodes no two are linked.
+    """
+    count = int(component.max()) + 1
+    warm, cool = (np.bincount(component, side, count) > 0 for side in (pull > 0, pull < 0))
+    result: Mask = warm[component]
+    if now is not None:  # nothing pulls: all stays
+        result = result | (now & ~(warm | cool)[component])
+    open_ = (warm & cool)[component]
+    potential = result.astype(np.float64)
+    if not open_.any():
+        return result, potential
+    chosen = np.flatnonzero(open_)
+    size = len(chosen)
+    inner = open_[tail]
+    order = np.full(len(component), -1, np.intp)
+    order[chosen] = np.arange(size)
+    tied = np.flatnonzero(pull[chosen])
+    strength = pull[chosen[tied]]
+    network = Network(
+        size,
+        np.concatenate([order[tail[inner]], tied]),
+        np.concatenate([order[head[inner]], np.where(strength > 0, size + 1, size)]),
+        white[chosen],
+    )
+    result[chosen], potential[chosen] = decide(network, np.concatenate([link[inner], np.abs(strength)]))
+    return result, potential

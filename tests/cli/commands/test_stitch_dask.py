@@ -69,6 +69,24 @@ def test_a_cluster_made_on_the_spot_makes_the_same_file(six, started):
 
 
 @pytest.mark.slow
+def test_what_workers_cannot_read_is_named_and_can_be_left_out(six, started):
+    pytest.importorskip("distributed")
+    assert started(*WORDS, "-o", "here.tif").code == 0
+    (six / "broken.tif").write_bytes((six / "0.tif").read_bytes()[:3000])
+    with (six / "six.toml").open("a") as layout:
+        layout.write('\n[[layer]]\nfile = "broken.tif"\nat = [0, 0]\n')
+    before = names(six)
+    words = *WORDS, "-o", "there.tif", "--dask", "local", "-j", 2
+    started(*words).fails("broken.tif")
+    assert names(six) == before
+    ran = started(*words, "--skip-bad")
+    assert (ran.code, ran.out) == (0, "")
+    assert ran.err.startswith("left out: ")
+    assert "broken.tif'" in ran.err
+    assert (six / "here.tif").read_bytes() == (six / "there.tif").read_bytes()
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense", ""])
 def test_an_address_where_nobody_answers_is_one_sentence(six, toposeam, address):
     pytest.importorskip("distributed")

@@ -150,7 +150,10 @@ def cluster(count: int, folder: Path) -> Iterator[tuple[str, list[int], int]]:
         for one in reversed(started):
             one.terminate()
         for one in reversed(started):
-            one.wait(30)
+            try:
+                one.wait(10)
+            except subprocess.TimeoutExpired:  # Dask's own closing sometimes waits for ever
+                one.kill()
 
 
 def seconds_of(pid: int) -> float:

@@ -76,10 +76,10 @@ def best_rounds(
     steps = Progressed(progress)
     search = _Search(order, method, options, most, steps, potentials, executor)
     height, width = labelling.canvas.shape
-    tries = most and height * width <= _TRIED_CANVAS and labelling.contested(_TRIED + 1) > _TRIED
-    if not tries:
-        many = max(WHOLE_PIXELS, _AFIELD)
-        if most and height * width <= _TRIED_CANVAS and labelling.contested(many + 1) > many:
+    looked = most and height * width <= _TRIED_CANVAS
+    contested = labelling.contested(_TRIED + 1) if looked else 0
+    if contested <= _TRIED:
+        if contested > max(WHOLE_PIXELS, _AFIELD):
             return search.twice(labelling)
         return search.from_coarse(labelling, WANDERING)
     found = [search.from_coarse(labelling, wandering) for wandering in (WANDERING, *OTHERS)]

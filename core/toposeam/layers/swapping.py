@@ -54,13 +54,14 @@ def swap_all(rounds: Dividing, pairs: Sequence[Pair], executor: Executor | None)
     """Divide the regions of some pairs anew, at once those that do not touch."""
     boxes = [rounds.labelling.costs[pair].box for pair in pairs]
 
-    def item(k: int) -> tuple[Dividing, Pair]:
-        return rounds if executor is None else rounds.part(boxes[k]), pairs[k]
-
     if executor is None:
-        for _ in on_boxes(None, _swapped_here, item, boxes):
+        for _ in on_boxes(None, rounds.swap, lambda k: pairs[k], boxes):
             pass
         return
+
+    def item(k: int) -> tuple[Dividing, Pair]:
+        return rounds.part(boxes[k]), pairs[k]
+
     for k, found in on_boxes(executor, swapped, item, boxes):
         rounds.steps.one()
         if found is not None:
@@ -74,11 +75,6 @@ def _take(rounds: Dividing, pair: Pair, found: Swapped) -> None:
     if found.undecided is not None:
         rounds.undecided[pair] = found.undecided
     write_pixels(rounds.label_map, *found.pixels, found.values)
-
-
-def _swapped_here(item: tuple[Dividing, Pair]) -> None:
-    rounds, pair = item
-    rounds.swap(pair)
 
 
 def swapped(item: tuple[Dividing, Pair]) -> Swapped | None:

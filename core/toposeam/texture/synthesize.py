@@ -225,15 +225,15 @@ def synthesize(
     )
     report = Stages(progress)
     phase, axis, fits = None, None, None
-    has_objects = bool(chosen.variety) and landmarks(features, atlas.usable, atlas.factor).guard is not None
     if given is None and chosen.close and any(wraps):
         order = find_order(sources.features[0], sources.usable[0]) if len(sources.shapes) == 1 else None
         if order is not None:
             closed, stretch = order.fitted((height, width), wraps)
             fits = order.closing_size((height, width), wraps) if stretch > UNSEEN else None
             phase = Phase(order, closed, max(1.0, 0.75 * atlas.factor)) if stretch <= STRETCH else None
-        if phase is None and min(height, width) >= 4 * side and not has_objects:
-            axis = order_axis(sources.features[0], sources.usable[0])
+        if phase is None and min(height, width) >= 4 * side:
+            objects = chosen.variety and landmarks(features, atlas.usable, atlas.factor).guard is not None
+            axis = None if objects else order_axis(sources.features[0], sources.usable[0])
     if axis is not None and wraps[axis]:
         given = closing_guide(
             sources,

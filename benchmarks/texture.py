@@ -16,6 +16,9 @@ sample (likewise)
 ``--clock`` compares times by the clock instead, on an idle machine: the twenty samples of texture_samples.py
 grown open, patches of 40 px, by one process, by as many as ``-j`` says, and by G'MIC on one thread with its
 start; each the best of three, and the median of TopoSeam's over G'MIC's.
+
+``--spread 8`` tells what of swd8 is chance: of the twenty samples, grown open with the defaults and repeating
+from patches of 40 px, mean and standard error over so many seeds.
 """
 
 from __future__ import annotations
@@ -66,10 +69,17 @@ def main() -> None:
         "--clock", action="store_true", help="only times by the clock, of one and -j processes"
     )
     options.add_argument("-j", type=int, default=2, metavar="N", help="how many processes")
-    options.add_argument("--only", default="", help="names of samples for --clock, with commas between")
+    options.add_argument("--spread", type=int, default=0, metavar="SEEDS", help="only swd8, over seeds")
+    options.add_argument(
+        "--only", default="", help="names of samples for --clock and --spread, with commas between"
+    )
     chosen = options.parse_args()
+    wanted = chosen.only.split(",") if chosen.only else []
     if chosen.clock:
-        clock(chosen.j, chosen.only.split(",") if chosen.only else [])
+        clock(chosen.j, wanted)
+        return
+    if chosen.spread:
+        spread(chosen.spread, wanted)
         return
     sheet = []
     print(f"{'':10}{'':22}{'time s':>8}{'swd8':>7}{'wrap':>7}{'coher.':>8}{'use':>6}{'jump':>6}")
@@ -317,6 +327,27 @@ def clock(processes: int, wanted: list[str]) -> None:
         )
     median = np.median(ratios, axis=0)
     print(f"{'median':14}{median[0]:38.2f}{median[1]:14.2f}")
+
+
+def spread(seeds: int, wanted: list[str]) -> None:
+    """Mean of swd8 over seeds and its standard error, of the twenty samples."""
+    ways: dict[str, dict[str, object]] = {
+        "open": {},
+        "repeating, patch 40": {"patch": 40, "tileable": "both"},
+    }
+    print(f"{'':14}" + "".join(f"{way:>22}" for way in ways))
+    for sample in samples():
+        if wanted and sample.name not in wanted:
+            continue
+        cells = []
+        for given in ways.values():
+            found = [
+                swd8(gray(sample.image), gray(ts.synthesize(sample.image, SIZE, seed=seed, **given).image))
+                for seed in range(1, seeds + 1)
+            ]
+            error = np.std(found, ddof=1) / np.sqrt(seeds) if seeds > 1 else np.nan
+            cells.append(f"{np.mean(found):.2f} ± {error:.2f}")
+        print(f"{sample.name:14}" + "".join(f"{cell:>22}" for cell in cells), flush=True)
 
 
 def _clocked(way: Callable[[], object]) -> float:

@@ -52,9 +52,10 @@ class Large:
 
 @dataclass(frozen=True, slots=True)
 class _Files:
-    """Raw values of the whole canvas: colours and opacity, which layer shows, the picture with its seams."""
+    """Raw values of the whole canvas: colours, opacity, which layer shows, the picture with its seams."""
 
     colours: Path
+    opacity: Path
     labels: Path
     drawn: Path
 
@@ -153,7 +154,7 @@ def make(
     dtype = composed.layers[0].image.dtype
     opaque = new_map((height, width), False, bool)
     shown = np.zeros(len(composed.names) + 1, np.int64)
-    bands, files = 1, _Files(scratch.new(), scratch.new(), scratch.new())
+    bands, files = 1, _Files(*(scratch.new() for _ in range(4)))
     handed = executor if composed.divides else None
     windows = list(_windows(height, width))
     items = (
@@ -182,10 +183,8 @@ def make(
             raise ts.ImageError(f"'{out.output}' cannot be cropped: no pixel is opaque; use .png or .tif")
         box = found
     full = _is_full(opaque, box)
-    pixels = Stored(files.colours, (height, width, bands + 1), dtype, (0, bands), box)
-    alpha_file = (
-        None if full else Stored(files.colours, (height, width, bands + 1), dtype, (bands, bands + 1), box)
-    )
+    pixels = Stored(files.colours, (height, width, bands), dtype, (0, bands), box)
+    alpha_file = None if full else Stored(files.opacity, (height, width, 1), dtype, (0, 1), box)
     picture = dataclasses.replace(
         job.pictures[0],
         pixels=cast(np.ndarray, pixels),
@@ -225,7 +224,8 @@ def _painted(window: _Window) -> _Painted:
             opacity[:] = white
         planes = part if part.ndim == 3 else part[..., np.newaxis]
         bands = planes.shape[2]
-        _write(files.colours, np.concatenate([planes, opacity[..., np.newaxis]], axis=2), strip, width)
+        _write(files.colours, planes, strip, width)
+        _write(files.opacity, opacity, strip, width)
         shows = composed.labels(*strip.slices)
         shown += np.bincount(shows.ravel() + 1, minlength=len(shown))
         if window.labels:
@@ -257,9 +257,18 @@ def _give_back_memory() -> None:
 
 
 def write_large(
-    out: Outputs, composed: ts.Composition | Framed, large: Large, documents: Sequence[tuple[Path, bytes]]
+    out: Outputs,
+    composed: ts.Composition | Framed,
+    large: Large,
+    documents: Sequence[tuple[Path, bytes]],
+    scratch: Scratch,
 ) -> None:
-    """Write all outputs, or none."""
+    """Write all outputs, or none. The layers themselves are not looked at again: what they take in a folder
+    is given back meanwhile.
+    """
+    written = [picture for picture in (large.picture, large.labels, large.overlay) if picture is not None]
+    values: list[Any] = [part for picture in written for part in (picture.pixels, picture.alpha)]
+    scratch.empty(part.path for part in values if isinstance(part, Stored))
     with all_or_nothing():
         for path, document in documents:
             atomic_write(path, document, out.force)
@@ -273,11 +282,11 @@ def write_large(
         write_composite(out, large.picture)
 
 
-def describe_totals(composed: ts.Composition) -> str:
+def describe_totals(composed: ts.Composition, executor: Executor | None = None) -> str:
     """One line about the seams for people."""
     if not composed.pairs:
         return f"{len(composed.names)} layers without a seam"
-    totals, rounds = composed.totals(), composed.rounds
+    totals, rounds = composed.totals(executor), composed.rounds
     return (
         f"{len(composed.names)} layers, {len(composed.pairs)} seams of {round(totals.length)} px in all by "
         f"{totals.method}, {rounds} round{'s' if rounds != 1 else ''}, cost {totals.cost:.4g}, "

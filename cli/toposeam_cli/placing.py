@@ -151,7 +151,7 @@ def _read(item: tuple[Path, int, Path | None]) -> Picture | ts.ImageError:
         picture = read_picture(path, max_pixels=limit)
     except ts.ImageError as error:
         return error
-    if picture.alpha is not None and bool((picture.alpha == full_scale(picture.alpha.dtype)).all()):
+    if picture.alpha is not None and picture.alpha.min() == full_scale(picture.alpha.dtype):
         picture = replace(picture, alpha=None)  # it says nothing
     return picture
 

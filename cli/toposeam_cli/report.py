@@ -2,11 +2,36 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 
 import toposeam as ts
+
+
+def is_read(quiet: bool) -> bool:
+    """Whether anybody reads what the command tells: people who did not ask for quiet, and batches, which take
+    what it returns and run it without its group.
+    """
+    return not quiet or click.get_current_context().parent is None
+
+
+def told_of(
+    output: Path,
+    shape: tuple[int, ...],
+    seams: str,
+    at: tuple[int, int] | None,
+    layers: tuple[ts.Layer, ...],
+    placement: ts.Placement | None,
+    aligned: ts.Aligned | None,
+) -> str:
+    """What is said of a result for people."""
+    text = f"{output}: {shape[1]} × {shape[0]} px, {seams}"
+    if at is not None:
+        text += f", cropped to what has no holes, from {at[0]},{at[1]}"
+    return "\n".join([*describe_placement(layers, placement), *describe_alignment(layers, aligned), text])
 
 
 def summary_of_all(

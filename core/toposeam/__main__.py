@@ -1,6 +1,6 @@
 """``python -m toposeam``: the command line, where it is installed."""
 
-from importlib.metadata import entry_points
+from importlib.metadata import distribution
 
-(command,) = entry_points(group="console_scripts", name="toposeam")
+(command,) = distribution("toposeam").entry_points.select(group="console_scripts", name="toposeam")
 command.load()()

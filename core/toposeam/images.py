@@ -153,12 +153,39 @@ def as_float(
     check_values(array, name, data_range)
     if array.ndim == 2:
         array = array[..., np.newaxis]
-    if np.issubdtype(array.dtype, np.integer):
-        return array.astype(np.float32) * np.float32(1.0 / (data_range or np.iinfo(array.dtype).max))
     result = array.astype(np.float32)
-    if array.dtype != bool and data_range is not None and data_range != 1:
-        result /= np.float32(data_range)
+    _scale(result, array.dtype, data_range)
     return result
+
+
+def as_planes(
+    image: npt.ArrayLike, name: str = "image", data_range: float | None = None
+) -> npt.NDArray[np.float32]:
+    """What :func:`as_float` gives as (C, H, W): one channel after the other, which is reckoned with several
+    times as fast.
+
+    Examples
+    --------
+    >>> as_planes(np.array([[[0, 0, 255]]], np.uint8)).ravel()
+    array([0., 0., 1.], dtype=float32)
+    """
+    array = as_array(image, name)
+    check_values(array, name, data_range)
+    if array.ndim == 2:
+        array = array[..., np.newaxis]
+    planes = np.empty((array.shape[2], *array.shape[:2]), np.float32)
+    for channel, plane in enumerate(planes):
+        plane[...] = array[..., channel]
+    _scale(planes, array.dtype, data_range)
+    return planes
+
+
+def _scale(values: npt.NDArray[np.float32], dtype: np.dtype[Any], data_range: float | None) -> None:
+    """Divide values that were of a dtype by what counts as 1, in place."""
+    if np.issubdtype(dtype, np.integer):
+        values *= np.float32(1.0 / (data_range or np.iinfo(dtype).max))
+    elif np.issubdtype(dtype, np.floating) and data_range is not None and data_range != 1:
+        values /= np.float32(data_range)
 
 
 def check_values(array: Image, name: str = "image", data_range: float | None = None) -> None:
@@ -251,6 +278,23 @@ def as_mask(mask: npt.ArrayLike, shape: tuple[int, ...], name: str) -> Mask:
         raise ImageError(f"{name} is no array ({error}); pass one value per {unit_of(shape)}") from error
     check_shape(array, shape, name)
     return array if array.dtype == bool else array != 0
+
+
+def box_of(mask: Mask, reach: int = 0) -> tuple[slice, slice]:
+    """Rows and columns of a mask that is not empty, and so many px beyond them where there are any.
+
+    Examples
+    --------
+    >>> box_of(np.eye(9)[:5] > 0, 1)
+    (slice(0, 5, None), slice(0, 6, None))
+    """
+    sides = []
+    for axis in (1, 0):
+        line = np.flatnonzero(mask.any(axis=axis))
+        sides.append(
+            slice(max(int(line[0]) - reach, 0), min(int(line[-1]) + 1 + reach, mask.shape[1 - axis]))
+        )
+    return sides[0], sides[1]
 
 
 def check_shape(array: npt.NDArray[Any], shape: tuple[int, ...], name: str) -> None:

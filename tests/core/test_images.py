@@ -6,7 +6,7 @@ import pytest
 
 import toposeam as ts
 from toposeam.display import to_pil, to_png, to_rgba8
-from toposeam.images import as_array, as_float, as_mask
+from toposeam.images import as_array, as_float, as_mask, as_planes, box_of
 from toposeam.saving import save
 
 
@@ -85,3 +85,20 @@ def test_a_mask_is_true_wherever_it_is_not_zero():
 def test_a_mask_of_another_shape_is_refused(shape, text):
     with pytest.raises(ts.ImageError, match=text):
         as_mask(np.zeros((2, 2)), shape, "mask")
+
+
+@pytest.mark.parametrize("dtype", [bool, np.uint8, np.uint16, np.float32, np.float64])
+@pytest.mark.parametrize("shape", [(3, 5), (4, 5, 1), (4, 5, 3)])
+@pytest.mark.parametrize("data_range", [None, 1.5])
+def test_planes_are_the_float_image_channel_by_channel(dtype, shape, data_range):
+    values = np.random.default_rng(0).random(shape) * (200 if np.issubdtype(dtype, np.integer) else 1.2)
+    image = values.astype(dtype)[::-1, ::2]  # any layout
+    planes = as_planes(image, data_range=data_range)
+    assert planes.flags.c_contiguous
+    np.testing.assert_array_equal(np.moveaxis(planes, 0, -1), as_float(image, data_range=data_range))
+
+
+def test_the_window_around_a_mask():
+    mask = np.zeros((20, 30), bool)
+    mask[3, 7] = mask[11, 4] = True
+    assert box_of(mask) == (slice(3, 12), slice(4, 8))

@@ -64,6 +64,16 @@ def test_importing_is_quick_because_it_loads_next_to_nothing():
     }
 
 
+def test_several_layers_are_joined_without_what_takes_long_to_load():
+    loaded = in_a_fresh_process(
+        "import sys, numpy as np, toposeam as ts; whole = np.random.default_rng(0).random((90, 90, 3))\n"
+        "layers = [ts.Layer(whole[y : y + 60, x : x + 60], at=(x, y)) for y in (0, 30) for x in (0, 30)]\n"
+        "for blend in ('none', 'multiband'): ts.stitch(layers, blend=blend, match_tones=True)\n"
+        "print(*sys.modules)"
+    ).split()
+    assert not {"scipy.ndimage", "scipy.special", "skimage", "toposeam.optimize.mma"} & set(loaded)
+
+
 def imported(tree):
     """Every module an ``import`` names, wherever it stands."""
     for node in ast.walk(tree):

@@ -117,7 +117,7 @@ def enblend(words: tuple[str, ...], **given: Any) -> None:
                     name = mask_name(given["save_masks"], index, file, output)
                     shows = composed.labels(slice(0, frame.height), slice(0, frame.width)) == index
                     write_picture(name, Picture(pixels=shows.astype(np.uint8) * np.uint8(255)), True)
-            write_large(out, composed, large, [])
+            write_large(out, composed, large, [], files_of_pixels)
 
 
 def _moved(layer: ts.Layer, frame: CanvasFrame) -> ts.Layer:

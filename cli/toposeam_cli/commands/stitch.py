@@ -45,7 +45,7 @@ from toposeam_cli.options import (
 from toposeam_cli.pictures.picture import COMPRESSIONS
 from toposeam_cli.placing import PlacedPictures, arrange, saved_layout
 from toposeam_cli.progress import share_bar
-from toposeam_cli.report import describe, describe_alignment, describe_placement, summary_of_all
+from toposeam_cli.report import describe, is_read, summary_of_all, told_of
 from toposeam_cli.whereabouts import ORDERS, Where, width_round
 
 
@@ -257,7 +257,8 @@ def _stitch(
     composed = composed_as(job, find, out, files)
     asked = out.as_json or (out.overlay, out.seam, out.history, out.report) != (None,) * 4
     whole = asked or len(job.layers) == 2  # of many seams that nobody asks for outlines suffice
-    stitched = ts_stitched(composed, seams=whole)
+    mapped = asked or out.labels is not None or out.output.suffix.lower() == ".ora"
+    stitched = ts_stitched(composed, seams=whole, labels=mapped)
     finished, at = cropped(stitched, out.output) if crop == "inside" else (stitched, None)
     overlay = None if out.overlay is None else draw_seams(stitched.image, stitched.seams)
     if overlay is not None and at is not None:
@@ -287,11 +288,12 @@ def _stitch(
             correlations=correlations(job),
         )
         documents.append((out.report, seam_page(page).encode(errors="backslashreplace")))
+    report = ""
     if out.as_json:
         report = json.dumps(summary_of_all(stitched, job.layers, aligned, job.placement), indent=2)
-    else:
+    elif is_read(out.quiet):
         told = describe(stitched) if whole else describe_totals(composed)
-        report = _told(out, finished.image.shape, told, at, job, aligned)
+        report = told_of(out.output, finished.image.shape, told, at, job.layers, job.placement, aligned)
     write(out, job, finished, documents, overlay)
     if out.as_json or not out.quiet:
         click.echo(report)
@@ -333,35 +335,21 @@ def _stitch_large(
             correlations=correlations(job, means.workers),
         )
         documents.append((out.report, seam_page(page).encode(errors="backslashreplace")))
-    write_large(out, composed, large, documents)
+    report = ""
     if out.as_json:
         report = json.dumps(summary_of_large(composed, large), indent=2)
-    else:
-        told = describe_totals(composed)
-        report = _told(out, large.picture.pixels.shape, told, large.at, job, aligned)
+    elif is_read(out.quiet):
+        told = describe_totals(composed, means.workers)
+        report = told_of(
+            out.output, large.picture.pixels.shape, told, large.at, job.layers, job.placement, aligned
+        )
+    write_large(out, composed, large, documents, means.store)
     if out.as_json or not out.quiet:
         click.echo(report)
     for warning in warnings:
         click.echo(f"warning: {warning}", err=True)
     result: dict[str, Any] = json.loads(report) if out.as_json else {"report": report}
     return result
-
-
-def _told(
-    out: Outputs,
-    shape: tuple[int, ...],
-    seams: str,
-    at: tuple[int, int] | None,
-    job: PlacedPictures,
-    aligned: ts.Aligned | None,
-) -> str:
-    """What is said of a result for people."""
-    text = f"{out.output}: {shape[1]} × {shape[0]} px, {seams}"
-    if at is not None:
-        text += f", cropped to what has no holes, from {at[0]},{at[1]}"
-    return "\n".join(
-        [*describe_placement(job.layers, job.placement), *describe_alignment(job.layers, aligned), text]
-    )
 
 
 def _stitch_clips(files: list[Path], given: dict[str, Any]) -> dict[str, Any]:

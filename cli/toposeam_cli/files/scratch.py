@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from threading import Thread
 
 from toposeam_cli.files.temporary import claimed, claimed_folder, remove, temporary_beside, tidy_once
 from toposeam_cli.files.writing import OutputError, reason
@@ -15,6 +17,7 @@ class Scratch:
 
     def __init__(self, folder: Path, open_files: ExitStack) -> None:
         self._folder, self._open = folder, open_files
+        self._files: list[Path] = []
 
     def new(self) -> Path:
         """An empty file.
@@ -28,7 +31,17 @@ class Scratch:
             tidy_once(self._folder)
             self._open.callback(remove, path)
             self._open.enter_context(claimed(path))
+        self._files.append(path)
         return path
+
+    def empty(self, needed: Iterable[Path]) -> None:
+        """Give back the space of all files but those that are still needed, while other work goes on; they
+        themselves stay to the end.
+        """
+        others = set(self._files).difference(needed)
+        thread = Thread(target=_emptied, args=(others,), daemon=True)
+        thread.start()
+        self._open.callback(thread.join)
 
     def folder(self) -> Path:
         """An empty folder.
@@ -54,6 +67,12 @@ class Scratch:
                 f"cannot keep pixels in '{self._folder}' ({reason(error)}); free some space or choose "
                 "another folder for the output"
             ) from error
+
+
+def _emptied(paths: Iterable[Path]) -> None:
+    for path in paths:
+        with suppress(OSError):  # at the end they go as a whole
+            os.truncate(path, 0)
 
 
 @contextmanager

@@ -96,6 +96,8 @@ class TaskCrew:
     def map(self, function: Callable[[Any], Any], items: Iterable[Any], /) -> Iterator[Any]:
         """The results of a function of each item, in their order. What one raises is raised here.
 
+        Workers begin at once: whoever has something to do before it asks for results does it meanwhile.
+
         Raises
         ------
         WorkersDiedError
@@ -111,12 +113,17 @@ class TaskCrew:
             begun += found is not None
             return found
 
-        for number, answer in self._said(function, ready):
-            said[number] = answer
-            while told in said:
-                value = self._value(said.pop(told))
-                told += 1
-                yield value
+        def values() -> Iterator[Any]:
+            nonlocal told
+            for number, answer in answers:
+                said[number] = answer
+                while told in said:
+                    value = self._value(said.pop(told))
+                    told += 1
+                    yield value
+
+        answers = self._said(function, ready)
+        return values()
 
     def stream(
         self, function: Callable[[Any], Any], ready: Callable[[], tuple[int, Any] | None], /
@@ -134,14 +141,13 @@ class TaskCrew:
     def _said(
         self, function: Callable[[Any], Any], ready: Callable[[], tuple[int, Any] | None]
     ) -> Iterator[tuple[int, bytes]]:
-        """What workers say of items, each with its number."""
+        """What workers, who begin at once, say of items, each with its number."""
         workers = self.start()
         kind = self.kinds.setdefault(getattr(function, "__name__", ""), Counter())
         calls: dict[int, Call] = {}
-        said: list[tuple[int, bytes]] = []
         again: list[int] = []
-        deaths: Counter[int] = Counter()
-        while True:
+
+        def begin() -> None:
             while workers.is_free:
                 if again:
                     number = again.pop(0)
@@ -155,6 +161,23 @@ class TaskCrew:
                     self.parts, self.sent = self.parts + 1, self.sent + len(calls[number][0])
                     kind.update(parts=1, sent=len(calls[number][0]))
                 workers.begin(str(number), calls[number], done)
+
+        begin()
+        return self._answers(workers, kind, calls, again, begin)
+
+    def _answers(
+        self,
+        workers: Workers,
+        kind: Counter[str],
+        calls: dict[int, Call],
+        again: list[int],
+        begin: Callable[[], None],
+    ) -> Iterator[tuple[int, bytes]]:
+        """What workers say of calls, until there are none and no others begin."""
+        said: list[tuple[int, bytes]] = []
+        deaths: Counter[int] = Counter()
+        while True:
+            begin()
             if said:
                 yield said.pop(0)
                 continue

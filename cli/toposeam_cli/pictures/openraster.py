@@ -16,7 +16,6 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -260,6 +259,8 @@ def write_ora(
     OptionError, OutputError
         If the file cannot be written; an existing file is then still there.
     """
+    from xml.sax.saxutils import quoteattr  # loads an HTTP client
+
     height, width = stitched.image.shape[:2]
     left, top = stitched.origin
     cut, kept = [], []

@@ -206,7 +206,8 @@ class _Condensed:
         self.direct = np.flatnonzero(~from_gone)
         legs = np.flatnonzero(from_gone)
         hub, foot = number[np.where(swap, j, i)[legs]], number[np.where(swap, i, j)[legs]]
-        by_hub = np.argsort(hub, kind="stable")
+        short = len(self.gone) <= 1 << 16  # those of two bytes are sorted in a few passes
+        by_hub = np.argsort(hub.astype(np.uint16) if short else hub, kind="stable")
         self.legs, self.hub, self.foot = legs[by_hub], hub[by_hub], foot[by_hub]
         # Pairs of legs of one hub: the k-th leg with the one `step` places on, while that is still the same
         # hub.

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
+import scipy
 
 from toposeam.checks import check_items, check_whole
 from toposeam.errors import OverlapError
@@ -311,6 +311,6 @@ def _content(layer: Layer, place: Box, box: Box, scale: int = 1) -> tuple[Floats
         gray = gray[:rows, :columns].reshape(blocks).mean(axis=(1, 3))
         known = np.asarray(known[:rows, :columns].reshape(blocks).all(axis=(1, 3)))
     gray[~known] = 0
-    weight = ndimage.gaussian_filter(known.astype(np.float64), _BLUR)
-    slow = ndimage.gaussian_filter(gray, _BLUR) / np.maximum(weight, 1e-6)
+    weight = scipy.ndimage.gaussian_filter(known.astype(np.float64), _BLUR)
+    slow = scipy.ndimage.gaussian_filter(gray, _BLUR) / np.maximum(weight, 1e-6)
     return np.where(known, gray - slow, 0.0), known

@@ -25,7 +25,7 @@ from toposeam.layers.maps import TILE, uniform
 from toposeam.layers.painting import LabelMap
 
 #: Side of the tiles in which costs are looked at, px.
-_TILE = 96
+_TILE = 192
 
 Indices = npt.NDArray[np.intp]
 

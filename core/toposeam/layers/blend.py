@@ -22,11 +22,11 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
+import scipy
 
 from toposeam.checks import check_choice
 from toposeam.errors import OptionError
-from toposeam.images import Image, Mask, as_float, full_scale, in_dtype
+from toposeam.images import Image, Mask, as_planes, full_scale, in_dtype
 from toposeam.layers.gradient import correction
 from toposeam.layers.layer import Box, Layer, cut
 from toposeam.layers.maps import uniform
@@ -239,20 +239,17 @@ def _write(target: npt.NDArray[Any], values: Floats32, where: Mask, white: float
     np.copyto(target, in_dtype(values * exact(white), target.dtype), where=where)
 
 
-def _colours(placed: Placed, index: int, box: Box, channels: int) -> tuple[Floats32, Mask]:
-    """A layer's colours in a box, (h, w, C) float32, 0 where it has none, and where it has some."""
-    place = placed.places[index]
-    present = cut(placed.covered[index], place, box)
-    image = cut(placed.layers[index].image, place, box)
-    image[~present] = 0
-    values = as_float(image, placed.layers[index].name, placed.layers[index].data_range)
-    return np.broadcast_to(values, (*values.shape[:2], channels)), present
-
-
 def _planes(placed: Placed, index: int, box: Box, channels: int) -> tuple[Floats32, Mask]:
-    """As :func:`_colours`, one plane after the other, (C, h, w), to be written to."""
-    values, present = _colours(placed, index, box, channels)
-    return np.array(np.moveaxis(values, 2, 0), order="C"), present
+    """A layer's colours in a box, one plane after the other, (C, h, w), 0 where it has none, to be written;
+    and where it has some.
+    """
+    place, layer = placed.places[index], placed.layers[index]
+    present = cut(placed.covered[index], place, box)
+    image = cut(layer.image, place, box)
+    if not present.all():
+        image[~present] = 0
+    planes = as_planes(image, layer.name, layer.data_range)
+    return planes if len(planes) == channels else np.repeat(planes, channels, axis=0), present
 
 
 def _channels(placed: Placed) -> int:
@@ -318,7 +315,7 @@ class _Feather:
         return result
 
     def _smooth(self, mask: Mask) -> Floats32:
-        smooth: Floats32 = ndimage.uniform_filter(mask.astype(np.float32), self._size, mode="nearest")
+        smooth: Floats32 = scipy.ndimage.uniform_filter(mask.astype(np.float32), self._size, mode="nearest")
         return smooth
 
 

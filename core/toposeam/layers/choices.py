@@ -16,14 +16,14 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
 
 from toposeam.heat.network import Floats
-from toposeam.images import Mask
+from toposeam.images import Mask, box_of
 from toposeam.layers.deciding import Decide, decided
 from toposeam.layers.labelling import Labelling
 from toposeam.layers.layer import Box
 from toposeam.layers.painting import LabelMap
+from toposeam.layers.pieces import pieces_of
 
 #: A move counts when it lowers the cost of what it may change by this share.
 _LEAST_GAIN = 1e-7
@@ -64,17 +64,16 @@ class Choices:
         #: (count, h w) bool.
         self.may = np.array([mask.ravel() for mask in candidates])
         #: (h w,) bool, which are nodes.
-        self.several = several = self.may.sum(axis=0) > 1
-        self.may &= several
-        known = label_map.ravel() >= 0
+        self.several = self.may.sum(axis=0, dtype=np.uint16) > 1
+        self.may &= self.several
+        known, open_ = label_map >= 0, self.several.reshape(box.shape)
         first, second, which = [], [], []
         at = np.arange(len(self.shows)).reshape(box.shape)
-        for axis, s, t in ((1, at[:, :-1], at[:, 1:]), (0, at[:-1], at[1:])):
-            p, q = s.ravel(), t.ravel()
-            chosen = np.flatnonzero((several[p] | several[q]) & known[p] & known[q])
-            first.append(p[chosen])
-            second.append(q[chosen])
-            which.append(np.full(len(chosen), axis, np.int8))
+        for axis, s, t in ((1, np.s_[:, :-1], np.s_[:, 1:]), (0, np.s_[:-1], np.s_[1:])):
+            chosen = (open_[s] | open_[t]) & known[s] & known[t]
+            first.append(at[s][chosen])
+            second.append(at[t][chosen])
+            which.append(np.full(len(first[-1]), axis, np.int8))
         #: (E,) the two pixels of each edge, by flat index.
         self.p, self.q = np.concatenate(first), np.concatenate(second)
         #: (h w,) label potential of the pixels that were last divided between two layers, else -1.
@@ -112,8 +111,7 @@ class Choices:
         result.may, result._known = self.may & within, {}
         edges = np.flatnonzero(within[self.p] | within[self.q])
         result.p, result.q, result._column = self.p[edges], self.q[edges], self._column[edges]
-        boxes = ndimage.find_objects(within.reshape(self.box.shape).astype(np.int8))
-        result._around = boxes[0] if boxes else self._around
+        result._around = box_of(within.reshape(self.box.shape)) if within.any() else self._around
         return result
 
     def parts(self, times: int) -> list[npt.NDArray[np.int16]]:
@@ -223,7 +221,7 @@ class Choices:
             return False
         piece = np.zeros(len(shows), np.int32)
         window = free.reshape(self.box.shape)[self._around]
-        piece.reshape(self.box.shape)[self._around], count = ndimage.label(window)
+        piece.reshape(self.box.shape)[self._around], count = pieces_of(window)
         p, q = self.p[edges], self.q[edges]
         known = (shows[p] != nothing) & (shows[q] != nothing)
         edges, p, q = edges[known], p[known], q[known]
@@ -317,7 +315,7 @@ class Choices:
         """Take what another solution, (h w,), shows wherever that costs less, in each patch in which they
         differ as a whole (:mod:`toposeam.layers.fusion`).
         """
-        patch, count = ndimage.label((self.shows != other).reshape(self.box.shape))
+        patch, count = pieces_of((self.shows != other).reshape(self.box.shape))
         patch = patch.ravel()
         at = np.maximum(patch[self.p], patch[self.q])
         edges = np.flatnonzero(at)
@@ -344,14 +342,15 @@ class Choices:
         self, decide: Decide, candidates: Sequence[Mask]
     ) -> tuple[Mask, npt.NDArray[np.int16], npt.NDArray[np.int16]]:
         """Divide anew all pixels for which two layers are candidates, as long as those beside them have no
-        others, together; (h w,) bool, which, and the positions of the two layers.
+        others, together; (h w,) bool, which, and the positions of the two layers there.
 
         `candidates` are (h, w) bool for each layer, and no more than those that may show.
         """
         may = np.array([mask.ravel() for mask in candidates])
-        free = (may.sum(axis=0) == 2) & (self.shows != len(self.layers))
-        one = may.argmax(axis=0).astype(np.int16)
-        other = (len(self.layers) - 1 - may[::-1].argmax(axis=0)).astype(np.int16)
+        free = (may.sum(axis=0, dtype=np.uint16) == 2) & (self.shows != len(self.layers))
+        own = may[:, free]
+        one, other = np.full((2, len(free)), -1, np.int16)
+        one[free], other[free] = own.argmax(axis=0), len(own) - 1 - own[::-1].argmax(axis=0)
         unlike = (one[self.p] != one[self.q]) | (other[self.p] != other[self.q])
         unlike &= free[self.p] & free[self.q]
         free[self.p[unlike]] = free[self.q[unlike]] = False
@@ -382,7 +381,7 @@ class Choices:
         both = np.flatnonzero(free_p & free_q)
         link = self.cost[self.row[one[p[both]], other[q[both]]], edges[both]].astype(np.float64)
         turned, soft = decided(
-            ndimage.label(free.reshape(self.box.shape))[0].ravel()[nodes],
+            pieces_of(free.reshape(self.box.shape))[0].ravel()[nodes],
             self._chessboard(nodes),
             number[p[both]],
             number[q[both]],

@@ -134,7 +134,7 @@ def compose(
         search = _Search(method, given, max_rounds, progress, core, match, executor)
         return _round(layers, check_whole("wrap", wrap, 2), search, channels, blend, blend_width)
     seam_of: Callable[[Pair, bool], Seam]
-    totals: Callable[[], Totals] | None = None
+    totals: Callable[[Executor | None], Totals] | None = None
     if len(layers) == 2:
         found = {"method": method, "record_frames": record_frames, "progress": progress, **given}
         one = steps.join(1, found, paths.get((0, 1)))
@@ -168,12 +168,6 @@ def compose(
         pairs = moves.pairs(potentials=blend == "soft")
         made = Made(moves, list(paths), {"core": core, **dataclasses.asdict(match)})
         seam_of, totals = made, made.totals
-        if executor is not None:
-            known = made.totals(executor)  # which may have gone when somebody asks
-
-            def totals() -> Totals:
-                return known
-
     placed = Placed(layers=layers, places=steps.places, covered=steps.covered, label_map=label_map)
     return Composition(
         layers=layers,

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 
 from toposeam.display import to_png
@@ -240,15 +241,17 @@ def stitch(
     return whole
 
 
-def stitched(composed: Composition, seams: bool = True) -> Stitched:
-    """All of a composition at once; its seams can be left out."""
+def stitched(composed: Composition, seams: bool = True, labels: bool = True) -> Stitched:
+    """All of a composition at once; its seams can be left out, and so can the label map, which then says that
+    no layer shows anywhere.
+    """
     everything = slice(None), slice(None)
     image, alpha = composed.window(*everything)
     made = dict(composed.seams()) if seams else {}
     return Stitched(
         image=image,
-        alpha=None if bool((alpha == full_scale(image.dtype)).all()) else alpha,
-        label_map=composed.labels(*everything),
+        alpha=None if alpha.min() == full_scale(image.dtype) else alpha,
+        label_map=composed.labels(*everything) if labels else np.broadcast_to(np.int16(-1), composed.shape),
         seams=tuple(made.values()),
         pairs=composed.pairs,
         names=composed.names,

@@ -21,6 +21,7 @@ from toposeam.layers.labelling import Pair
 from toposeam.layers.layer import Box, Extent, Layer
 from toposeam.layers.maps import BLOCK, blocks, part_of
 from toposeam.layers.painting import LabelMap, paint
+from toposeam.layers.tasks import Executor
 from toposeam.optimize.history import Termination
 from toposeam.seam.seam import Seam, knows_potential
 from toposeam.vector.polyline import Polyline
@@ -106,7 +107,7 @@ class Composition:
     _begin: int = 0
     _goes_round: bool = False
     #: Told without making the seams, where that is known.
-    _totals: Callable[[], Totals] | None = None
+    _totals: Callable[[Executor | None], Totals] | None = None
     #: Of a part, what fades there.
     _known_fadings: list[Fading] | None = None
 
@@ -242,8 +243,13 @@ class Composition:
                 settings=seam.settings,
             )
 
-    def totals(self) -> Totals:
+    def totals(self, executor: Executor | None = None) -> Totals:
         """What all seams come to, which takes less than making them.
+
+        Parameters
+        ----------
+        executor : concurrent.futures.Executor, optional
+            Where costs along the seams are looked up, each seam by itself.
 
         Examples
         --------
@@ -254,7 +260,7 @@ class Composition:
         ('heat', True)
         """
         if self._totals is not None:
-            return self._totals()
+            return self._totals(executor)
         seams = tuple(self.outlines())
         return Totals(
             length=sum(seam.length for seam in seams),

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
+import scipy
 
 from toposeam.images import Mask, as_float
 from toposeam.layers.layer import Layer
@@ -44,8 +44,8 @@ def look_at(picture: Layer) -> Look:
     known = picture.covered.copy()
     gray = as_float(np.asarray(picture.image), picture.name, picture.data_range).mean(axis=2)
     gray[~known] = 0
-    weight = ndimage.gaussian_filter(known.astype(np.float32), _BLUR)
-    slow = ndimage.gaussian_filter(gray, _BLUR) / np.maximum(weight, 1e-6)
+    weight = scipy.ndimage.gaussian_filter(known.astype(np.float32), _BLUR)
+    slow = scipy.ndimage.gaussian_filter(gray, _BLUR) / np.maximum(weight, 1e-6)
     detail = np.where(known, gray - slow, np.float32(0)).astype(np.float32)
     scale = max(1, int(np.ceil(np.sqrt(gray.size / _REDUCED_PIXELS))))
     rows, columns = (size // scale * scale for size in gray.shape)
@@ -87,7 +87,7 @@ def shared_features(a: Look, b: Look) -> npt.NDArray[np.intp]:
 
 def cornered(patch: npt.NDArray[np.float32]) -> bool:
     """Whether a patch can be told from itself moved in any direction: straight edges alone cannot."""
-    smooth = ndimage.gaussian_filter(patch, 1.5)
+    smooth = scipy.ndimage.gaussian_filter(patch, 1.5)
     down, right = np.gradient(smooth)
     tensor = np.array(
         [[np.sum(down * down), np.sum(down * right)], [np.sum(down * right), np.sum(right * right)]]

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
 
 from toposeam.layers.labelling import Labelling
 from toposeam.layers.painting import LabelMap
+from toposeam.layers.pieces import pieces_of
 
 _SIDES: Any = (np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])  # each pixel and its right or lower one
 
@@ -32,7 +32,7 @@ def fused(labelling: Labelling, one: LabelMap, other: LabelMap) -> LabelMap:
     -------
     (H, W) int16 array
     """
-    patch, count = ndimage.label(one != other)
+    patch, count = pieces_of(one != other)
     costs, others = (_costs(labelling, labels, patch, count) for labels in (one, other))
     cheaper = others < costs
     result: LabelMap = np.where(cheaper[patch], other, one)

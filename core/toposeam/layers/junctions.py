@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
+import numpy.typing as npt
 
 from toposeam.images import Mask
 from toposeam.layers.layer import Box
 from toposeam.layers.maps import several
 from toposeam.layers.painting import LabelMap
+
+_Bits = TypeVar("_Bits", np.bool_, np.uint64)
 
 
 def junctions(label_map: LabelMap, reach: int) -> list[Box]:
@@ -23,7 +28,7 @@ def junctions(label_map: LabelMap, reach: int) -> list[Box]:
         labels = label_map[block.slices]
         edge = (labels[:-1, :-1] != labels[1:, :-1]) | (labels[:-1, 1:] != labels[1:, 1:])
         edge &= (labels[:-1, :-1] != labels[:-1, 1:]) | (labels[1:, :-1] != labels[1:, 1:])
-        rows, columns = np.nonzero(edge)
+        rows, columns = np.divmod(np.flatnonzero(edge), edge.shape[1])
         around = np.stack([labels[rows + y, columns + x] for y in (0, 1) for x in (0, 1)], axis=1)
         kinds = (np.diff(np.sort(around, axis=1), axis=1) != 0).sum(axis=1) + 1
         third = kinds - (around.min(axis=1) < 0) >= 3
@@ -49,9 +54,9 @@ def beside_steps(values: np.ndarray, step: float) -> Mask:
     return result
 
 
-def dilated(mask: Mask, reach: int) -> Mask:
-    """The pixels at most so many px from those of a mask, along each axis."""
-    result: Mask = mask.copy()
+def dilated(mask: npt.NDArray[_Bits], reach: int) -> npt.NDArray[_Bits]:
+    """The pixels at most so many px from those of a mask, along each axis; of integers each bit is a mask."""
+    result = mask.copy()
     for turned in (result, result.T):
         done = 0
         while done < reach:
@@ -61,3 +66,24 @@ def dilated(mask: Mask, reach: int) -> Mask:
             turned[:-step] |= before[step:]
             done += step
     return result
+
+
+def reached(label_map: LabelMap, count: int, reach: int) -> list[Mask]:
+    """Of each of `count` layers the pixels at most so many px from where it shows, along each axis.
+
+    Examples
+    --------
+    >>> for mask in reached(np.array([[0, 0, 0, 1, -1, 2]], np.int16), 3, 1):
+    ...     print(mask.astype(int))
+    [[1 1 1 1 0 0]]
+    [[0 0 1 1 1 0]]
+    [[0 0 0 0 1 1]]
+    """
+    found: list[Mask] = []
+    for first in range(0, count, 64):  # all at once, a bit for each
+        bit = np.zeros(count + 1, np.uint64)  # -1 is the last one
+        own = np.left_shift(np.uint64(1), np.arange(min(64, count - first), dtype=np.uint64))
+        bit[first : first + len(own)] = own
+        near = dilated(bit[label_map], reach)
+        found += [(near & one) != 0 for one in own]
+    return found

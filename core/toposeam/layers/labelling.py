@@ -19,12 +19,12 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from scipy import ndimage
 
-from toposeam.images import Mask
+from toposeam.images import Mask, box_of
 from toposeam.layers.layer import Box, cut
-from toposeam.layers.maps import blocks, new_map, several, uniform
+from toposeam.layers.maps import EDGES, blocks, new_map, several, uniform
 from toposeam.layers.painting import LabelMap
+from toposeam.layers.pieces import pieces_of
 from toposeam.seam.match_cost import Floats32
 from toposeam.seam.overlap import FREE, NONE, A, B, Overlap, neighbours
 from toposeam.seam.problem import SeamProblem
@@ -112,7 +112,7 @@ class Labelling:
 
     def make_allowed(self, label_map: LabelMap) -> None:
         """Give pixels whose layer is not allowed there to the first one that is, or to none, in place."""
-        for box in blocks(self.canvas):
+        for box in blocks(self.canvas, EDGES):
             layer = uniform(label_map, box)
             if layer is not None and layer >= 0 and box.shared(self.places[layer]) == box:
                 inside = box.moved(-self.places[layer].top, -self.places[layer].left)
@@ -217,16 +217,14 @@ class Labelling:
         for edge, own, limit in zip(edges, box, limits, strict=True):
             if own != limit:
                 edge[:] = False
-        rows, columns = np.flatnonzero(free.any(axis=1)), np.flatnonzero(free.any(axis=0))
-        if not len(rows):
+        if not free.any():
             return None, (slice(0), slice(0))
-        inner = (
-            slice(max(int(rows[0]) - 1, 0), int(rows[-1]) + 2),
-            slice(max(int(columns[0]) - 1, 0), int(columns[-1]) + 2),
-        )
-        stops = [part.indices(size)[1] for part, size in zip(inner, box.shape, strict=True)]
+        inner = box_of(free, 1)
         narrow = Box(
-            box.top + inner[0].start, box.left + inner[1].start, box.top + stops[0], box.left + stops[1]
+            box.top + inner[0].start,
+            box.left + inner[1].start,
+            box.top + inner[0].stop,
+            box.left + inner[1].stop,
         )
         return narrow, inner
 
@@ -282,7 +280,7 @@ def _with_fixed(problem: SeamProblem, second: Mask) -> SeamProblem:
     """The problem with those free pixels fixed that nothing ties to one of the two sides: they cost nothing
     there.
     """
-    component, count = ndimage.label(problem.overlap.side == FREE)
+    component, count = pieces_of(problem.overlap.side == FREE)
     tied_a, tied_b = (
         np.bincount(component[ties > 0], minlength=count + 1) > 0
         for ties in (problem.grid.cold, problem.grid.hot)

@@ -12,7 +12,8 @@ once more. That ends within 0.5 % of what solving everything at full size does, 
 
 Large problems are searched anew each time, for they have many optima. Smaller ones, of which each search is
 most of the time, are searched once; the other ways start where that ended, and are followed to full size only
-where they lead elsewhere.
+where they lead elsewhere. On the smallest one way is as good, if more pixels are opened again for it
+(:mod:`toposeam.layers.rounds`).
 """
 
 from __future__ import annotations
@@ -39,12 +40,14 @@ from toposeam.seam.find import Method
 #: Problems are reduced until no more than so many pixels have several layers to choose from: the second
 #: number in general, the first one where expansions over all pixels follow at the next size, at which no
 #: more than the second may have them.
-WHOLE_PIXELS, _AFIELD = 2_500, 10_000
+WHOLE_PIXELS, _AFIELD = 3_500, 10_000
 #: Problems are not reduced below so many pixels a side.
 _SHORTEST = 32
 #: Where more pixels than this have several layers to choose from, on canvases of up to so many pixels, costs
 #: are reduced in several ways; how far beside the best seams pixels are opened again, px.
 _TRIED, _TRIED_CANVAS, _BESIDE = 100_000, 1 << 22, 4
+#: Up to so many, they are reduced in one way only.
+_ONCE = 1 << 16
 
 
 def best_rounds(
@@ -79,7 +82,7 @@ def best_rounds(
     looked = most and height * width <= _TRIED_CANVAS
     contested = labelling.contested(_TRIED + 1) if looked else 0
     if contested <= _TRIED:
-        if contested > max(WHOLE_PIXELS, _AFIELD):
+        if contested > _ONCE:
             return search.twice(labelling)
         return search.from_coarse(labelling, WANDERING)
     found = [search.from_coarse(labelling, wandering) for wandering in (WANDERING, *OTHERS)]

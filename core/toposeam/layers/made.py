@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from toposeam.images import Mask
 from toposeam.layers.band import costs_at
 from toposeam.layers.composition import Totals
 from toposeam.layers.labelling import Pair, PairCost
 from toposeam.layers.layer import Box
-from toposeam.layers.maps import BLOCK, dense, several
+from toposeam.layers.maps import BLOCK, dense, part_of, several
+from toposeam.layers.painting import LabelMap
 from toposeam.layers.rounds import Rounds
 from toposeam.layers.tasks import Executor, results
 from toposeam.optimize.history import Termination
@@ -28,14 +27,30 @@ _MARGIN, _LARGE_BOX = 8, 1 << 20
 _INTERFACES: Any = (1, np.s_[:BLOCK, :-1], np.s_[:BLOCK, 1:]), (0, np.s_[:-1, :BLOCK], np.s_[1:, :BLOCK])
 
 
-#: The cost of a pair, a canvas, and of interfaces on it their first pixels and their directions.
-_Interfaces = tuple[PairCost, Box, npt.NDArray[np.intp], Mask]
+@dataclass(frozen=True, slots=True, eq=False)
+class _Between:
+    """Two layers, their cost, and what shows where both have pixels."""
+
+    pair: Pair
+    cost: PairCost
+    canvas: Box
+    label_map: LabelMap
 
 
-def _measured(item: _Interfaces) -> tuple[int, float]:
-    """How many of some interfaces cost something, and what all do."""
-    cost, canvas, first, beside = item
-    costs = costs_at(cost, canvas, first, beside.astype(np.intp))
+def _measured(between: _Between) -> tuple[int, float]:
+    """How many interfaces of a seam cost something, and what all do."""
+    found = [(np.zeros(0, np.intp), np.zeros(0, np.intp))]
+    label_map, canvas = between.label_map, between.canvas
+    for block in several(label_map, between.cost.box.shared(canvas), side=BLOCK):
+        labels = label_map[block.slices]
+        first, second = (labels == k for k in between.pair)
+        for axis, s, t in _INTERFACES:
+            border = (first[s] & second[t]) | (second[s] & first[t])
+            rows, columns = np.divmod(np.flatnonzero(border), max(1, border.shape[1]))
+            at = (rows + block.top) * canvas.shape[1] + columns + block.left
+            found.append((at, np.full(len(at), axis)))
+    first_pixel, along = (np.concatenate(part) for part in zip(*found, strict=True))
+    costs = costs_at(between.cost, canvas, first_pixel, along)
     return int(np.count_nonzero(costs)), float(costs.sum())
 
 
@@ -110,27 +125,17 @@ class Made:
 
     def measured(self, executor: Executor | None = None) -> dict[Pair, tuple[int, float]]:
         """How long each seam is, px, and what it costs, without making it."""
-        canvas, count = self.moves.labelling.canvas, len(self.moves.labelling.places)
-        found: dict[Pair, list[tuple[npt.NDArray[np.intp], ...]]] = {}
-        for block in several(self.moves.label_map, canvas, side=BLOCK):
-            labels = self.moves.label_map[block.slices]
-            for axis, s, t in _INTERFACES:
-                rows, columns = np.nonzero(labels[s] != labels[t])
-                ends = np.sort([labels[s][rows, columns], labels[t][rows, columns]], axis=0)
-                at = (rows + block.top) * canvas.shape[1] + columns + block.left
-                codes = ends[0].astype(np.int64) * count + ends[1]
-                known = {divmod(int(code), count) for code in np.unique(codes[ends[0] >= 0])}
-                for pair in known & self.moves.labelling.costs.keys():
-                    own = np.flatnonzero((ends[0] == pair[0]) & (ends[1] == pair[1]))
-                    found.setdefault(pair, []).append((at[own], np.full(len(own), axis)))
-        pairs = sorted(found)
-        items = (self._interfaces(pair, found[pair]) for pair in pairs)
+        labelling = self.moves.labelling
+        pairs = [pair for pair in labelling.adjoining(self.moves.label_map) if pair in labelling.costs]
+        items = (self._between(pair, executor is not None) for pair in pairs)
         return dict(zip(pairs, results(executor, _measured, items), strict=True))
 
-    def _interfaces(self, pair: Pair, lists: Sequence[tuple[npt.NDArray[np.intp], ...]]) -> _Interfaces:
-        first, axes = (np.concatenate(part) for part in zip(*lists, strict=True))
-        cost = self.moves.labelling.costs[pair]
-        return cost.part(cost.box, {}), self.moves.labelling.canvas, first, axes.astype(bool)
+    def _between(self, pair: Pair, apart: bool) -> _Between:
+        """What is measured of a seam, here or `apart` from what it is part of."""
+        cost, label_map = self.moves.labelling.costs[pair], self.moves.label_map
+        if apart:
+            cost, label_map = cost.part(cost.box, {}), part_of(label_map, cost.box)
+        return _Between(pair, cost, self.moves.labelling.canvas, label_map)
 
     def _seam_box(self, pair: Pair) -> Box | None:
         """On large overlaps, the box of the seam and some pixels around it."""

@@ -76,11 +76,12 @@ class Mixture:
         for k, part in enumerate(parts):
             around = part.box.grown(_AROUND).shared(whole)
             at, inside = _halved(around).slices, part.box.within(around)
-            planes = np.zeros((channels + 2, *around.shape), np.float32)
-            for target, values in zip(planes, (*part.difference, part.known, part.shows), strict=True):
-                target[inside] = values
-            reduced = reduce(planes)
-            sums[k, :, *at], known[k, *at], shows[k, *at] = reduced[:-2], reduced[-2], reduced[-1]
+            plane = np.zeros((1, *around.shape), np.float32)  # one after the other, which needs less memory
+            for target, values in zip(
+                (*sums[k], known[k], shows[k]), (*part.difference, part.known, part.shows), strict=True
+            ):
+                plane[0][inside] = values
+                target[at] = reduce(plane)[0]
         #: (K, C, h / 2, w / 2), each layer's difference, and (C, h / 2, w / 2), the mixture of all.
         self._layers, self._mixed = _mixed(sums, known, shows, levels)
         share = gaussian(shows, levels - 1)[-1]

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
+import scipy
 
 from toposeam.layers.features import Look, cornered, look_at, shared_features
 from toposeam.layers.labelling import Pair
@@ -216,11 +216,11 @@ def _patches(a: Look, b: Look, matrix: Floats) -> Match | None:
             one = a.detail[top : top + size, left : left + size]
             if not b.known[np.rint(where[1]).astype(int), np.rint(where[0]).astype(int)].all():
                 continue
-            other = ndimage.map_coordinates(b.detail, where[::-1], order=1).reshape(one.shape)
+            other = scipy.ndimage.map_coordinates(b.detail, where[::-1], order=1).reshape(one.shape)
             shift = np.zeros(2)
             if one.std() > 0 and other.std() > 0:
                 shift = register(one, other, upsample_factor=_UPSAMPLING, normalization=None)[0]
-            moved = ndimage.shift(other, shift, order=1)
+            moved = scipy.ndimage.shift(other, shift, order=1)
             first, second = one[4:-4, 4:-4], moved[4:-4, 4:-4]
             products = np.array([(first * second).sum(), (first**2).sum(), (second**2).sum()], np.float64)
             energy += products

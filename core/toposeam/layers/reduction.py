@@ -16,7 +16,7 @@ fifth of its time.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any, cast
 
@@ -27,7 +27,7 @@ from toposeam.layers.labelling import Labelling, PairCost
 from toposeam.layers.layer import Box, cut
 from toposeam.layers.maps import EDGES, blocks, ground, made_map, new_map, uniform
 from toposeam.layers.painting import LabelMap
-from toposeam.layers.posing import KEPT_PIXELS, LayerPairCost
+from toposeam.layers.pair_cost import KEPT_PIXELS, LayerPairCost
 from toposeam.layers.table_costs import TableCost, spread
 from toposeam.layers.tasks import Executor, results
 from toposeam.seam.match_cost import Floats32
@@ -53,6 +53,7 @@ def reduced(
     """
     canvas = _halved(labelling.canvas)
     places = [_halved(place) for place in labelling.places]
+    begun = _begun_costs(list(labelling.costs.values()), executor, wandering)
     everywhere, somewhere = [], []
     for index, place in enumerate(places):
         every, some = (new_map(place.shape, False, bool) for _ in range(2))
@@ -74,9 +75,7 @@ def reduced(
     allowed = [
         made_map(place.shape, bool, partial(chosen, index), EDGES) for index, place in enumerate(places)
     ]
-    costs = dict(
-        zip(labelling.costs, _reduced_costs(list(labelling.costs.values()), executor, wandering), strict=True)
-    )
+    costs = dict(zip(labelling.costs, begun(), strict=True))
     return Labelling(canvas, places, allowed, costs, labelling.forbidden)
 
 
@@ -121,8 +120,8 @@ def opened(chosen: Mask, finer: Labelling) -> Mask:
 
 
 def _both_sizes(coarse: np.ndarray, finer: Labelling) -> Iterator[tuple[Box, Box]]:
-    """Blocks of a reduced canvas and what they are on the finer one."""
-    for box in blocks(Box(0, 0, *coarse.shape)):
+    """Blocks of a reduced canvas and what they are on the finer one: small ones, of which few hold a seam."""
+    for box in blocks(Box(0, 0, *coarse.shape), EDGES):
         yield box, _doubled(box).shared(finer.canvas)
 
 
@@ -209,9 +208,13 @@ class ReducedCost:
         return right, down
 
 
-def _reduced_costs(costs: Sequence[PairCost], executor: Executor | None, wandering: float) -> list[PairCost]:
-    """Of large overlaps, and of more than can be kept, the costs are computed again where they are looked
-    at, which is beside what the next smaller size shows.
+def _begun_costs(
+    costs: Sequence[PairCost], executor: Executor | None, wandering: float
+) -> Callable[[], list[PairCost]]:
+    """Begin to compute the costs where an executor does so; whoever calls what is returned waits for them.
+
+    Of large overlaps, and of more than can be kept, the costs are computed again where they are looked at,
+    which is beside what the next smaller size shows.
     """
     found: list[PairCost] = [ReducedCost(cost, wandering) for cost in costs]
     small, kept = [], 0
@@ -221,17 +224,18 @@ def _reduced_costs(costs: Sequence[PairCost], executor: Executor | None, wanderi
             small.append(k)
             kept += size
     looking = executor is not None and any(_pixels(costs[k]) is not None for k in small)
-    if not looking:
-        for k in small:
-            found[k] = _table(found[k])[0]
+    items = (found[k].part(found[k].box, {}) if looking else found[k] for k in small)
+    tables = results(executor if looking else None, _table, items)
+
+    def ended() -> list[PairCost]:
+        for k, (table, nearby) in zip(small, tables, strict=True):
+            pixels = _pixels(found[k]) if looking else None
+            if pixels is not None:
+                pixels.know(nearby)
+            found[k] = table
         return found
-    items = (found[k].part(found[k].box, {}) for k in small)
-    for k, (table, nearby) in zip(small, results(executor, _table, items), strict=True):
-        pixels = _pixels(found[k])
-        if pixels is not None:
-            pixels.know(nearby)
-        found[k] = table
-    return found
+
+    return ended
 
 
 def _table(cost: PairCost) -> tuple[PairCost, Reach | None]:
@@ -252,9 +256,13 @@ def _pixels(cost: PairCost) -> LayerPairCost | None:
 def _of_three(cost: Floats32, wandering: float) -> Floats32:
     """(n, 2 m - 1) costs between 2 m columns to (n, m - 1) between pairs of them; 0 is no interface."""
     first, border, last = cost[:, 0:-2:2], cost[:, 1:-1:2], cost[:, 2::2]
-    known = border > 0
-    least = np.where(first > 0, np.minimum(first, border), border)
-    least = np.where(last > 0, np.minimum(last, least), least)
-    mixed: Floats32 = np.float32(wandering) * least + np.float32(1 - wandering) * border
+    least = np.minimum(first, border)
+    np.minimum(least, last, out=least)
+    gaps = not cost.size or cost.min() <= 0
+    if gaps:
+        least = np.where(first > 0, np.minimum(first, border), border)
+        least = np.where(last > 0, np.minimum(last, least), least)
+    least *= np.float32(wandering)
+    least += np.float32(1 - wandering) * border
     # A border without a cost where the insides have one: the end of an overlap.
-    return np.where(known, mixed, np.float32(0))
+    return np.where(border > 0, least, np.float32(0)) if gaps else least

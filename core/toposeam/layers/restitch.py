@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
+import scipy
 
 from toposeam.checks import check_items
 from toposeam.errors import OptionError, PathError
@@ -160,6 +160,6 @@ def _with_kernel(both: Sequence[Layer], drawing: SvgSeam, canvas: Extent) -> lis
     if not shown.any():
         return list(both)
     kernel = np.zeros(canvas.shape, bool)
-    kernel.flat[int(np.argmax(ndimage.distance_transform_cdt(np.pad(shown, 1))[1:-1, 1:-1]))] = True
+    kernel.flat[int(np.argmax(scipy.ndimage.distance_transform_cdt(np.pad(shown, 1))[1:-1, 1:-1]))] = True
     kept = dataclasses.replace(both[inner], keep=kernel[canvas.place(both[inner]).slices])
     return [kept, both[1]] if inner == 0 else [both[0], kept]

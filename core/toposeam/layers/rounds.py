@@ -33,7 +33,7 @@ from toposeam.layers.band import write_pixels
 from toposeam.layers.choices import Choices
 from toposeam.layers.deciding import Deciding
 from toposeam.layers.dividing import LEAST_GAIN, Divided, Division, Pixels, Potential, divided
-from toposeam.layers.junctions import beside_steps, dilated, junctions
+from toposeam.layers.junctions import beside_steps, dilated, junctions, reached
 from toposeam.layers.labelling import Labelling, Move, Pair
 from toposeam.layers.layer import Box
 from toposeam.layers.maps import dense, new_map, part_of, several
@@ -51,11 +51,14 @@ from toposeam.seam.solution import Solution
 from toposeam.seam.thesis_options import ThesisOptions
 
 #: On reduced canvases the heat stops when no seam can be cheaper by more than this share.
-ROUGH = 1e-2
+ROUGH, _ROUGH_SMALL = 1e-2, 3e-2
 #: Where the label potential of two neighbours differs by more than this, heat has not decided yet; the pixels
 #: themselves decide details only, and on canvases above so many pixels less is looked at again.
-_UNDECIDED, _UNDECIDED_LAST = 0.005, 0.05
-_UNDECIDED_LARGE, _UNDECIDED_LAST_LARGE, _LARGE = 0.03, 0.5, 1 << 20
+_UNDECIDED = 0.005, 0.05
+_UNDECIDED_LARGE, _LARGE = (0.03, 0.5), 1 << 20
+#: Of problems of up to so many pixels more is looked at again: that finds nearly as much as reducing costs in
+#: several ways does (:mod:`toposeam.layers.levels`), and takes less.
+_UNDECIDED_SMALL, _SMALL = (0.002, 0.01), 1 << 19
 #: How far the windows reach round places where three layers meet, px.
 _WINDOW = 24
 #: Canvases of up to so many pixels are refined as a whole, all seams together, which is sooner done than
@@ -63,8 +66,8 @@ _WINDOW = 24
 _TOGETHER = 1 << 19
 #: How far from where a layer shows it may show at the next finer size, px; round tangles, all may change.
 _REACH, _TANGLE = 4, 8
-#: Rounds of expansions over all pixels, not only what is open.
-_AFIELD = 1
+#: Rounds of expansions over all pixels, not only what is open; and of small problems.
+_AFIELD, _AFIELD_SMALL = 1, 2
 #: Cycles of expansions at most where three layers meet.
 _CYCLES = 3
 
@@ -110,16 +113,18 @@ class Rounds:
         self._options: HeatOptions | ThesisOptions | None = method_options(
             self.method, options if self.method == method else {}
         )
-        small = labelling.canvas.shape[0] * labelling.canvas.shape[1] <= _LARGE // 4  # the finer one's size
-        usual, last = (_UNDECIDED, _UNDECIDED_LAST) if small else (_UNDECIDED_LARGE, _UNDECIDED_LAST_LARGE)
+        size = math.prod(labelling.canvas.shape)
+        self._small = size * 4**finer <= _SMALL
+        middle = _UNDECIDED_LARGE if 4 * size > _LARGE else _UNDECIDED  # by the finer one's size
+        usual, last = _UNDECIDED_SMALL if self._small else middle
         self._undecided = None if not finer else last if finer == 1 else usual
         if finer and isinstance(self._options, HeatOptions):
-            tolerance = max(ROUGH, self._options.tolerance)
+            tolerance = max(_ROUGH_SMALL if self._small else ROUGH, self._options.tolerance)
             self._options = dataclasses.replace(self._options, tolerance=tolerance)
         self.settings = {} if self._options is None else dataclasses.asdict(self._options)
         #: Of each pair what was last solved; on large canvases without labels and potentials.
         self.solved: dict[Pair, tuple[Box, Solution]] = {}
-        self._keeps = keeps or math.prod(labelling.canvas.shape) <= KEPT_CANVAS
+        self._keeps = keeps or size <= KEPT_CANVAS
         #: Pixels beside flow that the heat had not decided.
         self.undecided: dict[Pair, Pixels] = {}
         self._decide = Deciding(self.method, self._options, labelling.forbidden)
@@ -141,8 +146,9 @@ class Rounds:
             if order is not None and not most:
                 joined(choices, allowed, order, self._decide.exactly, self.steps)
             elif order is not None:
+                given = None if self._small else order
                 number, places = best_of_starts(
-                    choices, allowed, boxes, order, self._decide.exactly, most, self.steps
+                    choices, allowed, boxes, given, self._decide.exactly, most, self.steps
                 )
             for i, j in labelling.adjoining(choices.label_map()) if most and swaps else ():
                 choices.swap(i, j, self._decide)
@@ -211,7 +217,7 @@ class Rounds:
         labelling, canvas = self.labelling, self.labelling.canvas
         near, labels = dense(self._near), dense(self.label_map)
         count = len(labelling.places)
-        planes = [dilated(labels == k, _REACH) for k in range(count)]
+        planes = reached(labels, count, _REACH)
         for pair, (rows, columns) in hints.items():
             hinted = np.zeros(tuple(-(-side // 2) for side in canvas.shape), bool)
             hinted[rows, columns] = True
@@ -240,7 +246,7 @@ class Rounds:
                 self.undecided[i, j] = np.divmod(own, choices.box.shape[1])
         tangled = (choices.several & ~free).reshape(canvas.shape)
         if afield:
-            choices.run(self._decide.exactly, min(most, _AFIELD))
+            choices.run(self._decide.exactly, min(most, _AFIELD_SMALL if self._small else _AFIELD))
         elif tangled.any():
             choices.run(self._decide.exactly, min(most, _CYCLES), within=dilated(tangled, _TANGLE).ravel())
         self.label_map[:, :] = choices.label_map()

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
+import scipy
 
 from toposeam.checks import check_kind, check_number, check_numbers
 from toposeam.errors import OptionError
@@ -111,7 +111,7 @@ def _inside(inverse: Floats, base: Floats, shape: tuple[int, int], size: tuple[i
 def _warped(
     plane: npt.NDArray[Any], inverse: Floats, base: Floats, shape: tuple[int, int], order: int
 ) -> npt.NDArray[np.float32]:
-    result: npt.NDArray[np.float32] = ndimage.affine_transform(
+    result: npt.NDArray[np.float32] = scipy.ndimage.affine_transform(
         plane.astype(np.float32), inverse, base, shape, order=order, mode="nearest"
     )
     return result

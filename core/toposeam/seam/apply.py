@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
+import scipy
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
@@ -289,7 +289,7 @@ def _regions(cut: _Cut, free: Mask) -> tuple[Ints32, Ints32, Ints]:
     # Label everything away from the paths at once; the pixels beside a path are nodes of their own, joined in
     # a small graph.
     beside = free & _at_cut(cut)
-    node, blobs = ndimage.label(free & ~beside, output=np.int32)
+    node, blobs = scipy.ndimage.label(free & ~beside, output=np.int32)
     node = node.ravel()
     node -= 1
     pixels = np.flatnonzero(beside)

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
+import scipy
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -71,14 +71,14 @@ class GroundStructure:
         Several components add up. A component that holds several seams counts as often; where the seam is
         closed, it goes there and back.
         """
-        component, count = ndimage.label(self.side == FREE)
+        component, count = scipy.ndimage.label(self.side == FREE)
         if count == 0:
             return 0
         ends = np.zeros(count + 1, int)
         within, _ = self._ends(component)
         np.add.at(ends, within, 1)
         total = 0
-        for index, box in enumerate(ndimage.find_objects(component), start=1):
+        for index, box in enumerate(scipy.ndimage.find_objects(component), start=1):
             lines = max(1, ends[index] // 2) if ends[index] else 2
             total += lines * sum(part.stop - part.start for part in box)
         return total
@@ -135,7 +135,7 @@ def ground_structure(problem: SeamProblem) -> GroundStructure:
     something to decide.
     """
     side, shared = problem.overlap.side, problem.overlap.shared
-    component, count = ndimage.label(shared, TOUCHING)
+    component, count = scipy.ndimage.label(shared, TOUCHING)
     undecided = np.zeros(count + 1, bool)
     undecided[component[side == FREE]] = True
     undecided[0] = False
@@ -259,7 +259,7 @@ def corner_network(structure: GroundStructure) -> CornerNetwork | None:
         None where the seam does not have exactly two ends (it is closed, or there are several): use
         :func:`pixel_network` there.
     """
-    component, count = ndimage.label(structure.side == FREE)
+    component, count = scipy.ndimage.label(structure.side == FREE)
     if count != 1:
         return None
     _, ends = structure._ends(component)

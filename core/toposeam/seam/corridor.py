@@ -17,7 +17,7 @@ import dataclasses
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
+import scipy
 
 from toposeam.images import Mask
 from toposeam.seam.exact import cut_cost, pieces, shortest_path
@@ -103,10 +103,10 @@ def _apart(problem: SeamProblem, best: Mask, box: _Box, near: Mask) -> tuple[Mas
     free = np.zeros(best.shape, bool)
     free[box] = near
     narrowed = keeping(problem, free, best)
-    component, count = ndimage.label(near)
+    component, count = scipy.ndimage.label(near)
     top, left = box[0].start, box[1].start
     parted = True
-    for index, (rows, columns) in enumerate(ndimage.find_objects(component, count), 1):
+    for index, (rows, columns) in enumerate(scipy.ndimage.find_objects(component, count), 1):
         here = (
             slice(top + rows.start - 1, top + rows.stop + 1),
             slice(left + columns.start - 1, left + columns.stop + 1),

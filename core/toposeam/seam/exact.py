@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
+import scipy
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, maximum_flow
 
@@ -162,7 +162,7 @@ def laid_by_distances(problem: SeamProblem) -> tuple[Mask, Floats, float] | None
         What of it arrives. None instead of all three where the cut is not one path.
     """
     side = problem.overlap.side
-    _, count = ndimage.label(side == FREE)
+    _, count = scipy.ndimage.label(side == FREE)
     if count != 1 or problem.tied:
         return None
     distance = np.zeros((side.shape[0] + 1, side.shape[1] + 1))
@@ -199,10 +199,10 @@ def pieces(free: Mask) -> Iterator[tuple[_Box, Mask, bool]]:
     """Every piece of what is free: its window with one pixel around it, which always is there; its pixels on
     the window; and whether it is the only one.
     """
-    component, count = ndimage.label(free)
+    component, count = scipy.ndimage.label(free)
     boxes = [
         (slice(y.start - 1, y.stop + 1), slice(x.start - 1, x.stop + 1))
-        for y, x in ndimage.find_objects(component)
+        for y, x in scipy.ndimage.find_objects(component)
     ]
     if count == 1:
         del component  # four bytes per pixel that whoever looks at the piece would have to go without
@@ -286,7 +286,7 @@ def _sides_of(path: npt.NDArray[np.intp], side: npt.NDArray[np.uint8], free: Mas
     known = np.where(side == A, is_a, np.where(side == B, is_b, 0)).astype(np.uint8)
     for beside, mark in ((on_left, left), (on_right, righthand)):
         known.ravel()[beside[free.ravel()[beside]]] = mark
-    piece, count = ndimage.label(free & (known == 0), TOUCHING)
+    piece, count = scipy.ndimage.label(free & (known == 0), TOUCHING)
     beside_piece = np.zeros((5, count + 1), bool)
     for s, t in _PAIRS:
         for here, there in ((s, t), (t, s)):

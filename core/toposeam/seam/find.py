@@ -24,11 +24,17 @@ from toposeam.seam.posing import pose
 from toposeam.seam.problem import SeamProblem
 from toposeam.seam.seam import Seam, seam_of
 from toposeam.seam.solution import Solution
-from toposeam.seam.thesis import thesis_path
 from toposeam.seam.thesis_options import ThesisOptions
 
 Method = Literal["heat", "thesis", "shortest-path", "dp", "graph-cut"]
 METHODS: tuple[Method, ...] = get_args(Method)
+
+
+def _thesis_path(*args: Any, **keywords: Any) -> Solution:
+    from toposeam.seam.thesis import thesis_path  # which few ask for, and loads MMA
+
+    return thesis_path(*args, **keywords)
+
 
 _DIRECT: dict[str, Callable[[SeamProblem], Mask]] = {
     "shortest-path": exact_labels,
@@ -38,7 +44,7 @@ _DIRECT: dict[str, Callable[[SeamProblem], Mask]] = {
 _EXACT = ("shortest-path", "graph-cut")
 _ITERATIVE: dict[str, tuple[type[HeatOptions] | type[ThesisOptions], Callable[..., Solution]]] = {
     "heat": (HeatOptions, heat_path),
-    "thesis": (ThesisOptions, thesis_path),
+    "thesis": (ThesisOptions, _thesis_path),
 }
 
 

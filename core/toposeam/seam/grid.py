@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
+import scipy
 
 from toposeam.heat.network import Floats, Ints, Network
 from toposeam.images import Mask
@@ -123,6 +123,6 @@ def grown(places: Mask, cells: int) -> Mask:
     padded = np.zeros((-(-h // CELL) * CELL, -(-w // CELL) * CELL), bool)
     padded[:h, :w] = places
     coarse = padded.reshape(padded.shape[0] // CELL, CELL, -1, CELL).any(axis=(1, 3))
-    coarse = ndimage.binary_dilation(coarse, np.ones((2 * cells + 1,) * 2, bool))
+    coarse = scipy.ndimage.binary_dilation(coarse, np.ones((2 * cells + 1,) * 2, bool))
     wide: Mask = coarse.repeat(CELL, axis=0).repeat(CELL, axis=1)[:h, :w]
     return wide

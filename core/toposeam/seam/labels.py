@@ -16,7 +16,7 @@ from toposeam.seam.problem import SeamProblem
 from toposeam.seam.thesis_options import ThesisOptions
 
 #: Methods whose seam is the best one: on small overlaps a path, or a maximum flow, ends what heat begins.
-_BEST: tuple[Method, ...] = ("heat", "shortest-path")
+BEST: tuple[Method, ...] = ("heat", "shortest-path")
 #: Up to so many free pixels a maximum flow is found sooner than heat gathers.
 _BY_FLOW = 30_000
 
@@ -33,7 +33,7 @@ def decided_by(problem: SeamProblem, method: Method, options: MethodOptions) -> 
         As for :func:`toposeam.seam.find.solve`.
     """
     free = problem.overlap.side == FREE
-    if method in _BEST and np.count_nonzero(free) <= _BY_FLOW:
+    if method in BEST and np.count_nonzero(free) <= _BY_FLOW:
         return problem.complete(cut_by_flow(problem, free)).astype(bool, copy=False)
     return solve(problem, method, options).labels
 
@@ -83,7 +83,7 @@ def seam_labels(
     part_a[~on_a], part_b[~on_b] = 0, 0
     right, down = match_cost(part_a, part_b, overlap, on_a, on_b, match_options(None, cost))
     problem = SeamProblem(overlap, right, down)
-    labels = cut_by_paths(problem) if method in _BEST and not closed else None
+    labels = cut_by_paths(problem) if method in BEST and not closed else None
     if labels is None:
         labels = decided_by(problem, method, method_options(method, {}))
     found: Mask = problem.on_canvas(labels, mask_b & ~mask_a)

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
+import scipy
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
@@ -137,7 +137,7 @@ def beside_cheap_paths(
     squares[:rows, :columns] = np.minimum(length[:half], length[half:]).reshape(rows, columns)
     each = squares.reshape(len(squares) // 2, 2, -1, 2).min(axis=(1, 3))
     count = cells * int(np.count_nonzero(each <= (1 + 1e-9) * best))
-    near = ndimage.minimum_filter(each, 3)
+    near = scipy.ndimage.minimum_filter(each, 3)
     limit = np.partition(near, count, axis=None)[count] if count < near.size else np.inf
     wide = (np.isfinite(near) & (near <= limit)).repeat(CELL, axis=0).repeat(CELL, axis=1)
     nothing[: wide.shape[0], : wide.shape[1]] = wide[: free.shape[0], : free.shape[1]]

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
+import scipy
 from skimage.metrics import structural_similarity
 
 from toposeam.checks import check_kind, check_whole
@@ -73,10 +73,10 @@ def seam_likeness(
     first, second, labels = first[box], second[box], seam.labels[box]
     if min(labels.shape) < _WINDOW:
         return float("nan")
-    edge = ndimage.morphological_gradient(labels.astype(np.uint8), footprint=np.ones((2, 2))) > 0
+    edge = scipy.ndimage.morphological_gradient(labels.astype(np.uint8), footprint=np.ones((2, 2))) > 0
     rows, columns = (slice(max(top, 0) - top, None), slice(max(left, 0) - left, None))
     shared = seam.problem.overlap.shared[rows, columns][: labels.shape[0], : labels.shape[1]]
-    looked_at = ndimage.binary_dilation(edge, iterations=reach) & shared
+    looked_at = scipy.ndimage.binary_dilation(edge, iterations=reach) & shared
     if not looked_at.any():
         return float("nan")
     joined = np.where(labels[..., np.newaxis], second, first)

@@ -19,8 +19,11 @@ zero.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from math import prod
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -120,9 +123,9 @@ def check_no_reach(match: MatchCost, what: str) -> MatchCost:
 def match_cost(
     a: Floats32,
     b: Floats32,
-    overlap: Overlap,
-    on_a: Mask,
-    on_b: Mask,
+    overlap: Overlap | None,
+    on_a: Mask | None,
+    on_b: Mask | None,
     options: MatchCost,
     weight: Floats32 | None = None,
     axes: tuple[int, ...] = (1, 0),
@@ -134,8 +137,10 @@ def match_cost(
     ----------
     a, b : (h, w, C) float32 arrays
         The patches on the overlap's window.
-    on_a, on_b : (h, w) bool arrays
-        Where each patch has pixels.
+    overlap : Overlap, optional
+        Not needed where both patches have all pixels.
+    on_a, on_b : (h, w) bool arrays, optional
+        Where each patch has pixels; everywhere by default.
     weight : (h, w) float32 array, optional
         A factor per pixel, positive; an interface takes the mean of its two pixels.
     axes : tuple of int
@@ -152,18 +157,19 @@ def match_cost(
     """
     # One plane after the other is several times as fast as pixel by pixel.
     a, b = (np.ascontiguousarray(np.moveaxis(one, -1, 0)) for one in (a, b))
-    difference = _norm(a - b)
+    difference = _distance(a, b)
     if nearby is not None:
         difference += nearby
-    difference = np.where(overlap.shared, difference, np.float32(0))
-    # Where the overlap is one pixel wide a free pixel lies beside ground that only one patch covers, and only
-    # its own values are known.
-    free = (overlap.side == FREE) & overlap.shared
-    bare = (overlap.side != NONE) & ~overlap.shared
-    return tuple(
-        _along(axis, a, b, difference, overlap.shared, free, bare, on_a, on_b, options, weight)
-        for axis in axes
-    )
+    shared, narrow = None, None
+    if overlap is not None and not overlap.shared.all():
+        shared = overlap.shared
+        difference = np.where(shared, difference, np.float32(0))
+        # Where the overlap is one pixel wide a free pixel lies beside ground that only one patch covers, and
+        # only its own values are known.
+        bare = (overlap.side != NONE) & ~shared
+        if bare.any():
+            narrow = (overlap.side == FREE) & shared, bare
+    return tuple(_along(axis, a, b, difference, shared, narrow, on_a, on_b, options, weight) for axis in axes)
 
 
 def _along(
@@ -171,52 +177,60 @@ def _along(
     a: Floats32,
     b: Floats32,
     difference: Floats32,
-    shared: Mask,
-    free: Mask,
-    bare: Mask,
-    on_a: Mask,
-    on_b: Mask,
+    shared: Mask | None,
+    narrow: tuple[Mask, Mask] | None,
+    on_a: Mask | None,
+    on_b: Mask | None,
     options: MatchCost,
     weight: Floats32 | None,
 ) -> Floats32:
     s, t = _pair(axis)
-    possible = shared[s] & shared[t]
-    narrow_s, narrow_t = free[s] & bare[t], free[t] & bare[s]
-    has_narrow = bool(narrow_s.any() or narrow_t.any())
+    beside = None
+    if narrow is not None:
+        free, bare = narrow
+        beside = free[s] & bare[t], free[t] & bare[s]
+        if not beside[0].any() and not beside[1].any():
+            beside = None
 
-    cost = _both(difference, s, t, narrow_s, narrow_t, has_narrow)
+    cost = _both(difference, s, t, beside)
     if options.gradient:
         known = _steps(on_a, axis)
-        steepness = _gradient(a, *known, axis)
-        steepness += _gradient(b, *(known if on_b is on_a else _steps(on_b, axis)), axis)
+        steepness = _gradient(a, known, axis)
+        steepness += _gradient(b, known if on_b is on_a else _steps(on_b, axis), axis)
         epsilon = np.float32(options.epsilon)
-        divisor = _both(steepness, s, t, narrow_s, narrow_t, has_narrow)
+        divisor = _both(steepness, s, t, beside)
         divisor += epsilon
-        cost += np.float32(options.flat) * epsilon
+        if options.flat:
+            cost += np.float32(options.flat) * epsilon
         cost /= divisor
     cost += np.float32(options.length)
     if weight is not None:
-        cost *= np.float32(0.5) * _both(weight, s, t, narrow_s, narrow_t, has_narrow)
-    if has_narrow:
-        possible |= narrow_s
-        possible |= narrow_t
-    cost[~possible] = 0
+        cost *= np.float32(0.5) * _both(weight, s, t, beside)
+    cost = np.ascontiguousarray(cost[s])
+    if shared is not None:
+        possible = shared[s] & shared[t]
+        if beside is not None:
+            possible |= beside[0]
+            possible |= beside[1]
+        cost[~possible] = 0
     return cost
 
 
 def _both(
-    values: Floats32,
-    s: tuple[slice, ...],
-    t: tuple[slice, ...],
-    narrow_s: Mask,
-    narrow_t: Mask,
-    has_narrow: bool,
+    values: Floats32, s: tuple[slice, ...], t: tuple[slice, ...], beside: tuple[Mask, Mask] | None
 ) -> Floats32:
-    """values(s) + values(t); where only one of the two is known, twice that one."""
-    total = values[s] + values[t]
-    if has_narrow:
-        total[narrow_s] = 2 * values[s][narrow_s]
-        total[narrow_t] = 2 * values[t][narrow_t]
+    """values(s) + values(t), and anything at the end of the axis, in an array as large as that of the values,
+    which is quicker than one that is shorter along its rows; where only one of the two is known, twice that
+    one.
+    """
+    total = np.empty(values.shape, np.float32)
+    step = prod(values.shape[len(s) :])
+    flat, sums = values.ravel(), total.ravel()
+    np.add(flat[:-step], flat[step:], out=sums[:-step])
+    sums[-step:] = flat[-step:]
+    if beside is not None:
+        for known, place in zip(beside, (s, t), strict=True):
+            total[s][known] = 2 * values[place][known]
     return total
 
 
@@ -225,30 +239,32 @@ def _pair(axis: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
     return (*before, slice(None, -1)), (*before, slice(1, None))
 
 
-def _norm(planes: Floats32) -> Floats32:
-    if len(planes) == 1:
-        only: Floats32 = np.abs(planes[0])
-        return only
-    total: Floats32 = np.square(planes[0])
-    for plane in planes[1:]:
-        total += np.square(plane)
+def _distance(a: Floats32, b: Floats32) -> Floats32:
+    """|a - b| over the channels, which come first."""
+    total: Floats32 = a[0] - b[0]
+    if len(a) == 1:
+        return np.abs(total, out=total)
+    np.square(total, out=total)
+    for one, other in zip(a[1:], b[1:], strict=True):
+        step = one - other
+        np.square(step, out=step)
+        total += step
     np.sqrt(total, out=total)
     return total
 
 
-def _steps(present: Mask, axis: int) -> tuple[Floats32 | None, Floats32]:
-    """Where the steps to the next pixel along an axis are known, 1 or 0, None for everywhere; and one over
-    how many are, of the two that each pixel takes part in, 0 for none, along this axis only where it is the
-    same along the others. Neither may be written to.
+def _steps(present: Mask | None, axis: int) -> tuple[Floats32, Floats32] | None:
+    """Where the steps to the next pixel along an axis are known, 1 or 0; and one over how many are, of the
+    two that each pixel takes part in, 0 for none. Neither may be written to. None where all are known.
     """
-    if present.all():
-        return _kept_inside(present.shape, axis)
+    if present is None or present.all():
+        return None
     if present.size > KEPT_PIXELS:
         return _steps_of(present, axis)
     return _kept_steps(present.shape, present.tobytes(), axis)
 
 
-def _steps_of(present: Mask, axis: int) -> tuple[Floats32 | None, Floats32]:
+def _steps_of(present: Mask, axis: int) -> tuple[Floats32, Floats32]:
     s, t = _pair(axis)
     known = (present[s] & present[t]).astype(np.float32)
     count = np.zeros(present.shape, np.float32)
@@ -256,40 +272,54 @@ def _steps_of(present: Mask, axis: int) -> tuple[Floats32 | None, Floats32]:
     count[t] += known
     share = np.float32(1.75) - np.float32(0.75) * count
     share *= count  # 0, 1 and a half for 0, 1 and 2
-    return None if known.all() else known, share
+    return known, share
 
 
 @lru_cache(maxsize=_KEPT_STEPS)
-def _kept_inside(shape: tuple[int, ...], axis: int) -> tuple[None, Floats32]:
-    """The same where all pixels are present."""
-    line = [length if number == axis else 1 for number, length in enumerate(shape)]
-    return None, _steps_of(np.ones(line, bool), axis)[1]
-
-
-@lru_cache(maxsize=_KEPT_STEPS)
-def _kept_steps(shape: tuple[int, ...], present: bytes, axis: int) -> tuple[Floats32 | None, Floats32]:
+def _kept_steps(shape: tuple[int, ...], present: bytes, axis: int) -> tuple[Floats32, Floats32]:
     return _steps_of(np.frombuffer(present, bool).reshape(shape), axis)
 
 
-def _gradient(planes: Floats32, known: Floats32 | None, share: Floats32, axis: int) -> Floats32:
+def _gradient(planes: Floats32, known: tuple[Floats32, Floats32] | None, axis: int) -> Floats32:
     """|∂planes/∂axis| by central differences; one-sided where the neighbour on one side is not present, 0
     where both are not.
     """
-    s, t = _pair(axis + 1)
-    last = (slice(None),) * (axis + 1) + (slice(-1, None),)
-    squares = np.zeros(planes.shape[1:], np.float32)
+    first, last = ((slice(None),) * axis + (slice(at, at + 1 or None),) for at in (0, -1))
+    squares = _squares(planes, None if known is None else known[0], axis + 1)
+    total = next(squares)
+    for square in squares:
+        total += square
+    np.sqrt(total, out=total)
+    if known is not None:
+        total *= known[1]
+        return total
+    ends = total[first].copy(), total[last].copy()
+    total *= np.float32(0.5)
+    total[first], total[last] = ends
+    return total
+
+
+def _squares(planes: Floats32, known: Floats32 | None, axis: int) -> Iterator[Floats32]:
+    """Of each plane the squares of how much it changes over two steps along an axis, over one at its ends."""
+    s, t = _pair(axis)
+    before: tuple[Any, ...] = (slice(None),) * axis
+    along = prod(planes.shape[axis + 1 :])
     # Planes of small images together, which takes fewer calls; those of large ones would not fit the caches.
     together = len(planes) if planes.size <= _CACHED else 1
-    for part in (planes[first : first + together] for first in range(0, len(planes), together)):
-        step = part[t] - part[s]
-        if known is not None:
-            step *= known
+    for part in (planes[begin : begin + together] for begin in range(0, len(planes), together)):
+        if part.shape[axis] == 1:
+            yield from np.zeros(part.shape, np.float32)
+            continue
         total = np.empty(part.shape, np.float32)
-        total[s] = step
-        total[last] = 0
-        total[t] += step
-        for square in np.square(total, out=total):
-            squares += square
-    np.sqrt(squares, out=squares)
-    squares *= share
-    return squares
+        if known is None:  # as one row, which is quicker than row by row
+            flat = part.ravel()
+            step = flat[along:] - flat[:-along]
+            np.add(step[:-along], step[along:], out=total.ravel()[along:-along])
+            for at, here, there in ((0, 1, 0), (-1, -1, -2)):
+                np.subtract(part[*before, here], part[*before, there], out=total[*before, at])
+        else:
+            step = part[t] - part[s]
+            step *= known
+            np.add(step[s], step[t], out=total[*before, 1:-1])
+            total[*before, 0], total[*before, -1] = step[*before, 0], step[*before, -1]
+        yield from np.square(total, out=total)

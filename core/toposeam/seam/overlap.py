@@ -28,7 +28,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
+import scipy
 
 from toposeam.checks import check_choice, check_range
 from toposeam.errors import OverlapError
@@ -44,7 +44,7 @@ KEPT_PIXELS = 1 << 14
 #: How many shapes are remembered.
 KEPT_SHAPES = 16
 #: Pixels that touch along a side.
-TOUCHING = ndimage.generate_binary_structure(2, 1)
+TOUCHING: Mask = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], bool)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -225,8 +225,8 @@ def cores(covered: Mask, piece: npt.NDArray[np.int32], inside: npt.NDArray[np.bo
     >>> [int(cores(disc > 0, disc, np.array([False, True]), share).sum()) for share in (0.5, 1.0)]
     [9, 1]
     """
-    depth = ndimage.distance_transform_edt(np.pad(covered, 1))[(slice(1, -1),) * covered.ndim]
-    deepest = ndimage.maximum(depth, piece, np.arange(len(inside)))
+    depth = scipy.ndimage.distance_transform_edt(np.pad(covered, 1))[(slice(1, -1),) * covered.ndim]
+    deepest = scipy.ndimage.maximum(depth, piece, np.arange(len(inside)))
     found: Mask = inside[piece] & (depth >= np.maximum(share * deepest[piece], 2.0))
     return found
 
@@ -238,7 +238,7 @@ def _sides(shared: Mask, ground_a: Mask, ground_b: Mask, core: float) -> npt.NDA
     touches_a, touches_b = at_its_end(shared, shared | ground_a), at_its_end(shared, shared | ground_b)
     side[shared] = FREE
     side[touches_a & ~touches_b], side[touches_b & ~touches_a] = A, B
-    piece, count = ndimage.label(shared, ndimage.generate_binary_structure(shared.ndim, 1))
+    piece, count = scipy.ndimage.label(shared)
     if count == 0:
         return side
     has_a = np.bincount(piece[touches_a], minlength=count + 1) > 0

@@ -7,6 +7,9 @@ import numpy.typing as npt
 
 Floats32 = npt.NDArray[np.float32]
 
+#: Planes of more pixels are dealt with one after the other: together they would not fit the caches.
+_LARGE = 1 << 14
+
 
 def gaussian(planes: Floats32, levels: int) -> list[Floats32]:
     """The Gaussian pyramid, finest first."""
@@ -18,6 +21,12 @@ def gaussian(planes: Floats32, levels: int) -> list[Floats32]:
 
 def reduce(planes: Floats32) -> Floats32:
     """Every other pixel of the smoothed image. (C, h, w) to (C, h / 2, w / 2), for even h and w."""
+    if len(planes) > 1 and planes[0].size > _LARGE:
+        count, height, width = planes.shape
+        result = np.empty((count, height // 2, width // 2), np.float32)
+        for k in range(count):
+            result[k] = reduce(planes[k : k + 1])[0]
+        return result
     planes = _halved(planes[:, ::2], planes[:, 1::2], 1)
     # Every other pixel of a row is read once only.
     even, odd = (np.ascontiguousarray(planes[..., first::2]) for first in (0, 1))
@@ -42,10 +51,14 @@ def _halved(even: Floats32, odd: Floats32, axis: int) -> Floats32:
 def expand(planes: Floats32) -> Floats32:
     """The image at twice the size, smooth. (C, h, w) to (C, 2 h, 2 w)."""
     channels, height, width = planes.shape
-    wide, result = (np.empty((channels, k * height, 2 * width), np.float32) for k in (1, 2))
-    # Every other pixel of a row is written once only.
-    wide[..., ::2], wide[..., 1::2] = _between(planes, 2)
-    _between(wide, 1, (result[:, ::2], result[:, 1::2]))
+    result = np.empty((channels, 2 * height, 2 * width), np.float32)
+    together = 1 if height * width > _LARGE else channels
+    wide = np.empty((together, height, 2 * width), np.float32)
+    for first in range(0, channels, together):
+        part = slice(first, first + together)
+        # Every other pixel of a row is written once only.
+        wide[..., ::2], wide[..., 1::2] = _between(planes[part], 2)
+        _between(wide, 1, (result[part, ::2], result[part, 1::2]))
     return result
 
 

@@ -14,10 +14,11 @@ Noise averages out in it, and what differs evenly (the exposure), which blending
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from functools import reduce
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
+import scipy
 
 from toposeam.images import Mask
 from toposeam.seam.pyramid import expand, gaussian
@@ -31,7 +32,7 @@ _WEIGHT = 1.0
 #: Cells of which so few pixels are known count as unknown.
 _KNOWN = 1e-3
 #: Rows of about so many pixels are looked at at once.
-_BLOCK_PIXELS = 1 << 17
+_BLOCK_PIXELS = 1 << 16
 
 
 class Reach:
@@ -111,10 +112,23 @@ class Reach:
 
 def _by_cells(planes: Floats32) -> Floats32:
     """(k, w, C) to (C, k', w'): sums over cells."""
-    height, width = planes.shape[:2]
-    down = np.add.reduceat(planes, np.arange(0, height, CELL // STEP), axis=0)
-    sums: Floats32 = np.add.reduceat(down, np.arange(0, width, CELL // STEP), axis=1)
-    return np.moveaxis(sums, 2, 0)
+    count = CELL // STEP
+    sums = np.moveaxis(planes, 2, 0)
+    missing = [-side % count for side in sums.shape[1:]]
+    if any(missing):
+        sums = np.pad(sums, ((0, 0), *((0, more) for more in missing)))
+    sums = reduce(np.add, (sums[:, at::count] for at in range(count)))
+    return reduce(np.add, (sums[:, :, at::count] for at in range(count)))
+
+
+def _largest_beside(values: Floats32) -> Floats32:
+    """The largest value among each pixel and those that touch it, at corners too."""
+    for _ in range(2):  # along one axis, then the other
+        wide = values.copy()
+        np.maximum(wide[1:], values[:-1], out=wide[1:])
+        np.maximum(wide[:-1], values[1:], out=wide[:-1])
+        values = wide.T
+    return values
 
 
 def _bands(sums: Floats32, counts: Floats32, levels: int) -> Floats32:
@@ -126,14 +140,16 @@ def _bands(sums: Floats32, counts: Floats32, levels: int) -> Floats32:
     ]
     coarser = means[-1]
     if not known[-1].all():
-        nearest = ndimage.distance_transform_edt(~known[-1], return_distances=False, return_indices=True)
+        nearest = scipy.ndimage.distance_transform_edt(
+            ~known[-1], return_distances=False, return_indices=True
+        )
         coarser = coarser[:, *nearest]
     result = np.zeros((1, *coarser.shape[1:]), np.float32)
     for level in reversed(range(levels)):
         coarser = expand(coarser)
         band = np.where(known[level], means[level] - coarser, np.float32(0))
         result = expand(result)
-        result += ndimage.maximum_filter(np.sqrt(np.einsum("chw,chw->hw", band, band)), 3, mode="nearest")
+        result += _largest_beside(np.sqrt(np.einsum("chw,chw->hw", band, band)))
         coarser += band
     weighed: Floats32 = result[0] * np.float32(_WEIGHT)
     return weighed

@@ -10,57 +10,36 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Iterable
-from typing import NamedTuple
 
 import numpy as np
 from scipy import ndimage
 
-from toposeam.images import Mask
-from toposeam.texture.atlas import Ints32, values_at
+from toposeam.images import Mask, box_of
+from toposeam.seam.labels import BEST
+from toposeam.texture.atlas import Ints32
+from toposeam.texture.candidates import STEP, Candidates, Fit, Window
+from toposeam.texture.closed_cuts import Patch, closed_cuts
 from toposeam.texture.lay import PatchPlacer
 from toposeam.texture.objects import RING, At, Key, Objects
 from toposeam.texture.positions import Positions
-from toposeam.texture.search import Ints, box_of
+from toposeam.texture.search import Ints
 
 #: An object of which less than this share shows is cut; one of which more than that shows counts as there.
 _WHOLE, _THERE = 0.95, 0.4
 #: Within this share of an exemplar's shorter side, and so many px more as cut ones have their middle
 #: elsewhere, two of the same are near each other.
 _NEAR, _SLACK = 0.5, 4
-#: By how many steps, of so many px each, an object may lie beside the middle of the one that was cut.
-_ASIDE, _STEP = 2, 3
+#: By how many steps an object may lie beside the middle of the one that was cut.
+_ASIDE = 2
 #: Objects are exchanged for others up to so many times as large, or as small.
 _ALIKE = 2.5
-#: So many places are compared, about, where ground replaces what is left of an object.
-_GROUNDS = 400
 #: So many of what fits best are tried.
 _TRIED = 6
 #: So many exchanges are thought through for every object that comes twice near by, and so often is looked
 #: again for what could not be laid, by how many steps aside.
 _THOUGHT, _ROUNDS = 40, (0, 1, 2)
-
-
-class _Window(NamedTuple):
-    """What a canvas shows round a place."""
-
-    top: int
-    left: int
-    known: Ints32
-    inside: Mask
-    #: What has to go, and other objects.
-    goes: Mask
-    busy: Mask
-
-
-class _Fit(NamedTuple):
-    """Something that could be laid there."""
-
-    error: float
-    number: int
-    #: Where it must show.
-    must: Mask
-    #: Place of the window's first pixel on the atlas.
-    place: At
+#: So many exchanges, which do not touch, are cut at the same time.
+_AT_ONCE = 12
 
 
 class Exchange:
@@ -80,10 +59,13 @@ class Exchange:
         self._objects = Objects(guard, placer.atlas, placer.canvas)
         self._largest, self._all = placer.largest_copy(shape), self._objects.all
         near = _NEAR * int(self._atlas.shapes.min(axis=1).max()) + _SLACK
-        self._bare = self._atlas.copied & ~ndimage.binary_dilation(self._objects.marks > 0)
+        self._candidates = Candidates(placer.features, placer.atlas, self._objects)
         self._shown = self._objects.shown()
         self._there = Positions(placer.canvas.shape, placer.canvas.wrap, near)
         self._note(self._shown)
+        #: What has been laid, but not painted yet: windows that do not touch.
+        self._laid: list[Patch] = []
+        self._at_once = _AT_ONCE if placer.options.method in BEST else 1
 
     def run(self) -> int:
         """Make objects whole, and exchange those that come twice near by; how many were replaced."""
@@ -93,7 +75,9 @@ class Exchange:
         for aside in _ROUNDS:
             for key, number in self._chosen(aside).items():
                 done += self._replace(key, [number], aside)
-        return done + sum(map(self._part, self._twice()))
+        done += sum(map(self._part, self._twice()))
+        self._paint()
+        return done
 
     def _share(self, key: Key) -> float:
         """What share of an object shows of what could."""
@@ -105,7 +89,7 @@ class Exchange:
         if not 0 < share < _WHOLE:
             return False
         for beside in (False, True) if share > _THERE else ():
-            others = [k for k in self._like(key[0]) if not self._comes_near(k, key[1:])]
+            others = self._others(key)
             if (
                 self._replace(key, [key[0]], 0, beside)
                 or self._replace(key, others, 0, beside)
@@ -129,7 +113,7 @@ class Exchange:
         """
         if not self._is_twice(key):  # the other one has gone
             return False
-        others = [k for k in self._like(key[0]) if not self._comes_near(k, key[1:])]
+        others = self._others(key)
         return bool(others) and any(self._replace(key, others, aside) for aside in _ROUNDS)
 
     def _like(self, number: int) -> list[int]:
@@ -139,24 +123,32 @@ class Exchange:
             k for k, size in enumerate(sizes) if k != number and 1 / _ALIKE < size / sizes[number] < _ALIKE
         ]
 
+    def _others(self, key: Key) -> list[int]:
+        """Other objects about as large as one that do not show near it."""
+        near = {one[0] for one in self._there.near(key[1:])}
+        return [k for k in self._like(key[0]) if k not in near]
+
     def _replace(self, key: Key, numbers: list[int], aside: int, beside: bool = False) -> bool:
         """Lay the one that fits best of some objects over another, or ground where none is given; whether
         there was room. With `beside` what is cut and touches it goes as well.
         """
         largest = max(self._all[k].reach for k in (key[0], *numbers))
-        around = largest + aside * _STEP + RING + 2
+        around = largest + aside * STEP + RING + 2
         window = self._window(key, around, beside)
         if window is None or not window.goes.any():
             return False
-        fits = self._fits(window, numbers, aside) if numbers else self._grounds(window)
+        found = self._candidates
+        fits = found.fits(window, numbers, aside) if numbers else found.grounds(window)
         return any(self._lay(window, fit) for fit in sorted(fits, key=lambda fit: fit.error)[:_TRIED])
 
-    def _window(self, key: Key, around: int, beside: bool = False) -> _Window | None:
+    def _window(self, key: Key, around: int, beside: bool = False) -> Window | None:
         """So many px round an object's middle; None where they would meet themselves."""
         top, left, side = key[1] - around, key[2] - around, 2 * around + 1
         limits = zip(self._canvas.shape, self._canvas.wrap, strict=True)
         if any(wraps and limit < side for limit, wraps in limits):
             return None
+        if any(self._meets(patch, top, left, side) for patch in self._laid):
+            self._paint()
         known = self._canvas.read(top, left, side, side)
         inside = known >= 0
         marks = self._objects.marks.ravel()[np.maximum(known, 0)] * inside
@@ -166,7 +158,19 @@ class Exchange:
             for other in self._objects.at(y + top, x + left, known[y, x]):
                 if self._share(other) < _WHOLE:
                     goes |= self._seen(other, known, top, left)
-        return _Window(top, left, known, inside, goes, (marks > 0) & ~goes)
+        return Window(top, left, known, inside, goes, (marks > 0) & ~goes)
+
+    def _meets(self, patch: Patch, top: int, left: int, side: int) -> bool:
+        """Whether a patch touches a window."""
+        for start, first, length, limit, wraps in zip(
+            (top, left), patch.at, patch.source.shape, self._canvas.shape, self._canvas.wrap, strict=True
+        ):
+            ahead, back = first - start, start - first
+            if wraps:
+                ahead, back = ahead % limit, back % limit
+            if not (0 <= ahead <= side or 0 <= back <= length):
+                return False
+        return True
 
     def _seen(self, key: Key, known: Ints32, top: int, left: int) -> Mask:
         """Where a window shows an object and its fringe."""
@@ -187,60 +191,14 @@ class Exchange:
         seen &= self._objects.fringed.ravel()[np.maximum(known, 0)] == key[0] + 1
         return seen
 
-    def _fits(self, window: _Window, numbers: list[int], aside: int) -> list[_Fit]:
-        """Where in the middle of a window, or beside it, some objects have room."""
-        found, features = [], self._placer.features.reshape(self._atlas.usable.size, -1)
-        known = values_at(self._placer.features, window.known)
-        busy = ndimage.binary_dilation(window.busy)
-        middle = len(known) // 2
-        steps = [(i * _STEP, j * _STEP) for i in range(-aside, aside + 1) for j in range(-aside, aside + 1)]
-        for number in numbers:
-            one = self._all[number]
-            for down, right in steps if one.whole else ():
-                at = np.array([middle + down, middle + right])
-                y, x = (one.pixels + at).T
-                if busy[y, x].any():
-                    continue
-                must = window.goes.copy()
-                must[y, x] = True
-                y, x = (one.ring + at).T
-                free = window.inside[y, x] & ~must[y, x] & ~busy[y, x]
-                y, x = y[free], x[free]
-                source = (one.ring[free] + one.middle) @ (self._atlas.width, 1)
-                error = np.square(features[source] - known[y, x]).sum() / max(len(y), 1)
-                place = one.middle[0] - down - middle, one.middle[1] - right - middle
-                found.append(_Fit(float(error), number, must & window.inside, place))
-        return found
-
-    def _grounds(self, window: _Window) -> list[_Fit]:
-        """Ground for what has to go in a window."""
-        width, features = self._atlas.width, self._placer.features
-        box = box_of(window.goes)
-        rows, columns = (
-            limit - side.stop + side.start for limit, side in zip(self._bare.shape, box, strict=True)
-        )
-        step = max(1, round((rows * columns / _GROUNDS) ** 0.5))
-        grid = np.mgrid[step // 2 : rows : step, step // 2 : columns : step].reshape(2, -1).T
-        places = grid - (box[0].start, box[1].start)
-        y, x = np.nonzero(window.goes)
-        covers = self._bare.ravel()[(places @ (width, 1))[:, np.newaxis] + y * width + x].all(axis=1)
-        places = places[covers]
-        rim = ndimage.binary_dilation(window.goes, iterations=2) & ~window.goes & ~window.busy & window.inside
-        y, x = np.nonzero(rim)
-        at = (places @ (width, 1))[:, np.newaxis] + y * width + x
-        free = (at >= 0) & (at < self._bare.size)
-        free &= self._bare.ravel()[at * free]
-        off = values_at(features, at * free) - values_at(features, window.known[y, x])
-        error = (np.square(off).sum(axis=2) * free).sum(axis=1) / np.maximum(free.sum(axis=1), 1)
-        few = 2 * free.sum(axis=1) < len(y)  # hardly anything to go by
-        return [
-            _Fit(one, -1, window.goes, (row, column))
-            for one, (row, column) in zip((error + few).tolist(), places.tolist(), strict=True)
-        ]
-
-    def _lay(self, window: _Window, fit: _Fit) -> bool:
+    def _lay(self, window: Window, fit: Fit) -> bool:
         """Lay what fits, if there is room for it and its copy does not grow too large."""
-        placer, atlas, canvas, (_, number, must, place) = self._placer, self._atlas, self._canvas, fit
+        placer, atlas, canvas, (_, number, place) = self._placer, self._atlas, self._canvas, fit
+        must = window.goes.copy()
+        if number >= 0:
+            one = self._all[number]
+            y, x = (one.pixels + one.middle - place).T
+            must[y, x] = window.inside[y, x]
         rows, columns = (start + np.arange(length) for start, length in zip(place, must.shape, strict=True))
         height, width = atlas.usable.shape
         on = ((rows >= 0) & (rows < height))[:, np.newaxis] & (columns >= 0) & (columns < width)
@@ -252,32 +210,58 @@ class Exchange:
             return False
         may = ndimage.binary_dilation(must, iterations=RING) & window.inside & on
         may = (may & ~ndimage.binary_dilation(other | window.busy)) | must
-        box = box_of(may)
-        top, left = window.top + box[0].start, window.left + box[1].start
-        shape = box[0].stop - box[0].start, box[1].stop - box[1].start
-        source = placer.patch((place[0] + box[0].start, place[1] + box[1].start), shape)
-        padded = canvas.read(top - 1, left - 1, shape[0] + 2, shape[1] + 2)
-        before = padded[1:-1, 1:-1].copy()
-        y, x = np.nonzero(before == source)
-        row, column, _ = canvas.window(top, left, *shape)
-        labels = np.unique(canvas.labels[row[y, 0], column[0, x]])
-        joined = {canvas.copy_of(label) for label in labels.tolist()}
-        padded[1:-1, 1:-1][must[box]] = -1
-        shows = placer.cut(padded, source, may[box], closed=True) | must[box]
-        if joined and sum(map(canvas.area_of, joined)) + np.sum(shows & (before != source)) > self._largest:
-            return False
-        y, x = np.nonzero(shows)
-        gone = self._objects.at(y + top, x + left, before[shows])
-        come = self._objects.at(y + top, x + left, source[shows])
+        patch = self._patch(window, place, must, may)
+        if patch.joined and not self._fits_a_copy(patch):
+            self._paint()
+            (shows,) = closed_cuts(placer, [patch])
+            changes = np.count_nonzero(shows & (patch.before[1:-1, 1:-1] != patch.source))
+            if sum(map(canvas.area_of, set(map(canvas.copy_of, patch.joined)))) + changes > self._largest:
+                return False
+        # Objects do not lie in the ring that the seam runs through.
+        y, x = np.nonzero(patch.must)
+        gone, come = (
+            self._objects.at(y + patch.at[0], x + patch.at[1], index[patch.must])
+            for index in (patch.before[1:-1, 1:-1], patch.source)
+        )
         self._shown.subtract(gone)
         self._shown.update(come)
         self._note(gone.keys() | come.keys())
-        canvas.paint(top, left, source, shows)
+        self._laid.append(patch)
+        if len(self._laid) >= self._at_once:
+            self._paint()
         return True
 
-    def _comes_near(self, number: int, at: At) -> bool:
-        """Whether an object shows near a place."""
-        return any(key[0] == number for key in self._there.near(at))
+    def _patch(self, window: Window, place: At, must: Mask, may: Mask) -> Patch:
+        """A patch from a place of the atlas, as large as it has to be."""
+        canvas, box = self._canvas, box_of(may)
+        top, left = window.top + box[0].start, window.left + box[1].start
+        shape = box[0].stop - box[0].start, box[1].stop - box[1].start
+        source = self._placer.patch((place[0] + box[0].start, place[1] + box[1].start), shape)
+        before = canvas.read(top - 1, left - 1, shape[0] + 2, shape[1] + 2)
+        y, x = np.nonzero(before[1:-1, 1:-1] == source)
+        row, column, _ = canvas.window(top, left, *shape)
+        labels = np.unique(canvas.labels[row[y, 0], column[0, x]])
+        joined = frozenset(canvas.copy_of(label) for label in labels.tolist())
+        return Patch(
+            at=(top, left), source=source, before=before, must=must[box], may=may[box], joined=joined
+        )
+
+    def _fits_a_copy(self, patch: Patch) -> bool:
+        """Whether the copy that a patch continues cannot grow too large, wherever it and others that are not
+        painted yet show.
+        """
+        most, copies, others = patch.most(), patch.joined, [one for one in self._laid if one.joined]
+        while meeting := [one for one in others if one.joined & copies]:
+            others = [one for one in others if not one.joined & copies]
+            copies = copies.union(*(one.joined for one in meeting))
+            most += sum(one.most() for one in meeting)
+        return sum(map(self._canvas.area_of, copies)) + most <= self._largest
+
+    def _paint(self) -> None:
+        """Cut and paint what has been laid."""
+        patches, self._laid = self._laid, []
+        for patch, shows in zip(patches, closed_cuts(self._placer, patches) if patches else (), strict=True):
+            self._canvas.paint(*patch.at, patch.source, shows)
 
     def _note(self, keys: Iterable[Key]) -> None:
         """Keep in mind whether these objects are there."""
@@ -323,10 +307,10 @@ class Exchange:
     def _fitting(self, key: Key, aside: int) -> Ints:
         """The objects that have room in the place of one, itself too."""
         others = self._like(key[0])
-        around = max(self._all[k].reach for k in (key[0], *others)) + aside * _STEP + RING + 2
+        around = max(self._all[k].reach for k in (key[0], *others)) + aside * STEP + RING + 2
         window = self._window(key, around)
-        found = set() if window is None else {fit.number for fit in self._fits(window, others, aside)}
-        return np.array([key[0], *sorted(found)], np.intp)
+        found = [] if window is None else self._candidates.rooms(window, others, aside)
+        return np.array([key[0], *sorted(number for number, _ in found)], np.intp)
 
 
 def _keep(slots: list[int], slot: int, there: bool) -> None:

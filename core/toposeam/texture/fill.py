@@ -13,7 +13,7 @@ from scipy import ndimage
 
 from toposeam.checks import Seed, check_choice, check_whole, options_from, seed_of
 from toposeam.errors import ImageError, OptionError
-from toposeam.images import Mask
+from toposeam.images import Mask, box_of
 from toposeam.texture.atlas import Atlas, Floats32
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.finish import finish, settings_of
@@ -25,7 +25,7 @@ from toposeam.texture.levelling import levelled
 from toposeam.texture.offsets import candidate_shifts
 from toposeam.texture.rendering import Lift
 from toposeam.texture.scale import SMALLEST_PATCH
-from toposeam.texture.search import box_of, box_sum
+from toposeam.texture.search import box_sum
 from toposeam.texture.shift_moves import Ground, stage
 from toposeam.texture.shifts import shift_map
 from toposeam.texture.sources import DataRange, Images, Sources

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.images import full_scale
+from toposeam.images import box_of, full_scale
 from toposeam.texture.atlas import Atlas, Ints32
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.rendering import Lift, render, render_seen
-from toposeam.texture.search import box_of
 from toposeam.texture.sources import Sources
 from toposeam.texture.synthesis import Synthesis
 

@@ -65,13 +65,15 @@ def canvas_over(
     sources: Sources, hole: Mask, ground: Mask, wraps: tuple[bool, bool], context: int
 ) -> tuple[Atlas, IndexCanvas]:
     """A canvas that shows the picture itself, but for the hole."""
-    atlas = Atlas.of([ground & ~hole], context, sources.usable)
+    left = ground & ~hole
+    atlas = Atlas.of([left], context, sources.usable)
     canvas = IndexCanvas(
         (hole.shape[0], hole.shape[1]), wraps, atlas.usable.size, None if ground.all() else ground
     )
-    place = atlas.places[0]
-    itself = np.arange(atlas.usable.size, dtype=np.int32).reshape(atlas.usable.shape)[place]
-    canvas.begin(np.where(ground & ~hole, itself, np.int32(-1)))
+    rows, columns = (np.arange(side.start, side.stop, dtype=np.int32) for side in atlas.places[0])
+    itself = rows[:, np.newaxis] * np.int32(atlas.width) + columns
+    np.copyto(itself, np.int32(-1), where=~left)
+    canvas.begin(itself)
     return atlas, canvas
 
 

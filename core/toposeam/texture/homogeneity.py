@@ -7,9 +7,8 @@ import math
 import numpy as np
 from scipy import ndimage
 
-from toposeam.images import Mask
+from toposeam.images import Mask, box_of
 from toposeam.texture.atlas import Floats32
-from toposeam.texture.search import box_of
 
 #: How far from the hole its surroundings reach, in radii of a disc of its area, and at least, px.
 _RADII, _LEAST = 2.0, 64

@@ -10,17 +10,18 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.errors import ImageError, OverlapError
-from toposeam.images import Mask
+from toposeam.images import Mask, box_of
 from toposeam.seam.labels import seam_labels
 from toposeam.texture.atlas import Atlas, Floats32, Ints32, values_at
 from toposeam.texture.beside import Beside
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.keeping_step import Phase
+from toposeam.texture.kinds import Kinds
 from toposeam.texture.landmarks import guarded, landmarks
 from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.nearby import Nearby, average_use
 from toposeam.texture.repeats import Repeats
-from toposeam.texture.search import Ints, PatchSearch, box_of, refined
+from toposeam.texture.search import Ints, PatchSearch, refined
 from toposeam.texture.sites import Guide, Offers, Site
 from toposeam.texture.turning import Turns
 from toposeam.texture.twins import Twins
@@ -76,8 +77,8 @@ class PatchPlacer:
     turns : str
         Which positions of every exemplar the atlas holds.
     lone : bool
-        Whether what catches the eye is kept apart also where it is no object on a ground: where light is
-        even, a dark spot stands out.
+        Whether light is levelled, and what catches the eye is kept apart also where it is no object on a
+        ground: where light is even, a dark spot stands out.
     """
 
     def __init__(
@@ -105,10 +106,13 @@ class PatchPlacer:
         self._limit = np.maximum(1, np.floor(options.most * self._average))
         #: What seams pay for each pixel of the atlas, flat, where there are objects to be kept.
         self.guard: Floats32 | None = None
-        self._nearby, self._repeats = Nearby(atlas, canvas), None
+        self._nearby, self._repeats, self._kinds = Nearby(atlas, canvas), None, None
         if self._uses_up and guide is None and options.variety:
             weight, self.guard = landmarks(features, atlas.usable, atlas.factor)
-            if lone or self.guard is not None:
+            objects = self.guard is not None
+            if not canvas.patches:  # what shows already is continued as it is
+                self._kinds = Kinds(features, atlas, self._average, levelled=lone, objects=objects)
+            if lone or objects:
                 self._repeats = Repeats(atlas, canvas, weight)
         self._twins = None if turns == "none" else Twins(atlas, canvas, turns)
         self.margin, self._copied = atlas.margin, int(atlas.copied.sum())
@@ -207,7 +211,8 @@ class PatchPlacer:
 
     def use(self) -> Use:
         """How often what shows on the canvas as it is."""
-        return Use(self.canvas, self.atlas, self._average, self._limit, self.options.variety)
+        variety = self.options.variety
+        return Use(self.canvas, self.atlas, self._average, self._limit, variety, self._kinds)
 
     def beside(self) -> Beside:
         """Keeps patches that are picked at the same time apart."""

@@ -99,6 +99,13 @@ def _closing(cycles: Floats, finest: float, length: int, within: bool) -> int:
     return int(lengths[(stretch / UNSEEN + np.abs(lengths - length) / reach).argmin()])
 
 
+def looked_at(shape: tuple[int, ...]) -> tuple[slice, ...]:
+    """The rows and columns that tell the order of an exemplar: all of it, or the middle of a large one."""
+    return tuple(
+        slice(max(length - _LOOKED_AT, 0) // 2, (length + min(length, _LOOKED_AT)) // 2) for length in shape
+    )
+
+
 def find_order(features: Floats32, usable: Mask) -> Order | None:
     """The order of a texture, None where there is none.
 
@@ -107,10 +114,7 @@ def find_order(features: Floats32, usable: Mask) -> Order | None:
     features : (H, W, F) float32 array
     usable : (H, W) bool array
     """
-    middle = tuple(
-        slice(max(length - _LOOKED_AT, 0) // 2, (length + min(length, _LOOKED_AT)) // 2)
-        for length in usable.shape
-    )
+    middle = looked_at(usable.shape)
     if not usable[middle].any():
         return None
     near = _near(features[middle], usable[middle])
@@ -292,10 +296,13 @@ def _profile(smooth: Floats, angle: float) -> Floats:
     height, width = (length // 2 for length in smooth.shape)
     reach = int(0.9 * min(height, width))
     normal = np.array([np.sin(angle), np.cos(angle)])
-    along = np.arange(-reach, reach + 1, 2.0)[:, np.newaxis] * [normal[1], -normal[0]]
-    at = np.arange(0, reach, 0.5)[:, np.newaxis, np.newaxis] * normal + along + [height, width]
-    values = ndimage.map_coordinates(smooth, at.reshape(-1, 2).T, order=1, mode="nearest")
-    return np.asarray(values.reshape(-1, len(along)).mean(axis=1))
+    line, away = np.arange(-reach, reach + 1, 2.0), np.arange(0, reach, 0.5)[:, np.newaxis]
+    at = np.empty((2, len(away), len(line)))
+    for axis, (along, middle) in enumerate(zip((normal[1], -normal[0]), (height, width), strict=True)):
+        np.add(away * normal[axis], line * along, out=at[axis])
+        at[axis] += middle
+    values = ndimage.map_coordinates(smooth, at, order=1, mode="nearest")
+    return np.asarray(values.mean(axis=1))
 
 
 def _rhythm(profile: Floats, element: int) -> tuple[float, float]:

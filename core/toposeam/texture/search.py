@@ -313,20 +313,3 @@ def refined(
         rows, columns, least = near_rows[found], near_columns[found], error[found]
         step //= 2
     return rows, columns, least
-
-
-def box_of(mask: Mask, reach: int = 0) -> tuple[slice, slice]:
-    """Rows and columns of a mask that is not empty, and so many px beyond them where there are any.
-
-    Examples
-    --------
-    >>> box_of(np.eye(9)[:5] > 0, 1)
-    (slice(0, 5, None), slice(0, 6, None))
-    """
-    sides = []
-    for axis in (1, 0):
-        line = np.flatnonzero(mask.any(axis=axis))
-        sides.append(
-            slice(max(int(line[0]) - reach, 0), min(int(line[-1]) + 1 + reach, mask.shape[1 - axis]))
-        )
-    return sides[0], sides[1]

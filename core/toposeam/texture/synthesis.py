@@ -79,8 +79,8 @@ class Synthesis:
     @property
     def count(self) -> int:
         """How many patches show; what was there before is none."""
-        shown = np.bincount((self.labels + 1).ravel())  # -1 stands for nothing
-        return int(np.count_nonzero(shown[1 + (self.changed is not None) :]))
+        laid = self.labels[self.labels >= (self.changed is not None)]
+        return int(np.count_nonzero(np.bincount(laid)))
 
     @cached_property
     def source(self) -> Ints32:

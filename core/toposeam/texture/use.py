@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from toposeam.texture.atlas import Atlas, Floats32
 from toposeam.texture.canvas import IndexCanvas
+from toposeam.texture.kinds import Kinds
 from toposeam.texture.search import box_sum
 
 Floats = npt.NDArray[np.float64]
@@ -23,6 +24,8 @@ class Use:
         How often pixels should show, and may at most, by the atlas's row.
     variety : float
         How much dearer a place is that shows as often as it should.
+    kinds : Kinds, optional
+        What kinds of pixels there are, each to show on its share.
     """
 
     def __init__(
@@ -32,16 +35,17 @@ class Use:
         average: npt.NDArray[np.float64],
         limit: npt.NDArray[np.float64],
         variety: float,
+        kinds: Kinds | None = None,
     ) -> None:
         self._usage, self._average = canvas.usage.reshape(atlas.usable.shape), average
-        self._limit, self._variety = limit, variety
+        self._limit, self._variety, self._kinds = limit, variety, kinds
         self._kept: dict[tuple[tuple[int, ...], ...], tuple[Floats, Floats32 | None]] = {}
 
     def of_places(
         self, shape: tuple[int, int], grid: tuple[int, int], size: tuple[int, ...]
     ) -> tuple[Floats, Floats32 | None]:
-        """How much dearer places are for showing often, and what share of their pixels is used up, None where
-        nothing is. Neither may be written to.
+        """How much dearer places are for showing often, themselves or their kind, and what share of their
+        pixels is used up, None where nothing is. Neither may be written to.
 
         Parameters
         ----------
@@ -65,6 +69,8 @@ class Use:
         np.square(dearer, out=dearer)
         dearer *= np.float32(self._variety)
         dearer += np.float32(1)
+        if self._kinds is not None:
+            dearer *= self._kinds.dearer(self._usage, self._variety, shape, grid, size)
         over = self._usage >= self._limit
         if not over.any():
             return dearer, None

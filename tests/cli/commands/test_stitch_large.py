@@ -11,7 +11,7 @@ from three_pictures import AT, FILES, crop
 
 import toposeam as ts
 from stitching import PROFILE, names
-from toposeam.layers import composition, maps, posing, reduction, rounds
+from toposeam.layers import composition, maps, pair_cost, reduction, rounds
 from toposeam_cli import large, placing
 from toposeam_cli.files import scratch
 from toposeam_cli.files.temporary import remove_stale
@@ -30,7 +30,7 @@ def stored(monkeypatch):
         (maps, "TILE", 16),
         (composition, "BLOCK", 64),
         (large, "BLOCK", 32),
-        (posing, "KEPT_PIXELS", 500),
+        (pair_cost, "KEPT_PIXELS", 500),
         (reduction, "KEPT_TOGETHER", 500),
         (rounds, "KEPT_CANVAS", 0),
     ):

@@ -176,6 +176,35 @@ def test_large_tables_go_by_files_and_none_is_left(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_workers_begin_before_results_are_asked_for(tmp_path):
+    with crew(2) as workers:
+        answers = workers.map(touched, [tmp_path / "first", tmp_path / "second"])
+        deadline = time.monotonic() + 60
+        while len(list(tmp_path.iterdir())) < 2:
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+        assert list(answers) == ["first", "second"]
+
+
+def touched(path):
+    path.touch()
+    return path.name
+
+
+def test_what_is_not_needed_any_more_takes_no_space_to_the_end(tmp_path):
+    with scratch(tmp_path) as store:
+        files = [store.new() for _ in range(3)]
+        for file in files:
+            file.write_bytes(b"pixels")
+        store.empty([files[1]])
+        deadline = time.monotonic() + 60
+        while any(files[k].stat().st_size for k in (0, 2)):
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+        assert files[1].read_bytes() == b"pixels"
+    assert not list(tmp_path.iterdir())
+
+
 def full(path, data):
     raise OSError(28, "No space left on device")
 

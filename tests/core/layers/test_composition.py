@@ -6,7 +6,7 @@ from scipy import ndimage
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers import composition, maps, posing, reduction, rounds
+from toposeam.layers import composition, maps, pair_cost, reduction, rounds
 from toposeam.layers.layer import Box
 from toposeam.layers.maps import TileMap, new_map, several, uniform
 
@@ -53,7 +53,7 @@ def sparse(monkeypatch):
     monkeypatch.setattr(maps, "DENSE_PIXELS", 0)
     monkeypatch.setattr(maps, "TILE", 32)
     monkeypatch.setattr(maps, "BLOCK", 128)
-    monkeypatch.setattr(posing, "KEPT_PIXELS", 2000)
+    monkeypatch.setattr(pair_cost, "KEPT_PIXELS", 2000)
     monkeypatch.setattr(rounds, "KEPT_CANVAS", 0)
 
 
@@ -118,7 +118,7 @@ def test_windows_of_layers_read_by_windows_are_the_picture_made_at_once(blend, a
 @pytest.mark.parametrize("count", [2, 4])
 def test_no_layer_is_read_as_a_whole(count, sparse, monkeypatch):
     monkeypatch.setattr(composition, "BLOCK", 64)
-    monkeypatch.setattr(posing, "_BLOCK_PIXELS", 2000)
+    monkeypatch.setattr(pair_cost, "_BLOCK_PIXELS", 2000)
     monkeypatch.setattr(reduction, "_ROWS", 8)
     given = layers(count, windows=True)
     composed = ts.compose(given, blend="multiband", blend_width=8)

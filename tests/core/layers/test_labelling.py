@@ -7,7 +7,7 @@ import pytest
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers import levels, posing, reduction
+from toposeam.layers import levels, pair_cost, reduction
 from toposeam.layers.labelling import Labelling
 from toposeam.layers.layer import Box, extent_of
 from toposeam.layers.posing import exclusive_covers, pose_labelling
@@ -66,7 +66,7 @@ def test_costs_of_a_band_are_those_of_the_whole(monkeypatch):
     layers = [ts.Layer(photograph[:, :80].copy()), ts.Layer(photograph[:, 30:].copy() // 2, at=(30, 4))]
     cost = posed(layers).costs[0, 1]
     whole = cost.on(cost.box)
-    monkeypatch.setattr(posing, "KEPT_PIXELS", 0)
+    monkeypatch.setattr(pair_cost, "KEPT_PIXELS", 0)
     cost = posed(layers).costs[0, 1]
     np.testing.assert_array_equal(cost.on(cost.box)[0], whole[0])
     box = Box(10, 40, 70, 75)

@@ -10,7 +10,7 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.layers import composition, levels, maps, pairing, posing, reduction, rounds, tones, wrapping
+from toposeam.layers import composition, levels, maps, pair_cost, pairing, reduction, rounds, tones, wrapping
 from toposeam.layers.align import correlations
 from toposeam.layers.layer import Box
 from toposeam.layers.maps import TileMap, part_of
@@ -60,7 +60,7 @@ AVOID[60:90, 120:190] = AVOID[150:190, 300:310] = True
 @pytest.fixture
 def large(monkeypatch):
     """Small canvases done as large ones are."""
-    for module in (maps, posing, reduction):
+    for module in (maps, pair_cost, reduction):
         for name in ("DENSE_PIXELS", "KEPT_PIXELS"):
             if hasattr(module, name):
                 monkeypatch.setattr(module, name, 3000)
@@ -120,7 +120,7 @@ def same(layers, executor, **options):
     whole = slice(None), slice(None)
     np.testing.assert_array_equal(here.labels(*whole), there.labels(*whole))
     assert (here.pairs, here.rounds) == (there.pairs, there.rounds)
-    assert here.totals().cost == there.totals().cost
+    assert here.totals().cost == there.totals(executor).cost
     image, alpha = here.window(*whole)
     assert len(np.unique(here.labels(*whole))) >= 6
     for top in range(0, image.shape[0], 128):

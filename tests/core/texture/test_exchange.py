@@ -7,6 +7,7 @@ from scipy import ndimage
 import toposeam as ts
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.canvas import IndexCanvas
+from toposeam.texture.closed_cuts import Patch, closed_cuts
 from toposeam.texture.exchange import Exchange
 from toposeam.texture.lay import PatchPlacer
 from toposeam.texture.objects import Objects
@@ -80,6 +81,45 @@ def test_a_cut_object_is_made_whole_and_what_is_left_of_one_goes():
     np.testing.assert_array_equal(np.delete(made, [0, 9]), np.delete(area, [0, 9]))
     usage = np.bincount(canvas.index.ravel(), minlength=len(canvas.usage))
     np.testing.assert_array_equal(canvas.usage, usage)
+
+
+def test_patches_that_do_not_touch_are_cut_together_as_each_alone():
+    image, _, _ = discs()
+    placer = placer_on(image, np.arange(image.size).reshape(image.shape))
+    canvas, corner, rng = placer.canvas, placer.atlas.corners[0], np.random.default_rng(4)
+    patches = []
+    for number, (height, width) in enumerate([(30, 24), (21, 33), (27, 27), (16, 40)]):
+        top, left = 4 + 62 * (number // 2), 5 + 60 * (number % 2)
+        must = np.zeros((height, width), bool)
+        must[height // 2 - 2 : height // 2 + 2, width // 2 - 3 : width // 2 + 3] = True
+        source = placer.patch(tuple(corner + rng.integers(0, 80, 2)), (height, width))
+        before = canvas.read(top - 1, left - 1, height + 2, width + 2)
+        one = {"source": source, "before": before, "must": must, "may": np.ones(must.shape, bool)}
+        patches.append(Patch(at=(top, left), joined=frozenset(), **one))
+    same = patches[0].before[1:-1, 1:-1]
+    patches.append(
+        Patch(
+            at=patches[0].at,
+            **{
+                **one,
+                "source": same,
+                "must": patches[0].must,
+                "before": patches[0].before,
+                "may": patches[0].may,
+            },
+            joined=frozenset(),
+        )
+    )
+    together = closed_cuts(placer, patches)
+    for patch, shows in zip(patches, together, strict=True):
+        padded = patch.before.copy()
+        padded[1:-1, 1:-1][patch.must] = -1
+        alone = placer.cut(padded, patch.source, patch.may, closed=True) | patch.must
+        np.testing.assert_array_equal(shows, alone)
+        assert shows[patch.must].all()
+        assert not shows.all()
+    np.testing.assert_array_equal(together[-1], patches[0].must)
+    np.testing.assert_array_equal(closed_cuts(placer, patches[:1])[0], together[0])
 
 
 def test_an_object_that_comes_twice_becomes_another_one_if_what_was_chosen_has_no_room(monkeypatch):

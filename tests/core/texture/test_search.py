@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
+from toposeam.images import box_of
 from toposeam.texture.atlas import Atlas
-from toposeam.texture.search import PatchSearch, box_of, box_sum, reduced, whole
+from toposeam.texture.search import PatchSearch, box_sum, reduced, whole
 
 
 def brute_force(features, usable, values, weight, margin, patch):

@@ -1,0 +1,119 @@
+"""What could be laid over an object: others that have room there, or ground."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from scipy import ndimage
+
+from toposeam.images import Mask, box_of
+from toposeam.texture.atlas import Atlas, Floats32, Ints32, values_at
+from toposeam.texture.objects import At, Objects
+from toposeam.texture.search import Ints
+
+#: px between the places beside a middle that are tried.
+STEP = 3
+#: So many places are compared, about, where ground replaces what is left of an object.
+_GROUNDS = 400
+
+
+class Window(NamedTuple):
+    """What a canvas shows round a place."""
+
+    top: int
+    left: int
+    known: Ints32
+    inside: Mask
+    #: What has to go, and other objects.
+    goes: Mask
+    busy: Mask
+
+    def beside_others(self) -> Mask:
+        """Where other objects are, or next to it: flat."""
+        result: Mask = ndimage.binary_dilation(self.busy).ravel()
+        return result
+
+
+class Fit(NamedTuple):
+    """Something that could be laid there."""
+
+    error: float
+    #: Which object; -1 for ground.
+    number: int
+    #: Place of the window's first pixel on the atlas.
+    place: At
+
+
+class Candidates:
+    """Finds what could be laid in a window.
+
+    Parameters
+    ----------
+    features : (AH, AW, F) float32 array
+    atlas : Atlas
+    objects : Objects
+    """
+
+    def __init__(self, features: Floats32, atlas: Atlas, objects: Objects) -> None:
+        self._features, self._atlas, self._objects = features, atlas, objects
+        self._bare = atlas.copied & ~ndimage.binary_dilation(objects.marks > 0)
+
+    def rooms(self, window: Window, numbers: list[int], aside: int) -> Iterator[tuple[int, Ints]]:
+        """Which of some objects have room in the middle of a window, or beside it, and where their middles
+        may lie then: flat indices of the window.
+        """
+        side, busy = len(window.known), window.beside_others()
+        line = side // 2 + STEP * np.arange(-aside, aside + 1)
+        middles = (line[:, np.newaxis] * side + line).ravel()
+        for number in numbers:
+            one = self._objects.all[number]
+            if one.whole:
+                taken = busy.take(middles[:, np.newaxis] + one.pixels @ (side, 1)).any(axis=1)
+                if not taken.all():
+                    yield number, middles[~taken]
+
+    def fits(self, window: Window, numbers: list[int], aside: int) -> list[Fit]:
+        """Where in the middle of a window, or beside it, some objects have room, and how well they fit."""
+        found, features = [], self._features.reshape(self._atlas.usable.size, -1)
+        side, known = len(window.known), values_at(self._features, window.known.ravel())
+        ground = window.inside.ravel() & ~window.goes.ravel() & ~window.beside_others()
+        for number, middles in self.rooms(window, numbers, aside):
+            one = self._objects.all[number]
+            at = middles[:, np.newaxis] + one.ring @ (side, 1)
+            counts = ground.take(at)
+            apart = known.take(at, axis=0)
+            apart -= features.take((one.ring + one.middle) @ (self._atlas.width, 1), axis=0)
+            errors = (np.square(apart, out=apart).sum(axis=2) * counts).sum(axis=1)
+            errors /= np.maximum(counts.sum(axis=1), 1)
+            for error, middle in zip(errors.tolist(), middles.tolist(), strict=True):
+                place = one.middle[0] - middle // side, one.middle[1] - middle % side
+                found.append(Fit(error, number, place))
+        return found
+
+    def grounds(self, window: Window) -> list[Fit]:
+        """Ground for what has to go in a window."""
+        width, features = self._atlas.width, self._features
+        box = box_of(window.goes)
+        rows, columns = (
+            limit - side.stop + side.start for limit, side in zip(self._bare.shape, box, strict=True)
+        )
+        step = max(1, round((rows * columns / _GROUNDS) ** 0.5))
+        grid = np.mgrid[step // 2 : rows : step, step // 2 : columns : step].reshape(2, -1).T
+        places = grid - (box[0].start, box[1].start)
+        y, x = np.nonzero(window.goes)
+        covers = self._bare.ravel()[(places @ (width, 1))[:, np.newaxis] + y * width + x].all(axis=1)
+        places = places[covers]
+        rim = ndimage.binary_dilation(window.goes, iterations=2) & ~window.goes & ~window.busy & window.inside
+        y, x = np.nonzero(rim)
+        at = (places @ (width, 1))[:, np.newaxis] + y * width + x
+        free = (at >= 0) & (at < self._bare.size)
+        free &= self._bare.ravel()[at * free]
+        off = values_at(features, at * free) - values_at(features, window.known[y, x])
+        error = (np.square(off).sum(axis=2) * free).sum(axis=1) / np.maximum(free.sum(axis=1), 1)
+        few = 2 * free.sum(axis=1) < len(y)  # hardly anything to go by
+        return [
+            Fit(one, -1, (row, column))
+            for one, (row, column) in zip((error + few).tolist(), places.tolist(), strict=True)
+        ]

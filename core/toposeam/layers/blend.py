@@ -26,7 +26,7 @@ import scipy
 
 from toposeam.checks import check_choice
 from toposeam.errors import OptionError
-from toposeam.images import Image, Mask, as_planes, full_scale, in_dtype
+from toposeam.images import Image, Mask, as_planes, box_of, full_scale, in_dtype
 from toposeam.layers.gradient import correction
 from toposeam.layers.layer import Box, Layer, cut
 from toposeam.layers.maps import uniform
@@ -219,11 +219,10 @@ class Blender:
         beside = np.zeros(shows.shape, bool)
         for s, t in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
             beside[s] |= (shows[s] != shows[t]) & (shows[s] >= 0) & (shows[t] >= 0)
-        rows, columns = np.flatnonzero(beside.any(axis=1)), np.flatnonzero(beside.any(axis=0))
-        if not len(rows):
+        if not beside.any():
             return None
-        top, left = around.top, around.left
-        seams = Box(int(rows[0]), int(columns[0]), int(rows[-1]) + 2, int(columns[-1]) + 2).moved(top, left)
+        rows, columns = box_of(beside)
+        seams = Box(rows.start, columns.start, rows.stop + 1, columns.stop + 1).moved(*around[:2])
         part = seams.grown(self._reach).shared(tile)
         return part if all(part.shape) else None
 

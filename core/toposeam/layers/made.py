@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from toposeam.images import box_of
 from toposeam.layers.band import costs_at
 from toposeam.layers.composition import Totals
 from toposeam.layers.labelling import Pair, PairCost
@@ -148,10 +149,7 @@ class Made:
         beside = np.zeros(labels.shape, bool)
         beside[:, 1:] |= (first[:, 1:] & second[:, :-1]) | (second[:, 1:] & first[:, :-1])
         beside[1:] |= (first[1:] & second[:-1]) | (second[1:] & first[:-1])
-        rows, columns = np.flatnonzero(beside.any(axis=1)), np.flatnonzero(beside.any(axis=0))
-        if not len(rows):
+        if not beside.any():
             return None
-        top, left = inside.top, inside.left
-        return Box(
-            top + int(rows[0]), left + int(columns[0]), top + int(rows[-1]) + 1, left + int(columns[-1]) + 1
-        ).grown(_MARGIN)
+        rows, columns = box_of(beside)
+        return Box(rows.start, columns.start, rows.stop, columns.stop).moved(*inside[:2]).grown(_MARGIN)

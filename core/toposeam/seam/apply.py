@@ -31,6 +31,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from toposeam.errors import OptionError, PathError
+from toposeam.images import box_of
 from toposeam.seam.overlap import neighbours
 from toposeam.vector.polyline import Floats, Ints, Mask, Polyline
 
@@ -108,18 +109,15 @@ def labels_from_paths(paths: Iterable[Polyline], overlap: Mask, side: Bytes) -> 
         raise OptionError(f"side has the value {side.max()}; use 0 (a), 1 (b), 2 (free) and 3 (nothing)")
     labels: Mask = side == _B
     free = overlap & (side == _FREE)
-    rows, columns = np.flatnonzero(free.any(axis=1)), np.flatnonzero(free.any(axis=0))
-    if not len(rows):
+    if not free.any():
         return labels
     # A window round the free pixels, with two pixels of margin: their neighbours, and nothing.
-    top, bottom = max(int(rows[0]) - 1, 0), int(rows[-1]) + 2
-    left, right = max(int(columns[0]) - 1, 0), int(columns[-1]) + 2
-    box = (slice(top, bottom), slice(left, right))
+    box = box_of(free, 1)
     ground = np.pad(
         np.where((side[box] == _FREE) & ~overlap[box], _NONE, side[box]), 1, constant_values=_NONE
     )
     within = np.pad(overlap[box], 1)
-    outlines = [_outline(path) - np.array([left - 1, top - 1]) for path in paths]
+    outlines = [_outline(path) - np.array([box[1].start - 1, box[0].start - 1]) for path in paths]
     shortage = ""
     for whole_box in (False, True):
         cut = _Cut([_extended(outline, within, whole_box) for outline in outlines], within.shape)

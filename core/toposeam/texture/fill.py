@@ -260,9 +260,7 @@ def _windows(
         empty = (canvas.index < 0) & large
         if not empty.any():
             return
-        rows, columns = np.flatnonzero(empty.any(axis=1)), np.flatnonzero(empty.any(axis=0))
-        top, left = max(rows[0] - height, 0), max(columns[0] - width, 0)
-        part = slice(top, rows[-1] + height + 1), slice(left, columns[-1] + width + 1)
+        part = box_of(empty, max(height, width))
         known = canvas.index[part] >= 0
         edge = empty[part] & ndimage.binary_dilation(known, np.ones((3, 3), bool))
         if not edge.any():
@@ -271,8 +269,8 @@ def _windows(
         share = box_sum(np.pad(known, around), (height, width))
         row, column = divmod(int(np.where(edge, share, -1).argmax()), known.shape[1])
         yield (
-            int(np.clip(top + row - height // 2, 0, canvas.shape[0] - height)),
-            int(np.clip(left + column - width // 2, 0, canvas.shape[1] - width)),
+            int(np.clip(part[0].start + row - height // 2, 0, canvas.shape[0] - height)),
+            int(np.clip(part[1].start + column - width // 2, 0, canvas.shape[1] - width)),
             (height, width),
         )
 

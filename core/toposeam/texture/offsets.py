@@ -19,7 +19,7 @@ import numpy.typing as npt
 import scipy.fft as sf
 from scipy import ndimage
 
-from toposeam.images import Mask
+from toposeam.images import Mask, box_of
 from toposeam.texture.atlas import Atlas, Floats32
 from toposeam.texture.search import PatchSearch, box_sum, reduced, refined
 
@@ -216,12 +216,10 @@ def _fitting(atlas: Atlas, features: Floats32, hole: Mask, missing: Mask) -> Shi
     """The shifts to the places that look most like the ring round the hole, and like windows on its rim."""
     search, place = PatchSearch(atlas, features), atlas.places[0]
     picture, known = features[place], atlas.usable[place]
-    rows, columns = np.flatnonzero(hole.any(axis=1)), np.flatnonzero(hole.any(axis=0))
-    extent = int(rows[-1] - rows[0]) + 1, int(columns[-1] - columns[0]) + 1
+    down, across = box_of(hole)
+    extent = down.stop - down.start, across.stop - across.start
     ring = int(np.clip(max(extent) // 4, 8, 48))
-    windows = [
-        (int(rows[0]) - ring, int(columns[0]) - ring, extent[0] + 2 * ring, extent[1] + 2 * ring, _WHOLE)
-    ]
+    windows = [(down.start - ring, across.start - ring, extent[0] + 2 * ring, extent[1] + 2 * ring, _WHOLE)]
     side = int(np.clip(max(extent) // 2, 16, 64))
     rim = hole & ndimage.binary_dilation(~hole)
     y, x = np.nonzero(rim)

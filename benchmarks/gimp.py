@@ -12,6 +12,7 @@ import sys
 import tempfile
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,8 @@ import pyvips
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "gimp"))
 from pictures import photograph
-from running import Gimp, descendants
+from processes import descendants
+from running import Gimp
 
 import toposeam as ts
 from stamp import stamp
@@ -248,12 +250,9 @@ class Peak:
         while not self._stop.wait(0.05):
             total = 0
             for child in descendants(self._process):
-                try:
-                    line = Path(f"/proc/{child}/cmdline").read_bytes()
-                    ours = b"toposeam_gimp.py" in line or b"toposeam_engine" in line
-                    total += int(Path(f"/proc/{child}/statm").read_text().split()[1]) * page if ours else 0
-                except OSError:
-                    continue
+                if b"toposeam_gimp.py" in child.command or b"toposeam_engine" in child.command:
+                    with suppress(OSError):  # it has just ended
+                        total += int(Path(f"/proc/{child.number}/statm").read_text().split()[1]) * page
             self.most = max(self.most, total)
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from processes import living
+from processes import descendants, living
 
 from toposeam_cli.__main__ import _flushed
 from toposeam_cli.pictures.picture import Picture, write_picture
@@ -140,19 +140,6 @@ WAYS = [
 ]
 
 
-def children(pid):
-    """The processes below one, and what they run."""
-    found = {}
-    for process in living():
-        found.setdefault(process.parent, []).append((process.number, process.command))
-    below, waiting = [], [pid]
-    while waiting:
-        for number, command in found.get(waiting.pop(), ()):
-            below.append((number, command))
-            waiting.append(number)
-    return below
-
-
 def strike(child, number, whom, rng):
     """Kill somebody; whether there was anybody to kill."""
     if child.poll() is not None:
@@ -164,7 +151,7 @@ def strike(child, number, whom, rng):
             os.killpg(child.pid, number)
         else:
             # By what they run: what has been forked and not yet begun may be the resource tracker.
-            workers = [pid for pid, command in children(child.pid) if b"spawn_main" in command]
+            workers = [one.number for one in descendants(child.pid) if b"spawn_main" in one.command]
             os.kill(rng.choice(workers), number)
     except (ProcessLookupError, IndexError):
         return False

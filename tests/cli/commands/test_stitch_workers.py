@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import descendants, living
 
 from stitching import make_six, names
 from toposeam.layers import rounds
@@ -225,22 +226,15 @@ def test_an_interruption_ends_all_processes_and_leaves_nothing(tmp_path, process
     before = names(tmp_path)
     with process(*WORDS, "-o", "out.tif", "-j", 2, "-q", cwd=tmp_path) as child:
         deadline = time.monotonic() + 300
-        while len(workers := children(child.pid)) < 3:  # two workers, and what looks after their resources
+        # Two workers, and what looks after their resources.
+        while len(workers := {one.number for one in descendants(child.pid)}) < 3:
             assert time.monotonic() < deadline
             assert child.poll() is None
             time.sleep(0.05)
         child.send_signal(number)
         assert child.wait(120) == (130 if number == signal.SIGINT else 128 + number)
         deadline = time.monotonic() + 60
-        while any(Path(f"/proc/{worker}/stat").exists() for worker in workers):
+        while workers & {one.number for one in living()}:
             assert time.monotonic() < deadline, "a worker outlives its command"
             time.sleep(0.1)
     assert names(tmp_path) == before
-
-
-def children(pid):
-    """The numbers of a process's children."""
-    found = []
-    for task in Path(f"/proc/{pid}/task").glob("*/children"):
-        found += task.read_text().split()
-    return found

@@ -1,4 +1,4 @@
-"""The processes there are, as Linux tells."""
+"""The processes there are, as Linux tells. It lies here for those who start GIMP without pytest."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -26,4 +26,19 @@ def living():
             continue
         if state not in "ZX":
             found.append(Process(int(task.parent.name), int(parent), int(group), command))
+    return found
+
+
+def descendants(number):
+    """The living among a process's children, their children, and so on; what Linux lists as children leaves
+    some out while others end.
+    """
+    children = {}
+    for process in living():
+        children.setdefault(process.parent, []).append(process)
+    found, waiting = [], [number]
+    while waiting:
+        below = children.get(waiting.pop(), [])
+        found += below
+        waiting += [process.number for process in below]
     return found

@@ -21,7 +21,7 @@ from toposeam_cli.files.writing import PICTURE_SUFFIXES, all_or_nothing, atomic_
 from toposeam_cli.pictures.background import colour_of, on_background
 from toposeam_cli.pictures.deep_zoom import check_deep_zoom, write_deep_zoom
 from toposeam_cli.pictures.openraster import write_ora
-from toposeam_cli.pictures.picture import Picture, write_picture
+from toposeam_cli.pictures.picture import Keep, Picture, write_picture
 from toposeam_cli.placing import PlacedPictures
 
 
@@ -75,13 +75,13 @@ def write(
             write_picture(out.overlay, Picture(pixels=overlay), out.force)
 
 
-def write_composite(out: Outputs, picture: Picture) -> None:
-    """Write the joined picture itself."""
+def write_composite(out: Outputs, picture: Picture, keep: Keep | None = None) -> None:
+    """Write the joined picture itself; what `keep` is, :func:`match_pictures` tells."""
     if out.output.suffix.lower() == ".dzi":
-        write_deep_zoom(out.output, picture, out.force, out.quality)
+        write_deep_zoom(out.output, picture, out.force, out.quality, keep)
         return
     options: dict[str, Any] = {"quality": out.quality, "compression": out.compression, "pyramid": out.pyramid}
-    write_picture(out.output, picture, out.force, **options)
+    write_picture(out.output, picture, out.force, keep=keep, **options)
 
 
 def _labels(stitched: ts.Stitched) -> Any:

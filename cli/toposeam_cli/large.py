@@ -7,6 +7,7 @@ import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
@@ -27,6 +28,7 @@ from toposeam_cli.files.writing import all_or_nothing, atomic_write
 from toposeam_cli.pictures.background import colour_of, on_background
 from toposeam_cli.pictures.picture import Picture, write_picture
 from toposeam_cli.pictures.raw import Stored
+from toposeam_cli.pictures.stored import store
 from toposeam_cli.placing import PlacedPictures
 
 #: How wide windows are that are computed at once, px.
@@ -269,17 +271,18 @@ def write_large(
     written = [picture for picture in (large.picture, large.labels, large.overlay) if picture is not None]
     values: list[Any] = [part for picture in written for part in (picture.pixels, picture.alpha)]
     scratch.empty(part.path for part in values if isinstance(part, Stored))
+    keep = partial(store, scratch=scratch)
     with all_or_nothing():
         for path, document in documents:
             atomic_write(path, document, out.force)
         for target, picture in ((out.labels, large.labels), (out.overlay, large.overlay)):
             if target is not None and picture is not None:
-                write_picture(target, picture, out.force)
+                write_picture(target, picture, out.force, keep=keep)
         if out.seam is not None:
             between = [(seam.pair, seam) for seam in large.seams]
             text = seams_svg(between, composed.names, composed.shape, composed.rounds)
             atomic_write(out.seam, text, out.force)
-        write_composite(out, large.picture)
+        write_composite(out, large.picture, keep)
 
 
 def describe_totals(composed: ts.Composition, executor: Executor | None = None) -> str:

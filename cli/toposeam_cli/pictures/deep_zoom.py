@@ -9,7 +9,7 @@ from pathlib import Path
 from toposeam.errors import OptionError
 from toposeam_cli.files.writing import OutputError, all_or_nothing, check_output, replacing
 from toposeam_cli.pictures.libvips import evaluate, load_vips, reason
-from toposeam_cli.pictures.picture import Picture, vips_image
+from toposeam_cli.pictures.picture import Keep, Picture, in_eight_bits, vips_image
 
 #: Tiles of opaque pictures.
 _QUALITY = 90
@@ -53,9 +53,11 @@ def _foreign(folder: Path) -> str | None:
     return None
 
 
-def write_deep_zoom(path: Path, picture: Picture, force: bool, quality: int | None = None) -> None:
+def write_deep_zoom(
+    path: Path, picture: Picture, force: bool, quality: int | None = None, keep: Keep | None = None
+) -> None:
     """Write a .dzi file and its folder of tiles beside it, completely or not at all: JPEG where the picture
-    is opaque, else PNG.
+    is opaque, else PNG; `keep` as for :func:`~toposeam_cli.pictures.picture.write_picture`.
 
     Raises
     ------
@@ -63,10 +65,7 @@ def write_deep_zoom(path: Path, picture: Picture, force: bool, quality: int | No
     """
     check_deep_zoom(path, force)
     vips = load_vips()
-    image = vips_image(picture)
-    if picture.pixels.dtype != "uint8":
-        image = image.cast("uchar", shift=True) if picture.pixels.dtype == "uint16" else (image * 255).rint()
-        image = image.cast("uchar")
+    image = vips_image(in_eight_bits(picture, keep))
     suffix = ".png" if picture.alpha is not None else f".jpg[Q={quality or _QUALITY}]"
     with (
         all_or_nothing(),

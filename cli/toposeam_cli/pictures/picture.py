@@ -37,6 +37,10 @@ MAX_PIXELS = 500_000_000
 #: A classic TIFF ends at 4 GiB, and what does not compress may grow.
 _BIGTIFF_BYTES = 3_500_000_000
 
+#: A JPEG's codes are fitted to it, which saves a tenth of the file, up to so many pixels: all of its
+#: coefficients have to be in memory for that.
+_CODED_PIXELS = 64_000_000
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Format:
@@ -57,7 +61,7 @@ _JPEG = _Format(
     depths=DEPTHS[:1],
     max_side=65_500,
     has_alpha=False,
-    options={"Q": 95, "subsample_mode": "off", "optimize_coding": True},
+    options={"Q": 95, "subsample_mode": "off"},
 )
 # Lossy WebP always halves the colour's resolution, so seams would show; `exact` keeps the colour of
 # transparent pixels.
@@ -124,6 +128,10 @@ class Picture:
     def covered(self) -> np.ndarray:
         """(H, W) bool, True where the picture has pixels: alpha above 0."""
         return np.ones(self.pixels.shape[:2], bool) if self.alpha is None else self.alpha > 0
+
+
+#: What becomes of a picture that has to be converted: given that, and what converts it, or some rows of it.
+Keep = Callable[[Picture, Callable[[Picture], Picture]], Picture]
 
 
 def read_picture(path: str | Path, max_pixels: int = MAX_PIXELS) -> Picture:
@@ -200,16 +208,15 @@ def write_picture(
     quality: int | None = None,
     compression: str | None = None,
     pyramid: bool = False,
+    keep: Keep | None = None,
 ) -> None:
     """Write a picture in the format its extension names, completely or not at all.
 
-    ==================
-    ==================================================================================================
-    ``.png``            8 or 16 bits; float is clipped to [0, 1] and rounded to 16 bits ``.tif .tiff``      8
-    or 16 bits or float, deflate compression (BigTIFF above 3.5 GB) ``.jpg .jpeg``      rounded to 8 bits,
-    quality 95 without colour subsampling; full alpha is dropped, any other refused ``.webp``
-    rounded to 8 bits, RGB, lossless ==================
-    ==================================================================================================
+    - ``.png``: 8 or 16 bits; float is clipped to [0, 1] and rounded to 16 bits.
+    - ``.tif``, ``.tiff``: 8 or 16 bits or float, deflate compression, BigTIFF above 3.5 GB.
+    - ``.jpg``, ``.jpeg``: rounded to 8 bits, quality 95 without colour subsampling; full alpha is
+      dropped, any other refused.
+    - ``.webp``: rounded to 8 bits, RGB, lossless.
 
     Parameters
     ----------
@@ -225,6 +232,8 @@ def write_picture(
         Of TIFF, one of `COMPRESSIONS`; deflate by default.
     pyramid : bool
         Of TIFF: in tiles, with the picture at half the size, a quarter and so on behind it.
+    keep : callable, optional
+        What becomes of a picture that the format cannot hold as it is; see :func:`match_pictures`.
 
     Raises
     ------
@@ -237,7 +246,7 @@ def write_picture(
     """
     path = check_output(path, force)
     kind = _FORMATS[path.suffix.lower()]
-    picture = _fit(path, picture, kind)
+    picture = _fit(path, picture, kind, keep)
     options = dict(kind.options)
     if kind is _TIFF:
         bands = channels(picture.pixels) + (picture.alpha is not None)
@@ -248,8 +257,9 @@ def write_picture(
         options["compression"] = compression or "deflate"
         # The floating point predictor packs better, but many readers lack it.
         options["predictor"] = "none" if picture.pixels.dtype == np.float32 else "horizontal"
-    if kind is _JPEG and quality is not None:
-        options["Q"] = quality
+    if kind is _JPEG:
+        options["optimize_coding"] = math.prod(picture.pixels.shape[:2]) <= _CODED_PIXELS
+        options["Q"] = quality or options["Q"]
     vips = load_vips()
     image = vips_image(picture)
     with replacing(path, force) as temporary:
@@ -270,7 +280,7 @@ def encode_png(picture: Picture) -> bytes:
 
 def match_pictures(
     pictures: Sequence[Picture],
-    keep: Callable[[Picture, Callable[[Picture], Picture]], Picture] | None = None,
+    keep: Keep | None = None,
 ) -> list[Picture]:
     """Give pictures the same channels, depth and colour profile, so that their pixels can be compared.
 
@@ -285,8 +295,8 @@ def match_pictures(
     pictures : sequence of Picture
         Of any sizes.
     keep : callable, optional
-        What becomes of a picture that has to be converted, before the next one is: given that, and what
-        converts it, or some rows of it.
+        What becomes of a picture that has to be converted, before the next one is; left out, it is converted
+        in memory.
 
     Returns
     -------
@@ -303,22 +313,22 @@ def match_pictures(
     n_channels = max(channels(picture.pixels) for picture in pictures)
     dtype = max((picture.pixels.dtype for picture in pictures), key=DEPTHS.index)
     icc = next(picture.icc for picture in pictures if channels(picture.pixels) == n_channels)
+    return [_as(picture, dtype, icc, n_channels, keep) for picture in pictures]
+
+
+def in_eight_bits(picture: Picture, keep: Keep | None = None) -> Picture:
+    """The picture with uint8 pixels, rounded."""
+    return _as(picture, np.dtype(np.uint8), picture.icc, channels(picture.pixels), keep)
+
+
+def _as(picture: Picture, dtype: np.dtype, icc: bytes | None, n_channels: int, keep: Keep | None) -> Picture:
+    if (picture.pixels.dtype, picture.icc, channels(picture.pixels)) == (dtype, icc, n_channels):
+        return picture
     convert = partial(_convert, dtype=dtype, icc=icc, n_channels=n_channels)
-    matched = []
-    for picture in pictures:
-        if not _is_like(picture, dtype, icc, n_channels):
-            picture = convert(picture) if keep is None else keep(picture, convert)
-        matched.append(picture)
-    return matched
-
-
-def _is_like(picture: Picture, dtype: np.dtype, icc: bytes | None, n_channels: int) -> bool:
-    return (picture.pixels.dtype, picture.icc, channels(picture.pixels)) == (dtype, icc, n_channels)
+    return convert(picture) if keep is None else keep(picture, convert)
 
 
 def _convert(picture: Picture, dtype: np.dtype, icc: bytes | None, n_channels: int) -> Picture:
-    if _is_like(picture, dtype, icc, n_channels):
-        return picture
     try:
         pixels = convert_profile(to_depth(np.asarray(picture.pixels), dtype), picture.icc, icc, n_channels)
     except ImageError as error:
@@ -346,7 +356,7 @@ def _split_alpha(path: Path, values: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return (pixels[:, :, 0] if n_colours == 1 else pixels), alpha
 
 
-def _fit(path: Path, picture: Picture, kind: _Format) -> Picture:
+def _fit(path: Path, picture: Picture, kind: _Format, keep: Keep | None = None) -> Picture:
     """Reduce a picture to what the format can hold, or refuse."""
     height, width = picture.pixels.shape[:2]
     check_size(path, width, height)
@@ -361,8 +371,8 @@ def _fit(path: Path, picture: Picture, kind: _Format) -> Picture:
         picture = replace(picture, alpha=None)
     dtype = dtype if dtype in kind.depths else kind.depths[-1]
     if channels(picture.pixels) == 1 and fits_profile(picture.icc, 1) and not kind.has_gray:
-        return _convert(picture, dtype, None, 3)
-    return _convert(picture, dtype, picture.icc, channels(picture.pixels))
+        return _as(picture, dtype, None, 3, keep)
+    return _as(picture, dtype, picture.icc, channels(picture.pixels), keep)
 
 
 def vips_image(picture: Picture) -> VipsImage:

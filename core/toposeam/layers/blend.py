@@ -1,13 +1,14 @@
 """What happens across the seams of a composite.
 
-==============
-==================================================================================================== ``none``
-nothing: a hard cut ``feather``     along the seam the two layers fade into each other, over `width` px
-``soft``        they fade as the label potential of the heat method does: wide where the layers agree, narrow
-elsewhere ``multiband``   coarse shades fade over `width` px, fine detail over few
-(:mod:`toposeam.layers.multiband`) ``gradient``    the step between the layers is spread
-(:mod:`toposeam.layers.gradient`), all over the picture or over `width` px ==============
-====================================================================================================
+=============  ===========================================================================================
+``none``       nothing: a hard cut
+``feather``    along the seam the two layers fade into each other, over `width` px
+``soft``       they fade as the label potential of the heat method does: wide where the layers agree,
+               narrow elsewhere
+``multiband``  coarse shades fade over `width` px, fine detail over few (:mod:`toposeam.layers.multiband`)
+``gradient``   the step between the layers is spread (:mod:`toposeam.layers.gradient`), all over the picture
+               or over `width` px
+=============  ===========================================================================================
 
 Only pixels near seams change but with ``gradient``. Where one layer has no pixels, the others make up for it.
 Work is done in tiles, so that memory does not grow with the picture but with ``gradient``. Opacity fades with

@@ -15,6 +15,8 @@ from toposeam.layers import composition, maps, pair_cost, reduction, rounds
 from toposeam_cli import large, placing
 from toposeam_cli.files import scratch
 from toposeam_cli.files.temporary import remove_stale
+from toposeam_cli.pictures import picture as picture_files
+from toposeam_cli.pictures import stored as stored_pictures
 from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
 
 
@@ -109,6 +111,37 @@ def test_depths_profiles_and_gray_are_matched(three, toposeam, stored, monkeypat
 
 
 @pytest.mark.medium
+@pytest.mark.parametrize("output", ["out.jpg", "out.webp", "out.dzi"])
+def test_a_format_of_fewer_bits_is_filled_some_rows_at_a_time(three, toposeam, output, request, monkeypatch):
+    for name in FILES:
+        deep = read_picture(name).pixels.astype(np.uint16) * 257 + 100
+        write_picture(name, Picture(pixels=deep[..., 0] if "webp" in output else deep), True)
+    words = ["stitch", *FILES, *AT, "--background", "white", "-o", output]
+    assert toposeam(*words).code == 0
+    before = _written(three, output)
+    request.getfixturevalue("stored")
+    monkeypatch.setattr(stored_pictures, "_ROWS", 16)
+    heights, real = [], picture_files.to_depth
+
+    def recorded(values, dtype):
+        heights.append(len(values))
+        return real(values, dtype)
+
+    monkeypatch.setattr(picture_files, "to_depth", recorded)
+    assert toposeam(*words, "--force").code == 0
+    assert max(heights) == 16
+    np.testing.assert_array_equal(_written(three, output), before)
+
+
+def _written(folder, output):
+    """The pixels of a picture, or of the first of its largest tiles."""
+    if not output.endswith(".dzi"):
+        return read_picture(output).pixels
+    deepest = max((folder / "out_files").iterdir(), key=lambda path: int(path.name))
+    return read_picture(deepest / "0_0.jpg").pixels
+
+
+@pytest.mark.medium
 @pytest.mark.parametrize("in_files", [False, True])
 def test_a_pyramid_has_the_picture_at_every_size(three, toposeam, in_files, request):
     if in_files:
@@ -121,8 +154,7 @@ def test_a_pyramid_has_the_picture_at_every_size(three, toposeam, in_files, requ
     np.testing.assert_array_equal(read_picture("out.tif").pixels, flat)
     image = pyvips.Image.new_from_file("out.tif")
     assert image.get("tile-width") == 256
-    deepest = max((three / "out_files").iterdir(), key=lambda path: int(path.name))
-    tile = pyvips.Image.new_from_file(str(deepest / "0_0.jpg")).numpy()
+    tile = _written(three, "out.dzi")
     assert tile.shape == flat.shape
     assert np.abs(tile.astype(int) - flat).mean() < 6
     assert names(three) == [*FILES, "out.dzi", "out.png", "out.tif", "out_files"]

@@ -85,6 +85,16 @@ def test_jpeg_is_near_lossless_without_colour_subsampling(tmp_path):
         assert image.mode == "L"
 
 
+def test_a_large_jpeg_is_the_same_picture_in_the_codes_of_the_standard(tmp_path, monkeypatch):
+    picture = Picture(pixels=smooth())
+    write_picture(tmp_path / "small.jpg", picture)
+    monkeypatch.setattr(picture_module, "_CODED_PIXELS", smooth()[..., 0].size - 1)
+    write_picture(tmp_path / "large.jpg", picture)
+    small, large = (tmp_path / f"{name}.jpg" for name in ("small", "large"))
+    np.testing.assert_array_equal(read_picture(small).pixels, read_picture(large).pixels)
+    assert small.stat().st_size < large.stat().st_size
+
+
 @pytest.mark.parametrize("dtype", DEPTHS)
 def test_jpeg_drops_full_alpha_and_refuses_any_other(tmp_path, dtype):
     alpha = np.full((11, 17), DEPTHS[dtype], dtype)

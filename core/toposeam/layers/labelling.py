@@ -111,7 +111,9 @@ class Labelling:
         return count
 
     def make_allowed(self, label_map: LabelMap) -> None:
-        """Give pixels whose layer is not allowed there to the first one that is, or to none, in place."""
+        """Give pixels whose layer is not allowed there to one that is and shows beside them, or to the first
+        one that is, or to none, in place.
+        """
         for box in blocks(self.canvas, EDGES):
             layer = uniform(label_map, box)
             if layer is not None and layer >= 0 and box.shared(self.places[layer]) == box:
@@ -124,11 +126,17 @@ class Labelling:
             for index, common, allowed in choices:
                 here = common.within(box)
                 right[here] |= (labels[here] == index) & allowed
-            for index, common, allowed in choices:
-                here = common.within(box)
-                wrong = allowed & ~right[here]
-                labels[here][wrong] = index
-                right[here] |= wrong
+            if right.all():
+                continue
+            around = self.labels_in(label_map, box.grown(1))
+            for nearby in (True, False):
+                for index, common, allowed in choices:
+                    here = common.within(box)
+                    wrong = allowed & ~right[here]
+                    if nearby and wrong.any():
+                        wrong &= neighbours(around == index)[1:-1, 1:-1][here]
+                    labels[here][wrong] = index
+                    right[here] |= wrong
             labels[~right] = -1
             label_map[box.slices] = labels
 

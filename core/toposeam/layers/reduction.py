@@ -23,7 +23,7 @@ from typing import Any, cast
 import numpy as np
 
 from toposeam.images import Mask
-from toposeam.layers.labelling import Labelling, PairCost
+from toposeam.layers.labelling import Labelling, Pair, PairCost
 from toposeam.layers.layer import Box, cut
 from toposeam.layers.maps import EDGES, blocks, ground, made_map, new_map, uniform
 from toposeam.layers.painting import LabelMap
@@ -49,11 +49,16 @@ def reduced(
     `wandering` is w above.
 
     A layer is allowed at a reduced pixel when it is at all of its covered pixels, or, where no layer is, at
-    some.
+    some. So are two that overlap and share its covered pixels between them: where they overlap by next to
+    nothing they would no longer meet otherwise, and no seam of the two would be found.
     """
     canvas = _halved(labelling.canvas)
     places = [_halved(place) for place in labelling.places]
     begun = _begun_costs(list(labelling.costs.values()), executor, wandering)
+    partners: list[list[int]] = [[] for _ in places]
+    for i, j in labelling.costs:
+        partners[i].append(j)
+        partners[j].append(i)
     everywhere, somewhere = [], []
     for index, place in enumerate(places):
         every, some = (new_map(place.shape, False, bool) for _ in range(2))
@@ -62,6 +67,12 @@ def reduced(
         everywhere.append(every)
         somewhere.append(some)
 
+    def cut_through(index: int, box: Box) -> Mask:
+        """Where a layer is allowed at some covered pixels and not at others, in a reduced box."""
+        place = places[index]
+        result: Mask = cut(somewhere[index], place, box) & ~cut(everywhere[index], place, box)
+        return result
+
     def chosen(index: int, box: Box) -> Mask | bool:
         place = places[index]
         if uniform(everywhere[index], box):
@@ -69,7 +80,12 @@ def reduced(
         every, some = everywhere[index][box.slices], somewhere[index][box.slices]
         if (every == some).all():
             return every
-        result: Mask = every | (some & ~ground(places, everywhere, _moved(box, place)))
+        there = _moved(box, place)
+        result: Mask = every | (some & ~ground(places, everywhere, there))
+        for other in partners[index]:
+            both = cut_through(other, there) & some & ~result
+            if both.any():
+                result |= both & _filled(labelling, (index, other), there)
         return result
 
     allowed = [
@@ -90,6 +106,16 @@ def _allowed(labelling: Labelling, index: int, box: Box) -> tuple[Mask | bool, M
     missing = ground(labelling.places, labelling.allowed, fine) & ~allowed
     some = _any(allowed)
     return some & ~_any(missing), some
+
+
+def _filled(labelling: Labelling, pair: Pair, box: Box) -> Mask:
+    """Where one of two layers is allowed at each covered pixel of a reduced one; in a reduced box."""
+    fine = _doubled(box)
+    return ~_any(
+        ground(labelling.places, labelling.allowed, fine)
+        & ~labelling.allowed_in(pair[0], fine)
+        & ~labelling.allowed_in(pair[1], fine)
+    )
 
 
 def enlarged(label_map: LabelMap, finer: Labelling) -> LabelMap:
@@ -254,15 +280,18 @@ def _pixels(cost: PairCost) -> LayerPairCost | None:
 
 
 def _of_three(cost: Floats32, wandering: float) -> Floats32:
-    """(n, 2 m - 1) costs between 2 m columns to (n, m - 1) between pairs of them; 0 is no interface."""
+    """(n, 2 m - 1) costs between 2 m columns to (n, m - 1) between pairs of them; 0 is no interface, and
+    where the border is none, the others stand for it.
+    """
+    gaps = not cost.size or cost.min() <= 0
+    if gaps:
+        cost = np.where(cost > 0, cost, np.float32(np.inf))
     first, border, last = cost[:, 0:-2:2], cost[:, 1:-1:2], cost[:, 2::2]
     least = np.minimum(first, border)
     np.minimum(least, last, out=least)
-    gaps = not cost.size or cost.min() <= 0
-    if gaps:
-        least = np.where(first > 0, np.minimum(first, border), border)
-        least = np.where(last > 0, np.minimum(last, least), least)
+    if gaps:  # beyond the end of an overlap its last interface is taken
+        least[np.isinf(least)] = 0
+        border = np.where(np.isinf(border), least, border)
     least *= np.float32(wandering)
     least += np.float32(1 - wandering) * border
-    # A border without a cost where the insides have one: the end of an overlap.
-    return np.where(border > 0, least, np.float32(0)) if gaps else least
+    return least

@@ -126,8 +126,47 @@ def test_a_reduced_interface_is_a_mean_of_the_least_of_three_and_the_middle_one(
     expected = [[w * 3 + (1 - w) * 3, w * 1 + (1 - w) * 4, 0.0]]
     expected[0][2] = w * 1 + (1 - w) * 2
     np.testing.assert_allclose(reduction._of_three(cost, w), expected, rtol=1e-6)
-    cost[0, 3] = 0  # no interface on the border
+    cost[0, 3] = 0  # the overlap ends inside of the second pair and begins again inside of the third
+    expected[0][1] = w * 1 + (1 - w) * 1
+    np.testing.assert_allclose(reduction._of_three(cost, w), expected, rtol=1e-6)
+    cost[0, 2:5] = 0
     assert reduction._of_three(cost, w)[0, 1] == 0
+
+
+def sliver(left, height=120):
+    """A picture across two others that overlap by two columns of pixels; the first one shows something else
+    than they do, but for its upper rows.
+    """
+    rng = np.random.default_rng(7)
+    whole = np.clip(data.coffee()[40 : 40 + height, 100:340] + rng.normal(0, 2, (height, 240, 3)), 0, 255)
+    across = whole[: height - 16, 48:192].copy()
+    across[height // 4 :] = rng.uniform(0, 255, across[height // 4 :].shape)
+    crops = ((across, (48, 0)), (whole[16:, : left + 2], (0, 16)), (whole[16:, left:], (left, 16)))
+    return [ts.Layer(crop.astype(np.uint8), at=at) for crop, at in crops]
+
+
+@pytest.mark.parametrize("left", range(118, 126))
+def test_two_that_only_just_overlap_still_meet_at_every_size(left):
+    coarse = posed(sliver(left))
+    for factor in (1, 2, 4, 8):
+        first, second = (coarse.allowed_in(k, coarse.canvas) for k in (1, 2))
+        right, _ = coarse.costs[1, 2].on(coarse.canvas)
+        meeting = first[:, :-1] & second[:, 1:] & (right > 0)
+        inside = slice(-(-17 // factor), 103 // factor)  # rows of the first picture
+        assert meeting[inside].any(axis=1).all()
+        assert not (first[:, :-1] & second[:, 1:] & (right == 0))[inside].any()
+        coarse = reduction.reduced(coarse)
+
+
+@pytest.mark.medium
+@pytest.mark.parametrize("left", [118, 124])
+def test_a_seam_along_a_sliver_is_found_as_at_full_size(left, monkeypatch):
+    quick = ts.stitch(sliver(left))
+    monkeypatch.setattr(levels, "WHOLE_PIXELS", 10**9)
+    whole = ts.stitch(sliver(left))
+    beside = whole.masks[1][:, : 240 - 1] & whole.masks[2][:, 1:]
+    assert beside.sum() > 60  # it runs along the sliver
+    assert quick.cost <= 1.01 * whole.cost
 
 
 @pytest.mark.medium

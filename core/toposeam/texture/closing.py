@@ -53,10 +53,9 @@ def order_axis(features: Floats32, usable: Mask) -> int | None:
     slow = np.stack(
         [ndimage.gaussian_filter(features[..., c], 24.0) for c in range(features.shape[2])], axis=2
     )
-    correlation = autocorrelation(features - slow, usable)
+    near = autocorrelation(features - slow, usable)
     height, width = (length // 2 for length in usable.shape)
-    near = np.roll(correlation, (height, width), (0, 1))[: 2 * height, : 2 * width]
-    distance = np.hypot(*np.ogrid[-height:height, -width:width])
+    distance = np.hypot(*np.ogrid[-height : height + 1, -width : width + 1])
     # Beyond the first ring without correlation, whatever correlates is another element.
     ring = np.array([near[(distance >= r) & (distance < r + 1)].mean() for r in range(min(height, width))])
     ends = np.flatnonzero(ring < 0.05)

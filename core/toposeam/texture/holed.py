@@ -24,8 +24,10 @@ def read_holed(
     maps: Sequence[Images],
     weights: Sequence[float] | None,
     data_range: DataRange,
+    *,
+    empty: bool = False,
 ) -> tuple[Sources, Mask, Mask]:
-    """The picture as a source, what has to go, and the pixels there are."""
+    """The picture as a source, what has to go, and the pixels there are; `empty` where nothing has to go."""
     array = as_array(image)
     shape = (array.shape[0], array.shape[1])
     gone = as_mask(hole, shape, "mask")
@@ -38,7 +40,7 @@ def read_holed(
         copied = copied & as_mask(source, shape, "source")
     if avoid is not None:
         copied = copied & ~as_mask(avoid, shape, "avoid")
-    if not gone.any():
+    if not gone.any() and not empty:
         raise ImageError(
             "the mask is empty, or the picture transparent there, so there is nothing to replace; paint what "
             "has to go white"

@@ -142,17 +142,11 @@ def find_order(features: Floats32, usable: Mask) -> Order | None:
 
 
 def _near(features: Floats32, usable: Mask) -> Floats:
-    """The autocorrelation without slow light, shifts up to half the exemplar, 0 in the middle. Pixels near
-    the border count less: elements cut by it would move the maxima.
-    """
+    """The autocorrelation without slow light, shifts up to half the exemplar, 0 in the middle."""
     slow = features
     for axis in (0, 1) * 3:
         slow = ndimage.uniform_filter1d(slow, _SLOW, axis)
-    height, width = (length // 2 for length in usable.shape)
-    taper = np.outer(*[np.sin(np.pi * (np.arange(n) + 0.5) / n) for n in usable.shape])
-    weight = (usable * taper).astype(np.float32)
-    found = np.roll(autocorrelation(features - slow, weight), (height, width), (0, 1))
-    return found[: 2 * height + 1, : 2 * width + 1].astype(np.float64)
+    return autocorrelation(features - slow, usable, tapered=True).astype(np.float64)
 
 
 def _lattice(smooth: Floats, element: int) -> Floats | None:
@@ -160,14 +154,13 @@ def _lattice(smooth: Floats, element: int) -> Floats | None:
     peaks = _peaks(smooth, element)
     loose = ndimage.maximum_filter(smooth, 5)
     room = smooth.size / 16
-    first = []
+    found: dict[tuple[float, ...], Floats] = {}  # most pairs of peaks span the same few lattices
     for i, one in enumerate(peaks):
         for other in peaks[:i]:
             vectors = _reduced(np.stack([one, other]))
-            if vectors is not None and np.linalg.norm(vectors[0]) >= 0.7 * element:
-                area = abs(np.linalg.det(vectors))
-                if area <= room:
-                    first.append((_on(loose, vectors), area, vectors))
+            if vectors is not None and np.linalg.norm(vectors[0]) >= 0.7 * element and _area(vectors) <= room:
+                found.setdefault(tuple(vectors.ravel().tolist()), vectors)
+    first = [(_on(loose, vectors), _area(vectors), vectors) for vectors in found.values()]
     if not first:
         return None
     most = max(score for score, _, _ in first)
@@ -176,7 +169,7 @@ def _lattice(smooth: Floats, element: int) -> Floats | None:
     for _, _, vectors in tried:
         better = _reduced(_refined(smooth, vectors))
         if better is not None:
-            fitted.append((_on(smooth, better), abs(np.linalg.det(better)), better))
+            fitted.append((_on(smooth, better), _area(better), better))
     if not fitted:
         return None
     most = max(score for score, _, _ in fitted)
@@ -199,7 +192,9 @@ def _peaks(smooth: Floats, element: int) -> Floats:
 
 
 def _reduced(vectors: Floats) -> Floats | None:
-    """The shortest vectors of the same lattice (Lagrange's reduction); None where they span none."""
+    """The shortest vectors of the same lattice (Lagrange's reduction), in one half-plane; None where they
+    span none.
+    """
     short, long = vectors
     for _ in range(30):
         if short @ short > long @ long:
@@ -208,19 +203,29 @@ def _reduced(vectors: Floats) -> Floats | None:
             return None
         times = np.rint(short @ long / (short @ short))
         if times == 0:
-            found = np.stack([short, long])
-            return found if abs(np.linalg.det(found)) > 30 else None
+            found = np.stack([one if tuple(one) > (0, 0) else -one for one in (short, long)])
+            return found if _area(found) > 30 else None
         long = long - times * short
     return None
 
 
+def _area(vectors: Floats) -> float:
+    """The area of a lattice's cell."""
+    (a, b), (c, d) = vectors
+    return abs(float(a * d - b * c))
+
+
 def _points(vectors: Floats, room: tuple[float, float]) -> tuple[Floats, Floats]:
     """Whole coordinates and shifts of the lattice's points in one half of a box, but 0."""
-    most = int(np.ceil(1.5 * max(room) / max(float(np.linalg.norm(vectors, axis=1).min()), 3.0))) + 1
-    line = np.arange(-most, most + 1)
-    y, x = (line[:, np.newaxis] * vectors[0, axis] + line * vectors[1, axis] for axis in (0, 1))
+    (a, b), (c, d) = vectors
+    area = max(_area(vectors), 1.0)
+    lines = []
+    for one, other in ((d, c), (b, a)):
+        most = int((abs(one) * room[0] + abs(other) * room[1]) / area) + 1
+        lines.append(np.arange(-most, most + 1))
+    y, x = (lines[0][:, np.newaxis] * vectors[0, axis] + lines[1] * vectors[1, axis] for axis in (0, 1))
     kept = (y <= room[0]) & (np.abs(x) <= room[1]) & ((y > 0) | ((y == 0) & (x > 0)))
-    whole = np.argwhere(kept).astype(float) - most
+    whole = np.argwhere(kept).astype(float) + np.array([lines[0][0], lines[1][0]])
     return whole, np.stack([y[kept], x[kept]], axis=1)
 
 
@@ -238,17 +243,21 @@ def _on(smooth: Floats, vectors: Floats, beside: Floats | float = 0.0, beyond: f
 def _refined(smooth: Floats, vectors: Floats) -> Floats:
     """Least squares over the maxima nearest to the lattice's points, from near ones outwards."""
     height, width = (length // 2 for length in smooth.shape)
-    steps = np.stack(np.meshgrid(*[np.arange(-2, 3)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+    values_of, wide = smooth.ravel(), smooth.shape[1]
     for share in (0.35, 0.6, 0.8, 0.8):
         whole, shifts = _points(vectors, (share * height, share * width))
         if len(whole) > _POINTS:
             some = np.sort(np.random.default_rng(0).choice(len(whole), _POINTS, replace=False))
             whole, shifts = whole[some], shifts[some]
-        around = np.rint(shifts).astype(int)[:, np.newaxis] + steps + [height, width]
-        np.clip(around, 1, np.subtract(smooth.shape, 2), out=around)
-        values = smooth[around[..., 0], around[..., 1]]
+        middles = np.rint(shifts).astype(int) + np.array([height, width])
+        y, x = (
+            np.clip(middle[:, np.newaxis] + np.arange(-2, 3), 1, length - 2)
+            for middle, length in zip(middles.T, smooth.shape, strict=True)
+        )
+        around = (y[:, :, np.newaxis] * wide + x[:, np.newaxis]).reshape(len(y), 25)
+        values = values_of.take(around)
         best = values.argmax(axis=1)
-        top = around[np.arange(len(best)), best]
+        top = np.stack(np.divmod(around[np.arange(len(best)), best], wide), axis=1)
         value = values.max(axis=1, initial=0)
         clear = value > 0.3 * value.max(initial=1e-9)
         if np.count_nonzero(clear) < 3:
@@ -271,7 +280,7 @@ def _lines(smooth: Floats, element: int) -> Order | None:
     """
     best, angle, period = 0.0, 0.0, 0.0
     for turns in (_directions(smooth), *map(np.deg2rad, _TURNS)):
-        for turn in turns + angle:
+        for turn in np.unique(turns + angle):  # harmonics have one direction
             score, length = _rhythm(_profile(smooth, turn), element)
             if score > best:
                 best, angle, period = score, float(turn), length
@@ -292,11 +301,11 @@ def _directions(smooth: Floats) -> Floats:
 
 
 def _profile(smooth: Floats, angle: float) -> Floats:
-    """Mean autocorrelation along lines, by their distance from 0 in half px; the angle is the normal's."""
+    """Mean autocorrelation along lines, by their distance from 0 in px; the angle is the normal's."""
     height, width = (length // 2 for length in smooth.shape)
     reach = int(0.9 * min(height, width))
     normal = np.array([np.sin(angle), np.cos(angle)])
-    line, away = np.arange(-reach, reach + 1, 2.0), np.arange(0, reach, 0.5)[:, np.newaxis]
+    line, away = np.arange(-reach, reach + 1, 2.0), np.arange(0, reach)[:, np.newaxis]
     at = np.empty((2, len(away), len(line)))
     for axis, (along, middle) in enumerate(zip((normal[1], -normal[0]), (height, width), strict=True)):
         np.add(away * normal[axis], line * along, out=at[axis])
@@ -309,10 +318,10 @@ def _rhythm(profile: Floats, element: int) -> tuple[float, float]:
     """How much higher a profile is at multiples of a period than half-way between them, for the period (px)
     at which that is most; the shortest of those that do about as well.
     """
-    periods = np.arange(max(0.7 * element, 4.0), 0.25 * len(profile), 0.25)
+    periods = np.arange(max(0.7 * element, 4.0), 0.5 * len(profile), 0.25)
     if not len(periods):
         return 0.0, 1.0
-    distance = np.arange(len(profile)) / 2
+    distance = np.arange(len(profile))
     counts = (distance[-1] / periods).astype(int)
     starts = np.cumsum(counts) - counts
     multiples = (np.arange(counts.sum()) - starts.repeat(counts) + 1) * periods.repeat(counts)

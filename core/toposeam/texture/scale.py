@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 import scipy.fft as sf
 
 from toposeam.images import Mask
@@ -77,10 +76,13 @@ def element_size(features: Floats32, usable: Mask) -> float:
     features : (H, W, F) float32 array
     usable : (H, W) bool array
     """
-    height, width = usable.shape
+    height, width = (length // 2 for length in usable.shape)
     mean = autocorrelation(features, usable)
     spans = []
-    for line, length in ((mean[: height // 2, 0], height), (mean[0, : width // 2], width)):
+    for line, length in (
+        (mean[height:-1, width], usable.shape[0]),
+        (mean[height, width:-1], usable.shape[1]),
+    ):
         below = np.flatnonzero(line <= _DECAY)
         spans.append(2.0 * (below[0] if len(below) else length / 2))
     return float(np.mean(spans))
@@ -113,28 +115,42 @@ def _fitting(patch: int, usable: Sequence[Mask]) -> int:
     return least
 
 
-def autocorrelation(features: Floats32, usable: Mask | Floats32) -> npt.NDArray[np.float32]:
-    """How alike pixels are at every distance, 1 at distance 0 and about 0 far away: (H', W'), negative
-    distances at the far ends.
+def autocorrelation(features: Floats32, usable: Mask, *, tapered: bool = False) -> Floats32:
+    """How alike pixels are at every distance up to half the exemplar, 1 at distance 0, in the middle, and
+    about 0 far away: (2 * (H // 2) + 1, 2 * (W // 2) + 1).
 
     Parameters
     ----------
     features : (H, W, F) float32 array
-    usable : (H, W) bool or float array
-        Which pixels count, or how much.
+    usable : (H, W) bool array
+        Which pixels count.
+    tapered : bool
+        Whether pixels near the border count less: elements cut by it would move the maxima.
     """
-    size = [sf.next_fast_len(2 * length, real=True) for length in usable.shape]
-    present = usable.astype(np.float32)
-    pairs = _products(present, size)
-    total = np.zeros(pairs.shape, np.float32)
-    for channel in range(features.shape[2]):
-        plane = features[..., channel]
-        total += _products((plane - plane[usable > 0].mean()) * present, size)
+    lines = [np.sin(np.pi * (np.arange(n) + 0.5) / n) if tapered else np.ones(n) for n in usable.shape]
+    weight = (np.outer(*lines) * usable).astype(np.float32)
+    planes = [(features[..., c] - features[..., c][usable].mean()) * weight for c in range(features.shape[2])]
+    total = _products(planes)
+    pairs = (
+        np.outer(*[_products([line[np.newaxis].astype(np.float32)])[0] for line in lines])
+        if usable.all()
+        else _products([weight])
+    )
     total /= np.maximum(pairs, 1)
-    total /= max(float(total[0, 0]), 1e-12)
+    total /= max(float(total[total.shape[0] // 2, total.shape[1] // 2]), 1e-12)
     return total
 
 
-def _products(plane: Floats32, size: list[int]) -> npt.NDArray[np.float32]:
-    result: npt.NDArray[np.float32] = sf.irfft2(np.square(np.abs(sf.rfft2(plane, size))), size)
-    return result
+def _products(planes: Sequence[Floats32]) -> Floats32:
+    """Sums of products at every distance up to half of each side, for all planes together."""
+    (height, width), half = planes[0].shape, [length // 2 for length in planes[0].shape]
+    size = sf.next_fast_len(height + half[0]), sf.next_fast_len(width + half[1], real=True)
+    power = np.zeros((size[0], size[1] // 2 + 1), np.float32)
+    for plane in planes:
+        # Rows of zeros need no transform along them, and of those far away none is needed.
+        spectrum = sf.fft(sf.rfft(plane, size[1], axis=1), size[0], axis=0, overwrite_x=True)
+        power += np.square(spectrum.real)
+        power += np.square(spectrum.imag)
+    rows = sf.ifft(power, axis=0).take(np.arange(-half[0], half[0] + 1), axis=0, mode="wrap")
+    result: Floats32 = sf.irfft(rows, size[1], axis=1)
+    return result.take(np.arange(-half[1], half[1] + 1), axis=1, mode="wrap")

@@ -181,15 +181,17 @@ def read_sources(
         ]
         # What cannot be seen is not compared.
         seen = opacity[exemplar] if transparent else None
-        share = np.float32(1) if seen is None else (seen / full_scale(seen.dtype)).astype(np.float32)
-        channels = [
-            (np.float32(1) if label == "alpha" else np.atleast_3d(share))
-            * as_float(np.where(present[exemplar][..., np.newaxis], plane[exemplar], 0), label, one)
-            * np.float32(np.sqrt(factor))
-            for label, plane, factor, one in zip(labels, planes, factors, white, strict=True)
-            if factor > 0
-        ]
-        features.append(np.concatenate(channels, axis=2))
+        share = None if seen is None else np.atleast_3d((seen / full_scale(seen.dtype)).astype(np.float32))
+        channels = []
+        for label, plane, factor, one in zip(labels, planes, factors, white, strict=True):
+            if factor > 0:
+                values = as_float(_where(present[exemplar], plane[exemplar]), label, one)
+                if share is not None and label != "alpha":
+                    values *= share
+                if factor != 1:
+                    values *= np.float32(np.sqrt(factor))
+                channels.append(values)
+        features.append(channels[0] if len(channels) == 1 else np.concatenate(channels, axis=2))
     return Sources(
         planes=tuple(planes),
         gray=tuple(gray),
@@ -228,6 +230,11 @@ def _picture(image: npt.ArrayLike, name: str) -> Image:
             f"{name} has {array.shape[2]} channels; pass gray or RGB, and opacity apart as alpha"
         )
     return array
+
+
+def _where(present: Mask, values: Image) -> Image:
+    """An exemplar's values, 0 where it has no pixels."""
+    return values if present.all() else np.where(present[..., np.newaxis], values, values.dtype.type(0))
 
 
 def _alike(images: Sequence[Image], names: Sequence[str]) -> tuple[npt.NDArray[Any], ...]:

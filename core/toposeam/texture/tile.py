@@ -8,16 +8,19 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import Seed, check_whole, options_from, seed_of
+from toposeam.checks import Seed, check_items, check_whole, options_from, seed_of
 from toposeam.errors import ImageError, OptionError
-from toposeam.images import as_array
+from toposeam.images import Image, Mask, as_array, full_scale
 from toposeam.texture.finish import finish, settings_of
-from toposeam.texture.holed import placer_over, read_holed
+from toposeam.texture.holed import canvas_over, placer_over, read_holed
 from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.raster import SMALLEST_TILE
-from toposeam.texture.sources import DataRange, Images
+from toposeam.texture.sources import DataRange, Images, as_list, white_of
 from toposeam.texture.synthesis import Synthesis
 from toposeam.texture.tileable import Tileable, wraps_of
+
+#: A step of less than this share of white is not seen: one of 8 bits' levels.
+_UNSEEN = 0.004
 
 
 def make_tileable(
@@ -38,7 +41,8 @@ def make_tileable(
     """Make an existing picture repeat without a visible border.
 
     On the torus that the repeated picture is, patches of its own are laid over the lines where its borders
-    meet and cut along heat seams; only a band along the borders changes.
+    meet and cut along heat seams; only a band along the borders changes, and nothing where the picture goes
+    on across them as it is.
 
     Parameters
     ----------
@@ -77,6 +81,7 @@ def make_tileable(
         raise OptionError(f"tileable is {tileable!r}, so nothing is to match; choose both, x or y")
     chosen = options_from(LayOptions, options, given, "make_tileable")
     seed, smooth = seed_of(seed), check_whole("smooth", smooth, 0, 8)
+    maps = check_items("maps", maps, object, "a sequence of images, one a map")
     height, width = as_array(image).shape[:2]
     if min(height, width) < 2 * SMALLEST_TILE:
         raise ImageError(
@@ -90,28 +95,39 @@ def make_tileable(
         raise OptionError(
             f"band is {band!r}; for {width} × {height} px give a whole number from 4 to {reach // 4} px"
         ) from error
-    hole = np.zeros((height, width), bool)
-    near = np.zeros((height, width), bool)
+    border, near = np.zeros((height, width), bool), np.zeros((height, width), bool)
     for axis in (0, 1):
         if wraps[axis]:
-            border = (slice(None),) * axis
-            for side in (slice(0, 1), slice(-1, None)):
-                hole[(*border, side)] = True
-            for side in (slice(0, band), slice(-band, None)):
-                near[(*border, side)] = True
-    if alpha is not None and np.shape(alpha) == hole.shape and not (hole & (np.asarray(alpha) > 0)).any():
+            for mask, reach in ((border, 1), (near, band)):
+                lines = mask if axis == 0 else mask.T
+                lines[:reach] = lines[-reach:] = True
+    if alpha is not None and np.shape(alpha) == border.shape and not (border & (np.asarray(alpha) > 0)).any():
         if not np.any(np.asarray(alpha) > 0):
             raise ImageError("image is transparent everywhere; give one that shows something")
         raise ImageError(
             "the image is transparent all along its borders, so it repeats as it is; crop it to what it "
             "shows first"
         )
-    sources, hole, ground = read_holed(image, hole, alpha, (None, None), maps, weights, data_range)
-    placer = placer_over(sources, hole, ground, wraps, chosen, seed)
+    planes = [as_array(image), *(as_array(as_list(one, 1, "map")[0], "map") for one in maps)]
+    white = [
+        one or full_scale(plane.dtype)
+        for one, plane in zip(white_of(data_range, len(planes)), planes, strict=True)
+    ]
+    if alpha is not None:
+        planes, white = [*planes, as_array(alpha, "alpha")], [*white, full_scale(planes[0].dtype)]
+    steps = [_steps(planes, white, axis) for axis in (0, 1)]
+    windows, hole = _along_borders((height, width), wraps, band, steps)
+    sources, hole, ground = read_holed(
+        image, hole, alpha, (None, None), maps, weights, data_range, empty=not windows
+    )
     near &= ground
-    windows = _along_borders((height, width), wraps, band)
+    if windows:
+        placer = placer_over(sources, hole, ground, wraps, chosen, seed)
+        atlas, canvas = placer.atlas, placer.canvas
+    else:
+        atlas, canvas = canvas_over(sources, hole, ground, wraps, chosen.context)
     for done, (top, left, shape) in enumerate(windows, start=1):
-        rows, columns, _ = placer.canvas.window(top, left, *shape)
+        rows, columns, _ = canvas.window(top, left, *shape)
         placer.lay(top, left, shape, near[rows, columns])
         if progress is not None:
             progress(done / len(windows))
@@ -120,32 +136,48 @@ def make_tileable(
         "seed": seed,
         "tileable": tileable,
         "smooth": smooth,
-        **settings_of(placer.options),
+        **settings_of(chosen),
     }
     across: list[tuple[int, int, tuple[int, int]]] = []
-    if wraps[0]:
+    if any(top == -band for top, _, _ in windows):
         across.append((-band, 0, (2 * band, width)))
-    if wraps[1]:
+    if any(left == -band for _, left, _ in windows):
         across.append((0, -band, (height, 2 * band)))
-    patch = 2 * band, 2 * band
-    return finish(sources, placer.atlas, placer.canvas, patch, settings, smooth, near, windows=across)
+    return finish(sources, atlas, canvas, (2 * band, 2 * band), settings, smooth, near, windows=across)
+
+
+def _steps(planes: Sequence[Image], white: Sequence[float], axis: int) -> Mask:
+    """Where along the border of an axis the first pixels do not continue the last ones: (n,) bool."""
+    steps: Mask = np.zeros(planes[0].shape[1 - axis], bool)
+    for plane, one in zip(planes, white, strict=True):
+        if plane.shape[:2] == planes[0].shape[:2]:  # others are refused when they are read
+            first, last = (plane.take(end, axis=axis).astype(np.float64) for end in (0, -1))
+            shows = ~(np.abs(first - last) <= _UNSEEN * one)
+            steps |= shows.reshape(len(steps), -1).any(axis=1)
+    return steps
 
 
 def _along_borders(
-    size: tuple[int, int], wraps: tuple[bool, bool], band: int
-) -> list[tuple[int, int, tuple[int, int]]]:
-    """Square windows over the lines where borders meet, a quarter of each lying on the one before."""
-    side = 2 * band
+    size: tuple[int, int], wraps: tuple[bool, bool], band: int, steps: Sequence[Mask]
+) -> tuple[list[tuple[int, int, tuple[int, int]]], Mask]:
+    """Square windows over the lines where borders meet, a quarter of each lying on the one before, wherever
+    there is a step; and the pixels at these lines that are to go.
+    """
+    side, hole = 2 * band, np.zeros(size, bool)
     windows = []
     for axis in (1, 0):
         if not wraps[axis]:
             continue
-        along = size[1 - axis]
+        along, lines = size[1 - axis], hole if axis == 0 else hole.T
         if wraps[1 - axis]:
             count = int(np.ceil(along / (0.75 * side)))
             starts = [round(k * along / count) - band for k in range(count)]
         else:
             count = 1 + int(np.ceil((along - side) / (0.75 * side)))
             starts = [round(k * (along - side) / max(count - 1, 1)) for k in range(count)]
-        windows += [((start, -band) if axis == 1 else (-band, start)) for start in starts]
-    return [(top, left, (side, side)) for top, left in dict.fromkeys(windows)]
+        for start in starts:
+            part = np.arange(start, start + side) % along
+            if steps[axis][part].any():
+                windows.append((start, -band) if axis == 1 else (-band, start))
+                lines[0, part] = lines[-1, part] = True
+    return [(top, left, (side, side)) for top, left in dict.fromkeys(windows)], hole

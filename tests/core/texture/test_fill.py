@@ -110,6 +110,21 @@ def test_a_periodic_pattern_that_closes_already_is_left_as_it_is():
     np.testing.assert_array_equal(ts.make_tileable(image, band=16).image, image)
 
 
+def test_where_a_picture_goes_on_across_its_border_nothing_changes():
+    slope = np.broadcast_to(np.linspace(0, 255, 200).astype(np.uint8), (160, 200)).copy()
+    upright = ts.make_tileable(slope, band=12, tileable="y")
+    assert upright.count == 0
+    np.testing.assert_array_equal(upright.image, slope)
+    made = ts.make_tileable(slope, band=12)
+    assert made.count > 0
+    np.testing.assert_array_equal(made.image[:, 12:-12], slope[:, 12:-12])
+    slope[0, 70:90] = 255  # a step there, and nowhere else
+    made = ts.make_tileable(slope, band=12, tileable="y")
+    assert made.count > 0
+    np.testing.assert_array_equal(made.image[:, :40], slope[:, :40])
+    np.testing.assert_array_equal(made.image[:, 120:], slope[:, 120:])
+
+
 @pytest.mark.parametrize("tileable", ["both", "x", "y"])
 @pytest.mark.parametrize("smooth", [0, 1, 4])
 def test_only_the_border_of_a_tile_is_drawn_as_the_whole_would_be(smooth, tileable):

@@ -17,8 +17,9 @@ SMALLEST_PATCH = 4
 #: Sides of patches that are chosen automatically, px: the smallest for small and for large exemplars, and the
 #: largest.
 SMALLEST, USUAL, LARGEST = 24, 40, 96
-#: A patch holds about this many elements side by side.
-_ELEMENTS = 4
+#: A patch holds about this many elements side by side, and is at most this share of an exemplar: what lies
+#: along the exemplar's border is on few of large patches, and would hardly show.
+_ELEMENTS, _SHARE = 4, 0.25
 #: Where the autocorrelation has fallen to this, one element has ended.
 _DECAY = 0.2
 
@@ -89,13 +90,14 @@ def element_size(features: Floats32, usable: Mask) -> float:
 
 
 def patch_for(features: Sequence[Floats32], usable: Sequence[Mask], rooms: Sequence[tuple[int, int]]) -> int:
-    """A patch size for some exemplars: a few elements, never more than a third of the smallest exemplar's
+    """A patch size for some exemplars: a few elements, never more than a quarter of the smallest exemplar's
     shorter side, and smaller where holes leave no room for it.
     """
     span = float(np.mean([element_size(values, mask) for values, mask in zip(features, usable, strict=True)]))
     room = min(min(shape) for shape in rooms)
-    least = int(np.clip(room // 4, min(SMALLEST, room), USUAL))
-    return _fitting(int(np.clip(round(_ELEMENTS * span), least, max(min(LARGEST, room // 3), least))), usable)
+    share = int(_SHARE * room)
+    least = int(np.clip(share, min(SMALLEST, room), USUAL))
+    return _fitting(int(np.clip(round(_ELEMENTS * span), least, max(min(LARGEST, share), least))), usable)
 
 
 def _fitting(patch: int, usable: Sequence[Mask]) -> int:

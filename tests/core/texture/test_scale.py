@@ -16,8 +16,8 @@ def test_the_patch_is_chosen_by_the_size_of_the_elements(sample):
 
 def test_the_natural_patch_holds_about_four_elements():
     stripes = np.tile(np.repeat(np.array([0, 255], np.uint8), 6), (240, 20))
-    # Along the stripes nothing changes: four elements would be more than a third of the sample.
-    assert ts.natural_patch(stripes) == 80
+    # Along the stripes nothing changes: four elements would be more than a quarter of the sample.
+    assert ts.natural_patch(stripes) == 60
     checks = np.kron(np.indices((20, 20)).sum(axis=0) % 2, np.ones((12, 12))).astype(np.uint8) * 255
     # The correlation, 1 - 2 × distance / 12, is below 0.2 from 5 px on: 4 elements of 2 × 5 px.
     assert ts.natural_patch(checks) == 40

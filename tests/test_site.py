@@ -169,7 +169,7 @@ def test_a_browser_shows_every_page_on_a_desk_and_on_a_telephone_and_finds_words
             *seen, searched = found.get(timeout=500)
         finally:
             browser.terminate()
-            browser.wait(30)
+            browser.wait(120)
             server.shutdown()
     assert len(seen) == 2 * len(names)
     assert not [look for look in seen if look["wide"] > 1 or look["missing"]]

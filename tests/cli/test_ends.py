@@ -226,7 +226,7 @@ def rows(table):
 
 def wait_for_the_group(child):
     """Wait until the processes below a dead one are gone too."""
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + 120
     while any(process.group == child.pid for process in living()):
         assert time.monotonic() < deadline, "something outlived the batch"
         time.sleep(0.05)

@@ -221,7 +221,7 @@ class Screen:
             check=False,
         ).stdout
 
-    def window(self, name, seconds=60):
+    def window(self, name, seconds=180):
         """Wait for a visible window whose title has a text; its id."""
         deadline = time.monotonic() + seconds
         while time.monotonic() < deadline:

@@ -82,7 +82,7 @@ class Asked(threading.Thread):
         self.result = self.gimp.run(**self.call)
 
     def answer(self):
-        self.join(60)
+        self.join(180)
         assert self.result is not None, "the dialog does not end"
         return self.result
 

@@ -199,9 +199,9 @@ def test_previews_come_from_warm_engines_and_only_the_newest_counts(tmp_path, mo
 @pytest.mark.medium
 def test_the_engine_is_kept_between_previews_and_ended_when_options_change(tmp_path, monkeypatch):
     monkeypatch.setenv("TOPOSEAM_PYTHON", sys.executable)
-    raster = {"file": "a.raw", "width": 40, "height": 40, "channels": 4, "dtype": "uint8", "name": "a"}
-    scene = {"of": "stitch", "scale": 0.5, "layers": [{**raster, "at": [x, 0]} for x in (0, 20)]}
-    (tmp_path / "a.raw").write_bytes(bytes([60, 90, 30, 255] * 1600))
+    raster = {"file": "a.raw", "width": 200, "height": 200, "channels": 4, "dtype": "uint8", "name": "a"}
+    scene = {"of": "stitch", "scale": 0.5, "layers": [{**raster, "at": [x, 0]} for x in (0, 100)]}
+    (tmp_path / "a.raw").write_bytes(bytes([60, 90, 30, 255] * 40_000))
     asked, found = [], queue.Queue()
     ask = engine.ask
 
@@ -214,11 +214,11 @@ def test_the_engine_is_kept_between_previews_and_ended_when_options_change(tmp_p
     try:
         for _ in range(3):
             shown.show(scene, {"blend": "none"}, tmp_path)
-            assert found.get(timeout=60).width == 60
+            assert found.get(timeout=60).width == 300
         assert len(set(asked)) == 1
-        shown.show(scene, {"method": "thesis"}, tmp_path)
+        shown.show(scene, {"method": "thesis"}, tmp_path)  # takes more than a second
         shown.show(scene, {"blend": "none"}, tmp_path)
-        assert found.get(timeout=60).width == 60
+        assert found.get(timeout=60).width == 300
         assert found.empty()
         assert not asked[0].lives
         assert len(set(asked)) == 2

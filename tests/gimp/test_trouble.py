@@ -72,10 +72,10 @@ def long_work(gimp, image, tmp_path):
     time.sleep(1)
     work.thread = thread
     yield work
-    thread.join(60)
+    thread.join(180)
 
 
-def wait_for(found, seconds=60):
+def wait_for(found, seconds=180):
     deadline = time.monotonic() + seconds
     while time.monotonic() < deadline:
         value = found()
@@ -94,7 +94,7 @@ def ended(process):
 
 def test_an_engine_killed_in_the_middle(gimp, long_work):
     os.kill(long_work.engine, signal.SIGKILL)
-    long_work.thread.join(60)
+    long_work.thread.join(180)
     assert long_work.answer["status"] == "execution-error"
     assert "killed" in long_work.answer["message"]
     assert "nothing was changed" in long_work.answer["message"]
@@ -106,7 +106,7 @@ def test_cancelling_ends_the_engine_and_changes_nothing(gimp, long_work):
     # GIMP's Cancel button kills the plug-in, which cannot clean up then.
     plug_in = gimp.child("toposeam_gimp.py", "-run")
     os.kill(plug_in, signal.SIGKILL)
-    long_work.thread.join(60)
+    long_work.thread.join(180)
     assert long_work.answer["status"] != "success"
     wait_for(lambda: ended(long_work.engine))
     wait_for(lambda: not gimp.leftovers())

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import descendants, living
 
 from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
 
@@ -362,7 +363,7 @@ def test_ctrl_c_on_a_terminal_while_workers_start_is_quiet(process, pairs):
         time.sleep(0.1)
         os.killpg(child.pid, signal.SIGINT)
         said = child.stderr.read().decode()
-        assert child.wait(30) == 130
+        assert child.wait(60) == 130
     assert said.splitlines()[-2:] == [
         "0 of 4 jobs have ended; run the same again to go on.",
         "Interrupted; no file was left unfinished.",
@@ -380,11 +381,15 @@ def test_killed_in_the_middle_it_goes_on_and_nothing_is_half_written(process, st
         ):  # the row of the first is written before the second begins
             assert time.monotonic() < deadline
             time.sleep(0.01)
+        workers = {one.number for one in descendants(child.pid)}
         child.send_signal(end)
-        child.wait(30)
+        child.wait(60)
     for path in (pairs / "out").glob("?.png"):
         assert read_picture(path).pixels.shape == (40, 92, 3)
-    time.sleep(1)  # until the worker knows that its parent is gone
+    deadline = time.monotonic() + 60
+    while workers & {one.number for one in living()}:  # until the worker knows that its parent is gone
+        assert time.monotonic() < deadline, "a worker outlived its parent"
+        time.sleep(0.01)
     ran = started("batch", *PATTERNS[:-1], "out/{name}.png", "--method", "thesis")
     assert ran.code == 0, ran
     assert "done before" in ran.out

@@ -167,9 +167,10 @@ def listening():
 
     me = psutil.Process()
     for process in (me, *me.children(recursive=True)):
-        for connection in process.net_connections():
-            if connection.status == psutil.CONN_LISTEN:
-                yield connection.laddr.ip, connection.laddr.port
+        with suppress(psutil.NoSuchProcess):  # it has just ended
+            for connection in process.net_connections():
+                if connection.status == psutil.CONN_LISTEN:
+                    yield connection.laddr.ip, connection.laddr.port
 
 
 def test_what_dask_tells_of_connections_that_end_is_not_told_on(tmp_path):

@@ -14,6 +14,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.images import Mask
 from toposeam.texture.atlas import Atlas, Floats32
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.sites import Offers
@@ -46,8 +47,12 @@ class Beside:
         limit: npt.NDArray[np.float64] | None,
         largest_copy: Callable[[tuple[int, int], int], int],
     ) -> None:
-        self._canvas, self._reach, self._near, self._limit = canvas, reach, near, limit
-        self._usage, self._largest_copy = canvas.usage.reshape(atlas.usable.shape), largest_copy
+        self._canvas, self._reach, self._near, self._largest_copy = canvas, reach, near, largest_copy
+        #: Pixels of the atlas that may be picked once, and no more, before the next wave.
+        self._full: Mask | None = None
+        if limit is not None:
+            full = canvas.usage.reshape(atlas.usable.shape) + 1 >= limit
+            self._full = full if full.any() else None
         self._picked: list[tuple[tuple[int, int], tuple[int, int]]] = []
         self._grown: Counter[int] = Counter()
 
@@ -69,16 +74,17 @@ class Beside:
         if not self._picked:
             return errors
         places = np.array([place for _, place in self._picked])
-        down = h - np.abs(offers.rows - places[:, :1])
-        right = w - np.abs(offers.columns - places[:, 1:])
-        for number, k in np.argwhere((down > 0) & (right > 0)).tolist():
-            (where, (row, column)), both = self._picked[number], (int(down[number, k]), int(right[number, k]))
-            if self._near and self._are_near(at, where, shape):
-                errors[k] *= np.float32(1 + self._near * both[0] * both[1] / (h * w))
-            if self._limit is not None:
+        down = np.maximum(h - np.abs(offers.rows - places[:, :1]), 0)
+        right = np.maximum(w - np.abs(offers.columns - places[:, 1:]), 0)
+        if self._near:
+            near = [self._are_near(at, where, shape) for where, _ in self._picked]
+            for dearer in (1 + self._near * down[near] * right[near] / (h * w)).astype(np.float32):
+                errors *= dearer
+        if self._full is not None:
+            for number, k in np.argwhere((down > 0) & (right > 0)).tolist():
+                row, column = self._picked[number][1]
                 top, left = max(int(offers.rows[k]), row), max(int(offers.columns[k]), column)
-                rows, columns = slice(top, top + both[0]), slice(left, left + both[1])
-                if (self._usage[rows, columns] + 1 >= self._limit[rows]).any():
+                if self._full[top : top + down[number, k], left : left + right[number, k]].any():
                     errors[k] = np.inf
         return errors if np.isfinite(errors).any() else offers.errors
 

@@ -114,8 +114,10 @@ class Kinds:
             np.minimum((grid[0] + grid[1] * np.arange(n) + self._step // 2) // self._step, limit - 1)
             for n, limit in zip(size, sums.shape, strict=True)
         )
-        power = sums.take(rows, axis=0).take(columns, axis=1) * np.float32(self._strength * variety)
-        result: Floats32 = np.exp(np.clip(power, -_MOST, _MOST)).astype(np.float32, copy=False)
+        power = np.clip(sums * np.float32(self._strength * variety), -_MOST, _MOST)
+        result: Floats32 = (
+            np.exp(power).astype(np.float32, copy=False).take(rows, axis=0).take(columns, axis=1)
+        )
         return result
 
     def _properties(self, features: Floats32, atlas: Atlas, *, levelled: bool) -> list[Floats32]:

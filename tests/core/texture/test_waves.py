@@ -278,6 +278,8 @@ def test_what_is_picked_together_keeps_apart(wrap):
     assert np.allclose(across, [2, 1.75, 1] if wrap[1] else 1)
     # Pixels that show once already show twice with what was just picked, and that is all they may.
     canvas.paint(60, 60, atlas_patch(atlas, (10, 10)), np.ones((20, 20), bool))
+    keeps = beside()  # of the next wave
+    keeps.add((0, 0), (10, 10), found)
     assert np.isinf(keeps.judged((0, 90), shape, found)[:2]).all()
     assert (keeps.judged((0, 90), shape, offers((10, 10))) == 1).all()  # better it than none
     # A copy of 400 px: two patches that continue it are one too many.

@@ -4,6 +4,7 @@ the clock and of the processors, what is sent, memory per worker; and from these
     python benchmarks/workers.py                     12 frames of 16.5 megapixels (about five minutes)
     python benchmarks/workers.py --keep FOLDER       leave the frames there, or take those that are there
     python benchmarks/workers.py --only workers --times 2    the Dask workers, the best of two runs each
+    python benchmarks/workers.py --watched           with workers that watch themselves, as Dask has it
     python benchmarks/workers.py --write             put the tables into docs/distributed.md
 
 The frames are those of ``mosaic.py``: 4 × 3 of 5000 × 3300 px that overlap by 30 %, tones matched, blended by
@@ -58,6 +59,11 @@ from toposeam_cli.main import main
 main()
 """
 COUNTED = "TOPOSEAM_COUNTED"
+#: How docs/distributed.md has clusters started: nobody looks at what Dask's workers see of themselves.
+UNWATCHED = {
+    "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
+    "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "1s",
+}
 
 
 def dask_setup(worker: Any) -> None:
@@ -118,8 +124,10 @@ class Ran:
 
 
 @contextlib.contextmanager
-def cluster(count: int, folder: Path) -> Iterator[tuple[str, list[int], int]]:
-    """A scheduler and workers of their own: the address, their numbers, and the scheduler's."""
+def cluster(count: int, folder: Path, sees_itself: bool = False) -> Iterator[tuple[str, list[int], int]]:
+    """A scheduler and workers of their own: the address, their numbers, and the scheduler's. They watch
+    themselves, as Dask has it, where it `sees_itself`.
+    """
     told = folder / "scheduler.json"
     told.unlink(missing_ok=True)
     counted = folder / "counted"
@@ -127,6 +135,7 @@ def cluster(count: int, folder: Path) -> Iterator[tuple[str, list[int], int]]:
     for old in counted.iterdir():
         old.unlink()
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", COUNTED: str(counted)}
+    environment |= {} if sees_itself else UNWATCHED
     null = subprocess.DEVNULL
     dask = [sys.executable, "-m", "dask"]
     local = ["--scheduler-file", str(told), "--no-dashboard"]
@@ -210,8 +219,8 @@ def ran(name: str, folder: Path, files: list[str], *words: str) -> Ran:
     return found
 
 
-def with_workers(count: int, folder: Path, files: list[str]) -> Ran:
-    with cluster(count, folder) as (address, pids, scheduler), watched(pids) as proportional:
+def with_workers(count: int, folder: Path, files: list[str], sees_itself: bool) -> Ran:
+    with cluster(count, folder, sees_itself) as (address, pids, scheduler), watched(pids) as proportional:
         before = sum(map(seconds_of, pids)), seconds_of(scheduler)
         found = ran(f"{count} worker{'s' if count > 1 else ''}", folder, files, "--dask", address)
         found.workers = count
@@ -304,6 +313,7 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, help="leave the frames in this folder, or take those there")
     parser.add_argument("--only", choices=["processes", "workers"])
     parser.add_argument("--times", type=int, default=1, help="runs of each, of which the quickest counts")
+    parser.add_argument("--watched", action="store_true", help="let Dask's workers watch themselves")
     parser.add_argument("--write", action="store_true", help="put the tables into docs/distributed.md")
     options = parser.parse_args()
     from mosaic import make_large
@@ -327,7 +337,8 @@ def main() -> None:
             tables["processes"] = process_rows(one, two)
             made.add(one.digest)
         if options.only != "processes":
-            one, two = best(options.times, *(partial(with_workers, count, folder, files) for count in (1, 2)))
+            made_by = [partial(with_workers, count, folder, files, options.watched) for count in (1, 2)]
+            one, two = best(options.times, *made_by)
             tables["measured"] = measured_rows(one, two)
             tables |= {"parts": kind_rows(two), "thousand": thousand_rows(one)}
             made.add(one.digest)

@@ -18,10 +18,13 @@ from toposeam.errors import MissingPackageError, OptionError
 from toposeam_cli.files.interruption import ctrl_c_later, start_resource_tracker, uninterrupted
 from toposeam_cli.jobs.workers import Workers
 
-#: Of a local cluster: no pages, of which Dask's own switch leaves some.
-_NO_PAGES: dict[str, list[str]] = {
+#: Of a local cluster: no pages, of which Dask's own switch leaves some, and nobody who counts a hundred times
+#: a second what its workers do, or fifty times whether their loops are on time: that takes 5 % of them.
+_UNWATCHED: dict[str, Any] = {
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
 }
 #: The environment of the processes of a local cluster.
 _SPAWNED = "distributed.nanny.pre-spawn-environ"
@@ -147,7 +150,7 @@ def dask_workers(address: str, count: int, waiting: int = 0) -> Iterator[Workers
     # A worker's death is ours to answer: only we know which files it may have left.
     # Dask has its workers give memory back at every chance and take it anew, which costs more than the work.
     spawned = {name: value for name, value in dask.config.get(_SPAWNED).items() if "MALLOC" not in name}
-    with dask.config.set({"distributed.scheduler.allowed-failures": 0, _SPAWNED: spawned, **_NO_PAGES}):
+    with dask.config.set({"distributed.scheduler.allowed-failures": 0, _SPAWNED: spawned, **_UNWATCHED}):
         cluster = _local_cluster(count) if address == "local" else None
         try:
             try:

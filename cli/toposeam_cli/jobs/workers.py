@@ -78,16 +78,12 @@ class Workers(ABC):
         does = answer if does is None else does
         executor = self._take()
         try:
-            future = self._submit(executor, does, task)
+            future = executor.submit(does, task)
         except BrokenExecutor:  # its worker died while it had nothing to do
             self._give_back(executor, died=True)
             executor = self._take()
-            future = self._submit(executor, does, task)
+            future = executor.submit(does, task)
         self._running[future] = name, executor
-
-    def _submit(self, executor: Executor, does: Callable[[Any], Any], task: Any) -> Future[Any]:
-        with ctrl_c_later():  # a terminal sends it to workers too, but it is their parent that answers
-            return executor.submit(does, task)
 
     def ended(self, timeout_s: float) -> list[tuple[str, Any]]:
         """Wait for jobs to end: their names, and what became of them (an :class:`Answer`, of a task), None
@@ -179,7 +175,10 @@ class _Processes(Workers):
         self._load[self._start()] = 0
 
     def _start(self) -> Executor:
-        return ProcessPoolExecutor(1, self._context, _prepare, (self._ending,))
+        executor = ProcessPoolExecutor(1, self._context, _prepare, (self._ending,))
+        with ctrl_c_later():  # a terminal sends it to workers too, but it is their parent that answers
+            executor.submit(int)  # with which the process starts
+        return executor
 
 
 def _prepare(ending: Connection) -> None:

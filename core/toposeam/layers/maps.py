@@ -69,21 +69,20 @@ class TileMap:
         return result
 
     def __getstate__(self) -> dict[str, Any]:
-        tiles = b"".join(tile.tobytes() for tile in self._tiles.values())
-        state = self.__dict__ | {"_tiles": list(self._tiles), "packed": zlib.compress(tiles, 1)}
-        return state | {"_values": zlib.compress(self._values.tobytes(), 1)}
+        pixels = np.concatenate([self._values[:0].ravel(), *(tile.ravel() for tile in self._tiles.values())])
+        state = self.__dict__ | {"_tiles": list(self._tiles), "packed": _packed(pixels)}
+        return state | {"_values": _packed(self._values.ravel())}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        packed, tiles = zlib.decompress(state.pop("packed")), state.pop("_tiles")
-        values = np.frombuffer(zlib.decompress(state.pop("_values")), state["dtype"])
+        pixels, tiles = _unpacked(state.pop("packed"), state["dtype"]), state.pop("_tiles")
+        values = _unpacked(state.pop("_values"), state["dtype"])
         self.__dict__.update(state)
-        self._values = values.reshape([-(-side // TILE) for side in self.shape]).copy()
+        self._values = values.reshape([-(-side // TILE) for side in self.shape])
         self._tiles, start = {}, 0
         for at in tiles:
             height, width = self._size(at)
-            tile = np.frombuffer(packed, self.dtype, height * width, start)
-            self._tiles[at] = tile.reshape(height, width).copy()
-            start += tile.nbytes
+            self._tiles[at] = pixels[start : start + height * width].reshape(height, width)
+            start += height * width
 
     def __getitem__(self, key: Windows2) -> npt.NDArray[Any]:
         rows, columns = self._bounds(key)
@@ -166,6 +165,22 @@ class TileMap:
             self._tiles.pop(at, None)
         else:
             self._tiles[at] = tile
+
+
+def _packed(values: npt.NDArray[Any]) -> tuple[bytes, bytes]:
+    """Values of which many in a row are alike: how often each comes, and which. That is told from pixels in a
+    quarter of the time that compressing them takes, and is smaller.
+    """
+    first = np.flatnonzero(values[1:] != values[:-1])
+    first = np.concatenate([np.arange(min(1, len(values))), first + 1])
+    often = np.diff(first, append=len(values)).astype(np.int32)
+    return zlib.compress(often.tobytes(), 1), zlib.compress(values[first].tobytes(), 1)
+
+
+def _unpacked(packed: tuple[bytes, bytes], dtype: np.dtype[Any]) -> npt.NDArray[Any]:
+    """What was packed."""
+    often, which = map(zlib.decompress, packed)
+    return np.frombuffer(which, dtype).repeat(np.frombuffer(often, np.int32))
 
 
 def new_map(shape: tuple[int, int], fill: Any, dtype: npt.DTypeLike) -> npt.NDArray[Any]:

@@ -249,6 +249,7 @@ def _begun_costs(
         if size <= KEPT_PIXELS and kept + size <= KEPT_TOGETHER:
             small.append(k)
             kept += size
+    small.sort(key=lambda k: -math.prod(found[k].box.shape))  # so that none is waited for at the end
     looking = executor is not None and any(_pixels(costs[k]) is not None for k in small)
     items = (found[k].part(found[k].box, {}) if looking else found[k] for k in small)
     tables = results(executor if looking else None, _table, items)

@@ -161,6 +161,16 @@ def test_a_local_cluster_shows_nothing_to_whoever_looks():
         assert 8787 not in {port for _, port in opened}  # where Dask's own pages would be
 
 
+def test_the_workers_of_a_local_cluster_do_not_watch_themselves():
+    def periods(dask_worker):
+        return {name: callback.callback_time for name, callback in dask_worker.periodic_callbacks.items()}
+
+    with dask_workers("local", 1) as workers:
+        (found,) = workers._client.run(periods).values()
+    assert "profile" not in found
+    assert found["tick"] == 1000
+
+
 def listening():
     """Where this process and its children wait for others to connect."""
     import psutil

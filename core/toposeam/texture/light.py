@@ -165,12 +165,17 @@ class CopyLight:
 
     def gain(self, index: Ints32, labels: Ints32, channels: slice = slice(None)) -> Floats32:
         """The gain (…, C) at pixels, given by what shows there and the number of the patch."""
-        if not len(self.coefficients):
-            count = len(range(self.coefficients.shape[2])[channels])
-            return np.ones((*index.shape, count), np.float32)
-        terms = _coordinates(self.atlas, np.maximum(index, 0))
-        found = self.coefficients[np.maximum(labels, 0), :, channels]
-        result: Floats32 = np.exp(np.einsum("...k,...kc->...c", terms, found)).astype(np.float32)
+        chosen = range(self.coefficients.shape[2])[channels]
+        result = np.ones((*index.shape, len(chosen)), np.float32)
+        if len(self.coefficients):
+            (down, right), numbers = _places(self.atlas, np.maximum(index, 0)), np.maximum(labels, 0)
+            for place, channel in enumerate(chosen):
+                even, lower, further = np.ascontiguousarray(self.coefficients[..., channel].T)
+                light = even.take(numbers)
+                light += lower.take(numbers) * down
+                light += further.take(numbers) * right
+                np.exp(light, out=light)
+                result[..., place] = light
         return result
 
     def offset(self, gain: Floats32) -> Floats32:
@@ -343,6 +348,14 @@ def _even(flat: Floats32, atlas: Atlas, index: Ints32, labels: Ints32, copies: I
 
 def _coordinates(atlas: Atlas, index: Ints32) -> Floats:
     """(…, 3): 1, and row and column in the exemplar from -1 to 1."""
+    return np.stack([np.ones(index.shape), *_places(atlas, index)], axis=-1)
+
+
+def _places(atlas: Atlas, index: Ints32) -> tuple[Floats, Floats]:
+    """Row and column in the exemplar, from -1 to 1 each."""
     exemplar, place = atlas.locate(index)
-    half = atlas.shapes[exemplar] / 2
-    return np.concatenate([np.ones((*index.shape, 1)), place / half - 1], axis=-1)
+    down, right = (
+        line / (half[0] if len(half) == 1 else half.take(exemplar)) - 1
+        for line, half in zip(np.moveaxis(place, -1, 0), atlas.shapes.T / 2, strict=True)
+    )
+    return down, right

@@ -156,13 +156,14 @@ def cluster(count: int, folder: Path, sees_itself: bool = False) -> Iterator[tup
         )  # fmt: skip
         yield said.stdout.split()[-1], [one.pid for one in started[1:]], started[0].pid
     finally:
-        for one in reversed(started):
-            one.terminate()
-        for one in reversed(started):
-            try:
-                one.wait(10)
-            except subprocess.TimeoutExpired:  # Dask's own closing sometimes waits for ever
-                one.kill()
+        for ending in (started[1:], started[:1]):  # a worker whose scheduler ends with it may wait for ever
+            for one in ending:
+                one.terminate()
+            for one in ending:
+                try:
+                    one.wait(10)
+                except subprocess.TimeoutExpired:
+                    one.kill()
 
 
 def seconds_of(pid: int) -> float:

@@ -19,7 +19,7 @@ from toposeam_cli.files.interruption import ctrl_c_later, start_resource_tracker
 from toposeam_cli.jobs.workers import Workers
 
 #: Of a local cluster: no pages, of which Dask's own switch leaves some, and nobody who counts a hundred times
-#: a second what its workers do, or fifty times whether their loops are on time: that takes 5 % of them.
+#: a second what its workers do, or fifty times whether their loops are on time: that takes 3 % of them.
 _UNWATCHED: dict[str, Any] = {
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],

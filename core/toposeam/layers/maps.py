@@ -168,8 +168,8 @@ class TileMap:
 
 
 def _packed(values: npt.NDArray[Any]) -> tuple[bytes, bytes]:
-    """Values of which many in a row are alike: how often each comes, and which. That is told from pixels in a
-    quarter of the time that compressing them takes, and is smaller.
+    """Values of which many in a row are alike: how often each comes, and which. Telling that takes a
+    quarter of the time that compressing the values themselves does, and is smaller.
     """
     first = np.flatnonzero(values[1:] != values[:-1])
     first = np.concatenate([np.arange(min(1, len(values))), first + 1])

@@ -245,26 +245,39 @@ def _log_ratios(item: tuple[Layer, Box, Layer, Box, int]) -> list[tuple[float, i
 def _log_ratios_of_bytes(
     a: Layer, at_a: Box, b: Layer, at_b: Box, channels: int
 ) -> list[tuple[float, int] | None]:
-    """The same where there are 256 values: their pairs are counted, which takes less than a logarithm of each
-    and sorting them.
+    """The same where there are 256 values: their pairs, ranked once for all, are counted, which takes less than a
+    logarithm of each and sorting them.
     """
     step = _step(at_a.shared(at_b))
     (one, on_a), (other, on_b) = (_seen(*layer, at_a.shared(at_b), step) for layer in ((a, at_a), (b, at_b)))
     known = np.broadcast_to(on_a & on_b, one.shape[:2])
-    shares = [np.arange(256) / layer.white for layer in (a, b)]
-    telling = np.logical_and.outer(*((share > TELLING[0]) & (share < TELLING[1]) for share in shares)).ravel()
-    logarithms = [np.log(share, out=np.zeros(256), where=share > 0) for share in shares]
-    ratios = np.subtract.outer(*logarithms).ravel()
-    order = np.argsort(ratios)
+    ranks, ratios = _ranked(a.white, b.white)
     found: list[tuple[float, int] | None] = []
     for channel in range(channels):
         first, second = (part[..., min(channel, part.shape[2] - 1)] for part in (one, other))
-        codes = first.astype(np.uint16) * np.uint16(256) + second
-        count = (np.bincount(codes[known], minlength=len(ratios)) * telling)[order].cumsum()
+        codes = first.astype(np.uint16)
+        codes <<= 8
+        codes |= second
+        count = np.bincount(ranks.take(_chosen(codes, known)), minlength=len(ratios))[: len(ratios)].cumsum()
         number = int(count[-1])
-        middle = order[np.searchsorted(count, [(number - 1) // 2, number // 2], side="right") % len(order)]
+        middle = np.searchsorted(count, [(number - 1) // 2, number // 2], side="right") % len(ratios)
         found.append(None if number < _ENOUGH else (float(ratios[middle].mean()), number * step**2))
     return found
+
+
+@functools.lru_cache(maxsize=8)
+def _ranked(white_a: float, white_b: float) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.float64]]:
+    """Of all pairs of bytes, 256 a + b, the rank of log a - log b among those that tell the exposure, more
+    than there are for the others; and these, in order.
+    """
+    shares = [np.arange(256) / white for white in (white_a, white_b)]
+    telling = np.logical_and.outer(*((share > TELLING[0]) & (share < TELLING[1]) for share in shares)).ravel()
+    logarithms = [np.log(share, out=np.zeros(256), where=share > 0) for share in shares]
+    ratios = np.subtract.outer(*logarithms).ravel()[telling]
+    order = np.argsort(ratios)
+    ranks = np.full(len(telling), len(ratios), np.uint16)
+    ranks[np.flatnonzero(telling)[order]] = np.arange(len(order))
+    return ranks, ratios[order]
 
 
 def _both(
@@ -333,9 +346,10 @@ def _headroom(item: tuple[Layer, npt.NDArray[np.float64], npt.NDArray[np.float64
     covered = np.broadcast_to(_covered(layer, Box(0, 0, height, width), step), image.shape[:2])
     raised: Any = 1.0
     if field is not None:
-        raised = field_on(field, layer.image.shape, range(0, height, step), range(0, width, step))[covered]
+        raised = field_on(field, layer.image.shape, range(0, height, step), range(0, width, step))
+        raised = _chosen(raised, covered)
     for channel, factor in enumerate(gain):
-        values = image[..., min(channel, image.shape[2] - 1)][covered]
+        values = _chosen(image[..., min(channel, image.shape[2] - 1)], covered)
         if field is None and values.dtype in (np.uint8, np.uint16):
             brightest = _brightest(values, layer.white)
         else:
@@ -345,6 +359,11 @@ def _headroom(item: tuple[Layer, npt.NDArray[np.float64], npt.NDArray[np.float64
         if brightest:
             room = min(room, 1.0 / (brightest * factor))
     return room
+
+
+def _chosen(values: npt.NDArray[Any], where: Mask) -> npt.NDArray[Any]:
+    """(n,) what a mask chooses."""
+    return values.ravel() if where.all() else values[where]
 
 
 def _brightest(values: npt.NDArray[Any], white: float) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -27,6 +28,8 @@ from toposeam.seam.reach import STEP, Reach
 KEPT_PIXELS = 1 << 20
 #: Rows of about so many pixels are computed at once.
 _BLOCK_PIXELS = 1 << 16
+#: Boxes of up to so many pixels are computed as one.
+_WHOLE_PIXELS = 1 << 15
 #: Rows of a band that are computed at once.
 _WANTED_ROWS = 48
 #: The inside of smaller boxes is not told from their border, px.
@@ -146,8 +149,11 @@ class LayerPairCost:
 
     def _blocks(self, box: Box) -> Iterator[Box]:
         """The blocks of a box, which share the rows and columns of pixels at their borders: what lies within
-        both layers, of which costs are sooner computed, apart from the rest.
+        both layers, of which costs are sooner computed, apart from the rest; small ones are one block.
         """
+        if math.prod(box.shape) <= _WHOLE_PIXELS:
+            yield box
+            return
         inside = self._box.grown(-2).shared(box)
         rows, columns = (
             sorted({low, first, last - 1, high - 1}) if last - first > _FRAME else [low, high - 1]

@@ -31,6 +31,8 @@ _PAIRS: tuple[tuple[_Box, _Box], ...] = (np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-
 
 #: Capacities of the maximum flow are rounded so that their sum stays below this.
 _CAPACITY = 2**31 - 2
+#: … and the median one is at most this.
+_FINEST = 1e6
 
 
 def exact_labels(
@@ -316,9 +318,15 @@ def cut_by_flow(problem: SeamProblem, pixels: Mask) -> Mask:
 def minimum_cut(network: Network, weight: npt.NDArray[np.float64]) -> Mask:
     """Which free nodes end on the hot side of a minimum cut, (n,) bool."""
     n = network.n
-    capacity = np.rint(weight * min(_CAPACITY / 4 / weight.sum(), 1e6 / np.median(weight))).astype(np.int32)
-    rows, columns = np.concatenate([network.tail, network.head]), np.concatenate([network.head, network.tail])
-    graph = csr_array((np.concatenate([capacity, capacity]), (rows, columns)), shape=(n + 2, n + 2))
+    scale = _CAPACITY / 4 / weight.sum()
+    if len(weight) < _CAPACITY / 2 / _FINEST:  # else the median, at most twice the mean, bounds nothing
+        scale = min(scale, _FINEST / np.median(weight))
+    capacity = np.rint(weight * scale).astype(np.int32)
+    tail, head = network.tail.astype(np.int32), network.head.astype(np.int32)  # as SciPy has them
+    graph = csr_array(
+        (np.concatenate([capacity, capacity]), (np.concatenate([tail, head]), np.concatenate([head, tail]))),
+        shape=(n + 2, n + 2),
+    )
     flow = maximum_flow(graph, n + 1, n).flow
     graph.data -= flow.data  # both have every element in both directions, in one order
     graph.eliminate_zeros()

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from hashlib import blake2b
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,8 @@ import numpy.typing as npt
 
 from toposeam.heat.network import Floats
 from toposeam.images import Mask, box_of
-from toposeam.layers.deciding import Decide, decided
+from toposeam.layers.deciding import Decide, decided, questions
+from toposeam.layers.junctions import dilated
 from toposeam.layers.labelling import Labelling
 from toposeam.layers.layer import Box
 from toposeam.layers.painting import LabelMap
@@ -173,12 +173,20 @@ class Choices:
         self.shows[everywhere & (self.shows == len(self.layers))] = k
 
     def run(
-        self, decide: Decide, most: int, order: Sequence[int] | None = None, within: Mask | None = None
+        self,
+        decide: Decide,
+        most: int,
+        order: Sequence[int] | None = None,
+        within: Mask | None = None,
+        reach: int | None = None,
     ) -> int:
-        """Expansions in an order until none gains, at most so many rounds; how many were made."""
+        """Expansions in an order until none gains, at most so many rounds; how many were made. After the
+        first round a layer is looked at no farther than `reach` px from what changed since it was.
+        """
         if within is not None:
             return self._narrowed(within).run(decide, most, order)
         order = range(len(self.layers)) if order is None else order
+        seen: dict[int, npt.NDArray[np.int16]] = {}
         waiting = set(order)
         for number in range(most):
             if not waiting:
@@ -186,12 +194,18 @@ class Choices:
             for k in order:
                 if k in waiting:
                     waiting.discard(k)
-                    if self.expand(k, decide):
+                    near = None
+                    if reach is not None and k in seen:
+                        changed = (self.shows != seen[k]).reshape(self.box.shape)
+                        near = dilated(changed, reach).ravel()
+                    if self.expand(k, decide, near):
                         waiting |= set(order) - {k}
+                    if reach is not None:
+                        seen[k] = self.shows.copy()
         return most
 
-    def expand(self, k: int, decide: Decide) -> bool:
-        r"""Let a layer show more of itself; whether that gained something.
+    def expand(self, k: int, decide: Decide, near: Mask | None = None) -> bool:
+        r"""Let a layer show more of itself, near some pixels, (h w,) bool; whether that gained something.
 
         At neighbours p and q that show i and j and may both turn to k, keeping both costs s = M_ij, turning p
         c = M_kj, turning q b = M_ik, and turning both nothing. With x = 1 for a turned pixel that is ::
@@ -216,6 +230,8 @@ class Choices:
         """
         shows, nothing = self.shows, len(self.layers)
         free = self.may[k] & (shows != k) & (shows != nothing)
+        if near is not None:
+            free &= near
         edges = np.flatnonzero(free[self.p] | free[self.q])
         if not len(edges):
             return False
@@ -228,8 +244,9 @@ class Choices:
         of_edge = np.maximum(piece[p], piece[q])
         part = np.zeros(count + 1, np.intp)  # the first pixel of the solution in which a piece lies
         part[of_edge] = p - p % self._pixels
-        asked = self._asked(k, count, edges, of_edge, shows[p], shows[q])
-        first = {key: number for number, key in reversed(list(enumerate(asked, 1))) if key not in self._known}
+        number = np.intp(len(self.row))
+        asked = questions(k, count, of_edge, self._column[edges] * number**2 + shows[p] * number + shows[q])
+        first = {key: which for which, key in reversed(list(enumerate(asked, 1))) if key not in self._known}
         if first:
             new = np.zeros(count + 1, bool)
             new[list(first.values())] = True
@@ -244,35 +261,13 @@ class Choices:
             )
             gains = now < old * (1 - _LEAST_GAIN)
             of_node = piece[turned]
-            for key, number in first.items():
-                found = turned[of_node == number] if gains[number] else turned[:0]
-                self._known[key] = found - part[number]
+            for key, which in first.items():
+                found = turned[of_node == which] if gains[which] else turned[:0]
+                self._known[key] = found - part[which]
         changed = [self._known[key] + first for key, first in zip(asked, part[1:].tolist(), strict=True)]
         turning = np.concatenate([np.zeros(0, np.intp), *changed])
         shows[turning] = k
         return len(turning) > 0
-
-    def _asked(
-        self,
-        k: int,
-        count: int,
-        edges: npt.NDArray[np.intp],
-        piece: npt.NDArray[np.int32],
-        i: npt.NDArray[np.int16],
-        j: npt.NDArray[np.int16],
-    ) -> list[bytes]:
-        """Of each piece of what may turn to k a digest of all that decides whether it does."""
-        order = np.argsort(piece.astype(np.int16) if count < 1 << 15 else piece, kind="stable")
-        ends = np.cumsum(np.bincount(piece, minlength=count + 1))
-        number = np.intp(len(self.row))
-        told = self._column[edges[order]] * number**2 + (i * number + j)[order]
-        start = blake2b(k.to_bytes(4), digest_size=16)
-        found = []
-        for first, last in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
-            digest = start.copy()
-            digest.update(told[first:last].tobytes())
-            found.append(digest.digest())
-        return found
 
     def _turned(
         self, k: int, piece: npt.NDArray[np.int32], edges: npt.NDArray[np.intp], decide: Decide

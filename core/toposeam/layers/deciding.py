@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from hashlib import blake2b
 
 import numpy as np
 import numpy.typing as npt
@@ -102,3 +103,25 @@ def decided(
     )
     result[chosen], potential[chosen] = decide(network, np.concatenate([link[inner], np.abs(strength)]))
     return result, potential
+
+
+def questions(k: int, count: int, piece: npt.NDArray[np.int32], told: npt.NDArray[np.intp]) -> list[bytes]:
+    """Of each piece of what may turn to k a digest of all that decides whether it does.
+
+    Parameters
+    ----------
+    k, count : int
+        How many pieces there are, numbered from 1 on.
+    piece, told : (E,) int arrays
+        In which piece each edge ends, and what is told of it.
+    """
+    order = np.argsort(piece.astype(np.int16) if count < 1 << 15 else piece, kind="stable")
+    ends = np.cumsum(np.bincount(piece, minlength=count + 1))
+    told = told[order]
+    start = blake2b(k.to_bytes(4), digest_size=16)
+    found = []
+    for first, last in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
+        digest = start.copy()
+        digest.update(told[first:last].data)
+        found.append(digest.digest())
+    return found

@@ -245,8 +245,8 @@ def _log_ratios(item: tuple[Layer, Box, Layer, Box, int]) -> list[tuple[float, i
 def _log_ratios_of_bytes(
     a: Layer, at_a: Box, b: Layer, at_b: Box, channels: int
 ) -> list[tuple[float, int] | None]:
-    """The same where there are 256 values: their pairs, ranked once for all, are counted, which takes less than a
-    logarithm of each and sorting them.
+    """The same where there are 256 values: their pairs, ranked once for all, are counted, which takes less
+    than a logarithm of each and sorting them.
     """
     step = _step(at_a.shared(at_b))
     (one, on_a), (other, on_b) = (_seen(*layer, at_a.shared(at_b), step) for layer in ((a, at_a), (b, at_b)))

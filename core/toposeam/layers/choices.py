@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from toposeam.heat.network import Floats
 from toposeam.images import Mask, box_of
+from toposeam.layers.crossing import Beyond, crossed
 from toposeam.layers.deciding import Decide, decided, questions
 from toposeam.layers.junctions import dilated
 from toposeam.layers.labelling import Labelling
@@ -83,6 +84,8 @@ class Choices:
         self.cost = self._costs(labelling, np.concatenate(which))
         #: (E,) which column of `cost` each edge has.
         self._column = np.arange(len(self.p))
+        #: Whether paths decide what one seam crosses, which tell no potential.
+        self.by_paths = False
         #: Pixels of one solution, of which several may be stacked.
         self._pixels = max(len(self.shows), 1)
         #: Rows and columns outside of which nothing changes.
@@ -366,25 +369,26 @@ class Choices:
         nodes = np.flatnonzero(free)
         number = np.full(len(shows), -1, np.intp)
         number[nodes] = np.arange(len(nodes))
-        unary = np.zeros(len(nodes))
         free_p, free_q = free[p], free[q]
-        for here, there, alone in ((p, q, free_p & ~free_q), (q, p, free_q & ~free_p)):
-            at, beyond, edge = here[alone], shows[there[alone]], edges[alone]
-            surplus = self.cost[self.row[one[at], beyond], edge].astype(np.float64)
-            surplus -= self.cost[self.row[other[at], beyond], edge]
-            unary += np.bincount(number[at], surplus, len(nodes))
+        p_only, q_only = free_p & ~free_q, free_q & ~free_p
+        at, out = np.concatenate([p[p_only], q[q_only]]), np.concatenate([q[p_only], p[q_only]])
+        edge, beyond = np.concatenate([edges[p_only], edges[q_only]]), shows[out]
+        costs = [self.cost[self.row[layer[at], beyond], edge].astype(np.float64) for layer in (one, other)]
+        unary: Floats = np.bincount(number[at], costs[0] - costs[1], len(nodes)).astype(
+            np.float64, copy=False
+        )
         both = np.flatnonzero(free_p & free_q)
         link = self.cost[self.row[one[p[both]], other[q[both]]], edges[both]].astype(np.float64)
-        turned, soft = decided(
-            pieces_of(free.reshape(self.box.shape))[0].ravel()[nodes],
-            self._chessboard(nodes),
-            number[p[both]],
-            number[q[both]],
-            np.maximum(link, _LEAST_LINK),
-            unary,
-            decide,
-            shows[nodes] == other[nodes],
-        )
+        link, piece = np.maximum(link, _LEAST_LINK), pieces_of(free.reshape(self.box.shape))[0]
+        known = hot = np.zeros(len(free), bool)
+        if self.by_paths:
+            border = Beyond.of(at, out - at, beyond, (one[at], other[at]), costs)
+            hot, known = crossed(piece, (p[both], q[both]), link, border, shows == other)
+            unary[known[nodes]] = 0
+        own, white = piece.ravel()[nodes], self._chessboard(nodes)
+        ends, now = (number[p[both]], number[q[both]]), shows[nodes] == other[nodes]
+        turned, soft = decided(own, white, *ends, link, unary, decide, now)
+        turned = np.where(known[nodes], hot[nodes], turned)
         self.soft[nodes] = soft
         before, old = self.total(edges), shows[nodes]
         shows[nodes] = np.where(turned, other[nodes], one[nodes])

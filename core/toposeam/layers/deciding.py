@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from toposeam.heat.network import Floats, Ints, Network
 from toposeam.images import Mask
+from toposeam.seam.coarse import PROVEN
 from toposeam.seam.exact import minimum_cut
 from toposeam.seam.find import Method
 from toposeam.seam.gathering import Heat, gather_heat
@@ -41,6 +42,11 @@ class Deciding:
         self.options, self.forbidden = options, forbidden
         #: How heat gathered when a cut was last found by it.
         self.heat: Heat | None = None
+
+    @property
+    def proves(self) -> bool:
+        """Whether heat is to gather until seams are proven, so that they may as well be found by paths."""
+        return isinstance(self.options, HeatOptions) and self.options.tolerance <= PROVEN
 
     def __call__(self, network: Network, cost: Floats) -> tuple[Mask, Floats]:
         """By the method that was asked for: the nodes on the hot side, (n,) bool, and their potential."""

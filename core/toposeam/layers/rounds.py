@@ -128,6 +128,8 @@ class Rounds:
         #: Pixels beside flow that the heat had not decided.
         self.undecided: dict[Pair, Pixels] = {}
         self._decide = Deciding(self.method, self._options, labelling.forbidden)
+        #: Where nobody asks for potentials, small canvases are not heated at full size.
+        self._by_paths = self._decide.proves and not finer and not keeps
         #: Of pairs that were divided as bands, the label potential of the pixels that were open.
         self.potentials: dict[Pair, Potential] = {}
         self.seconds: dict[Pair, float] = {}
@@ -215,8 +217,7 @@ class Rounds:
 
     def _refine_together(self, most: int, hints: Mapping[Pair, Pixels], afield: bool) -> None:
         labelling, canvas = self.labelling, self.labelling.canvas
-        near, labels = dense(self._near), dense(self.label_map)
-        count = len(labelling.places)
+        near, labels, count = dense(self._near), dense(self.label_map), len(labelling.places)
         planes = reached(labels, count, _REACH)
         for pair, (rows, columns) in hints.items():
             hinted = np.zeros(tuple(-(-side // 2) for side in canvas.shape), bool)
@@ -231,14 +232,14 @@ class Rounds:
             plane &= everywhere
         choices = Choices(labelling, canvas, labels, allowed if afield else planes, range(count))
         started = time.perf_counter()
+        choices.by_paths = self._by_paths
         free, one, other = choices.divide_all(self._decide, planes)
         took = time.perf_counter() - started
         at = np.flatnonzero(free)
         codes = one[at].astype(np.int64) * count + other[at]
         pairs = [divmod(int(code), count) for code in np.unique(codes)]
         for i, j in pairs:
-            own = at[codes == i * count + j]
-            self._solved_together((i, j), choices, own, took / len(pairs))
+            self._solved_together((i, j), choices, at[codes == i * count + j], took / len(pairs))
         if self._undecided is not None:
             steep = choices.steep(self._undecided)
             for i, j in pairs:
@@ -266,7 +267,7 @@ class Rounds:
             ),
         )
         self.seconds[pair] = self.seconds.get(pair, 0.0) + took
-        if self._undecided is None and self._keeps:
+        if self._undecided is None and self._keeps and not self._by_paths:
             rows, columns = np.divmod(own, choices.box.shape[1])
             self.potentials[pair] = rows, columns, choices.soft[own]
 

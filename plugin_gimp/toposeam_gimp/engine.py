@@ -256,10 +256,9 @@ class Engine:
         """Stop it and wait until it is gone; its exit code."""
         self.kill()
         code = self.wait()
-        for pipe in (self._process.stdin, self._process.stdout):
-            if pipe is not None:
-                with suppress(OSError):
-                    pipe.close()
+        if self._process.stdin is not None:
+            with suppress(OSError):
+                self._process.stdin.close()
         return code
 
     def wait(self) -> int:
@@ -268,7 +267,8 @@ class Engine:
 
     def _read(self) -> None:
         if self._process.stdout is not None:
-            with suppress(OSError, ValueError):  # closed under our hands
+            # To its end, which comes after the engine's where a process that it has started outlives it.
+            with self._process.stdout, suppress(OSError):
                 for line in self._process.stdout:
                     self._lines.put(line)
         self._lines.put(None)

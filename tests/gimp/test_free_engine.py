@@ -5,6 +5,7 @@ its place, and previews.
 import errno
 import os
 import queue
+import signal
 import sys
 import time
 from pathlib import Path
@@ -194,6 +195,14 @@ def test_previews_come_from_warm_engines_and_only_the_newest_counts(tmp_path, mo
     while list(tmp_path.glob("toposeam-request-*")) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not list(tmp_path.glob("toposeam-request-*"))
+
+
+def test_an_engine_ends_before_what_it_has_started():
+    running = engine.Engine(command=["sh", "-c", "sleep 120 & echo $!; wait"])
+    started = int(running.heard(60))
+    running.end()
+    os.kill(started, signal.SIGKILL)  # it is still there
+    assert running.heard(60) is None
 
 
 @pytest.mark.medium

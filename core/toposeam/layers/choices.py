@@ -20,7 +20,6 @@ from toposeam.heat.network import Floats
 from toposeam.images import Mask, box_of
 from toposeam.layers.crossing import Beyond, crossed
 from toposeam.layers.deciding import Decide, decided, questions
-from toposeam.layers.junctions import dilated
 from toposeam.layers.labelling import Labelling
 from toposeam.layers.layer import Box
 from toposeam.layers.painting import LabelMap
@@ -176,20 +175,12 @@ class Choices:
         self.shows[everywhere & (self.shows == len(self.layers))] = k
 
     def run(
-        self,
-        decide: Decide,
-        most: int,
-        order: Sequence[int] | None = None,
-        within: Mask | None = None,
-        reach: int | None = None,
+        self, decide: Decide, most: int, order: Sequence[int] | None = None, within: Mask | None = None
     ) -> int:
-        """Expansions in an order until none gains, at most so many rounds; how many were made. After the
-        first round a layer is looked at no farther than `reach` px from what changed since it was.
-        """
+        """Expansions in an order until none gains, at most so many rounds; how many were made."""
         if within is not None:
             return self._narrowed(within).run(decide, most, order)
         order = range(len(self.layers)) if order is None else order
-        seen: dict[int, npt.NDArray[np.int16]] = {}
         waiting = set(order)
         for number in range(most):
             if not waiting:
@@ -197,18 +188,12 @@ class Choices:
             for k in order:
                 if k in waiting:
                     waiting.discard(k)
-                    near = None
-                    if reach is not None and k in seen:
-                        changed = (self.shows != seen[k]).reshape(self.box.shape)
-                        near = dilated(changed, reach).ravel()
-                    if self.expand(k, decide, near):
+                    if self.expand(k, decide):
                         waiting |= set(order) - {k}
-                    if reach is not None:
-                        seen[k] = self.shows.copy()
         return most
 
-    def expand(self, k: int, decide: Decide, near: Mask | None = None) -> bool:
-        r"""Let a layer show more of itself, near some pixels, (h w,) bool; whether that gained something.
+    def expand(self, k: int, decide: Decide) -> bool:
+        r"""Let a layer show more of itself; whether that gained something.
 
         At neighbours p and q that show i and j and may both turn to k, keeping both costs s = M_ij, turning p
         c = M_kj, turning q b = M_ik, and turning both nothing. With x = 1 for a turned pixel that is ::
@@ -233,8 +218,6 @@ class Choices:
         """
         shows, nothing = self.shows, len(self.layers)
         free = self.may[k] & (shows != k) & (shows != nothing)
-        if near is not None:
-            free &= near
         edges = np.flatnonzero(free[self.p] | free[self.q])
         if not len(edges):
             return False

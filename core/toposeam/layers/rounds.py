@@ -247,8 +247,7 @@ class Rounds:
                 self.undecided[i, j] = np.divmod(own, choices.box.shape[1])
         tangled = (choices.several & ~free).reshape(canvas.shape)
         if afield:
-            afar = (_AFIELD_SMALL, _TANGLE) if self._small else (_AFIELD, None)
-            choices.run(self._decide.exactly, min(most, afar[0]), reach=afar[1])
+            choices.run(self._decide.exactly, min(most, _AFIELD_SMALL if self._small else _AFIELD))
         elif tangled.any():
             choices.run(self._decide.exactly, min(most, _CYCLES), within=dilated(tangled, _TANGLE).ravel())
         self.label_map[:, :] = choices.label_map()

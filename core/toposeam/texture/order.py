@@ -19,6 +19,7 @@ from scipy import ndimage
 from toposeam.images import Mask
 from toposeam.texture.atlas import Floats32
 from toposeam.texture.scale import autocorrelation
+from toposeam.texture.sources import UNSEEN_STEP
 
 #: Mean correlation with itself on the lattice from which on a texture counts as ordered, by two vectors and
 #: along one direction.
@@ -107,7 +108,7 @@ def looked_at(shape: tuple[int, ...]) -> tuple[slice, ...]:
 
 
 def find_order(features: Floats32, usable: Mask) -> Order | None:
-    """The order of a texture, None where there is none.
+    """The order of a texture, None where there is none, or nothing to be seen but slow light.
 
     Parameters
     ----------
@@ -117,7 +118,10 @@ def find_order(features: Floats32, usable: Mask) -> Order | None:
     middle = looked_at(usable.shape)
     if not usable[middle].any():
         return None
-    near = _near(features[middle], usable[middle])
+    detail = _detail(features[middle])
+    if float(np.square(detail).mean(axis=(0, 1)).max()) < UNSEEN_STEP**2:
+        return None
+    near = autocorrelation(detail, usable[middle], tapered=True).astype(np.float64)
     height, width = (length // 2 for length in near.shape)
     distance = np.hypot(*np.ogrid[-height : height + 1, -width : width + 1])
     rings = distance.astype(np.intp).ravel()
@@ -141,12 +145,12 @@ def find_order(features: Floats32, usable: Mask) -> Order | None:
     return _lines(smooth, element)
 
 
-def _near(features: Floats32, usable: Mask) -> Floats:
-    """The autocorrelation without slow light, shifts up to half the exemplar, 0 in the middle."""
+def _detail(features: Floats32) -> Floats32:
+    """What is left without slow light."""
     slow = features
     for axis in (0, 1) * 3:
         slow = ndimage.uniform_filter1d(slow, _SLOW, axis)
-    return autocorrelation(features - slow, usable, tapered=True).astype(np.float64)
+    return features - slow
 
 
 def _lattice(smooth: Floats, element: int) -> Floats | None:

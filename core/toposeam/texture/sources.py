@@ -17,6 +17,8 @@ from toposeam.texture.atlas import Floats32
 Images = npt.ArrayLike | Sequence[npt.ArrayLike]
 #: What counts as white in the picture, or in the picture and each of its maps.
 DataRange = float | Sequence[float | None] | None
+#: What differs by less than this share of white is not seen: one of 8 bits' levels.
+UNSEEN_STEP = 0.004
 #: Rows of an exemplar that are looked at first.
 _EVERY = 64
 

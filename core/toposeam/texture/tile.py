@@ -15,12 +15,9 @@ from toposeam.texture.finish import finish, settings_of
 from toposeam.texture.holed import canvas_over, placer_over, read_holed
 from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.raster import SMALLEST_TILE
-from toposeam.texture.sources import DataRange, Images, as_list, white_of
+from toposeam.texture.sources import UNSEEN_STEP, DataRange, Images, as_list, white_of
 from toposeam.texture.synthesis import Synthesis
 from toposeam.texture.tileable import Tileable, wraps_of
-
-#: A step of less than this share of white is not seen: one of 8 bits' levels.
-_UNSEEN = 0.004
 
 
 def make_tileable(
@@ -152,7 +149,7 @@ def _steps(planes: Sequence[Image], white: Sequence[float], axis: int) -> Mask:
     for plane, one in zip(planes, white, strict=True):
         if plane.shape[:2] == planes[0].shape[:2]:  # others are refused when they are read
             first, last = (plane.take(end, axis=axis).astype(np.float64) for end in (0, -1))
-            shows = ~(np.abs(first - last) <= _UNSEEN * one)
+            shows = ~(np.abs(first - last) <= UNSEEN_STEP * one)
             steps |= shows.reshape(len(steps), -1).any(axis=1)
     return steps
 

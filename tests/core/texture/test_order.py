@@ -53,6 +53,13 @@ def out_of_step(image, order):
     return found.mean()
 
 
+@pytest.mark.parametrize(("contrast", "seen"), [(0.1, True), (0.01, False)])
+def test_an_order_that_nobody_sees_is_none(contrast, seen):
+    faint = 0.5 + (bricks() / np.float32(255) - 0.5) * np.float32(contrast)
+    found = find_order(faint[..., np.newaxis], np.ones(faint.shape, bool))
+    assert (found is not None) == seen
+
+
 def test_the_lattice_of_bricks_is_found():
     order = order_of(bricks())
     assert order.reciprocal.shape == (2, 2)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from toposeam.images import Mask, box_of
+from toposeam.seam.overlap import neighbours
 from toposeam.texture.atlas import Atlas, Floats32, Ints32, values_at
 from toposeam.texture.objects import At, Objects
 from toposeam.texture.search import Ints
@@ -28,12 +29,7 @@ def dilated(mask: Mask, steps: int = 1) -> Mask:
     [[0, 1, 1, 1, 0]]
     """
     for _ in range(steps):
-        more = mask.copy()
-        more[1:] |= mask[:-1]
-        more[:-1] |= mask[1:]
-        more[:, 1:] |= mask[:, :-1]
-        more[:, :-1] |= mask[:, 1:]
-        mask = more
+        mask = mask | neighbours(mask)
     return mask
 
 

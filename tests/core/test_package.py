@@ -33,6 +33,7 @@ def test_importing_loads_nothing_of_the_command_line_nor_of_optional_packages():
         "matplotlib",
         "pyvips",
         "maxflow",
+        "ortools",
         "toposeam_cli",
         "svgelements",
         "defusedxml",
@@ -104,6 +105,7 @@ def test_the_core_knows_nothing_of_files_screens_and_the_command_line(file):
         "qdldl",
         "threadpoolctl",
         "maxflow",
+        "ortools",
         "svgelements",
         "defusedxml",
     }

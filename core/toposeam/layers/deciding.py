@@ -11,8 +11,8 @@ import numpy.typing as npt
 from toposeam.heat.network import Floats, Ints, Network
 from toposeam.images import Mask
 from toposeam.seam.coarse import PROVEN
-from toposeam.seam.exact import minimum_cut
 from toposeam.seam.find import Method
+from toposeam.seam.flow import minimum_cut
 from toposeam.seam.gathering import Heat, gather_heat
 from toposeam.seam.graph_cut import least_cut
 from toposeam.seam.heat import HeatOptions

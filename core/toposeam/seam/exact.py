@@ -3,7 +3,7 @@ a maximum flow.
 
 On an overlap that the seam crosses from one gap to another (a strip, an L) a minimum cut between pixels is a
 shortest path between corners, the planar dual (Ford and Fulkerson 1956), which Dijkstra's algorithm finds.
-Rings, islands and overlaps with more than two gaps are solved by maximum flow with integer capacities.
+Rings, islands and overlaps with more than two gaps are solved by maximum flow (:mod:`toposeam.seam.flow`).
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 import scipy
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import breadth_first_order, connected_components, maximum_flow
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
-from toposeam.heat.network import Floats, Ints, Network
+from toposeam.heat.network import Floats, Ints
 from toposeam.images import Mask
 from toposeam.seam.corner_graph import CornerGraph
+from toposeam.seam.flow import minimum_cut
 from toposeam.seam.lattice import beside_cheap_paths
 from toposeam.seam.match_cost import Floats32
 from toposeam.seam.overlap import FREE, NONE, TOUCHING, A, B
@@ -28,11 +29,6 @@ from toposeam.seam.problem import SeamProblem, geometry
 _Box = tuple[slice, slice]
 #: Each pixel and its right, or lower, neighbour.
 _PAIRS: tuple[tuple[_Box, _Box], ...] = (np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1, :], np.s_[1:, :])
-
-#: Capacities of the maximum flow are rounded so that their sum stays below this.
-_CAPACITY = 2**31 - 2
-#: … and the median one is at most this.
-_FINEST = 1e6
 
 
 def exact_labels(
@@ -46,7 +42,7 @@ def exact_labels(
     most : float
         What some seam is known to cost: none dearer is looked for.
     flow : callable, optional
-        Divides some free pixels where the cut is no path; by default SciPy's maximum flow does.
+        Divides some free pixels where the cut is no path; by default :func:`cut_by_flow` does.
 
     Returns
     -------
@@ -302,8 +298,8 @@ def _sides_of(path: npt.NDArray[np.intp], side: npt.NDArray[np.uint8], free: Mas
 
 
 def cut_by_flow(problem: SeamProblem, pixels: Mask) -> Mask:
-    """Labels of some free pixels, (h, w) bool, by maximum flow between the two sides; costs are rounded to
-    about 1e-9 of their sum.
+    """Labels of some free pixels, (h, w) bool, by maximum flow between the two sides; costs are rounded
+    (:func:`toposeam.seam.flow.minimum_cut`).
     """
     network, weight, index = problem.grid.network(pixels)
     if not len(weight):  # nothing is known of them: all is as good
@@ -313,27 +309,6 @@ def cut_by_flow(problem: SeamProblem, pixels: Mask) -> Mask:
     ordinary = float(weight[weight < problem.forbidden].sum())
     limit = 1.01 * ordinary if ordinary > 0 else weight.max()
     return labels_of_nodes(minimum_cut(network, np.minimum(weight, limit)), index, pixels.shape)
-
-
-def minimum_cut(network: Network, weight: npt.NDArray[np.float64]) -> Mask:
-    """Which free nodes end on the hot side of a minimum cut, (n,) bool."""
-    n = network.n
-    scale = _CAPACITY / 4 / weight.sum()
-    if len(weight) < _CAPACITY / 2 / _FINEST:  # else the median, at most twice the mean, bounds nothing
-        scale = min(scale, _FINEST / np.median(weight))
-    capacity = np.rint(weight * scale).astype(np.int32)
-    tail, head = network.tail.astype(np.int32), network.head.astype(np.int32)  # as SciPy has them
-    graph = csr_array(
-        (np.concatenate([capacity, capacity]), (np.concatenate([tail, head]), np.concatenate([head, tail]))),
-        shape=(n + 2, n + 2),
-    )
-    flow = maximum_flow(graph, n + 1, n).flow
-    graph.data -= flow.data  # both have every element in both directions, in one order
-    graph.eliminate_zeros()
-    reached = breadth_first_order(graph, n + 1, return_predecessors=False)
-    hot = np.zeros(n + 2, bool)
-    hot[reached] = True
-    return hot[:n]
 
 
 def labels_of_nodes(hot: Mask, index: Ints, shape: tuple[int, int]) -> Mask:

@@ -157,8 +157,7 @@ def find_seam(
 def least_cost(problem: SeamProblem, known: float) -> float:
     """What the best labelling costs, where one of some cost is known.
 
-    Capacities of maximum flows are rounded where SciPy computes them
-    (:func:`toposeam.seam.exact.minimum_cut`); PyMaxflow's are not.
+    Capacities of maximum flows are rounded (:func:`toposeam.seam.flow.minimum_cut`); PyMaxflow's are not.
     """
 
     def flow(problem: SeamProblem, pixels: Mask) -> Mask:

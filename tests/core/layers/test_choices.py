@@ -14,7 +14,7 @@ from toposeam.layers.labelling import Labelling
 from toposeam.layers.layer import Box
 from toposeam.layers.posing import exclusive_covers, pose_labelling
 from toposeam.layers.table_costs import TableCost
-from toposeam.seam.exact import minimum_cut
+from toposeam.seam.flow import minimum_cut
 from toposeam.seam.gathering import gather_heat
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from toposeam.heat.network import Network
 from toposeam.layers.crossing import FIRST, NEITHER, SECOND, Beyond, crossed
-from toposeam.seam.exact import minimum_cut
+from toposeam.seam.flow import minimum_cut
 
 SHAPE = (9, 14)
 

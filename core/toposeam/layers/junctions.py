@@ -54,8 +54,10 @@ def beside_steps(values: np.ndarray, step: float) -> Mask:
     return result
 
 
-def dilated(mask: npt.NDArray[_Bits], reach: int) -> npt.NDArray[_Bits]:
-    """The pixels at most so many px from those of a mask, along each axis; of integers each bit is a mask."""
+def square_dilation(mask: npt.NDArray[_Bits], reach: int) -> npt.NDArray[_Bits]:
+    """The pixels at most so many px from those of a mask, along each axis: its dilation by a square of
+    2 reach + 1 px a side. Of integers each bit is a mask.
+    """
     result = mask.copy()
     for turned in (result, result.T):
         done = 0
@@ -84,6 +86,6 @@ def reached(label_map: LabelMap, count: int, reach: int) -> list[Mask]:
         bit = np.zeros(count + 1, np.uint64)  # -1 is the last one
         own = np.left_shift(np.uint64(1), np.arange(min(64, count - first), dtype=np.uint64))
         bit[first : first + len(own)] = own
-        near = dilated(bit[label_map], reach)
+        near = square_dilation(bit[label_map], reach)
         found += [(near & one) != 0 for one in own]
     return found

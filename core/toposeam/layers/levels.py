@@ -27,7 +27,7 @@ import numpy as np
 
 from toposeam.images import Mask
 from toposeam.layers.fusion import fused
-from toposeam.layers.junctions import beside_steps, dilated
+from toposeam.layers.junctions import beside_steps, square_dilation
 from toposeam.layers.labelling import Labelling
 from toposeam.layers.maps import dense, new_map
 from toposeam.layers.painting import LabelMap
@@ -89,7 +89,7 @@ def best_rounds(
     shows = dense(found[0][0].label_map)
     for other, _ in found[1:]:
         shows = fused(labelling, shows, dense(other.label_map))
-    near = dilated(beside_steps(shows, 0), _BESIDE)
+    near = square_dilation(beside_steps(shows, 0), _BESIDE)
     rounds = Rounds(labelling, shows, method, options, near, steps, keeps=potentials)
     rounds.refine(most, executor=executor)
     return rounds, max(number for _, number in found)
@@ -139,10 +139,10 @@ class _Search:
         for wandering in OTHERS:
             other = self._otherwise(labelling, wandering, trail)
             shows = shows if other is None else fused(labelling, shows, other)
-        changed = dilated(shows != trail[-1], 2 * _BESIDE)
+        changed = square_dilation(shows != trail[-1], 2 * _BESIDE)
         if not changed.any():
             return rounds, number
-        near = dilated(beside_steps(shows, 0), _BESIDE) & changed
+        near = square_dilation(beside_steps(shows, 0), _BESIDE) & changed
         label_map: LabelMap = new_map(shows.shape, -1, np.int16)
         label_map[:, :] = shows
         last = Rounds(
@@ -167,7 +167,7 @@ class _Search:
             if not apart.any():
                 return None
             finer = levels.pop()
-            where = dense(opened(dilated(apart, 1), finer))
+            where = dense(opened(square_dilation(apart, 1), finer))
             near = dense(opened(rounds.beside_seams(), finer)) & where
             start: LabelMap = np.where(where, dense(enlarged(rounds.label_map, finer)), fine)
             rounds = self._rounds(finer, start, near, len(levels))

@@ -33,7 +33,7 @@ from toposeam.layers.band import write_pixels
 from toposeam.layers.choices import Choices
 from toposeam.layers.deciding import Deciding
 from toposeam.layers.dividing import LEAST_GAIN, Divided, Division, Pixels, Potential, divided
-from toposeam.layers.junctions import beside_steps, dilated, junctions, reached
+from toposeam.layers.junctions import beside_steps, junctions, reached, square_dilation
 from toposeam.layers.labelling import Labelling, Move, Pair
 from toposeam.layers.layer import Box
 from toposeam.layers.maps import dense, new_map, part_of, several
@@ -222,7 +222,7 @@ class Rounds:
         for pair, (rows, columns) in hints.items():
             hinted = np.zeros(tuple(-(-side // 2) for side in canvas.shape), bool)
             hinted[rows, columns] = True
-            wide = dilated(hinted, 1).repeat(2, axis=0).repeat(2, axis=1)
+            wide = square_dilation(hinted, 1).repeat(2, axis=0).repeat(2, axis=1)
             wide = wide[: canvas.shape[0], : canvas.shape[1]]
             for k in pair:
                 planes[k] |= wide
@@ -249,7 +249,8 @@ class Rounds:
         if afield:
             choices.run(self._decide.exactly, min(most, _AFIELD_SMALL if self._small else _AFIELD))
         elif tangled.any():
-            choices.run(self._decide.exactly, min(most, _CYCLES), within=dilated(tangled, _TANGLE).ravel())
+            near = square_dilation(tangled, _TANGLE).ravel()
+            choices.run(self._decide.exactly, min(most, _CYCLES), within=near)
         self.label_map[:, :] = choices.label_map()
         self.steps.one()
 

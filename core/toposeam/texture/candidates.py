@@ -19,13 +19,13 @@ STEP = 3
 _GROUNDS = 400
 
 
-def dilated(mask: Mask, steps: int = 1) -> Mask:
-    """What is at most so many steps to any side from where a mask is True: on small masks sooner than
-    :func:`scipy.ndimage.binary_dilation`.
+def diamond_dilation(mask: Mask, steps: int = 1) -> Mask:
+    """What is at most so many steps from where a mask is True, its dilation by a diamond: on small masks
+    sooner than :func:`scipy.ndimage.binary_dilation`.
 
     Examples
     --------
-    >>> dilated(np.eye(1, 5, 2, dtype=bool)).astype(int).tolist()
+    >>> diamond_dilation(np.eye(1, 5, 2, dtype=bool)).astype(int).tolist()
     [[0, 1, 1, 1, 0]]
     """
     for _ in range(steps):
@@ -46,7 +46,7 @@ class Window(NamedTuple):
 
     def beside_others(self) -> Mask:
         """Where other objects are, or next to it: flat."""
-        return dilated(self.busy).ravel()
+        return diamond_dilation(self.busy).ravel()
 
 
 class Fit(NamedTuple):
@@ -71,7 +71,7 @@ class Candidates:
 
     def __init__(self, features: Floats32, atlas: Atlas, objects: Objects) -> None:
         self._features, self._atlas, self._objects = features, atlas, objects
-        self._bare = atlas.copied & ~dilated(objects.marks > 0)
+        self._bare = atlas.copied & ~diamond_dilation(objects.marks > 0)
 
     def rooms(self, window: Window, numbers: list[int], aside: int) -> Iterator[tuple[int, Ints]]:
         """Which of some objects have room in the middle of a window, or beside it, and where their middles
@@ -118,7 +118,7 @@ class Candidates:
         y, x = np.nonzero(window.goes)
         covers = self._bare.ravel()[(places @ (width, 1))[:, np.newaxis] + y * width + x].all(axis=1)
         places = places[covers]
-        rim = dilated(window.goes, 2) & ~window.goes & ~window.busy & window.inside
+        rim = diamond_dilation(window.goes, 2) & ~window.goes & ~window.busy & window.inside
         y, x = np.nonzero(rim)
         at = (places @ (width, 1))[:, np.newaxis] + y * width + x
         free = (at >= 0) & (at < self._bare.size)

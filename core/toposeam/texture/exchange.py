@@ -16,7 +16,7 @@ import numpy as np
 from toposeam.images import Mask, box_of
 from toposeam.seam.labels import BEST
 from toposeam.texture.atlas import Ints32
-from toposeam.texture.candidates import STEP, Candidates, Fit, Window, dilated
+from toposeam.texture.candidates import STEP, Candidates, Fit, Window, diamond_dilation
 from toposeam.texture.closed_cuts import Patch, closed_cuts
 from toposeam.texture.lay import PatchPlacer
 from toposeam.texture.objects import RING, At, Key, Objects
@@ -153,7 +153,7 @@ class Exchange:
         marks = self._objects.marks.ravel()[np.maximum(known, 0)] * inside
         goes = self._seen(key, known, top, left)
         if beside:
-            y, x = np.nonzero(dilated(goes, 3) & (marks > 0) & ~goes)
+            y, x = np.nonzero(diamond_dilation(goes, 3) & (marks > 0) & ~goes)
             for other in self._objects.at(y + top, x + left, known[y, x]):
                 if self._share(other) < _WHOLE:
                     goes |= self._seen(other, known, top, left)
@@ -207,8 +207,8 @@ class Exchange:
         other = (marks > 0) & (marks != number + 1)
         if (must & (other | window.busy | ~on)).any():
             return False
-        may = dilated(must, RING) & window.inside & on
-        may = (may & ~dilated(other | window.busy)) | must
+        may = diamond_dilation(must, RING) & window.inside & on
+        may = (may & ~diamond_dilation(other | window.busy)) | must
         patch = self._patch(window, place, must, may)
         if patch.joined and not self._fits_a_copy(patch):
             self._paint()

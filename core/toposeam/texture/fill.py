@@ -137,7 +137,7 @@ def fill(
     settings = {"by": by, "pixels": int(hole.sum()), "seed": seed, "smooth": smooth, **settings_of(chosen)}
     if by == "shifts":
         band = check_whole("band", _BAND if band is None else band, 0)
-        near = _dilated(hole, band) & ground
+        near = _disk_dilation(hole, band) & ground
         atlas, canvas = canvas_over(sources, hole, ground, (False, False), chosen.context)
         _stitch(atlas, canvas, sources, (hole, near, ground), source is not None, chosen, seed, progress)
         settings |= {"band": band, "level": level}
@@ -151,7 +151,7 @@ def fill(
         return finish(sources, atlas, canvas, (shape[0], shape[1]), settings, smooth, near, lift)
     side, lap = check_patch(sources, patch, overlap)
     band = check_whole("band", lap if band is None else band, 0)
-    near = _dilated(hole, band) & ground
+    near = _disk_dilation(hole, band) & ground
     placer = placer_over(sources, hole, ground, (False, False), chosen, seed)
     for top, left, shape in _windows(placer, hole, side, band):
         rows, columns, _ = placer.canvas.window(top, left, *shape)
@@ -287,7 +287,7 @@ def _has_room(placer: PatchPlacer, shape: tuple[int, int]) -> bool:
     return bool(placer.search.room(shape).any())
 
 
-def _dilated(mask: Mask, radius: int) -> Mask:
+def _disk_dilation(mask: Mask, radius: int) -> Mask:
     """Pixels within a distance, px, of the mask."""
     if radius == 0:
         return mask

@@ -9,7 +9,7 @@ from skimage import data
 
 import toposeam as ts
 from toposeam.layers.choices import Choices
-from toposeam.layers.junctions import dilated
+from toposeam.layers.junctions import square_dilation
 from toposeam.layers.labelling import Labelling
 from toposeam.layers.layer import Box
 from toposeam.layers.posing import exclusive_covers, pose_labelling
@@ -104,7 +104,9 @@ def test_no_expansion_of_a_row_of_four_misses_what_it_could_gain(middle, costs):
 def test_all_seams_divided_together_gain_what_they_gain_one_by_one():
     labelling = four()
     label_map = labelling.on_top()
-    labels = [dilated(label_map == k, 3) & labelling.allowed_in(k, labelling.canvas) for k in range(4)]
+    labels = [
+        square_dilation(label_map == k, 3) & labelling.allowed_in(k, labelling.canvas) for k in range(4)
+    ]
     together = Choices(labelling, labelling.canvas, label_map, labels, range(4))
     free, one, other = together.divide_all(by_heat, labels)
     apart = Choices(labelling, labelling.canvas, label_map, labels, range(4))
@@ -185,10 +187,10 @@ def test_pixels_that_nothing_pulls_at_stay():
 
 
 @pytest.mark.parametrize("reach", [1, 2, 3, 4, 8])
-def test_a_dilated_mask_reaches_as_far_as_it_is_told_to(reach):
+def test_a_square_dilation_reaches_as_far_as_it_is_told_to(reach):
     mask = np.zeros((25, 31), bool)
     mask[11, 14] = True
     expected = np.zeros_like(mask)
     expected[11 - reach : 12 + reach, 14 - reach : 15 + reach] = True
-    np.testing.assert_array_equal(dilated(mask, reach), expected)
+    np.testing.assert_array_equal(square_dilation(mask, reach), expected)
     assert mask.sum() == 1

@@ -12,10 +12,9 @@ from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
 from toposeam.images import Mask
-from toposeam.texture.atlas import Atlas, Floats32
+from toposeam.texture.atlas import Atlas, Floats32, Ints32
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.sites import Offers
 
@@ -31,7 +30,7 @@ class Beside:
         Within so many px of the canvas two copies are near each other.
     near : float
         How much dearer a place is all of whose pixels were picked near by.
-    limit : (AH, 1) array, optional
+    limit : (AH, 1) int32 array, optional
         How often pixels may show, by the atlas's row.
     largest_copy : callable
         How many px of the canvas a copy may show on with a patch more, for its height and width and the px
@@ -44,7 +43,7 @@ class Beside:
         atlas: Atlas,
         reach: int,
         near: float,
-        limit: npt.NDArray[np.float64] | None,
+        limit: Ints32 | None,
         largest_copy: Callable[[tuple[int, int], int], int],
     ) -> None:
         self._canvas, self._reach, self._near, self._largest_copy = canvas, reach, near, largest_copy

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from toposeam.images import Mask, box_of
-from toposeam.seam.overlap import neighbours
 from toposeam.texture.atlas import Atlas, Floats32, Ints32, values_at
 from toposeam.texture.objects import At, Objects
 from toposeam.texture.search import Ints
@@ -29,11 +30,17 @@ def diamond_dilation(mask: Mask, steps: int = 1) -> Mask:
     [[0, 1, 1, 1, 0]]
     """
     for _ in range(steps):
-        mask = mask | neighbours(mask)
+        grown = mask.copy()
+        grown[1:] |= mask[:-1]
+        grown[:-1] |= mask[1:]
+        grown[:, 1:] |= mask[:, :-1]
+        grown[:, :-1] |= mask[:, 1:]
+        mask = grown
     return mask
 
 
-class Window(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Window:
     """What a canvas shows round a place."""
 
     top: int
@@ -44,9 +51,16 @@ class Window(NamedTuple):
     goes: Mask
     busy: Mask
 
+    @cached_property
     def beside_others(self) -> Mask:
         """Where other objects are, or next to it: flat."""
         return diamond_dilation(self.busy).ravel()
+
+    @cached_property
+    def ground(self) -> Mask:
+        """What shows ground that stays: flat."""
+        ground: Mask = self.inside.ravel() & ~self.goes.ravel() & ~self.beside_others
+        return ground
 
 
 class Fit(NamedTuple):
@@ -77,7 +91,7 @@ class Candidates:
         """Which of some objects have room in the middle of a window, or beside it, and where their middles
         may lie then: flat indices of the window.
         """
-        side, busy = len(window.known), window.beside_others()
+        side, busy = len(window.known), window.beside_others
         line = side // 2 + STEP * np.arange(-aside, aside + 1)
         middles = (line[:, np.newaxis] * side + line).ravel()
         for number in numbers:
@@ -90,12 +104,12 @@ class Candidates:
     def fits(self, window: Window, numbers: list[int], aside: int) -> list[Fit]:
         """Where in the middle of a window, or beside it, some objects have room, and how well they fit."""
         found, features = [], self._features.reshape(self._atlas.usable.size, -1)
-        side, known = len(window.known), values_at(self._features, window.known.ravel())
-        ground = window.inside.ravel() & ~window.goes.ravel() & ~window.beside_others()
+        side, known = len(window.known), None
         for number, middles in self.rooms(window, numbers, aside):
+            known = values_at(self._features, window.known.ravel()) if known is None else known
             one = self._objects.all[number]
             at = middles[:, np.newaxis] + one.ring @ (side, 1)
-            counts = ground.take(at)
+            counts = window.ground.take(at)
             apart = known.take(at, axis=0)
             apart -= features.take((one.ring + one.middle) @ (self._atlas.width, 1), axis=0)
             errors = np.einsum("mrc,mrc,mr->m", apart, apart, counts.astype(np.float32))

@@ -140,7 +140,9 @@ class IndexCanvas:
         before = index.take(at)
         covered = before >= 0
         if covered.any():
-            np.subtract.at(self.usage, before[covered], 1)
+            np.subtract.at(
+                self.usage, before[covered], np.int32(1)
+            )  # of its own type, or it takes ten times as long
             counts = np.bincount(labels.take(at[covered]))
             for label in np.flatnonzero(counts).tolist():
                 self._areas[self.copy_of(label)] -= int(counts[label])

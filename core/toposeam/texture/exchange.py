@@ -9,7 +9,7 @@ becomes which is found by the rule of fewest conflicts (Minton et al. 1992, doi:
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -60,6 +60,11 @@ class Exchange:
         near = _NEAR * int(self._atlas.shapes.min(axis=1).max()) + _SLACK
         self._candidates = Candidates(placer.features, placer.atlas, self._objects)
         self._shown = self._objects.shown()
+        limits = zip(placer.canvas.shape, placer.canvas.wrap, strict=True)
+        #: How many px round a place a window may have that does not meet itself.
+        self._room = min(
+            ((limit - 1) // 2 for limit, wraps in limits if wraps), default=max(placer.canvas.shape)
+        )
         self._there = Positions(placer.canvas.shape, placer.canvas.wrap, near)
         self._note(self._shown)
         #: What has been laid, but not painted yet: windows that do not touch.
@@ -73,7 +78,7 @@ class Exchange:
             done += shares[key] < _WHOLE and self._mend(key)
         for aside in _ROUNDS:
             for key, number in self._chosen(aside).items():
-                done += self._replace(key, [number], aside)
+                done += self._replace(key, [([number], aside)])
         done += sum(map(self._part, self._twice()))
         self._paint()
         return done
@@ -87,15 +92,13 @@ class Exchange:
         share = self._share(key)
         if not 0 < share < _WHOLE:
             return False
-        for beside in (False, True) if share > _THERE else ():
+        if share > _THERE:
             others = self._others(key)
-            if (
-                self._replace(key, [key[0]], 0, beside)
-                or self._replace(key, others, 0, beside)
-                or self._replace(key, others, _ASIDE, beside)
-            ):
+            tries = [([key[0]], 0), (others, 0), (others, _ASIDE)]
+            # What goes beside it depends on how far the window reaches.
+            if self._replace(key, tries) or any(self._replace(key, [one], beside=True) for one in tries):
                 return True
-        return self._replace(key, [], 0)
+        return self._replace(key, [([], 0)])
 
     def _twice(self) -> list[Key]:
         """Objects that are there twice near by."""
@@ -113,7 +116,7 @@ class Exchange:
         if not self._is_twice(key):  # the other one has gone
             return False
         others = self._others(key)
-        return bool(others) and any(self._replace(key, others, aside) for aside in _ROUNDS)
+        return bool(others) and self._replace(key, [(others, aside) for aside in _ROUNDS])
 
     def _like(self, number: int) -> list[int]:
         """Other objects about as large as one."""
@@ -127,25 +130,32 @@ class Exchange:
         near = {one[0] for one in self._there.near(key[1:])}
         return [k for k in self._like(key[0]) if k not in near]
 
-    def _replace(self, key: Key, numbers: list[int], aside: int, beside: bool = False) -> bool:
-        """Lay the one that fits best of some objects over another, or ground where none is given; whether
-        there was room. With `beside` what is cut and touches it goes as well.
+    def _replace(self, key: Key, tries: Sequence[tuple[list[int], int]], beside: bool = False) -> bool:
+        """Lay the one that fits best of some objects, up to so many steps aside, over another, or ground
+        where none is given: what there is room for first, and whether there was. With `beside` what is cut
+        and touches it goes as well.
         """
-        largest = max(self._all[k].reach for k in (key[0], *numbers))
-        around = largest + aside * STEP + RING + 2
-        window = self._window(key, around, beside)
-        if window is None or not window.goes.any():
+        around = [self._around(key, numbers, aside) for numbers, aside in tries]
+        fitting = [one for one, far in zip(tries, around, strict=True) if far <= self._room]
+        if not fitting:
+            return False
+        window = self._window(key, max(far for far in around if far <= self._room), beside)
+        if not window.goes.any():
             return False
         found = self._candidates
-        fits = found.fits(window, numbers, aside) if numbers else found.grounds(window)
-        return any(self._lay(window, fit) for fit in sorted(fits, key=lambda fit: fit.error)[:_TRIED])
+        for numbers, aside in fitting:
+            fits = found.fits(window, numbers, aside) if numbers else found.grounds(window)
+            if any(self._lay(window, fit) for fit in sorted(fits, key=lambda fit: fit.error)[:_TRIED]):
+                return True
+        return False
 
-    def _window(self, key: Key, around: int, beside: bool = False) -> Window | None:
-        """So many px round an object's middle; None where they would meet themselves."""
+    def _around(self, key: Key, numbers: Iterable[int], aside: int) -> int:
+        """How many px round an object's middle others may take there."""
+        return max(self._all[k].reach for k in (key[0], *numbers)) + aside * STEP + RING + 2
+
+    def _window(self, key: Key, around: int, beside: bool = False) -> Window:
+        """So many px round an object's middle."""
         top, left, side = key[1] - around, key[2] - around, 2 * around + 1
-        limits = zip(self._canvas.shape, self._canvas.wrap, strict=True)
-        if any(wraps and limit < side for limit, wraps in limits):
-            return None
         if any(self._meets(patch, top, left, side) for patch in self._laid):
             self._paint()
         known = self._canvas.read(top, left, side, side)
@@ -306,9 +316,10 @@ class Exchange:
     def _fitting(self, key: Key, aside: int) -> Ints:
         """The objects that have room in the place of one, itself too."""
         others = self._like(key[0])
-        around = max(self._all[k].reach for k in (key[0], *others)) + aside * STEP + RING + 2
-        window = self._window(key, around)
-        found = [] if window is None else self._candidates.rooms(window, others, aside)
+        around = self._around(key, others, aside)
+        found = (
+            self._candidates.rooms(self._window(key, around), others, aside) if around <= self._room else ()
+        )
         return np.array([key[0], *sorted(number for number, _ in found)], np.intp)
 
 

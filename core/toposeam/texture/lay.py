@@ -38,6 +38,8 @@ _LITTLE = 0.05
 _WON = 0.5
 #: An exemplar that shows on less counts as showing on this much of the canvas.
 _LEAST_SHARE = 0.02
+#: More often than any pixel shows.
+_ENDLESS = 2**31 - 1
 #: Added to every error, so that a perfect fit does not outweigh everything else; the square of 1 % of the
 #: image's range.
 _FLOOR = 1e-4
@@ -103,7 +105,7 @@ class PatchPlacer:
         self._uses_up = area > _LITTLE * int(atlas.usable.sum())
         self._shares = None if shares is None else np.asarray(shares, float) / sum(shares)
         self._average = average_use(atlas, area, self._shares)
-        self._limit = np.maximum(1, np.floor(options.most * self._average))
+        self._limit = np.clip(np.floor(options.most * self._average), 1, _ENDLESS).astype(np.int32)
         #: What seams pay for each pixel of the atlas, flat, where there are objects to be kept.
         self.guard: Floats32 | None = None
         self._nearby, self._repeats, self._kinds = Nearby(atlas, canvas), None, None

@@ -22,8 +22,8 @@ _REACH = 0.5
 _SAMPLED = 12
 #: Of so many pixels of the atlas, at most, each is looked at.
 _PIXELS = 10_000
-#: More than any shift.
-_FAR = 1 << 24
+#: More than the square of any reach.
+_FAR = 1 << 40
 
 
 class Repeats:
@@ -67,28 +67,24 @@ class Repeats:
         row, column = np.divmod(index, np.int32(atlas.width))
         weighs = np.flatnonzero(self._cells[row // step, column // step])  # others would show nothing twice
         row, column, y, x = (one.take(weighs) for one in (row, column, y, x))
-        both, number = np.unique((row - y) * (2 * _FAR) + (column - x), return_inverse=True)
-        down = (both + _FAR) // (2 * _FAR)
-        right = both - down * 2 * _FAR
-        row //= np.int32(step)
-        column //= np.int32(step)
-        sums = np.zeros((len(both), self._cells.shape[0] + 1, self._cells.shape[1] + 1), np.float32)
-        sums[number, row + 1, column + 1] = self._cells[row, column]
-        np.cumsum(sums, axis=1, out=sums)
-        np.cumsum(sums, axis=2, out=sums)
-        h, w = (
-            min(max(1, length // step), most - 1)
-            for length, most in zip((height, width), sums.shape[1:], strict=True)
-        )
-        sums = sums[:, h:] - sums[:, :-h]
-        sums = sums[:, :, w:] - sums[:, :, :-w]
-        apart = np.square((np.arange(sums.shape[1]) * step - top) - down[:, np.newaxis])[..., np.newaxis]
-        apart = (
-            apart + np.square((np.arange(sums.shape[2]) * step - left) - right[:, np.newaxis])[:, np.newaxis]
-        )
-        sums *= (apart < self.reach**2) & (apart >= step**2)  # nearer ones continue the copy, or nearly so
-        total = sums.sum(axis=0)
-        total /= np.float32(h * w)
+        # The boxes of places that have each pixel, and how far it is then from where it shows.
+        size, places, apart = [], [], []
+        for at, shift, start, length, most in zip(
+            (row, column), (row - y, column - x), (top, left), (height, width), self._cells.shape, strict=True
+        ):
+            box = min(max(1, length // step), most)
+            place = (at // np.int32(step))[:, np.newaxis] - np.arange(box)
+            away = place * step - (shift + start)[:, np.newaxis]
+            size.append(most - box + 1)
+            apart.append(np.where((place >= 0) & (place < size[-1]), np.square(away), _FAR))
+            places.append(place)
+        distance = apart[0][:, :, np.newaxis] + apart[1][:, np.newaxis]
+        # Nearer ones continue the copy, or nearly so.
+        counts = (distance < self.reach**2) & (distance >= step**2)
+        where = (places[0] * size[1])[:, :, np.newaxis] + places[1][:, np.newaxis]
+        weight = self._cells[row // step, column // step] / np.float32(counts.shape[1] * counts.shape[2])
+        weighed = np.broadcast_to(weight[:, np.newaxis, np.newaxis], counts.shape)[counts]
+        total = np.bincount(where[counts], weighed, size[0] * size[1]).reshape(size).astype(np.float32)
 
         def on_grid(row: int, column: int, factor: int, shape: tuple[int, ...]) -> Floats32:
             rows, columns = (

@@ -55,7 +55,9 @@ class PatchSearch:
         self._mean = self._mean.astype(np.float32)
         features = (features - self._mean) * (present[..., np.newaxis] > 0)
         self._grid = present.shape
-        self._size = (sf.next_fast_len(present.shape[0]), sf.next_fast_len(present.shape[1], real=True))
+        # Nothing lies in the margins, so that one of them stands for both.
+        rows, columns = (length - atlas.margin // self.factor for length in present.shape)
+        self._size = sf.next_fast_len(rows), sf.next_fast_len(columns, real=True)
         channels = [*np.moveaxis(features, 2, 0), np.square(features).sum(axis=2)]
         found = np.conj(self._spectra(np.stack([present, *(one * present for one in channels)])))
         self._present, self._square = found[0], found[-1]
@@ -236,13 +238,20 @@ class _Known(NamedTuple):
 
 def box_sum(values: npt.NDArray[Any], shape: tuple[int, int]) -> npt.NDArray[np.int32]:
     """Sum of every h × w box of an (H, W) array of whole numbers: (H - h + 1, W - w + 1)."""
-    h, w = shape
-    down = np.zeros((values.shape[0] + 1, values.shape[1]), np.int32)
-    np.cumsum(values, axis=0, dtype=np.int32, out=down[1:])
-    across = np.zeros((max(len(down) - h, 0), values.shape[1] + 1), np.int32)
-    np.cumsum(down[h:] - down[:-h], axis=1, out=across[:, 1:])
-    result: npt.NDArray[np.int32] = across[:, w:] - across[:, :-w]
-    return result
+    (h, w), rows = shape, len(values)
+    across = np.zeros((rows, values.shape[1] + 1), np.int32)
+    np.cumsum(values, axis=1, dtype=np.int32, out=across[:, 1:])
+    sums: npt.NDArray[np.int32] = across[:, w:] - across[:, :-w]
+    # Sums of 1, 2, 4 … rows make that of h; running sums down the columns take three times as long.
+    left, done, bit = max(rows - h + 1, 0), 0, 1
+    total = np.zeros((left, sums.shape[1]), np.int32)
+    while left and bit <= h:
+        if h & bit:
+            total += sums[done : done + left]
+            done += bit
+        sums = sums[:-bit] + sums[bit:]
+        bit *= 2
+    return total
 
 
 def whole(mask: Mask, shape: tuple[int, int]) -> Mask:

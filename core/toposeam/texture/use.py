@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.texture.atlas import Atlas, Floats32
+from toposeam.texture.atlas import Atlas, Floats32, Ints32
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.kinds import Kinds
 from toposeam.texture.search import box_sum
@@ -20,7 +20,7 @@ class Use:
     ----------
     canvas : IndexCanvas
     atlas : Atlas
-    average, limit : (AH, 1) array
+    average, limit : (AH, 1) arrays, the limits int32
         How often pixels should show, and may at most, by the atlas's row.
     variety : float
         How much dearer a place is that shows as often as it should.
@@ -33,7 +33,7 @@ class Use:
         canvas: IndexCanvas,
         atlas: Atlas,
         average: npt.NDArray[np.float64],
-        limit: npt.NDArray[np.float64],
+        limit: Ints32,
         variety: float,
         kinds: Kinds | None = None,
     ) -> None:

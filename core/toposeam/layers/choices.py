@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +19,7 @@ from toposeam.heat.network import Floats
 from toposeam.images import Mask, box_of
 from toposeam.layers.crossing import Beyond, crossed
 from toposeam.layers.deciding import Decide, decided, questions
+from toposeam.layers.edges import EdgeCosts, Edges
 from toposeam.layers.labelling import Labelling
 from toposeam.layers.layer import Box
 from toposeam.layers.painting import LabelMap
@@ -67,30 +67,21 @@ class Choices:
         self.several = self.may.sum(axis=0, dtype=np.uint16) > 1
         self.may &= self.several
         known, open_ = label_map >= 0, self.several.reshape(box.shape)
-        first, second, which = [], [], []
-        at = np.arange(len(self.shows)).reshape(box.shape)
-        for axis, s, t in ((1, np.s_[:, :-1], np.s_[:, 1:]), (0, np.s_[:-1], np.s_[1:])):
-            chosen = (open_[s] | open_[t]) & known[s] & known[t]
-            first.append(at[s][chosen])
-            second.append(at[t][chosen])
-            which.append(np.full(len(first[-1]), axis, np.int8))
-        #: (E,) the two pixels of each edge, by flat index.
-        self.p, self.q = np.concatenate(first), np.concatenate(second)
+        self.edges = Edges.beside(open_, known)
+        seen = [(self.may[k] | (self.shows == k)).reshape(box.shape) for k in range(count)]
+        self._costs = EdgeCosts(labelling, box, self.layers, seen, self.edges)
         #: (h w,) label potential of the pixels that were last divided between two layers, else -1.
         self.soft = np.full(len(self.shows), -1, np.float32)
-        #: (count + 1, count + 1) rows of `cost`; the first one is 0.
-        self.row = np.zeros((count + 1, count + 1), np.intp)
-        self.cost = self._costs(labelling, np.concatenate(which))
-        #: (E,) which column of `cost` each edge has.
-        self._column = np.arange(len(self.p))
+        #: (h w,) bool: pixels of which no two are neighbours.
+        self._white = _chessboard(box.shape)
         #: Whether paths decide what one seam crosses, which tell no potential.
         self.by_paths = False
         #: Pixels of one solution, of which several may be stacked.
         self._pixels = max(len(self.shows), 1)
-        #: Rows and columns outside of which nothing changes.
-        self._around = slice(0, box.shape[0]), slice(0, box.shape[1])
+        #: Of a layer the edges of pixels that may show it, and rows and columns that hold these.
+        self._nearby: dict[int, tuple[Edges, tuple[slice, slice]]] = {}
         #: What turned when a piece was asked for before, by all that decides it.
-        self._known: dict[bytes, npt.NDArray[np.intp]] = {}
+        self._known: dict[tuple[int, bytes], npt.NDArray[np.intp]] = {}
 
     def stacked(self, shows: Sequence[npt.NDArray[np.int16]]) -> Choices:
         """Several solutions of the same problem, (h w,) each, one below the other, as one."""
@@ -99,21 +90,19 @@ class Choices:
         result = copy(self)
         result.box = Box(0, 0, times * (height + 1), width)
         result._pixels = pixels
-        result._around = slice(0, times * (height + 1)), slice(0, width)
+        result._nearby, result._white = {}, _chessboard(result.box.shape)
         result.shows = np.concatenate([np.pad(part, (0, width), constant_values=count) for part in shows])
         result.may = np.tile(np.pad(self.may, ((0, 0), (0, width))), times)
         starts = np.arange(times)[:, None] * pixels
-        result.p, result.q = (self.p + starts).ravel(), (self.q + starts).ravel()
-        result._column = np.tile(self._column, times)
+        p, q, column = self.edges
+        result.edges = Edges((p + starts).ravel(), (q + starts).ravel(), np.tile(column, times))
         return result
 
     def _narrowed(self, within: Mask) -> Choices:
         """The same, of which only some pixels, (h w,) bool, may change: what shows is the same array."""
         result = copy(self)
-        result.may, result._known = self.may & within, {}
-        edges = np.flatnonzero(within[self.p] | within[self.q])
-        result.p, result.q, result._column = self.p[edges], self.q[edges], self._column[edges]
-        result._around = box_of(within.reshape(self.box.shape)) if within.any() else self._around
+        result.may, result._known, result._nearby = self.may & within, {}, {}
+        result.edges = self.edges.some(np.flatnonzero(within[self.edges.p] | within[self.edges.q]))
         return result
 
     def parts(self, times: int) -> list[npt.NDArray[np.int16]]:
@@ -121,49 +110,10 @@ class Choices:
         each = len(self.shows) // times
         return [part[: each - self.box.shape[1]].copy() for part in np.split(self.shows, times)]
 
-    def _costs(self, labelling: Labelling, axis: npt.NDArray[np.int8]) -> npt.NDArray[np.float32]:
-        """(P + 1, E) costs for the pairs of layers that may adjoin."""
-        rows, columns = np.divmod(self.p, self.box.shape[1])
-        tables = [np.zeros(len(self.p), np.float32)]
-        seen = [self.may[k] | (self.shows == k) for k in range(len(self.layers))]
-        for i in range(len(self.layers)):
-            for j in range(i + 1, len(self.layers)):
-                low, high = sorted((self.layers[i], self.layers[j]))
-                cost = labelling.costs.get((low, high))
-                if cost is None:
-                    continue
-                common = cost.box.shared(self.box)
-                if not all(common.shape):
-                    continue
-                wanted = (seen[i][self.p] & seen[j][self.q]) | (seen[j][self.p] & seen[i][self.q])
-                top, left = common.top - self.box.top, common.left - self.box.left
-                height, width = common.shape
-                y, x = rows - top, columns - left
-                wanted &= (y >= 0) & (x >= 0) & (y < height - (axis == 0)) & (x < width - (axis == 1))
-                chosen = np.flatnonzero(wanted)
-                if not len(chosen):
-                    continue
-                right, down = cost.on(common)
-                values = np.zeros(len(self.p), np.float32)
-                y, x, along = y[chosen], x[chosen], axis[chosen] == 1
-                values[chosen[along]] = right[y[along], x[along]]
-                values[chosen[~along]] = down[y[~along], x[~along]]
-                self.row[i, j] = self.row[j, i] = len(tables)
-                tables.append(values)
-        return np.array(tables)
-
     def total(self, edges: npt.NDArray[np.intp] | None = None) -> float:
         """Σ M over the edges, or some of them."""
-        p, q = (self.p, self.q) if edges is None else (self.p[edges], self.q[edges])
-        at = self._column if edges is None else self._column[edges]
-        return float(self.cost[self.row[self.shows[p], self.shows[q]], at].sum(dtype=np.float64))
-
-    def _paid(self, i: Any, j: Any, column: npt.NDArray[np.intp]) -> Floats:
-        """What edges cost whose ends show i and j."""
-        place = self.row.take(i * np.intp(len(self.row)) + j)
-        place *= self.cost.shape[1]
-        place += column
-        return np.asarray(self.cost.take(place), np.float64)
+        p, q, at = self.edges if edges is None else self.edges.some(edges)
+        return float(self._costs.paid(self.shows[p], self.shows[q], at).sum())
 
     def label_map(self) -> LabelMap:
         """(h, w) int16, what shows."""
@@ -217,35 +167,36 @@ class Choices:
         for p staying. The least is 1: both turn.
         """
         shows, nothing = self.shows, len(self.layers)
-        free = self.may[k] & (shows != k) & (shows != nothing)
-        edges = np.flatnonzero(free[self.p] | free[self.q])
-        if not len(edges):
-            return False
+        near, window = self._beside(k)
+        now = shows.reshape(self.box.shape)[window]
+        free = self.may[k].reshape(self.box.shape)[window] & (now != k) & (now != nothing)
         piece = np.zeros(len(shows), np.int32)
-        window = free.reshape(self.box.shape)[self._around]
-        piece.reshape(self.box.shape)[self._around], count = pieces_of(window)
-        p, q = self.p[edges], self.q[edges]
-        known = (shows[p] != nothing) & (shows[q] != nothing)
-        edges, p, q = edges[known], p[known], q[known]
-        of_edge = np.maximum(piece[p], piece[q])
+        piece.reshape(self.box.shape)[window], count = pieces_of(free)
+        if not count:
+            return False
+        of_edge = np.maximum(piece[near.p], piece[near.q])
+        own = np.flatnonzero(of_edge > 0)
+        edges, of_edge = near.some(own), of_edge[own]
+        if len(edges.p) and max(shows[edges.p].max(), shows[edges.q].max()) == nothing:
+            own = np.flatnonzero((shows[edges.p] != nothing) & (shows[edges.q] != nothing))
+            edges, of_edge = edges.some(own), of_edge[own]
         part = np.zeros(count + 1, np.intp)  # the first pixel of the solution in which a piece lies
-        part[of_edge] = p - p % self._pixels
-        number = np.intp(len(self.row))
-        asked = questions(k, count, of_edge, self._column[edges] * number**2 + shows[p] * number + shows[q])
+        if len(shows) > self._pixels:
+            part[of_edge] = edges.p
+            part -= part % self._pixels
+        number = nothing + 1
+        told = edges.column * number**2 + (shows[edges.p] * np.intp(number) + shows[edges.q])
+        asked = questions(k, count, of_edge, told)
         first = {key: which for which, key in reversed(list(enumerate(asked, 1))) if key not in self._known}
         if first:
-            new = np.zeros(count + 1, bool)
-            new[list(first.values())] = True
-            own = new[of_edge]
-            turned = self._turned(k, np.where(new[piece], piece, 0), edges[own], decide)
-            before, after = shows, shows.copy()
-            after[turned] = k
-            p, q, at, of_edge = p[own], q[own], self._column[edges[own]], of_edge[own]
-            old, now = (
-                np.bincount(of_edge, self._paid(state[p], state[q], at), count + 1)
-                for state in (before, after)
-            )
-            gains = now < old * (1 - _LEAST_GAIN)
+            if len(first) < count:
+                new = np.zeros(count + 1, bool)
+                new[list(first.values())] = True
+                own = np.flatnonzero(new[of_edge])
+                pieces = np.where(new[piece], piece, 0), count
+                turned, gains = self._turned(k, *pieces, edges.some(own), decide)
+            else:
+                turned, gains = self._turned(k, piece, count, edges, decide)
             of_node = piece[turned]
             for key, which in first.items():
                 found = turned[of_node == which] if gains[which] else turned[:0]
@@ -255,42 +206,63 @@ class Choices:
         shows[turning] = k
         return len(turning) > 0
 
+    def _beside(self, k: int) -> tuple[Edges, tuple[slice, slice]]:
+        """The edges of pixels that may show a layer, and rows and columns that hold them."""
+        if k not in self._nearby:
+            may = self.may[k]
+            found = self.edges.some(np.flatnonzero(may[self.edges.p] | may[self.edges.q]))
+            window = box_of(may.reshape(self.box.shape)) if may.any() else (slice(0), slice(0))
+            self._nearby[k] = found, window
+        return self._nearby[k]
+
     def _turned(
-        self, k: int, piece: npt.NDArray[np.int32], edges: npt.NDArray[np.intp], decide: Decide
-    ) -> npt.NDArray[np.intp]:
-        """Which pixels of pieces turn to k, by the edges that end in them."""
-        shows, free = self.shows, piece > 0
-        p, q = self.p[edges], self.q[edges]
-        i, j, at = shows[p], shows[q], self._column[edges]
-        stay, q_turns, p_turns = self._paid(i, j, at), self._paid(i, k, at), self._paid(k, j, at)
-        free_p, free_q = free[p], free[q]
-        both, p_only, q_only = free_p & free_q, free_p & ~free_q, free_q & ~free_p
-        least = np.minimum(stay, p_turns + q_turns)
-        # What turning costs more than staying.
-        on_p = np.where(both, (p_turns - q_turns - least) / 2, np.where(p_only, p_turns - stay, 0.0))
-        on_q = np.where(both, (q_turns - p_turns - least) / 2, np.where(q_only, q_turns - stay, 0.0))
-        link = (p_turns + q_turns - least) / 2
-        nodes = np.flatnonzero(free)
-        number = np.full(len(shows), -1, np.intp)
+        self, k: int, piece: npt.NDArray[np.int32], count: int, edges: Edges, decide: Decide
+    ) -> tuple[npt.NDArray[np.intp], Mask]:
+        """Which pixels of pieces turn to k, by the edges that end in them, and which pieces gain by that."""
+        p, q, at = edges
+        i, j, at_p, at_q = self.shows[p], self.shows[q], piece[p], piece[q]
+        q_turns = self._costs.paid(i, k, at)
+        # Most edges lie inside of what shows one layer: they cost nothing, and as much whichever end turns.
+        unlike = np.flatnonzero(i != j)
+        stay, p_turns = np.zeros(len(p)), q_turns.copy()
+        stay[unlike] = self._costs.paid(i[unlike], j[unlike], at[unlike])
+        p_turns[unlike] = self._costs.paid(k, j[unlike], at[unlike])
+        nodes = np.flatnonzero(piece > 0)
+        number = np.empty(len(piece), np.intp)
         number[nodes] = np.arange(len(nodes))
+        both = (at_p > 0) & (at_q > 0)
+        pulled = np.flatnonzero(~both | (i != j))
+        c, b, s = p_turns[pulled], q_turns[pulled], stay[pulled]
+        inside, on_p, on_q = both[pulled], at_p[pulled] > 0, at_q[pulled] > 0
+        least = np.minimum(s, c + b)
+        # What turning costs more than staying.
+        more_p = np.where(inside, (c - b - least) / 2, c - s)[on_p]
+        more_q = np.where(inside, (b - c - least) / 2, b - s)[on_q]
         unary: Floats = np.zeros(len(nodes))
-        unary += np.bincount(number[p[free_p]], on_p[free_p], len(nodes))
-        unary += np.bincount(number[q[free_q]], on_q[free_q], len(nodes))
+        unary += np.bincount(number[p[pulled[on_p]]], more_p, len(nodes))
+        unary += np.bincount(number[q[pulled[on_q]]], more_q, len(nodes))
+        link = q_turns.copy()
+        link[pulled] = (c + b - least) / 2
         inner = np.flatnonzero(both)
         turns, _ = decided(
             piece[nodes],
-            self._chessboard(nodes),
+            self._white[nodes],
             number[p[inner]],
             number[q[inner]],
             np.maximum(link[inner], _LEAST_LINK),
             -unary,
             decide,
         )
-        return nodes[turns]
-
-    def _chessboard(self, nodes: npt.NDArray[np.intp]) -> Mask:
-        """(n,) bool: pixels of which no two are neighbours."""
-        return np.asarray(np.sum(np.divmod(nodes, self.box.shape[1]), axis=0) % 2 == 0)
+        turned = nodes[turns]
+        turning = np.zeros(len(piece), bool)
+        turning[turned] = True
+        one, other, now = turning[p], turning[q], stay.copy()
+        moved = np.flatnonzero(one | other)
+        one, other = one[moved], other[moved]
+        now[moved] = np.where(one, np.where(other, 0, p_turns[moved]), q_turns[moved])
+        of_edge = np.maximum(at_p, at_q)
+        before, after = (np.bincount(of_edge, values, count + 1) for values in (stay, now))
+        return turned, after < before * (1 - _LEAST_GAIN)
 
     def fuse(self, other: npt.NDArray[np.int16]) -> None:
         """Take what another solution, (h w,), shows wherever that costs less, in each patch in which they
@@ -298,12 +270,11 @@ class Choices:
         """
         patch, count = pieces_of((self.shows != other).reshape(self.box.shape))
         patch = patch.ravel()
-        at = np.maximum(patch[self.p], patch[self.q])
-        edges = np.flatnonzero(at)
+        at = np.maximum(patch[self.edges.p], patch[self.edges.q])
+        own = np.flatnonzero(at > 0)
+        edges, at = self.edges.some(own), at[own]
         own, others = (
-            np.bincount(
-                at[edges], self.cost[self.row[shows[self.p[edges]], shows[self.q[edges]]], edges], count + 1
-            )
+            np.bincount(at, self._costs.paid(shows[edges.p], shows[edges.q], edges.column), count + 1)
             for shows in (self.shows, other)
         )
         self.shows = np.where((others < own)[patch], other, self.shows)
@@ -315,9 +286,9 @@ class Choices:
 
     def steep(self, step: float) -> npt.NDArray[np.intp]:
         """The pixels beside which the potential of the last division changes by more."""
-        one, other = self.soft[self.p], self.soft[self.q]
+        one, other = self.soft[self.edges.p], self.soft[self.edges.q]
         edges = np.flatnonzero((np.abs(one - other) > step) & (one >= 0) & (other >= 0))
-        return np.unique(np.concatenate([self.p[edges], self.q[edges]]))
+        return np.unique(np.concatenate([self.edges.p[edges], self.edges.q[edges]]))
 
     def divide_all(
         self, decide: Decide, candidates: Sequence[Mask]
@@ -332,9 +303,10 @@ class Choices:
         own = may[:, free]
         one, other = np.full((2, len(free)), -1, np.int16)
         one[free], other[free] = own.argmax(axis=0), len(own) - 1 - own[::-1].argmax(axis=0)
-        unlike = (one[self.p] != one[self.q]) | (other[self.p] != other[self.q])
-        unlike &= free[self.p] & free[self.q]
-        free[self.p[unlike]] = free[self.q[unlike]] = False
+        p, q, _ = self.edges
+        unlike = (one[p] != one[q]) | (other[p] != other[q])
+        unlike &= free[p] & free[q]
+        free[p[unlike]] = free[q[unlike]] = False
         self.divide(free, one, other, decide)
         return free, one, other
 
@@ -345,10 +317,10 @@ class Choices:
         adjoin; whether that gained something.
         """
         shows = self.shows
-        edges = np.flatnonzero(free[self.p] | free[self.q])
+        edges = np.flatnonzero(free[self.edges.p] | free[self.edges.q])
         if not len(edges):
             return False
-        p, q = self.p[edges], self.q[edges]
+        p, q, _ = self.edges.some(edges)
         nodes = np.flatnonzero(free)
         number = np.full(len(shows), -1, np.intp)
         number[nodes] = np.arange(len(nodes))
@@ -356,19 +328,19 @@ class Choices:
         p_only, q_only = free_p & ~free_q, free_q & ~free_p
         at, out = np.concatenate([p[p_only], q[q_only]]), np.concatenate([q[p_only], p[q_only]])
         edge, beyond = np.concatenate([edges[p_only], edges[q_only]]), shows[out]
-        costs = [self.cost[self.row[layer[at], beyond], edge].astype(np.float64) for layer in (one, other)]
+        costs = [self._costs.paid(layer[at], beyond, edge) for layer in (one, other)]
         unary: Floats = np.bincount(number[at], costs[0] - costs[1], len(nodes)).astype(
             np.float64, copy=False
         )
         both = np.flatnonzero(free_p & free_q)
-        link = self.cost[self.row[one[p[both]], other[q[both]]], edges[both]].astype(np.float64)
+        link = self._costs.paid(one[p[both]], other[q[both]], edges[both])
         link, piece = np.maximum(link, _LEAST_LINK), pieces_of(free.reshape(self.box.shape))[0]
         known = hot = np.zeros(len(free), bool)
         if self.by_paths:
             border = Beyond.of(at, out - at, beyond, (one[at], other[at]), costs)
             hot, known = crossed(piece, (p[both], q[both]), link, border, shows == other)
             unary[known[nodes]] = 0
-        own, white = piece.ravel()[nodes], self._chessboard(nodes)
+        own, white = piece.ravel()[nodes], self._white[nodes]
         ends, now = (number[p[both]], number[q[both]]), shows[nodes] == other[nodes]
         turned, soft = decided(own, white, *ends, link, unary, decide, now)
         turned = np.where(known[nodes], hot[nodes], turned)
@@ -379,3 +351,8 @@ class Choices:
             return True
         shows[nodes] = old
         return False
+
+
+def _chessboard(shape: tuple[int, int]) -> Mask:
+    """(h w,) bool: every other pixel."""
+    return np.asarray(np.add.outer(*map(np.arange, shape)) % 2 == 0).ravel()

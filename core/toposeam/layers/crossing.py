@@ -114,12 +114,19 @@ class _Outline:
 
     def numbered(self, owner: npt.NDArray[np.int32], *ends: Indices) -> tuple[Indices, Indices]:
         """The numbers of the corners at both ends of interfaces inside; those off the outline come last."""
-        keys = [owner * self._corners + end for end in ends]
-        every = np.concatenate(keys)
-        at = np.minimum(np.searchsorted(self._keys, every), len(self._keys) - 1)
-        off = self._keys[at] != every
-        more, places = np.unique(every[off], return_inverse=True)
-        at[off] = self.size + places
+        every, owners = np.concatenate(ends), np.concatenate([owner, owner])
+        outer = np.zeros(self._corners, bool)
+        outer[self._keys % self._corners] = True
+        on, off = np.flatnonzero(outer[every]), np.flatnonzero(~outer[every])
+        at = np.empty(len(every), np.intp)
+        at[on] = np.searchsorted(self._keys, owners[on] * self._corners + every[on])
+        # No other piece is at a corner off the outline.
+        whose = np.zeros(self._corners, np.int32)
+        whose[every[off]] = owners[off]
+        more = np.flatnonzero(whose > 0)
+        number = np.empty(self._corners, np.intp)
+        number[more[np.argsort(whose[more], kind="stable")]] = self.size + np.arange(len(more))
+        at[off] = number[every[off]]
         self.size += len(more)
         one, other = np.split(at, 2)
         return one, other
@@ -230,12 +237,15 @@ def _along_paths(
     previous, path = before.tolist(), []
     for _, end in gates.values():
         here = outline.size + end
-        while previous[here] >= 0:
-            path.append((here, previous[here]))
+        while here >= 0:
+            path.append(here)
             here = previous[here]
-    one, other = (np.array(part) for part in zip(*path, strict=True))
-    key = np.minimum(one, other) * np.intp(n) + np.maximum(one, other)
-    return np.isin(np.minimum(*corners) * np.intp(n) + np.maximum(*corners), key)
+    on_path = np.zeros(n, bool)
+    on_path[path] = True
+    one, other = corners
+    seam = on_path[one] & on_path[other]
+    seam &= (before[one] == other) | (before[other] == one)
+    return seam
 
 
 def _corners(pixel: Indices, way: Indices, width: int) -> tuple[Indices, Indices]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from hashlib import blake2b
 
 import numpy as np
 import numpy.typing as npt
@@ -85,34 +84,38 @@ def decided(
     """(n,) bool: which nodes end on the hot side, and their potential; `pull` is what not ending there costs
     more. `component` is the connected one of each node, (n,), and of `white` nodes no two are linked.
     """
-    count = int(component.max()) + 1
-    warm, cool = (np.bincount(component, side, count) > 0 for side in (pull > 0, pull < 0))
+    tied = np.flatnonzero(pull != 0)
+    warm, cool = np.zeros((2, int(component.max()) + 1), bool)
+    for side, pulls in ((warm, pull[tied] > 0), (cool, pull[tied] < 0)):
+        side[component[tied[pulls]]] = True
     result: Mask = warm[component]
     if now is not None:  # nothing pulls: all stays
         result = result | (now & ~(warm | cool)[component])
     open_ = (warm & cool)[component]
-    potential = result.astype(np.float64)
-    if not open_.any():
+    chosen, size = np.flatnonzero(open_), len(open_)
+    if len(chosen) < size:
+        potential = result.astype(np.float64)
+        if not len(chosen):
+            return result, potential
+        inner, order = open_[tail], np.cumsum(open_) - 1
+        ends = order[tail[inner]], order[head[inner]]
+        part = component[chosen], white[chosen], *ends, link[inner], pull[chosen], decide
+        result[chosen], potential[chosen] = decided(*part)
         return result, potential
-    chosen = np.flatnonzero(open_)
-    size = len(chosen)
-    inner = open_[tail]
-    order = np.full(len(component), -1, np.intp)
-    order[chosen] = np.arange(size)
-    tied = np.flatnonzero(pull[chosen])
-    strength = pull[chosen[tied]]
+    strength = pull[tied]
     network = Network(
         size,
-        np.concatenate([order[tail[inner]], tied]),
-        np.concatenate([order[head[inner]], np.where(strength > 0, size + 1, size)]),
-        white[chosen],
+        np.concatenate([tail, tied]),
+        np.concatenate([head, np.where(strength > 0, size + 1, size)]),
+        white,
     )
-    result[chosen], potential[chosen] = decide(network, np.concatenate([link[inner], np.abs(strength)]))
-    return result, potential
+    return decide(network, np.concatenate([link, np.abs(strength)]))
 
 
-def questions(k: int, count: int, piece: npt.NDArray[np.int32], told: npt.NDArray[np.intp]) -> list[bytes]:
-    """Of each piece of what may turn to k a digest of all that decides whether it does.
+def questions(
+    k: int, count: int, piece: npt.NDArray[np.int32], told: npt.NDArray[np.intp]
+) -> list[tuple[int, bytes]]:
+    """Of each piece of what may turn to k all that decides whether it does.
 
     Parameters
     ----------
@@ -121,13 +124,8 @@ def questions(k: int, count: int, piece: npt.NDArray[np.int32], told: npt.NDArra
     piece, told : (E,) int arrays
         In which piece each edge ends, and what is told of it.
     """
-    order = np.argsort(piece.astype(np.int16) if count < 1 << 15 else piece, kind="stable")
+    if count > 1:
+        told = told[np.argsort(piece.astype(np.int16) if count < 1 << 15 else piece, kind="stable")]
     ends = np.cumsum(np.bincount(piece, minlength=count + 1))
-    told = told[order]
-    start = blake2b(k.to_bytes(4), digest_size=16)
-    found = []
-    for first, last in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
-        digest = start.copy()
-        digest.update(told[first:last].data)
-        found.append(digest.digest())
-    return found
+    bounds = zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True)
+    return [(k, told[first:last].tobytes()) for first, last in bounds]

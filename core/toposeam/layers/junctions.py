@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +12,7 @@ from toposeam.layers.layer import Box
 from toposeam.layers.maps import several
 from toposeam.layers.painting import LabelMap
 
-_Bits = TypeVar("_Bits", np.bool_, np.uint64)
+_Bits = TypeVar("_Bits", np.bool_, np.uint8, np.uint64)
 
 
 def junctions(label_map: LabelMap, reach: int) -> list[Box]:
@@ -82,9 +82,10 @@ def reached(label_map: LabelMap, count: int, reach: int) -> list[Mask]:
     [[0 0 0 0 1 1]]
     """
     found: list[Mask] = []
+    kind: Any = np.uint8 if count <= 8 else np.uint64
     for first in range(0, count, 64):  # all at once, a bit for each
-        bit = np.zeros(count + 1, np.uint64)  # -1 is the last one
-        own = np.left_shift(np.uint64(1), np.arange(min(64, count - first), dtype=np.uint64))
+        bit: npt.NDArray[Any] = np.zeros(count + 1, kind)  # -1 is the last one
+        own = np.left_shift(kind(1), np.arange(min(64, count - first), dtype=kind))
         bit[first : first + len(own)] = own
         near = square_dilation(bit[label_map], reach)
         found += [(near & one) != 0 for one in own]

@@ -44,7 +44,7 @@ def pieces_of(mask: Mask) -> tuple[npt.NDArray[np.int32], int]:
     number = np.cumsum(own, dtype=np.int32)[root]
     values = np.zeros(2 * len(root) + 1, np.int32)
     values[1::2] = number
-    lengths = np.diff(steps, prepend=0, append=height * wide)
+    lengths = np.diff(np.concatenate([[0], steps, [height * wide]]))
     piece = np.repeat(values, lengths).reshape(height, wide)[:, :width]
     return np.ascontiguousarray(piece), int(np.count_nonzero(own))
 

@@ -9,7 +9,7 @@ from skimage import data
 
 import toposeam as ts
 from toposeam.layers.choices import Choices
-from toposeam.layers.junctions import square_dilation
+from toposeam.layers.junctions import reached, square_dilation
 from toposeam.layers.labelling import Labelling
 from toposeam.layers.layer import Box
 from toposeam.layers.posing import exclusive_covers, pose_labelling
@@ -140,6 +140,24 @@ def test_what_was_decided_before_is_not_decided_again():
     choices.shows[choices.may[1] & choices.may[0]] = 1  # other labels are another question
     choices.expand(0, counted)
     assert len(asked) == 2
+
+
+def test_a_pixel_with_nothing_known_beside_it_stays():
+    labelling = four()
+    choices = choices_of(labelling, labelling.on_top())
+    alone = np.flatnonzero(choices.may[0] & choices.may[1])[0]
+    choices.shows[:] = len(choices.layers)
+    choices.shows[alone] = 0
+    assert not choices.expand(1, by_flow)
+    assert choices.shows[alone] == 0
+
+
+@pytest.mark.parametrize("count", [3, 8, 9, 70])
+def test_layers_reach_as_far_however_many_there_are(count):
+    rng = np.random.default_rng(count)
+    label_map = rng.integers(-1, count, (20, 30)).astype(np.int16)
+    for k, near in enumerate(reached(label_map, count, 2)):
+        assert np.array_equal(near, square_dilation(label_map == k, 2))
 
 
 def test_stacked_solutions_end_as_each_does_alone():

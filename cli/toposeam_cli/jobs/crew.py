@@ -32,8 +32,9 @@ Call = tuple[bytes, Path | None]
 _LOOK_EVERY_S = 1.0
 #: Results that may wait for earlier ones, and items that may be made ready, per worker.
 _AHEAD = 4
-#: Items that wait for each worker, so that it need not wait for us.
-_WAITING = 1
+#: Items that wait for each worker, so that it need not wait for us; on Dask all but one wait with the
+#: scheduler, which gives each to whoever is free first.
+_WAITING, _WAITING_ON_DASK = 1, 3
 
 
 class WorkersDiedError(TopoSeamError, RuntimeError):
@@ -75,7 +76,7 @@ class TaskCrew:
             made = (
                 worker_processes(self._processes, _WAITING)
                 if self._dask is None
-                else dask_workers(self._dask, self._processes, _WAITING)
+                else dask_workers(self._dask, self._processes, _WAITING_ON_DASK)
             )
             self._workers = self._block.enter_context(made)
             if self._store is not None:

@@ -32,7 +32,7 @@ from toposeam.layers.labelling import Labelling
 from toposeam.layers.maps import dense, new_map
 from toposeam.layers.painting import LabelMap
 from toposeam.layers.progressed import Progress, Progressed
-from toposeam.layers.reduction import OTHERS, WANDERING, enlarged, opened, reduced
+from toposeam.layers.reduction import OTHERS, WANDERING, Tables, enlarged, halved, opened
 from toposeam.layers.rounds import Rounds
 from toposeam.layers.tasks import Executor
 from toposeam.seam.find import Method
@@ -176,13 +176,17 @@ class _Search:
 
     def _levels(self, labelling: Labelling, wandering: float) -> list[Labelling]:
         """The problem, and halved until few pixels have several layers to choose from."""
-        levels = [labelling]
         small = labelling.contested(4 * _AFIELD + 1) <= 4 * _AFIELD
         whole = WHOLE_PIXELS if small else max(WHOLE_PIXELS, _AFIELD)
+        most = max(0, (min(labelling.canvas.shape) - 1) // (2 * _SHORTEST)).bit_length()
+        if not most or labelling.contested(whole + 1) <= whole:
+            return [labelling]
+        tables = Tables(labelling.costs, most, self.executor, wandering)
+        levels = [labelling]
         while levels[-1].contested(whole + 1) > whole and min(levels[-1].canvas.shape) > 2 * _SHORTEST:
-            levels.append(reduced(levels[-1], self.executor, wandering))
+            levels.append(halved(levels[-1], wandering))
             self.steps.one()
-        return levels
+        return [labelling, *tables.kept(levels[1:])]
 
     def _rounds(self, labelling: Labelling, label_map: LabelMap, near: Mask | None, finer: int) -> Rounds:
         keeps = self.potentials

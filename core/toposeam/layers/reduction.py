@@ -15,8 +15,9 @@ fifth of its time.
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, cast
 
@@ -44,7 +45,13 @@ KEPT_TOGETHER = 1 << 25
 def reduced(
     labelling: Labelling, executor: Executor | None = None, wandering: float = WANDERING
 ) -> Labelling:
-    """The problem at half the size.
+    """The problem at half the size, the costs of small overlaps kept (:class:`Tables`)."""
+    tables = Tables(labelling.costs, 1, executor, wandering)
+    return tables.kept([halved(labelling, wandering)])[0]
+
+
+def halved(labelling: Labelling, wandering: float = WANDERING) -> Labelling:
+    """The problem at half the size, whose costs are computed where they are looked at.
 
     `wandering` is w above.
 
@@ -54,7 +61,6 @@ def reduced(
     """
     canvas = _halved(labelling.canvas)
     places = [_halved(place) for place in labelling.places]
-    begun = _begun_costs(list(labelling.costs.values()), executor, wandering)
     partners: list[list[int]] = [[] for _ in places]
     for i, j in labelling.costs:
         partners[i].append(j)
@@ -91,7 +97,7 @@ def reduced(
     allowed = [
         made_map(place.shape, bool, partial(chosen, index), EDGES) for index, place in enumerate(places)
     ]
-    costs = dict(zip(labelling.costs, begun(), strict=True))
+    costs = {pair: ReducedCost(cost, wandering) for pair, cost in labelling.costs.items()}
     return Labelling(canvas, places, allowed, costs, labelling.forbidden)
 
 
@@ -234,35 +240,69 @@ class ReducedCost:
         return right, down
 
 
-def _begun_costs(
-    costs: Sequence[PairCost], executor: Executor | None, wandering: float
-) -> Callable[[], list[PairCost]]:
-    """Begin to compute the costs where an executor does so; whoever calls what is returned waits for them.
+class Tables:
+    """The costs of all sizes that are kept: begun at once, where an executor makes them, and taken in when
+    the sizes are known (:meth:`kept`), so that no size waits for another.
 
     Of large overlaps, and of more than can be kept, the costs are computed again where they are looked at,
     which is beside what the next smaller size shows.
-    """
-    found: list[PairCost] = [ReducedCost(cost, wandering) for cost in costs]
-    small, kept = [], 0
-    for k, lazy in enumerate(found):
-        size = math.prod(lazy.box.shape)
-        if size <= KEPT_PIXELS and kept + size <= KEPT_TOGETHER:
-            small.append(k)
-            kept += size
-    small.sort(key=lambda k: -math.prod(found[k].box.shape))  # so that none is waited for at the end
-    looking = executor is not None and any(_pixels(costs[k]) is not None for k in small)
-    items = (found[k].part(found[k].box, {}) if looking else found[k] for k in small)
-    tables = results(executor if looking else None, _table, items)
 
-    def ended() -> list[PairCost]:
-        for k, (table, nearby) in zip(small, tables, strict=True):
-            pixels = _pixels(found[k]) if looking else None
-            if pixels is not None:
+    Parameters
+    ----------
+    costs : mapping from pairs of layers to PairCost
+        At full size.
+    most : int
+        How many sizes there are at most.
+    executor : Executor, optional
+    wandering : float
+        w above.
+    """
+
+    def __init__(
+        self, costs: Mapping[Pair, PairCost], most: int, executor: Executor | None, wandering: float
+    ) -> None:
+        self._costs, self._wandering = costs, wandering
+        #: The pairs that are kept at each size, and those of them that are not at the next larger one.
+        self._kept: list[set[Pair]] = []
+        first: dict[Pair, ReducedCost] = {}
+        reduced_costs: dict[Pair, PairCost] = dict(costs)
+        while len(self._kept) < most and len(first) < len(costs):
+            lazy = {pair: ReducedCost(cost, wandering) for pair, cost in reduced_costs.items()}
+            self._kept.append(_kept_of(lazy))
+            first |= {pair: lazy[pair] for pair in self._kept[-1] - first.keys()}
+            reduced_costs |= lazy
+        # The most work comes first, so that none is waited for at the end.
+        order = sorted(first, key=lambda pair: (-math.prod(costs[pair].box.shape), pair))
+        self._looked_at = executor is not None
+        items = (first[pair].part(first[pair].box, {}) if executor else first[pair] for pair in order)
+        self._made = zip(order, results(executor, _table, items), strict=True)
+
+    def kept(self, sizes: Sequence[Labelling]) -> list[Labelling]:
+        """The problem at each size, with what is kept; waits for it."""
+        first: dict[Pair, PairCost] = {}
+        for pair, (table, nearby) in self._made:
+            first[pair] = table
+            pixels = self._costs[pair]
+            if self._looked_at and isinstance(pixels, LayerPairCost):
                 pixels.know(nearby)
-            found[k] = table
+        found, costs = [], dict(self._costs)
+        for number, size in enumerate(sizes):
+            costs = {pair: ReducedCost(cost, self._wandering) for pair, cost in costs.items()}
+            for pair in self._kept[number] if number < len(self._kept) else _kept_of(costs):
+                costs[pair] = first.pop(pair) if pair in first else _table(costs[pair])[0]
+            found.append(dataclasses.replace(size, costs=costs))
         return found
 
-    return ended
+
+def _kept_of(costs: Mapping[Pair, PairCost]) -> set[Pair]:
+    """Which costs of one size are kept."""
+    found, together = set(), 0
+    for pair, cost in costs.items():
+        size = math.prod(cost.box.shape)
+        if size <= KEPT_PIXELS and together + size <= KEPT_TOGETHER:
+            found.add(pair)
+            together += size
+    return found
 
 
 def _table(cost: PairCost) -> tuple[PairCost, Reach | None]:

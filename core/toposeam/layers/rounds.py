@@ -36,7 +36,7 @@ from toposeam.layers.dividing import LEAST_GAIN, Divided, Division, Pixels, Pote
 from toposeam.layers.junctions import beside_steps, junctions, reached, square_dilation
 from toposeam.layers.labelling import Labelling, Move, Pair
 from toposeam.layers.layer import Box
-from toposeam.layers.maps import dense, new_map, part_of, several
+from toposeam.layers.maps import DENSE_PIXELS, dense, new_map, part_of, several
 from toposeam.layers.painting import LabelMap
 from toposeam.layers.parts import part_of_labelling
 from toposeam.layers.progressed import Progressed
@@ -62,7 +62,7 @@ _UNDECIDED_SMALL, _SMALL = (0.002, 0.01), 1 << 19
 #: How far the windows reach round places where three layers meet, px.
 _WINDOW = 24
 #: Canvases of up to so many pixels are refined as a whole, all seams together, which is sooner done than
-#: handed on.
+#: handed on; of large pictures those of half as many.
 _TOGETHER = 1 << 19
 #: How far from where a layer shows it may show at the next finer size, px; round tangles, all may change.
 _REACH, _TANGLE = 4, 8
@@ -115,6 +115,7 @@ class Rounds:
         )
         size = math.prod(labelling.canvas.shape)
         self._small = size * 4**finer <= _SMALL
+        self._together = _TOGETHER if size * 4**finer <= DENSE_PIXELS else _TOGETHER // 2
         middle = _UNDECIDED_LARGE if 4 * size > _LARGE else _UNDECIDED  # by the finer one's size
         usual, last = _UNDECIDED_SMALL if self._small else middle
         self._undecided = None if not finer else last if finer == 1 else usual
@@ -186,7 +187,7 @@ class Rounds:
             which may find seams that were not open.
         """
         labelling, canvas = self.labelling, self.labelling.canvas
-        if self._near is not None and math.prod(canvas.shape) <= _TOGETHER:
+        if self._near is not None and math.prod(canvas.shape) <= self._together:
             with one_thread():
                 self._refine_together(most, hints or {}, afield)
             return

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Iterator, Sequence
+from itertools import product
 from typing import Any, cast
 
 import numpy as np
@@ -63,9 +64,8 @@ class TileMap:
         for box in boxes:
             rows = range(box.top // TILE, -(-box.bottom // TILE))
             columns = range(box.left // TILE, -(-box.right // TILE))
-            result._tiles |= {
-                at: tile.copy() for at, tile in self._tiles.items() if at[0] in rows and at[1] in columns
-            }
+            inside = (at for at in product(rows, columns) if at in self._tiles)
+            result._tiles |= {at: self._tiles[at].copy() for at in inside}
         return result
 
     def __getstate__(self) -> dict[str, Any]:

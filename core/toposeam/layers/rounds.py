@@ -205,11 +205,11 @@ class Rounds:
             if labels is not None:
                 self.label_map[window.slices] = labels
 
-    def part(self, box: Box) -> Rounds:
-        """The same as far as a box of the canvas is concerned, which nothing was found for yet."""
+    def part(self, box: Box, pair: Pair | None = None) -> Rounds:
+        """As far as a box of the canvas is concerned (or a pair in it), which nothing was found for yet."""
         part, box = copy(self), box.grown(1)
         part.steps = Progressed(None)
-        part.labelling = part_of_labelling(self.labelling, box)
+        part.labelling = part_of_labelling(self.labelling, box, pair)
         part.label_map = part_of(self.label_map, box)
         part._near = None if self._near is None else part_of(self._near, box)
         part.solved, part.undecided, part.potentials, part.seconds = {}, {}, {}, {}
@@ -327,16 +327,14 @@ class Rounds:
         boxes = [self.labelling.costs[pair].box for pair in pairs]
 
         def item(k: int) -> Division:
-            return (self if executor is None else self.part(boxes[k]))._division(pairs[k], options)
+            of = self if executor is None else self.part(boxes[k], pairs[k])
+            near = cast(Mask, of._near)
+            return Division(of.labelling, of.label_map, near, pairs[k], options, self._undecided, self._keeps)
 
         for k, found in on_boxes(executor, divided, item, boxes):
             self.steps.one()
             if found is not None:
                 self._take(pairs[k], found)
-
-    def _division(self, pair: Pair, options: HeatOptions) -> Division:
-        near = cast(Mask, self._near)
-        return Division(self.labelling, self.label_map, near, pair, options, self._undecided, self._keeps)
 
     def _take(self, pair: Pair, found: Divided) -> None:
         self.seconds[pair] = self.seconds.get(pair, 0.0) + found.seconds

@@ -1,6 +1,7 @@
 """What is allowed where, what a move costs, and what a reduced problem says."""
 
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -103,6 +104,57 @@ def test_costs_of_reduced_overlaps_are_kept_as_far_as_they_may(monkeypatch):
     monkeypatch.setattr(levels, "WHOLE_PIXELS", 500)
     for mask, expected in zip(spared.masks, ts.stitch(layers).masks, strict=True):
         np.testing.assert_array_equal(mask, expected)
+
+
+class Order:
+    """An executor that notes how large what it is given is."""
+
+    def __init__(self):
+        self.sizes = []
+
+    def map(self, function, items):
+        for item in items:
+            finest = item
+            while isinstance(finest, reduction.ReducedCost):
+                finest = finest.finer
+            self.sizes.append(math.prod(finest.box.shape))
+            yield function(copied(item))
+
+
+def copied(item):
+    return pickle.loads(pickle.dumps(item))  # noqa: S301 - what this test has made
+
+
+def test_tables_of_all_sizes_begin_at_once_and_are_those_of_one_size_after_another(monkeypatch):
+    photograph = data.coffee()[:150, :400]
+    cuts = [(0, 200), (100, 240), (190, 330), (310, 400)]  # of which the first two have most in common
+    layers = [ts.Layer(photograph[:, a:b].copy() // (k + 1), at=(a, k)) for k, (a, b) in enumerate(cuts)]
+    fine = posed(layers, match=ts.MatchCost(reach=16))
+    monkeypatch.setattr(reduction, "KEPT_PIXELS", 3000)
+    monkeypatch.setattr(reduction, "KEPT_TOGETHER", 4000)
+    one = [fine]
+    for _ in range(3):
+        one.append(reduction.reduced(one[-1]))
+    kinds = [[isinstance(cost, TableCost) for cost in labelling.costs.values()] for labelling in one[1:]]
+    assert kinds[0] != kinds[1]
+    assert any(kinds[0])
+    assert all(kinds[-1])
+    executor = Order()
+    fine = posed(layers, match=ts.MatchCost(reach=16))
+    tables = reduction.Tables(fine.costs, 3, executor, reduction.WANDERING)
+    sizes = [fine]
+    for _ in range(3):
+        sizes.append(reduction.halved(sizes[-1]))
+    together = tables.kept(sizes[1:])
+    assert executor.sizes == sorted(executor.sizes, reverse=True)
+    assert len(executor.sizes) == len(fine.costs)
+    for found, expected, kind in zip(together, one[1:], kinds, strict=True):
+        assert [isinstance(cost, TableCost) for cost in found.costs.values()] == kind
+        for pair, cost in expected.costs.items():
+            assert found.costs[pair].box == cost.box
+            for here, there in zip(found.costs[pair].on(cost.box), cost.on(cost.box), strict=True):
+                np.testing.assert_array_equal(here, there)
+    assert all(cost.looked_at() is not None for cost in fine.costs.values())
 
 
 def test_without_wandering_a_reduced_label_map_costs_what_it_does_enlarged():

@@ -109,24 +109,23 @@ class Mixture:
 def _mixed(sums: Floats32, known: Floats32, shows: Floats32, levels: int) -> tuple[Floats32, Floats32]:
     """All bands but the finest, from the coarsest to that of half the size."""
     count, channels, *half = sums.shape
-    means = gaussian(sums.reshape(-1, *half), levels - 1)
-    weights, masks = gaussian(known, levels - 1), gaussian(shows, levels - 1)
+    pyramid = gaussian(np.concatenate([sums.reshape(-1, *half), known, shows]), levels - 1)
     layers = mixed = np.zeros(0, np.float32)
-    for level in reversed(range(levels)):
-        weight = weights[level]
-        band = means[level].reshape(count, channels, *weight.shape[1:])
+    for planes in reversed(pyramid):
+        means, weight, mask = np.split(planes, [-2 * count, -count])
+        band = means.reshape(count, channels, *weight.shape[1:])
         band /= np.maximum(weight, _KNOWN)[:, np.newaxis]
         # What was made up counts next to nothing, unless nobody knows better.
-        part = masks[level] * np.maximum(2 * weight - 1, _MADE_UP)
+        part = mask * np.maximum(2 * weight - 1, _MADE_UP)
         part /= part.sum(axis=0) + _LEAST
-        if level == levels - 1:
+        if not layers.size:
             layers, mixed = band, (band * part[:, np.newaxis]).sum(axis=0)
             continue
-        coarser = expand(layers.reshape(-1, *layers.shape[2:])).reshape(band.shape)
+        every = expand(np.concatenate([layers.reshape(-1, *layers.shape[2:]), mixed]))
+        coarser, mixed = every[:-channels].reshape(band.shape), every[-channels:]
         band -= coarser
         # Averages of few pixels give way to the coarser level.
         band *= np.minimum(weight, 1)[:, np.newaxis]
-        mixed = expand(mixed)
         mixed += (band * part[:, np.newaxis]).sum(axis=0)
         band += coarser
         layers = band

@@ -132,12 +132,9 @@ def _largest_beside(values: Floats32) -> Floats32:
 
 
 def _bands(sums: Floats32, counts: Floats32, levels: int) -> Floats32:
-    weights = gaussian(counts, levels)
-    known = [weight[0] > _KNOWN for weight in weights]
-    means: list[Floats32] = [
-        np.divide(total, np.maximum(weight, np.float32(_KNOWN)), dtype=np.float32)
-        for total, weight in zip(gaussian(sums, levels), weights, strict=True)
-    ]
+    pyramid = gaussian(np.concatenate([sums, counts]), levels)
+    known = [planes[-1] > _KNOWN for planes in pyramid]
+    means: list[Floats32] = [planes[:-1] / np.maximum(planes[-1], np.float32(_KNOWN)) for planes in pyramid]
     coarser = means[-1]
     if not known[-1].all():
         nearest = scipy.ndimage.distance_transform_edt(
@@ -146,9 +143,9 @@ def _bands(sums: Floats32, counts: Floats32, levels: int) -> Floats32:
         coarser = coarser[:, *nearest]
     result = np.zeros((1, *coarser.shape[1:]), np.float32)
     for level in reversed(range(levels)):
-        coarser = expand(coarser)
+        both = expand(np.concatenate([coarser, result]))
+        coarser, result = both[:-1], both[-1:]
         band = np.where(known[level], means[level] - coarser, np.float32(0))
-        result = expand(result)
         result += _largest_beside(np.sqrt(np.einsum("chw,chw->hw", band, band)))
         coarser += band
     weighed: Floats32 = result[0] * np.float32(_WEIGHT)

@@ -4,7 +4,9 @@
 where their structure fits. So structure is compared without light, and each copy gets a light of its own
 that multiplies every channel: in logarithms a plane, an offset and two slopes, in the copy's own coordinates
 in the sample. These make neighbours agree along their seams in the least-squares sense and, as far as that
-leaves it open, take the sample's slope out.
+leaves it open, take the sample's slope out. The error of a logarithm is that of the value over the value, so
+joints weigh by the square of their brightness: else shadows, which end sharply on one side only, would tell
+how bright their neighbours are, and light would drift from one side of a texture to the other.
 
 *Flattening.* A quadratic surface through the sample's values is its light; each channel is divided by it.
 """
@@ -30,8 +32,9 @@ from toposeam.texture.sources import Images, as_list
 _SLOW = 0.1
 #: A difference across a seam, in shares of white, that counts half.
 _LIGHT = 0.15
-#: What an offset, and a slope across the whole sample, counts against the seams of the copy.
-_OFFSET, _SLOPE = 0.02, 0.2
+#: What an offset, and a slope across the whole sample, counts against the seams of the copy: what seams leave
+#: of a step is carried on over a few patches, not over the whole texture.
+_OFFSET, _SLOPE = 0.1, 0.2
 #: Added to values, in shares of white, before their logarithm is taken.
 _BLACK = 0.05
 #: So many pixels of a texture, about, tell how bright it is.
@@ -217,6 +220,8 @@ def levelled_copies(
     given, level = plane.reshape(-1, plane.shape[2]), even.reshape(-1, even.shape[2])
     white, usable = float(np.abs(plane[atlas.copied]).max()) or 1.0, atlas.usable.ravel()
     flat = np.log(np.maximum(given, 0) / white + _BLACK)  # light multiplies
+    certain = np.square(np.exp(flat).mean(axis=1))
+    certain /= certain[atlas.copied.ravel()].mean()
     parts = []
     for first, second, step in joints(index, atlas.width, wraps):
         a, b = (copies[labels.take(place)] for place in (first, second))
@@ -230,6 +235,7 @@ def levelled_copies(
             np.abs(level[p] - level[behind]) * known[:, :1], np.abs(level[ahead] - level[q]) * known[:, 1:]
         )
         weight = known.any(axis=1) / (1 + (off.max(axis=1, initial=0) / _LIGHT) ** 4)
+        weight *= np.minimum(certain[p], certain[q])
         terms = np.concatenate([_coordinates(atlas, p), -_coordinates(atlas, q)], axis=1)
         parts.append(_pairs(a, b, terms, apart, weight))
     matrix, wanted = _equations(parts, _even(flat, atlas, index, labels, copies))

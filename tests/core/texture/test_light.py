@@ -65,6 +65,17 @@ def test_a_levelled_texture_is_as_bright_as_its_sample():
 
 
 @pytest.mark.medium
+def test_light_does_not_drift_from_one_side_to_the_other():
+    # Fur: dark tufts at the lower border, where the sample ends, never fade out downwards.
+    image = np.kron(skimage.data.chelsea()[15:95, 70:150], np.ones((2, 2, 1), np.uint8))
+    down = np.linspace(-1, 1, 480)[:, np.newaxis, np.newaxis]
+    made = [ts.synthesize(image, 480, patch=40, seed=seed) for seed in (1, 2)]
+    assert made[0].settings["level"] is True
+    slope = 3 * np.mean([one.image * down for one in made], axis=(0, 1, 2))
+    assert np.abs(slope).max() < 4
+
+
+@pytest.mark.medium
 def test_a_dark_spot_does_not_stand_in_rows():
     image = np.ascontiguousarray(skimage.data.retina()[560:944:2, 360:744:2])
     dark = ndimage.gaussian_filter(image.mean(axis=2), 6)  # the spot, cut by the sample's border

@@ -37,17 +37,18 @@ from toposeam.layers.rounds import Rounds
 from toposeam.layers.tasks import Executor
 from toposeam.seam.find import Method
 
-#: Problems are reduced until no more than so many pixels have several layers to choose from: the second
-#: number in general, the first one where expansions over all pixels follow at the next size, at which no
-#: more than the second may have them.
-WHOLE_PIXELS, _AFIELD = 3_500, 10_000
+#: Where more pixels than this have several layers to choose from, costs are reduced in more than one way.
+_ONCE = 1 << 16
+#: Expansions over all pixels are made where no more have: at half the size of all that are reduced once.
+_AFIELD = 1 << 14
+#: Problems are reduced until no more than so many have: the first number where such expansions follow at the
+#: next size, the second one in larger problems.
+WHOLE_PIXELS, _WHOLE_LARGE = 3_500, 10_000
 #: Problems are not reduced below so many pixels a side.
 _SHORTEST = 32
 #: Where more pixels than this have several layers to choose from, on canvases of up to so many pixels, costs
 #: are reduced in several ways; how far beside the best seams pixels are opened again, px.
 _TRIED, _TRIED_CANVAS, _BESIDE = 100_000, 1 << 22, 4
-#: Up to so many, they are reduced in one way only.
-_ONCE = 1 << 16
 
 
 def best_rounds(
@@ -177,7 +178,7 @@ class _Search:
     def _levels(self, labelling: Labelling, wandering: float) -> list[Labelling]:
         """The problem, and halved until few pixels have several layers to choose from."""
         small = labelling.contested(4 * _AFIELD + 1) <= 4 * _AFIELD
-        whole = WHOLE_PIXELS if small else max(WHOLE_PIXELS, _AFIELD)
+        whole = WHOLE_PIXELS if small else max(WHOLE_PIXELS, _WHOLE_LARGE)
         most = max(0, (min(labelling.canvas.shape) - 1) // (2 * _SHORTEST)).bit_length()
         if not most or labelling.contested(whole + 1) <= whole:
             return [labelling]

@@ -69,6 +69,7 @@ def test_lists_of_pixels_are_fused_as_label_maps_are():
 def test_what_another_reduction_finds_is_taken_where_it_is_cheaper(monkeypatch):
     layers, labelling = five(side=200)
     monkeypatch.setattr(levels, "_ONCE", 0)
+    monkeypatch.setattr(levels, "_AFIELD", 10_000)  # reduced as larger problems are
     assert levels.WHOLE_PIXELS < labelling.contested(10**9) < levels._TRIED
     both = ts.stitch(layers, blend="soft")
     monkeypatch.setattr(levels, "OTHERS", ())

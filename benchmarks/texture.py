@@ -16,14 +16,6 @@ sample (likewise)
 ``--clock`` compares times by the clock instead, on an idle machine: the twenty samples of texture_samples.py
 grown open, patches of 40 px, by one process, by as many as ``-j`` says, and by G'MIC on one thread with its
 start; each the best of three, and the median of TopoSeam's over G'MIC's.
-
-``--spread 8`` tells what of swd8 is chance: of the twenty samples, grown open with the defaults and repeating
-from patches of 40 px, mean and standard error over so many seeds, of three numbers:
-
-swd8       as above, of 6000 windows drawn from sample and result, always the same: two such draws from one
-sample are up to 1.4 apart (dots), so that whatever is like the draw, and not like the sample, is nearer
-all        the same of all windows, those across the border of a tile too
-even       all windows, and slow light taken out of both: each is divided by itself blurred (24 px)
 """
 
 from __future__ import annotations
@@ -43,7 +35,6 @@ import numpy as np
 import skimage.data
 from numpy.lib.stride_tricks import sliding_window_view
 from PIL import Image
-from scipy import ndimage
 from scipy.spatial import cKDTree
 
 import toposeam as ts
@@ -75,17 +66,11 @@ def main() -> None:
         "--clock", action="store_true", help="only times by the clock, of one and -j processes"
     )
     options.add_argument("-j", type=int, default=2, metavar="N", help="how many processes")
-    options.add_argument("--spread", type=int, default=0, metavar="SEEDS", help="only swd8, over seeds")
-    options.add_argument(
-        "--only", default="", help="names of samples for --clock and --spread, with commas between"
-    )
+    options.add_argument("--only", default="", help="names of samples for --clock, with commas between")
     chosen = options.parse_args()
     wanted = chosen.only.split(",") if chosen.only else []
     if chosen.clock:
         clock(chosen.j, wanted)
-        return
-    if chosen.spread:
-        spread(chosen.spread, wanted)
         return
     sheet = []
     print(f"{'':10}{'':22}{'time s':>8}{'swd8':>7}{'wrap':>7}{'coher.':>8}{'use':>6}{'jump':>6}")
@@ -244,31 +229,6 @@ def swd8(exemplar: np.ndarray, image: np.ndarray, side: int = 8, count: int = 60
     return float(np.abs(projected(exemplar) - projected(image)).mean())
 
 
-def swd8_all(exemplar: np.ndarray, image: np.ndarray, repeats: bool = False, side: int = 8) -> float:
-    """The distance of all windows; values fall into steps of one level."""
-    directions = np.random.default_rng(2).normal(size=(side**2, 128))
-    directions /= np.linalg.norm(directions, axis=0)
-    levels = 2 * side * 256  # no projection is beyond half of it
-
-    def shares(picture: np.ndarray) -> np.ndarray:
-        count = np.zeros(128 * levels)
-        for row in sliding_window_view(picture, (side, side)):
-            steps = (row.reshape(-1, side**2) @ directions + levels / 2).astype(int)
-            count += np.bincount((steps + levels * np.arange(128)).ravel(), minlength=count.size)
-        total = np.cumsum(count.reshape(128, levels), axis=1)
-        return total / total[:, -1:]
-
-    room = (0, side - 1 if repeats else 0)
-    return float(np.abs(shares(exemplar) - shares(np.pad(image, room, "wrap"))).sum(axis=1).mean())
-
-
-def evened(image: np.ndarray, repeats: bool = False, deviation: float = 24.0) -> np.ndarray:
-    """Gray values over what they are on average round each pixel, of the same mean."""
-    beyond = {"sigma": deviation, "mode": "wrap" if repeats else "constant"}
-    light = ndimage.gaussian_filter(image, **beyond) / ndimage.gaussian_filter(np.ones_like(image), **beyond)
-    return image * image.mean() / np.maximum(light, 1.0)
-
-
 def wrap(image: np.ndarray) -> float:
     ratios = []
     for axis in (0, 1):
@@ -358,26 +318,6 @@ def clock(processes: int, wanted: list[str]) -> None:
         )
     median = np.median(ratios, axis=0)
     print(f"{'median':14}{median[0]:38.2f}{median[1]:14.2f}")
-
-
-def spread(seeds: int, wanted: list[str]) -> None:
-    """Means over seeds of three distances and their standard errors, of the twenty samples."""
-    ways: dict[str, dict[str, object]] = {"open": {}, "repeating, patch 40": {"patch": 40, "tileable": True}}
-    print(f"{'':14}" + "".join(f"{way:>45}" for way in ways))
-    print(f"{'':14}" + "".join(f"{name:>15}" for name in ("swd8", "all", "even")) * len(ways))
-    for sample in samples():
-        if wanted and sample.name not in wanted:
-            continue
-        exemplar, cells = gray(sample.image), []
-        for given in ways.values():
-            repeats, found = bool(given), []
-            for seed in range(1, seeds + 1):
-                image = gray(ts.synthesize(sample.image, SIZE, seed=seed, **given).image)
-                even = swd8_all(evened(exemplar), evened(image, repeats), repeats)
-                found.append((swd8(exemplar, image), swd8_all(exemplar, image, repeats), even))
-            error = np.std(found, axis=0, ddof=1) / np.sqrt(seeds) if seeds > 1 else np.full(3, np.nan)
-            cells += [f"{m:.2f} ± {e:.2f}" for m, e in zip(np.mean(found, axis=0), error, strict=True)]
-        print(f"{sample.name:14}" + "".join(f"{cell:>15}" for cell in cells), flush=True)
 
 
 def _clocked(way: Callable[[], object]) -> float:

@@ -7,7 +7,7 @@ is the median of the three, copy the largest; whole and near are told of all obj
 
 time     processor seconds, and TopoSeam's (open, patch 40) over G'MIC's, program start included
 swd8     sliced Wasserstein distance of 8 × 8 patches to the sample's (texture.py); TopoSeam's is the mean of
-         the three seeds, and what of it is chance texture.py --spread tells
+         the three seeds, and what of it is chance texture_spread.py tells
 smooth   whether periods below 8 px hold at most a tenth of the sample's variance
 step     99th percentile of the steps between copies over that of the steps inside of them
 wrap     mean step across the border of the repeating texture over the 98th percentile of that of inner rows

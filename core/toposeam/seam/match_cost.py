@@ -254,8 +254,8 @@ def _distance(a: Floats32, b: Floats32) -> Floats32:
 
 
 def _steps(present: Mask | None, axis: int) -> tuple[Floats32, Floats32] | None:
-    """Where the steps to the next pixel along an axis are known, 1 or 0; and one over how many are, of the
-    two that each pixel takes part in, 0 for none. Neither may be written to. None where all are known.
+    """Where the step from a pixel to the next one along an axis is known, 1 or 0; and one over how many are,
+    of the two that each pixel takes part in, 0 for none. Neither may be written to. None where all are known.
     """
     if present is None or present.all():
         return None
@@ -266,10 +266,10 @@ def _steps(present: Mask | None, axis: int) -> tuple[Floats32, Floats32] | None:
 
 def _steps_of(present: Mask, axis: int) -> tuple[Floats32, Floats32]:
     s, t = _pair(axis)
-    known = (present[s] & present[t]).astype(np.float32)
-    count = np.zeros(present.shape, np.float32)
-    count[s] += known
-    count[t] += known
+    known = np.zeros(present.shape, np.float32)
+    known[s] = present[s] & present[t]
+    count = known.copy()
+    count[t] += known[s]
     share = np.float32(1.75) - np.float32(0.75) * count
     share *= count  # 0, 1 and a half for 0, 1 and 2
     return known, share
@@ -301,7 +301,6 @@ def _gradient(planes: Floats32, known: tuple[Floats32, Floats32] | None, axis: i
 
 def _squares(planes: Floats32, known: Floats32 | None, axis: int) -> Iterator[Floats32]:
     """Of each plane the squares of how much it changes over two steps along an axis, over one at its ends."""
-    s, t = _pair(axis)
     before: tuple[Any, ...] = (slice(None),) * axis
     along = prod(planes.shape[axis + 1 :])
     # Planes of small images together, which takes fewer calls; those of large ones would not fit the caches.
@@ -310,16 +309,16 @@ def _squares(planes: Floats32, known: Floats32 | None, axis: int) -> Iterator[Fl
         if part.shape[axis] == 1:
             yield from np.zeros(part.shape, np.float32)
             continue
-        total = np.empty(part.shape, np.float32)
-        if known is None:  # as one row, which is quicker than row by row
-            flat = part.ravel()
-            step = flat[along:] - flat[:-along]
-            np.add(step[:-along], step[along:], out=total.ravel()[along:-along])
+        # As one row, which is quicker than row by row; what runs on into another row is put right.
+        total, step, flat = np.empty(part.shape, np.float32), np.empty(part.shape, np.float32), part.ravel()
+        sums, steps = total.ravel(), step.ravel()
+        np.subtract(flat[along:], flat[:-along], out=steps[:-along])
+        steps[-along:] = 0
+        if known is not None:
+            step *= known
+        sums[:along] = steps[:along]
+        np.add(steps[:-along], steps[along:], out=sums[along:])
+        if known is None:
             for at, here, there in ((0, 1, 0), (-1, -1, -2)):
                 np.subtract(part[*before, here], part[*before, there], out=total[*before, at])
-        else:
-            step = part[t] - part[s]
-            step *= known
-            np.add(step[s], step[t], out=total[*before, 1:-1])
-            total[*before, 0], total[*before, -1] = step[*before, 0], step[*before, -1]
         yield from np.square(total, out=total)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.seam.match_cost import MatchCost
+from toposeam.seam.match_cost import MatchCost, match_cost
 from toposeam.seam.posing import seam_problem
 
 
@@ -32,6 +32,33 @@ def test_with_gradient_the_difference_is_divided_by_the_four_gradients_along_the
     np.testing.assert_allclose(
         right, [[0.1 / (0.2 + 0.3 + 0.1 + 0.15), 0.2 / (0.3 + 0.4 + 0.15 + 0.2)]], rtol=1e-4
     )
+
+
+def slopes(image, there, axis):
+    """Changes of each pixel along an axis, by the definition: to both sides, or to the one that is there."""
+    found, framed = np.zeros(image.shape), np.pad(there, 1)
+    step = np.eye(there.ndim, dtype=int)[axis]
+    for pixel in np.argwhere(there):
+        ends = [place for place in (pixel - step, pixel, pixel + step) if framed[tuple(place + 1)]]
+        if len(ends) > 1:
+            found[tuple(pixel)] = (image[tuple(ends[-1])] - image[tuple(ends[0])]) / (len(ends) - 1)
+    return np.linalg.norm(found, axis=-1)
+
+
+@pytest.mark.parametrize("shape", [(7, 9, 3), (1, 8, 2), (40, 60, 4), (3, 5, 6, 2)])
+def test_gradients_look_at_pixels_that_are_there(shape):
+    rng = np.random.default_rng(2)
+    a, b = rng.random((2, *shape)).astype(np.float32)
+    everywhere = np.ones(shape[:-1], bool)
+    for on_a, on_b in ((rng.random(shape[:-1]) < 0.7, everywhere), (everywhere, everywhere)):
+        axes = tuple(range(len(shape) - 1))
+        found = match_cost(a, b, None, on_a, on_b, MatchCost(), axes=axes)
+        difference = np.linalg.norm(a - b, axis=-1)
+        for axis, cost in zip(axes, found, strict=True):
+            steep = slopes(a, on_a, axis) + slopes(b, on_b, axis) + MatchCost().epsilon / 2
+            s, t = ((slice(None),) * axis + (part,) for part in (slice(None, -1), slice(1, None)))
+            expected = (difference[s] + difference[t]) / (steep[s] + steep[t]) + MatchCost().length
+            np.testing.assert_allclose(cost, expected, rtol=1e-4)
 
 
 def test_norms_are_euclidean_over_any_number_of_channels():

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-#: Arrays of so many bytes or more go by files.
-LEAST_BYTES = 1 << 15
+#: Arrays of so many bytes or more go by files, and parts of them of so many.
+LEAST_BYTES, _LEAST_PART = 1 << 14, 1 << 12
 
 Array = npt.NDArray[Any]
 
@@ -69,7 +69,9 @@ class Handing:
         owner = array
         while isinstance(owner.base, np.ndarray):
             owner = owner.base
-        if owner.flags.writeable or array.dtype.hasobject or array.nbytes < LEAST_BYTES:
+        if owner.flags.writeable or array.dtype.hasobject:
+            return None
+        if owner.nbytes < LEAST_BYTES or array.nbytes < _LEAST_PART:
             return None
         if isinstance(owner, np.memmap) and owner.filename is not None:
             path = Path(owner.filename)

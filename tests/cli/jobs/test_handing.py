@@ -33,6 +33,15 @@ def test_what_is_handed_on_is_the_same_and_is_written_once(tmp_path, table):
         assert not found.flags.writeable
 
 
+def test_parts_of_a_few_kilobytes_go_by_the_file_of_the_whole(tmp_path, table):
+    here = Handing(tmp_path)
+    pickled = here.pickled(table[10:30, 20:120])
+    assert len(pickled) < 1000
+    np.testing.assert_array_equal(copied(pickled), table[10:30, 20:120])
+    assert len(here.pickled(table[10:20, 20:30])) < 1000  # which is sooner sent itself
+    assert here.written == table.nbytes
+
+
 def test_what_came_from_a_file_goes_on_as_its_place_also_without_a_folder(tmp_path, table):
     there = copied(Handing(tmp_path).pickled(table))
     for hands in (Handing(tmp_path), Handing(None)):

@@ -97,7 +97,9 @@ class Candidates:
         for number in numbers:
             one = self._objects.all[number]
             if one.whole:
-                taken = busy.take(middles[:, np.newaxis] + one.pixels @ (side, 1)).any(axis=1)
+                taken = busy.take(middles[:, np.newaxis] + (one.pixels[:, 0] * side + one.pixels[:, 1])).any(
+                    axis=1
+                )
                 if not taken.all():
                     yield number, middles[~taken]
 
@@ -108,7 +110,7 @@ class Candidates:
         for number, middles in self.rooms(window, numbers, aside):
             known = values_at(self._features, window.known.ravel()) if known is None else known
             one = self._objects.all[number]
-            at = middles[:, np.newaxis] + one.ring @ (side, 1)
+            at = middles[:, np.newaxis] + (one.ring[:, 0] * side + one.ring[:, 1])
             counts = window.ground.take(at)
             apart = known.take(at, axis=0)
             apart -= features.take((one.ring + one.middle) @ (self._atlas.width, 1), axis=0)

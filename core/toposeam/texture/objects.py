@@ -72,16 +72,17 @@ class Objects:
 
     def at(self, y: Ints, x: Ints, index: Ints32) -> Counter[Key]:
         """The same of some pixels only: their rows, columns and flat indices, (n,) each."""
-        number = self.marks.ravel()[np.maximum(index, 0)] * (index >= 0)
+        number = self.marks.ravel().take(np.maximum(index, 0)) * (index >= 0)
         on = np.flatnonzero(number)
-        row, column = np.divmod(index[on].astype(np.int64), self.atlas.width)
-        place = np.stack([y[on] - row, x[on] - column], axis=1) + self._middles[number[on] - 1]
-        for axis, (limit, wraps) in enumerate(zip(self.canvas.shape, self.canvas.wrap, strict=True)):
-            if wraps:
-                place[:, axis] %= limit
+        number = number.take(on) - 1
         far = 1 << 20  # more than any row or column
-        both = (number[on].astype(np.int64) - 1) * (2 * far) + place[:, 0] + far
-        both = both * (2 * far) + place[:, 1] + far
+        both = number.astype(np.int64)
+        shown = np.divmod(index.take(on).astype(np.int64), self.atlas.width)
+        for axis, (place, limit, wraps) in enumerate(
+            zip((y, x), self.canvas.shape, self.canvas.wrap, strict=True)
+        ):
+            middle = place.take(on) - shown[axis] + self._middles[:, axis].take(number)
+            both = both * (2 * far) + far + (middle % limit if wraps else middle)
         found: Counter[Key] = Counter()
         for one, count in zip(*np.unique(both, return_counts=True), strict=True):
             rest, right = divmod(int(one), 2 * far)

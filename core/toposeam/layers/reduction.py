@@ -42,14 +42,6 @@ _ROWS = 64
 KEPT_TOGETHER = 1 << 25
 
 
-def reduced(
-    labelling: Labelling, executor: Executor | None = None, wandering: float = WANDERING
-) -> Labelling:
-    """The problem at half the size, the costs of small overlaps kept (:class:`Tables`)."""
-    tables = Tables(labelling.costs, 1, executor, wandering)
-    return tables.kept([halved(labelling, wandering)])[0]
-
-
 def halved(labelling: Labelling, wandering: float = WANDERING) -> Labelling:
     """The problem at half the size, whose costs are computed where they are looked at.
 

@@ -22,6 +22,12 @@ def posed(layers, **options):
     return pose_labelling(layers, canvas, covers, **options)
 
 
+def reduced(labelling, wandering=reduction.WANDERING):
+    """The problem at half the size, the costs of small overlaps kept."""
+    tables = reduction.Tables(labelling.costs, 1, None, wandering)
+    return tables.kept([reduction.halved(labelling, wandering)])[0]
+
+
 def row_of_four(costs):
     """Three layers on one row of four pixels: only the first, any, any, only the third; `costs` by pair."""
     canvas = Box(0, 0, 1, 4)
@@ -86,12 +92,12 @@ def test_costs_of_reduced_overlaps_are_kept_as_far_as_they_may(monkeypatch):
         ts.Layer(photograph[:, 70 * k : 70 * k + 110].copy() // (k + 1), at=(70 * k, k)) for k in range(4)
     ]
     fine = posed(layers)
-    half = reduction.reduced(fine)
+    half = reduced(fine)
     assert all(isinstance(cost, TableCost) for cost in half.costs.values())
     kept = math.prod(half.costs[0, 1].box.shape)
     for together, tables in ((0, 0), (kept, 1), (2 * kept + 1, 2)):
         monkeypatch.setattr(reduction, "KEPT_TOGETHER", together)
-        sparing = reduction.reduced(fine)
+        sparing = reduced(fine)
         assert [isinstance(cost, TableCost) for cost in sparing.costs.values()] == [
             k < tables for k in range(len(sparing.costs))
         ]
@@ -134,7 +140,7 @@ def test_tables_of_all_sizes_begin_at_once_and_are_those_of_one_size_after_anoth
     monkeypatch.setattr(reduction, "KEPT_TOGETHER", 4000)
     one = [fine]
     for _ in range(3):
-        one.append(reduction.reduced(one[-1]))
+        one.append(reduced(one[-1]))
     kinds = [[isinstance(cost, TableCost) for cost in labelling.costs.values()] for labelling in one[1:]]
     assert kinds[0] != kinds[1]
     assert any(kinds[0])
@@ -164,7 +170,7 @@ def test_without_wandering_a_reduced_label_map_costs_what_it_does_enlarged():
         for x, y in ((0, 0), (50, 2), (20, 40))
     ]
     fine = posed(layers)
-    coarse = reduction.reduced(fine, wandering=0.0)
+    coarse = reduced(fine, wandering=0.0)
     small = coarse.on_top()
     large = reduction.enlarged(small, fine)
     inner = np.repeat(np.repeat(small, 2, 0), 2, 1)[: large.shape[0], : large.shape[1]]
@@ -207,7 +213,7 @@ def test_two_that_only_just_overlap_still_meet_at_every_size(left):
         inside = slice(-(-17 // factor), 103 // factor)  # rows of the first picture
         assert meeting[inside].any(axis=1).all()
         assert not (first[:, :-1] & second[:, 1:] & (right == 0))[inside].any()
-        coarse = reduction.reduced(coarse)
+        coarse = reduced(coarse)
 
 
 @pytest.mark.medium

@@ -14,7 +14,7 @@ from toposeam.layers.labelling import Labelling
 from toposeam.layers.layer import Box
 
 #: Each pixel and its right, or lower, neighbour.
-_SIDES: Any = (np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])
+SIDES: Any = (np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])
 
 
 class Edges(NamedTuple):
@@ -33,7 +33,7 @@ class Edges(NamedTuple):
         """
         width = open_.shape[1]
         first = []
-        for s, t in _SIDES:
+        for s, t in SIDES:
             chosen = np.zeros(open_.shape, bool)
             chosen[s] = (open_[s] | open_[t]) & known[s] & known[t]
             first.append(np.flatnonzero(chosen))
@@ -81,8 +81,8 @@ class EdgeCosts:
                     continue
                 window = common.within(box)
                 one, other = seen[i][window], seen[j][window]
-                wanted = [(one[s] & other[t]) | (other[s] & one[t]) for s, t in _SIDES]
-                there = [numbers[window][s] for numbers, (s, _) in zip(number, _SIDES, strict=True)]
+                wanted = [(one[s] & other[t]) | (other[s] & one[t]) for s, t in SIDES]
+                there = [numbers[window][s] for numbers, (s, _) in zip(number, SIDES, strict=True)]
                 for chosen, numbers in zip(wanted, there, strict=True):
                     chosen &= numbers >= 0
                 if not any(chosen.any() for chosen in wanted):

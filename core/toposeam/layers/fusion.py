@@ -7,16 +7,13 @@ mixtures of whole patches. It costs at most what the cheaper map does.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.layers.edges import SIDES
 from toposeam.layers.labelling import Labelling
 from toposeam.layers.painting import LabelMap
 from toposeam.layers.pieces import pieces_of
-
-_SIDES: Any = (np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])  # each pixel and its right or lower one
 
 
 def fused(labelling: Labelling, one: LabelMap, other: LabelMap) -> LabelMap:
@@ -50,7 +47,7 @@ def _costs(
             continue
         box = cost.box.shared(labelling.canvas)
         shows, number = labels[box.slices], patch[box.slices]
-        for values, s, t in zip(cost.on(box, number > 0), *zip(*_SIDES, strict=True), strict=True):
+        for values, s, t in zip(cost.on(box, number > 0), *zip(*SIDES, strict=True), strict=True):
             border = ((shows[s] == i) & (shows[t] == j)) | ((shows[s] == j) & (shows[t] == i))
             border &= (number[s] > 0) | (number[t] > 0)
             at = np.maximum(number[s][border], number[t][border])

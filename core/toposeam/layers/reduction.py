@@ -274,8 +274,8 @@ class Tables:
         first: dict[Pair, PairCost] = {}
         for pair, (table, nearby) in self._made:
             first[pair] = table
-            pixels = self._costs[pair]
-            if self._looked_at and isinstance(pixels, LayerPairCost):
+            pixels = _pixels(self._costs[pair]) if self._looked_at else None
+            if pixels is not None:
                 pixels.know(nearby)
         found, costs = [], dict(self._costs)
         for number, size in enumerate(sizes):

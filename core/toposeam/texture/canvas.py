@@ -140,9 +140,8 @@ class IndexCanvas:
         before = index.take(at)
         covered = before >= 0
         if covered.any():
-            np.subtract.at(
-                self.usage, before[covered], np.int32(1)
-            )  # of its own type, or it takes ten times as long
+            # One of its own type, or it takes ten times as long.
+            np.subtract.at(self.usage, before[covered], np.int32(1))
             counts = np.bincount(labels.take(at[covered]))
             for label in np.flatnonzero(counts).tolist():
                 self._areas[self.copy_of(label)] -= int(counts[label])

@@ -256,9 +256,8 @@ def _stitch(
         return _stitch_large(job, find, out, files, crop, means, [*warnings], aligned)
     composed = composed_as(job, find, out, files)
     asked = out.as_json or (out.overlay, out.seam, out.history, out.report) != (None,) * 4
-    whole = asked or len(job.layers) == 2  # of many seams that nobody asks for outlines suffice
     mapped = asked or out.labels is not None or out.output.suffix.lower() == ".ora"
-    stitched = ts_stitched(composed, seams=whole, labels=mapped)
+    stitched = ts_stitched(composed, mapped)
     finished, at = cropped(stitched, out.output) if crop == "inside" else (stitched, None)
     overlay = None if out.overlay is None else draw_seams(stitched.image, stitched.seams)
     if overlay is not None and at is not None:
@@ -292,7 +291,7 @@ def _stitch(
     if out.as_json:
         report = json.dumps(summary_of_all(stitched, job.layers, aligned, job.placement), indent=2)
     elif is_read(out.quiet):
-        told = describe(stitched) if whole else describe_totals(composed)
+        told = describe(stitched) if asked or len(job.layers) == 2 else describe_totals(composed)
         report = told_of(out.output, finished.image.shape, told, at, job.layers, job.placement, aligned)
     write(out, job, finished, documents, overlay)
     if out.as_json or not out.quiet:

@@ -167,6 +167,7 @@ def compose(
         label_map = moves.label_map
         pairs = moves.pairs(potentials=blend == "soft")
         made = Made(moves, list(paths), {"core": core, **dataclasses.asdict(match)})
+        made.check(executor)
         seam_of, totals = made, made.totals
     placed = Placed(layers=layers, places=steps.places, covered=steps.covered, label_map=label_map)
     return Composition(

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ from toposeam.seam.thesis_options import ThesisOptions
 from toposeam.vector.svg import SvgSeam, write_svg
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Stitched:
     """The composite of placed layers.
 
@@ -49,8 +50,8 @@ class Stitched:
     alpha: npt.NDArray[Any] | None
     #: (H, W) int16, the number of the layer that shows at each pixel; -1 where none has pixels.
     label_map: LabelMap
-    #: One seam per pair of layers that adjoin where both have pixels.
-    seams: tuple[Seam, ...]
+    #: The seams, or what makes them.
+    _seams: tuple[Seam, ...] | Callable[[], tuple[Seam, ...]]
     #: Which two layers each seam divides, by number; ``b`` of the seam is the second one.
     pairs: tuple[Pair, ...]
     #: The layers' names.
@@ -59,6 +60,13 @@ class Stitched:
     rounds: int
     #: (x, y) of the canvas's upper left pixel in the layers' coordinates.
     origin: tuple[int, int]
+
+    @property
+    def seams(self) -> tuple[Seam, ...]:
+        """One seam per pair of layers that adjoin where both have pixels; those of more than two layers are
+        made when somebody asks for them.
+        """
+        return self._seams() if callable(self._seams) else self._seams
 
     @property
     def masks(self) -> tuple[Mask, ...]:
@@ -241,18 +249,20 @@ def stitch(
     return whole
 
 
-def stitched(composed: Composition, seams: bool = True, labels: bool = True) -> Stitched:
-    """All of a composition at once; its seams can be left out, and so can the label map, which then says that
-    no layer shows anywhere.
-    """
+def stitched(composed: Composition, labels: bool = True) -> Stitched:
+    """All of a composition at once; without its label map no layer is said to show anywhere."""
     everything = slice(None), slice(None)
     image, alpha = composed.window(*everything)
-    made = dict(composed.seams()) if seams else {}
+
+    @cache
+    def made() -> tuple[Seam, ...]:
+        return tuple(seam for _, seam in composed.seams())
+
     return Stitched(
         image=image,
         alpha=None if alpha.min() == full_scale(image.dtype) else alpha,
         label_map=composed.labels(*everything) if labels else np.broadcast_to(np.int16(-1), composed.shape),
-        seams=tuple(made.values()),
+        _seams=made() if len(composed.layers) == 2 else made,
         pairs=composed.pairs,
         names=composed.names,
         rounds=composed.rounds,

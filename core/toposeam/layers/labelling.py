@@ -250,8 +250,9 @@ class Labelling:
             if not touching.any():
                 continue
             for values, s, t in zip(cost.on(box, touching), *_NEIGHBOURS, strict=True):
-                total[s] += np.where(free[s] & theirs[t], values, np.float32(0))
-                total[t] += np.where(free[t] & theirs[s], values, np.float32(0))
+                for here, there in ((s, t), (t, s)):
+                    ends = free[here] & theirs[there]
+                    total[here][ends] += values[ends]
         return total
 
     def total(self, labels: LabelMap, box: Box) -> float:

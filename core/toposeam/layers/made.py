@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from toposeam.errors import OverlapError
 from toposeam.images import box_of
 from toposeam.layers.band import costs_at
 from toposeam.layers.composition import Totals
@@ -19,6 +20,7 @@ from toposeam.layers.rounds import Rounds
 from toposeam.layers.tasks import Executor, results
 from toposeam.optimize.history import Termination
 from toposeam.seam.overlap import FREE
+from toposeam.seam.problem import BLOCKED
 from toposeam.seam.seam import Seam
 from toposeam.seam.solution import Solution
 
@@ -81,7 +83,6 @@ class Made:
             raise ValueError(f"layers {pair[0]} and {pair[1]} have nothing in common")
         problem = move.problem
         shown = move.labels == pair[1]
-        problem.check(shown)
         box, solution = self.moves.solved.get(
             pair, (move.box, Solution(labels=shown, soft=shown.astype(np.float32)))
         )
@@ -113,6 +114,17 @@ class Made:
             settings={**self.common, **self.moves.settings},
             problem=problem,
         )
+
+    def check(self, executor: Executor | None = None) -> None:
+        """Refuse seams that cut a forbidden interface.
+
+        Raises
+        ------
+        OverlapError
+        """
+        forbidden = self.moves.labelling.forbidden
+        if np.isfinite(forbidden) and any(cost >= forbidden for _, cost in self.measured(executor).values()):
+            raise OverlapError(BLOCKED)
 
     def totals(self, executor: Executor | None = None) -> Totals:
         """Of all seams, their pairs looked at where an executor does so."""

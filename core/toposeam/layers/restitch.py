@@ -102,7 +102,7 @@ def restitch(
         image=image,
         alpha=None if bool((alpha == full_scale(image.dtype)).all()) else alpha,
         label_map=label_map,
-        seams=tuple(seams.values()),
+        _seams=tuple(seams.values()),
         pairs=tuple(seams),
         names=tuple(layer.name for layer in layers),
         rounds=0,

@@ -36,6 +36,10 @@ from toposeam.seam.overlap import FREE, KEPT_PIXELS, KEPT_SHAPES, NONE, A, B, Ov
 #: The thesis's M_max: the cost of an interface where no seam may run, in units of the dearest ordinary one
 #: (at least 1).
 M_MAX = 1e6
+#: What is said where a seam would have to be forbidden.
+BLOCKED = (
+    "no seam avoids the pixels you excluded: they block the overlap from side to side; leave it a way through"
+)
 
 Indices = npt.NDArray[np.intp]
 
@@ -258,10 +262,7 @@ class SeamProblem:
         OverlapError
         """
         if self.crossed(labels).max(initial=0.0) >= self.forbidden:
-            raise OverlapError(
-                "no seam avoids the pixels you excluded: they block the overlap from side to side; leave it "
-                "a way through"
-            )
+            raise OverlapError(BLOCKED)
 
     def on_canvas(self, labels: npt.NDArray[Any], only_b: Mask) -> npt.NDArray[Any]:
         """Window values spread to the canvas: those of the overlap from `labels`, elsewhere True (1) where

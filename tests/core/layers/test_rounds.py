@@ -12,6 +12,7 @@ from toposeam.layers.blend import reach_of
 from toposeam.layers.junctions import beside_steps, junctions
 from toposeam.layers.layer import Box
 from toposeam.layers.levels import best_rounds
+from toposeam.layers.made import Made
 from toposeam.layers.posing import exclusive_covers, pose_labelling
 from toposeam.layers.rounds import Rounds
 
@@ -232,6 +233,30 @@ def test_no_seam_of_many_touches_what_is_to_be_avoided():
     touched = (label_map[:, 1:] != label_map[:, :-1]) & (avoid[:, 1:] | avoid[:, :-1])
     assert not touched.any()
     assert (label_map != free).any()
+
+
+def test_excluded_pixels_that_block_a_seam_of_many_are_told_before_it_is_made():
+    layers = [ts.Layer(data.coffee()[:60, x : x + 50], at=(x, 0)) for x in (0, 40, 80)]
+    avoid = np.zeros((60, 130), bool)
+    avoid[28:32] = True
+    with pytest.raises(ts.OverlapError, match="no seam avoids the pixels you excluded"):
+        ts.compose(layers, avoid=avoid)
+
+
+def test_seams_of_many_are_made_once_when_they_are_asked_for(monkeypatch):
+    asked = []
+    made = Made.__call__
+
+    def counted(self, pair, beside):
+        asked.append(pair)
+        return made(self, pair, beside)
+
+    monkeypatch.setattr(Made, "__call__", counted)
+    stitched = ts.stitch(three(), blend="multiband")
+    assert not asked
+    assert len(stitched.seams) == len(stitched.pairs) > 1
+    assert stitched.seams is stitched.seams
+    assert asked == list(stitched.pairs)
 
 
 def test_a_given_seam_of_one_pair_is_followed_and_the_others_found():

@@ -24,10 +24,11 @@ from toposeam.texture.sources import UNSEEN_STEP
 #: Mean correlation with itself on the lattice from which on a texture counts as ordered, by two vectors and
 #: along one direction.
 ORDERED, ORDERED_LINES = 0.25, 0.15
-#: Share of the best lattice's correlation that a finer one must reach to be taken.
+#: Share of the best lattice's correlation that a finer one must reach to be taken, on all of its points.
 _FINER = 0.85
-#: Largest correlation half-way between two lattice points, as a share of that on them.
-_BETWEEN = 0.6
+#: Largest correlation half-way between two lattice points, as a share of that on them: little less than that
+#: where the threads of one direction are pale; along stripes and courses it is as high everywhere.
+_BETWEEN = 0.9
 #: Lines that keep step correlate with the next ones at least this much of how they do with themselves; and
 #: lattices as much far away as near by. What does not is ordered by eye, but wanders.
 _KEPT = 0.85
@@ -139,7 +140,7 @@ def find_order(features: Floats32, usable: Mask) -> Order | None:
     if lattice is not None:
         strength = _on(smooth, lattice)
         far = _on(smooth, lattice, beyond=0.4)
-        between = max(_on(smooth, lattice, half) for half in (lattice[0] / 2, lattice[1] / 2))
+        between = max(_on(smooth, lattice, half) for half in lattice / 2)
         if strength >= ORDERED and between <= _BETWEEN * strength and far >= _KEPT * strength:
             return Order(np.asarray(np.linalg.inv(lattice).T, np.float64), strength)
     return _lines(smooth, element)
@@ -173,7 +174,7 @@ def _lattice(smooth: Floats, element: int) -> Floats | None:
     for _, _, vectors in tried:
         better = _reduced(_refined(smooth, vectors))
         if better is not None:
-            fitted.append((_on(smooth, better), _area(better), better))
+            fitted.append((_least_on(smooth, better), _area(better), better))
     if not fitted:
         return None
     most = max(score for score, _, _ in fitted)
@@ -244,6 +245,20 @@ def _on(smooth: Floats, vectors: Floats, beside: Floats | float = 0.0, beyond: f
     return float(ndimage.map_coordinates(smooth, at.T, order=1, mode="nearest").mean())
 
 
+def _least_on(smooth: Floats, vectors: Floats) -> float:
+    """The least of the mean autocorrelations on the points of even and of odd coordinates: where pale threads
+    are taken for twice as many, those between them are lower than the others.
+    """
+    middle = np.array(smooth.shape) // 2
+    whole, shifts = _points(vectors, (0.75 * middle[0], 0.75 * middle[1]))
+    if len(shifts) < 3:
+        return 0.0
+    values = ndimage.map_coordinates(smooth, (shifts + middle).T, order=1, mode="nearest")
+    kind = (whole % 2 @ [1, 2]).astype(np.intp)
+    count = np.bincount(kind)
+    return float((np.bincount(kind, values)[count > 0] / count[count > 0]).min())
+
+
 def _refined(smooth: Floats, vectors: Floats) -> Floats:
     """Least squares over the maxima nearest to the lattice's points, from near ones outwards."""
     height, width = (length // 2 for length in smooth.shape)
@@ -264,8 +279,8 @@ def _refined(smooth: Floats, vectors: Floats) -> Floats:
         top = np.stack(np.divmod(around[np.arange(len(best)), best], wide), axis=1)
         value = values.max(axis=1, initial=0)
         clear = value > 0.3 * value.max(initial=1e-9)
-        if np.count_nonzero(clear) < 3:
-            break
+        if np.count_nonzero(clear) < 3:  # of a coarse lattice there are more farther out
+            continue
         top, value = top[clear], value[clear]
         exact = top.astype(float)
         for axis in (0, 1):  # the top of the parabola through three values

@@ -29,6 +29,16 @@ def lines(height=160, width=160, pitch=12.5, seed=0):
     return np.where(ink, 30, 240).astype(np.uint8)
 
 
+def plaid(turn, periods, seen, size=192, noise=6, seed=0):
+    """Threads of two directions at an angle in degrees, some more to be seen than others."""
+    y, x = np.mgrid[:size, :size]
+    along, across = np.deg2rad([turn, turn + 90])
+    made = 120 + np.random.default_rng(seed).normal(size=y.shape) * noise
+    for angle, period, contrast in zip((along, across), periods, seen, strict=True):
+        made += contrast * ((x * np.cos(angle) + y * np.sin(angle)) % period < 0.3 * period)
+    return np.clip(made, 0, 255).astype(np.uint8)
+
+
 def order_of(image):
     return find_order((image / np.float32(255))[..., np.newaxis], np.ones(image.shape, bool))
 
@@ -72,6 +82,26 @@ def test_periods_that_are_no_whole_numbers_are_found_exactly():
     assert np.abs(order.periods) == pytest.approx(np.array([[12.5, 0]]), abs=0.1)
     sideways = order_of(lines(pitch=12.5).T)
     assert np.abs(sideways.periods) == pytest.approx(np.array([[0, 12.5]]), abs=0.1)
+
+
+@pytest.mark.parametrize("turn", [0, 12, 31])
+@pytest.mark.parametrize(("periods", "seen"), [((30, 22), (80, 40)), ((17, 40), (60, 60))])
+def test_a_plaid_is_a_lattice_also_where_threads_of_one_direction_are_pale(turn, periods, seen):
+    along = np.deg2rad(turn)
+    expected = [
+        (periods[0] * np.sin(along), periods[0] * np.cos(along)),
+        (periods[1] * np.cos(along), -periods[1] * np.sin(along)),
+    ]
+    found = order_of(plaid(turn, periods, seen)).periods
+    assert found.shape == (2, 2)
+    # Whichever vectors span it: what is meant is a whole combination of them, to a tenth of a pixel.
+    whole = np.rint(np.array(expected) @ np.linalg.inv(found))
+    assert abs(np.linalg.det(whole)) == 1
+    assert whole @ found == pytest.approx(np.array(expected), abs=0.1)
+
+
+def test_stripes_alone_have_no_order_along_them():
+    assert len(order_of(plaid(20, (30, 22), (80, 0))).reciprocal) == 1
 
 
 def test_there_is_no_order_in_noise_nor_in_one_colour(sample):

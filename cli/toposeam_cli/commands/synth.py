@@ -144,8 +144,8 @@ _GUIDE = (
 @click.option(
     "--level/--no-level",
     default=None,
-    help="Level light between patches; by default where SOURCE has slow light, and where it is smooth steps "
-    "at seams are eased. Not for normals or heights.",
+    help="Level light between patches; by default where SOURCE has slow light or is fibres, and where it is "
+    "smooth steps at seams are eased. Not for normals or heights.",
 )
 @click.option(
     "-j",

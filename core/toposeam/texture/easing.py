@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
+from scipy import ndimage
 
 from toposeam.heat.poisson import add_steps, spread
 from toposeam.images import Mask
@@ -27,14 +28,21 @@ _REACH = 12.0
 _EDGE = 0.3
 #: Of a smooth sample the periods below so many px hold at most this share of the variance.
 _FINE, _SHARE = 8, 0.1
+#: Gradients are those of the sample blurred by a deviation of so many px; along fibres they have at most this
+#: share of the variance across them.
+_GRADIENT, _ALONG = 1.5, 0.05
 
 #: Whether light is levelled, or steps are eased only.
 Level = bool | Literal["steps"]
 
 
 def level_for(sources: Sources) -> Level:
-    """What exemplars need: light levelled where it is slow, steps eased where they are smooth."""
+    """What exemplars need: light levelled where it is slow, and between fibres; steps eased where they are
+    smooth.
+    """
     if any(map(has_slow_light, sources.features, sources.usable)):
+        return True
+    if all(map(is_fibrous, sources.features, sources.usable)):
         return True
     return "steps" if all(map(is_smooth, sources.features, sources.usable)) else False
 
@@ -59,6 +67,33 @@ def is_smooth(features: Floats32, usable: Mask) -> bool:
     power[0, 0] = 0
     frequency = np.hypot(*np.meshgrid(*map(np.fft.fftfreq, usable.shape), indexing="ij"))
     return bool(power[frequency > 1 / _FINE].sum() <= _SHARE * power.sum())
+
+
+def is_fibrous(features: Floats32, usable: Mask) -> bool:
+    """Whether all of a sample runs in one direction, along which hardly anything changes: where patches meet,
+    fibres of unlike brightness would end in steps.
+
+    The two eigenvalues of the structure tensor tell it (Bigün and Granlund 1987).
+
+    Parameters
+    ----------
+    features : (H, W, F) float32 array
+    usable : (H, W) bool array
+
+    Examples
+    --------
+    >>> across = np.random.default_rng(0).random((1, 64, 1), np.float32)
+    >>> is_fibrous(across.repeat(64, 0), np.ones((64, 64), bool))
+    True
+    >>> is_fibrous(across.repeat(64, 0) + across.swapaxes(0, 1), np.ones((64, 64), bool))
+    False
+    """
+    values = np.where(usable, features.mean(axis=2), features[usable].mean())
+    down, right = (
+        ndimage.gaussian_filter(values, _GRADIENT, order=order)[usable] for order in ((1, 0), (0, 1))
+    )
+    least, most = np.linalg.eigvalsh(np.cov(np.stack([down, right]), bias=True))
+    return bool(most > 0 and least <= _ALONG * most)
 
 
 class EasedLight:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -141,8 +142,8 @@ def synthesize(
     level : bool or "steps", optional
         Whether light is levelled between patches (:mod:`toposeam.texture.light`), which changes colours a
         little, or steps at seams are eased into both sides only (:mod:`toposeam.texture.easing`). By default,
-        where no guide is given, light where the exemplars have slow light, steps where they are smooth. Maps
-        never are: for exemplars whose values are no colours, say False.
+        where no guide is given, light where the exemplars have slow light or are fibres, steps where they are
+        smooth. Maps never are: for exemplars whose values are no colours, say False.
     max_megapixels : float
         Refuse a larger texture.
     processes : int
@@ -190,10 +191,8 @@ def synthesize(
     check_choice("flatten", flatten, (True, False))
     check_choice("level", level, (True, False, "steps", None))
     check_choice("transparent", transparent, (True, False))
-    if flatten:
-        source = flattened(source, source_mask, white_of(data_range, 1 + len(maps))[0])
-    sources = read_sources(
-        source,
+    read = partial(
+        read_sources,
         alpha=alpha,
         mask=source_mask,
         maps=maps,
@@ -201,19 +200,22 @@ def synthesize(
         data_range=data_range,
         transparent=transparent,
     )
+    sources = read(source)
     if transparent and not sources.has_alpha:
         raise OptionError("transparent is for samples with opacity, and these have none; leave it out")
     if transparent and level:
         raise OptionError("light is levelled between opaque patches only; leave out transparent, or level")
     check_varied(sources)
+    if level is None:  # what flattening leaves of slow light is levelled as well
+        level = False if transparent or guide is not None else level_for(sources)
+    if flatten:
+        sources = read(flattened(source, source_mask, white_of(data_range, 1 + len(maps))[0]))
     parts = _shares(shares, len(sources.shapes))
     check_choice("turns", turns, TURNS)
     sources = turned_sources(sources, turns)
     each = None if parts is None else [part for part in parts for _ in range(count_of(turns))]
     side, overlap = check_patch(sources, patch, overlap)
     atlas = Atlas.of(sources.present, chosen.context, sources.usable)
-    if level is None:
-        level = False if transparent or guide is not None else level_for(sources)
     if level is True:
         even = tuple(map(without_light, sources.features, sources.present, sources.usable))
         sources = dataclasses.replace(sources, features=even)

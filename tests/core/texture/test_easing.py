@@ -10,7 +10,7 @@ from scipy import ndimage
 
 import toposeam as ts
 from toposeam.texture.atlas import Atlas
-from toposeam.texture.easing import EasedLight
+from toposeam.texture.easing import EasedLight, is_fibrous
 from toposeam.texture.light import CopyLight, levelled_copies
 from toposeam.texture.rendering import render
 
@@ -92,6 +92,37 @@ def test_steps_of_smooth_samples_are_eased_without_levelling_light(tileable, mon
     assert abs(made.image.mean() - hard.image.mean()) < 0.5
     copied = sample[made.source[..., 0], made.source[..., 1], 0].astype(int)
     assert np.median(np.abs(made.image[..., 0] - copied)) <= 3
+
+
+def fibres(turn, noise, seed=0):
+    """(128, 128) of many tones, that fade out slowly along a direction, degrees."""
+    rng = np.random.default_rng(seed)
+    made = ndimage.gaussian_filter(rng.normal(size=(240, 240)), (40, 0.9))
+    made = ndimage.rotate(made, turn, reshape=False, mode="reflect")[56:184, 56:184]
+    made = 128 + 45 * made / made.std() + noise * rng.normal(size=made.shape)
+    return np.clip(made, 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("turn", [0, 20, 75])
+@pytest.mark.parametrize("noise", [0, 8])
+def test_fibres_are_told_at_any_angle(turn, noise):
+    everywhere, image = np.ones((128, 128), bool), fibres(turn, noise) / np.float32(255)
+    assert is_fibrous(image[..., np.newaxis], everywhere)
+    assert not is_fibrous((image + image.T)[..., np.newaxis], everywhere)
+    assert not is_fibrous(np.full((16, 16, 1), 0.5, np.float32), np.ones((16, 16), bool))
+
+
+@pytest.mark.medium
+def test_fibres_do_not_end_in_steps_where_patches_meet():
+    image = fibres(0, 4)
+
+    def ends(made):
+        step, seam = np.abs(np.diff(made.image.astype(float), axis=0)), np.diff(made.labels, axis=0) != 0
+        return step[seam].mean() / step[~seam].mean()
+
+    made, hard = (ts.synthesize(image, 256, seed=1, level=level) for level in (None, False))
+    assert made.settings["level"] is True
+    assert ends(made) < 0.75 * ends(hard)
 
 
 def test_fine_detail_keeps_its_values():

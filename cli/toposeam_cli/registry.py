@@ -9,6 +9,7 @@ from types import ModuleType
 
 import click
 
+from toposeam_cli.later import loaded_later
 from toposeam_cli.wording import speaking
 
 #: Each command and its first line of help, as its own text has it: loading the commands loads the numerics,
@@ -50,6 +51,7 @@ def _module(name: str) -> ModuleType:
         return import_module(name)
     gc.disable()
     try:
+        loaded_later()
         return import_module(name)
     finally:
         gc.freeze()

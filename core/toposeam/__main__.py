@@ -1,6 +1,5 @@
-"""``python -m toposeam``: the command line, where it is installed."""
+"""``python -m toposeam``: the command line, of which nothing else in here knows."""
 
-from importlib.metadata import distribution
+from importlib import import_module
 
-(command,) = distribution("toposeam").entry_points.select(group="console_scripts", name="toposeam")
-command.load()()
+import_module("toposeam_cli.__main__").start()

@@ -10,7 +10,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -123,6 +122,8 @@ class WorkerCheck:
 
 def versions() -> dict[str, str]:
     """Of what decides about the last bit."""
+    from importlib.metadata import version
+
     found = {name: version(name) for name in ("toposeam", "numpy", "scipy")}
     return {"Python": ".".join(map(str, sys.version_info[:2])), **found}
 

@@ -6,13 +6,26 @@ are fractions, so that position × resolution is a whole number of pixels.
 
 from __future__ import annotations
 
+import struct
 from fractions import Fraction
 from pathlib import Path
+from typing import Any, BinaryIO
 
 _X_RESOLUTION, _Y_RESOLUTION, _X_POSITION, _Y_POSITION = 282, 283, 286, 287
 _FULL_WIDTH, _FULL_HEIGHT = 33300, 33301
+_WANTED = (_X_RESOLUTION, _Y_RESOLUTION, _X_POSITION, _Y_POSITION, _FULL_WIDTH, _FULL_HEIGHT)
 #: Layers may not lie farther from the origin, px.
 FARTHEST = 2**31 - 1
+
+#: How a file begins that has its numbers' lowest byte first, or last.
+_ORDERS = {b"II": "<", b"MM": ">"}
+#: By version: how the address of the first directory is written, the number of its entries, and an entry with
+#: its tag, its kind, how many values it has, and those values or their address.
+_LAYOUTS = {42: ("L", "H", "HHL4s"), 43: ("HHQ", "Q", "HHQ8s")}
+#: A classic directory has no more, and damaged ones of BigTIFF are not believed.
+_MOST_TAGS = 1 << 16
+#: How a value of each kind of number is written: of rational ones numerator and denominator.
+_KINDS = {1: "B", 3: "H", 4: "L", 5: "LL", 6: "b", 8: "h", 9: "l", 10: "ll", 11: "f", 12: "d", 16: "Q"}
 
 
 def tiff_place(path: Path) -> tuple[int, int] | None:
@@ -42,25 +55,29 @@ def tiff_canvas(path: Path) -> tuple[int, int] | None:
 
 
 def _tags(path: Path) -> dict[int, Fraction] | None:
-    from PIL.TiffImagePlugin import ImageFileDirectory_v2
-
-    wanted = (_X_RESOLUTION, _Y_RESOLUTION, _X_POSITION, _Y_POSITION, _FULL_WIDTH, _FULL_HEIGHT)
+    """The first values of the wanted tags of the file's first directory."""
+    found = {}
     try:
         with path.open("rb") as file:
-            header = file.read(8)
-            if header[:2] not in (b"II", b"MM"):
-                return None
-            if header[2:4] in (b"\x2b\0", b"\0\x2b"):
-                header += file.read(8)  # BigTIFF
-            directory = ImageFileDirectory_v2(header)
-            file.seek(directory.next)
-            directory.load(file)
-            found = {}
-            for tag in wanted:
-                if tag in directory:
-                    value = directory[tag]
-                    value = value[0] if isinstance(value, tuple) else value
-                    found[tag] = Fraction(int(value.numerator), int(value.denominator))
-            return found
-    except (OSError, SyntaxError, ValueError, KeyError, TypeError, ZeroDivisionError, OverflowError):
+            order = _ORDERS[file.read(2)]
+            (version,) = _read(file, order + "H")
+            address, count, entry = _LAYOUTS[version]
+            file.seek(_read(file, order + address)[-1])
+            (entries,) = _read(file, order + count)
+            entries = min(entries, _MOST_TAGS)
+            for tag, kind, _, value in [_read(file, order + entry) for _ in range(entries)]:
+                if tag not in _WANTED or kind not in _KINDS:
+                    continue
+                layout = order + _KINDS[kind]
+                size = struct.calcsize(layout)
+                if size > len(value):
+                    file.seek(*struct.unpack(order + address[-1], value))
+                    value = file.read(size)
+                found[tag] = Fraction(*struct.unpack(layout, value[:size]))
+    except (OSError, KeyError, ValueError, ZeroDivisionError, OverflowError, struct.error):
         return None  # whoever reads the picture says what is wrong with it
+    return found
+
+
+def _read(file: BinaryIO, layout: str) -> tuple[Any, ...]:
+    return struct.unpack(layout, file.read(struct.calcsize(layout)))

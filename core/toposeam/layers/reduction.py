@@ -36,8 +36,8 @@ from toposeam.seam.reach import Reach
 
 #: w above; and others, with which other seams look cheapest.
 WANDERING, OTHERS = 0.6, (0.9, 0.3)
-#: Reduced rows that are made at once.
-_ROWS = 64
+#: Reduced rows that are made at once: of all of an overlap, and of a band.
+_ROWS, _WANTED_ROWS = 128, 64
 #: Pixels of all overlaps of one size whose costs are kept, 8 bytes each.
 KEPT_TOGETHER = 1 << 25
 
@@ -196,8 +196,8 @@ class ReducedCost:
         height, width = common.shape
         right, down = np.zeros((height, width - 1), np.float32), np.zeros((height - 1, width), np.float32)
         first, last = (max(int(rows[0]) - 1, 0), min(int(rows[-1]) + 2, height)) if len(rows) else (0, 0)
-        for start in range(first, last, _ROWS):
-            stop = min(start + _ROWS, last)
+        for start in range(first, last, _WANTED_ROWS):
+            stop = min(start + _WANTED_ROWS, last)
             columns = np.flatnonzero(wanted[max(start - 1, 0) : stop + 1].any(axis=0))
             if not len(columns):
                 continue

@@ -30,7 +30,7 @@ _CAPACITY = 2**31 - 2
 #: … and the median one is at most this.
 _FINEST = 1e6
 #: On networks of so many nodes in all OR-tools saves the time that loading it takes.
-LOADED = 50_000
+LOADED = 70_000
 
 
 def minimum_cut(network: Network, weight: Floats) -> Mask:

@@ -120,6 +120,7 @@ def test_no_layer_is_read_as_a_whole(count, sparse, monkeypatch):
     monkeypatch.setattr(composition, "BLOCK", 64)
     monkeypatch.setattr(pair_cost, "_BLOCK_PIXELS", 2000)
     monkeypatch.setattr(reduction, "_ROWS", 8)
+    monkeypatch.setattr(reduction, "_WANTED_ROWS", 8)
     given = layers(count, windows=True)
     composed = ts.compose(given, blend="multiband", blend_width=8)
     composed.window(slice(0, 64), slice(0, 64))

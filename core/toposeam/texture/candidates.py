@@ -11,7 +11,7 @@ import numpy as np
 
 from toposeam.images import Mask, box_of
 from toposeam.texture.atlas import Atlas, Floats32, Ints32, values_at
-from toposeam.texture.objects import At, Objects
+from toposeam.texture.objects import At, Key, Objects
 from toposeam.texture.search import Ints
 
 #: px between the places beside a middle that are tried.
@@ -47,8 +47,9 @@ class Window:
     left: int
     known: Ints32
     inside: Mask
-    #: What has to go, and other objects.
+    #: What has to go, how many pixels of which objects that is, and where others are.
     goes: Mask
+    gone: dict[Key, int]
     busy: Mask
 
     @cached_property

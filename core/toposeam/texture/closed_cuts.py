@@ -32,11 +32,35 @@ class Patch:
     must: Mask
     may: Mask
     #: First patches of the copies that it continues.
-    joined: frozenset[int]
+    joined: frozenset[int] = frozenset()
 
     def most(self) -> int:
         """How many pixels it changes at most."""
         return int(np.count_nonzero(self.may & (self.before[1:-1, 1:-1] != self.source)))
+
+
+#: First row and column of a patch on the canvas, and on the atlas, its height and its width.
+Place = tuple[int, int, int, int, int, int]
+
+
+class Cutting:
+    """Cuts patches that wait on a placer's canvas, maybe in another process."""
+
+    def __init__(self, placer: PatchPlacer, shape: tuple[int, int]) -> None:
+        self._placer = placer
+
+    def shows(self, places: bytes) -> list[Mask]:
+        """Where each of some patches shows, whose places follow one another as int32."""
+        found = np.frombuffer(places, np.int32).reshape(-1, 6).tolist()
+        return closed_cuts(self._placer, [self._patch(*place) for place in found])
+
+    def _patch(self, top: int, left: int, row: int, column: int, height: int, width: int) -> Patch:
+        placer, canvas, shape = self._placer, self._placer.canvas, (height, width)
+        rows, columns, _ = canvas.window(top, left, *shape)
+        waiting = canvas.waiting[rows, columns]
+        before = canvas.read(top - 1, left - 1, height + 2, width + 2)
+        source = placer.patch((row, column), shape)
+        return Patch(at=(top, left), source=source, before=before, must=waiting > 1, may=waiting > 0)
 
 
 def closed_cuts(placer: PatchPlacer, patches: Sequence[Patch]) -> list[Mask]:

@@ -96,6 +96,11 @@ class Crew:
         self._asked.append((method, given))
         self._awaited += 1
 
+    def pass_on(self) -> None:
+        """Let others begin with what was asked, as far as there is room for it, before answers are wanted."""
+        while self._shares and self._asked and self._give(pickle.dumps((self._turn, self._asked[0]))):
+            self._asked.popleft()
+
     def answers(self) -> Iterator[tuple[Call, Any]]:
         """What was asked and what it gave, as soon as it is ready, until nothing is left; meanwhile more may
         be asked.
@@ -119,8 +124,7 @@ class Crew:
         """What this process does next, after it has passed on what there is room for."""
         if not self._shares:
             return self._asked.popleft()
-        while self._asked and self._give(pickle.dumps((self._turn, self._asked[0]))):
-            self._asked.popleft()
+        self.pass_on()
         try:
             _, call = _read(self._requests)
         except BlockingIOError:

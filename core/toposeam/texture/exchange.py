@@ -17,7 +17,8 @@ from toposeam.images import Mask, box_of
 from toposeam.seam.labels import BEST
 from toposeam.texture.atlas import Ints32
 from toposeam.texture.candidates import STEP, Candidates, Fit, Window, diamond_dilation
-from toposeam.texture.closed_cuts import Patch, closed_cuts
+from toposeam.texture.closed_cuts import Cutting, Patch, closed_cuts
+from toposeam.texture.crew import Crew
 from toposeam.texture.lay import PatchPlacer
 from toposeam.texture.objects import RING, At, Key, Objects
 from toposeam.texture.positions import Positions
@@ -38,7 +39,7 @@ _TRIED = 6
 #: again for what could not be laid, by how many steps aside.
 _THOUGHT, _ROUNDS = 40, (0, 1, 2)
 #: So many exchanges, which do not touch, are cut at the same time.
-_AT_ONCE = 12
+_AT_ONCE = 4
 
 
 class Exchange:
@@ -50,10 +51,13 @@ class Exchange:
         It has a guard.
     shape : (int, int)
         Height and width of its patches.
+    crew : Crew
+        Who cuts; its tool is the placer.
     """
 
-    def __init__(self, placer: PatchPlacer, shape: tuple[int, int]) -> None:
+    def __init__(self, placer: PatchPlacer, shape: tuple[int, int], crew: Crew) -> None:
         self._placer, self._canvas, self._atlas = placer, placer.canvas, placer.atlas
+        self._crew, self._shape = crew, shape
         guard = np.zeros(placer.atlas.usable.size, np.float32) if placer.guard is None else placer.guard
         self._objects = Objects(guard, placer.atlas, placer.canvas)
         self._largest, self._all = placer.largest_copy(shape), self._objects.all
@@ -67,19 +71,23 @@ class Exchange:
         )
         self._there = Positions(placer.canvas.shape, placer.canvas.wrap, near)
         self._note(self._shown)
-        #: What has been laid, but not painted yet: windows that do not touch.
+        #: What has been laid, but not painted yet, windows that do not touch: what nobody cuts yet, and what
+        #: is being cut.
         self._laid: list[Patch] = []
+        self._asked: list[Patch] = []
         self._at_once = _AT_ONCE if placer.options.method in BEST else 1
 
     def run(self) -> int:
         """Make objects whole, and exchange those that come twice near by; how many were replaced."""
         done, shares = 0, {key: self._share(key) for key in self._shown}
+        self._crew.begin(Cutting, self._shape, len(shares))
         for key in sorted(shares, key=lambda one: (-shares[one], one)):
             done += shares[key] < _WHOLE and self._mend(key)
         for aside in _ROUNDS:
             for key, number in self._chosen(aside).items():
                 done += self._replace(key, [([number], aside)])
         done += sum(map(self._part, self._twice()))
+        self._cut()
         self._paint()
         return done
 
@@ -157,17 +165,24 @@ class Exchange:
         """So many px round an object's middle."""
         top, left, side = key[1] - around, key[2] - around, 2 * around + 1
         if any(self._meets(patch, top, left, side) for patch in self._laid):
+            self._cut()
+            self._paint()
+        elif any(self._meets(patch, top, left, side) for patch in self._asked):
             self._paint()
         known = self._canvas.read(top, left, side, side)
         inside = known >= 0
         marks = self._objects.marks.ravel()[np.maximum(known, 0)] * inside
+        shown = marks > 0
         goes = self._seen(key, known, top, left)
+        gone = {key: int(np.count_nonzero(goes & shown))}
         if beside:
-            y, x = np.nonzero(diamond_dilation(goes, 3) & (marks > 0) & ~goes)
+            y, x = np.nonzero(diamond_dilation(goes, 3) & shown & ~goes)
             for other in self._objects.at(y + top, x + left, known[y, x]):
                 if self._share(other) < _WHOLE:
-                    goes |= self._seen(other, known, top, left)
-        return Window(top, left, known, inside, goes, (marks > 0) & ~goes)
+                    seen = self._seen(other, known, top, left)
+                    gone[other] = int(np.count_nonzero(seen & shown))
+                    goes |= seen
+        return Window(top, left, known, inside, goes, gone, shown & ~goes)
 
     def _meets(self, patch: Patch, top: int, left: int, side: int) -> bool:
         """Whether a patch touches a window."""
@@ -221,23 +236,26 @@ class Exchange:
         may = (may & ~diamond_dilation(other | window.busy)) | must
         patch = self._patch(window, place, must, may)
         if patch.joined and not self._fits_a_copy(patch):
+            self._cut()
             self._paint()
             (shows,) = closed_cuts(placer, [patch])
             changes = np.count_nonzero(shows & (patch.before[1:-1, 1:-1] != patch.source))
             if sum(map(canvas.area_of, set(map(canvas.copy_of, patch.joined)))) + changes > self._largest:
                 return False
         # Objects do not lie in the ring that the seam runs through.
-        y, x = np.nonzero(patch.must)
-        gone, come = (
-            self._objects.at(y + patch.at[0], x + patch.at[1], index[patch.must])
-            for index in (patch.before[1:-1, 1:-1], patch.source)
-        )
-        self._shown.subtract(gone)
-        self._shown.update(come)
-        self._note(gone.keys() | come.keys())
+        self._shown.subtract(window.gone)
+        changed = set(window.gone)
+        if number >= 0:
+            middle = zip(self._all[number].middle, place, (window.top, window.left), strict=True)
+            come = self._objects.key(number, *(own - first + start for own, first, start in middle))
+            self._shown[come] += int(np.count_nonzero(must & (marks > 0)))
+            changed.add(come)
+        self._note(changed)
         self._laid.append(patch)
+        row, column, _ = canvas.window(*patch.at, *patch.may.shape)
+        canvas.waiting[row, column] = patch.may.view(np.uint8) + patch.must
         if len(self._laid) >= self._at_once:
-            self._paint()
+            self._cut()
         return True
 
     def _patch(self, window: Window, place: At, must: Mask, may: Mask) -> Patch:
@@ -259,18 +277,34 @@ class Exchange:
         """Whether the copy that a patch continues cannot grow too large, wherever it and others that are not
         painted yet show.
         """
-        most, copies, others = patch.most(), patch.joined, [one for one in self._laid if one.joined]
+        most, copies = patch.most(), patch.joined
+        others = [one for one in (*self._asked, *self._laid) if one.joined]
         while meeting := [one for one in others if one.joined & copies]:
             others = [one for one in others if not one.joined & copies]
             copies = copies.union(*(one.joined for one in meeting))
             most += sum(one.most() for one in meeting)
         return sum(map(self._canvas.area_of, copies)) + most <= self._largest
 
+    def _cut(self) -> None:
+        """Have cut what has been laid, by whoever is free, while others are looked for."""
+        self._paint()
+        if self._laid:
+            corners = [divmod(int(patch.source[0, 0]), self._atlas.width) for patch in self._laid]
+            places = [
+                (*patch.at, *corner, *patch.source.shape)
+                for patch, corner in zip(self._laid, corners, strict=True)
+            ]
+            self._crew.ask("shows", np.array(places, np.int32).tobytes())
+            self._crew.pass_on()
+            self._asked, self._laid = self._laid, []
+
     def _paint(self) -> None:
-        """Cut and paint what has been laid."""
-        patches, self._laid = self._laid, []
-        for patch, shows in zip(patches, closed_cuts(self._placer, patches) if patches else (), strict=True):
-            self._canvas.paint(*patch.at, patch.source, shows)
+        """Paint what is being cut."""
+        if self._asked:
+            for _, cuts in self._crew.answers():
+                for patch, shows in zip(self._asked, cuts, strict=True):
+                    self._canvas.paint(*patch.at, patch.source, shows)
+            self._asked = []
 
     def _note(self, keys: Iterable[Key]) -> None:
         """Keep in mind whether these objects are there."""

@@ -90,9 +90,22 @@ class Objects:
             found[which, down - far, right - far] = int(count)
         return found
 
+    def key(self, number: int, row: int, column: int) -> Key:
+        """An object whose middle lies at a row and column of the canvas, or beyond a border of it."""
+        height, width = (
+            limit if wraps else 0 for limit, wraps in zip(self.canvas.shape, self.canvas.wrap, strict=True)
+        )
+        return number, row % height if height else row, column % width if width else column
+
     def room(self, key: Key) -> int:
         """How many pixels of an object would be on the canvas."""
-        pixels = self.all[key[0]].pixels + key[1:]
+        one = self.all[key[0]]
+        if all(
+            wraps or one.reach <= middle < limit - one.reach
+            for middle, limit, wraps in zip(key[1:], self.canvas.shape, self.canvas.wrap, strict=True)
+        ):
+            return len(one.pixels)
+        pixels = one.pixels + key[1:]
         inside = np.ones(len(pixels), bool)
         for axis, (limit, wraps) in enumerate(zip(self.canvas.shape, self.canvas.wrap, strict=True)):
             if not wraps:

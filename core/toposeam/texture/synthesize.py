@@ -281,8 +281,8 @@ def synthesize(
     with Crew(processes, placer, lambda: canvas.share(count + tries)) as crew:
         lay_all(placer, side, overlap, crew, 0, report.stage(report.done, 0.9, shown))
         mend(placer, shape, tries, crew, report.stage(0.9, 1.0))
-    if placer.guard is not None and chosen.mend:
-        Exchange(placer, shape).run()
+        if placer.guard is not None and chosen.mend:
+            Exchange(placer, shape, crew).run()
     report.finish()
     del placer, given, crew  # a guide takes more memory than the picture
     settings = {

@@ -1,5 +1,8 @@
 """Objects of a texture that are made whole, and exchanged where one comes twice near by."""
 
+import os
+from mmap import mmap
+
 import numpy as np
 import pytest
 from scipy import ndimage
@@ -7,7 +10,8 @@ from scipy import ndimage
 import toposeam as ts
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.canvas import IndexCanvas
-from toposeam.texture.closed_cuts import Patch, closed_cuts
+from toposeam.texture.closed_cuts import Cutting, Patch, closed_cuts
+from toposeam.texture.crew import FORKS, Crew
 from toposeam.texture.exchange import Exchange
 from toposeam.texture.lay import PatchPlacer
 from toposeam.texture.objects import Objects
@@ -74,7 +78,7 @@ def test_a_cut_object_is_made_whole_and_what_is_left_of_one_goes():
         canvas.paint(top - 8, left - 8, ground, np.ones(ground.shape, bool))
     area = np.bincount(objects.ravel())
     assert np.count_nonzero(shown(placer, objects) == 4) < 0.9 * area[4]
-    assert Exchange(placer, (40, 40)).run() == 2
+    assert Exchange(placer, (40, 40), Crew(1, placer, lambda: None)).run() == 2
     made = np.bincount(shown(placer, objects).ravel(), minlength=len(area))
     assert made[4] == area[4]
     assert made[9] == 0
@@ -122,6 +126,43 @@ def test_patches_that_do_not_touch_are_cut_together_as_each_alone():
     np.testing.assert_array_equal(closed_cuts(placer, patches[:1])[0], together[0])
 
 
+def test_patches_that_wait_are_cut_by_their_places_alone():
+    image, _, _ = discs()
+    placer = placer_on(image, np.roll(np.arange(image.size).reshape(image.shape), 9, 0), (True, True))
+    rng, patches, places = np.random.default_rng(5), [], []
+    for top, left in (-7, 30), (40, SIDE - 12):  # across both borders
+        must, may = np.zeros((24, 26), bool), np.ones((24, 26), bool)
+        must[9:14, 10:15], may[:3, :4] = True, False
+        row, column = (placer.atlas.corners[0] + rng.integers(0, 90, 2)).tolist()
+        before = placer.canvas.read(top - 1, left - 1, 26, 28)
+        source = placer.patch((row, column), must.shape)
+        patches.append(Patch(at=(top, left), source=source, before=before, must=must, may=may))
+        lines = [(start + np.arange(n)) % SIDE for start, n in zip((top, left), must.shape, strict=True)]
+        placer.canvas.waiting[np.ix_(*lines)] = may.astype(np.uint8) + must
+        places.append((top, left, row, column, *must.shape))
+    found = Cutting(placer, (40, 40)).shows(np.array(places, np.int32).tobytes())
+    for one, other in zip(found, closed_cuts(placer, patches), strict=True):
+        np.testing.assert_array_equal(one, other)
+        assert 0 < one.sum() < one.size
+
+
+def test_objects_are_cut_by_others_and_come_out_the_same(monkeypatch):
+    image, _, _ = discs()
+    cutters = mmap(-1, 2)  # whether this process has cut, and whether another one has
+    own, shows = os.getpid(), Cutting.shows
+
+    def noted(self, places):
+        cutters[os.getpid() != own] = 1
+        return shows(self, places)
+
+    monkeypatch.setattr(Cutting, "shows", noted)
+    one = ts.synthesize(image, 400, patch=40, seed=3)
+    assert cutters[:] == b"\1\0"
+    two = ts.synthesize(image, 400, patch=40, seed=3, processes=2)
+    np.testing.assert_array_equal(one.index, two.index)
+    assert cutters[1] == FORKS
+
+
 def test_an_object_that_comes_twice_becomes_another_one_if_what_was_chosen_has_no_room(monkeypatch):
     image, objects, middles = discs()
     placer = placer_on(image, np.arange(image.size).reshape(image.shape))
@@ -136,7 +177,7 @@ def test_an_object_that_comes_twice_becomes_another_one_if_what_was_chosen_has_n
 
     assert twice()
     monkeypatch.setattr(Exchange, "_chosen", lambda *_: {})
-    assert Exchange(placer, (40, 40)).run() == 1
+    assert Exchange(placer, (40, 40), Crew(1, placer, lambda: None)).run() == 1
     assert not twice()
 
 

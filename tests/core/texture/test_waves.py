@@ -148,6 +148,22 @@ def gone(process):
 
 
 @forks
+def test_others_begin_before_answers_are_wanted():
+    with Crew(2, meeting(2), lambda: None) as crew:
+        seen = crew._tool[1]
+        crew.begin(Worker, (0, 0), 2)
+        crew.ask("meets", 1)
+        crew.pass_on()
+        until = time.monotonic() + 20
+        while not seen[1] and time.monotonic() < until:
+            time.sleep(0.001)
+        began, seen[0] = seen[1], 1
+        ((_, process),) = crew.answers()
+    assert began
+    assert process != os.getpid()
+
+
+@forks
 def test_every_process_takes_part():
     prepared = []
     with Crew(3, meeting(3), lambda: prepared.append(1)) as crew:

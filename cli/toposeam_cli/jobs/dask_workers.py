@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import sys
+import threading
 import time
 import uuid
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Executor
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
 from toposeam.errors import MissingPackageError, OptionError
@@ -29,7 +32,9 @@ _UNWATCHED: dict[str, Any] = {
 _SPAWNED = "distributed.nanny.pre-spawn-environ"
 #: When workers are asked again of which one was gone before it answered, s.
 _AGAIN_S = 0.5
-#: How long the end of a local cluster is waited for, s.
+#: How long a scheduler has to answer, s.
+_ANSWER_S = 10
+#: How long the end of a local cluster, or of a client's loop, is waited for, s.
 _CLOSING_S = 10
 
 
@@ -143,7 +148,7 @@ def dask_workers(address: str, count: int, waiting: int = 0) -> Iterator[Workers
     start_resource_tracker()
     try:
         import dask
-        from distributed import Client
+        import distributed  # noqa: F401 - whether it is there
     except ImportError as error:
         raise MissingPackageError(
             "running on Dask needs distributed; install it with: pip install 'toposeam[dask]'"
@@ -154,15 +159,7 @@ def dask_workers(address: str, count: int, waiting: int = 0) -> Iterator[Workers
     with dask.config.set({"distributed.scheduler.allowed-failures": 0, _SPAWNED: spawned, **_UNWATCHED}):
         cluster = _local_cluster(count) if address == "local" else None
         try:
-            try:
-                client = Client(cluster or address, timeout=10, set_as_default=False)
-            except (OSError, ValueError, TypeError, TimeoutError) as error:
-                raise OptionError(
-                    f"there is no Dask scheduler at {address!r} that lets us in ({_first_line(error)}); "
-                    "start one, or give its address (and its certificates in Dask's configuration, if it "
-                    "uses TLS), or use --dask local"
-                ) from error
-            with client:
+            with _client_of(cluster, address) as client:
                 threads = sum(client.nthreads().values())
                 if not threads:
                     raise OptionError(
@@ -178,6 +175,51 @@ def dask_workers(address: str, count: int, waiting: int = 0) -> Iterator[Workers
                 yield DaskWorkers(client, threads, waiting)
         finally:
             _close(cluster)
+
+
+@contextmanager
+def _client_of(cluster: Any, address: str) -> Iterator[Any]:
+    """A client of a cluster of ours, or of the scheduler at an address."""
+    from distributed import Client
+
+    with _running_loop() if cluster is None else nullcontext() as loop:  # a cluster has one
+        client = Client.__new__(Client)
+        try:
+            Client.__init__(client, cluster or address, timeout=_ANSWER_S, set_as_default=False, loop=loop)
+        except (OSError, ValueError, TypeError, TimeoutError) as error:
+            with suppress(Exception):  # else it does so when it is collected, wherever that is
+                client.close()
+            raise OptionError(
+                f"there is no Dask scheduler at {address!r} that lets us in ({_first_line(error)}); "
+                "start one, or give its address (and its certificates in Dask's configuration, if it "
+                "uses TLS), or use --dask local"
+            ) from error
+        with client:
+            yield client
+
+
+@contextmanager
+def _running_loop() -> Iterator[Any]:
+    """An event loop for a client, in a thread that ends with the block: one that Dask makes goes on where
+    nobody answers.
+    """
+    from tornado.ioloop import IOLoop
+
+    begun: SimpleQueue[tuple[Any, asyncio.Event]] = SimpleQueue()
+
+    async def run() -> None:
+        end = asyncio.Event()
+        begun.put((IOLoop.current(), end))
+        await end.wait()
+
+    thread = threading.Thread(target=lambda: asyncio.run(run()), daemon=True)
+    thread.start()
+    loop, end = begun.get()
+    try:
+        yield loop
+    finally:
+        loop.add_callback(end.set)
+        thread.join(_CLOSING_S)
 
 
 def _local_cluster(count: int) -> Any:

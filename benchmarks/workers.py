@@ -42,9 +42,8 @@ OVERLAP = 0.30
 KINDS = {
     "_read": ("decoding", "frames"),
     "_turned": ("decoding", "frames"),
-    "_log_ratios": ("comparing tones", "overlaps"),
-    "_headroom": ("comparing tones", "frames"),
-    "_table": ("costs of overlaps", "overlaps"),
+    "_compared": ("comparing tones", "overlaps"),
+    "_tables": ("costs of overlaps", "overlaps"),
     "divided": ("dividing overlaps", "overlaps"),
     "swapped": ("dividing overlaps", "overlaps"),
     "_met": ("dividing overlaps", "overlaps"),

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from itertools import product
+from itertools import compress, product
 from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from toposeam.images import Mask
-from toposeam.layers.layer import Box, Layer, cut
+from toposeam.layers.layer import Box, Layer
 
 #: Canvases and layers of up to so many pixels have arrays.
 DENSE_PIXELS = 1 << 22
@@ -98,6 +98,12 @@ class TileMap:
 
     def __setitem__(self, key: Windows2, values: Any) -> None:
         rows, columns = self._bounds(key)
+        if np.ndim(values) == 0 and self._is_of_tiles(rows, columns):
+            r, c = (range(part.start // TILE, -(-part.stop // TILE)) for part in (rows, columns))
+            self._values[r.start : r.stop, c.start : c.stop] = values
+            for at in product(r, c) if self._tiles else ():
+                self._tiles.pop(at, None)
+            return
         given = np.broadcast_to(np.asarray(values, self.dtype), (len(rows), len(columns)))
         value = given.flat[0] if given.size and given.strides == (0, 0) else None
         for at, inside, here in self._parts(rows, columns):
@@ -118,12 +124,53 @@ class TileMap:
             tile[inside] = part
             self._put(at, tile)
 
+    def _is_of_tiles(self, rows: range, columns: range) -> bool:
+        """Whether a window, which is not empty, holds of each tile all or nothing."""
+        return all(
+            part.start < part.stop and part.start % TILE == 0 and (part.stop % TILE == 0 or part.stop == side)
+            for part, side in zip((rows, columns), self.shape, strict=True)
+        )
+
     def uniform(self, box: Box) -> Any:
         """The one value of all tiles that a box lies on, None where they hold several."""
         common = box.shared(Box(0, 0, *self.shape))
         if not all(common.shape):
             return None
         return self._alike(range(common.top, common.bottom), range(common.left, common.right))
+
+    def doubled(self, shape: tuple[int, int]) -> TileMap:
+        """Each pixel as four, up to a shape."""
+        result = TileMap(shape, 0, self.dtype)
+        rows, columns = result._values.shape
+        result._values = self._values.repeat(2, axis=0).repeat(2, axis=1)[:rows, :columns].copy()
+        for (r, c), tile in self._tiles.items():
+            large = _doubled(tile)
+            for at in product((2 * r, 2 * r + 1), (2 * c, 2 * c + 1)):
+                if at[0] < rows and at[1] < columns:
+                    height, width = result._size(at)
+                    top, left = (at[0] - 2 * r) * TILE, (at[1] - 2 * c) * TILE
+                    result._put(at, large[top : top + height, left : left + width].copy())
+        return result
+
+    def alike(self, side: int, overlap: int) -> npt.NDArray[np.bool_]:
+        """Of all blocks of so many px a side, which reach over the next ones by some, whether :meth:`uniform`
+        knows their value; (rows, columns) of blocks.
+        """
+        least = most = self._values
+        several = np.zeros(self._values.shape, bool)
+        if self._tiles:
+            several[tuple(np.array(list(self._tiles)).T)] = True
+        for axis, length in enumerate(self.shape):
+            starts = np.arange(0, length, side)
+            stops = np.minimum(starts + side + overlap, length)
+            first, last = starts // TILE, -(-stops // TILE)
+            bounds = np.stack([first, np.minimum(last, least.shape[axis])], axis=1).ravel()
+            least, most, several = (
+                _within(function, values, bounds, axis)
+                for function, values in ((np.minimum, least), (np.maximum, most), (np.logical_or, several))
+            )
+        known: npt.NDArray[np.bool_] = (least == most) & ~several
+        return known
 
     def _alike(self, rows: range, columns: range) -> Any:
         if not len(rows) or not len(columns):
@@ -167,6 +214,14 @@ class TileMap:
             self._tiles[at] = tile
 
 
+def _within(
+    function: np.ufunc, values: npt.NDArray[Any], bounds: npt.NDArray[np.intp], axis: int
+) -> npt.NDArray[Any]:
+    """A function reduced along an axis between each two bounds, of which the last may be the end."""
+    ends = np.concatenate([values, values.take([-1], axis)], axis)  # reduceat knows no bound at the end
+    return function.reduceat(ends, bounds, axis).take(range(0, len(bounds), 2), axis)
+
+
 def _packed(values: npt.NDArray[Any]) -> tuple[bytes, bytes]:
     """Values of which many in a row are alike: how often each comes, and which. Telling that takes a
     quarter of the time that compressing the values themselves does, and is smaller.
@@ -188,6 +243,32 @@ def new_map(shape: tuple[int, int], fill: Any, dtype: npt.DTypeLike) -> npt.NDAr
     if shape[0] * shape[1] <= DENSE_PIXELS:
         return np.full(shape, fill, dtype)
     return cast("npt.NDArray[Any]", TileMap(shape, fill, dtype))
+
+
+def doubled(values: npt.NDArray[Any], shape: tuple[int, int]) -> npt.NDArray[Any]:
+    """A map of which each pixel becomes four, up to a shape.
+
+    Examples
+    --------
+    >>> doubled(np.array([[1, 2]], np.int16), (1, 3)).tolist()
+    [[1, 1, 2]]
+    """
+    if isinstance(values, TileMap):  # then the finer one is, too
+        return cast("npt.NDArray[Any]", values.doubled(shape))
+    result = new_map(shape, 0, values.dtype)
+    for box in blocks(Box(0, 0, *values.shape), EDGES):
+        fine = Box(2 * box.top, 2 * box.left, 2 * box.bottom, 2 * box.right).shared(Box(0, 0, *shape))
+        result[fine.slices] = _doubled(values[box.slices])[: fine.shape[0], : fine.shape[1]]
+    return result
+
+
+def _doubled(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    height, width = values.shape
+    result = np.empty((2 * height, 2 * width), values.dtype)
+    result[::2, ::2] = values
+    result[::2, 1::2] = values
+    result[1::2] = result[::2]
+    return result
 
 
 def part_of(values: Any, *boxes: Box) -> npt.NDArray[Any]:
@@ -250,6 +331,9 @@ def several(label_map: Any, box: Box, overlap: int = 1, side: int | None = None)
     """
     if side is None:
         side = EDGES if isinstance(label_map, TileMap) else BLOCK
+    if isinstance(label_map, TileMap) and box == Box(0, 0, *label_map.shape):
+        yield from compress(blocks(box, side, overlap), ~label_map.alike(side, overlap).ravel())
+        return
     for block in blocks(box, side, overlap):
         if uniform(label_map, block) is None:
             yield block
@@ -283,10 +367,14 @@ def any_of(mask: Mask) -> bool:
 
 
 def ground(places: Sequence[Box], covers: Sequence[Mask], box: Box) -> Mask:
-    """(h, w) bool: where any layer has pixels in a box of the canvas."""
+    """(h, w) bool: where any layer has pixels in a box of the canvas; not to be written to."""
+    near = [k for k, place in enumerate(places) if all(place.shared(box).shape)]
+    for k in near:
+        if places[k].shared(box) == box and uniform(covers[k], box.moved(-places[k].top, -places[k].left)):
+            return np.broadcast_to(np.True_, box.shape)
     result = np.zeros(box.shape, bool)
-    for place, cover in zip(places, covers, strict=True):
-        common = place.shared(box)
-        if all(common.shape):
-            result[common.within(box)] |= cut(cover, place, common)
+    for k in near:
+        common = places[k].shared(box)
+        if uniform(covers[k], common.moved(-places[k].top, -places[k].left)) is not np.False_:
+            result[common.within(box)] |= covers[k][common.within(places[k])]
     return result

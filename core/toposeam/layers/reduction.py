@@ -17,16 +17,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any, cast
 
 import numpy as np
 
 from toposeam.images import Mask
+from toposeam.layers.junctions import square_dilation
 from toposeam.layers.labelling import Labelling, Pair, PairCost
 from toposeam.layers.layer import Box, cut
-from toposeam.layers.maps import EDGES, blocks, ground, made_map, new_map, uniform
+from toposeam.layers.maps import EDGES, blocks, doubled, ground, made_map, new_map, uniform
 from toposeam.layers.painting import LabelMap
 from toposeam.layers.pair_cost import KEPT_PIXELS, LayerPairCost
 from toposeam.layers.table_costs import TableCost, spread
@@ -81,9 +82,10 @@ def halved(labelling: Labelling, wandering: float = WANDERING) -> Labelling:
         there = _moved(box, place)
         result: Mask = every | (some & ~ground(places, everywhere, there))
         for other in partners[index]:
-            both = cut_through(other, there) & some & ~result
-            if both.any():
-                result |= both & _filled(labelling, (index, other), there)
+            if all(places[other].shared(there).shape):
+                both = cut_through(other, there) & some & ~result
+                if both.any():
+                    result |= both & _filled(labelling, (index, other), there)
         return result
 
     allowed = [
@@ -118,40 +120,21 @@ def _filled(labelling: Labelling, pair: Pair, box: Box) -> Mask:
 
 def enlarged(label_map: LabelMap, finer: Labelling) -> LabelMap:
     """A label map of a reduced problem on the canvas of the finer one."""
-    result: LabelMap = new_map(finer.canvas.shape, -1, np.int16)
-    for coarse, fine in _both_sizes(label_map, finer):
-        value = uniform(label_map, coarse)
-        result[fine.slices] = _enlarged(label_map[coarse.slices], fine) if value is None else value
+    result: LabelMap = doubled(label_map, finer.canvas.shape)
     finer.make_allowed(result)
     return result
 
 
 def opened(chosen: Mask, finer: Labelling) -> Mask:
     """(H, W) bool on the finer canvas: pixels of the chosen reduced ones and of their neighbours."""
-    result: Mask = new_map(finer.canvas.shape, False, bool)
     canvas = Box(0, 0, *chosen.shape)
-    for coarse, fine in _both_sizes(chosen, finer):
-        around = coarse.grown(1)
-        if uniform(chosen, around.shared(canvas)) is np.False_:
-            continue
-        wide = cut(chosen, canvas, around)
-        wide[1:] |= wide[:-1].copy()
-        wide[:-1] |= wide[1:].copy()
-        wide[:, 1:] |= wide[:, :-1].copy()
-        wide[:, :-1] |= wide[:, 1:].copy()
-        result[fine.slices] = _enlarged(wide[1:-1, 1:-1], fine)
+    near: Mask = new_map(chosen.shape, False, bool)
+    for box in blocks(canvas, EDGES):
+        around = box.grown(1)
+        if uniform(chosen, around.shared(canvas)) is not np.False_:
+            near[box.slices] = square_dilation(cut(chosen, canvas, around), 1)[1:-1, 1:-1]
+    result: Mask = doubled(near, finer.canvas.shape)
     return result
-
-
-def _both_sizes(coarse: np.ndarray, finer: Labelling) -> Iterator[tuple[Box, Box]]:
-    """Blocks of a reduced canvas and what they are on the finer one: small ones, of which few hold a seam."""
-    for box in blocks(Box(0, 0, *coarse.shape), EDGES):
-        yield box, _doubled(box).shared(finer.canvas)
-
-
-def _enlarged(coarse: np.ndarray, fine: Box) -> np.ndarray:
-    height, width = fine.shape
-    return coarse.repeat(2, axis=0)[:height].repeat(2, axis=1)[:, :width]
 
 
 def _halved(box: Box) -> Box:
@@ -168,7 +151,9 @@ def _moved(box: Box, place: Box) -> Box:
 
 
 def _any(mask: Mask) -> Mask:
-    result: Mask = mask[::2, ::2] | mask[1::2, ::2] | mask[::2, 1::2] | mask[1::2, 1::2]
+    """Whether a mask is True at some of each four pixels; two columns are compared at once."""
+    rows = np.ascontiguousarray(mask[::2] | mask[1::2])
+    result: Mask = rows.view(np.uint16) != 0
     return result
 
 
@@ -254,26 +239,33 @@ class Tables:
         self, costs: Mapping[Pair, PairCost], most: int, executor: Executor | None, wandering: float
     ) -> None:
         self._costs, self._wandering = costs, wandering
-        #: The pairs that are kept at each size, and those of them that are not at the next larger one.
+        #: The pairs that are kept at each size, and the largest size at which each is.
         self._kept: list[set[Pair]] = []
+        self._first: dict[Pair, int] = {}
         first: dict[Pair, ReducedCost] = {}
         reduced_costs: dict[Pair, PairCost] = dict(costs)
         while len(self._kept) < most and len(first) < len(costs):
             lazy = {pair: ReducedCost(cost, wandering) for pair, cost in reduced_costs.items()}
             self._kept.append(_kept_of(lazy))
-            first |= {pair: lazy[pair] for pair in self._kept[-1] - first.keys()}
+            for pair in self._kept[-1] - first.keys():
+                first[pair], self._first[pair] = lazy[pair], len(self._kept) - 1
             reduced_costs |= lazy
         # The most work comes first, so that none is waited for at the end.
         order = sorted(first, key=lambda pair: (-math.prod(costs[pair].box.shape), pair))
         self._looked_at = executor is not None
-        items = (first[pair].part(first[pair].box, {}) if executor else first[pair] for pair in order)
-        self._made = zip(order, results(executor, _table, items), strict=True)
+        items = (
+            (first[pair].part(first[pair].box, {}), most - self._first[pair])
+            if executor
+            else (first[pair], 1)  # smaller ones when it is known that they are needed
+            for pair in order
+        )
+        self._made = zip(order, results(executor, _tables, items), strict=True)
 
     def kept(self, sizes: Sequence[Labelling]) -> list[Labelling]:
         """The problem at each size, with what is kept; waits for it."""
-        first: dict[Pair, PairCost] = {}
-        for pair, (table, nearby) in self._made:
-            first[pair] = table
+        made: dict[Pair, list[TableCost]] = {}
+        for pair, (tables, nearby) in self._made:
+            made[pair] = tables
             pixels = _pixels(self._costs[pair]) if self._looked_at else None
             if pixels is not None:
                 pixels.know(nearby)
@@ -281,7 +273,8 @@ class Tables:
         for number, size in enumerate(sizes):
             costs = {pair: ReducedCost(cost, self._wandering) for pair, cost in costs.items()}
             for pair in self._kept[number] if number < len(self._kept) else _kept_of(costs):
-                costs[pair] = first.pop(pair) if pair in first else _table(costs[pair])[0]
+                own = made.get(pair, [])[number - self._first.get(pair, number) :]
+                costs[pair] = own[0] if own else _table(costs[pair])
             found.append(dataclasses.replace(size, costs=costs))
         return found
 
@@ -297,12 +290,20 @@ def _kept_of(costs: Mapping[Pair, PairCost]) -> set[Pair]:
     return found
 
 
-def _table(cost: PairCost) -> tuple[PairCost, Reach | None]:
-    """The costs themselves, and what was seen of the overlap."""
+def _tables(item: tuple[PairCost, int]) -> tuple[list[TableCost], Reach | None]:
+    """The costs of a pair at so many sizes, from the given one on, and what was seen of the overlap."""
+    cost, count = item
+    found = [_table(cost)]
+    while len(found) < count:
+        found.append(_table(ReducedCost(found[-1], cast(ReducedCost, cost).wandering)))
+    pixels = _pixels(cost)
+    return found, None if pixels is None else pixels.looked_at()
+
+
+def _table(cost: PairCost) -> TableCost:
+    """The costs themselves."""
     lazy = cast(ReducedCost, cost)
-    table = TableCost(lazy.box, *lazy.computed(lazy.box))
-    pixels = _pixels(lazy)
-    return table, None if pixels is None else pixels.looked_at()
+    return TableCost(lazy.box, *lazy.computed(lazy.box))
 
 
 def _pixels(cost: PairCost) -> LayerPairCost | None:

@@ -22,6 +22,7 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from copy import copy
+from itertools import chain
 from typing import Any, cast
 
 import numpy as np
@@ -42,7 +43,7 @@ from toposeam.layers.parts import part_of_labelling
 from toposeam.layers.progressed import Progressed
 from toposeam.layers.starts import best_of_starts, joined
 from toposeam.layers.swapping import swap_all
-from toposeam.layers.tasks import Executor, on_boxes, results
+from toposeam.layers.tasks import Executor, in_bundles, on_boxes, results
 from toposeam.optimize.history import Termination
 from toposeam.seam.find import Method, method_options, solve
 from toposeam.seam.heat import HeatOptions
@@ -59,8 +60,8 @@ _UNDECIDED_LARGE, _LARGE = (0.03, 0.5), 1 << 20
 #: Of problems of up to so many pixels more is looked at again: that finds nearly as much as reducing costs in
 #: several ways does (:mod:`toposeam.layers.levels`), and takes less.
 _UNDECIDED_SMALL, _SMALL = (0.002, 0.01), 1 << 19
-#: How far the windows reach round places where three layers meet, px.
-_WINDOW = 24
+#: How far the windows reach round places where three layers meet, px; how many are handed on at once.
+_WINDOW, _HANDED = 24, 4
 #: Canvases of up to so many pixels are refined as a whole, all seams together, which is sooner done than
 #: handed on; of large pictures those of half as many.
 _TOGETHER = 1 << 19
@@ -198,9 +199,9 @@ class Rounds:
         else:
             swap_all(self, [pair for pair in pairs if pair in labelling.costs], executor)
         windows = [window.shared(canvas) for window in junctions(self.label_map, _WINDOW)]
-        parts = (self if executor is None else self.part(window) for window in windows)
-        items = ((part, window, most) for part, window in zip(parts, windows, strict=True))
-        for window, labels in zip(windows, results(executor, _met, items), strict=True):
+        handed = in_bundles(windows, 1 if executor is None else _HANDED)
+        items = ([(self.part(w) if executor else self, w, most) for w in some] for some in handed)
+        for window, labels in zip(windows, chain.from_iterable(results(executor, _met, items)), strict=True):
             self.steps.one()
             if labels is not None:
                 self.label_map[window.slices] = labels
@@ -392,8 +393,7 @@ class Rounds:
         return [pair for pair in found if pair in self.labelling.costs]
 
 
-def _met(item: tuple[Rounds, Box, int]) -> LabelMap | None:
-    """What rounds in a window end with; None where none gains."""
-    rounds, window, most = item
+def _met(items: Sequence[tuple[Rounds, Box, int]]) -> list[LabelMap | None]:
+    """What rounds in some windows end with; None where none gains."""
     with one_thread():
-        return rounds.meet(window, most)
+        return [rounds.meet(window, most) for rounds, window, most in items]

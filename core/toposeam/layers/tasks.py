@@ -67,6 +67,17 @@ def results(
     return map(function, items) if executor is None else executor.map(function, items)
 
 
+def in_bundles(items: Sequence[Item], size: int) -> list[Sequence[Item]]:
+    """Items that take so little that so many are handed on at once.
+
+    Examples
+    --------
+    >>> in_bundles("abcde", 2)
+    ['ab', 'cd', 'e']
+    """
+    return [items[start : start + size] for start in range(0, len(items), size)]
+
+
 def in_turn(
     executor: Executor | None,
     function: Callable[[Item], Result],

@@ -54,11 +54,11 @@ def tone_gains(
     count = len(layers)
     channels = max(1 if layer.image.ndim == 2 else layer.image.shape[2] for layer in layers)
     logarithm = np.zeros((count, channels))
-    pairs = [
-        (i, j) for i in range(count) for j in range(i + 1, count) if all(places[i].shared(places[j]).shape)
-    ]
-    items = [(layers[i], places[i], layers[j], places[j], channels) for i, j in pairs]
-    known = dict(zip(pairs, results(executor, _log_ratios, items), strict=True))
+    later = [[j for j in range(i + 1, count) if all(places[i].shared(places[j]).shape)] for i in range(count)]
+    placed = list(zip(layers, places, strict=True))
+    items = [(*placed[i], [placed[j] for j in later[i]], channels) for i in range(count)]
+    seen = list(results(executor, _compared, items))
+    known = {(i, j): ratios for i in range(count) for j, ratios in zip(later[i], seen[i][0], strict=True)}
     for channel in range(channels):
         rows, values = [], []
         for (i, j), ratios in known.items():
@@ -74,8 +74,7 @@ def tone_gains(
                 0
             ]  # of least norm: mean 0 where joined
     gains = np.clip(np.exp(logarithm - logarithm.mean(axis=0)), 1 / LARGEST_GAIN, LARGEST_GAIN)
-    room = min(results(executor, _headroom, [(*one, None) for one in zip(layers, gains, strict=True)]))
-    scaled: npt.NDArray[np.float64] = gains * min(1.0, room)
+    scaled: npt.NDArray[np.float64] = gains * _headroom([brightest for _, brightest in seen], gains)
     return scaled
 
 
@@ -124,7 +123,8 @@ def match_tones(
     fields: Sequence[npt.NDArray[np.float64] | None] = [None] * len(layers)
     if shading:
         fields = _fields(layers, places, gains)
-        gains *= min(1.0, *results(executor, _headroom, list(zip(layers, gains, fields, strict=True))))
+        items = [(*one, gains.shape[1]) for one in zip(layers, fields, strict=True)]
+        gains *= _headroom(list(results(executor, _brightest, items)), gains)
     toned = [Toned(*one) for one in zip(layers, gains, fields, strict=True)]
     return [
         dataclasses.replace(layer, image=image if isinstance(layer.image, Windows) else image[:, :])
@@ -224,6 +224,15 @@ class Toned(Windows):
 
     def _whole(self, share: npt.NDArray[np.float64]) -> Image:
         return in_dtype(share * self._white, self.dtype)
+
+
+def _compared(
+    item: tuple[Layer, Box, list[tuple[Layer, Box]], int],
+) -> tuple[list[list[tuple[float, int] | None]], list[float]]:
+    """What :func:`_log_ratios` tells of a placed layer and each of some others, and how bright it is."""
+    layer, place, others, channels = item
+    ratios = [_log_ratios((layer, place, *other, channels)) for other in others]
+    return ratios, _brightest((layer, None, channels))
 
 
 def _log_ratios(item: tuple[Layer, Box, Layer, Box, int]) -> list[tuple[float, int] | None]:
@@ -332,14 +341,21 @@ def _covered(layer: Layer, box: Box, step: int) -> Mask:
     return covered if layer.mask is None else covered & np.asarray(layer.mask)[key]
 
 
-def _headroom(item: tuple[Layer, npt.NDArray[np.float64], npt.NDArray[np.float64] | None]) -> float:
-    """By what a layer's gains, and its field of them, may be multiplied before more than a thousandth of its
-    pixels burns out that had not before.
+def _headroom(brightest: Sequence[Sequence[float]], gains: npt.NDArray[np.float64]) -> float:
+    """By what gains are to be multiplied so that no more than a thousandth of a layer's pixels burns out that
+    had not before; 1 where none does.
     """
-    layer, gain, field = item
+    most = float((np.array(brightest) * gains).max())
+    return min(1.0, 1.0 / most) if most else 1.0
+
+
+def _brightest(item: tuple[Layer, npt.NDArray[np.float64] | None, int]) -> list[float]:
+    """Of each channel of a layer, which a field may raise, the brightest value but for a thousandth of the
+    pixels, as a share of white; 0 where nothing can burn out.
+    """
+    layer, field, channels = item
     if not np.issubdtype(layer.image.dtype, np.integer):
-        return np.inf
-    room = np.inf
+        return [0.0] * channels
     height, width = layer.image.shape[:2]
     step = max(1, int(np.sqrt(height * width / _SAMPLE)))
     image = _every(layer.image, Box(0, 0, height, width), step)
@@ -348,17 +364,16 @@ def _headroom(item: tuple[Layer, npt.NDArray[np.float64], npt.NDArray[np.float64
     if field is not None:
         raised = field_on(field, layer.image.shape, range(0, height, step), range(0, width, step))
         raised = _chosen(raised, covered)
-    for channel, factor in enumerate(gain):
+    found = []
+    for channel in range(channels):
         values = _chosen(image[..., min(channel, image.shape[2] - 1)], covered)
         if field is None and values.dtype in (np.uint8, np.uint16):
-            brightest = _brightest(values, layer.white)
-        else:
-            values = values / layer.white
-            values = (values * raised)[(values > TELLING[0]) & (values < TELLING[1])]
-            brightest = float(np.quantile(values, _BURNT)) if len(values) else 0.0
-        if brightest:
-            room = min(room, 1.0 / (brightest * factor))
-    return room
+            found.append(_counted(values, layer.white))
+            continue
+        shares = values / layer.white
+        shares = (shares * raised)[(shares > TELLING[0]) & (shares < TELLING[1])]
+        found.append(float(np.quantile(shares, _BURNT)) if len(shares) else 0.0)
+    return found
 
 
 def _chosen(values: npt.NDArray[Any], where: Mask) -> npt.NDArray[Any]:
@@ -366,7 +381,7 @@ def _chosen(values: npt.NDArray[Any], where: Mask) -> npt.NDArray[Any]:
     return values.ravel() if where.all() else values[where]
 
 
-def _brightest(values: npt.NDArray[Any], white: float) -> float:
+def _counted(values: npt.NDArray[Any], white: float) -> float:
     """The quantile above of small integers as shares of white, of those that tell the exposure: counted,
     which takes less than sorting them. 0 where there are none.
     """

@@ -116,15 +116,18 @@ class Order:
     """An executor that notes how large what it is given is."""
 
     def __init__(self):
-        self.sizes = []
+        self.sizes, self.at_work = [], False
 
     def map(self, function, items):
         for item in items:
-            finest = item
+            finest, _ = item
             while isinstance(finest, reduction.ReducedCost):
                 finest = finest.finer
             self.sizes.append(math.prod(finest.box.shape))
-            yield function(copied(item))
+            self.at_work = True
+            found = function(copied(item))
+            self.at_work = False
+            yield found
 
 
 def copied(item):
@@ -146,6 +149,8 @@ def test_tables_of_all_sizes_begin_at_once_and_are_those_of_one_size_after_anoth
     assert any(kinds[0])
     assert all(kinds[-1])
     executor = Order()
+    table, where = reduction._table, []
+    monkeypatch.setattr(reduction, "_table", lambda cost: where.append(executor.at_work) or table(cost))
     fine = posed(layers, match=ts.MatchCost(reach=16))
     tables = reduction.Tables(fine.costs, 3, executor, reduction.WANDERING)
     sizes = [fine]
@@ -154,6 +159,7 @@ def test_tables_of_all_sizes_begin_at_once_and_are_those_of_one_size_after_anoth
     together = tables.kept(sizes[1:])
     assert executor.sizes == sorted(executor.sizes, reverse=True)
     assert len(executor.sizes) == len(fine.costs)
+    assert where == [True] * sum(map(sum, kinds)), "workers make the small ones, too"
     for found, expected, kind in zip(together, one[1:], kinds, strict=True):
         assert [isinstance(cost, TableCost) for cost in found.costs.values()] == kind
         for pair, cost in expected.costs.items():
@@ -259,10 +265,3 @@ def test_reduced_first_ends_within_two_percent_of_all_at_once(seed, monkeypatch)
     quick = ts.stitch(layers).cost
     monkeypatch.setattr(levels, "WHOLE_PIXELS", 10**9)
     assert quick <= 1.02 * ts.stitch(layers).cost
-
-
-def test_every_coarse_pixel_is_two_by_two_fine_ones_and_fewer_on_an_odd_border():
-    coarse = np.array([[1, 2, 3], [4, 5, 6]])
-    for shape in ((4, 6), (3, 5), (4, 5), (3, 6)):
-        fine = reduction._enlarged(coarse, Box(0, 0, *shape))
-        np.testing.assert_array_equal(fine, np.kron(coarse, np.ones((2, 2), int))[: shape[0], : shape[1]])

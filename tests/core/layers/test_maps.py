@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from toposeam.layers.layer import Box
-from toposeam.layers.maps import uniform
+from toposeam.layers.maps import TileMap, blocks, doubled, ground, several, uniform
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (4, 5)])
@@ -12,3 +12,53 @@ def test_a_value_that_is_everywhere_is_known(shape):
     box = Box(0, 0, *shape)
     assert uniform(np.broadcast_to(np.float32(0.5), shape), box) == 0.5
     assert uniform(np.full((4, 5), 0.5), box) is None
+
+
+def lines(shape):
+    """A map of values in large parts whose border is no line of pixels, and the same in tiles."""
+    y, x = np.ogrid[: shape[0], : shape[1]]
+    values = ((x + 2 * y) // 400 + (y > 300)).astype(np.int16)
+    tiled = TileMap(shape, 0, np.int16)
+    tiled[:, :] = values
+    return values, tiled
+
+
+@pytest.mark.parametrize("fine", [(4, 6), (3, 5), (4, 5), (3, 6), (1400, 1802), (1399, 1801)])
+def test_every_coarse_pixel_is_two_by_two_fine_ones_and_fewer_on_an_odd_border(fine):
+    for values in lines((-(-fine[0] // 2), -(-fine[1] // 2))):
+        found = doubled(values, fine)
+        assert found.shape == fine
+        expected = np.kron(values[:, :], np.ones((2, 2), np.int16))[: fine[0], : fine[1]]
+        np.testing.assert_array_equal(found[:, :], expected)
+        if isinstance(values, TileMap):
+            again = TileMap(fine, 0, np.int16)
+            again[:, :] = expected
+            assert found.nbytes == again.nbytes, "tiles that are alike are kept as one value"
+
+
+@pytest.mark.parametrize("shape", [(512, 640), (700, 901), (129, 385)])
+@pytest.mark.parametrize("overlap", [0, 1])
+def test_blocks_that_are_alike_are_known_all_at_once(shape, overlap):
+    _, tiled = lines(shape)
+    tiled[:128, 256:384] = 7
+    halves = TileMap(shape, 3, np.int16)
+    halves[:, 256:] = 4  # blocks differ from the next ones only
+    whole = Box(0, 0, *shape)
+    for values in (tiled, halves):
+        expected = [block for block in blocks(whole, 256, overlap) if uniform(values, block) is None]
+        assert list(several(values, whole, overlap)) == expected
+        assert bool(expected) == (values is tiled or overlap > 0)
+
+
+def test_where_any_layer_has_pixels_is_what_all_their_covers_say():
+    whole = np.broadcast_to(np.True_, (300, 400))
+    part = lines((300, 400))[0] > 1
+    tiled = TileMap((300, 400), False, bool)
+    tiled[:, :] = part
+    places = [Box(0, 0, 300, 400), Box(100, 300, 400, 700), Box(250, 0, 550, 400)]
+    covers = [part, tiled, whole]
+    ground_there = np.zeros((560, 710), bool)
+    for place, cover in zip(places, covers, strict=True):
+        ground_there[place.slices] |= cover[:, :]
+    for box in (Box(0, 0, 560, 710), Box(260, 10, 280, 90), Box(90, 290, 260, 420), Box(0, 500, 40, 600)):
+        np.testing.assert_array_equal(ground(places, covers, box), ground_there[box.slices])

@@ -74,7 +74,7 @@ def test_counted_highlights_are_the_sorted_ones(count, dtype, white):
     share = values / white
     telling = share[(share > tones.TELLING[0]) & (share < tones.TELLING[1])]
     expected = np.quantile(telling, 0.999) if len(telling) else 0.0
-    assert tones._brightest(values, float(white)) == pytest.approx(expected, rel=1e-12)
+    assert tones._counted(values, float(white)) == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("holes", [False, True])

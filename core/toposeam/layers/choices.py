@@ -25,6 +25,8 @@ from toposeam.layers.layer import Box
 from toposeam.layers.painting import LabelMap
 from toposeam.layers.pieces import pieces_of
 
+Indices = npt.NDArray[np.intp]
+
 #: A move counts when it lowers the cost of what it may change by this share.
 _LEAST_GAIN = 1e-7
 #: Least cost of an interface, so that no pixel is without connection.
@@ -166,25 +168,14 @@ class Choices:
         may turn, i = j): s = 0, b = c = 3, so 3 |x_p - x_q| and no unary. Interface 3 (k is fixed): unary 3
         for p staying. The least is 1: both turn.
         """
-        shows, nothing = self.shows, len(self.layers)
-        near, window = self._beside(k)
-        now = shows.reshape(self.box.shape)[window]
-        free = self.may[k].reshape(self.box.shape)[window] & (now != k) & (now != nothing)
-        piece = np.zeros(len(shows), np.int32)
-        piece.reshape(self.box.shape)[window], count = pieces_of(free)
+        shows, number = self.shows, len(self.layers) + 1
+        piece, count, edges, of_edge = self._open_to(k)
         if not count:
             return False
-        of_edge = np.maximum(piece[near.p], piece[near.q])
-        own = np.flatnonzero(of_edge > 0)
-        edges, of_edge = near.some(own), of_edge[own]
-        if len(edges.p) and max(shows[edges.p].max(), shows[edges.q].max()) == nothing:
-            own = np.flatnonzero((shows[edges.p] != nothing) & (shows[edges.q] != nothing))
-            edges, of_edge = edges.some(own), of_edge[own]
         part = np.zeros(count + 1, np.intp)  # the first pixel of the solution in which a piece lies
         if len(shows) > self._pixels:
             part[of_edge] = edges.p
             part -= part % self._pixels
-        number = nothing + 1
         told = edges.column * number**2 + (shows[edges.p] * np.intp(number) + shows[edges.q])
         asked = questions(k, count, of_edge, told)
         first = {key: which for which, key in reversed(list(enumerate(asked, 1))) if key not in self._known}
@@ -206,6 +197,40 @@ class Choices:
         shows[turning] = k
         return len(turning) > 0
 
+    def nearly(self, decide: Decide, dearer: float) -> dict[tuple[int, ...], tuple[Indices, Indices]]:
+        """Of each layer by itself rows and columns of the pixels that would turn to it if what there is cost
+        more by a share; patches of them that gain something as it is do turn.
+        """
+        found: dict[tuple[int, ...], tuple[Indices, Indices]] = {}
+        for k, layer in enumerate(self.layers):
+            piece, count, edges, _ = self._open_to(k)
+            turned = np.zeros(0, np.intp)
+            if count:
+                turned, _ = self._turned(k, piece, count, edges, decide, dearer)
+                other = self.shows.copy()
+                other[turned] = k
+                self.fuse(other)
+            found[layer,] = np.divmod(turned, self.box.shape[1])
+        return found
+
+    def _open_to(self, k: int) -> tuple[npt.NDArray[np.int32], int, Edges, npt.NDArray[np.int32]]:
+        """The pieces of what may turn to a layer, numbered from 1 on, (h w,), and how many; the edges that
+        end in them, and in which.
+        """
+        shows, nothing = self.shows, len(self.layers)
+        near, window = self._beside(k)
+        now = shows.reshape(self.box.shape)[window]
+        free = self.may[k].reshape(self.box.shape)[window] & (now != k) & (now != nothing)
+        piece = np.zeros(len(shows), np.int32)
+        piece.reshape(self.box.shape)[window], count = pieces_of(free)
+        of_edge = np.maximum(piece[near.p], piece[near.q])
+        own = np.flatnonzero(of_edge > 0)
+        edges, of_edge = near.some(own), of_edge[own]
+        if len(edges.p) and max(shows[edges.p].max(), shows[edges.q].max()) == nothing:
+            own = np.flatnonzero((shows[edges.p] != nothing) & (shows[edges.q] != nothing))
+            edges, of_edge = edges.some(own), of_edge[own]
+        return piece, count, edges, of_edge
+
     def _beside(self, k: int) -> tuple[Edges, tuple[slice, slice]]:
         """The edges of pixels that may show a layer, and rows and columns that hold them."""
         if k not in self._nearby:
@@ -216,16 +241,24 @@ class Choices:
         return self._nearby[k]
 
     def _turned(
-        self, k: int, piece: npt.NDArray[np.int32], count: int, edges: Edges, decide: Decide
+        self,
+        k: int,
+        piece: npt.NDArray[np.int32],
+        count: int,
+        edges: Edges,
+        decide: Decide,
+        dearer: float = 0.0,
     ) -> tuple[npt.NDArray[np.intp], Mask]:
-        """Which pixels of pieces turn to k, by the edges that end in them, and which pieces gain by that."""
+        """Which pixels of pieces turn to k, by the edges that end in them, and which pieces gain by that; if
+        what there is costs more by a share.
+        """
         p, q, at = edges
         i, j, at_p, at_q = self.shows[p], self.shows[q], piece[p], piece[q]
         q_turns = self._costs.paid(i, k, at)
         # Most edges lie inside of what shows one layer: they cost nothing, and as much whichever end turns.
         unlike = np.flatnonzero(i != j)
         stay, p_turns = np.zeros(len(p)), q_turns.copy()
-        stay[unlike] = self._costs.paid(i[unlike], j[unlike], at[unlike])
+        stay[unlike] = self._costs.paid(i[unlike], j[unlike], at[unlike]) * (1 + dearer)
         p_turns[unlike] = self._costs.paid(k, j[unlike], at[unlike])
         nodes = np.flatnonzero(piece > 0)
         number = np.empty(len(piece), np.intp)

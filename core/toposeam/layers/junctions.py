@@ -90,3 +90,19 @@ def reached(label_map: LabelMap, count: int, reach: int) -> list[Mask]:
         near = square_dilation(bit[label_map], reach)
         found += [(near & one) != 0 for one in own]
     return found
+
+
+def doubled_around(pixels: tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]], shape: tuple[int, int]) -> Mask:
+    """(H, W) bool on a canvas: rows and columns of the one of half the size, and those next to them.
+
+    Examples
+    --------
+    >>> doubled_around((np.array([0]), np.array([0])), (2, 7)).astype(int)
+    array([[1, 1, 1, 1, 0, 0, 0],
+           [1, 1, 1, 1, 0, 0, 0]])
+    """
+    height, width = shape
+    chosen = np.zeros((-(-height // 2), -(-width // 2)), bool)
+    chosen[pixels] = True
+    wide: Mask = square_dilation(chosen, 1).repeat(2, axis=0)[:height].repeat(2, axis=1)[:, :width]
+    return wide

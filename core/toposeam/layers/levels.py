@@ -2,8 +2,9 @@
 
 Large canvases are looked at reduced first (:mod:`toposeam.layers.reduction`): there rounds of moves are
 made (:mod:`toposeam.layers.rounds`). Then every finer size is refined where the coarser
-one says that it matters. As long as canvases are small, expansions over all pixels follow, which repair what
-the reduced costs misled to.
+one says that it matters. As long as canvases are small, a round of expansions over all pixels follows at
+half the size, and at full size each layer may also show where it would there if what does cost a few per cent
+more: near ties are decided by true costs.
 
 Reduced costs are a guess at what a seam will cost, off by some per cent, and which of several ways it takes
 hangs by less. So problems of up to some megapixels are reduced in several ways, each of which leads to other
@@ -39,7 +40,8 @@ from toposeam.seam.find import Method
 
 #: Where more pixels than this have several layers to choose from, costs are reduced in more than one way.
 _ONCE = 1 << 16
-#: Expansions over all pixels are made where no more have: at half the size of all that are reduced once.
+#: Where more might change is looked for on all pixels where no more have: at half the size of all that are
+#: reduced once.
 _AFIELD = 1 << 14
 #: Problems are reduced until no more than so many have: the first number where such expansions follow at the
 #: next size, the second one in larger problems.
@@ -117,7 +119,8 @@ class _Search:
         levels = self._levels(labelling, wandering)
         coarsest = levels.pop()
         rounds = self._rounds(coarsest, coarsest.on_top(), None, len(levels))
-        number = rounds.search(self.order, self.most, not (levels and _few(levels[-1])))
+        afield = len(levels) == 1 and _few(coarsest)
+        number = rounds.search(self.order, self.most, not (levels and _few(levels[-1])), afield)
         while levels:
             if trail is not None:
                 trail.append(dense(rounds.label_map))
@@ -125,7 +128,7 @@ class _Search:
             near = opened(rounds.beside_seams(), finer)
             hints = rounds.undecided
             rounds = self._rounds(finer, enlarged(rounds.label_map, finer), near, len(levels))
-            rounds.refine(self.most, hints, self.executor, afield=_few(finer))
+            rounds.refine(self.most, hints, self.executor, len(levels) == 1 and _few(finer))
         if trail is not None:
             trail.append(dense(rounds.label_map))
         return rounds, number
@@ -195,7 +198,7 @@ class _Search:
 
 
 def _few(labelling: Labelling) -> bool:
-    """Whether expansions over all pixels are made."""
+    """Whether so few pixels have several layers to choose from that all of them are looked at."""
     return labelling.contested(_AFIELD + 1) <= _AFIELD
 
 

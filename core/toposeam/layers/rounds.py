@@ -34,7 +34,7 @@ from toposeam.layers.band import write_pixels
 from toposeam.layers.choices import Choices
 from toposeam.layers.deciding import Deciding
 from toposeam.layers.dividing import LEAST_GAIN, Divided, Division, Pixels, Potential, divided
-from toposeam.layers.junctions import beside_steps, junctions, reached, square_dilation
+from toposeam.layers.junctions import beside_steps, doubled_around, junctions, reached, square_dilation
 from toposeam.layers.labelling import Labelling, Move, Pair
 from toposeam.layers.layer import Box
 from toposeam.layers.maps import DENSE_PIXELS, dense, new_map, part_of, several
@@ -67,8 +67,8 @@ _WINDOW, _HANDED = 24, 4
 _TOGETHER = 1 << 19
 #: How far from where a layer shows it may show at the next finer size, px; round tangles, all may change.
 _REACH, _TANGLE = 4, 8
-#: Rounds of expansions over all pixels, not only what is open; and of small problems.
-_AFIELD, _AFIELD_SMALL = 1, 2
+#: Where a layer would show if what does cost so much more, it may at the next finer size.
+_DEARER = 0.08
 #: Cycles of expansions at most where three layers meet.
 _CYCLES = 3
 
@@ -127,8 +127,8 @@ class Rounds:
         #: Of each pair what was last solved; on large canvases without labels and potentials.
         self.solved: dict[Pair, tuple[Box, Solution]] = {}
         self._keeps = keeps or size <= KEPT_CANVAS
-        #: Pixels beside flow that the heat had not decided.
-        self.undecided: dict[Pair, Pixels] = {}
+        #: Pixels beside flow that the heat had not decided, and where single layers nearly show.
+        self.undecided: dict[tuple[int, ...], Pixels] = {}
         self._decide = Deciding(self.method, self._options, labelling.forbidden)
         #: Where nobody asks for potentials, small canvases are not heated at full size.
         self._by_paths = self._decide.proves and not finer and not keeps
@@ -136,10 +136,10 @@ class Rounds:
         self.potentials: dict[Pair, Potential] = {}
         self.seconds: dict[Pair, float] = {}
 
-    def search(self, order: Sequence[int] | None, most: int, swaps: bool = True) -> int:
+    def search(self, order: Sequence[int] | None, most: int, swaps: bool = True, afield: bool = False) -> int:
         """Expansions from several starts, and from the cheapest end swaps, unless they are left to finer
         sizes; with `most` 0 the layers are only joined in the given order; without an order all starts from
-        what the label map shows. Returns how many rounds of expansions that took.
+        what the label map shows; `afield` is as below. Returns how many rounds of expansions that took.
         """
         labelling, canvas = self.labelling, self.labelling.canvas
         boxes = labelling.places
@@ -159,6 +159,8 @@ class Rounds:
                 if self._undecided is not None:
                     self._note(choices, (i, j))
             number += choices.run(self._decide.exactly, most - number, places)
+            if afield and most:
+                self.undecided |= choices.nearly(self._decide.exactly, _DEARER)
         self.label_map[:, :] = choices.label_map()
         if self._undecided is None and most:
             for pair in labelling.adjoining(self.label_map):
@@ -168,7 +170,7 @@ class Rounds:
     def refine(
         self,
         most: int,
-        hints: Mapping[Pair, Pixels] | None = None,
+        hints: Mapping[tuple[int, ...], Pixels] | None = None,
         executor: Executor | None = None,
         afield: bool = False,
     ) -> None:
@@ -179,13 +181,12 @@ class Rounds:
         ----------
         most : int
             Rounds at most.
-        hints : mapping of pairs to rows and columns, optional
-            Pixels of the canvas at half the size that two layers may show.
+        hints : mapping of layers to rows and columns, optional
+            Pixels of the canvas at half the size that those may show.
         executor : Executor, optional
             Where moves are made that do not touch (:mod:`toposeam.layers.tasks`).
         afield : bool
-            On a canvas that is refined as a whole: whether a round of expansions over all pixels follows,
-            which may find seams that were not open.
+            Where it is refined as a whole: whether `undecided` is to tell of all that nearly changes.
         """
         labelling, canvas = self.labelling, self.labelling.canvas
         if self._near is not None and math.prod(canvas.shape) <= self._together:
@@ -217,22 +218,21 @@ class Rounds:
         part._decide = Deciding(self.method, self._options, self.labelling.forbidden)
         return part
 
-    def _refine_together(self, most: int, hints: Mapping[Pair, Pixels], afield: bool) -> None:
+    def _refine_together(self, most: int, hints: Mapping[tuple[int, ...], Pixels], afield: bool) -> None:
         labelling, canvas = self.labelling, self.labelling.canvas
         near, labels, count = dense(self._near), dense(self.label_map), len(labelling.places)
         planes = reached(labels, count, _REACH)
-        for pair, (rows, columns) in hints.items():
-            hinted = np.zeros(tuple(-(-side // 2) for side in canvas.shape), bool)
-            hinted[rows, columns] = True
-            wide = square_dilation(hinted, 1).repeat(2, axis=0).repeat(2, axis=1)
-            wide = wide[: canvas.shape[0], : canvas.shape[1]]
-            for k in pair:
-                planes[k] |= wide
-        allowed = [labelling.allowed_in(k, canvas) for k in range(count)]
-        for plane, everywhere in zip(planes, allowed, strict=True):
+        may = [labelling.allowed_in(k, canvas) for k in range(count)]
+        wide = {layers: doubled_around(hinted, canvas.shape) for layers, hinted in hints.items()}
+        for i, j in hints.keys() & labelling.costs.keys():
+            planes[i] |= wide[i, j]
+            planes[j] |= wide[i, j]
+        for k, (plane, allowed) in enumerate(zip(planes, may, strict=True)):
             plane &= near
-            plane &= everywhere
-        choices = Choices(labelling, canvas, labels, allowed if afield else planes, range(count))
+            plane &= allowed
+            if not afield:
+                allowed &= plane | wide[k,] if (k,) in wide else plane
+        choices = Choices(labelling, canvas, labels, may, range(count))
         started = time.perf_counter()
         choices.by_paths = self._by_paths
         free, one, other = choices.divide_all(self._decide, planes)
@@ -248,8 +248,9 @@ class Rounds:
                 own = np.intersect1d(steep, at[codes == i * count + j], assume_unique=True)
                 self.undecided[i, j] = np.divmod(own, choices.box.shape[1])
         tangled = (choices.several & ~free).reshape(canvas.shape)
-        if afield:
-            choices.run(self._decide.exactly, min(most, _AFIELD_SMALL if self._small else _AFIELD))
+        if afield or (0,) in hints:
+            choices.run(self._decide.exactly, min(most, 1))
+            self.undecided |= choices.nearly(self._decide.exactly, _DEARER) if afield else {}
         elif tangled.any():
             near = square_dilation(tangled, _TANGLE).ravel()
             choices.run(self._decide.exactly, min(most, _CYCLES), within=near)

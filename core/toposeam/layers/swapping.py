@@ -26,7 +26,7 @@ class Dividing(Protocol):
     label_map: LabelMap
     steps: Progressed
     solved: dict[Pair, tuple[Box, Solution]]
-    undecided: dict[Pair, Pixels]
+    undecided: dict[tuple[int, ...], Pixels]
     potentials: dict[Pair, Potential]
     seconds: dict[Pair, float]
 

@@ -310,7 +310,25 @@ def test_afield_also_pixels_that_are_not_open_change():
         rounds = Rounds(labelling, shows, "heat", {}, np.zeros(shows.shape, bool))
         rounds.refine(5, afield=afield)
         costs.append(labelling.total(shows, labelling.canvas))
+        assert set(rounds.undecided) == ({(k,) for k in range(len(labelling.places))} if afield else set())
     assert costs[0] == labelling.total(labelling.on_top(), labelling.canvas)
+    assert costs[1] < 0.9 * costs[0]
+
+
+def test_what_nearly_shows_at_half_the_size_is_open_at_full_size():
+    labelling = labelling_of(pile(1, alike=True))
+    canvas = labelling.canvas
+    costs = []
+    for hints in (
+        {},
+        {
+            (k,): np.nonzero(np.ones((canvas.shape[0] // 2, canvas.shape[1] // 2)))
+            for k in range(len(labelling.places))
+        },
+    ):
+        shows = labelling.on_top()
+        Rounds(labelling, shows, "heat", {}, np.zeros(shows.shape, bool)).refine(5, hints)
+        costs.append(labelling.total(shows, canvas))
     assert costs[1] < 0.9 * costs[0]
 
 

@@ -13,7 +13,7 @@ from toposeam.texture.atlas import Atlas
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.lay import PatchPlacer
 from toposeam.texture.lay_options import LayOptions
-from toposeam.texture.sources import DataRange, Images, Sources, check_varied, read_sources
+from toposeam.texture.sources import DataRange, Images, Sources, read_sources
 
 
 def read_holed(
@@ -59,7 +59,6 @@ def read_holed(
     sources = read_sources(
         array, alpha=alpha, mask=copied, maps=maps, weights=weights, data_range=data_range, name="image"
     )
-    check_varied(sources, "image")
     return sources, gone, ground
 
 

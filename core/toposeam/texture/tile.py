@@ -15,7 +15,7 @@ from toposeam.texture.finish import finish, settings_of
 from toposeam.texture.holed import canvas_over, placer_over, read_holed
 from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.raster import SMALLEST_TILE
-from toposeam.texture.sources import UNSEEN_STEP, DataRange, Images, as_list, white_of
+from toposeam.texture.sources import UNSEEN_STEP, DataRange, Images, as_list, check_varied, white_of
 from toposeam.texture.synthesis import Synthesis
 from toposeam.texture.tileable import Tileable, wraps_of
 
@@ -117,6 +117,7 @@ def make_tileable(
     sources, hole, ground = read_holed(
         image, hole, alpha, (None, None), maps, weights, data_range, empty=not windows
     )
+    check_varied(sources, "image")
     near &= ground
     if windows:
         placer = placer_over(sources, hole, ground, wraps, chosen, seed)

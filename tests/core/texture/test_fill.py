@@ -248,6 +248,16 @@ def test_bad_input_is_refused_in_one_sentence(call, error, text):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("by", ["auto", "patches", "shifts"])
+@pytest.mark.parametrize("white", [0, 250])
+def test_a_blot_on_one_flat_colour_becomes_that_colour(by, white):
+    image = np.full((90, 80, 3), white, np.uint8)
+    image[30:50, 20:60] = 200, 10, 90
+    hole = np.zeros((90, 80), bool)
+    hole[28:52, 18:62] = True
+    assert (ts.fill(image, hole, by=by).image == white).all()
+
+
 def test_of_a_large_picture_only_what_is_near_is_looked_at(monkeypatch):
     monkeypatch.setattr("toposeam.texture.fill._LOOKED_AT", 80**2)
     unit = np.random.default_rng(2).integers(0, 256, (12, 12), np.uint8)

@@ -151,18 +151,20 @@ class Box(NamedTuple):
 
     def within(self, outer: Box) -> tuple[slice, slice]:
         """Rows and columns of this box in an array that fills `outer`."""
-        return slice(self.top - outer.top, self.bottom - outer.top), slice(
-            self.left - outer.left, self.right - outer.left
-        )
+        top, left, bottom, right = self
+        y, x = outer[:2]
+        return slice(top - y, bottom - y), slice(left - x, right - x)
 
 
 def cut(array: npt.NDArray[Any], at: Box, box: Box, fill: int = 0) -> npt.NDArray[Any]:
     """A copy of what an array that fills `at` holds in `box`; `fill` where it does not reach. (H, W, …) to
     (h, w, …).
     """
+    top, left, bottom, right = box
+    y, x, last, end = at
+    if y <= top and x <= left and bottom <= last and right <= end:
+        return array[top - y : bottom - y, left - x : right - x].copy()
     common = at.shared(box)
-    if common == box:
-        return array[box.within(at)].copy()
     shape = (*box.shape, *array.shape[2:])
     result = np.full(shape, fill, array.dtype) if fill else np.zeros(shape, array.dtype)
     if all(common.shape):

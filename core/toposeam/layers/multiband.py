@@ -15,6 +15,7 @@ no sums, and all mixing is done at half the size and less, of all layers togethe
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -23,7 +24,7 @@ import numpy.typing as npt
 
 from toposeam.images import Mask
 from toposeam.layers.layer import Box
-from toposeam.seam.pyramid import expand, expand_part, gaussian, reduce
+from toposeam.seam.pyramid import expand, expand_part, gaussian, in_runs, reduce
 
 Floats32 = npt.NDArray[np.float32]
 
@@ -70,21 +71,20 @@ class Mixture:
         self._parts = parts
         count, channels = len(parts), len(parts[0].difference)
         half = shape[0] // 2, shape[1] // 2
-        sums = np.zeros((count, channels, *half), np.float32)
-        known, shows = (np.zeros((count, *half), np.float32) for _ in range(2))
+        # Of each layer its difference, where that is known, and where it shows.
+        reduced = np.zeros((count, channels + 2, *half), np.float32)
         whole = Box(0, 0, *shape)
-        for k, part in enumerate(parts):
+        for target, part in zip(reduced, parts, strict=True):
             around = part.box.grown(_AROUND).shared(whole)
             at, inside = _halved(around).slices, part.box.within(around)
-            plane = np.zeros((1, *around.shape), np.float32)  # one after the other, which needs less memory
-            for target, values in zip(
-                (*sums[k], known[k], shows[k]), (*part.difference, part.known, part.shows), strict=True
-            ):
-                plane[0][inside] = values
-                target[at] = reduce(plane)[0]
+            planes = *part.difference, part.known, part.shows
+            for run in in_runs(len(planes), math.prod(around.shape)):  # all at once would need more memory
+                wide = np.zeros((run.stop - run.start, *around.shape), np.float32)
+                for plane, values in zip(wide, planes[run], strict=True):
+                    plane[inside] = values
+                target[run, *at] = reduce(wide)
         #: (K, C, h / 2, w / 2), each layer's difference, and (C, h / 2, w / 2), the mixture of all.
-        self._layers, self._mixed = _mixed(sums, known, shows, levels)
-        share = gaussian(shows, levels - 1)[-1]
+        self._layers, self._mixed, share = _mixed(reduced, levels)
         for _ in range(levels - 1):
             share = expand(share)
         self._changes = share < (1 - settled) * share.sum(axis=0)
@@ -106,14 +106,17 @@ class Mixture:
         return changed
 
 
-def _mixed(sums: Floats32, known: Floats32, shows: Floats32, levels: int) -> tuple[Floats32, Floats32]:
-    """All bands but the finest, from the coarsest to that of half the size."""
-    count, channels, *half = sums.shape
-    pyramid = gaussian(np.concatenate([sums.reshape(-1, *half), known, shows]), levels - 1)
+def _mixed(reduced: Floats32, levels: int) -> tuple[Floats32, Floats32, Floats32]:
+    """All bands but the finest, from the coarsest to that of half the size: of each layer, and mixed; and how
+    much of the coarsest pixels each shows.
+    """
+    count, channels = len(reduced), reduced.shape[1] - 2
+    pyramid = gaussian(reduced.reshape(-1, *reduced.shape[2:]), levels - 1)
     layers = mixed = np.zeros(0, np.float32)
-    for planes in reversed(pyramid):
-        means, weight, mask = np.split(planes, [-2 * count, -count])
-        band = means.reshape(count, channels, *weight.shape[1:])
+    for every in reversed(pyramid):
+        planes = every.reshape(count, -1, *every.shape[1:])
+        weight, mask = planes[:, -2], planes[:, -1]
+        band = planes[:, :channels]
         band /= np.maximum(weight, _KNOWN)[:, np.newaxis]
         # What was made up counts next to nothing, unless nobody knows better.
         part = mask * np.maximum(2 * weight - 1, _MADE_UP)
@@ -121,15 +124,15 @@ def _mixed(sums: Floats32, known: Floats32, shows: Floats32, levels: int) -> tup
         if not layers.size:
             layers, mixed = band, (band * part[:, np.newaxis]).sum(axis=0)
             continue
-        every = expand(np.concatenate([layers.reshape(-1, *layers.shape[2:]), mixed]))
-        coarser, mixed = every[:-channels].reshape(band.shape), every[-channels:]
+        finer = expand(np.concatenate([layers.reshape(-1, *layers.shape[2:]), mixed]))
+        coarser, mixed = finer[:-channels].reshape(band.shape), finer[-channels:]
         band -= coarser
         # Averages of few pixels give way to the coarser level.
         band *= np.minimum(weight, 1)[:, np.newaxis]
         mixed += (band * part[:, np.newaxis]).sum(axis=0)
         band += coarser
         layers = band
-    return layers, mixed
+    return layers, mixed, pyramid[-1][channels + 1 :: channels + 2]
 
 
 def _halved(box: Box) -> Box:

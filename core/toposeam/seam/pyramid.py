@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from functools import cache
+
 import numpy as np
 import numpy.typing as npt
 
 Floats32 = npt.NDArray[np.float32]
 
-#: Planes of more pixels are dealt with one after the other: together they would not fit the caches.
-_LARGE = 1 << 14
+#: Planes of about so many pixels in all are dealt with together: more would not fit the caches.
+_TOGETHER = 1 << 19
+
+
+def in_runs(count: int, size: int) -> Iterator[slice]:
+    """Some planes of so many pixels each, those of one run dealt with together."""
+    step = max(1, _TOGETHER // max(size, 1))
+    for first in range(0, count, step):
+        yield slice(first, min(first + step, count))
 
 
 def gaussian(planes: Floats32, levels: int) -> list[Floats32]:
@@ -21,20 +31,18 @@ def gaussian(planes: Floats32, levels: int) -> list[Floats32]:
 
 def reduce(planes: Floats32) -> Floats32:
     """Every other pixel of the smoothed image. (C, h, w) to (C, h / 2, w / 2), for even h and w."""
-    if len(planes) > 1 and planes[0].size > _LARGE:
-        count, height, width = planes.shape
-        result = np.empty((count, height // 2, width // 2), np.float32)
-        for k in range(count):
-            result[k] = reduce(planes[k : k + 1])[0]
-        return result
-    planes = _halved(planes[:, ::2], planes[:, 1::2], 1)
-    # Every other pixel of a row is read once only.
-    even, odd = (np.ascontiguousarray(planes[..., first::2]) for first in (0, 1))
-    return _halved(even, odd, 2)
+    count, height, width = planes.shape
+    result = np.empty((count, height // 2, width // 2), np.float32)
+    for run in in_runs(count, height * width):
+        rows = _halved(planes[run, ::2], planes[run, 1::2], 1)
+        # Every other pixel of a row is read once only.
+        even, odd = np.ascontiguousarray(rows[..., ::2]), np.ascontiguousarray(rows[..., 1::2])
+        np.multiply(_halved(even, odd, 2), np.float32(1 / 256), out=result[run])
+    return result
 
 
 def _halved(even: Floats32, odd: Floats32, axis: int) -> Floats32:
-    """Smoothed by (1, 4, 6, 4, 1) / 16 along one axis, every other value; the ends go on."""
+    """Smoothed by (1, 4, 6, 4, 1) along one axis, every other value; the ends go on."""
     first, last, rest, front = _parts(axis)
     result: Floats32 = even * np.float32(6)
     four = odd * np.float32(4)
@@ -44,7 +52,6 @@ def _halved(even: Floats32, odd: Floats32, axis: int) -> Floats32:
     result[front] += even[rest]
     result[first] += np.float32(5) * even[first]
     result[last] += odd[last]
-    result *= np.float32(1 / 16)
     return result
 
 
@@ -52,13 +59,11 @@ def expand(planes: Floats32) -> Floats32:
     """The image at twice the size, smooth. (C, h, w) to (C, 2 h, 2 w)."""
     channels, height, width = planes.shape
     result = np.empty((channels, 2 * height, 2 * width), np.float32)
-    together = 1 if height * width > _LARGE else channels
-    wide = np.empty((together, height, 2 * width), np.float32)
-    for first in range(0, channels, together):
-        part = slice(first, first + together)
+    for run in in_runs(channels, 4 * height * width):
+        wide = np.empty((run.stop - run.start, height, 2 * width), np.float32)
         # Every other pixel of a row is written once only.
-        wide[..., ::2], wide[..., 1::2] = _between(planes[part], 2)
-        _between(wide, 1, (result[part, ::2], result[part, 1::2]))
+        wide[..., ::2], wide[..., 1::2] = _between(planes[run], 2)
+        _between(wide, 1, (result[run, ::2], result[run, 1::2]))
     return result
 
 
@@ -91,6 +96,7 @@ def _between(
     return even, odd
 
 
+@cache
 def _parts(axis: int) -> list[tuple[slice, ...]]:
     """The first and the last value along an axis, and all but the first, all but the last."""
     parts = slice(0, 1), slice(-1, None), slice(1, None), slice(0, -1)

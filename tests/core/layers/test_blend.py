@@ -11,6 +11,7 @@ from toposeam.layers import composition
 from toposeam.layers.gradient import correction
 from toposeam.layers.layer import Box
 from toposeam.layers.tones import tone_gains
+from toposeam.seam import pyramid
 from toposeam.seam.pyramid import expand, expand_part, reduce
 
 PHOTOGRAPH = data.coffee()[:180, 200:420]
@@ -229,6 +230,15 @@ def test_reduce_is_burt_and_adelson_s_kernel_at_every_other_pixel():
         ndimage.correlate1d(planes, kernel, axis=1, mode="nearest"), kernel, 2, mode="nearest"
     )
     np.testing.assert_allclose(reduce(planes), smooth[:, ::2, ::2], atol=1e-6)
+
+
+@pytest.mark.parametrize("together", [1, 1600, 1 << 19])
+def test_planes_are_reduced_and_expanded_alike_alone_and_in_runs(monkeypatch, together):
+    monkeypatch.setattr(pyramid, "_TOGETHER", together)
+    planes = np.random.default_rng(1).random((5, 16, 24)).astype(np.float32)
+    for resized in (reduce, expand):
+        alone = np.concatenate([resized(plane[np.newaxis]) for plane in planes])
+        np.testing.assert_array_equal(resized(planes), alone)
 
 
 # Tones

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from toposeam.heat.threads import one_thread
 from toposeam.layers.features import Look, cornered, look_at, shared_features
 from toposeam.layers.labelling import Pair
 from toposeam.layers.layer import Layer
@@ -134,11 +135,13 @@ def _shared(
     return shared
 
 
+@one_thread()
 def _shared_with(item: tuple[Look, Sequence[Look]]) -> list[npt.NDArray[np.intp]]:
     one, others = item
     return [shared_features(one, other) for other in others]
 
 
+@one_thread()
 def _matched(item: tuple[Look, Look, npt.NDArray[np.intp]]) -> Match | None:
     return _match(*item)
 

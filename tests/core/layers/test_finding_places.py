@@ -6,6 +6,7 @@ import itertools
 import numpy as np
 import pytest
 from skimage import data, feature
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import toposeam as ts
 from toposeam.layers import pairing, placing
@@ -32,6 +33,21 @@ def test_progress_tells_of_each_picture_and_each_pair():
     looked, shared = [0.1, 0.2, 0.3], [0.3 + 0.2 / 3, 0.3 + 0.4 / 3, 0.5]
     compared = [0.5 + 0.4 / 3, 0.5 + 0.8 / 3, 0.9]
     assert seen == pytest.approx([*looked, *shared, *compared, 1.0])
+
+
+@pytest.mark.parametrize("name", ["shared_features", "_match"])
+def test_pairs_are_compared_on_one_thread(name, monkeypatch):
+    """On several they wait for each other: many times as long on small matrices."""
+    own, threads = getattr(pairing, name), []
+
+    def looked(*given):
+        threads.extend(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas")
+        return own(*given)
+
+    monkeypatch.setattr(pairing, name, looked)
+    with threadpool_limits(2, "blas"):
+        ts.find_places(crops(0, 70))
+    assert set(threads) == {1}
 
 
 @pytest.mark.medium

@@ -243,4 +243,5 @@ item(layer).fill(Gimp.FillType.FOREGROUND)
     window = screen.window(title(FILL))
     time.sleep(2)
     screen.press(window, "alt+f", "Down", "Down", "alt+o")
-    assert "one colour everywhere" in asked.answer()["message"]  # the red layer, not the grass
+    made, _ = windowed.pixels(succeeded(asked.answer())["layer"], "R'G'B'A u8")
+    assert len(np.unique(made[made[..., 3] > 0][:, :3], axis=0)) == 1  # the red layer, not the grass

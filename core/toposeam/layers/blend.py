@@ -30,7 +30,7 @@ from toposeam.errors import OptionError
 from toposeam.images import Image, Mask, as_planes, box_of, full_scale, in_dtype
 from toposeam.layers.gradient import correction
 from toposeam.layers.layer import Box, Layer, cut
-from toposeam.layers.maps import uniform
+from toposeam.layers.maps import dense, uniform
 from toposeam.layers.multiband import Contribution, Mixture
 from toposeam.layers.painting import LabelMap
 from toposeam.seam.seam import Seam, potential_on_window
@@ -376,11 +376,12 @@ class _Multiband:
 
 
 def _spread(placed: Placed, image: Image, width: float | None, goes_round: bool) -> None:
-    ground = placed.label_map >= 0
+    label_map = dense(placed.label_map)
+    ground = label_map >= 0
     planes = [image] if image.ndim == 2 else [image[..., channel] for channel in range(image.shape[2])]
     for channel, plane in enumerate(planes):
         values = correction(
-            placed.layers, placed.places, placed.covered, placed.label_map, channel, width, goes_round
+            placed.layers, placed.places, placed.covered, label_map, channel, width, goes_round
         )
         values += plane
         np.copyto(plane, in_dtype(values, plane.dtype), where=ground)

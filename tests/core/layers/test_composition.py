@@ -88,7 +88,7 @@ def test_a_map_of_a_gigapixel_is_small():
 
 
 @pytest.mark.medium
-@pytest.mark.parametrize("blend", ["none", "feather", "soft", "multiband"])
+@pytest.mark.parametrize("blend", ["none", "feather", "soft", "multiband", "gradient"])
 @pytest.mark.parametrize("alpha", [False, True])
 def test_windows_of_layers_read_by_windows_are_the_picture_made_at_once(blend, alpha, sparse):
     with pytest.MonkeyPatch.context() as usual:

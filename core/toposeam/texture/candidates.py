@@ -127,7 +127,7 @@ class Candidates:
         width, features = self._atlas.width, self._features
         box = box_of(window.goes)
         rows, columns = (
-            limit - side.stop + side.start for limit, side in zip(self._bare.shape, box, strict=True)
+            max(limit - side.stop + side.start, 0) for limit, side in zip(self._bare.shape, box, strict=True)
         )
         step = max(1, round((rows * columns / _GROUNDS) ** 0.5))
         grid = np.mgrid[step // 2 : rows : step, step // 2 : columns : step].reshape(2, -1).T

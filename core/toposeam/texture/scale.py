@@ -9,6 +9,7 @@ import scipy.fft as sf
 
 from toposeam.images import Mask
 from toposeam.texture.atlas import Floats32
+from toposeam.texture.narrow import widened
 from toposeam.texture.search import whole
 from toposeam.texture.sources import DataRange, Images, read_sources
 
@@ -62,6 +63,7 @@ def natural_patch(
     >>> ts.natural_patch(stripes) > 24
     True
     """
+    image, alpha, source_mask = map(widened, (image, alpha, source_mask))
     sources = read_sources(image, alpha=alpha, mask=source_mask, data_range=data_range, name="image")
     return patch_for(sources.features, sources.usable, sources.shapes)
 

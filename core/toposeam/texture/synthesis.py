@@ -20,6 +20,7 @@ from toposeam.errors import ImageError
 from toposeam.images import Image, Mask, as_array
 from toposeam.saving import save
 from toposeam.texture.atlas import Atlas, Ints32
+from toposeam.texture.narrow import widened
 from toposeam.texture.rendering import render
 from toposeam.texture.sources import Images, as_list
 from toposeam.texture.tileable import Tileable, wraps_of
@@ -143,6 +144,7 @@ class Synthesis:
             For other sizes, or images that differ in dtype or channels.
         """
         turns = self.settings.get("turns", "none")
+        images = widened(images) if self.changed is None else images
         found = turned(_of_one_kind(images, len(self.atlas.shapes) // count_of(turns)), turns)
         for image, (height, width) in zip(found, self.atlas.shapes.tolist(), strict=True):
             if image.shape[:2] != (height, width):
@@ -213,7 +215,8 @@ def apply_coordinates(
             f"exemplar has shape {number.shape}, the coordinates {place.shape[:2]}; pass one value per pixel"
         )
     check_choice("turns", turns, TURNS)
-    several = list(images) if isinstance(images, list | tuple) else [images]
+    images = widened(images)
+    several = images if isinstance(images, list) else [images]
     found = turned(_of_one_kind(images, len(several)), turns)
     shapes = np.array([image.shape[:2] for image in found])
     if number.min() < 0 or number.max() >= len(found) or (place < 0).any() or (place >= shapes[number]).any():

@@ -37,6 +37,7 @@ from toposeam.texture.lay import PatchPlacer
 from toposeam.texture.lay_options import VARIED, LayOptions, varied
 from toposeam.texture.light import CopyLight, flattened, levelled_copies, without_light
 from toposeam.texture.mend import mend
+from toposeam.texture.narrow import widened
 from toposeam.texture.order import STRETCH, UNSEEN, find_order
 from toposeam.texture.raster import lay_all, patches_along, patches_on
 from toposeam.texture.scale import SMALLEST_PATCH, patch_for
@@ -91,7 +92,8 @@ def synthesize(
     Parameters
     ----------
     source : (H, W[, C]) array_like, or a list of such
-        The exemplars, gray or RGB, of one dtype.
+        The exemplars, gray or RGB, of one dtype; sides of less than 4 px are mirrored until they have 32, and
+        so is what belongs to them.
     size : int or (int, int)
         Height and width of the texture, px.
     patch : int, optional
@@ -187,7 +189,8 @@ def synthesize(
                 "variation"
             )
         chosen = varied(chosen, variation)
-    maps = check_items("maps", maps, object, "a sequence of images, one a map")
+    maps = widened(check_items("maps", maps, object, "a sequence of images, one a map"))
+    source, alpha, source_mask, guide_source = map(widened, (source, alpha, source_mask, guide_source))
     check_choice("flatten", flatten, (True, False))
     check_choice("level", level, (True, False, "steps", None))
     check_choice("transparent", transparent, (True, False))

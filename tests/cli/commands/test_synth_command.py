@@ -275,7 +275,7 @@ def test_variation_stands_for_what_it_is_made_of(toposeam, given):
         (("moss.png", "--size", "auto:99999999", "--tileable", "x", "-o", "o.png"), "more than", 1),
         (("moss.png", "--size", "90x70", "--patch", "65", "-o", "o.png"), "smaller than a patch", 1),
         (("moss.png", "--size", "90x70", "--overlap", "40", "-o", "o.png"), "overlap is 40", 1),
-        (("thin.png", "--size", "90x70", "--patch", "auto", "-o", "o.png"), "at least 4 px a side", 1),
+        (("thin.png", "--size", "90x70", "--patch", "40", "-o", "o.png"), "smaller than a patch of 40", 1),
         (("moss.png", "--size", "90x70", "-o", "o.png", "--labels", "l.jpg"), "'.jpg' is not supported", 1),
         (("moss.png", "--size", "0x70", "-o", "o.png"), "is not a size", 2),
         (("moss.png", "--size", "big", "-o", "o.png"), "is not a size", 2),

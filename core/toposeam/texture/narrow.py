@@ -1,0 +1,40 @@
+"""Exemplars a few pixels high or wide: mirrored at their borders, until patches fit in them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+#: Sides of exemplars below this many px are mirrored …
+NARROW = 4
+#: … until they have this many, which leaves room for a patch of the size usual for small exemplars.
+_WIDENED = 32
+
+
+def widened(images: Any) -> Any:
+    """Images with their narrow sides mirrored, over and over, until they have 32 px; others as they are.
+
+    A row of pixels says nothing about the other direction, so that each pixel goes on as a stripe. Whatever
+    belongs to an exemplar (opacity, masks, maps, guides) is widened alike, as only the size matters.
+
+    Parameters
+    ----------
+    images : (H, W[, C]) array_like, or a list of such or of lists, or None
+        What is no picture at all is handed back, for others to refuse.
+
+    Examples
+    --------
+    >>> widened([[np.zeros((1, 40)), None]])[0][0].shape
+    (32, 40)
+    """
+    if images is None:
+        return None
+    if isinstance(images, list | tuple):
+        return [widened(image) for image in images]
+    image = np.asanyarray(images)
+    sides = image.shape[:2]
+    if image.ndim not in (2, 3) or 0 in sides or min(sides) >= NARROW:
+        return images
+    more = [(0, _WIDENED - side if side < NARROW else 0) for side in sides]
+    return np.pad(image, [*more, (0, 0)][: image.ndim], mode="symmetric")

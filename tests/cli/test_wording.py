@@ -61,7 +61,6 @@ def some(folder, photographs):
         ("tile noise.png --band 1", "--band is 1; for 80 × 60 px"),
         ("synth noise.png --size 64 --patch 2", "--patch is 2; it must be"),
         ("synth noise.png --size 64 --patch 9 --overlap 9", "--overlap is 9 with patches of 9 px"),
-        ("synth dot.png --size 64", "dot.png is 2 × 2 px"),
         ("synth small.png --size 64 --patch 31", "small.png is 30 × 30 px, smaller than a patch of 31 px"),
         (
             "synth noise.png --size 64 --from black.png",

@@ -6,6 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from toposeam.errors import ImageError
+from toposeam.images import as_array
+
 #: Sides of exemplars below this many px are mirrored …
 NARROW = 4
 #: … until they have this many, which leaves room for a patch of the size usual for small exemplars.
@@ -32,9 +35,12 @@ def widened(images: Any) -> Any:
         return None
     if isinstance(images, list | tuple):
         return [widened(image) for image in images]
-    image = np.asanyarray(images)
+    try:
+        image = as_array(images)
+    except ImageError:
+        return images
     sides = image.shape[:2]
-    if image.ndim not in (2, 3) or 0 in sides or min(sides) >= NARROW:
+    if min(sides) >= NARROW:
         return images
     more = [(0, _WIDENED - side if side < NARROW else 0) for side in sides]
     return np.pad(image, [*more, (0, 0)][: image.ndim], mode="symmetric")

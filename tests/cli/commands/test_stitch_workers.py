@@ -86,7 +86,7 @@ def test_everything_that_can_be_asked_is_done_by_workers(
     layout = (six / "six.toml").read_text()
     (six / "turned.toml").write_text(layout.replace("at = [210, 0]", "at = [210, 0]\nturn = 0.7"))
     away = np.zeros((374, 720), np.uint8)
-    away[80:140, 200:310] = 255
+    away[80:140, 220:310] = 255
     write_picture(six / "avoid.png", Picture(pixels=away))
     caplog.set_level("DEBUG", "toposeam_cli.jobs.crew")
     for count in (1, 2):

@@ -9,12 +9,12 @@ import scipy.fft as sf
 
 from toposeam.images import Mask
 from toposeam.texture.atlas import Floats32
-from toposeam.texture.narrow import widened
+from toposeam.texture.narrow import NARROW, widened
 from toposeam.texture.search import whole
 from toposeam.texture.sources import DataRange, Images, read_sources
 
-#: Sides of a patch are at least this many px.
-SMALLEST_PATCH = 4
+#: Sides of a patch are at least this many px: narrower exemplars are widened.
+SMALLEST_PATCH = NARROW
 #: Sides of patches that are chosen automatically, px: the smallest for small and for large exemplars, and the
 #: largest.
 SMALLEST, USUAL, LARGEST = 24, 40, 96

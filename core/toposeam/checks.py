@@ -166,6 +166,11 @@ def check_items(name: str, values: Any, kind: type | tuple[type, ...], wanted: s
     return items
 
 
+def is_masked(values: Any) -> bool:
+    """Whether values are a masked array; of usual arrays that is known without loading those."""
+    return type(values) is not np.ndarray and isinstance(values, np.ma.MaskedArray)
+
+
 def check_numbers(name: str, values: Any) -> npt.NDArray[np.float64]:
     """An array of numbers, of any shape.
 
@@ -174,7 +179,7 @@ def check_numbers(name: str, values: Any) -> npt.NDArray[np.float64]:
     OptionError
         For text, objects, lists of unequal lengths, and masked arrays.
     """
-    if isinstance(values, np.ma.MaskedArray):
+    if is_masked(values):
         raise OptionError(f"{name} is a masked array; pass {name}.filled(…)")
     try:
         array = np.asarray(values)

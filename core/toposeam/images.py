@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import check_number
+from toposeam.checks import check_number, is_masked
 from toposeam.errors import ImageError
 
 Image = npt.NDArray[Any]
@@ -68,11 +68,6 @@ class Windows(ABC):
         return whole if dtype is None else whole.astype(dtype)
 
 
-def _is_masked(values: Any) -> bool:
-    """Whether values are a masked array; of usual arrays that is known without loading those."""
-    return type(values) is not np.ndarray and isinstance(values, np.ma.MaskedArray)
-
-
 def as_array(image: Any, name: str = "image") -> Image:
     """Pixels of an array, or of a PIL picture, as they are.
 
@@ -92,7 +87,7 @@ def as_array(image: Any, name: str = "image") -> Image:
     ImageError
         For other shapes, (C, H, W) among them, empty or masked arrays, complex or object dtypes.
     """
-    if _is_masked(image):
+    if is_masked(image):
         raise ImageError(
             f"{name} is a masked array; pass {name}.filled(0), and where it has pixels as a mask"
         )
@@ -275,7 +270,7 @@ def as_mask(mask: npt.ArrayLike, shape: tuple[int, ...], name: str) -> Mask:
     ImageError
         When the shape differs, and for masked arrays.
     """
-    if _is_masked(mask):
+    if is_masked(mask):
         raise ImageError(f"{name} is a masked array; pass {name}.filled(0)")
     try:
         array = np.asarray(mask)

@@ -39,10 +39,6 @@ class Patch:
         return int(np.count_nonzero(self.may & (self.before[1:-1, 1:-1] != self.source)))
 
 
-#: First row and column of a patch on the canvas, and on the atlas, its height and its width.
-Place = tuple[int, int, int, int, int, int]
-
-
 class Cutting:
     """Cuts patches that wait on a placer's canvas, maybe in another process."""
 
@@ -50,7 +46,9 @@ class Cutting:
         self._placer = placer
 
     def shows(self, places: bytes) -> list[Mask]:
-        """Where each of some patches shows, whose places follow one another as int32."""
+        """Where each of some patches shows, of which first row and column on the canvas, and on the atlas,
+        height and width follow one another as int32.
+        """
         found = np.frombuffer(places, np.int32).reshape(-1, 6).tolist()
         return closed_cuts(self._placer, [self._patch(*place) for place in found])
 

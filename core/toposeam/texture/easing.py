@@ -62,7 +62,7 @@ def is_smooth(features: Floats32, usable: Mask) -> bool:
     (True, False)
     """
     window = np.multiply.outer(*map(np.hanning, usable.shape))
-    values = np.where(usable, features.mean(axis=2), features[usable].mean())
+    values = _brightness(features, usable)
     power = np.square(np.abs(np.fft.fft2((values - values.mean()) * window)))
     power[0, 0] = 0
     frequency = np.hypot(*np.meshgrid(*map(np.fft.fftfreq, usable.shape), indexing="ij"))
@@ -88,12 +88,18 @@ def is_fibrous(features: Floats32, usable: Mask) -> bool:
     >>> is_fibrous(across.repeat(64, 0) + across.swapaxes(0, 1), np.ones((64, 64), bool))
     False
     """
-    values = np.where(usable, features.mean(axis=2), features[usable].mean())
+    values = _brightness(features, usable)
     down, right = (
         ndimage.gaussian_filter(values, _GRADIENT, order=order)[usable] for order in ((1, 0), (0, 1))
     )
     least, most = np.linalg.eigvalsh(np.cov(np.stack([down, right]), bias=True))
     return bool(most > 0 and least <= _ALONG * most)
+
+
+def _brightness(features: Floats32, usable: Mask) -> Floats32:
+    """(H, W), the mean of the features; their mean over the sample where it is not usable."""
+    result: Floats32 = np.where(usable, features.mean(axis=2), features[usable].mean())
+    return result
 
 
 class EasedLight:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import check_whole
+from toposeam.checks import check_whole, is_masked
 from toposeam.errors import ImageError, OptionError
 from toposeam.images import as_float
 
@@ -41,7 +41,7 @@ def as_volume(volume: Any, name: str, channel_axis: int | None = None) -> Volume
     >>> as_volume(np.zeros((3, 4, 5, 6)), "a", channel_axis=0).shape
     (4, 5, 6, 3)
     """
-    if isinstance(volume, np.ma.MaskedArray):
+    if is_masked(volume):
         raise ImageError(
             f"{name} is a masked array; pass {name}.filled(0), and where it has voxels as a mask"
         )

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from toposeam.checks import is_masked
 from toposeam.errors import ImageError, MissingPackageError, OverlapError
 from toposeam.heat.bricks import HIGH, LOW, along
 from toposeam.heat.threads import one_thread
@@ -70,7 +71,7 @@ def lazily(stack: Any, name: str) -> Any:
             stack = np.asarray(stack)
         except (TypeError, ValueError, OverflowError) as error:
             raise ImageError(f"{name} is no array of numbers; pass (D, H, W) or (D, H, W, C)") from error
-    if isinstance(stack, np.ma.MaskedArray):
+    if is_masked(stack):
         raise ImageError(f"{name} is a masked array; pass {name}.filled(0)")
     if getattr(stack.dtype, "kind", "O") not in "biuf":
         raise ImageError(f"{name} has dtype {stack.dtype}; pass integers or floats")

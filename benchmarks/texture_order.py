@@ -34,13 +34,15 @@ WINDOW, EDGES, BLOCK = 0.5, 1.0, 4
 SIDE = 40
 
 
-def broken(image: np.ndarray, sample: np.ndarray, order: Order) -> int:
-    """Pieces of a tile that are out of step by more than a quarter of a period."""
-    size = np.array(image.shape[:2])
-    closed = np.rint(order.reciprocal * size) / size
+def broken(image: np.ndarray, sample: np.ndarray, order: Order, repeats: bool = True) -> int:
+    """Pieces of a tile, or of a texture with borders, that are out of step by more than a quarter of a
+    period.
+    """
+    size, mode = np.array(image.shape[:2]), "wrap" if repeats else "nearest"
+    closed = np.rint(order.reciprocal * size) / size if repeats else order.reciprocal
     cell = mean_cell(edges(sample, "reflect"), order.reciprocal)
     cell = (cell - cell.mean()) / cell.std()
-    values = edges(image, "wrap")
+    values = edges(image, mode)
     values = (values - values.mean()) / values.std()
     axes = tuple(range(len(closed)))
     # Where the tile begins in the cell: the shift at which the tile's own mean cell is most like it.
@@ -57,7 +59,7 @@ def broken(image: np.ndarray, sample: np.ndarray, order: Order) -> int:
             for line, step in zip(phase, steps, strict=True)
         )
         apart = blocks(np.square(values - cell[at]))
-        apart = ndimage.gaussian_filter(apart, WINDOW * period / BLOCK, mode="wrap")
+        apart = ndimage.gaussian_filter(apart, WINDOW * period / BLOCK, mode=mode)
         least[near] = np.minimum(least.get(near, np.inf), apart)
     return int(ndimage.label(least[False] < least[True])[1])
 

@@ -16,8 +16,8 @@ copy     largest connected verbatim copy, in shares of the sample
 whole    of the objects off the border, those as large as in the sample, ± 10 % and 3 px (dots, mushrooms)
 near     pairs of copies of one object nearer than half the sample's width, and how few there could be were
          objects of one look (dots of one colour, mushrooms) exchanged for each other
-broken   pieces of the repeating texture more than a quarter of a period out of step with the lattice that
-         closes on it, where the sample has an order (texture_order.py)
+broken   pieces of the texture, and of the repeating one, more than a quarter of a period out of step with the
+         lattice, where the sample has an order (texture_order.py); of the first those of all three seeds
 """
 
 from __future__ import annotations
@@ -198,6 +198,9 @@ def main() -> None:
     )
     parser.add_argument("table", type=Path)
     parser.add_argument("--only", default="", help="names of samples, with commas between")
+    parser.add_argument(
+        "--parts", type=Path, help="folder of the pictures; those of samples left out are taken from it"
+    )
     options = parser.parse_args()
     heads = zip(
         (
@@ -221,6 +224,8 @@ def main() -> None:
     rows, ratios = [], []
     for sample in samples():
         if options.only and sample.name not in options.only.split(","):
+            if options.parts and (images := _kept(options.parts, sample.name)):
+                rows.append((sample, images))
             continue
         made, seconds = timed(sample.image, seed=1)
         grown = [made, *(ts.synthesize(sample.image, SIZE, seed=seed) for seed in SEEDS[1:])]
@@ -246,7 +251,10 @@ def main() -> None:
         height, width = sample.image.shape[:2]
         values = (sample.image / np.float32(255)).reshape(height, width, -1)
         order = find_order(values, np.ones((height, width), bool))
-        lines = "–" if order is None else str(broken(repeats.image, sample.image, order))
+        lines = "–"
+        if order is not None:
+            open_ones = sum(broken(one.image, sample.image, order, repeats=False) for one in grown)
+            lines = f"{open_ones}/{broken(repeats.image, sample.image, order)}"
         middle = float(np.median([step(one) for one in grown]))
         print(
             f"{sample.name:14}{seconds:6.2f}{ratio:8.2f}{cells[0]:7.2f}{theirs:7.2f}{cells[1]:7.2f}"
@@ -257,8 +265,17 @@ def main() -> None:
         )
         shifted = np.roll(repeats.image, (SIZE // 2, SIZE // 2), (0, 1))
         rows.append((sample, [made.image, shifted, *([peer.image] if peer else []), quilt]))
+        if options.parts:
+            options.parts.mkdir(parents=True, exist_ok=True)
+            for number, image in enumerate(rows[-1][1]):
+                part = Image.fromarray(np.ascontiguousarray(image))
+                part.save(options.parts / f"{sample.name} {number}.png")
     print(f"median time ÷ gmic: {np.median(ratios):.2f}")
     table(rows).save(options.table, quality=82, optimize=True)
+
+
+def _kept(folder: Path, name: str) -> list[np.ndarray]:
+    return [np.asarray(Image.open(path)) for path in sorted(folder.glob(f"{name} [0-9].png"))]
 
 
 def table(rows: list[tuple[Sample, list[np.ndarray]]], side: int = 208, gap: int = 5) -> Image.Image:

@@ -218,8 +218,9 @@ def synth(
         read_white(path, shape, name.name, results.max_pixels)
         for path, shape, name in zip(source, shapes, sources, strict=False)
     ]
+    wanted = size
     if isinstance(size, AutoSize):
-        size = _closing_size(size, pictures, copied, tileable)
+        size = _closing_size(size, pictures, copied, tileable, transparent)
         check_size(output, *size)
     with share_bar(f"growing {output.name}", results.quiet) as progress:
         made = ts.synthesize(
@@ -250,10 +251,10 @@ def synth(
             f"{output}: {size[0]} × {size[1]} px, {made.count} patches of {made.patch[1]} × {made.patch[0]} "
             "px"
         )
-        if made.fits is not None:
+        if made.fits is not None and not isinstance(wanted, AutoSize):
             height, width = made.fits
             click.echo(
-                f"its order was stretched to close; at {width} × {height} px it closes by itself (--size "
+                f"its order was stretched to close; a size that suits it is {width} × {height} px (--size "
                 f"auto:{size[0]}x{size[1]})"
             )
 
@@ -268,7 +269,11 @@ def _shown_in(path: Path, like: Picture) -> Callable[[np.ndarray], None]:
 
 
 def _closing_size(
-    size: AutoSize, pictures: list[Picture], copied: list[np.ndarray], tileable: ts.Tileable
+    size: AutoSize,
+    pictures: list[Picture],
+    copied: list[np.ndarray],
+    tileable: ts.Tileable,
+    transparent: bool,
 ) -> tuple[int, int]:
     """Width and height on which the first source's order closes; twice the source without a wish."""
     height, width = pictures[0].pixels.shape[:2]
@@ -277,7 +282,9 @@ def _closing_size(
         pictures[0].pixels,
         wish,
         tileable=tileable,
+        alpha=pictures[0].alpha,
         source_mask=copied[0] if copied else None,
+        transparent=transparent,
         data_range=white_of(pictures[0])[0],
     )
     return found[1], found[0]

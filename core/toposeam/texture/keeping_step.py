@@ -1,4 +1,4 @@
-"""Ordered textures that repeat: sizes on which their order closes, and places that keep step with it."""
+"""Ordered textures: places that keep step with their order, and sizes on which it closes."""
 
 from __future__ import annotations
 
@@ -7,20 +7,21 @@ import numpy.typing as npt
 
 from toposeam.checks import check_choice, check_pair
 from toposeam.images import Mask
+from toposeam.texture.atlas import Floats32
 from toposeam.texture.order import Floats, Order, find_order
 from toposeam.texture.sources import DataRange, Images, read_sources
 from toposeam.texture.tileable import Tileable, wraps_of
 
 
 class Phase:
-    """Where on a canvas that closes pixels of the exemplar keep step with its order.
+    """Where on a canvas pixels of the exemplar keep step with its order.
 
     Parameters
     ----------
     order : Order
         Of the exemplar.
     closed : (n, 2) float array
-        The reciprocal vectors on the canvas (:meth:`Order.fitted`).
+        The reciprocal vectors on the canvas: where it closes, those that close (:meth:`Order.fitted`).
     tolerance : float
         How many px a patch may be out of step, measured in its middle.
     """
@@ -29,6 +30,9 @@ class Phase:
         self._given, self._closed, self._periods = order.reciprocal, closed, order.periods
         self._tolerance = tolerance
         self._start: Floats | None = None
+        #: Of the places that were asked about last: their phases, one plane for each reciprocal vector.
+        self._places: tuple[bytes, bytes] | None = None
+        self._phases = np.empty((0, 0, 0), np.float32)
 
     def begin(self, at: tuple[int, int], place: tuple[int, int], shape: tuple[int, int]) -> None:
         """The first patch decides: laid at a place of the canvas, taken from one of the exemplar."""
@@ -55,14 +59,24 @@ class Phase:
         if self._start is None:
             return np.ones((len(rows), len(columns)), bool)
         middle = np.array(shape) / 2
-        wanted = self._closed @ (at + middle) - self._start
-        there = self._given[:, :1, np.newaxis] * (rows + middle[0])[:, np.newaxis] + self._given[
-            :, 1:, np.newaxis
-        ] * (columns + middle[1])
-        apart = wanted[:, np.newaxis, np.newaxis] - there
-        apart -= np.rint(apart)
-        off = np.tensordot(self._periods, apart, (0, 0))
-        return np.asarray(np.hypot(off[0], off[1]) <= self._tolerance)
+        wanted = self._closed @ (at + middle) - self._start - self._given @ middle
+        off = np.zeros((2, len(rows), len(columns)), np.float32)
+        for phases, one, period in zip(self._known(rows, columns), wanted, self._periods, strict=True):
+            apart = np.float32(one % 1) - phases
+            apart -= np.rint(apart)
+            off[0] += np.float32(period[0]) * apart
+            off[1] += np.float32(period[1]) * apart
+        np.square(off, out=off)
+        return np.asarray(off[0] + off[1] <= np.float32(self._tolerance**2))
+
+    def _known(self, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -> Floats32:
+        """The phases of places, (vectors, n, m)."""
+        places = rows.tobytes(), columns.tobytes()
+        if self._places != places:
+            lines = self._given[:, :1] * rows, self._given[:, 1:] * columns
+            self._phases = ((lines[0][:, :, np.newaxis] + lines[1][:, np.newaxis]) % 1).astype(np.float32)
+            self._places = places
+        return self._phases
 
 
 def closing_size(
@@ -73,6 +87,7 @@ def closing_size(
     within: bool = False,
     alpha: Images | None = None,
     source_mask: Images | None = None,
+    transparent: bool = False,
     data_range: DataRange = None,
 ) -> tuple[int, int]:
     """The size nearest to one wished for on which an ordered texture repeats without being stretched.
@@ -92,6 +107,8 @@ def closing_size(
         Whether the size must not be larger, as when a picture is cropped to it.
     alpha, source_mask : (H, W) array_like, or a list with one per exemplar
         Opacity, and what may be copied.
+    transparent : bool
+        Whether opacity is part of the texture, as for :func:`toposeam.synthesize`.
     data_range : float, optional
         The value that counts as white, as for :func:`toposeam.synthesize`.
 
@@ -116,7 +133,10 @@ def closing_size(
     """
     height, width = check_pair("size", size, 1)
     check_choice("within", within, (True, False))
+    check_choice("transparent", transparent, (True, False))
     wraps = wraps_of(tileable)
-    sources = read_sources(source, alpha=alpha, mask=source_mask, data_range=data_range)
+    sources = read_sources(
+        source, alpha=alpha, mask=source_mask, data_range=data_range, transparent=transparent
+    )
     order = find_order(sources.features[0], sources.usable[0])
     return (height, width) if order is None else order.closing_size((height, width), wraps, within)

@@ -41,8 +41,8 @@ class LayOptions:
     copy_share: float = 0.2
     #: How many further patches are tried over the worst seams, as a share of the patches laid.
     mend: float = 0.2
-    #: Whether ordered textures that repeat are laid twice, so that their order closes
-    #: (:mod:`toposeam.texture.closing`).
+    #: Whether ordered textures keep step with their order (:mod:`toposeam.texture.keeping_step`); where they
+    #: repeat and it wanders, they are laid twice, so that it closes (:mod:`toposeam.texture.closing`).
     close: bool = True
     #: How the seam is found.
     method: Method = "heat"

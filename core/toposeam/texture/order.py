@@ -32,8 +32,9 @@ _BETWEEN = 0.9
 #: Lines that keep step correlate with the next ones at least this much of how they do with themselves; and
 #: lattices as much far away as near by. What does not is ordered by eye, but wanders.
 _KEPT = 0.85
-#: How much an order may be stretched, as a share, so that it closes, and how much nobody sees.
-STRETCH, UNSEEN = 0.05, 0.005
+#: How much an order may be stretched, as a share, so that it closes, and how much nobody sees. Lines that are
+#: bent a little where patches meet look better than such as break; beyond, hexagons get borders twice.
+STRETCH, UNSEEN = 0.12, 0.005
 #: Of larger exemplars, px a side, the middle tells the order.
 _LOOKED_AT = 512
 #: Peaks of the autocorrelation that are tried as vectors, and lattices that are fitted.
@@ -85,6 +86,14 @@ class Order:
             for cycles, length, wrapping in zip(self.reciprocal.T, size, wraps, strict=True)
         )
         return height, width
+
+    def better_size(self, size: tuple[int, int], wraps: tuple[bool, bool]) -> tuple[int, int] | None:
+        """The size nearest to one at which the order is stretched by half of it or less, None where there is
+        none, or nobody sees that it is stretched.
+        """
+        found = self.closing_size(size, wraps)
+        stretch = self.fitted(size, wraps)[1]
+        return found if stretch > UNSEEN and self.fitted(found, wraps)[1] <= stretch / 2 else None
 
 
 def _closing(cycles: Floats, finest: float, length: int, within: bool) -> int:
@@ -320,7 +329,9 @@ def _directions(smooth: Floats) -> Floats:
 
 
 def _profile(smooth: Floats, angle: float) -> Floats:
-    """Mean autocorrelation along lines, by their distance from 0 in px; the angle is the normal's."""
+    """Mean autocorrelation along lines, as far as it is known, by their distance from 0 in px; the angle is
+    the normal's.
+    """
     height, width = (length // 2 for length in smooth.shape)
     reach = int(0.9 * min(height, width))
     normal = np.array([np.sin(angle), np.cos(angle)])
@@ -329,8 +340,9 @@ def _profile(smooth: Floats, angle: float) -> Floats:
     for axis, (along, middle) in enumerate(zip((normal[1], -normal[0]), (height, width), strict=True)):
         np.add(away * normal[axis], line * along, out=at[axis])
         at[axis] += middle
+    known = ((at >= 0) & (at <= np.array([[[2 * height]], [[2 * width]]]))).all(axis=0)
     values = ndimage.map_coordinates(smooth, at, order=1, mode="nearest")
-    return np.asarray(values.mean(axis=1))
+    return np.asarray(np.average(values, axis=1, weights=known))
 
 
 def _rhythm(profile: Floats, element: int) -> tuple[float, float]:

@@ -55,8 +55,8 @@ class Synthesis:
     index: Ints32
     #: Whether rows and whether columns continue at the opposite border.
     wraps: tuple[bool, bool] = (False, False)
-    #: Height and width near by on which the texture's order would close without being stretched, px; None
-    #: where it does so, or has none.
+    #: Height and width near by on which the texture's order would close hardly stretched, px; None where it
+    #: does so, or has none, or no size near by is better.
     fits: tuple[int, int] | None = None
     #: (height, width) of the patches, px.
     patch: tuple[int, int]

@@ -38,7 +38,7 @@ from toposeam.texture.lay_options import VARIED, LayOptions, varied
 from toposeam.texture.light import CopyLight, flattened, levelled_copies, without_light
 from toposeam.texture.mend import mend
 from toposeam.texture.narrow import widened
-from toposeam.texture.order import STRETCH, UNSEEN, find_order
+from toposeam.texture.order import STRETCH, find_order
 from toposeam.texture.raster import lay_all, patches_along, patches_on
 from toposeam.texture.scale import SMALLEST_PATCH, patch_for
 from toposeam.texture.sources import (
@@ -230,13 +230,13 @@ def synthesize(
     )
     report = Stages(progress)
     phase, axis, fits = None, None, None
-    if given is None and chosen.close and any(wraps):
+    if given is None and chosen.close:
         order = find_order(sources.features[0], sources.usable[0]) if len(sources.shapes) == 1 else None
         if order is not None:
             closed, stretch = order.fitted((height, width), wraps)
-            fits = order.closing_size((height, width), wraps) if stretch > UNSEEN else None
+            fits = order.better_size((height, width), wraps)
             phase = Phase(order, closed, max(1.0, 0.75 * atlas.factor)) if stretch <= STRETCH else None
-        if phase is None and min(height, width) >= 4 * side:
+        if phase is None and any(wraps) and min(height, width) >= 4 * side:
             objects = chosen.variety and landmarks(features, atlas.usable, atlas.factor).guard is not None
             axis = None if objects else order_axis(sources.features[0], sources.usable[0])
     if axis is not None and wraps[axis]:

@@ -199,7 +199,7 @@ def test_an_ordered_texture_takes_the_size_on_which_it_closes(toposeam):
     ran = toposeam(*asked, "--size", "150x130")
     assert ran.code == 0
     assert read_picture("o.png").pixels.shape == (130, 150)
-    assert "it closes by itself (--size auto:150x130)" in ran.out
+    assert "a size that suits it is 140 × 120 px (--size auto:150x130)" in ran.out
     assert toposeam(*asked, "--size", "auto").code == 0
     assert read_picture("o.png").pixels.shape == (240, 260)
 

@@ -87,7 +87,8 @@ def test_transparent_textures_keep_their_holes():
     image, alpha = _lace()
     with pytest.raises(ts.ImageError, match="no place that shows has room"):
         ts.synthesize(image, (150, 160), patch=32, alpha=alpha)
-    made = ts.synthesize(image, (150, 160), patch=32, alpha=alpha, transparent=True, seed=1)
+    # In step all copies agree.
+    made = ts.synthesize(image, (150, 160), patch=32, alpha=alpha, transparent=True, seed=1, close=False)
     assert (made.source >= 0).all()
     assert abs((made.alpha > 127).mean() - (alpha > 127).mean()) < 0.05
     # Where something shows it is as light as the net: nothing of the black below the holes is mixed in.

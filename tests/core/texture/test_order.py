@@ -49,13 +49,15 @@ def spans(periods, *expected):
     return np.abs(whole - np.rint(whole)).max() < 0.05 and abs(abs(np.linalg.det(np.rint(whole))) - 1) < 0.01
 
 
-def out_of_step(image, order):
-    """The share of a tile that is more than a quarter of a period away from the lattice that closes on it."""
+def out_of_step(image, order, closes=True):
+    """The share of a tile that is more than a quarter of a period away from the lattice that closes on it, or
+    of a texture with borders from the sample's.
+    """
     values, size, found = image.astype(float), np.array(image.shape), np.zeros(image.shape, bool)
     y, x = np.mgrid[: size[0], : size[1]]
     for cycles in order.reciprocal:
         period = 1 / np.linalg.norm(cycles)
-        closed = np.rint(cycles * size) / size
+        closed = np.rint(cycles * size) / size if closes else cycles
         wave = values - ndimage.gaussian_filter(values, period, mode="wrap")
         wave = wave * np.exp(-2j * np.pi * (closed[0] * y + closed[1] * x))
         local = ndimage.gaussian_filter(wave, period, mode="wrap")
@@ -100,8 +102,11 @@ def test_a_plaid_is_a_lattice_also_where_threads_of_one_direction_are_pale(turn,
     assert whole @ found == pytest.approx(np.array(expected), abs=0.1)
 
 
-def test_stripes_alone_have_no_order_along_them():
-    assert len(order_of(plaid(20, (30, 22), (80, 0))).reciprocal) == 1
+@pytest.mark.parametrize("period", [14, 30])
+def test_stripes_alone_have_no_order_along_them(period):
+    found = order_of(plaid(20, (period, 22), (80, 0)))
+    assert len(found.reciprocal) == 1
+    assert np.linalg.norm(found.periods) == pytest.approx(period, abs=0.15)
 
 
 def test_there_is_no_order_in_noise_nor_in_one_colour(sample):
@@ -125,6 +130,16 @@ def test_an_order_closes_where_its_cycles_are_whole():
     assert order.closing_size((165, 127), (True, True)) == (160, 120)
     assert order.closing_size((165, 127), (False, True)) == (165, 120)
     assert order.closing_size((171, 135), (True, True), within=True) == (160, 120)
+    assert order.better_size((165, 127), (True, True)) == (160, 120)
+    assert order.better_size((160, 120), (True, True)) is None
+
+
+def test_a_size_that_was_chosen_is_not_bettered_by_little():
+    order = Order(np.linalg.inv(np.array([[18.84, -11.33], [15.46, 25.70]])).T, 1.0)
+    chosen = order.closing_size((480, 480), (True, True))
+    assert order.closing_size(chosen, (True, True)) != chosen
+    assert order.better_size((480, 480), (True, True)) == chosen
+    assert order.better_size(chosen, (True, True)) is None
 
 
 def test_places_in_step_are_those_a_period_apart():
@@ -147,6 +162,33 @@ def test_bricks_that_repeat_keep_step_across_the_border(size):
     loose = ts.synthesize(image, size, patch=40, seed=0, tileable=True, close=False)
     assert out_of_step(kept.image, order) == 0
     assert size == (192, 200) or out_of_step(loose.image, order) > 0.02
+
+
+@pytest.mark.medium
+def test_stripes_are_bent_by_a_twentieth_rather_than_broken():
+    image = plaid(20, (30, 22), (80, 0))
+    order = order_of(image)
+    assert 0.05 < order.fitted((300, 300), (True, True))[1] < 0.07
+    made = ts.synthesize(image, 300, seed=1, tileable=True)
+    assert out_of_step(made.image, order) == 0
+
+
+def test_holes_tell_the_size_of_transparent_textures():
+    y, x = np.mgrid[:120, :120]
+    opaque = np.where((y % 16 < 5) | (x % 20 < 6), 255, 0).astype(np.uint8)
+    grain = np.random.default_rng(0).integers(180, 200, y.shape).astype(np.uint8)
+    assert ts.closing_size(grain, (150, 150), alpha=opaque, transparent=True) == (144, 160)
+
+
+@pytest.mark.medium
+def test_bricks_keep_step_in_textures_with_borders():
+    image = bricks()
+    order = order_of(image)
+    kept, loose = (
+        ts.synthesize(image, (350, 360), patch=32, seed=0, close=close).image for close in (True, False)
+    )
+    assert out_of_step(kept, order, closes=False) == 0
+    assert out_of_step(loose, order, closes=False) > 0.05
 
 
 @pytest.mark.medium

@@ -88,8 +88,11 @@ def guarded(
     """
     there = np.full_like(padded, -1)
     there[1:-1, 1:-1] = source
-    pays = [
-        np.where((one < 0) | (padded == there), np.float32(0), guard.take(np.maximum(one, 0)))
-        for one in (padded, there)
-    ]
-    return np.dstack([a, pays[0]]), np.dstack([b, -pays[1]])
+    same = padded == there
+    both = np.empty((2, *padded.shape, a.shape[2] + 1), np.float32)
+    for result, values, one, sign in zip(both, (a, b), (padded, there), (1, -1), strict=True):
+        result[..., :-1] = values
+        pays = guard.take(np.maximum(one, 0))
+        pays[(one < 0) | same] = 0
+        np.multiply(pays, np.float32(sign), out=result[..., -1])
+    return both[0], both[1]

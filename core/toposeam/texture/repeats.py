@@ -22,8 +22,8 @@ _REACH = 0.5
 _SAMPLED = 12
 #: Of so many pixels of the atlas, at most, each is looked at.
 _PIXELS = 10_000
-#: More than the square of any reach.
-_FAR = 1 << 40
+#: More than the square of any reach; twice that is no more than 32 bits hold.
+_FAR = np.int32(1 << 29)
 
 
 class Repeats:
@@ -44,7 +44,12 @@ class Repeats:
         self._step = step = max(1, self.reach // _SAMPLED, math.isqrt(weight.size // _PIXELS))
         rows, columns = (-(-length // step) for length in weight.shape)
         room = ((0, rows * step - weight.shape[0]), (0, columns * step - weight.shape[1]))
-        self._cells = np.pad(weight, room).reshape(rows, step, columns, step).mean(axis=(1, 3))
+        cells = np.pad(weight, room).reshape(rows, step, columns, step).mean(axis=(1, 3))
+        self._shape = cells.shape
+        #: What each pixel of the atlas weighs, flat, and at the end what none does.
+        self._weight = np.zeros(weight.size + 1, np.float32)
+        wide = cells.repeat(step, axis=0).repeat(step, axis=1)
+        self._weight[:-1] = wide[: weight.shape[0], : weight.shape[1]].ravel()
 
     def share(
         self, top: int, left: int, height: int, width: int
@@ -62,28 +67,26 @@ class Repeats:
             For the row and column of the atlas that the window's first pixel shows at the first place, a
             factor and a shape, the (n, m) weights on a grid of places, per px of the window.
         """
-        step, atlas = self._step, self._atlas
+        step, long = self._step, np.int32
         index, y, x = self._seen(top, left, height, width)
-        row, column = np.divmod(index, np.int32(atlas.width))
-        weighs = np.flatnonzero(self._cells[row // step, column // step])  # others would show nothing twice
-        row, column, y, x = (one.take(weighs) for one in (row, column, y, x))
+        row, column = np.divmod(index, long(self._atlas.width))
         # The boxes of places that have each pixel, and how far it is then from where it shows.
         size, places, apart = [], [], []
         for at, shift, start, length, most in zip(
-            (row, column), (row - y, column - x), (top, left), (height, width), self._cells.shape, strict=True
+            (row, column), (row - y, column - x), (top, left), (height, width), self._shape, strict=True
         ):
             box = min(max(1, length // step), most)
-            place = (at // np.int32(step))[:, np.newaxis] - np.arange(box)
-            away = place * step - (shift + start)[:, np.newaxis]
+            place = (at // long(step))[:, np.newaxis] - np.arange(box, dtype=long)
+            away = place * long(step) - (shift + long(start))[:, np.newaxis]
             size.append(most - box + 1)
             apart.append(np.where((place >= 0) & (place < size[-1]), np.square(away), _FAR))
             places.append(place)
         distance = apart[0][:, :, np.newaxis] + apart[1][:, np.newaxis]
         # Nearer ones continue the copy, or nearly so.
         counts = (distance < self.reach**2) & (distance >= step**2)
-        where = (places[0] * size[1])[:, :, np.newaxis] + places[1][:, np.newaxis]
-        weight = self._cells[row // step, column // step] / np.float32(counts.shape[1] * counts.shape[2])
-        weighed = np.broadcast_to(weight[:, np.newaxis, np.newaxis], counts.shape)[counts]
+        where = (places[0] * long(size[1]))[:, :, np.newaxis] + places[1][:, np.newaxis]
+        weight = self._weight.take(index) / np.float32(counts.shape[1] * counts.shape[2])
+        weighed = weight.repeat(np.count_nonzero(counts.reshape(len(counts), -1), axis=1))
         total = np.bincount(where[counts], weighed, size[0] * size[1]).reshape(size).astype(np.float32)
 
         def on_grid(row: int, column: int, factor: int, shape: tuple[int, ...]) -> Floats32:
@@ -98,21 +101,24 @@ class Repeats:
 
     def _seen(
         self, top: int, left: int, height: int, width: int
-    ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-        """What shows round a window: flat indices, and their rows and columns, which go on across borders."""
+    ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+        """What weighs of what shows round a window: flat indices, and their rows and columns, which go on
+        across borders.
+        """
         canvas, lines = self._canvas, []
         for start, length, limit, wraps in zip(
             (top, left), (height, width), canvas.shape, canvas.wrap, strict=True
         ):
             # The opposite side of a small torus is not near twice.
             most = min(self.reach, max((limit - length) // 2, 0)) if wraps else self.reach
-            line = np.arange(start - most, start + length + most, self._step)
+            line = np.arange(start - most, start + length + most, self._step, dtype=np.int32)
             lines.append(line if wraps else line[(line >= 0) & (line < limit)])
         y, x = lines
         index = canvas.index.take(
             (y % canvas.shape[0])[:, np.newaxis] * canvas.shape[1] + x % canvas.shape[1]
         )
-        shown = index >= 0
+        shown = self._weight.take(index, mode="wrap") > 0  # the last one where nothing shows
         shown[np.ix_((y >= top) & (y < top + height), (x >= left) & (x < left + width))] = False
-        i, j = np.nonzero(shown)
-        return index[i, j], y[i], x[j]
+        at = np.flatnonzero(shown)
+        i, j = np.divmod(at, len(x))
+        return index.ravel().take(at), y.take(i), x.take(j)

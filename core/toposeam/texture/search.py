@@ -100,9 +100,9 @@ class PatchSearch:
         known = self._known(mass, margin, patch)
         rows, columns = known.blocked.shape
         planes = np.empty((window.shape[2] + 1, *mass.shape), np.float32)
-        shifted = np.moveaxis(planes, 0, 2)[..., :-1]
-        np.subtract(window, self._mean, out=shifted)
-        np.einsum("yxc,yxc->yx", shifted, shifted, out=planes[-1])
+        planes[:-1] = np.moveaxis(window, 2, 0)  # at once would go channel by channel, three times as slowly
+        planes[:-1] -= self._mean[:, np.newaxis, np.newaxis]
+        np.einsum("cyx,cyx->yx", planes[:-1], planes[:-1], out=planes[-1])
         planes *= mass
         total = known.squares.copy()
         for spectrum, one in zip(self._spectra(planes), self._channels, strict=True):

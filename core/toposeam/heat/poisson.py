@@ -12,6 +12,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+#: Rows that are divided at a time: what all are divided by takes more memory than they.
+_ROWS = 64
+
 
 def add_steps(
     source: npt.NDArray[Any], lower: Any, upper: Any, step: npt.NDArray[Any], weight: float = 1.0
@@ -70,8 +73,8 @@ def spread(
     if screen == 0.0:
         spectrum[0, 0] = 0.0
         down[0] = np.finfo(float).tiny  # 0 / tiny: the mean stays
-    for row in range(height):
-        spectrum[row] /= down[row] + across + screen
+    for rows in (slice(top, top + _ROWS) for top in range(0, height, _ROWS)):
+        spectrum[rows] /= down[rows, np.newaxis] + across + screen
     spectrum = fft.ifft(spectrum, axis=0, overwrite_x=True) if wraps[0] else spectrum
     values = (
         fft.irfft(spectrum, columns, axis=1) if wraps[1] else fft.idct(spectrum, axis=1, overwrite_x=True)

@@ -32,6 +32,8 @@ def begun(made: Synthesis) -> Synthesis:
     Synthesis
         The same on an axis on which it ends.
     """
+    if not any(made.wraps):
+        return made
     shift = tuple(
         _first(steps) if wraps else 0 for steps, wraps in zip(line_steps(made.image), made.wraps, strict=True)
     )

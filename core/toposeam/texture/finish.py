@@ -12,7 +12,7 @@ from toposeam.images import box_of, full_scale
 from toposeam.texture.atlas import Atlas, Ints32
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.lay_options import LayOptions
-from toposeam.texture.rendering import Lift, render, render_seen
+from toposeam.texture.rendering import Lift, near_seams, render, render_seen
 from toposeam.texture.sources import Sources
 from toposeam.texture.synthesis import Synthesis
 
@@ -44,9 +44,10 @@ def finish(
             if lift is None or made:
                 return render(index, plane, atlas.usable, wrap, smooth)
             picture = np.empty((*index.shape, plane.shape[2]), plane.dtype)
+            near = near_seams(index, atlas.width, wrap, smooth) if smooth else []
             for channel in range(plane.shape[2]):
                 one = np.s_[..., channel : channel + 1]
-                picture[one] = render(index, plane[one], atlas.usable, wrap, smooth, lift(channel))
+                picture[one] = render(index, plane[one], atlas.usable, wrap, smooth, lift(channel), near)
             return picture
 
         if changed is None:

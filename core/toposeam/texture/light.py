@@ -359,9 +359,9 @@ def _coordinates(atlas: Atlas, index: Ints32) -> Floats:
 
 def _places(atlas: Atlas, index: Ints32) -> tuple[Floats, Floats]:
     """Row and column in the exemplar, from -1 to 1 each."""
-    exemplar, place = atlas.locate(index)
-    down, right = (
-        line / (half[0] if len(half) == 1 else half.take(exemplar)) - 1
-        for line, half in zip(np.moveaxis(place, -1, 0), atlas.shapes.T / 2, strict=True)
-    )
+    owner, half = atlas.owner_of_rows, atlas.shapes / 2
+    row, column = np.divmod(index, np.int32(atlas.width))
+    rows = np.arange(len(owner)) - atlas.corners[owner, 0]
+    down = (rows / half[owner, 0] - 1).take(row)
+    right = (column - atlas.corners[0, 1]) / half[owner, 1].take(row) - 1
     return down, right

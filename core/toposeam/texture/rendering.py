@@ -8,7 +8,7 @@ blurs one of them, and the map of sources is all it needs.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,6 +39,7 @@ def render(
     wrap: tuple[bool, bool],
     smooth: int,
     lift: Lift | None = None,
+    near: Sequence[Ints32] | None = None,
 ) -> npt.NDArray[Any]:
     """The picture that a map of sources shows.
 
@@ -56,6 +57,8 @@ def render(
     lift : Lift, optional
         The light of the copy that shows at each pixel of a plane of one channel; where copies are mixed, each
         has its own.
+    near : sequence of int32 arrays, optional
+        What :func:`near_seams` says, where the same map is drawn several times.
 
     Returns
     -------
@@ -72,9 +75,9 @@ def render(
     if index.min(initial=0) < 0:
         result[index < 0] = 0
     if smooth:
-        for y, x in _near_seams(index, plane.shape[1], wrap, smooth):
-            mixed = _mixed(index, flat, usable.ravel(), plane.shape[1], wrap, smooth, y, x, lift)
-            result[y, x] = _stored(mixed, plane.dtype, lift)
+        for at in near_seams(index, plane.shape[1], wrap, smooth) if near is None else near:
+            mixed = _mixed(index, flat, usable.ravel(), plane.shape[1], wrap, smooth, at, lift)
+            result.reshape(-1, result.shape[2])[at] = _stored(mixed, plane.dtype, lift)
     return result
 
 
@@ -107,10 +110,20 @@ def _stored(
     return in_dtype(values, dtype)
 
 
-def _near_seams(
-    index: Ints32, stride: int, wrap: tuple[bool, bool], smooth: int
-) -> Iterator[tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]]:
-    """Rows and columns of the pixels within reach of a seam, some rows of the canvas at a time."""
+def near_seams(index: Ints32, stride: int, wrap: tuple[bool, bool], smooth: int) -> list[Ints32]:
+    """Flat places of the pixels within reach of a seam, those of some rows of the canvas in one array.
+
+    Parameters
+    ----------
+    index : (H, W) int32 array
+        Flat index into the atlas, or -1.
+    stride : int
+        Width of the atlas.
+    wrap : (bool, bool)
+        Whether rows and columns continue at the opposite border.
+    smooth : int
+        px.
+    """
     near = np.zeros(index.shape, bool)
     for first, second, _ in joints(index, stride, wrap):
         near.reshape(-1)[first] = True
@@ -120,10 +133,8 @@ def _near_seams(
             grown = near | np.roll(near, 1, axis) | np.roll(near, -1, axis)
             near = grown
     near &= index >= 0
-    for top in range(0, index.shape[0], ROWS):
-        y, x = np.nonzero(near[top : top + ROWS])
-        if len(y):
-            yield y + top, x
+    width, tops = index.shape[1], range(0, index.shape[0], ROWS)
+    return [(np.flatnonzero(near[top : top + ROWS]) + top * width).astype(np.int32) for top in tops]
 
 
 def _mixed(
@@ -133,33 +144,39 @@ def _mixed(
     stride: int,
     wrap: tuple[bool, bool],
     smooth: int,
-    y: npt.NDArray[np.intp],
-    x: npt.NDArray[np.intp],
+    at: Ints32,
     lift: Lift | None,
 ) -> npt.NDArray[np.floating[Any]]:
     kernel = np.array([1.0])
     for _ in range(smooth):
         kernel = np.convolve(kernel, [0.25, 0.5, 0.25])
-    total = np.zeros((len(y), flat.shape[1]), np.float32 if flat.dtype.itemsize < 4 else np.float64)
-    mass = np.zeros((len(y), 1), total.dtype)
+    total = np.zeros((len(at), flat.shape[1]), np.float32 if flat.dtype.itemsize < 4 else np.float64)
+    mass = np.zeros((len(at), 1), total.dtype)
     height, width = index.shape
+    y, x = np.divmod(at, np.int32(width))
+    shown = index.ravel()
+    light: list[npt.NDArray[np.float32]] = []
+    if lift is not None:
+        light = [np.broadcast_to(lift.gain, lift.offset.shape).ravel(), lift.offset.ravel()]
     for dy in range(-smooth, smooth + 1):
         for dx in range(-smooth, smooth + 1):
             ny, nx = y + dy, x + dx
-            on = np.ones(len(y), bool)
+            on = np.ones(len(at), bool)
             for line, limit, wraps in ((ny, height, wrap[0]), (nx, width, wrap[1])):
                 if wraps:
                     line %= limit
                 else:
                     on &= (line >= 0) & (line < limit)
                     np.clip(line, 0, limit - 1, out=line)
-            found = index[ny, nx]
+            place = ny * np.int32(width) + nx
+            found = shown.take(place)
             here = np.clip(found - (dy * stride + dx), 0, len(flat) - 1)
-            on &= (found >= 0) & usable[here]
+            on &= (found >= 0) & usable.take(here)
             weight = (on * (kernel[dy + smooth] * kernel[dx + smooth])).astype(total.dtype)[:, np.newaxis]
-            values = flat[here]
-            if lift is not None:
-                values = lift.gain[ny, nx] * values + lift.offset[ny, nx]
+            values = flat.take(here, axis=0)
+            if light:
+                gain, offset = (one.take(place)[:, np.newaxis] for one in light)
+                values = gain * values + offset
             total += weight * values
             mass += weight
     total /= mass

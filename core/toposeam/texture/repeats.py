@@ -86,7 +86,7 @@ class Repeats:
         counts = (distance < self.reach**2) & (distance >= step**2)
         where = (places[0] * long(size[1]))[:, :, np.newaxis] + places[1][:, np.newaxis]
         weight = self._weight.take(index) / np.float32(counts.shape[1] * counts.shape[2])
-        weighed = weight.repeat(np.count_nonzero(counts.reshape(len(counts), -1), axis=1))
+        weighed = weight.repeat(np.count_nonzero(counts, axis=(1, 2)))
         total = np.bincount(where[counts], weighed, size[0] * size[1]).reshape(size).astype(np.float32)
 
         def on_grid(row: int, column: int, factor: int, shape: tuple[int, ...]) -> Floats32:

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from toposeam.texture.rendering import _near_seams, render
+from toposeam.texture.rendering import near_seams, render
 from toposeam.texture.search import reduced
 
 
@@ -42,9 +42,7 @@ def test_reduced_pictures_are_area_means_and_know_what_is_missing():
 @pytest.mark.parametrize("row", [[0, 5, 6, 7], [5, 0, 1, 2], [-1, 5, 1, 2]])
 def test_seams_lie_beside_pixels_that_were_no_neighbours_and_never_beside_a_hole(row):
     index = np.array([row, [value + 8 if value >= 0 else value for value in row]], np.int32)
-    found = {
-        (y, x) for ys, xs in _near_seams(index, 8, (False, False), 1) for y, x in zip(ys, xs, strict=True)
-    }
+    found = {divmod(at, 4) for some in near_seams(index, 8, (False, False), 1) for at in some.tolist()}
     columns = (0, 1) if row[0] >= 0 else (1, 2)
     assert found == {(y, x) for y in range(2) for x in columns}
 

@@ -2,10 +2,14 @@
 
     python benchmarks/placing.py                 30 sets, some minutes
     python benchmarks/placing.py --sets 5 --seed 7
+    python benchmarks/placing.py --repeating     30 sets of a wall of equal tiles
 
 Each set is 4 to 20 crops of one photograph, shuffled. Each crop is cut out at places with fractions, turned
 by up to 2°, exposed up to ±10 % differently, and noisy (1.5 8-bit levels). It overlaps at least one of those
 before it by 25 to 60 %. ``toposeam.find_places`` is told nothing.
+
+With ``--repeating`` the photograph is part of one, repeated every 160 × 190 px, with stains (15 to 30 8-bit
+levels) and up to 60 other things upon it, and crops of 130 to 180 px show about one repeat.
 
 *Off* is the largest distance, px, between where a corner of any crop was placed and where it was cut out,
 after the one shift and turn that brings all of them nearest together: nobody can know where the first one
@@ -29,6 +33,8 @@ PHOTOGRAPHS = ("coffee", "astronaut", "chelsea", "rocket", "retina")
 SETS, EXPOSURE, NOISE, TURN, NEAR = 30, 0.10, 1.5, 2.0, 0.5
 #: Largest side of the photographs, px, and shares of it that crops have.
 SIDE, SHARES = 1200, (0.26, 0.36)
+#: The same of walls that repeat.
+SMALL_SIDE = 500
 
 Floats = np.ndarray
 
@@ -49,13 +55,30 @@ def corners(shape: tuple[int, int], at: tuple[float, float], turn: float, scale:
     return np.stack([cosine * x - sine * y + at[0], sine * x + cosine * y + at[1]], axis=1)
 
 
-def make_set(index: int, seed: int) -> tuple[list[ts.Layer], list[Floats]]:
+def wall(rng: np.random.Generator) -> Floats:
+    """(H, W, 3) float32, which repeats itself, but for stains and things upon it."""
+    whole = np.tile(data.coffee()[60:220, 100:290].astype(np.float32), (5, 5, 1))
+    stains = ndimage.gaussian_filter(rng.normal(0, 1, whole.shape[:2]), 3)
+    whole += (rng.uniform(15, 30) * stains / stains.std())[..., np.newaxis]
+    others = [data.astronaut(), data.chelsea(), data.rocket()]
+    for _ in range(int(rng.integers(0, 61))):
+        other, size = others[int(rng.integers(3))], rng.integers(25, 60, 2)
+        (y, x), (top, left) = (
+            [int(rng.integers(0, side - part)) for side, part in zip(image.shape, size, strict=False)]
+            for image in (other, whole)
+        )
+        thing = other[y : y + size[0], x : x + size[1]]
+        whole[top : top + size[0], left : left + size[1]] = thing
+    return np.clip(whole, 0, 255)
+
+
+def make_set(index: int, seed: int, repeating: bool = False) -> tuple[list[ts.Layer], list[Floats]]:
     """Crops, and the corners of each on the photograph."""
     rng = np.random.default_rng([seed, index])
-    whole = photograph(PHOTOGRAPHS[index % len(PHOTOGRAPHS)])
+    whole = wall(rng) if repeating else photograph(PHOTOGRAPHS[index % len(PHOTOGRAPHS)])
     size = whole.shape[:2]
     count = int(rng.integers(4, 21))
-    shape = tuple(int(rng.uniform(*SHARES) * SIDE) for _ in range(2))
+    shape = tuple(int(rng.uniform(*SHARES) * (SMALL_SIDE if repeating else SIDE)) for _ in range(2))
     places: list[tuple[float, float, float]] = []
     for _ in range(10**4):
         if len(places) == count:
@@ -101,11 +124,12 @@ def main() -> None:
     parser.add_argument("--sets", type=int, default=SETS)
     parser.add_argument("--first", type=int, default=0, help="number of the first set")
     parser.add_argument("--seed", type=int, default=5)
+    parser.add_argument("--repeating", action="store_true", help="crops of a wall that repeats itself")
     options = parser.parse_args()
     told = {"placed": 0, "refused": 0, "wrong": 0}
     offs, seconds = [], []
     for index in range(options.first, options.first + options.sets):
-        layers, truth = make_set(index, options.seed)
+        layers, truth = make_set(index, options.seed, options.repeating)
         started = time.process_time()
         try:
             placement = ts.find_places(layers)

@@ -129,9 +129,13 @@ def correlations(job: PlacedPictures, executor: Executor | None = None) -> dict[
 
 
 def strangers(job: PlacedPictures, executor: Executor | None = None) -> list[str]:
-    """A sentence for each two pictures that hardly show the same where they overlap."""
+    """A sentence for each two pictures that hardly show the same where they overlap, or match elsewhere."""
     if job.placement is not None:
-        return []
+        return [
+            f"{job.layers[i].name} and {job.layers[j].name} match where the other pictures do not place "
+            "them; this match was left out"
+            for i, j in job.placement.outvoted
+        ]
     return [
         f"{job.layers[i].name} and {job.layers[j].name} hardly show the same where they overlap (correlation "
         f"{value:.2f}); check where they lie"

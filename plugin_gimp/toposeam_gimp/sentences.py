@@ -50,18 +50,31 @@ _SENTENCES = (
         ),
     ),
     (
-        r"(?P<name>.+) and (?P<others>.+) show something else than the other pictures",
+        r"(?P<name>.+?) and (?P<others>.+) show something else than the other pictures",
         _(
             "“{name}” and {others} show something else than the other layers; select the layers that belong "
             "together."
         ),
     ),
     (
-        r"(?P<name>.+) and (?P<other>.+) do not fit where the other pictures place them: (?P<off>[\d.]+) px",
+        r"(?P<names>.+) fit none of the other pictures",
         _(
-            "“{name}” and “{other}” do not fit on each other: {off} px are left between them. Moving and "
-            "turning do not undo a lens or a change of perspective; lay the layers by hand, and switch "
-            "“Positions” back."
+            "{names} show nothing that the other layers show too, so where they belong cannot be found out. "
+            "Select the others without them, or lay them where they belong and switch “Positions” back."
+        ),
+    ),
+    (
+        r"(?P<names>.+) do not fit where the other pictures place them: up to (?P<off>[\d.]+) px",
+        _(
+            "{names} do not fit on each other: up to {off} px are left between them. Moving and turning do "
+            "not undo a lens or a change of perspective; lay the layers by hand, and switch “Positions” back."
+        ),
+    ),
+    (
+        r"(?P<names>.+) match where the other pictures do not place them",
+        _(
+            "{names} match where the other layers do not place them, and which is right cannot be told: what "
+            "repeats itself matches in several places. Lay the layers by hand, and switch “Positions” back."
         ),
     ),
     (

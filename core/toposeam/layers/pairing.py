@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import scipy
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from toposeam.heat.threads import one_thread
 from toposeam.layers.features import Look, cornered, look_at, shared_features
@@ -43,6 +45,13 @@ class Match:
     first: Floats
     second: Floats
     correlation: float
+
+
+def groups(count: int, pairs: Iterable[Pair]) -> npt.NDArray[np.intp]:
+    """(N,) which group each of so many pictures is in, joined by pairs."""
+    i, j = np.array(list(pairs), np.intp).reshape(-1, 2).T
+    joined = csr_array((np.ones(len(i)), (i, j)), shape=(count, count))
+    return np.asarray(connected_components(joined, directed=False)[1], np.intp)
 
 
 def _digest(picture: Layer) -> bytes:

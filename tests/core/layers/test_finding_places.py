@@ -9,7 +9,7 @@ from skimage import data, feature
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import toposeam as ts
-from toposeam.layers import pairing, placing
+from toposeam.layers import adjustment, pairing, placing
 from toposeam.layers.features import Look, look_at, shared_features
 
 WHOLE = data.camera()[120:220, 100:360]
@@ -132,11 +132,10 @@ def test_a_few_poor_patches_are_no_reason_to_turn_pictures():
     matches[3, 4] = dataclasses.replace(last, second=last.second + np.stack([off, off], axis=1))
     few = {key: dataclasses.replace(m, first=m.first[:6], second=m.second[:6]) for key, m in matches.items()}
     matches[3, 4] = few[3, 4]
-    pictures = [ts.Layer(np.zeros((100, 100), np.uint8))] * 5
-    transforms, _ = placing._solve(pictures, matches)
+    transforms = adjustment.adjusted(5, matches).transforms
     assert (transforms[:, 1] == 0).all()
     turned = matches_of([(80.0 * i, 0.02 * (i % 2)) for i in range(5)], rng, 0.05)
-    transforms, _ = placing._solve(pictures, turned)
+    transforms = adjustment.adjusted(5, turned).transforms
     np.testing.assert_allclose(transforms[:, 1], [0, 0.02, 0, 0.02, 0], atol=2e-3)
 
 
@@ -146,9 +145,9 @@ def test_how_far_corners_are_open_is_how_far_they_scatter():
     said, scatter = [], []
     for seed in range(60):
         matches = matches_of(truth, np.random.default_rng(seed), 0.1)
-        found = placing._least_squares(len(sizes), matches, "turn")
+        found = adjustment.least_squares(len(sizes), matches, "turn")
         transforms = found.transforms
-        open_ = found.noise * placing._open(sizes, transforms, found.matrix, "turn")
+        open_ = adjustment.open_corners(sizes, found)
         places = (transforms[:, 2:] @ [1, 1j])[:, np.newaxis] + ends * (transforms[:, :2] @ [1, 1j])[
             :, np.newaxis
         ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -128,19 +128,27 @@ def correlations(job: PlacedPictures, executor: Executor | None = None) -> dict[
     return ts.correlations(job.layers, executor=executor)
 
 
-def strangers(job: PlacedPictures, executor: Executor | None = None) -> list[str]:
-    """A sentence for each two pictures that hardly show the same where they overlap, or match elsewhere."""
+def strangers(job: PlacedPictures, wrap: int | None = None, executor: Executor | None = None) -> list[str]:
+    """A sentence for each two pictures that hardly show the same where they overlap, if `wrap` is given also
+    all the way round, or that match elsewhere.
+    """
     if job.placement is not None:
         return [
             f"{job.layers[i].name} and {job.layers[j].name} match where the other pictures do not place "
             "them; this match was left out"
             for i, j in job.placement.outvoted
         ]
+    layers, count = list(job.layers), len(job.layers)
+    if wrap is not None:
+        right = max(layer.at[0] + layer.image.shape[1] for layer in layers)
+        again = [index for index, layer in enumerate(layers) if layer.at[0] + wrap < right]
+        layers += [replace(layers[k], at=(layers[k].at[0] + wrap, layers[k].at[1])) for k in again]
     return [
-        f"{job.layers[i].name} and {job.layers[j].name} hardly show the same where they overlap (correlation "
-        f"{value:.2f}); check where they lie"
-        for (i, j), value in ts.correlations(job.layers, executor=executor).items()
-        if value < _STRANGE
+        f"{layers[i].name} and {layers[j].name} hardly show the same where they overlap"
+        f"{'' if j < count else ' all the way round'} (correlation {value:.2f}); check where they lie"
+        f"{'' if j < count else ' and how wide --wrap is'}"
+        for (i, j), value in ts.correlations(layers, executor=executor).items()
+        if value < _STRANGE and i < count
     ]
 
 

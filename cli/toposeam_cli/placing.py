@@ -27,6 +27,7 @@ from toposeam_cli.pictures.stored import read_stored, store
 from toposeam_cli.turning import placed_layers
 from toposeam_cli.whereabouts import Where, places_of
 
+_LAYOUTS = (".toml", ".json")
 #: Pictures with more pixels together wait in files.
 STORED_PIXELS = 64_000_000
 
@@ -243,7 +244,7 @@ def _many(files: Sequence[Path]) -> bool:
     """Whether the pictures have so many pixels that they had better not wait in memory."""
     if len(files) == 1 and files[0].suffix.lower() == ".ora":
         return False
-    if len(files) == 1 and files[0].suffix.lower() in (".toml", ".json"):
+    if len(files) == 1 and files[0].suffix.lower() in _LAYOUTS:
         files = [layer.file for layer in read_layout(files[0])]
     total = 0
     for path in files:
@@ -315,7 +316,7 @@ def _sources(
 ) -> list[_Source]:
     """The pictures; `at` is set when the file itself says where they lie."""
     kind = files[0].suffix.lower()
-    if len(files) == 1 and kind in (".ora", ".toml", ".json"):
+    if len(files) == 1 and kind in (".ora", *_LAYOUTS):
         if where.at or where.offset is not None or where.overlap is not None or where.arranged:
             raise ts.OptionError(
                 f"'{files[0]}' says itself where its pictures lie; leave --at, --offset and --overlap out"
@@ -348,6 +349,8 @@ def _sources(
                 "so add or show some"
             )
         return sources
+    if len(files) == 1 and files[0].is_dir():
+        raise ts.OptionError(f"'{files[0]}' is a folder; give the pictures in it, like {files[0]}/*.jpg")
     if len(files) < least:
         raise ts.OptionError(
             f"'{files[0]}' is only one picture; give at least two, an OpenRaster file (.ora) or a layout "
@@ -358,6 +361,8 @@ def _sources(
             raise ts.OptionError(
                 f"'{path}' holds layers of its own; give it alone, or export its layers as pictures"
             )
+        if path.suffix.lower() in _LAYOUTS:
+            raise ts.OptionError(f"'{path}' is a layout; give it alone, and name all pictures in it")
     sources = [
         _Source(picture=picture, at=None, name=files[number].name, file=files[number])
         for number, picture in reading.read(files, [path.name for path in files])

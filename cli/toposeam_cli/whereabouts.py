@@ -80,8 +80,8 @@ def places_of(
     if where.at:
         if len(where.at) != count:
             raise ts.OptionError(
-                f"--at is given {len(where.at)} times for {count} pictures; give it once for each, in their "
-                "order"
+                f"--at is given {'once' if len(where.at) == 1 else f'{len(where.at)} times'} for {count} "
+                "pictures; give it once for each, in their order"
             )
         return [where.at[number] for number in numbers]
     if where.offset is not None and len(where.offset) != 2:

@@ -173,6 +173,37 @@ def test_strangers_at_given_places_give_a_warning_with_the_number(crops, toposea
     assert toposeam("stitch", "a.png", "b.png", "--offset", "200,4", "-o", "ab.png").err == ""
 
 
+def test_folders_and_layouts_are_not_taken_for_pictures(unlike, toposeam):
+    folder = unlike[0].parent
+    (folder / "photos").mkdir()
+    toposeam("stitch", "photos", "-o", "o.png").fails(
+        "'photos' is a folder; give the pictures in it, like photos"
+    )
+    (folder / "placed.toml").write_text("")
+    toposeam("stitch", "placed.toml", "a.png", "-o", "o.png").fails(
+        "'placed.toml' is a layout; give it alone"
+    )
+    toposeam("stitch", "a.png", "b.png", "--at", "0,0", "-o", "o.png").fails("--at is given once for 2")
+
+
+@pytest.mark.medium
+def test_a_panorama_of_a_wrong_width_gives_a_warning(tmp_path, monkeypatch, toposeam):
+    monkeypatch.chdir(tmp_path)
+    scene = np.concatenate([COFFEE[:90], COFFEE[:90, ::-1]], axis=1)  # goes round
+    at = []
+    for index, x in enumerate(range(0, 1200, 240)):
+        around = np.arange(x, x + 340) % 1200
+        write_picture(tmp_path / f"w{index}.png", Picture(pixels=np.ascontiguousarray(scene[:, around])))
+        at += ["--at", f"{x},0"]
+    line = ("stitch", *(f"w{index}.png" for index in range(5)), *at, "--wrap")
+    right = toposeam(*line, "1200", "-o", "right.png")
+    assert (right.code, right.err) == (0, "")
+    wrong = toposeam(*line, "1230", "-o", "wrong.png")
+    assert wrong.code == 0
+    assert "warning: w4.png and w0.png hardly show the same where they overlap all the way round" in wrong.err
+    assert "how wide --wrap is" in wrong.err
+
+
 # What a format can hold
 
 

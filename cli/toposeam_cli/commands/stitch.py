@@ -251,7 +251,7 @@ def _stitch(
         crop = crop_of(out, job.layers)
     else:
         crop = out.crop or ("outside" if out.has_alpha or out.background is not None else "inside")
-    warnings = [] if out.quiet else strangers(job, means.workers)
+    warnings = [] if out.quiet else strangers(job, find.wrap, means.workers)
     if job.stored:
         return _stitch_large(job, find, out, files, crop, means, [*warnings], aligned)
     composed = composed_as(job, find, out, files)

@@ -45,17 +45,15 @@ class Solution:
     freedom: str
 
 
-def adjusted(count: int, matches: dict[Pair, Match]) -> Solution:
-    """All transforms of so many pictures: by shifts alone if that is enough, else also by turns, else also by
+def adjusted(sizes: Floats, matches: dict[Pair, Match]) -> Solution:
+    """All transforms of pictures of (N, 2) heights and widths: by shifts, or also by turns, or also by
     scales, as the Bayesian information criterion says (Schwarz 1978, doi:10.1214/aos/1176344136): what a few
     patches of one poor overlap would have is no reason to turn.
     """
-    found = []
-    for freedom in _FREEDOMS:
-        found.append(least_squares(count, matches, freedom))
-        if found[-1].misfit <= _NOT_TURNED:
-            break
-    return found[_simplest([one.transforms for one in found], matches)]
+    found = [least_squares(len(sizes), matches, freedom) for freedom in _FREEDOMS]
+    chosen = found[_simplest([one.transforms for one in found], matches)]
+    a, b = chosen.transforms.T[:2]
+    return chosen if (np.hypot(a - 1, b) * np.hypot(*sizes.T)).max() > _NOT_TURNED else found[0]
 
 
 def _simplest(several: list[Floats], matches: dict[Pair, Match]) -> int:

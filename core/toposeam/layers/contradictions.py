@@ -54,7 +54,7 @@ def without_contradictions(
     OverlapError
         When more than these do not fit; the text names the pairs.
     """
-    solution = adjusted(len(sizes), matches)
+    solution = adjusted(sizes, matches)
     if max(offsets(solution.transforms, matches).values()) <= LARGEST_MISFIT:
         return solution, matches
     off = offsets(_majority(len(sizes), matches), matches)
@@ -64,7 +64,7 @@ def without_contradictions(
     for _ in range(_ROUNDS):
         if settled or len(set(groups(len(sizes), kept))) > 1:
             break
-        solution = adjusted(len(sizes), kept)
+        solution = adjusted(sizes, kept)
         off = offsets(solution.transforms, matches)
         before, kept = kept, {pair: matches[pair] for pair in matches if off[pair] <= LARGEST_MISFIT}
         settled = kept.keys() == before.keys()

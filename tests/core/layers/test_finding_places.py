@@ -132,11 +132,27 @@ def test_a_few_poor_patches_are_no_reason_to_turn_pictures():
     matches[3, 4] = dataclasses.replace(last, second=last.second + np.stack([off, off], axis=1))
     few = {key: dataclasses.replace(m, first=m.first[:6], second=m.second[:6]) for key, m in matches.items()}
     matches[3, 4] = few[3, 4]
-    transforms = adjustment.adjusted(5, matches).transforms
+    sizes = np.full((5, 2), 100)
+    transforms = adjustment.adjusted(sizes, matches).transforms
     assert (transforms[:, 1] == 0).all()
     turned = matches_of([(80.0 * i, 0.02 * (i % 2)) for i in range(5)], rng, 0.05)
-    transforms = adjustment.adjusted(5, turned).transforms
+    transforms = adjustment.adjusted(sizes, turned).transforms
     np.testing.assert_allclose(transforms[:, 1], [0, 0.02, 0, 0.02, 0], atol=2e-3)
+
+
+def test_pictures_are_turned_although_what_they_share_hardly_shows_it():
+    """Shifts alone leave a quarter of a pixel between the patches, and a pixel and more at the corners."""
+    matches = matches_of([(80.0 * i, 0.01 * (i % 2)) for i in range(5)], np.random.default_rng(5), 0.05)
+    shifted = adjustment.least_squares(5, matches, "shift")
+    found = adjustment.adjusted(np.full((5, 2), 100), matches)
+    assert shifted.misfit < 0.35
+    np.testing.assert_allclose(found.transforms[:, 1], [0, 0.01, 0, 0.01, 0], atol=2e-3)
+
+
+def test_what_would_turn_no_corner_by_a_third_of_a_pixel_is_not_turned():
+    matches = matches_of([(80.0 * i, 0.002 * (i % 2)) for i in range(5)], np.random.default_rng(5), 0.01)
+    assert (adjustment.adjusted(np.full((5, 2), 100), matches).transforms[:, 1] == 0).all()
+    assert (adjustment.adjusted(np.full((5, 2), 300), matches).transforms[:, 1] != 0).any()
 
 
 def test_how_far_corners_are_open_is_how_far_they_scatter():

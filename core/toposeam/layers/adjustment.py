@@ -32,7 +32,7 @@ Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Solution:
+class Adjustment:
     """All transforms at once."""
 
     #: (N, 4).
@@ -45,7 +45,7 @@ class Solution:
     freedom: str
 
 
-def adjusted(sizes: Floats, matches: dict[Pair, Match]) -> Solution:
+def adjusted(sizes: Floats, matches: dict[Pair, Match]) -> Adjustment:
     """All transforms of pictures of (N, 2) heights and widths: by shifts, or also by turns, or also by
     scales, as the Bayesian information criterion says (Schwarz 1978, doi:10.1214/aos/1176344136): what a few
     patches of one poor overlap would have is no reason to turn.
@@ -94,7 +94,7 @@ def _applied(transform: Floats, points: Floats) -> Floats:
     )
 
 
-def least_squares(count: int, matches: dict[Pair, Match], freedom: str) -> Solution:
+def least_squares(count: int, matches: dict[Pair, Match], freedom: str) -> Adjustment:
     """All transforms of so many pictures; patches that disagree with a solution are left out of the next."""
     free = _FREE[freedom]
     transforms = np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
@@ -123,10 +123,10 @@ def least_squares(count: int, matches: dict[Pair, Match], freedom: str) -> Solut
     misfit = max(
         float(np.median(residuals(transforms, i, j, match)[used[i, j]])) for (i, j), match in matches.items()
     )
-    return Solution(transforms, misfit, float(np.sqrt(noise)), matrix, freedom)
+    return Adjustment(transforms, misfit, float(np.sqrt(noise)), matrix, freedom)
 
 
-def open_corners(sizes: Floats, solution: Solution) -> Floats:
+def open_corners(sizes: Floats, solution: Adjustment) -> Floats:
     """How far, px, each picture's corners are open, one standard deviation. That all pictures together may
     lie elsewhere, or turned, nobody sees: the least of all such covariances (Baarda's S-transformation).
     """

@@ -16,7 +16,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
 from toposeam.errors import OverlapError
-from toposeam.layers.adjustment import Solution, adjusted, offsets
+from toposeam.layers.adjustment import Adjustment, adjusted, offsets
 from toposeam.layers.labelling import Pair
 from toposeam.layers.pairing import Match, groups
 
@@ -37,7 +37,7 @@ Floats = npt.NDArray[np.float64]
 
 def without_contradictions(
     names: list[str], sizes: Floats, matches: dict[Pair, Match]
-) -> tuple[Solution, dict[Pair, Match]]:
+) -> tuple[Adjustment, dict[Pair, Match]]:
     """Transforms that all pairs but those that are outvoted agree to, and those that agree.
 
     Parameters
@@ -95,7 +95,7 @@ def _named(names: list[str], pairs: list[Pair]) -> str:
 
 
 def _majority(count: int, matches: dict[Pair, Match]) -> Floats:
-    """(N, 4) transforms, as :class:`Solution` has them, from which pairs have the least sum of distances."""
+    """(N, 4) transforms as in :class:`Adjustment`, from which pairs have the least sum of distances."""
     pairs = np.array(list(matches))
     weights = np.array([len(match.first) for match in matches.values()], float)
     own = np.array([_similarity(match) for match in matches.values()])

@@ -199,13 +199,15 @@ def _check_joined(pictures: Sequence[Layer], matches: dict[Pair, Match], best: F
 
 
 def _check_exact(pictures: Sequence[Layer], doubts: Floats) -> None:
-    unsure = np.flatnonzero(doubts > LARGEST_DOUBT)
+    """Refuse pictures whose corners are open by so many px, and name all of them, the worst first."""
+    worst_first = np.argsort(-doubts, kind="stable")
+    unsure = worst_first[doubts[worst_first] > LARGEST_DOUBT]
     if len(unsure):
         raise OverlapError(
             f"{_named(pictures, unsure)} cannot be placed exactly: what "
             f"{_each(unsure, 'it shares', 'they share')} with the others leaves "
-            f"{_each(unsure, '', 'up to ')}{doubts.max():.1f} px open; leave {_each(unsure, 'it', 'them')} "
-            "out, or say where the pictures lie"
+            f"{_each(unsure, '', 'up to ')}{doubts.max():.1f} px open; "
+            f"{_each(unsure, 'leave it out', 'let them overlap more')}, or say where the pictures lie"
         )
 
 

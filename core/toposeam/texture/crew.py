@@ -67,13 +67,13 @@ class Crew:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if error is None:
+            self.dismiss()
         others, self._others, self._count = list(self._others.values()), {}, 1
         if not others:
             return
         for process, pipe in others:
-            if error is None:
-                self._give(b"")
-            else:
+            if error is not None:
                 os.kill(process, signal.SIGKILL)  # nobody waits for what they compute
             pipe.close()
         os.close(self._requests)
@@ -81,6 +81,14 @@ class Crew:
         for process, _ in others:
             with contextlib.suppress(ChildProcessError):  # where children are not waited for
                 os.waitpid(process, 0)
+
+    def dismiss(self) -> None:
+        """Have the others end, which takes them some time, as nothing will be asked any more; they have gone
+        when the context ends.
+        """
+        for _ in self._others if self._tool is not None else ():
+            self._give(b"")
+        self._tool, self._made = None, (-1, None)
 
     def begin(self, kind: type, shape: tuple[int, int], count: int) -> None:
         """From now on methods of an object are called that is made of the tool and a shape, in every process

@@ -286,36 +286,37 @@ def synthesize(
         mend(placer, shape, tries, crew, report.stage(0.9, 1.0))
         if placer.guard is not None and chosen.mend:
             Exchange(placer, shape, crew).run()
-    report.finish()
-    del placer, given, crew  # a guide takes more memory than the picture
-    settings = {
-        "patch": side,
-        "overlap": overlap,
-        "seed": seed,
-        "tileable": tileable,
-        "smooth": smooth,
-        **settings_of(chosen),
-    }
-    settings |= {
-        "flatten": flatten,
-        "level": level,
-        "shares": parts,
-        "turns": turns,
-        "transparent": transparent,
-    }
-    lift = None
-    if level:
-        plane = atlas.spread(sources.planes[0]).astype(np.float32)
-        laid = canvas.index, canvas.labels
-        light = (
-            levelled_copies(plane, features, atlas, *laid, canvas.first_patches(), wraps)
-            if level is True
-            else CopyLight.of(plane, atlas)
-        )
-        lift = EasedLight(plane, light, *laid, wraps)
-    made = finish(sources, atlas, canvas, shape, settings, smooth, lift=lift)
-    made = dataclasses.replace(made, fits=fits)
-    return begun(made) if guide is None else made
+        crew.dismiss()
+        report.finish()
+        del placer, given  # a guide takes more memory than the picture
+        settings = {
+            "patch": side,
+            "overlap": overlap,
+            "seed": seed,
+            "tileable": tileable,
+            "smooth": smooth,
+            **settings_of(chosen),
+        }
+        settings |= {
+            "flatten": flatten,
+            "level": level,
+            "shares": parts,
+            "turns": turns,
+            "transparent": transparent,
+        }
+        lift = None
+        if level:
+            plane = atlas.spread(sources.planes[0]).astype(np.float32)
+            laid = canvas.index, canvas.labels
+            light = (
+                levelled_copies(plane, features, atlas, *laid, canvas.first_patches(), wraps)
+                if level is True
+                else CopyLight.of(plane, atlas)
+            )
+            lift = EasedLight(plane, light, *laid, wraps)
+        made = finish(sources, atlas, canvas, shape, settings, smooth, lift=lift)
+        made = dataclasses.replace(made, fits=fits)
+        return begun(made) if guide is None else made
 
 
 def _shares(shares: Sequence[float] | None, count: int) -> list[float] | None:

@@ -183,6 +183,19 @@ def test_every_process_takes_part():
 
 
 @forks
+def test_those_that_are_dismissed_end_while_the_work_goes_on():
+    with Crew(3, meeting(3), lambda: None) as crew:
+        others = met(crew, 3) - {os.getpid()}
+        crew.dismiss()
+        until = time.monotonic() + 20
+        ended = os.WEXITED | os.WNOWAIT | os.WNOHANG
+        while time.monotonic() < until and not all(os.waitid(os.P_PID, one, ended) for one in others):
+            time.sleep(0.001)
+        assert time.monotonic() < until
+    assert all(gone(process) for process in others)
+
+
+@forks
 @pytest.mark.parametrize("count", [1, 3])
 def test_all_that_is_asked_is_answered_once(count):
     asked, found = 600, []  # more than the pipe holds

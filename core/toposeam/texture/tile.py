@@ -122,6 +122,11 @@ def make_tileable(
     if windows:
         placer = placer_over(sources, hole, ground, wraps, chosen, seed)
         atlas, canvas = placer.atlas, placer.canvas
+        if not placer.search.room(windows[0][2]).any():
+            raise ImageError(
+                f"nowhere is the image opaque for a patch of {2 * band} × {2 * band} px, as a band of {band} "
+                f"px needs it; fill its holes first{', or use a narrower band' if band > 4 else ''}"
+            )
     else:
         atlas, canvas = canvas_over(sources, hole, ground, wraps, chosen.context)
     for done, (top, left, shape) in enumerate(windows, start=1):

@@ -163,6 +163,23 @@ def test_objects_are_cut_by_others_and_come_out_the_same(monkeypatch):
     assert cutters[1] == FORKS
 
 
+def test_others_begin_to_cut_objects_while_the_next_are_looked_for(monkeypatch):
+    image, _, _ = discs()
+    done = []
+    for name in ("ask", "pass_on", "answers"):
+        method = getattr(Crew, name)
+
+        def noted(self, *given, name=name, method=method):
+            done.append("cuts" if name == "ask" and isinstance(given[1], bytes) else name)
+            return method(self, *given)
+
+        monkeypatch.setattr(Crew, name, noted)
+    ts.synthesize(image, 400, patch=40, seed=3)
+    after = [done[k + 1] for k, what in enumerate(done) if what == "cuts"]
+    assert after
+    assert set(after) == {"pass_on"}
+
+
 def test_an_object_that_comes_twice_becomes_another_one_if_what_was_chosen_has_no_room(monkeypatch):
     image, objects, middles = discs()
     placer = placer_on(image, np.arange(image.size).reshape(image.shape))

@@ -19,10 +19,12 @@ from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.finish import finish, settings_of
 from toposeam.texture.holed import canvas_over, placer_over, read_holed
 from toposeam.texture.homogeneity import is_texture
+from toposeam.texture.keeping_step import Phase
 from toposeam.texture.lay import PatchPlacer
 from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.levelling import levelled
 from toposeam.texture.offsets import candidate_shifts
+from toposeam.texture.order import find_order
 from toposeam.texture.rendering import Lift
 from toposeam.texture.scale import SMALLEST_PATCH
 from toposeam.texture.search import box_sum
@@ -153,6 +155,11 @@ def fill(
     band = check_whole("band", lap if band is None else band, 0)
     near = _disk_dilation(hole, band) & ground
     placer = placer_over(sources, hole, ground, (False, False), chosen, seed)
+    order = find_order(sources.features[0], sources.usable[0]) if chosen.close else None
+    if order is not None:
+        placer.phase = Phase(order, order.reciprocal, max(1.0, 0.75 * placer.atlas.factor))
+        first = placer.atlas.corners[0].tolist()
+        placer.phase.begin((0, 0), (first[0], first[1]), (0, 0))
     for top, left, shape in _windows(placer, hole, side, band):
         rows, columns, _ = placer.canvas.window(top, left, *shape)
         placer.lay(top, left, shape, near[rows, columns])
@@ -246,7 +253,7 @@ def _windows(
         first = [max(part.start - band - 1, 0) for part in box]
         last = [min(part.stop + band + 1, limit) for part, limit in zip(box, canvas.shape, strict=True)]
         shape = last[0] - first[0], last[1] - first[1]
-        if max(shape) <= _ONE_PATCH * side and _has_room(placer, shape):
+        if max(shape) <= _ONE_PATCH * side and _has_room(placer, shape, (first[0], first[1])):
             yield first[0], first[1], shape
         else:
             large |= pieces == number
@@ -268,11 +275,13 @@ def _windows(
         around = ((height // 2, height - height // 2 - 1), (width // 2, width - width // 2 - 1))
         share = box_sum(np.pad(known, around), (height, width))
         row, column = divmod(int(np.where(edge, share, -1).argmax()), known.shape[1])
-        yield (
-            int(np.clip(part[0].start + row - height // 2, 0, canvas.shape[0] - height)),
-            int(np.clip(part[1].start + column - width // 2, 0, canvas.shape[1] - width)),
-            (height, width),
-        )
+        at = row + part[0].start, column + part[1].start
+        window = _window(canvas.shape, at, (height, width))
+        smaller = height, width
+        while not _has_room(placer, smaller, window[:2]) and min(smaller) >= 2 * SMALLEST_PATCH:
+            smaller = smaller[0] // 2, smaller[1] // 2
+            window = _window(canvas.shape, at, smaller)
+        yield window
 
 
 def _lift(added: Floats32, limits: tuple[float, float], channel: int) -> Lift:
@@ -281,10 +290,27 @@ def _lift(added: Floats32, limits: tuple[float, float], channel: int) -> Lift:
     return Lift(gain=one, offset=added[..., channel : channel + 1], low=limits[0], high=limits[1])
 
 
-def _has_room(placer: PatchPlacer, shape: tuple[int, int]) -> bool:
+def _window(
+    room: tuple[int, int], at: tuple[int, int], shape: tuple[int, int]
+) -> tuple[int, int, tuple[int, int]]:
+    """A window of a shape round a pixel, as far as there is room."""
+    top, left = (
+        min(max(middle - length // 2, 0), limit - length)
+        for middle, length, limit in zip(at, shape, room, strict=True)
+    )
+    return top, left, shape
+
+
+def _has_room(placer: PatchPlacer, shape: tuple[int, int], at: tuple[int, int] | None = None) -> bool:
+    """Whether there are places for a patch of a shape; for a window of the canvas also whether such as keep
+    step with the picture's order.
+    """
     if any(length > limit for length, limit in zip(shape, placer.atlas.usable.shape, strict=True)):
         return False
-    return bool(placer.search.room(shape).any())
+    room = placer.search.room(shape)
+    if at is not None and placer.phase is not None:
+        room = room & placer.phase.allows(at, shape, *map(np.arange, room.shape))
+    return bool(room.any())
 
 
 def _disk_dilation(mask: Mask, radius: int) -> Mask:

@@ -267,3 +267,17 @@ def test_of_a_large_picture_only_what_is_near_is_looked_at(monkeypatch):
     spoiled = np.where(hole, 0, image).astype(np.uint8)
     made = ts.fill(spoiled, hole, by="shifts")
     np.testing.assert_array_equal(made.image, image)
+
+
+def test_a_hole_in_an_order_is_filled_in_step_with_it():
+    tones = np.array([40, 220, 90, 140])[np.searchsorted([14, 18, 34], np.arange(203) % 44, side="right")]
+    y, x = np.mgrid[:187, :203]
+    image = np.where((x + y) % 4 < 2, tones[x], tones[y]).astype(np.uint8)
+    image += np.random.default_rng(0).integers(0, 9, image.shape).astype(np.uint8)
+    mask = np.zeros(image.shape, bool)
+    mask[60:110, 80:130] = True
+    kept, loose = (
+        ts.fill(image, mask, by="patches", seed=1, close=close).image.astype(int) for close in (True, False)
+    )
+    assert (np.abs(kept - image.astype(int))[mask] <= 8).all()
+    assert (np.abs(loose - image.astype(int))[mask] > 30).mean() > 0.2

@@ -246,7 +246,8 @@ def _planes(placed: Placed, index: int, box: Box, channels: int) -> tuple[Floats
     place, layer = placed.places[index], placed.layers[index]
     present = cut(placed.covered[index], place, box)
     image = cut(layer.image, place, box)
-    if not present.all():
+    inside = box.shared(place).moved(-place.top, -place.left)
+    if not uniform(placed.covered[index], inside):  # beyond the layer it is 0
         image[~present] = 0
     planes = as_planes(image, layer.name, layer.data_range)
     return planes if len(planes) == channels else np.repeat(planes, channels, axis=0), present

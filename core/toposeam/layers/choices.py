@@ -93,8 +93,10 @@ class Choices:
         result.box = Box(0, 0, times * (height + 1), width)
         result._pixels = pixels
         result._nearby, result._white = {}, _chessboard(result.box.shape)
-        result.shows = np.concatenate([np.pad(part, (0, width), constant_values=count) for part in shows])
-        result.may = np.tile(np.pad(self.may, ((0, 0), (0, width))), times)
+        result.shows = np.full((times, pixels), count, np.int16)
+        result.shows[:, :-width] = shows
+        result.shows = result.shows.ravel()
+        result.may = np.tile(np.concatenate([self.may, np.zeros((count, width), bool)], axis=1), times)
         starts = np.arange(times)[:, None] * pixels
         p, q, column = self.edges
         result.edges = Edges((p + starts).ravel(), (q + starts).ravel(), np.tile(column, times))
@@ -293,8 +295,11 @@ class Choices:
         moved = np.flatnonzero(one | other)
         one, other = one[moved], other[moved]
         now[moved] = np.where(one, np.where(other, 0, p_turns[moved]), q_turns[moved])
-        of_edge = np.maximum(at_p, at_q)
-        before, after = (np.bincount(of_edge, values, count + 1) for values in (stay, now))
+        before, after = (
+            np.bincount(np.maximum(at_p[paid], at_q[paid]), values[paid], count + 1)
+            for values in (stay, now)
+            for paid in [np.flatnonzero(values)]
+        )
         return turned, after < before * (1 - _LEAST_GAIN)
 
     def fuse(self, other: npt.NDArray[np.int16]) -> None:
@@ -388,4 +393,6 @@ class Choices:
 
 def _chessboard(shape: tuple[int, int]) -> Mask:
     """(h w,) bool: every other pixel."""
-    return np.asarray(np.add.outer(*map(np.arange, shape)) % 2 == 0).ravel()
+    white = np.zeros(shape, bool)
+    white[::2, ::2] = white[1::2, 1::2] = True
+    return white.ravel()

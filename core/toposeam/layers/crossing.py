@@ -257,7 +257,8 @@ def _corners(pixel: Indices, way: Indices, width: int) -> tuple[Indices, Indices
 
 def _sides(piece: npt.NDArray[np.int32]) -> tuple[Indices, Indices]:
     """The pixels of pieces beside something else, once for each such side, and which side that is."""
-    wide = np.pad(piece > 0, 1)
+    wide = np.zeros((piece.shape[0] + 2, piece.shape[1] + 2), bool)
+    wide[1:-1, 1:-1] = piece > 0
     beyond = wide[1:-1, :-2], wide[1:-1, 2:], wide[:-2, 1:-1], wide[2:, 1:-1]
     pixels = [np.flatnonzero(wide[1:-1, 1:-1] & ~there) for there in beyond]
     return np.concatenate(pixels), np.repeat(np.arange(4), [len(part) for part in pixels])

@@ -84,24 +84,24 @@ def decided(
     """(n,) bool: which nodes end on the hot side, and their potential; `pull` is what not ending there costs
     more. `component` is the connected one of each node, (n,), and of `white` nodes no two are linked.
     """
-    tied = np.flatnonzero(pull != 0)
+    tied = np.flatnonzero(pull)
     warm, cool = np.zeros((2, int(component.max()) + 1), bool)
     for side, pulls in ((warm, pull[tied] > 0), (cool, pull[tied] < 0)):
         side[component[tied[pulls]]] = True
     result: Mask = warm[component]
     if now is not None:  # nothing pulls: all stays
         result = result | (now & ~(warm | cool)[component])
+    potential = result.astype(np.float64)
     open_ = (warm & cool)[component]
-    chosen, size = np.flatnonzero(open_), len(open_)
-    if len(chosen) < size:
-        potential = result.astype(np.float64)
-        if not len(chosen):
-            return result, potential
-        inner, order = open_[tail], np.cumsum(open_) - 1
-        ends = order[tail[inner]], order[head[inner]]
-        part = component[chosen], white[chosen], *ends, link[inner], pull[chosen], decide
-        result[chosen], potential[chosen] = decided(*part)
+    chosen = np.flatnonzero(open_)
+    size = len(chosen)
+    if not size:
         return result, potential
+    if size < len(open_):
+        inner, order = np.flatnonzero(open_[tail]), np.cumsum(open_) - 1
+        tail, head, link = order[tail[inner]], order[head[inner]], link[inner]
+        pull, white = pull[chosen], white[chosen]
+        tied = np.flatnonzero(pull)
     strength = pull[tied]
     network = Network(
         size,
@@ -109,7 +109,8 @@ def decided(
         np.concatenate([head, np.where(strength > 0, size + 1, size)]),
         white,
     )
-    return decide(network, np.concatenate([link, np.abs(strength)]))
+    result[chosen], potential[chosen] = decide(network, np.concatenate([link, np.abs(strength)]))
+    return result, potential
 
 
 def questions(

@@ -67,8 +67,8 @@ class EdgeCosts:
     ) -> None:
         count, size = len(layers), len(edges.p)
         tables = [np.zeros(size, np.float32)]
-        #: (count + 1, count + 1) rows of the table; the first one is 0.
-        self.row = np.zeros((count + 1, count + 1), np.intp)
+        #: (count + 1, count + 1) where rows of the table begin; the first one is 0.
+        self._begin = np.zeros((count + 1, count + 1), np.intp)
         number = np.full((2, *box.shape), -1, np.int32)
         for numbers, step in zip(number, (1, box.shape[1]), strict=True):
             own = np.flatnonzero(edges.q - edges.p == step)
@@ -90,13 +90,12 @@ class EdgeCosts:
                 values = np.zeros(size, np.float32)
                 for paid, chosen, numbers in zip(cost.on(common), wanted, there, strict=True):
                     values[numbers[chosen]] = paid[chosen]
-                self.row[i, j] = self.row[j, i] = len(tables)
+                self._begin[i, j] = self._begin[j, i] = len(tables) * size
                 tables.append(values)
-        self._table = np.array(tables)
+        self._table = np.concatenate(tables)
 
     def paid(self, i: Any, j: Any, column: npt.NDArray[np.intp]) -> Floats:
         """What edges cost whose ends show i and j; integers, or arrays of them."""
-        place = self.row.take(i * np.intp(len(self.row)) + j)
-        place *= self._table.shape[1]
+        place = self._begin.take(i * np.intp(len(self._begin)) + j)
         place += column
         return np.asarray(self._table.take(place), np.float64)

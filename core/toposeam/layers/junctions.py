@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from toposeam.images import Mask
 from toposeam.layers.layer import Box
-from toposeam.layers.maps import several
+from toposeam.layers.maps import dense, doubled, several
 from toposeam.layers.painting import LabelMap
 
 _Bits = TypeVar("_Bits", np.bool_, np.uint8, np.uint64)
@@ -104,5 +104,5 @@ def doubled_around(pixels: tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]], sh
     height, width = shape
     chosen = np.zeros((-(-height // 2), -(-width // 2)), bool)
     chosen[pixels] = True
-    wide: Mask = square_dilation(chosen, 1).repeat(2, axis=0)[:height].repeat(2, axis=1)[:, :width]
+    wide: Mask = dense(doubled(square_dilation(chosen, 1), shape))
     return wide

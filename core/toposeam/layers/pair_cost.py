@@ -15,7 +15,7 @@ import numpy.typing as npt
 from toposeam.images import Mask, as_planes, widen
 from toposeam.layers.labelling import Pair
 from toposeam.layers.layer import Box, Layer, cut
-from toposeam.layers.maps import part_of
+from toposeam.layers.maps import part_of, uniform
 from toposeam.layers.table_costs import AROUND, spread
 from toposeam.seam.match_cost import Floats32, MatchCost, match_cost
 from toposeam.seam.overlap import FREE, NONE, A, B, Overlap
@@ -216,7 +216,8 @@ class LayerPairCost:
         whole = bool(present.all())
         seen = layer.image[box.within(place)] if whole else cut(layer.image, place, box)
         image = seen[::step, ::step]
-        if not whole:
+        inside = box.shared(place).moved(-place.top, -place.left)
+        if not whole and not uniform(self._pictures.covered[index], inside):  # beyond the layer it is 0
             image[~present[::step, ::step]] = 0
         return np.moveaxis(as_planes(image, layer.name, layer.data_range), 0, -1)
 

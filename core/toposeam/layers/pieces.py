@@ -51,19 +51,20 @@ def pieces_of(mask: Mask) -> tuple[npt.NDArray[np.int32], int]:
 
 def _roots(first: npt.NDArray[np.intp], last: npt.NDArray[np.intp], wide: int) -> npt.NDArray[np.intp]:
     """Of each run the first one of its piece, by where runs begin and end, in rows of so many px."""
-    low = np.searchsorted(last, first + wide, side="right")
-    count = np.maximum(np.searchsorted(first, last + wide, side="left") - low, 0)
-    one = np.repeat(np.arange(len(first)), count)
-    other = np.arange(len(one)) + np.repeat(low - (np.cumsum(count) - count), count)
-    root = np.arange(len(first))
-    while len(one):
+    above = np.searchsorted(last, first - wide, side="right")  # the first one that a run touches there
+    more = np.searchsorted(first, last - wide, side="left") - above - 1
+    root = np.where(more >= 0, above, np.arange(len(first)))
+    # Most runs touch one above or none. The others also join the pieces of these.
+    several = np.flatnonzero(more > 0)
+    count = more[several]
+    one = np.repeat(several, count)
+    other = np.repeat(above[several] + count - np.cumsum(count), count) + np.arange(1, len(one) + 1)
+    while True:
+        while ((further := root[root]) != root).any():
+            root = further
         roots = root[one], root[other]
         apart = roots[0] != roots[1]
+        if not apart.any():
+            return root
         one, other = one[apart], other[apart]
         np.minimum.at(root, *(part(*roots)[apart] for part in (np.maximum, np.minimum)))
-        while True:
-            further = root[root]
-            if (further == root).all():
-                break
-            root = further
-    return root

@@ -254,8 +254,8 @@ def _log_ratios(item: tuple[Layer, Box, Layer, Box, int]) -> list[tuple[float, i
 def _log_ratios_of_bytes(
     a: Layer, at_a: Box, b: Layer, at_b: Box, channels: int
 ) -> list[tuple[float, int] | None]:
-    """The same where there are 256 values: their pairs, ranked once for all, are counted, which takes less
-    than a logarithm of each and sorting them.
+    """The same where there are 256 values: their pairs are ranked once for all, and the ranks sorted, which
+    takes less than a logarithm of each and sorting these.
     """
     step = _step(at_a.shared(at_b))
     (one, on_a), (other, on_b) = (_seen(*layer, at_a.shared(at_b), step) for layer in ((a, at_a), (b, at_b)))
@@ -267,10 +267,10 @@ def _log_ratios_of_bytes(
         codes = first.astype(np.uint16)
         codes <<= 8
         codes |= second
-        count = np.bincount(ranks.take(_chosen(codes, known)), minlength=len(ratios))[: len(ratios)].cumsum()
-        number = int(count[-1])
-        middle = np.searchsorted(count, [(number - 1) // 2, number // 2], side="right") % len(ratios)
-        found.append(None if number < _ENOUGH else (float(ratios[middle].mean()), number * step**2))
+        order = np.sort(ranks.take(_chosen(codes, known)), kind="stable")
+        number = int(np.searchsorted(order, np.uint16(len(ratios))))
+        middle = order[[(number - 1) // 2, number // 2]] if number >= _ENOUGH else None
+        found.append(None if middle is None else (float(ratios[middle].mean()), number * step**2))
     return found
 
 

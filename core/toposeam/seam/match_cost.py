@@ -19,7 +19,7 @@ zero.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import prod
@@ -34,6 +34,9 @@ from toposeam.images import Mask
 from toposeam.seam.overlap import FREE, KEPT_PIXELS, KEPT_SHAPES, NONE, Overlap
 
 Floats32 = npt.NDArray[np.float32]
+#: Where the step from a pixel to the next one along an axis is known, 1 or 0; and one over how many are, of
+#: the two that each pixel takes part in, 0 for none. One line may stand for all. Neither may be written to.
+Steps = tuple[Floats32, Floats32]
 #: Planes of so many values in all are dealt with at once.
 _CACHED = 1 << 14
 #: Two patches and two axes for each of the shapes that are remembered.
@@ -169,7 +172,12 @@ def match_cost(
         bare = (overlap.side != NONE) & ~shared
         if bare.any():
             narrow = (overlap.side == FREE) & shared, bare
-    return tuple(_along(axis, a, b, difference, shared, narrow, on_a, on_b, options, weight) for axis in axes)
+    known_a = _steps(on_a if options.gradient else None, axes)
+    known_b = known_a if on_b is on_a else _steps(on_b if options.gradient else None, axes)
+    return tuple(
+        _along(axis, a, b, difference, shared, narrow, steps, options, weight)
+        for axis, *steps in zip(axes, known_a, known_b, strict=True)
+    )
 
 
 def _along(
@@ -179,8 +187,7 @@ def _along(
     difference: Floats32,
     shared: Mask | None,
     narrow: tuple[Mask, Mask] | None,
-    on_a: Mask | None,
-    on_b: Mask | None,
+    known: Sequence[Steps | None],
     options: MatchCost,
     weight: Floats32 | None,
 ) -> Floats32:
@@ -194,9 +201,8 @@ def _along(
 
     cost = _both(difference, s, t, beside)
     if options.gradient:
-        known = _steps(on_a, axis)
-        steepness = _gradient(a, known, axis)
-        steepness += _gradient(b, known if on_b is on_a else _steps(on_b, axis), axis)
+        steepness = _gradient(a, known[0], axis)
+        steepness += _gradient(b, known[1], axis)
         epsilon = np.float32(options.epsilon)
         divisor = _both(steepness, s, t, beside)
         divisor += epsilon
@@ -253,18 +259,22 @@ def _distance(a: Floats32, b: Floats32) -> Floats32:
     return total
 
 
-def _steps(present: Mask | None, axis: int) -> tuple[Floats32, Floats32] | None:
-    """Where the step from a pixel to the next one along an axis is known, 1 or 0; and one over how many are,
-    of the two that each pixel takes part in, 0 for none. Neither may be written to. None where all are known.
-    """
+def _steps(present: Mask | None, axes: tuple[int, ...]) -> Sequence[Steps | None]:
+    """The steps along each axis; None where all are known."""
     if present is None or present.all():
-        return None
+        return [None] * len(axes)
+    every = range(present.ndim)
+    others = (tuple(k for k in every if k != axis) for axis in every)
+    lines: list[Mask] = [np.asarray(present.any(axis=away, keepdims=True)) for away in others]
+    if prod(map(np.count_nonzero, lines)) == np.count_nonzero(present):  # of a box one line tells of all
+        return [_steps_of(lines[axis], axis) for axis in axes]
     if present.size > KEPT_PIXELS:
-        return _steps_of(present, axis)
-    return _kept_steps(present.shape, present.tobytes(), axis)
+        return [_steps_of(present, axis) for axis in axes]
+    shape, packed = present.shape, present.tobytes()
+    return [_kept_steps(shape, packed, axis) for axis in axes]
 
 
-def _steps_of(present: Mask, axis: int) -> tuple[Floats32, Floats32]:
+def _steps_of(present: Mask, axis: int) -> Steps:
     s, t = _pair(axis)
     known = np.zeros(present.shape, np.float32)
     known[s] = present[s] & present[t]
@@ -276,11 +286,11 @@ def _steps_of(present: Mask, axis: int) -> tuple[Floats32, Floats32]:
 
 
 @lru_cache(maxsize=_KEPT_STEPS)
-def _kept_steps(shape: tuple[int, ...], present: bytes, axis: int) -> tuple[Floats32, Floats32]:
+def _kept_steps(shape: tuple[int, ...], present: bytes, axis: int) -> Steps:
     return _steps_of(np.frombuffer(present, bool).reshape(shape), axis)
 
 
-def _gradient(planes: Floats32, known: tuple[Floats32, Floats32] | None, axis: int) -> Floats32:
+def _gradient(planes: Floats32, known: Steps | None, axis: int) -> Floats32:
     """|∂planes/∂axis| by central differences; one-sided where the neighbour on one side is not present, 0
     where both are not.
     """

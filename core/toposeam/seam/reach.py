@@ -67,12 +67,12 @@ class Reach:
         sums, counts = None, np.zeros((1, *cells), np.float32)
         for first, difference, known in blocks:
             row = first // CELL
-            here = _by_cells(np.where(known[..., np.newaxis], difference, np.float32(0)))
+            here = _by_cells(np.moveaxis(difference, 2, 0), known)
             if sums is None:
                 sums = np.zeros((len(here), *cells), np.float32)
             at = np.s_[:, row : row + here.shape[1], : here.shape[2]]
             sums[at] += here
-            counts[at] += _by_cells(known[..., np.newaxis].astype(np.float32))
+            counts[at] += _by_cells(known[np.newaxis], known)
         self._values = np.zeros(cells, np.float32) if sums is None else _bands(sums, counts, levels)
         self._values.setflags(write=False)
 
@@ -110,14 +110,13 @@ class Reach:
         return _between(values, columns.start, columns.stop, 1)
 
 
-def _by_cells(planes: Floats32) -> Floats32:
-    """(k, w, C) to (C, k', w'): sums over cells."""
+def _by_cells(planes: npt.NDArray[np.generic], known: Mask) -> Floats32:
+    """(C, k, w) to (C, k', w'): sums over what is known of cells."""
     count = CELL // STEP
-    sums = np.moveaxis(planes, 2, 0)
-    missing = [-side % count for side in sums.shape[1:]]
-    if any(missing):
-        sums = np.pad(sums, ((0, 0), *((0, more) for more in missing)))
-    sums = reduce(np.add, (sums[:, at::count] for at in range(count)))
+    channels, height, width = planes.shape
+    whole = np.zeros((channels, -(-height // count) * count, -(-width // count) * count), np.float32)
+    np.copyto(whole[:, :height, :width], planes, where=known)
+    sums = reduce(np.add, (whole[:, at::count] for at in range(count)))
     return reduce(np.add, (sums[:, :, at::count] for at in range(count)))
 
 

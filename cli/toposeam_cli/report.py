@@ -120,7 +120,7 @@ def describe_alignment(layers: tuple[ts.Layer, ...], aligned: ts.Aligned | None)
 
 
 def _describe_one(seam: ts.Seam) -> str:
-    effort = f" in {len(seam.history)} iterations" if seam.history else ""
+    effort = f" in {len(seam.history)} iteration{'s' * (len(seam.history) > 1)}" if seam.history else ""
     text = (
         f"seam of {round(seam.length)} px by {seam.method}{effort}, cost {seam.cost:.4g}, "
         f"{seam.seconds:.2f} s"

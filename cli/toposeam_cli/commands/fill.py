@@ -102,4 +102,6 @@ def fill(
         )
     goes.write(made, picture, maps)
     if not results.quiet:
-        click.echo(f"{output}: {made.settings['pixels']} px replaced by {made.count} {made.settings['by']}")
+        unit = str(made.settings["by"])
+        unit = unit.removesuffix("s").removesuffix("e") if made.count == 1 else unit
+        click.echo(f"{output}: {made.settings['pixels']} px replaced by {made.count} {unit}")

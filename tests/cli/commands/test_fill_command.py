@@ -41,6 +41,14 @@ def test_a_hole_is_filled_and_its_surroundings_stay(toposeam):
     assert (labels[50:80, 40:90] > 0).all()
 
 
+def test_one_patch_is_one_patch(toposeam):
+    small = np.zeros((120, 140), np.uint8)
+    small[60:64, 60:64] = 255
+    write_picture("small.png", Picture(pixels=small))
+    ran = toposeam("fill", "gravel.png", "--mask", "small.png", "--by", "patches", "-o", "o.png")
+    assert ran.out == "o.png: 16 px replaced by 1 patch\n"
+
+
 def test_copies_come_from_where_they_are_allowed(toposeam):
     allow = np.zeros((120, 140), np.uint8)
     allow[:, 95:] = 255

@@ -1,8 +1,10 @@
 """``stitch -j``: the same files whoever does the work, and nothing left when it ends early."""
 
 import os
+import platform
 import signal
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -190,6 +192,28 @@ def test_workers_begin_before_results_are_asked_for(tmp_path):
 def touched(path):
     path.touch()
     return path.name
+
+
+def pages_taken_again(item):
+    """How many pages arrays need anew whose like were given back, in a thread as Dask's workers have one."""
+    import resource
+
+    def taken():
+        for _ in range(20):
+            arrays = [np.ones(3 << 20, np.uint8) for _ in range(10)]
+            del arrays
+        return resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+
+    with ThreadPoolExecutor(1) as thread:
+        before = thread.submit(taken).result()
+        return thread.submit(taken).result() - before
+
+
+@pytest.mark.skipif("glibc" not in platform.libc_ver(), reason="told to glibc only")
+def test_workers_keep_memory_that_is_free_again():
+    with crew(2) as workers:
+        (pages,) = workers.map(pages_taken_again, [0])
+    assert pages < 10_000, "of 150,000"
 
 
 def test_what_is_not_needed_any_more_takes_no_space_to_the_end(tmp_path):

@@ -1,12 +1,14 @@
 """What of swd8 (texture.py) is chance: ``python benchmarks/texture_spread.py [--against CORE]``.
 
 Of the twenty samples of texture_samples.py, grown open with the defaults and repeating from patches of 40 px,
-mean and standard error over eight seeds, of three numbers:
+mean and standard error over eight seeds, of four numbers:
 
 swd8       of 6000 windows drawn from sample and result, always the same: two such draws from one sample are
            up to 1.4 apart (dots), so that whatever is like the draw, and not like the sample, is nearer
 all        the same of all windows, those across the border of a tile too
 even       all windows, and slow light taken out of both: each is divided by itself blurred (24 px)
+relit      all windows, the slow light replaced by a smooth field that is as bright, by rank, as the sample:
+           what the distance is when light that was levelled is put back
 
 ``--against CORE`` has another version of the package (``git worktree add /tmp/filed 858cbf9``;
 ``/tmp/filed/core``) grow the same, measures both alike, and names the numbers by which textures are farther
@@ -31,6 +33,9 @@ from stamp import stamp
 from texture import SIZE, gray, swd8
 from texture_samples import samples
 
+#: Deviation of the noise that becomes a smooth field of light, px.
+FIELD = 60
+
 
 def main() -> None:
     parser = argparse.ArgumentParser(
@@ -44,10 +49,10 @@ def main() -> None:
 
 
 def spread(seeds: int, wanted: list[str], against: Path | None) -> None:
-    """Means over seeds of three distances and their standard errors, of the twenty samples."""
+    """Means over seeds of four distances and their standard errors, of the twenty samples."""
     ways: dict[str, dict[str, object]] = {"open": {}, "repeating": {"patch": 40, "tileable": True}}
     versions = [None] if against is None else [against, None]
-    names = "swd8", "all", "even"
+    names = "swd8", "all", "even", "relit"
     heads = [f"{way} {name}" for way in ways for name in names]
     print(f"{'':14}" + "".join(f"{head:>{16 * len(versions)}}" for head in heads))
     for sample in samples():
@@ -60,10 +65,11 @@ def spread(seeds: int, wanted: list[str], against: Path | None) -> None:
                 found = []
                 for image in map(gray, _grown(sample.image, seeds, given, version)):
                     even = swd8_all(evened(exemplar), evened(image, repeats), repeats)
-                    found.append((swd8(exemplar, image), swd8_all(exemplar, image, repeats), even))
+                    lit = swd8_all(exemplar, relit(image, exemplar, repeats), repeats)
+                    found.append((swd8(exemplar, image), swd8_all(exemplar, image, repeats), even, lit))
                 means.append(np.mean(found, axis=0))
                 errors.append(
-                    np.std(found, axis=0, ddof=1) / np.sqrt(seeds) if seeds > 1 else np.full(3, np.nan)
+                    np.std(found, axis=0, ddof=1) / np.sqrt(seeds) if seeds > 1 else np.full(4, np.nan)
                 )
             for k, name in enumerate(names):
                 cells += [f"{m[k]:.2f} ± {e[k]:.2f}" for m, e in zip(means, errors, strict=True)]
@@ -115,6 +121,20 @@ def evened(image: np.ndarray, repeats: bool = False, deviation: float = 24.0) ->
     beyond = {"sigma": deviation, "mode": "wrap" if repeats else "constant"}
     light = ndimage.gaussian_filter(image, **beyond) / ndimage.gaussian_filter(np.ones_like(image), **beyond)
     return image * image.mean() / np.maximum(light, 1.0)
+
+
+def relit(image: np.ndarray, exemplar: np.ndarray, repeats: bool, deviation: float = 24.0) -> np.ndarray:
+    """Gray values under a smooth field of light that is as bright, by rank, as the exemplar blurred, instead
+    of under their own.
+    """
+    mode = "wrap" if repeats else "reflect"
+    wanted = np.sort(ndimage.gaussian_filter(exemplar, deviation, mode="reflect"), axis=None)
+    field = ndimage.gaussian_filter(np.random.default_rng(0).normal(size=image.shape), FIELD, mode=mode)
+    rank = np.empty(field.size, int)
+    rank[np.argsort(field, axis=None)] = np.arange(field.size)
+    light = wanted[rank * wanted.size // field.size].reshape(field.shape)
+    own = ndimage.gaussian_filter(image, deviation, mode=mode)
+    return np.clip(image * light / np.maximum(own, 1.0), 0, 255)
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -87,12 +88,8 @@ class Choices:
 
     def stacked(self, shows: Sequence[npt.NDArray[np.int16]]) -> Choices:
         """Several solutions of the same problem, (h w,) each, one below the other, as one."""
-        (height, width), count, times = self.box.shape, len(self.layers), len(shows)
-        pixels = (height + 1) * width  # a row without pixels keeps them apart
-        result = copy(self)
-        result.box = Box(0, 0, times * (height + 1), width)
-        result._pixels = pixels
-        result._nearby, result._white = {}, _chessboard(result.box.shape)
+        result, width, times = self.copies(len(shows)), self.box.shape[1], len(shows)
+        count, pixels = len(self.layers), result._pixels
         result.shows = np.full((times, pixels), count, np.int16)
         result.shows[:, :-width] = shows
         result.shows = result.shows.ravel()
@@ -100,6 +97,15 @@ class Choices:
         starts = np.arange(times)[:, None] * pixels
         p, q, column = self.edges
         result.edges = Edges((p + starts).ravel(), (q + starts).ravel(), np.tile(column, times))
+        return result
+
+    def copies(self, times: int) -> Choices:
+        """Room for so many solutions of the same problem, one below the other."""
+        height, width = self.box.shape
+        result = copy(self)
+        result.box = Box(0, 0, times * (height + 1), width)
+        result._pixels = (height + 1) * width  # a row without pixels keeps them apart
+        result._nearby, result._known, result._white = {}, {}, _chessboard(result.box.shape)
         return result
 
     def _narrowed(self, within: Mask) -> Choices:
@@ -187,9 +193,9 @@ class Choices:
                 new[list(first.values())] = True
                 own = np.flatnonzero(new[of_edge])
                 pieces = np.where(new[piece], piece, 0), count
-                turned, gains = self._turned(k, *pieces, edges.some(own), decide)
+                turned, gains = self.turned(k, *pieces, edges.some(own), decide)
             else:
-                turned, gains = self._turned(k, piece, count, edges, decide)
+                turned, gains = self.turned(k, piece, count, edges, decide)
             of_node = piece[turned]
             for key, which in first.items():
                 found = turned[of_node == which] if gains[which] else turned[:0]
@@ -199,21 +205,10 @@ class Choices:
         shows[turning] = k
         return len(turning) > 0
 
-    def nearly(self, decide: Decide, dearer: float) -> dict[tuple[int, ...], tuple[Indices, Indices]]:
-        """Of each layer by itself rows and columns of the pixels that would turn to it if what there is cost
-        more by a share; patches of them that gain something as it is do turn.
-        """
-        found: dict[tuple[int, ...], tuple[Indices, Indices]] = {}
-        for k, layer in enumerate(self.layers):
-            piece, count, edges, _ = self._open_to(k)
-            turned = np.zeros(0, np.intp)
-            if count:
-                turned, _ = self._turned(k, piece, count, edges, decide, dearer)
-                other = self.shows.copy()
-                other[turned] = k
-                self.fuse(other)
-            found[layer,] = np.divmod(turned, self.box.shape[1])
-        return found
+    def would_expand(self, k: int, decide: Decide, dearer: float) -> Indices:
+        """The pixels that would turn to a layer if what there is cost more by a share."""
+        piece, count, edges, _ = self._open_to(k)
+        return self.turned(k, piece, count, edges, decide, dearer)[0] if count else np.zeros(0, np.intp)
 
     def _open_to(self, k: int) -> tuple[npt.NDArray[np.int32], int, Edges, npt.NDArray[np.int32]]:
         """The pieces of what may turn to a layer, numbered from 1 on, (h w,), and how many; the edges that
@@ -242,42 +237,49 @@ class Choices:
             self._nearby[k] = found, window
         return self._nearby[k]
 
-    def _turned(
+    def turned(
         self,
-        k: int,
+        to: int | npt.NDArray[np.int16],
         piece: npt.NDArray[np.int32],
         count: int,
         edges: Edges,
         decide: Decide,
         dearer: float = 0.0,
-    ) -> tuple[npt.NDArray[np.intp], Mask]:
-        """Which pixels of pieces turn to k, by the edges that end in them, and which pieces gain by that; if
-        what there is costs more by a share.
+    ) -> tuple[Indices, Mask]:
+        """Which pixels of pieces turn to a layer, or each to one of its own, (h w,), if what there is cost
+        more by a share, by the edges that end in the pieces; and which of these gain by that as it is.
         """
         p, q, at = edges
         i, j, at_p, at_q = self.shows[p], self.shows[q], piece[p], piece[q]
-        q_turns = self._costs.paid(i, k, at)
+        ends: Any = (to, to) if isinstance(to, int) else (to[p], to[q])
+        to_p, to_q = ends
+        q_turns = self._costs.paid(i, to_q, at)
         # Most edges lie inside of what shows one layer: they cost nothing, and as much whichever end turns.
-        unlike = np.flatnonzero(i != j)
-        stay, p_turns = np.zeros(len(p)), q_turns.copy()
-        stay[unlike] = self._costs.paid(i[unlike], j[unlike], at[unlike]) * (1 + dearer)
-        p_turns[unlike] = self._costs.paid(k, j[unlike], at[unlike])
+        same = (i == j) & (to_p == to_q)
+        unlike = np.flatnonzero(~same)
+        stay, both_turn, p_turns = np.zeros(len(p)), np.zeros(len(p)), q_turns.copy()
+        j, column = j[unlike], at[unlike]
+        stay[unlike] = self._costs.paid(i[unlike], j, column)
+        p_turns[unlike] = self._costs.paid(to if isinstance(to, int) else to_p[unlike], j, column)
+        if not isinstance(to, int):
+            both_turn[unlike] = self._costs.paid(to_p[unlike], to_q[unlike], column)
         nodes = np.flatnonzero(piece > 0)
         number = np.empty(len(piece), np.intp)
         number[nodes] = np.arange(len(nodes))
         both = (at_p > 0) & (at_q > 0)
-        pulled = np.flatnonzero(~both | (i != j))
-        c, b, s = p_turns[pulled], q_turns[pulled], stay[pulled]
+        pulled = np.flatnonzero(~(both & same))
+        c, b, s, d = p_turns[pulled], q_turns[pulled], stay[pulled] * (1 + dearer), both_turn[pulled]
         inside, on_p, on_q = both[pulled], at_p[pulled] > 0, at_q[pulled] > 0
-        least = np.minimum(s, c + b)
+        least = np.minimum(s, np.maximum(c + b - d, 0))
+        d = np.minimum(d, c + b - least)
         # What turning costs more than staying.
-        more_p = np.where(inside, (c - b - least) / 2, c - s)[on_p]
-        more_q = np.where(inside, (b - c - least) / 2, b - s)[on_q]
+        more_p = np.where(inside, (c - b + d - least) / 2, c - s)[on_p]
+        more_q = np.where(inside, (b - c + d - least) / 2, b - s)[on_q]
         unary: Floats = np.zeros(len(nodes))
         unary += np.bincount(number[p[pulled[on_p]]], more_p, len(nodes))
         unary += np.bincount(number[q[pulled[on_q]]], more_q, len(nodes))
         link = q_turns.copy()
-        link[pulled] = (c + b - least) / 2
+        link[pulled] = (c + b - d - least) / 2
         inner = np.flatnonzero(both)
         turns, _ = decided(
             piece[nodes],
@@ -294,7 +296,7 @@ class Choices:
         one, other, now = turning[p], turning[q], stay.copy()
         moved = np.flatnonzero(one | other)
         one, other = one[moved], other[moved]
-        now[moved] = np.where(one, np.where(other, 0, p_turns[moved]), q_turns[moved])
+        now[moved] = np.where(one, np.where(other, both_turn[moved], p_turns[moved]), q_turns[moved])
         before, after = (
             np.bincount(np.maximum(at_p[paid], at_q[paid]), values[paid], count + 1)
             for values in (stay, now)

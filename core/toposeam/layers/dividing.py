@@ -13,7 +13,8 @@ from toposeam.images import Mask
 from toposeam.layers.band import band_of
 from toposeam.layers.labelling import Labelling, Pair
 from toposeam.layers.painting import LabelMap
-from toposeam.seam.gathering import gather_heat
+from toposeam.optimize.history import Termination
+from toposeam.seam.gathering import Heat, gather_heat
 from toposeam.seam.heat import HeatOptions
 from toposeam.seam.solution import Solution
 
@@ -70,14 +71,6 @@ def divided(division: Division) -> Divided | None:
     second = band.labels(chosen, heat.hot[:-2])
     soft = second.astype(np.float64)
     soft[chosen] = np.clip(heat.soft[:-2], 0.0, 1.0)
-    nothing = np.zeros((0, 0), bool)
-    solution = Solution(
-        labels=nothing,
-        soft=nothing.astype(np.float32),
-        contracted=True,
-        history=heat.history,
-        termination=heat.termination,
-    )
     flows = potential = None
     if division.undecided is not None:
         flows = band.across(soft, division.undecided)
@@ -87,4 +80,16 @@ def divided(division: Division) -> Divided | None:
     changed = np.flatnonzero(second != band.second) if gains else np.zeros(0, np.intp)
     values = np.where(second[changed], np.int16(pair[1]), np.int16(pair[0]))
     pixels = band.rows[changed], band.columns[changed]
-    return Divided(solution, seconds, pixels, values, flows, potential)
+    return Divided(undescribed(heat), seconds, pixels, values, flows, potential)
+
+
+def undescribed(heat: Heat | None) -> Solution:
+    """How a seam was found, by heat or without, but not what it is."""
+    nothing = np.zeros((0, 0), bool)
+    return Solution(
+        labels=nothing,
+        soft=nothing.astype(np.float32),
+        contracted=True,
+        history=() if heat is None else heat.history,
+        termination=Termination.SINGLE_LINE if heat is None else heat.termination,
+    )

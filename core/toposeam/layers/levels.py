@@ -127,8 +127,9 @@ class _Search:
             finer = levels.pop()
             near = opened(rounds.beside_seams(), finer)
             hints = rounds.undecided
+            asked = rounds.receding if len(levels) == 1 and _few(finer) else None
             rounds = self._rounds(finer, enlarged(rounds.label_map, finer), near, len(levels))
-            rounds.refine(self.most, hints, self.executor, len(levels) == 1 and _few(finer))
+            rounds.refine(self.most, hints, self.executor, asked)
         if trail is not None:
             trail.append(dense(rounds.label_map))
         return rounds, number

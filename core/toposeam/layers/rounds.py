@@ -33,7 +33,7 @@ from toposeam.images import Mask
 from toposeam.layers.band import write_pixels
 from toposeam.layers.choices import Choices
 from toposeam.layers.deciding import Deciding
-from toposeam.layers.dividing import LEAST_GAIN, Divided, Division, Pixels, Potential, divided
+from toposeam.layers.dividing import LEAST_GAIN, Divided, Division, Pixels, Potential, divided, undescribed
 from toposeam.layers.junctions import beside_steps, doubled_around, junctions, reached, square_dilation
 from toposeam.layers.labelling import Labelling, Move, Pair
 from toposeam.layers.layer import Box
@@ -41,10 +41,10 @@ from toposeam.layers.maps import DENSE_PIXELS, dense, new_map, part_of, several
 from toposeam.layers.painting import LabelMap
 from toposeam.layers.parts import part_of_labelling
 from toposeam.layers.progressed import Progressed
+from toposeam.layers.receding import nearly, settle
 from toposeam.layers.starts import best_of_starts, joined
 from toposeam.layers.swapping import swap_all
 from toposeam.layers.tasks import Executor, in_bundles, on_boxes, results
-from toposeam.optimize.history import Termination
 from toposeam.seam.find import Method, method_options, solve
 from toposeam.seam.heat import HeatOptions
 from toposeam.seam.overlap import FREE
@@ -67,8 +67,9 @@ _WINDOW, _HANDED = 24, 4
 _TOGETHER = 1 << 19
 #: How far from where a layer shows it may show at the next finer size, px; round tangles, all may change.
 _REACH, _TANGLE = 4, 8
-#: Where a layer would show if what does cost so much more, it may at the next finer size.
-_DEARER = 0.08
+#: Where a layer would show if what does cost so much more it may at the next finer size: as far as others
+#: recede together, and as far as it expands; how much more for a layer to be asked there whether it recedes.
+_DEARER, _ASKED = (0.08, 0.15), 0.1
 #: Cycles of expansions at most where three layers meet.
 _CYCLES = 3
 
@@ -129,6 +130,8 @@ class Rounds:
         self._keeps = keeps or size <= KEPT_CANVAS
         #: Pixels beside flow that the heat had not decided, and where single layers nearly show.
         self.undecided: dict[tuple[int, ...], Pixels] = {}
+        #: Layers that may recede along several others.
+        self.receding: Sequence[int] = ()
         self._decide = Deciding(self.method, self._options, labelling.forbidden)
         #: Where nobody asks for potentials, small canvases are not heated at full size.
         self._by_paths = self._decide.proves and not finer and not keeps
@@ -159,8 +162,11 @@ class Rounds:
                 if self._undecided is not None:
                     self._note(choices, (i, j))
             number += choices.run(self._decide.exactly, most - number, places)
+            if self._small and most:
+                dearer = 0.0 if self._undecided is None else _ASKED
+                self.receding = settle(choices, self._decide.exactly, places, dearer)
             if afield and most:
-                self.undecided |= choices.nearly(self._decide.exactly, _DEARER)
+                self.undecided |= nearly(choices, self._decide.exactly, places, self.receding, _DEARER)
         self.label_map[:, :] = choices.label_map()
         if self._undecided is None and most:
             for pair in labelling.adjoining(self.label_map):
@@ -172,7 +178,7 @@ class Rounds:
         most: int,
         hints: Mapping[tuple[int, ...], Pixels] | None = None,
         executor: Executor | None = None,
-        afield: bool = False,
+        asked: Sequence[int] | None = None,
     ) -> None:
         """The best seams among the pixels that are open: one division of all that two layers may show, and
         rounds where three layers meet.
@@ -185,13 +191,13 @@ class Rounds:
             Pixels of the canvas at half the size that those may show.
         executor : Executor, optional
             Where moves are made that do not touch (:mod:`toposeam.layers.tasks`).
-        afield : bool
-            Where it is refined as a whole: whether `undecided` is to tell of all that nearly changes.
+        asked : sequence of int, optional
+            `undecided` is to tell of all that nearly changes, these layers being asked whether they recede.
         """
         labelling, canvas = self.labelling, self.labelling.canvas
         if self._near is not None and math.prod(canvas.shape) <= self._together:
             with one_thread():
-                self._refine_together(most, hints or {}, afield)
+                self._refine_together(most, hints or {}, asked)
             return
         pairs = labelling.adjoining(self.label_map)
         options, forbidden = self._options, np.isfinite(labelling.forbidden)
@@ -218,7 +224,9 @@ class Rounds:
         part._decide = Deciding(self.method, self._options, self.labelling.forbidden)
         return part
 
-    def _refine_together(self, most: int, hints: Mapping[tuple[int, ...], Pixels], afield: bool) -> None:
+    def _refine_together(
+        self, most: int, hints: Mapping[tuple[int, ...], Pixels], asked: Sequence[int] | None
+    ) -> None:
         labelling, canvas = self.labelling, self.labelling.canvas
         near, labels, count = dense(self._near), dense(self.label_map), len(labelling.places)
         planes = reached(labels, count, _REACH)
@@ -230,7 +238,7 @@ class Rounds:
         for k, (plane, allowed) in enumerate(zip(planes, may, strict=True)):
             plane &= near
             plane &= allowed
-            if not afield:
+            if asked is None:
                 allowed &= plane | wide[k,] if (k,) in wide else plane
         choices = Choices(labelling, canvas, labels, may, range(count))
         started = time.perf_counter()
@@ -248,9 +256,11 @@ class Rounds:
                 own = np.intersect1d(steep, at[codes == i * count + j], assume_unique=True)
                 self.undecided[i, j] = np.divmod(own, choices.box.shape[1])
         tangled = (choices.several & ~free).reshape(canvas.shape)
-        if afield or (0,) in hints:
+        if asked is not None:
+            places = sorted(range(count), key=lambda k: labelling.places[k])
+            self.undecided |= nearly(choices, self._decide.exactly, places, asked, _DEARER)
+        elif (0,) in hints:
             choices.run(self._decide.exactly, min(most, 1))
-            self.undecided |= choices.nearly(self._decide.exactly, _DEARER) if afield else {}
         elif tangled.any():
             near = square_dilation(tangled, _TANGLE).ravel()
             choices.run(self._decide.exactly, min(most, _CYCLES), within=near)
@@ -258,17 +268,7 @@ class Rounds:
         self.steps.one()
 
     def _solved_together(self, pair: Pair, choices: Choices, own: npt.NDArray[np.intp], took: float) -> None:
-        nothing, heat = np.zeros((0, 0), bool), self._decide.heat
-        self.solved[pair] = (
-            Box(0, 0, 0, 0),
-            Solution(
-                labels=nothing,
-                soft=nothing.astype(np.float32),
-                contracted=True,
-                history=() if heat is None else heat.history,
-                termination=Termination.SINGLE_LINE if heat is None else heat.termination,
-            ),
-        )
+        self.solved[pair] = Box(0, 0, 0, 0), undescribed(self._decide.heat)
         self.seconds[pair] = self.seconds.get(pair, 0.0) + took
         if self._undecided is None and self._keeps and not self._by_paths:
             rows, columns = np.divmod(own, choices.box.shape[1])

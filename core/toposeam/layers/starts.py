@@ -1,11 +1,11 @@
 """Rounds of expansions from several starts.
 
-The layers lie on top of each other, by rows and by columns of where they are, from either end, and are joined
-one after another in the given order and the opposite one; in small problems by columns, so that the order in
-which they are given does not matter. On few pixels all starts are stacked and taken to their ends together,
-because what a small network costs is mostly what it costs to pose it. On more pixels, after one round of
-each, the cheapest two go on, and the others where these do not end alike. Wherever another end costs less
-than the cheapest one its patch is taken over.
+The layers lie on top of each other, by rows and by columns of where they are, from either end, and in large
+problems are joined one after another in the given order and the opposite one. In small ones layers recede
+instead (:mod:`toposeam.layers.receding`), and the order in which they are given does not matter. On few
+pixels all starts are stacked and taken to their ends together, because what a small network costs is mostly
+what it costs to pose it. On more pixels, after one round of each, the cheapest two go on, and the others
+where these do not end alike. Wherever another end costs less than the cheapest one its patch is taken over.
 """
 
 from __future__ import annotations
@@ -36,18 +36,15 @@ def best_of_starts(
     most: int,
     steps: Progressed,
 ) -> tuple[int, list[int]]:
-    """Let the choices show the best of what several starts end in, which join by columns where no order is
+    """Let the choices show the best of what several starts end in, none of them joined where no order is
     given; how many rounds that took, and the layers in the order of their places.
     """
     count = len(boxes)
     places = sorted(range(count), key=lambda k: boxes[k])
     across = sorted(range(count), key=lambda k: boxes[k][1::-1])
-    starts = [
-        laid_on_top(allowed, start)
-        for start in dict.fromkeys(map(tuple, (places, places[::-1], across, across[::-1])))
-    ]
-    joins = across if order is None else order
-    for one_way in (joins, joins[::-1]):
+    piled = dict.fromkeys(map(tuple, (places, places[::-1], across, across[::-1])))
+    starts = [laid_on_top(allowed, start) for start in piled]
+    for one_way in () if order is None else (order, order[::-1]):
         joined(choices, allowed, one_way, decide, steps)
         starts.append(choices.shows)
     if int(choices.several.sum()) * len(starts) <= _STACKED:

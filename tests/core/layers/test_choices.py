@@ -212,23 +212,3 @@ def test_a_square_dilation_reaches_as_far_as_it_is_told_to(reach):
     expected[11 - reach : 12 + reach, 14 - reach : 15 + reach] = True
     np.testing.assert_array_equal(square_dilation(mask, reach), expected)
     assert mask.sum() == 1
-
-
-def test_what_would_turn_if_all_cost_more_is_told_and_what_gains_turns():
-    labelling = four()
-    choices = choices_of(labelling, labelling.on_top())
-    choices.run(by_flow, 100)
-    ended, before = choices.shows.copy(), choices.total()
-    told = [
-        {layers: set(zip(*map(list, pixels), strict=True)) for layers, pixels in found.items()}
-        for found in (choices.nearly(by_flow, dearer) for dearer in (0.0, 0.1, 0.4))
-    ]
-    assert [list(found) for found in told] == [[(0,), (1,), (2,), (3,)]] * 3
-    sizes = [sum(map(len, found.values())) for found in told]
-    assert sizes[0] < sizes[1] < sizes[2]
-    assert choices.total() <= before
-    choices.shows = labelling.on_top().ravel().copy()  # far from any end
-    first = choices.total()
-    choices.nearly(by_flow, 0.1)
-    assert choices.total() < 0.95 * first
-    assert not np.array_equal(choices.shows, ended)

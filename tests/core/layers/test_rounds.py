@@ -305,12 +305,13 @@ def test_where_three_layers_meet_is_solved_once_more_and_where_two_do_is_not():
 def test_afield_also_pixels_that_are_not_open_change():
     labelling = labelling_of(pile(1, alike=True))
     costs = []
-    for afield in (False, True):
+    for asked in (None, ()):
         shows = labelling.on_top()
         rounds = Rounds(labelling, shows, "heat", {}, np.zeros(shows.shape, bool))
-        rounds.refine(5, afield=afield)
+        rounds.refine(5, asked=asked)
         costs.append(labelling.total(shows, labelling.canvas))
-        assert set(rounds.undecided) == ({(k,) for k in range(len(labelling.places))} if afield else set())
+        told = set() if asked is None else {(k,) for k in range(len(labelling.places))}
+        assert set(rounds.undecided) == told
     assert costs[0] == labelling.total(labelling.on_top(), labelling.canvas)
     assert costs[1] < 0.9 * costs[0]
 

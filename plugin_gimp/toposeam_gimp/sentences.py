@@ -71,7 +71,7 @@ _SENTENCES = (
         ),
     ),
     (
-        r"(?P<names>.+) match where the other pictures do not place them",
+        r"(?P<names>.+) (?:match|agree) where the other (?:pictures|layers) do not place them",
         _(
             "{names} match where the other layers do not place them, and which is right cannot be told: what "
             "repeats itself matches in several places. Lay the layers by hand, and switch “Positions” back."

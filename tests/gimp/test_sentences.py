@@ -12,6 +12,7 @@ import pytest
 
 import toposeam_gimp
 from toposeam.errors import TopoSeamError
+from toposeam.layers import align
 from toposeam.sentence import sentence
 from toposeam_engine.serving import OPERATIONS, EngineJob
 from toposeam_gimp import sentences
@@ -140,6 +141,15 @@ def test_textures_of_all_sorts_of_layers(engine, operation, kind, selected):
 def test_even_what_should_not_happen_names_no_remedy_of_the_command_line():
     shown = sentences.in_gimps_words(sentence(IndexError("index 3 is out of bounds")))
     assert "IndexError: index 3 is out of bounds" in shown
+    assert_gimps(shown)
+
+
+def test_layers_that_repeat_themselves_are_named_in_gimps_words():
+    found = {(i, j): (np.array([5.0 * (i == 0), 0]), 0.9, 10.0) for i, j in ((0, 1), (0, 2), (1, 2))}
+    with pytest.raises(TopoSeamError, match="leave out aligning") as refused:
+        align._agreed(["sky", "sea", "sand"], found | {(1, 2): (np.array([24.0, 0]), 0.9, 10.0)})
+    shown = sentences.in_gimps_words(sentence(refused.value))
+    assert "sea and sand match where the other layers do not place them" in shown
     assert_gimps(shown)
 
 

@@ -3,7 +3,9 @@
 Each pair of layers that overlap, or would within the search radius, is compared by masked phase correlation
 (Padfield 2012, doi:10.1109/TIP.2011.2181402; scikit-image's), on a coarser scale first where the overlap is
 large. A shift counts when it lies within the radius and the overlap then correlates. All shifts together give
-the positions, in the least-squares sense, the first layer staying where it is. Layers are moved by whole
+the positions, in the least-squares sense, the first layer staying where it is; pairs that contradict the
+others, as what repeats itself does, are left out where those outvote them
+(:mod:`toposeam.layers.contradictions`). Layers are moved by whole
 pixels and not resampled, turned or warped.
 """
 
@@ -22,7 +24,9 @@ import scipy
 from toposeam.checks import check_items, check_whole
 from toposeam.errors import OverlapError
 from toposeam.images import Image, Mask, as_float
+from toposeam.layers.contradictions import averaged, named_pairs, outvoted
 from toposeam.layers.layer import Box, Layer, check_layers, cut
+from toposeam.layers.pairing import groups
 from toposeam.layers.tasks import Executor, check_executor, results
 
 #: Farthest a layer is searched from where it was said to be, px in x and in y.
@@ -34,6 +38,7 @@ _COARSE_PIXELS = 400_000  # compared at once
 _LOOKED_AT = 60_000  # to tell whether two layers show the same
 _LEAST_SHARE = 0.3  # of the smaller part, that two parts have to share
 _LEAST_PIXELS = 64
+_AGREE = 2.0  # px that a pair may be off where the others place its layers
 _NEAR = 2  # px that phase correlation may be off
 _BLUR = 8.0  # px; slower changes are exposure, not content
 
@@ -83,7 +88,8 @@ def align(layers: Sequence[Layer], *, radius: int = RADIUS, executor: Executor |
     Raises
     ------
     OverlapError
-        When a layer agrees with none of those it overlaps.
+        When a layer agrees with none of those it overlaps, or pairs contradict each other and none outvotes
+        the other.
     OptionError
         For a radius that is no positive number of px, or fewer than two layers.
 
@@ -114,7 +120,8 @@ def align(layers: Sequence[Layer], *, radius: int = RADIUS, executor: Executor |
         if correlation >= LEAST_CORRELATION:
             found[i, j] = shift, correlation, weight
     _check_joined(layers, found, best, radius)
-    shifts = np.rint(_positions(len(layers), found)).astype(np.intp)
+    positions, found = _agreed([layer.name for layer in layers], found)
+    shifts = np.rint(positions).astype(np.intp)
     moved = [
         dataclasses.replace(layer, at=(int(layer.at[0] + dx), int(layer.at[1] + dy)))
         for layer, (dx, dy) in zip(layers, shifts, strict=True)
@@ -200,6 +207,48 @@ def _check_joined(
             f"none of the others ({close}, {LEAST_CORRELATION:g} is needed); correct its position, search "
             "farther, or leave out aligning"
         )
+
+
+def _agreed(
+    names: list[str], found: dict[tuple[int, int], tuple[Floats, float, float]]
+) -> tuple[Floats, dict[tuple[int, int], tuple[Floats, float, float]]]:
+    """(N, 2) shifts that all pairs but those that are outvoted agree to, and the pairs that agree.
+
+    Raises
+    ------
+    OverlapError
+        When more than these contradict each other.
+    """
+    positions = _positions(len(names), found)
+    if max(_off(positions, found).values()) <= _AGREE:
+        return positions, found
+    pairs = np.array(list(found))
+    differences = np.array([shift @ [1, 1j] for shift, _, _ in found.values()])
+    weights = np.array([weight for _, _, weight in found.values()])
+    places = averaged(len(names), pairs, -differences, weights)
+    off = _off(np.stack([places.real, places.imag], axis=1), found)
+    kept = {pair: found[pair] for pair in found if off[pair] <= _AGREE}
+    wrong = [pair for pair in found if pair not in kept]
+    votes = [{pair: round(found[pair][2] ** 2) for pair in pairs} for pairs in (kept, wrong)]
+    if len(set(groups(len(names), kept))) == 1 and outvoted(len(names), *votes):
+        positions = _positions(len(names), kept)
+        if max(_off(positions, kept).values()) <= _AGREE:
+            return positions, kept
+    raise OverlapError(
+        f"{named_pairs(names, wrong)} agree where the other layers do not place them, up to "
+        f"{max(off.values()):.0f} px off, and too little else shows which is right: what repeats itself "
+        "agrees in several places; correct their positions and search less far, or leave out aligning"
+    )
+
+
+def _off(
+    positions: Floats, found: dict[tuple[int, int], tuple[Floats, float, float]]
+) -> dict[tuple[int, int], float]:
+    """By how many px each pair disagrees."""
+    return {
+        (i, j): float(np.abs(positions[j] - positions[i] - shift).max())
+        for (i, j), (shift, _, _) in found.items()
+    }
 
 
 def _positions(count: int, found: dict[tuple[int, int], tuple[Floats, float, float]]) -> Floats:

@@ -71,23 +71,26 @@ def without_contradictions(
     wrong = {pair: matches[pair] for pair in matches if off[pair] > LARGEST_MISFIT}
     diagonals = np.hypot(*sizes.T)
     elsewhere = [pair for pair in wrong if off[pair] > _ELSEWHERE * diagonals[list(pair)].min()]
-    if settled and len(elsewhere) == len(wrong) and _outvoted(len(sizes), kept, wrong):
+    patches = {pair: len(match.first) for pair, match in matches.items()}
+    votes = [{pair: patches[pair] for pair in pairs} for pairs in (kept, wrong)]
+    if settled and len(elsewhere) == len(wrong) and outvoted(len(sizes), *votes):
         return solution, kept
     most = max(off.values())
     if not elsewhere:
         raise OverlapError(
-            f"{_named(names, list(wrong))} do not fit where the other pictures place them: up to {most:.1f} "
-            "px are left between them; a lens or perspective is not undone here: align them with Hugin "
-            "(pto_gen, cpfind, autooptimiser, nona), and join its pictures with toposeam enblend"
+            f"{named_pairs(names, list(wrong))} do not fit where the other pictures place them: up to "
+            f"{most:.1f} px are left between them; a lens or perspective is not undone here: align them with "
+            "Hugin (pto_gen, cpfind, autooptimiser, nona), and join its pictures with toposeam enblend"
         )
     raise OverlapError(
-        f"{_named(names, elsewhere)} match where the other pictures do not place them, up to {most:.0f} px "
-        "off, and too little else shows which is right: what repeats itself matches in several places; leave "
-        "such pictures out, or say where the pictures lie"
+        f"{named_pairs(names, elsewhere)} match where the other pictures do not place them, up to "
+        f"{most:.0f} px off, and too little else shows which is right: what repeats itself matches in "
+        "several places; leave such pictures out, or say where the pictures lie"
     )
 
 
-def _named(names: list[str], pairs: list[Pair]) -> str:
+def named_pairs(names: list[str], pairs: list[Pair]) -> str:
+    """Pairs by the names of their pictures, a few of them."""
     named = [f"{names[i]} and {names[j]}" for i, j in pairs]
     if len(named) > _NAMED:
         named[_NAMED - 1 :] = [f"{len(named) - _NAMED + 1} more pairs"]
@@ -99,13 +102,13 @@ def _majority(count: int, matches: dict[Pair, Match]) -> Floats:
     pairs = np.array(list(matches))
     weights = np.array([len(match.first) for match in matches.values()], float)
     own = np.array([_similarity(match) for match in matches.values()])
-    factors = np.exp(_averaged(count, pairs, -np.log(own), weights))
+    factors = np.exp(averaged(count, pairs, -np.log(own), weights))
     shifts = [
         factors[j] * (match.second @ [1, 1j]) - factors[i] * (match.first @ [1, 1j])
         for (i, j), match in matches.items()
     ]
     middles = np.array([np.median(shift.real) + 1j * np.median(shift.imag) for shift in shifts])
-    places = _averaged(count, pairs, middles, weights)
+    places = averaged(count, pairs, middles, weights)
     return np.stack([factors.real, factors.imag, places.real, places.imag], axis=1)
 
 
@@ -115,7 +118,7 @@ def _similarity(match: Match) -> complex:
     return complex(np.vdot(second, first) / np.vdot(second, second))
 
 
-def _averaged(
+def averaged(
     count: int, pairs: npt.NDArray[np.intp], differences: npt.NDArray[np.complex128], weights: Floats
 ) -> npt.NDArray[np.complex128]:
     """(N,) values, the first one 0, of least weighted sum of |x_i - x_j - difference| over the pairs."""
@@ -130,19 +133,19 @@ def _averaged(
     return values
 
 
-def _outvoted(count: int, kept: dict[Pair, Match], wrong: dict[Pair, Match]) -> bool:
-    """Whether between the pictures of every wrong pair, where the pairs that are kept have fewest patches,
-    they have several times as many as the wrong ones have there.
+def outvoted(count: int, kept: dict[Pair, int], wrong: dict[Pair, int]) -> bool:
+    """Whether between the pictures of every wrong pair, where the pairs that are kept have least evidence,
+    they have several times as much as the wrong ones have there; as patches or pixels.
     """
-    patches = np.zeros((count, count), np.int32)
-    for (i, j), match in kept.items():
-        patches[i, j] = patches[j, i] = len(match.first)
-    network = csr_array(patches)
+    evidence = np.zeros((count, count), np.int32)
+    for (i, j), own in kept.items():
+        evidence[i, j] = evidence[j, i] = own
+    network = csr_array(evidence)
     for i, j in wrong:
         flow = maximum_flow(network, i, j)
-        left = csr_array(np.maximum(patches - flow.flow.toarray(), 0))
+        left = csr_array(np.maximum(evidence - flow.flow.toarray(), 0))
         reached = breadth_first_order(left, i, return_predecessors=False)
-        across = [len(wrong[pair].first) for pair in wrong if np.isin(pair, reached).sum() == 1]
+        across = [wrong[pair] for pair in wrong if np.isin(pair, reached).sum() == 1]
         if flow.flow_value < _OUTVOTED * sum(across):
             return False
     return True

@@ -85,3 +85,29 @@ def test_what_agrees_with_nothing_is_refused():
         ts.align(layers, radius=0)
     with pytest.raises(ts.OptionError, match="at least two"):
         ts.align(layers[:1])
+
+
+def shifts_of(places, wrong, weight=10.0):
+    """What each two of a grid of 3 × 3 say, where their places are off by these, and some pairs say more."""
+    found = {}
+    for i in range(9):
+        for j in range(i + 1, 9):
+            if abs(i % 3 - j % 3) <= 1 and abs(i // 3 - j // 3) <= 1:
+                shift = places[j] - places[i] + np.array(wrong.get((i, j), (0, 0)))
+                found[i, j] = shift.astype(float), 0.9, weight
+    return found
+
+
+def test_pairs_that_agree_elsewhere_are_outvoted_or_refused():
+    places = np.random.default_rng(0).integers(-9, 9, (9, 2))
+    places[0] = 0
+    names = [f"p{index}" for index in range(9)]
+    positions, used = align._agreed(names, shifts_of(places, {}))
+    np.testing.assert_allclose(positions, places, atol=1e-4)
+    assert len(used) == 20
+    positions, used = align._agreed(names, shifts_of(places, {(4, 5): (24, 0)}))
+    np.testing.assert_allclose(positions, places, atol=1e-4)
+    assert len(used) == 19
+    assert (4, 5) not in used
+    with pytest.raises(ts.OverlapError, match=r"p0 and p1 agree where the other layers .* up to 24 px"):
+        align._agreed(names, shifts_of(places, {(0, 1): (24, 0)}))  # two others hold the corner

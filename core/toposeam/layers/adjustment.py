@@ -14,8 +14,9 @@ import numpy.typing as npt
 from toposeam.layers.labelling import Pair
 from toposeam.layers.pairing import Match
 
-#: Below this, px at the farthest corner, nothing counts as turned or scaled.
-_NOT_TURNED = 0.35
+#: Below this, px at the farthest corner, nothing counts as turned or scaled; and not where shifts leave less
+#: between patches, px, as errors of matching are alike all along a narrow overlap.
+_NOT_TURNED, _MATCHED = 0.35, 0.15
 #: Patches that do not lie within so many px of where the others say do not count.
 _OUTLIER = 1.0
 #: What pictures may do, the simplest first.
@@ -51,6 +52,8 @@ def adjusted(sizes: Floats, matches: dict[Pair, Match]) -> Adjustment:
     patches of one poor overlap would have is no reason to turn.
     """
     found = [least_squares(len(sizes), matches, freedom) for freedom in _FREEDOMS]
+    if found[0].misfit <= _MATCHED:
+        return found[0]
     chosen = found[_simplest([one.transforms for one in found], matches)]
     a, b = chosen.transforms.T[:2]
     return chosen if (np.hypot(a - 1, b) * np.hypot(*sizes.T)).max() > _NOT_TURNED else found[0]

@@ -152,7 +152,21 @@ def test_pictures_are_turned_although_what_they_share_hardly_shows_it():
 def test_what_would_turn_no_corner_by_a_third_of_a_pixel_is_not_turned():
     matches = matches_of([(80.0 * i, 0.002 * (i % 2)) for i in range(5)], np.random.default_rng(5), 0.01)
     assert (adjustment.adjusted(np.full((5, 2), 100), matches).transforms[:, 1] == 0).all()
+    matches = matches_of([(80.0 * i, 0.008 * (i % 2)) for i in range(5)], np.random.default_rng(5), 0.01)
+    assert (adjustment.adjusted(np.full((5, 2), 20), matches).transforms[:, 1] == 0).all()
     assert (adjustment.adjusted(np.full((5, 2), 300), matches).transforms[:, 1] != 0).any()
+
+
+def test_errors_of_matching_along_a_narrow_overlap_are_no_reason_to_scale():
+    """As phase correlation finds them on an overlap of 60 px: they would move corners by half a pixel."""
+    rng = np.random.default_rng(5)
+    match = matches_of([(0.0, 0.0), (120.0, 0.0)], rng, 0.0)[0, 1]
+    first = rng.uniform((120, 8), (180, 160), (40, 2))
+    off = 0.002 * (first - first.mean(axis=0)) + rng.normal(0, 0.02, (40, 2))
+    second = first - (120, 8) + off
+    matches = {(0, 1): dataclasses.replace(match, first=first, second=second)}
+    found = adjustment.adjusted(np.array([[160, 180], [152, 180]]), matches).transforms
+    np.testing.assert_allclose(found[1], [1, 0, 120, 8], atol=0.05)
 
 
 def test_how_far_corners_are_open_is_how_far_they_scatter():

@@ -51,12 +51,13 @@ def adjusted(sizes: Floats, matches: dict[Pair, Match]) -> Adjustment:
     scales, as the Bayesian information criterion says (Schwarz 1978, doi:10.1214/aos/1176344136): what a few
     patches of one poor overlap would have is no reason to turn.
     """
-    found = [least_squares(len(sizes), matches, freedom) for freedom in _FREEDOMS]
-    if found[0].misfit <= _MATCHED:
-        return found[0]
+    shifted = least_squares(len(sizes), matches, _FREEDOMS[0])
+    if shifted.misfit <= _MATCHED:
+        return shifted
+    found = [shifted, *(least_squares(len(sizes), matches, freedom) for freedom in _FREEDOMS[1:])]
     chosen = found[_simplest([one.transforms for one in found], matches)]
     a, b = chosen.transforms.T[:2]
-    return chosen if (np.hypot(a - 1, b) * np.hypot(*sizes.T)).max() > _NOT_TURNED else found[0]
+    return chosen if (np.hypot(a - 1, b) * np.hypot(*sizes.T)).max() > _NOT_TURNED else shifted
 
 
 def _simplest(several: list[Floats], matches: dict[Pair, Match]) -> int:

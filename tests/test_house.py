@@ -19,7 +19,7 @@ PACKAGES = {
 
 #: Each room, and the rooms its modules may import; within a room everything may import everything that
 #: does not make a circle. A room is a folder, or a module beside the folders; "toposeam" is the public face.
-BASE = {"toposeam.errors", "toposeam.checks", "toposeam.images", "toposeam.colours"}
+BASE = {"toposeam.errors", "toposeam.sentence", "toposeam.checks", "toposeam.images", "toposeam.colours"}
 BELOW = BASE | {
     "toposeam.saving",
     "toposeam.display",
@@ -27,7 +27,7 @@ BELOW = BASE | {
     "toposeam.optimize",
     "toposeam.vector",
 }
-CLI_CORE = {"toposeam", "toposeam.sentence", "toposeam_cli"} | BASE
+CLI_CORE = {"toposeam", "toposeam_cli"} | BASE
 ARROWS = {
     "toposeam": set(),
     "toposeam.__main__": set(),
@@ -40,7 +40,13 @@ ARROWS = {
     "toposeam.display": BASE,
     "toposeam.heat": {"toposeam.errors", "toposeam.checks"},
     "toposeam.optimize": {"toposeam.errors", "toposeam.checks"},
-    "toposeam.vector": {"toposeam.errors", "toposeam.checks", "toposeam.saving", "toposeam.display"},
+    "toposeam.vector": {
+        "toposeam.errors",
+        "toposeam.sentence",
+        "toposeam.checks",
+        "toposeam.saving",
+        "toposeam.display",
+    },
     "toposeam.seam": BELOW,
     "toposeam.layers": BELOW | {"toposeam.seam"},
     "toposeam.texture": BELOW | {"toposeam.seam"},
@@ -115,8 +121,7 @@ ARROWS = {
     "toposeam_cli.book": CLI_CORE | {"toposeam_cli.figures", "toposeam_cli.pictures", "toposeam.motif"},
     "toposeam_cli.__main__": {"toposeam_cli.main"},
     "toposeam_cli.main": CLI_CORE | {"toposeam_cli.files", "toposeam_cli.registry", "toposeam_cli.shells"},
-    "toposeam_engine": BELOW
-    | {"toposeam", "toposeam.sentence", "toposeam.layers", "toposeam.texture", "toposeam.motif"},
+    "toposeam_engine": BELOW | {"toposeam", "toposeam.layers", "toposeam.texture", "toposeam.motif"},
     "toposeam_gimp": set(),
 }
 #: Whatever the front ends have in common is below the commands; they may use all of it, and not each other.

@@ -22,6 +22,7 @@ from toposeam.layers.cropping import largest_full
 from toposeam.layers.layer import Box
 from toposeam.layers.maps import BLOCK, new_map, part_of
 from toposeam.layers.tasks import Executor, results
+from toposeam.sentence import counted
 from toposeam_cli.composing import Outputs, write_composite
 from toposeam_cli.files.scratch import Scratch
 from toposeam_cli.files.writing import all_or_nothing, atomic_write
@@ -291,8 +292,8 @@ def describe_totals(composed: ts.Composition, executor: Executor | None = None) 
         return f"{len(composed.names)} layers without a seam"
     totals, rounds = composed.totals(executor), composed.rounds
     return (
-        f"{len(composed.names)} layers, {len(composed.pairs)} seams of {round(totals.length)} px in all by "
-        f"{totals.method}, {rounds} round{'s' if rounds != 1 else ''}, cost {totals.cost:.4g}, "
+        f"{len(composed.names)} layers, {counted(len(composed.pairs), 'seam')} of {round(totals.length)} px "
+        f"in all by {totals.method}, {counted(rounds, 'round')}, cost {totals.cost:.4g}, "
         f"{totals.seconds:.2f} s"
     )
 

@@ -9,6 +9,7 @@ import click
 import numpy as np
 
 import toposeam as ts
+from toposeam.sentence import counted
 
 
 def is_read(quiet: bool) -> bool:
@@ -68,23 +69,6 @@ def _place(index: int, stitched: ts.Stitched, layer: ts.Layer, aligned: ts.Align
     return place
 
 
-def describe(stitched: ts.Stitched) -> str:
-    """One line about the seams for people."""
-    if len(stitched.names) == 2:
-        return _describe_one(stitched.seams[0])
-    if not stitched.seams:
-        return f"{len(stitched.names)} layers without a seam"
-    length, seconds = (
-        sum(seam.length for seam in stitched.seams),
-        sum(seam.seconds for seam in stitched.seams),
-    )
-    return (
-        f"{len(stitched.names)} layers, {len(stitched.seams)} seams of {round(length)} px in all by "
-        f"{stitched.seams[0].method}, {stitched.rounds} round{'s' if stitched.rounds != 1 else ''}, cost "
-        f"{stitched.cost:.4g}, {seconds:.2f} s"
-    )
-
-
 def _best(correlations: dict[tuple[int, int], float], index: int) -> float:
     return max(value for pair, value in correlations.items() if index in pair)
 
@@ -119,8 +103,9 @@ def describe_alignment(layers: tuple[ts.Layer, ...], aligned: ts.Aligned | None)
     return lines
 
 
-def _describe_one(seam: ts.Seam) -> str:
-    effort = f" in {len(seam.history)} iteration{'s' * (len(seam.history) > 1)}" if seam.history else ""
+def describe(seam: ts.Seam) -> str:
+    """One line about the seam of two layers for people."""
+    effort = f" in {counted(len(seam.history), 'iteration')}" if seam.history else ""
     text = (
         f"seam of {round(seam.length)} px by {seam.method}{effort}, cost {seam.cost:.4g}, "
         f"{seam.seconds:.2f} s"

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 import toposeam as ts
 from toposeam.images import full_scale
+from toposeam.sentence import counted
 
 #: The pictures in the page are reduced to so many px a side.
 _LARGEST = 1600
@@ -88,7 +89,8 @@ def seam_page(joined: Joined) -> str:
     cost = sum(seam.cost for _, seam in joined.seams)
     places = {
         "title": escape(joined.title),
-        "summary": f"{len(names)} pictures, {len(rows)} seams of cost {cost:.4g}, {width} × {height} px.",
+        "summary": f"{len(names)} pictures, {counted(len(rows), 'seam')} of cost {cost:.4g}, {width} × "
+        f"{height} px.",
         "before": _data(before, seen),
         "after": _data(after, opaque),
         "left": str(joined.corner[0]),

@@ -1,4 +1,4 @@
-"""What went wrong, as one sentence for the user."""
+"""What went wrong, as one sentence for the user, and other words."""
 
 from __future__ import annotations
 
@@ -36,6 +36,17 @@ def printable(text: str) -> str:
     worse.
     """
     return "".join(character if character.isprintable() else ascii(character)[1:-1] for character in text)
+
+
+def counted(number: int, noun: str) -> str:
+    """One thing, or a number of them.
+
+    Examples
+    --------
+    >>> counted(1, "patch"), counted(3, "patch"), counted(0, "seam")
+    ('1 patch', '3 patches', '0 seams')
+    """
+    return f"{number} {noun}{'' if number == 1 else 'es' if noun.endswith('ch') else 's'}"
 
 
 def causes(error: BaseException | None) -> Iterator[BaseException]:

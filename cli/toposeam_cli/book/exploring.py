@@ -12,6 +12,7 @@ import numpy as np
 
 import toposeam as ts
 from toposeam.motif.tiling import period
+from toposeam.sentence import counted
 from toposeam_cli.pictures.colour import to_depth
 from toposeam_cli.pictures.libvips import to_vips
 from toposeam_cli.pictures.recipe import to_toml
@@ -35,7 +36,7 @@ def explore_page(recipes: Sequence[ts.Recipe], columns: int, progress: Callable[
         made = ts.generate_motif(recipe)
         picture = to_depth(_swatch(made), np.dtype(np.uint8))
         data = base64.b64encode(to_vips(picture).pngsave_buffer(compression=9)).decode("ascii")
-        words = f"{recipe.repeat}, seed {recipe.seed}, {len(recipe.layers)} inks"
+        words = f"{recipe.repeat}, seed {recipe.seed}, {counted(len(recipe.layers), 'ink')}"
         cards.append(
             f'<button class="card" aria-pressed="false" data-number="{number}"><img alt="motif {number}" '
             f'src="data:image/png;base64,{data}"><span>{number} · {escape(words)}</span></button>'

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import toposeam as ts
 from toposeam.errors import ImageError
+from toposeam.sentence import counted
 from toposeam_cli.clips.clip import Clip
 from toposeam_cli.clips.reading import read_clip
 from toposeam_cli.clips.writing import check_clip_output, folder_for, write_clip
@@ -70,4 +71,4 @@ def join_clips(job: ClipJob, progress: Callable[[float], None] | None = None) ->
 
 def _size(shape: tuple[int, ...]) -> str:
     count, height, width = shape[:3]
-    return f"{count} frames of {width} × {height} px"
+    return f"{counted(count, 'frame')} of {width} × {height} px"

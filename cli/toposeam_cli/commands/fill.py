@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 import toposeam as ts
+from toposeam.sentence import counted
 from toposeam_cli.options import FILE, OUTPUT
 from toposeam_cli.pictures.masks import read_white
 from toposeam_cli.progress import share_bar
@@ -102,6 +103,5 @@ def fill(
         )
     goes.write(made, picture, maps)
     if not results.quiet:
-        unit = str(made.settings["by"])
-        unit = unit.removesuffix("s").removesuffix("e") if made.count == 1 else unit
-        click.echo(f"{output}: {made.settings['pixels']} px replaced by {made.count} {unit}")
+        pieces = counted(made.count, "patch" if made.settings["by"] == "patches" else "shift")
+        click.echo(f"{output}: {made.settings['pixels']} px replaced by {pieces}")

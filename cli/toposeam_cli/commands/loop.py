@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 import toposeam as ts
+from toposeam.sentence import counted
 from toposeam_cli.clips.clip import Clip, check_pixels
 from toposeam_cli.clips.reading import read_clip
 from toposeam_cli.clips.writing import check_clip_output, folder_for, write_clip
@@ -134,7 +135,7 @@ def loop(clip: Path, output: Path, **given: Any) -> None:
     if not quiet:
         count = len(made.frames)
         click.echo(
-            f"{output}: {count} frames ({float(count / read.rate):.2f} s), "
+            f"{output}: {counted(count, 'frame')} ({float(count / read.rate):.2f} s), "
             + ", ".join(f"from {jump.leaves} to {jump.enters}" for jump in dict.fromkeys(made.jumps))
         )
 

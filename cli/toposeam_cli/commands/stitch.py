@@ -291,7 +291,7 @@ def _stitch(
     if out.as_json:
         report = json.dumps(summary_of_all(stitched, job.layers, aligned, job.placement), indent=2)
     elif is_read(out.quiet):
-        told = describe(stitched) if asked or len(job.layers) == 2 else describe_totals(composed)
+        told = describe(stitched.seams[0]) if len(job.layers) == 2 else describe_totals(composed)
         report = told_of(out.output, finished.image.shape, told, at, job.layers, job.placement, aligned)
     write(out, job, finished, documents, overlay)
     if out.as_json or not out.quiet:

@@ -13,6 +13,7 @@ import numpy as np
 
 import toposeam as ts
 from toposeam.images import full_scale
+from toposeam.sentence import counted
 from toposeam_cli.options import (
     FILE,
     OUTPUT,
@@ -248,8 +249,8 @@ def synth(
     dataclasses.replace(goes, preview=None).write(made, pictures[0], [given[0] for given in maps])
     if not results.quiet:
         click.echo(
-            f"{output}: {size[0]} × {size[1]} px, {made.count} patches of {made.patch[1]} × {made.patch[0]} "
-            "px"
+            f"{output}: {size[0]} × {size[1]} px, {counted(made.count, 'patch')} of {made.patch[1]} × "
+            f"{made.patch[0]} px"
         )
         if made.fits is not None and not isinstance(wanted, AutoSize):
             height, width = made.fits

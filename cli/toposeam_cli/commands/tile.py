@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 import toposeam as ts
+from toposeam.sentence import counted
 from toposeam_cli.options import FILE, OUTPUT
 from toposeam_cli.pictures.picture import Picture
 from toposeam_cli.progress import share_bar
@@ -83,7 +84,8 @@ def tile(
     if not results.quiet:
         height, width = made.labels.shape
         click.echo(
-            f"{output}: {width} × {height} px, {made.count} patches in a band of {made.settings['band']} px"
+            f"{output}: {width} × {height} px, {counted(made.count, 'patch')} in a band of "
+            f"{made.settings['band']} px"
         )
         fits = fits or _closing_size(picture, tileable)
         if fits != (height, width):

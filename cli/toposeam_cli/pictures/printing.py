@@ -18,6 +18,7 @@ from toposeam.motif.hexagonal import tile_size
 from toposeam.motif.inked import MAX_PATTERN
 from toposeam.motif.svg import check_counts
 from toposeam.motif.symmetry import HEXAGONAL
+from toposeam.sentence import counted
 from toposeam_cli.pictures.colour import to_depth
 from toposeam_cli.pictures.libvips import load_vips
 from toposeam_cli.pictures.picture import Picture
@@ -122,8 +123,7 @@ def ink_names(recipe: ts.Recipe) -> tuple[str, ...]:
 def describe(made: ts.Motif, counts: tuple[int, int]) -> str:
     """One line about a motif for people."""
     many = "" if counts == (1, 1) else f"{counts[1]} × {counts[0]} motifs, "
-    inks = f"{len(made.inks)} ink{'s' if len(made.inks) > 1 else ''}"
-    return f"{many}{inks}, repeats by {made.repeat}, seed {made.recipe.seed}"
+    return f"{many}{counted(len(made.inks), 'ink')}, repeats by {made.repeat}, seed {made.recipe.seed}"
 
 
 def per_mm(dpi: float | None) -> tuple[float, float] | None:

@@ -99,7 +99,7 @@ def compose(
     --------
     >>> whole = np.random.default_rng(0).random((30, 60))
     >>> compose([Layer(whole[:, :40]), Layer(whole[:, 20:], at=(20, 0))])
-    Composition(2 layers, 60 × 30 px, 1 seams)
+    Composition(2 layers, 60 × 30 px, 1 seam)
     """
     layers = check_layers(layers)
     check_executor(executor)

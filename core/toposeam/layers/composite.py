@@ -28,6 +28,7 @@ from toposeam.seam.heat import HeatOptions
 from toposeam.seam.match_cost import MatchCost
 from toposeam.seam.seam import Seam
 from toposeam.seam.thesis_options import ThesisOptions
+from toposeam.sentence import counted
 from toposeam.vector.svg import SvgSeam, write_svg
 
 
@@ -83,8 +84,8 @@ class Stitched:
     def __repr__(self) -> str:
         height, width = self.label_map.shape
         return (
-            f"Stitched({len(self.names)} layers, {width} × {height} px, {len(self.seams)} seams of cost "
-            f"{self.cost:.4g})"
+            f"Stitched({len(self.names)} layers, {width} × {height} px, {counted(len(self.seams), 'seam')} "
+            f"of cost {self.cost:.4g})"
         )
 
     def _repr_png_(self) -> bytes:
@@ -220,7 +221,7 @@ def stitch(
     >>> from toposeam.layers.layer import Layer
     >>> whole = np.random.default_rng(0).random((30, 60))
     >>> stitch([Layer(whole[:, :40]), Layer(whole[:, 20:], at=(20, 0))])
-    Stitched(2 layers, 60 × 30 px, 1 seams of cost 0.03)
+    Stitched(2 layers, 60 × 30 px, 1 seam of cost 0.03)
     """
     composed = compose(
         layers,

@@ -24,6 +24,7 @@ from toposeam.layers.painting import LabelMap, paint
 from toposeam.layers.tasks import Executor
 from toposeam.optimize.history import Termination
 from toposeam.seam.seam import Seam, knows_potential
+from toposeam.sentence import counted
 from toposeam.vector.polyline import Polyline
 
 #: Over so many columns the end of a canvas that goes round fades into its beginning.
@@ -113,7 +114,8 @@ class Composition:
 
     def __repr__(self) -> str:
         height, width = self.shape
-        return f"Composition({len(self.layers)} layers, {width} × {height} px, {len(self.pairs)} seams)"
+        seams = counted(len(self.pairs), "seam")
+        return f"Composition({len(self.layers)} layers, {width} × {height} px, {seams})"
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -33,6 +33,7 @@ from toposeam.layers.layer import Layer
 from toposeam.layers.pairing import Match, find_matches, groups
 from toposeam.layers.tasks import Executor, check_executor
 from toposeam.layers.turning import placed
+from toposeam.sentence import counted
 
 #: Least correlation of two overlaps that are taken to show the same.
 LEAST_CORRELATION = 0.5
@@ -74,7 +75,7 @@ class Placement:
 
     def __repr__(self) -> str:
         return (
-            f"Placement({len(self.layers)} pictures, {len(self.correlations)} pairs, misfit "
+            f"Placement({len(self.layers)} pictures, {counted(len(self.correlations), 'pair')}, misfit "
             f"{self.misfit:.2f} px)"
         )
 

@@ -18,6 +18,7 @@ from toposeam.motif.mixing import mix
 from toposeam.motif.recipe import Recipe
 from toposeam.motif.sampling import resample
 from toposeam.motif.tiling import tile
+from toposeam.sentence import counted
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -79,8 +80,7 @@ class Motif(Inked):
 
     def __repr__(self) -> str:
         rows, columns = self.densities.shape[1:]
-        inks = f"{len(self.inks)} ink{'s' if len(self.inks) > 1 else ''}"
-        size = f"{columns} × {rows} elements"
+        inks, size = counted(len(self.inks), "ink"), f"{columns} × {rows} elements"
         return f"Motif({inks} on {size}, repeat={self.repeat!r}, seed={self.recipe.seed})"
 
 

@@ -19,6 +19,7 @@ from toposeam.path.gather import PathIteration, PathOptions
 from toposeam.path.levels import lead
 from toposeam.path.trace import cost_along, taut
 from toposeam.saving import save
+from toposeam.sentence import counted
 from toposeam.vector.polyline import Polyline
 from toposeam.vector.svg import write_svg
 
@@ -88,7 +89,7 @@ class PlannedPath:
 
     def __repr__(self) -> str:
         height, width = self.density.shape
-        ways = f"{len(self.paths)} way{'s' if len(self.paths) > 1 else ''}"
+        ways = counted(len(self.paths), "way")
         return f"PlannedPath({ways} of {self.length:.1f} px on {width} × {height}, cost {self.cost:.4g})"
 
     def _repr_svg_(self) -> str:

@@ -25,6 +25,7 @@ from toposeam.seam.overlap import Side
 from toposeam.seam.posing import pose
 from toposeam.seam.problem import SeamProblem
 from toposeam.seam.solution import Solution
+from toposeam.sentence import counted
 from toposeam.vector.polyline import Polyline, trace_boundary
 from toposeam.vector.svg import SvgSeam, read_svg, write_svg
 
@@ -78,7 +79,7 @@ class Seam:
 
     def __repr__(self) -> str:
         height, width = self.problem.overlap.canvas
-        steps = f", {len(self.history)} iterations" if self.history else ""
+        steps = f", {counted(len(self.history), 'iteration')}" if self.history else ""
         return (
             f"Seam({self.method}, canvas {width} × {height} px, cost {self.cost:.6g}{steps}, "
             f"{self.termination})"

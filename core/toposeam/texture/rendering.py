@@ -115,14 +115,10 @@ def near_seams(index: Ints32, stride: int, wrap: tuple[bool, bool], smooth: int)
 
     Parameters
     ----------
-    index : (H, W) int32 array
-        Flat index into the atlas, or -1.
-    stride : int
-        Width of the atlas.
-    wrap : (bool, bool)
-        Whether rows and columns continue at the opposite border.
+    index, stride, wrap
+        As for :func:`toposeam.texture.joints.joints`.
     smooth : int
-        px.
+        How far neighbours at seams are mixed, px.
     """
     near = np.zeros(index.shape, bool)
     for first, second, _ in joints(index, stride, wrap):

@@ -19,6 +19,7 @@ from toposeam.display import to_png
 from toposeam.errors import ImageError
 from toposeam.images import Image, Mask, as_array
 from toposeam.saving import save
+from toposeam.sentence import counted
 from toposeam.texture.atlas import Atlas, Ints32
 from toposeam.texture.narrow import widened
 from toposeam.texture.rendering import render
@@ -71,7 +72,7 @@ class Synthesis:
     def __repr__(self) -> str:
         height, width = self.labels.shape
         h, w = self.patch
-        return f"Synthesis({width} × {height} px, {self.count} patches of {w} × {h} px)"
+        return f"Synthesis({width} × {height} px, {counted(self.count, 'patch')} of {w} × {h} px)"
 
     def _repr_png_(self) -> bytes:
         """The picture itself: seams are all over a texture and would hide it; ``to_svg`` shows them."""

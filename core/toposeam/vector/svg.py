@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from toposeam.errors import OptionError, PathError
+from toposeam.sentence import counted
 from toposeam.vector.polyline import Floats, Polyline
 from toposeam.vector.svg_document import NAMESPACE, document_of, name_of, parse, settings_of, tag_of
 from toposeam.vector.svg_shapes import PX, SHAPES, Budget, length_px, polylines_of, transform_of
@@ -54,8 +55,7 @@ class SvgSeam:
     names: tuple[str, ...]
 
     def __repr__(self) -> str:
-        lines = f"{len(self.polylines)} line{'s' if len(self.polylines) != 1 else ''}"
-        return f"SvgSeam({lines} on {self.width:g} × {self.height:g} px)"
+        return f"SvgSeam({counted(len(self.polylines), 'line')} on {self.width:g} × {self.height:g} px)"
 
     def _repr_svg_(self) -> str:
         width, height = math.ceil(self.width), math.ceil(self.height)

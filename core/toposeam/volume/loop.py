@@ -18,6 +18,7 @@ from toposeam.heat.sweeps import Floats32
 from toposeam.heat.threads import one_thread
 from toposeam.images import MAX_PIXELS, Mask, as_mask
 from toposeam.seam.match_cost import MatchCost, check_no_reach, match_options
+from toposeam.sentence import counted
 from toposeam.volume.arrays import Volume, as_volume
 from toposeam.volume.find import find_surface
 from toposeam.volume.heat import SurfaceOptions
@@ -160,7 +161,7 @@ def loop(
     flat = np.ndim(frames) == 3
     count = len(clip)
     if count < 4:
-        raise ImageError(f"the clip has {count} frame{'s' * (count != 1)}; a loop needs at least 4")
+        raise ImageError(f"the clip has {counted(count, 'frame')}; a loop needs at least 4")
     check_choice("level", level, (True, False))
     if grow is not None and (length is not None or start is not None):
         raise OptionError("grow decides where the clip is left and entered; leave length and start out")
@@ -186,13 +187,13 @@ def loop(
         **dataclasses.asdict(match),
     }
     small = small_frames(clip, data_range)
-    counted = small_mask(moving, (small.shape[1], small.shape[2]))
-    if not counted.any():
-        counted[:] = True
+    compared = small_mask(moving, (small.shape[1], small.shape[2]))
+    if not compared.any():
+        compared[:] = True
     with one_thread():
         if grow is None:
             lengths, starts = _bounds(length, start, transition, count)
-            walk = [best_jump(small, transition, lengths, starts, counted, match, spacing)]
+            walk = [best_jump(small, transition, lengths, starts, compared, match, spacing)]
         else:
             check_whole("grow", grow, 2 * transition, 10**7)
             if grow * clip[0].size > MAX_PIXELS:
@@ -200,7 +201,7 @@ def loop(
                     f"grow is {grow}, which makes more than {MAX_PIXELS // 10**6} million values of this "
                     "clip; ask for fewer frames, or give a smaller clip"
                 )
-            found = good_jumps(small, transition, counted, match, spacing, _JUMPS)
+            found = good_jumps(small, transition, compared, match, spacing, _JUMPS)
             walk = closed_walk(found, transition, grow, np.random.default_rng(chosen))
     distinct = list(dict.fromkeys(walk))
     surfaces: dict[Jump, Surface] = {}
@@ -221,7 +222,7 @@ def loop(
         )
     source = _sources(walk, surfaces, transition, moving.shape)
     if still is not None:
-        source[:, ~moving] = _still_frame(small, source, counted)
+        source[:, ~moving] = _still_frame(small, source, compared)
     made = np.take_along_axis(clip, source[..., np.newaxis].astype(np.intp), axis=0)
     if level:
         labels = {jump: surface.labels for jump, surface in surfaces.items()}

@@ -91,7 +91,7 @@ def test_two_pictures_and_what_is_told(three, toposeam, stored):
     assert sum(layer["shown_px"] for layer in told["layers"]) == (read_picture("out.tif").alpha > 0).sum()
     assert told["seams"][0]["between"] == ["a.png", "b.png"]
     assert told["seams"][0]["cost"] == pytest.approx(told["cost"])
-    assert "2 layers, 1 seams" in toposeam("stitch", *words, "--force").out
+    assert "2 layers, 1 seam of" in toposeam("stitch", *words, "--force").out
 
 
 def test_depths_profiles_and_gray_are_matched(three, toposeam, stored, monkeypatch):

@@ -54,7 +54,7 @@ def test_what_the_picture_has_twice_is_restored_exactly(sample):
     np.testing.assert_array_equal(made.image, image)
     shift = made.source[hole] - np.argwhere(hole)
     assert (shift == (0, 90)).all()
-    assert repr(made).startswith("Synthesis(180 × 120 px, 1 patches of")
+    assert repr(made).startswith("Synthesis(180 × 120 px, 1 patch of")
 
 
 @pytest.mark.medium

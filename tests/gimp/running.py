@@ -16,6 +16,8 @@ from processes import descendants
 
 HERE = Path(__file__).parent
 CHECKOUT = HERE.parent.parent
+#: How long GIMP may take to start, with other things to do, or to answer, s: what hangs is asked once.
+PATIENCE = 300
 
 
 def find_gimp(kind="gimp-console"):
@@ -89,7 +91,7 @@ class Gimp:
                 stdin=subprocess.DEVNULL,
             )
         self.socket = socket.socket(socket.AF_UNIX)
-        deadline = time.monotonic() + 300  # the first start, with other things to do, takes long
+        deadline = time.monotonic() + PATIENCE
         while True:
             try:
                 self.socket.connect(address)
@@ -100,6 +102,7 @@ class Gimp:
                         f"GIMP did not start: {self.log.read_text(errors='replace')[-3000:]}"
                     ) from None
                 time.sleep(0.1)
+        self.socket.settimeout(PATIENCE)
         self.lines = self.socket.makefile("rw", encoding="utf-8")
 
     def set_engine(self, script):

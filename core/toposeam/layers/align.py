@@ -4,15 +4,14 @@ Each pair of layers that overlap, or would within the search radius, is compared
 (Padfield 2012, doi:10.1109/TIP.2011.2181402; scikit-image's), on a coarser scale first where the overlap is
 large. A shift counts when it lies within the radius and the overlap then correlates. All shifts together give
 the positions, in the least-squares sense, the first layer staying where it is; pairs that contradict the
-others, as what repeats itself does, are left out where those outvote them
-(:mod:`toposeam.layers.contradictions`). Layers are moved by whole
-pixels and not resampled, turned or warped.
+others, as what repeats itself does, are left out where those outvote them (:mod:`toposeam.layers.voting`).
+Layers are moved by whole pixels and not resampled, turned or warped.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
@@ -24,10 +23,10 @@ import scipy
 from toposeam.checks import check_items, check_whole
 from toposeam.errors import OverlapError
 from toposeam.images import Image, Mask, as_float
-from toposeam.layers.contradictions import averaged, named_pairs, outvoted
+from toposeam.layers.labelling import Pair
 from toposeam.layers.layer import Box, Layer, check_layers, cut
-from toposeam.layers.pairing import groups
 from toposeam.layers.tasks import Executor, check_executor, results
+from toposeam.layers.voting import averaged, named_pairs, voted
 
 #: Farthest a layer is searched from where it was said to be, px in x and in y.
 RADIUS = 32
@@ -62,7 +61,7 @@ class Aligned:
     #: (N, 2) px in x and y by which each was moved.
     shifts: npt.NDArray[np.intp]
     #: Correlation of each pair that was used.
-    correlations: dict[tuple[int, int], float]
+    correlations: dict[Pair, float]
 
     def __repr__(self) -> str:
         most = int(np.abs(self.shifts).max(initial=0))
@@ -104,7 +103,7 @@ def align(layers: Sequence[Layer], *, radius: int = RADIUS, executor: Executor |
     check_whole("radius", radius, 1)
     check_executor(executor)
     layers = check_layers(layers)
-    found: dict[tuple[int, int], tuple[Floats, float, float]] = {}
+    found: dict[Pair, tuple[Floats, float, float]] = {}
     best: dict[int, float] = dict.fromkeys(range(len(layers)), -1.0)
     pairs = [
         (i, j)
@@ -133,9 +132,7 @@ def align(layers: Sequence[Layer], *, radius: int = RADIUS, executor: Executor |
     )
 
 
-def correlations(
-    layers: Sequence[Layer], *, executor: Executor | None = None
-) -> dict[tuple[int, int], float]:
+def correlations(layers: Sequence[Layer], *, executor: Executor | None = None) -> dict[Pair, float]:
     """How alike two layers are where they overlap, without their slow changes: 1 for the same, about 0 for
     strangers.
 
@@ -184,7 +181,7 @@ def _correlation(layers: tuple[Layer, Layer]) -> float | None:
 
 def _check_joined(
     layers: Sequence[Layer],
-    found: dict[tuple[int, int], tuple[Floats, float, float]],
+    found: dict[Pair, tuple[Floats, float, float]],
     best: dict[int, float],
     radius: int,
 ) -> None:
@@ -210,8 +207,8 @@ def _check_joined(
 
 
 def _agreed(
-    names: list[str], found: dict[tuple[int, int], tuple[Floats, float, float]]
-) -> tuple[Floats, dict[tuple[int, int], tuple[Floats, float, float]]]:
+    names: list[str], found: dict[Pair, tuple[Floats, float, float]]
+) -> tuple[Floats, dict[Pair, tuple[Floats, float, float]]]:
     """(N, 2) shifts that all pairs but those that are outvoted agree to, and the pairs that agree.
 
     Raises
@@ -219,31 +216,29 @@ def _agreed(
     OverlapError
         When more than these contradict each other.
     """
-    positions = _positions(len(names), found)
-    if max(_off(positions, found).values()) <= _AGREE:
-        return positions, found
-    pairs = np.array(list(found))
-    differences = np.array([shift @ [1, 1j] for shift, _, _ in found.values()])
-    weights = np.array([weight for _, _, weight in found.values()])
-    places = averaged(len(names), pairs, -differences, weights)
-    off = _off(np.stack([places.real, places.imag], axis=1), found)
-    kept = {pair: found[pair] for pair in found if off[pair] <= _AGREE}
-    wrong = [pair for pair in found if pair not in kept]
-    votes = [{pair: round(found[pair][2] ** 2) for pair in pairs} for pairs in (kept, wrong)]
-    if len(set(groups(len(names), kept))) == 1 and outvoted(len(names), *votes):
-        positions = _positions(len(names), kept)
-        if max(_off(positions, kept).values()) <= _AGREE:
-            return positions, kept
+
+    def solved(pairs: Collection[Pair]) -> tuple[Floats, dict[Pair, float]]:
+        positions = _positions(len(names), {pair: found[pair] for pair in pairs})
+        return positions, _off(positions, found)
+
+    def of_most() -> dict[Pair, float]:
+        differences = np.array([shift @ [1, 1j] for shift, _, _ in found.values()])
+        weights = np.array([weight for _, _, weight in found.values()])
+        places = averaged(len(names), found.keys(), -differences, weights)
+        return _off(np.stack([places.real, places.imag], axis=1), found)
+
+    pixels = {pair: round(weight**2) for pair, (_, _, weight) in found.items()}
+    vote = voted(len(names), pixels, solved, of_most, _AGREE)
+    if vote.clear:
+        return vote.places, {pair: found[pair] for pair in vote.kept}
     raise OverlapError(
-        f"{named_pairs(names, wrong)} agree where the other layers do not place them, up to "
-        f"{max(off.values()):.0f} px off, and too little else shows which is right: what repeats itself "
+        f"{named_pairs(names, vote.wrong)} agree where the other layers do not place them, up to "
+        f"{max(vote.off.values()):.0f} px off, and too little else shows which is right: what repeats itself "
         "agrees in several places; correct their positions and search less far, or leave out aligning"
     )
 
 
-def _off(
-    positions: Floats, found: dict[tuple[int, int], tuple[Floats, float, float]]
-) -> dict[tuple[int, int], float]:
+def _off(positions: Floats, found: dict[Pair, tuple[Floats, float, float]]) -> dict[Pair, float]:
     """By how many px each pair disagrees."""
     return {
         (i, j): float(np.abs(positions[j] - positions[i] - shift).max())
@@ -251,7 +246,7 @@ def _off(
     }
 
 
-def _positions(count: int, found: dict[tuple[int, int], tuple[Floats, float, float]]) -> Floats:
+def _positions(count: int, found: dict[Pair, tuple[Floats, float, float]]) -> Floats:
     """(N, 2) shifts that agree best with those of the pairs, the first layer's being 0."""
     rows, values = np.zeros((len(found) + 1, count)), np.zeros((len(found) + 1, 2))
     rows[-1, 0] = 1e6

@@ -8,7 +8,8 @@ import numpy.typing as npt
 from toposeam.checks import check_choice, check_pair
 from toposeam.images import Mask
 from toposeam.texture.atlas import Floats32
-from toposeam.texture.order import Floats, Order, find_order
+from toposeam.texture.lattices import Floats
+from toposeam.texture.order import Order, find_order
 from toposeam.texture.sources import DataRange, Images, read_sources
 from toposeam.texture.tileable import Tileable, wraps_of
 

@@ -4,7 +4,8 @@ from scipy import ndimage
 
 import toposeam as ts
 from toposeam.texture.keeping_step import Phase
-from toposeam.texture.order import Order, _points, find_order
+from toposeam.texture.lattices import _points
+from toposeam.texture.order import Order, find_order
 
 
 def bricks(height=160, width=192, brick=(16, 40), seed=0):

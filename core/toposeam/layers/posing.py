@@ -6,7 +6,8 @@ layers:
 - A layer does not show at its own end, where it has pixels but not the neighbour that another layer has,
   unless all layers there end.
 - A connected piece of a layer that has no pixel to itself keeps its *core*, the pixels at least ``core``
-  times as deep as its deepest. Where the cores of two layers meet, the later one has it.
+  times as deep as its deepest. Where cores of several layers meet these are to be chosen from, except that
+  one that lies wholly in another has its place alone, of two that are equal the later layer's.
 - Where only one of two neighbours is covered by both layers, its values count twice; where neither is,
   nothing is known and their interface costs 0.
 """
@@ -14,6 +15,7 @@ layers:
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -21,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.errors import OptionError
-from toposeam.images import Mask
+from toposeam.images import Mask, box_of
 from toposeam.layers.labelling import Labelling, Pair, PairCost
 from toposeam.layers.layer import Box, Extent, Layer, cut
 from toposeam.layers.maps import EDGES, all_of, blocks, cover_of, dense, ground, made_map, new_map, uniform
@@ -115,29 +117,86 @@ def _without_ends(index: int, places: Sequence[Box], covered: Sequence[Mask]) ->
 def _keep_cores(
     canvas: Box, places: Sequence[Box], covered: Sequence[Mask], allowed: list[Mask], core: float
 ) -> None:
-    claimed: Mask | None = None
-    for index in reversed(range(len(places))):
-        place = places[index]
-        whole = all_of(covered[index])  # one piece
-        if whole and any((_depth(places, covered, box) == 1).any() for box in blocks(place)):
-            continue
-        cover = dense(covered[index])
-        piece, count = (cover.astype(np.int32), 1) if whole else pieces_of(cover)
-        alone = np.bincount(piece[_depth(places, covered, place) == 1], minlength=count + 1) > 0
-        alone[0] = True
-        if alone.all():
-            continue
-        middle = cores(cover, piece, ~alone, core) & dense(allowed[index])
-        if claimed is None:
-            claimed = new_map(canvas.shape, False, bool)
-        before = claimed[place.slices]
-        middle &= ~before
-        claimed[place.slices] = before | middle
-        for other, there in enumerate(places):  # no layer but this one is allowed in its core
-            common = place.shared(there)
-            if other != index and all(common.shape):
-                at = common.within(there)
-                allowed[other][at] = allowed[other][at] & ~middle[common.within(place)]
+    """Leave, in place, where there are cores no layers to choose from but those whose cores these are."""
+    found = [_cores_of(index, places, covered, allowed[index], core) for index in range(len(places))]
+    there = [own for own in found if own is not None]
+    if not there:
+        return
+    cored = new_map(canvas.shape, False, bool)
+    for one in there:
+        cored[one.box.slices] = cored[one.box.slices] | (one.piece[:, :] > 0)
+    for mask, place, own in zip(allowed, places, found, strict=True):
+        kept = None if own is None else own.without(there)
+        for box in blocks(place):
+            if uniform(cored, box) is not np.False_:
+                at, free = box.within(place), ~cored[box.slices]
+                if own is not None and kept is not None:
+                    free |= cut(kept, own.box, box)
+                mask[at] = mask[at] & free
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Cores:
+    """What a layer keeps."""
+
+    index: int
+    #: On the canvas, and the number of the connected piece of each of its pixels, (h, w) int32.
+    box: Box
+    piece: npt.NDArray[np.int32]
+    #: (n + 1,) how many pixels each has.
+    size: npt.NDArray[np.intp]
+
+    def without(self, others: Sequence[_Cores]) -> Mask:
+        """(h, w) bool: all but what others keep that lies in it."""
+        kept: Mask = new_map(self.box.shape, False, bool)
+        kept[:, :] = self.piece[:, :] > 0
+        for other in others:
+            inner = other.lying_in(self)
+            if inner.any():
+                common = self.box.shared(other.box)
+                at = common.within(self.box)
+                kept[at] = kept[at] & ~inner[other.piece[common.within(other.box)]]
+        return kept
+
+    def lying_in(self, other: _Cores) -> npt.NDArray[np.bool_]:
+        """(n + 1,) bool: which pieces another layer's hold; of two that are equal the later one lies in the
+        other.
+        """
+        common, none = self.box.shared(other.box), np.zeros(len(self.size), bool)
+        if self.index == other.index or not all(common.shape) or (len(none) == 2 and common != self.box):
+            return none
+        own, theirs = self.piece[common.within(self.box)], other.piece[common.within(other.box)]
+        held = own[theirs > 0]
+        holder = np.zeros(len(none), np.int32)
+        holder[held] = theirs[theirs > 0]
+        inside: npt.NDArray[np.bool_] = np.bincount(held, minlength=len(none)) == self.size
+        if self.index < other.index:
+            inside &= self.size < other.size[holder]
+        inside[0] = False
+        return inside
+
+
+def _cores_of(
+    index: int, places: Sequence[Box], covered: Sequence[Mask], allowed: Mask, core: float
+) -> _Cores | None:
+    """The cores of those pieces of a layer that have no pixel to themselves."""
+    place = places[index]
+    whole = all_of(covered[index])  # one piece
+    if whole and any((_depth(places, covered, box) == 1).any() for box in blocks(place)):
+        return None
+    cover = dense(covered[index])
+    piece, count = (cover.astype(np.int32), 1) if whole else pieces_of(cover)
+    alone = np.bincount(piece[_depth(places, covered, place) == 1], minlength=count + 1) > 0
+    alone[0] = True
+    middle = cores(cover, piece, ~alone, core) & dense(allowed)
+    if not middle.any():
+        return None
+    rows, columns = box_of(middle)
+    piece, count = pieces_of(middle[rows, columns])
+    numbers: npt.NDArray[np.int32] = new_map(piece.shape, 0, np.int32)
+    numbers[:, :] = piece
+    box = Box(rows.start, columns.start, rows.stop, columns.stop).moved(*place[:2])
+    return _Cores(index, box, numbers, np.bincount(piece.ravel(), minlength=count + 1))
 
 
 def _depth(places: Sequence[Box], covered: Sequence[Mask], box: Box) -> npt.NDArray[np.uint16]:

@@ -8,7 +8,7 @@ import pytest
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers import levels, pair_cost, reduction
+from toposeam.layers import levels, maps, pair_cost, reduction
 from toposeam.layers.labelling import Labelling
 from toposeam.layers.layer import Box, extent_of
 from toposeam.layers.posing import exclusive_covers, pose_labelling
@@ -40,12 +40,66 @@ def row_of_four(costs):
     return Labelling(canvas, [canvas] * 3, allowed, tables)
 
 
-def test_where_cores_meet_a_later_layer_wins():
+def flat(shape, at, value=0.5, **more):
+    return ts.Layer(np.full(shape, value), at=at, name=str(at), **more)
+
+
+def may_show(layers, x, y):
+    """Which layers are to be chosen from at a pixel of the canvas, whose first layer lies at its origin."""
+    labelling = posed(layers)
+    box = Box(y, x, y + 1, x + 1)
+    return {layer.name for k, layer in enumerate(layers) if labelling.allowed_in(k, box).any()}
+
+
+def test_of_equal_cores_the_later_layer_s_counts():
     layers = [ts.Layer(np.full((30, 40), value), at=(3, 3), name=str(value)) for value in (0.2, 0.4, 0.6)]
     allowed = posed(layers).allowed
     assert [bool(mask[15, 20]) for mask in allowed] == [False, False, True]
     assert [bool(mask[1, 1]) for mask in allowed] == [True, True, True]
     assert [bool(mask[15, 20]) for mask in posed(layers[::-1]).allowed] == [False, False, True]
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (0, 2, 1)])
+def test_where_cores_meet_all_whose_these_are_may_show_in_any_order(order):
+    layers = [flat((60, 120), (0, 0)), flat((40, 60), (10, 10)), flat((40, 60), (30, 10))]
+    layers = [layers[k] for k in order]
+    assert may_show(layers, 22, 30) == {"(10, 10)"}
+    assert may_show(layers, 50, 30) == {"(10, 10)", "(30, 10)"}
+    assert may_show(layers, 78, 30) == {"(30, 10)"}
+    assert may_show(layers, 50, 13) == {"(0, 0)", "(10, 10)", "(30, 10)"}
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (0, 2, 1)])
+def test_a_core_between_two_pieces_of_another_does_not_lie_in_it(order):
+    alpha = np.zeros((30, 90))
+    alpha[:, :30] = alpha[:, 60:] = 1
+    layers = [flat((100, 200), (0, 0)), flat((30, 90), (40, 40), alpha=alpha), flat((20, 40), (45, 45))]
+    layers = [layers[k] for k in order]
+    assert may_show(layers, 55, 55) == {"(40, 40)", "(45, 45)"}
+    assert may_show(layers, 70, 55) == {"(45, 45)"}
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2, 3), (0, 3, 2, 1)])
+def test_a_core_that_lies_in_another_has_its_place_alone(order):
+    alpha = np.zeros((30, 90))
+    alpha[:, :30] = alpha[:, 60:] = 1  # two pieces, of which one lies in another layer's core
+    layers = [flat((100, 200), (0, 0)), flat((90, 90), (5, 5)), flat((30, 90), (40, 40), alpha=alpha)]
+    layers = [[*layers, flat((10, 10), (50, 50))][k] for k in order]
+    assert may_show(layers, 55, 55) == {"(50, 50)"}
+    assert may_show(layers, 48, 55) == {"(40, 40)"}
+    assert may_show(layers, 115, 55) == {"(40, 40)"}
+    assert may_show(layers, 35, 55) == {"(5, 5)"}
+
+
+def test_cores_of_large_layers_are_those_of_small_ones(monkeypatch):
+    shapes = ((60, 120), (0, 0)), ((40, 60), (10, 10)), ((40, 60), (30, 10)), ((10, 14), (40, 22))
+    layers = [flat(*shape) for shape in shapes]
+    small = posed(layers).allowed
+    for name, value in {"DENSE_PIXELS": 100, "TILE": 16}.items():
+        monkeypatch.setattr(maps, name, value)
+    for one, other in zip(small, posed(layers).allowed, strict=True):
+        assert isinstance(other, maps.TileMap)
+        np.testing.assert_array_equal(one, maps.dense(other))
 
 
 def test_a_layer_that_reaches_out_by_one_pixel_keeps_no_core():

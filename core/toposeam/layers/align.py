@@ -26,7 +26,7 @@ from toposeam.images import Image, Mask, as_float
 from toposeam.layers.labelling import Pair
 from toposeam.layers.layer import Box, Layer, check_layers, cut
 from toposeam.layers.tasks import Executor, check_executor, results
-from toposeam.layers.voting import averaged, named_pairs, voted
+from toposeam.layers.voting import averaged, evidence_of, named_pairs, voted
 
 #: Farthest a layer is searched from where it was said to be, px in x and in y.
 RADIUS = 32
@@ -114,10 +114,10 @@ def align(layers: Sequence[Layer], *, radius: int = RADIUS, executor: Executor |
     for (i, j), match in zip(pairs, results(executor, _match, items), strict=True):
         if match is None:
             continue
-        shift, correlation, weight = match
+        shift, correlation, told = match
         best[i], best[j] = max(best[i], correlation), max(best[j], correlation)
         if correlation >= LEAST_CORRELATION:
-            found[i, j] = shift, correlation, weight
+            found[i, j] = shift, correlation, told
     _check_joined(layers, found, best, radius)
     positions, found = _agreed([layer.name for layer in layers], found)
     shifts = np.rint(positions).astype(np.intp)
@@ -223,12 +223,12 @@ def _agreed(
 
     def of_most() -> dict[Pair, float]:
         differences = np.array([shift @ [1, 1j] for shift, _, _ in found.values()])
-        weights = np.array([weight for _, _, weight in found.values()])
+        weights = np.array(list(evidence.values()))
         places = averaged(len(names), found.keys(), -differences, weights)
         return _off(np.stack([places.real, places.imag], axis=1), found)
 
-    pixels = {pair: round(weight**2) for pair, (_, _, weight) in found.items()}
-    vote = voted(len(names), pixels, solved, of_most, _AGREE)
+    evidence = {pair: told for pair, (_, _, told) in found.items()}
+    vote = voted(len(names), evidence, solved, of_most, _AGREE)
     if vote.clear:
         return vote.places, {pair: found[pair] for pair in vote.kept}
     raise OverlapError(
@@ -250,7 +250,8 @@ def _positions(count: int, found: dict[Pair, tuple[Floats, float, float]]) -> Fl
     """(N, 2) shifts that agree best with those of the pairs, the first layer's being 0."""
     rows, values = np.zeros((len(found) + 1, count)), np.zeros((len(found) + 1, 2))
     rows[-1, 0] = 1e6
-    for row, value, ((i, j), (shift, _, weight)) in zip(rows, values, found.items(), strict=False):
+    for row, value, ((i, j), (shift, _, told)) in zip(rows, values, found.items(), strict=False):
+        weight = float(np.sqrt(told))
         row[i], row[j] = -weight, weight
         value[:] = weight * shift
     return np.asarray(np.linalg.lstsq(rows, values, rcond=None)[0], np.float64)
@@ -258,7 +259,7 @@ def _positions(count: int, found: dict[Pair, tuple[Floats, float, float]]) -> Fl
 
 def _match(item: tuple[Layer, Layer, int]) -> tuple[Floats, float, float] | None:
     """By how much (x, y) the second of two layers that may overlap has to move to fit the first, at most so
-    many px, how well they then correlate, and the weight of that; None if they are apart.
+    many px, how well they then correlate, and how much that tells; None if they are apart.
     """
     a, b, radius = item
     at_a, at_b = _place(a), _place(b)
@@ -275,7 +276,7 @@ def _match(item: tuple[Layer, Layer, int]) -> tuple[Floats, float, float] | None
     shift, correlation, count = _refined(a, b, at_a, at_b, shift)
     if np.abs(shift).max() > radius or count < _LEAST_PIXELS:
         return None
-    return shift[::-1].astype(float), correlation, float(np.sqrt(count) * max(correlation, 0.0))
+    return shift[::-1].astype(float), correlation, evidence_of(correlation, count)
 
 
 def _refined(

@@ -1,5 +1,5 @@
-"""Transforms that all pairs of pictures agree to but those that the others outvote, by their patches
-(:mod:`toposeam.layers.voting`): where most of these have their way turns and scales are averaged first and
+"""Transforms that all pairs of pictures agree to but those that the others outvote
+(:mod:`toposeam.layers.voting`): where most of them have their way turns and scales are averaged first and
 then shifts.
 """
 
@@ -14,7 +14,7 @@ from toposeam.errors import OverlapError
 from toposeam.layers.adjustment import Adjustment, adjusted, offsets
 from toposeam.layers.labelling import Pair
 from toposeam.layers.pairing import Match
-from toposeam.layers.voting import averaged, named_pairs, voted
+from toposeam.layers.voting import averaged, evidence_of, named_pairs, voted
 
 #: A pair that is farther off than so many px does not fit.
 LARGEST_MISFIT = 1.0
@@ -48,14 +48,11 @@ def without_contradictions(
         solution = adjusted(sizes, {pair: matches[pair] for pair in pairs})
         return solution, offsets(solution.transforms, matches)
 
-    patches = {pair: len(match.first) for pair, match in matches.items()}
-    vote = voted(
-        len(sizes),
-        patches,
-        solved,
-        lambda: offsets(_majority(len(sizes), matches), matches),
-        LARGEST_MISFIT,
-    )
+    def of_most() -> dict[Pair, float]:
+        return offsets(_majority(len(sizes), matches, evidence), matches)
+
+    evidence = {pair: evidence_of(match.correlation, len(match.first)) for pair, match in matches.items()}
+    vote = voted(len(sizes), evidence, solved, of_most, LARGEST_MISFIT)
     diagonals = np.hypot(*sizes.T)
     elsewhere = [pair for pair in vote.wrong if vote.off[pair] > _ELSEWHERE * diagonals[list(pair)].min()]
     if vote.clear and len(elsewhere) == len(vote.wrong):
@@ -74,9 +71,9 @@ def without_contradictions(
     )
 
 
-def _majority(count: int, matches: dict[Pair, Match]) -> Floats:
+def _majority(count: int, matches: dict[Pair, Match], evidence: dict[Pair, float]) -> Floats:
     """(N, 4) transforms as in :class:`Adjustment`, from which pairs have the least sum of distances."""
-    weights = np.array([len(match.first) for match in matches.values()], float)
+    weights = np.array([evidence[pair] for pair in matches])
     own = np.array([_similarity(match) for match in matches.values()])
     factors = np.exp(averaged(count, matches.keys(), -np.log(own), weights))
     shifts = [

@@ -87,14 +87,14 @@ def test_what_agrees_with_nothing_is_refused():
         ts.align(layers[:1])
 
 
-def shifts_of(places, wrong, weight=10.0):
+def shifts_of(places, wrong, evidence=10.0):
     """What each two of a grid of 3 × 3 say, where their places are off by these, and some pairs say more."""
     found = {}
     for i in range(9):
         for j in range(i + 1, 9):
             if abs(i % 3 - j % 3) <= 1 and abs(i // 3 - j // 3) <= 1:
                 shift = places[j] - places[i] + np.array(wrong.get((i, j), (0, 0)))
-                found[i, j] = shift.astype(float), 0.9, weight
+                found[i, j] = shift.astype(float), 0.9, evidence
     return found
 
 

@@ -163,3 +163,18 @@ def test_all_pictures_that_cannot_be_placed_exactly_are_named():
     ):
         placing._check_exact(pictures, np.array([0.1, 0.5, 0.4, 0.3]))
     placing._check_exact(pictures, np.full(4, 0.4))
+
+
+def test_what_is_the_same_tells_more_than_what_repeats_itself():
+    rng = np.random.default_rng(1)
+    matches = {
+        pair: Match(one.first, one.second, 0.98) for pair, one in without(grid(rng), 0, 2).items()
+    }  # too little beside a pair that correlates as well
+    wrong = match(0, 11, rng, elsewhere=(75, 0))
+    matches[0, 11] = Match(wrong.first, wrong.second, 0.8)
+    solution, used = without_contradictions(NAMES, SIZES, matches)
+    assert set(matches) - set(used) == {(0, 11)}
+    assert off(solution) < 0.5
+    matches[0, 11] = Match(wrong.first, wrong.second, 0.98)
+    with pytest.raises(ts.OverlapError, match="too little else shows which is right"):
+        without_contradictions(NAMES, SIZES, matches)

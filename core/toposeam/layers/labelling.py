@@ -267,17 +267,16 @@ class Labelling:
 
     def adjoining(self, labels: LabelMap) -> list[Pair]:
         """The pairs of layers that show side by side somewhere, in order."""
-        found: set[Pair] = set()
+        count = len(self.places)
+        beside = np.zeros((count + 1) ** 2, bool)  # by the lower number and the higher; -1 comes last
         for box in several(labels, Box(0, 0, *labels.shape)):
             part = labels[box.slices]
-            most = int(part.max(initial=0)) + 1
             for s, t in ((part[:, :-1], part[:, 1:]), (part[:-1], part[1:])):
                 border = s != t
-                p, q = s[border], t[border]
-                known = (p >= 0) & (q >= 0)
-                codes = np.minimum(p, q)[known].astype(np.int64) * most + np.maximum(p, q)[known]
-                found |= {divmod(int(code), most) for code in np.unique(codes)}
-        return sorted(found)
+                p, q = s[border] % (count + 1), t[border] % (count + 1)
+                beside[np.minimum(p, q).astype(np.intp) * (count + 1) + np.maximum(p, q)] = True
+        firsts, seconds = np.nonzero(beside.reshape(count + 1, count + 1)[:, :count])
+        return list(zip(firsts.tolist(), seconds.tolist(), strict=True))
 
 
 def _labels_of(labels: LabelMap) -> list[int]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Iterator, Sequence
+from copy import copy
 from itertools import compress, product
 from typing import Any, cast
 
@@ -59,17 +60,16 @@ class TileMap:
 
     def part(self, *boxes: Box) -> TileMap:
         """The same in some boxes; anything elsewhere."""
-        result = TileMap(self.shape, 0, self.dtype)
-        result._values = self._values.copy()
-        for box in boxes:
-            rows = range(box.top // TILE, -(-box.bottom // TILE))
-            columns = range(box.left // TILE, -(-box.right // TILE))
-            inside = (at for at in product(rows, columns) if at in self._tiles)
+        result = copy(self)
+        result._values, result._tiles = self._values.copy(), {}
+        for box in boxes if self._tiles else ():
+            inside = (at for at in product(*_tiles_of(box)) if at in self._tiles)
             result._tiles |= {at: self._tiles[at].copy() for at in inside}
         return result
 
     def __getstate__(self) -> dict[str, Any]:
-        pixels = np.concatenate([self._values[:0].ravel(), *(tile.ravel() for tile in self._tiles.values())])
+        tiles = [tile.ravel() for tile in self._tiles.values()]
+        pixels = np.concatenate(tiles) if tiles else self._values[:0].ravel()
         state = self.__dict__ | {"_tiles": list(self._tiles), "packed": _packed(pixels)}
         return state | {"_values": _packed(self._values.ravel())}
 
@@ -137,6 +137,18 @@ class TileMap:
         if not all(common.shape):
             return None
         return self._alike(range(common.top, common.bottom), range(common.left, common.right))
+
+    def holds(self, box: Box, value: Any) -> bool:
+        """Whether a box inside of the map holds nothing but a value."""
+        rows, columns = _tiles_of(box)
+        right = self._values[rows.start : rows.stop, columns.start : columns.stop] == value
+        for (r, c), tile in self._tiles.items():
+            if r in rows and c in columns:
+                part = box.moved(-r * TILE, -c * TILE).shared(Box(0, 0, TILE, TILE))
+                if not (tile[part.slices] == value).all():
+                    return False
+                right[r - rows.start, c - columns.start] = True
+        return bool(right.all())
 
     def doubled(self, shape: tuple[int, int]) -> TileMap:
         """Each pixel as four, up to a shape."""
@@ -214,6 +226,12 @@ class TileMap:
             self._tiles[at] = tile
 
 
+def _tiles_of(box: Box) -> tuple[range, range]:
+    """The rows and columns of tiles that a box lies on."""
+    top, left, bottom, right = box
+    return range(top // TILE, -(-bottom // TILE)), range(left // TILE, -(-right // TILE))
+
+
 def _within(
     function: np.ufunc, values: npt.NDArray[Any], bounds: npt.NDArray[np.intp], axis: int
 ) -> npt.NDArray[Any]:
@@ -226,8 +244,9 @@ def _packed(values: npt.NDArray[Any]) -> tuple[bytes, bytes]:
     """Values of which many in a row are alike: how often each comes, and which. Telling that takes a
     quarter of the time that compressing the values themselves does, and is smaller.
     """
-    first = np.flatnonzero(values[1:] != values[:-1])
-    first = np.concatenate([np.arange(min(1, len(values))), first + 1])
+    first = np.zeros(min(1, len(values)), np.intp)
+    if len(values) and (values != values[0]).any():  # few maps in boxes have several
+        first = np.append(first, np.flatnonzero(values[1:] != values[:-1]) + 1)
     often = np.diff(first, append=len(values)).astype(np.int32)
     return zlib.compress(often.tobytes(), 1), zlib.compress(values[first].tobytes(), 1)
 

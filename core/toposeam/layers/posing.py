@@ -26,9 +26,10 @@ from toposeam.errors import OptionError
 from toposeam.images import Mask, box_of
 from toposeam.layers.labelling import Labelling, Pair, PairCost
 from toposeam.layers.layer import Box, Extent, Layer, cut
-from toposeam.layers.maps import EDGES, all_of, blocks, cover_of, dense, ground, made_map, new_map, uniform
+from toposeam.layers.maps import all_of, blocks, cover_of, dense, ground, made_map, new_map, uniform
 from toposeam.layers.pair_cost import FORBIDDEN, LayerPairCost, Pictures, both_have
 from toposeam.layers.pieces import pieces_of
+from toposeam.layers.rims import full_within, rimmed
 from toposeam.seam.match_cost import MatchCost
 from toposeam.seam.overlap import at_its_end, cores
 
@@ -95,12 +96,16 @@ def _away_from_ends(places: Sequence[Box], covered: Sequence[Mask]) -> list[Mask
         on_canvas = box.moved(*place[:2])
         return np.where(ground(places, inner, on_canvas), away, cover)
 
-    return [made_map(place.shape, bool, partial(allowed, index), EDGES) for index, place in enumerate(places)]
+    return [
+        rimmed(place.shape, full_within(inner[index]), partial(allowed, index))
+        for index, place in enumerate(places)
+    ]
 
 
 def _without_ends(index: int, places: Sequence[Box], covered: Sequence[Mask]) -> Mask:
     place, cover = places[index], covered[index]
     whole = Box(0, 0, *place.shape)
+    full = full_within(cover)
 
     def values(box: Box) -> Mask | bool:
         around = box.grown(1)
@@ -111,7 +116,7 @@ def _without_ends(index: int, places: Sequence[Box], covered: Sequence[Mask]) ->
         away: Mask = (here & ~at_its_end(here, ground(places, covered, around)))[1:-1, 1:-1]
         return away
 
-    return made_map(place.shape, bool, values, EDGES)
+    return rimmed(place.shape, None if full is None else full.grown(-1), values)
 
 
 def _keep_cores(

@@ -27,9 +27,10 @@ from toposeam.images import Mask
 from toposeam.layers.junctions import square_dilation
 from toposeam.layers.labelling import Labelling, Pair, PairCost
 from toposeam.layers.layer import Box, cut
-from toposeam.layers.maps import EDGES, blocks, doubled, ground, made_map, new_map, uniform
+from toposeam.layers.maps import EDGES, blocks, doubled, ground, new_map, uniform
 from toposeam.layers.painting import LabelMap
 from toposeam.layers.pair_cost import KEPT_PIXELS, LayerPairCost
+from toposeam.layers.rims import full_within, rim, rimmed
 from toposeam.layers.table_costs import TableCost, spread
 from toposeam.layers.tasks import Executor, results
 from toposeam.seam.match_cost import Floats32
@@ -59,9 +60,10 @@ def halved(labelling: Labelling, wandering: float = WANDERING) -> Labelling:
         partners[i].append(j)
         partners[j].append(i)
     everywhere, somewhere = [], []
-    for index, place in enumerate(places):
-        every, some = (new_map(place.shape, False, bool) for _ in range(2))
-        for box in blocks(Box(0, 0, *place.shape), EDGES):
+    inner = [_full(labelling, index, place) for index, place in enumerate(places)]
+    for index, (place, full) in enumerate(zip(places, inner, strict=True)):
+        every, some = (new_map(place.shape, True, bool) for _ in range(2))
+        for box in rim(Box(0, 0, *place.shape), full):
             every[box.slices], some[box.slices] = _allowed(labelling, index, _moved(box, place))
         everywhere.append(every)
         somewhere.append(some)
@@ -89,10 +91,22 @@ def halved(labelling: Labelling, wandering: float = WANDERING) -> Labelling:
         return result
 
     allowed = [
-        made_map(place.shape, bool, partial(chosen, index), EDGES) for index, place in enumerate(places)
+        rimmed(place.shape, inner[index], partial(chosen, index)) for index, place in enumerate(places)
     ]
     costs = {pair: ReducedCost(cost, wandering) for pair, cost in labelling.costs.items()}
     return Labelling(canvas, places, allowed, costs, labelling.forbidden)
+
+
+def _full(labelling: Labelling, index: int, reduced: Box) -> Box | None:
+    """The pixels of a layer's reduced place at all of whose own ones it is allowed, which are most of them;
+    None where they are no box.
+    """
+    full = full_within(labelling.allowed[index])
+    if full is None:
+        return None
+    top, left, bottom, right = full.moved(*labelling.places[index][:2])
+    found = Box(-(-top // 2), -(-left // 2), bottom // 2, right // 2).moved(-reduced.top, -reduced.left)
+    return found if all(found.shape) else None
 
 
 def _allowed(labelling: Labelling, index: int, box: Box) -> tuple[Mask | bool, Mask | bool]:

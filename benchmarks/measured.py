@@ -21,16 +21,35 @@ class Measured:
     megabytes: float
     code: int
     said: str
+    #: The most memory that all processes of it had together, pages that they share counted once, MiB; looked
+    #: at every second.
+    together: float = 0.0
 
 
 #: Run by a small process: the largest memory of the one that starts a program is passed on to it.
 STARTER = """
-import json, os, subprocess, sys, time
+import json, os, subprocess, sys, threading, time
+ended, together = threading.Event(), [0.0]
+def shares(pid):
+    try:
+        with open(f"/proc/{pid}/smaps_rollup") as file:
+            own = next(int(line.split()[1]) for line in file if line.startswith("Pss:"))
+        with open(f"/proc/{pid}/task/{pid}/children") as file:
+            return own + sum(map(shares, file.read().split()))
+    except (OSError, StopIteration):  # it has just ended
+        return 0
+def look():
+    while not ended.wait(1.0):
+        together[0] = max(together[0], shares(process.pid) / 1024)
 begin = time.perf_counter()
 process = subprocess.Popen(sys.argv[1:])
+looks = threading.Thread(target=look)
+looks.start()
 _, status, usage = os.wait4(process.pid, 0)
 clock, seconds = time.perf_counter() - begin, usage.ru_utime + usage.ru_stime
-print(json.dumps([seconds, clock, usage.ru_maxrss / 1024, os.waitstatus_to_exitcode(status)]))
+ended.set()
+looks.join()
+print(json.dumps([seconds, clock, usage.ru_maxrss / 1024, os.waitstatus_to_exitcode(status), together[0]]))
 """
 
 
@@ -48,8 +67,8 @@ def measured(command: list[str], folder: Path) -> Measured:
         check=True,
     )
     said = ran.stdout.splitlines()
-    seconds, clock, megabytes, code = json.loads(said[-1])
-    return Measured(seconds, clock, megabytes, code, ran.stderr + "\n".join(said[:-1]))
+    seconds, clock, megabytes, code, together = json.loads(said[-1])
+    return Measured(seconds, clock, megabytes, code, ran.stderr + "\n".join(said[:-1]), together)
 
 
 def toposeam(words: list[str], folder: Path) -> Measured:

@@ -5,6 +5,7 @@ is seen at the seams.
     python benchmarks/mosaic.py --work large          5 × 4 frames of 24 megapixels (283 in all)
     python benchmarks/mosaic.py --work gigapixel      10 × 6 frames of 31 megapixels: 20 GB of disk
     python benchmarks/mosaic.py --only toposeam       without the peers
+    python benchmarks/mosaic.py -j 2                  ours by two processes
 
 The peers: ``apt-get install enblend`` (Debian, Ubuntu). Multiblend has no package; built from
 https://horman.net/multiblend/ (or a copy of version 2.0 on GitHub) it is run too when it is on the PATH as
@@ -14,9 +15,10 @@ set: in ``threadpool.cpp`` move ``pthread_create`` to the end of the loop.
 The frames overlap by 30 %. Each is exposed up to ±10 % differently, darkens towards its corners by up to
 12 %, and shows some objects that no other frame shows at that place. Every program is a process of its own,
 reads the same TIFF files (RGBA, uncompressed, with places in XPosition and YPosition as Hugin's nona writes
-them) and writes an uncompressed TIFF. Processor time is user and system time of the process, memory its
-largest resident set. On four frames ours runs once before it is measured, so that Python's modules are
-compiled, as they are where it is installed.
+them) and writes an uncompressed TIFF. Processor time is user and system time of the process and those that it
+starts, *peak* the largest resident set of one, files it looks at included, *share* the most that all have
+together, looked at every second, pages that they share counted once. On four frames ours runs once before it
+is measured, so that Python's modules are compiled, as they are where it is installed.
 
 *Step* is, at the pixel pairs across which the shown frame changes, by how much the result's own step differs
 from the scene's, in 8-bit levels; it is known for ours alone, which says where its seams are. *Error* is the
@@ -184,8 +186,8 @@ def step_of(result: np.ndarray, labels: np.ndarray, truth: np.ndarray) -> float:
     return float(np.concatenate(steps).mean())
 
 
-def programs(files: list[str]) -> dict[str, list[str]]:
-    ours = [sys.executable, "-m", "toposeam", "stitch", *files, "--force", "--quiet", "-j", "1"]
+def programs(files: list[str], processes: int) -> dict[str, list[str]]:
+    ours = [sys.executable, "-m", "toposeam", "stitch", *files, "--force", "--quiet", "-j", str(processes)]
     ours += ["--max-megapixels", "4000"]
     both = ["--match-tones", "--blend", "multiband"]
     shading = ["--match-shading", "--blend", "multiband"]
@@ -202,7 +204,9 @@ def programs(files: list[str]) -> dict[str, list[str]]:
     return found
 
 
-def mosaic(columns: int, rows: int, width: int, height: int, only: str, keep: Path | None) -> None:
+def mosaic(
+    columns: int, rows: int, width: int, height: int, only: str, keep: Path | None, processes: int = 1
+) -> None:
     with tempfile.TemporaryDirectory(prefix="mosaic-") as name:
         folder = keep or Path(name)
         folder.mkdir(exist_ok=True)
@@ -214,10 +218,11 @@ def mosaic(columns: int, rows: int, width: int, height: int, only: str, keep: Pa
             total = truth.shape[:2]
         files = [f"frame{index:02d}.tif" for index in range(len(places))]
         print(f"{len(files)} frames of {width} × {height} px, {total[1]} × {total[0]} px in all")
-        print(f"{'':<30}{'s':>8}{'peak MB':>10}{'s / MP':>8}{'error':>8}{'step':>8}")
+        print(f"{'':<30}{'s':>8}{'clock, s':>10}{'peak MB':>10}{'share MB':>10}", end="")
+        print(f"{'s / MP':>8}{'error':>8}{'step':>8}")
         megapixels = total[0] * total[1] / 1e6
         found: dict[str, Measured] = {}
-        for program, command in programs(files).items():
+        for program, command in programs(files, processes).items():
             if not program.startswith(only):
                 continue
             if not found and columns * rows <= SMALL_WORK and program.startswith("toposeam"):
@@ -226,7 +231,8 @@ def mosaic(columns: int, rows: int, width: int, height: int, only: str, keep: Pa
             if ran.code:
                 print(f"{program:<30} failed: {ran.said.strip()[-300:]}")
                 continue
-            line = f"{program:<30}{ran.seconds:>8.2f}{ran.megabytes:>10.0f}{ran.seconds / megapixels:>8.3f}"
+            line = f"{program:<30}{ran.seconds:>8.2f}{ran.clock:>10.1f}{ran.megabytes:>10.0f}"
+            line += f"{ran.together:>10.0f}{ran.seconds / megapixels:>8.3f}"
             if truth is None or still is None:
                 print(line, flush=True)
                 continue
@@ -259,13 +265,14 @@ def main() -> None:
     parser.add_argument("--work", choices=["four", "large", "gigapixel"], default="four")
     parser.add_argument("--only", default="", help="programs whose names begin so")
     parser.add_argument("--keep", type=Path, help="leave frames and results in this folder")
+    parser.add_argument("-j", "--jobs", type=int, default=1, help="processes of ours")
     options = parser.parse_args()
     shape = {
         "four": (2, 2, 3000, 2000),
         "large": (5, 4, 6000, 4000),
         "gigapixel": (10, 6, 6800, 4500),
     }[options.work]
-    mosaic(*shape, options.only, options.keep)
+    mosaic(*shape, options.only, options.keep, options.jobs)
 
 
 if __name__ == "__main__":

@@ -129,6 +129,14 @@ class Box(NamedTuple):
         """The box at another place."""
         return Box(self.top + down, self.left + right, self.bottom + down, self.right + right)
 
+    def halved(self) -> Box:
+        """The pixels of half the size that this box has part of."""
+        return Box(self.top // 2, self.left // 2, -(-self.bottom // 2), -(-self.right // 2))
+
+    def doubled(self) -> Box:
+        """The box at twice the size."""
+        return Box(2 * self.top, 2 * self.left, 2 * self.bottom, 2 * self.right)
+
     def shared(self, other: Box) -> Box:
         """What two boxes have in common; its shape has a zero when that is nothing."""
         top, left, bottom, right = self

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -66,6 +66,7 @@ class Made:
     given: Collection[Pair]
     #: Recorded with every seam.
     common: Mapping[str, Any]
+    _found: dict[Pair, tuple[int, float]] = field(default_factory=dict)
 
     def __call__(self, pair: Pair, beside: bool) -> Seam:
         """The seam between two layers of :meth:`Rounds.pairs` as they show now.
@@ -137,11 +138,14 @@ class Made:
         )
 
     def measured(self, executor: Executor | None = None) -> dict[Pair, tuple[int, float]]:
-        """How long each seam is, px, and what it costs, without making it."""
+        """How long each seam is, px, and what it costs, without making it; they are looked at once."""
+        if self._found:
+            return self._found
         labelling = self.moves.labelling
         pairs = [pair for pair in labelling.adjoining(self.moves.label_map) if pair in labelling.costs]
         items = (self._between(pair, executor is not None) for pair in pairs)
-        return dict(zip(pairs, results(executor, _measured, items), strict=True))
+        self._found.update(zip(pairs, results(executor, _measured, items), strict=True))
+        return self._found
 
     def _between(self, pair: Pair, apart: bool) -> _Between:
         """What is measured of a seam, here or `apart` from what it is part of."""

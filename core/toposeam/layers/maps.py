@@ -276,7 +276,7 @@ def doubled(values: npt.NDArray[Any], shape: tuple[int, int]) -> npt.NDArray[Any
         return cast("npt.NDArray[Any]", values.doubled(shape))
     result = new_map(shape, 0, values.dtype)
     for box in blocks(Box(0, 0, *values.shape), EDGES):
-        fine = Box(2 * box.top, 2 * box.left, 2 * box.bottom, 2 * box.right).shared(Box(0, 0, *shape))
+        fine = box.doubled().shared(Box(0, 0, *shape))
         result[fine.slices] = _doubled(values[box.slices])[: fine.shape[0], : fine.shape[1]]
     return result
 

@@ -53,8 +53,8 @@ def halved(labelling: Labelling, wandering: float = WANDERING) -> Labelling:
     some. So are two that overlap and share its covered pixels between them: where they overlap by next to
     nothing they would no longer meet otherwise, and no seam of the two would be found.
     """
-    canvas = _halved(labelling.canvas)
-    places = [_halved(place) for place in labelling.places]
+    canvas = labelling.canvas.halved()
+    places = [place.halved() for place in labelling.places]
     partners: list[list[int]] = [[] for _ in places]
     for i, j in labelling.costs:
         partners[i].append(j)
@@ -111,7 +111,7 @@ def _full(labelling: Labelling, index: int, reduced: Box) -> Box | None:
 
 def _allowed(labelling: Labelling, index: int, box: Box) -> tuple[Mask | bool, Mask | bool]:
     """Where a layer is allowed at all covered pixels of a reduced one, and at some; in a reduced box."""
-    fine = _doubled(box)
+    fine = box.doubled()
     place = labelling.places[index]
     inside = fine.moved(-place.top, -place.left)
     if fine.shared(place) == fine and uniform(labelling.allowed[index], inside):
@@ -124,7 +124,7 @@ def _allowed(labelling: Labelling, index: int, box: Box) -> tuple[Mask | bool, M
 
 def _filled(labelling: Labelling, pair: Pair, box: Box) -> Mask:
     """Where one of two layers is allowed at each covered pixel of a reduced one; in a reduced box."""
-    fine = _doubled(box)
+    fine = box.doubled()
     return ~_any(
         ground(labelling.places, labelling.allowed, fine)
         & ~labelling.allowed_in(pair[0], fine)
@@ -151,14 +151,6 @@ def opened(chosen: Mask, finer: Labelling) -> Mask:
     return result
 
 
-def _halved(box: Box) -> Box:
-    return Box(box.top // 2, box.left // 2, -(-box.bottom // 2), -(-box.right // 2))
-
-
-def _doubled(box: Box) -> Box:
-    return Box(2 * box.top, 2 * box.left, 2 * box.bottom, 2 * box.right)
-
-
 def _moved(box: Box, place: Box) -> Box:
     """A box of a layer as one of the canvas."""
     return box.moved(*place[:2])
@@ -176,7 +168,7 @@ class ReducedCost:
 
     def __init__(self, finer: PairCost, wandering: float) -> None:
         self.finer, self.wandering = finer, wandering
-        self.box = _halved(finer.box.grown(-1)).grown(1)
+        self.box = finer.box.grown(-1).halved().grown(1)
 
     def shared(self, box: Box) -> Mask:
         """(h, w) bool, the whole of their common box."""
@@ -210,7 +202,7 @@ class ReducedCost:
 
     def part(self, box: Box, seen: dict[int, Any]) -> PairCost:
         """The same cost as far as a box is concerned."""
-        result = ReducedCost(self.finer.part(_doubled(box.grown(1)), seen), self.wandering)
+        result = ReducedCost(self.finer.part(box.grown(1).doubled(), seen), self.wandering)
         result.box = self.box
         return result
 
@@ -221,7 +213,7 @@ class ReducedCost:
         for start in range(0, height, _ROWS):
             stop = min(start + _ROWS, height)
             # One more reduced row, for the interfaces below.
-            fine = _doubled(Box(box.top + start, box.left, box.top + min(stop + 1, height), box.right))
+            fine = Box(box.top + start, box.left, box.top + min(stop + 1, height), box.right).doubled()
             beside, below = self.finer.on(fine)
             across = _of_three(beside, self.wandering)
             right[start:stop] = (across[0::2] + across[1::2])[: stop - start]

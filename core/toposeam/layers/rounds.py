@@ -259,7 +259,7 @@ class Rounds:
         if asked is not None:
             places = sorted(range(count), key=lambda k: labelling.places[k])
             self.undecided |= nearly(choices, self._decide.exactly, places, asked, _DEARER)
-        elif (0,) in hints:
+        elif any(len(layers) == 1 for layers in hints):
             choices.run(self._decide.exactly, min(most, 1))
         elif tangled.any():
             near = square_dilation(tangled, _TANGLE).ravel()

@@ -6,7 +6,7 @@ from scipy import ndimage
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers import composition, maps, pair_cost, reduction, rounds
+from toposeam.layers import composition, made, maps, pair_cost, reduction, rounds
 from toposeam.layers.layer import Box
 from toposeam.layers.maps import TileMap, new_map, several, uniform
 
@@ -27,7 +27,7 @@ class Read(ts.Windows):
 def layers(count=4, *, windows=False, alpha=False):
     rng = np.random.default_rng(5)
     photograph = ndimage.zoom(data.astronaut()[100:400, 100:400], (1.2, 1.2, 1), order=1)
-    made = []
+    placed = []
     for index in range(count):
         x, y = 100 * (index % 2), 80 * (index // 2)
         crop = np.clip(
@@ -36,7 +36,7 @@ def layers(count=4, *, windows=False, alpha=False):
         crop = crop.astype(np.uint8)
         opaque = np.full(crop.shape[:2], 255, np.uint8)
         opaque[:20, :30] = opaque[-9:, 120:] = 0
-        made.append(
+        placed.append(
             ts.Layer(
                 Read(crop) if windows else crop,
                 alpha=None if not alpha else Read(opaque) if windows else opaque,
@@ -44,7 +44,7 @@ def layers(count=4, *, windows=False, alpha=False):
                 name=str(index),
             )
         )
-    return made
+    return placed
 
 
 @pytest.fixture
@@ -150,6 +150,18 @@ def test_totals_are_those_of_the_seams_without_making_them(alpha):
     assert totals.length == sum(seam.length for seam in seams.values())
     assert totals.method == "heat"
     assert totals.seconds == pytest.approx(sum(seam.seconds for seam in seams.values()))
+
+
+def test_seams_that_are_checked_are_not_measured_again_for_totals(monkeypatch):
+    measured, usual = [], made._measured
+    monkeypatch.setattr(made, "_measured", lambda item: measured.append(item.pair) or usual(item))
+    given = layers(4)
+    avoid = np.zeros(ts.compose(given).shape, bool)
+    avoid[20:30, 20:30] = True
+    measured.clear()
+    composed = ts.compose(given, avoid=avoid)
+    assert composed.totals().cost > 0
+    assert sorted(measured) == sorted(set(composed.pairs))
 
 
 def test_totals_of_two_layers_are_those_of_their_seam():

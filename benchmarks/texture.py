@@ -14,8 +14,9 @@ each pixel came from) jump       99th percentile of the steps across seams, over
 sample (likewise)
 
 ``--clock`` compares times by the clock instead, on an idle machine: the twenty samples of texture_samples.py
-grown open, patches of 40 px, by one process, by as many as ``-j`` says, and by G'MIC on one thread with its
-start; each the best of three, and the median of TopoSeam's over G'MIC's.
+grown open, patches of 40 px, by one process and by as many as ``-j`` says, which have everything loaded, by
+``toposeam synth -j``, which starts Python and reads and writes files (*command*), and by G'MIC on one thread,
+which does so, too; each the best of three, and the median of TopoSeam's over G'MIC's.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ import os
 import resource
 import shutil
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -293,8 +295,8 @@ def contact_sheet(rows: list[list[np.ndarray]], side: int = 260, gap: int = 6) -
 
 def clock(processes: int, wanted: list[str]) -> None:
     """Seconds by the clock of the twenty samples."""
-    one, several = "-j 1", f"-j {processes}"
-    print(f"{'':14}{one:>8}{several:>8}{'gmic':>8}{one + ' ÷ gmic':>14}{several + ' ÷ gmic':>14}")
+    ours = ["-j 1", f"-j {processes}", "command"]
+    print(f"{'':14}" + "".join(f"{way:>9}" for way in [*ours, "gmic", *(f"{way} ÷" for way in ours)]))
     ratios = []
     for sample in samples():
         if wanted and sample.name not in wanted:
@@ -306,18 +308,22 @@ def clock(processes: int, wanted: list[str]) -> None:
         ways: list[Callable[[], object]] = [
             lambda: grown(1),
             lambda: grown(processes),
+            lambda image=sample.image: command(image, processes),
             lambda image=sample.image: gmic(image, 1),
         ]
         found = [min(_clocked(way) for _ in range(3)) for way in ways]
-        ratios.append([found[0] / found[2], found[1] / found[2]])
-        print(
-            f"{sample.name:14}"
-            + "".join(f"{seconds:8.2f}" for seconds in found)
-            + "".join(f"{ratio:14.2f}" for ratio in ratios[-1]),
-            flush=True,
-        )
-    median = np.median(ratios, axis=0)
-    print(f"{'median':14}{median[0]:38.2f}{median[1]:14.2f}")
+        ratios.append(np.divide(found[:-1], found[-1]))
+        print(f"{sample.name:14}" + "".join(f"{value:9.2f}" for value in [*found, *ratios[-1]]), flush=True)
+    print(f"{'median':50}" + "".join(f"{ratio:9.2f}" for ratio in np.median(ratios, axis=0)))
+
+
+def command(sample: np.ndarray, processes: int) -> Made | None:
+    """``toposeam synth``, with its start."""
+    options = f"--size {SIZE} --patch 40 --seed 1 -j {processes} --quiet".split()
+    return _program(
+        sample,
+        lambda given, made: [sys.executable, "-m", "toposeam_cli", "synth", given, *options, "-o", made],
+    )
 
 
 def _clocked(way: Callable[[], object]) -> float:

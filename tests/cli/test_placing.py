@@ -173,6 +173,16 @@ def test_strangers_at_given_places_give_a_warning_with_the_number(crops, toposea
     assert toposeam("stitch", "a.png", "b.png", "--offset", "200,4", "-o", "ab.png").err == ""
 
 
+@pytest.mark.parametrize("plain", [0, 255])
+def test_a_plain_picture_at_a_given_place_gives_a_warning(crops, toposeam, tmp_path, plain):
+    write_picture(tmp_path / "plain.png", Picture(pixels=np.full((220, 300, 3), plain, np.uint8)))
+    ran = toposeam("stitch", "a.png", "plain.png", "--offset", "200,0", "-o", "all.png")
+    assert ran.code == 0
+    assert "a.png and plain.png hardly show the same where they overlap (correlation 0.00)" in ran.err
+    sky = toposeam("stitch", "plain.png", "plain.png", "--offset", "200,0", "-o", "sky.png")
+    assert (sky.code, sky.err) == (0, "")
+
+
 def test_folders_and_layouts_are_not_taken_for_pictures(unlike, toposeam):
     folder = unlike[0].parent
     (folder / "photos").mkdir()

@@ -39,6 +39,7 @@ _LEAST_SHARE = 0.3  # of the smaller part, that two parts have to share
 _LEAST_PIXELS = 64
 _AGREE = 2.0  # px that a pair may be off where the others place its layers
 _NEAR = 2  # px that phase correlation may be off
+_PLAIN = 0.01  # of full scale: what varies less shows nothing beside something plain
 _BLUR = 8.0  # px; slower changes are exposure, not content
 
 Floats = npt.NDArray[np.float64]
@@ -146,7 +147,8 @@ def correlations(layers: Sequence[Layer], *, executor: Executor | None = None) -
     Returns
     -------
     dict of (int, int) to float
-        By pair; pairs of which too little overlaps, or shows nothing, are left out.
+        By pair; 0 where only one of the two shows something, as beside a white picture. Pairs of which too
+        little overlaps, or neither shows anything, are left out.
 
     Examples
     --------
@@ -174,8 +176,10 @@ def _correlation(layers: tuple[Layer, Layer]) -> float | None:
     both = parts[0][1] & parts[1][1]
     one, other = (part[0][both] for part in parts)
     energy = float((one @ one) * (other @ other))
-    if np.count_nonzero(both) < _LEAST_PIXELS or energy <= 1e-8:
+    if np.count_nonzero(both) < _LEAST_PIXELS:
         return None
+    if energy <= 1e-8:  # at least one is plain
+        return 0.0 if max(one.std(), other.std()) > _PLAIN else None
     return float(one @ other) / float(np.sqrt(energy))
 
 

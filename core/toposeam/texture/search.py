@@ -28,8 +28,9 @@ from toposeam.texture.atlas import Atlas, Floats32
 _LEAST_SHARE = 0.25
 #: Pixels, about, by which places near those that the reduced search found are compared.
 _COMPARED = 1000
-#: For so many windows of unlike weights what these say is kept.
-_KEPT = 64
+#: For so many windows of unlike weights, those that came last, what these say is kept: rows of patches have
+#: few kinds of them, what is mended never has the same twice.
+_KEPT = 16
 
 Spectrum = npt.NDArray[np.complex64]
 Ints = npt.NDArray[np.intp]
@@ -181,7 +182,7 @@ class PatchSearch:
     def _known(self, mass: Floats32, margin: tuple[int, int], patch: tuple[int, int]) -> _Known:
         """What the weights alone say; they come again and again."""
         key = mass.tobytes() + bytes(f"{mass.shape} {margin}", "ascii"), patch
-        found = self._kept.get(key)
+        found = self._kept.pop(key, None)
         if found is None:
             spectrum = self._spectra(mass[np.newaxis])[0]
             room = self.room(patch)[margin[0] :: self.factor, margin[1] :: self.factor]
@@ -194,8 +195,8 @@ class PatchSearch:
             share: Floats32 = np.reciprocal(np.maximum(below, np.float32(1e-9)))
             found = _Known(spectrum * self._square, share, blocked)
             if len(self._kept) >= _KEPT:
-                self._kept.clear()
-            self._kept[key] = found
+                del self._kept[next(iter(self._kept))]
+        self._kept[key] = found
         return found
 
     def _spectra(self, planes: Floats32) -> Spectrum:

@@ -55,7 +55,7 @@ window.onload = () => {
   const told = document.createElement("pre");
   told.textContent = [before.naturalWidth, before.naturalHeight, after.naturalWidth,
     getComputedStyle(after).clipPath, document.querySelectorAll("path.chosen").length,
-    document.querySelector("svg").style.display].join(";");
+    document.querySelector("svg").style.display, slider.parentNode.offsetHeight].join(";");
   document.body.append(told);
 };</script></body>"""
     moving.write_text(page.read_text().replace("</body>", script))
@@ -65,11 +65,12 @@ window.onload = () => {
         [*command, f"file://{moving}"], capture_output=True, text=True, timeout=600, check=True
     )
     (told,) = re.findall(r"<pre>(.*?)</pre>", ran.stdout)
-    width, height, wide, clip, chosen, display = told.split(";")
+    width, height, wide, clip, chosen, display, label = told.split(";")
     assert int(width) == int(wide) > 40
     assert int(height) > 40
     assert clip.replace("0px", "0") == "inset(0 75% 0 0)"
     assert (chosen, display) == ("1", "none")
+    assert int(label) < 40, "the slider and what its ends mean are in one line"
 
 
 def test_a_report_is_a_page(three, toposeam):

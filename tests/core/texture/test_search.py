@@ -134,3 +134,22 @@ def test_boxes_are_whole_where_no_pixel_is_missing(shape):
     mask = np.random.default_rng(0).random((20, 24)) < 0.97
     missing = box_sum(~mask, shape)
     np.testing.assert_array_equal(whole(mask, shape), missing == 0)
+
+
+def test_what_weights_say_is_kept_of_the_windows_that_came_last(monkeypatch):
+    atlas = Atlas.of([np.ones((40, 40), bool)], 8)
+    search = PatchSearch(atlas, atlas.spread([np.random.default_rng(0).random((40, 40, 1), np.float32)]))
+    values, spectra, found = np.zeros((28, 28, 1), np.float32), PatchSearch._spectra, []
+
+    def noted(self, planes):
+        found.append(len(planes))
+        return spectra(self, planes)
+
+    monkeypatch.setattr(PatchSearch, "_spectra", noted)
+    often, others = np.ones((28, 28), np.float32), np.ones((40, 28, 28), np.float32)
+    for number, weight in enumerate(others):
+        weight[0, : number % 28] = weight[1, : number // 28] = 0.5
+        for one in often, weight:
+            search.fit(values, one, (8, 8), (12, 12))
+    assert found.count(1) == len(others)  # the one that comes again is looked at once, as the first of them
+    assert len(search._kept) == 16

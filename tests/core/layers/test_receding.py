@@ -44,11 +44,11 @@ def choices_of(labelling, label_map):
     )
 
 
-def between_two(cost_of_others=1.0, columns=60):
-    """A layer in the middle, 2, of whose columns the left half may show 0 and the right half 1."""
+def between_two(cost_of_others=1.0, columns=60, split=30):
+    """A layer in the middle, 2, of whose columns the left ones may show 0 and the right ones 1."""
     canvas = Box(0, 0, 2, columns)
     allowed = np.zeros((3, 2, columns), bool)
-    allowed[0, :, : columns // 2] = allowed[1, :, columns // 2 :] = allowed[2, :, 1:-1] = True
+    allowed[0, :, :split] = allowed[1, :, split:] = allowed[2, :, 1:-1] = True
     tables = {}
     for pair, cost in {(0, 1): cost_of_others, (0, 2): 5.0, (1, 2): 5.0}.items():
         right, down = np.zeros((4, columns + 1), np.float32), np.zeros((3, columns + 2), np.float32)
@@ -80,6 +80,14 @@ def test_what_recedes_if_all_cost_more_is_asked_again(others, dearer, asked):
     assert choices.total() == pytest.approx(2 * (4.6 + 4.6))
 
 
+def test_what_one_layer_takes_nearly_all_of_is_not_asked_again():
+    labelling = between_two(9.9, split=50)
+    choices = choices_of(labelling, labelling.on_top())
+    _, left = recede(choices, by_flow, range(3), range(3), 0.1)
+    assert np.bincount(left[2][1]).tolist() == [98, 18]
+    assert settle(choices, by_flow, range(3), 0.1) == []
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_a_fusion_move_is_the_best_mixture_of_two_solutions(seed):
     rng = np.random.default_rng(seed)
@@ -96,17 +104,18 @@ def test_a_fusion_move_is_the_best_mixture_of_two_solutions(seed):
     one[:, 0], one[0] = rng.integers(count, size=3), rng.integers(count, size=4)
     other = np.where(rng.random(canvas.shape) < 0.2, one, rng.integers(count, size=canvas.shape))
     other[:, 0], other[0] = one[:, 0], one[0]
-    choices = choices_of(labelling, one)
-    turned, _ = fusion(choices, other.astype(np.int16).ravel(), by_flow)
     apart = np.flatnonzero((one != other).ravel())
     best = np.inf
     for bits in itertools.product((False, True), repeat=len(apart)):
         mixed = one.ravel().copy()
         mixed[apart[list(bits)]] = other.ravel()[apart[list(bits)]]
         best = min(best, labelling.total(mixed.reshape(canvas.shape), canvas))
-    shows = one.ravel().copy()
-    shows[turned] = other.ravel()[turned]
-    assert labelling.total(shows.reshape(canvas.shape), canvas) == pytest.approx(best, rel=1e-5)
+    # As a layer recedes, and as it expands.
+    for before, after in ((one, other.astype(np.int16)), (other.astype(np.int16), one)):
+        turned, _ = fusion(choices_of(labelling, before), after.ravel(), by_flow)
+        shows = before.ravel().copy()
+        shows[turned] = after.ravel()[turned]
+        assert labelling.total(shows.reshape(canvas.shape), canvas) == pytest.approx(best, rel=1e-5)
 
 
 def test_what_would_turn_if_all_cost_more_is_told_and_what_gains_turns():
@@ -136,6 +145,12 @@ def test_all_layers_asked_together_never_cost_more():
     gained, _ = recede(choices, by_flow, range(4), range(4), 0.0)
     assert gained
     assert choices.total() < before
+    for _ in range(9):
+        ended = choices.shows.copy()
+        gained, left = recede(choices, by_flow, range(4), range(4), 0.0)
+    assert not gained
+    np.testing.assert_array_equal(choices.shows, ended)
+    assert set(left) == {k for k in range(4) if (ended == k).any()}
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])

@@ -54,3 +54,9 @@ def test_where_no_source_is_known_it_is_0(smooth):
     made = render(index, np.full((4, 4, 2), 9.0), np.ones((4, 4), bool), (False, False), smooth)
     np.testing.assert_array_equal(made[1, 2], [0, 0])
     assert (made[index >= 0] == 9).all()
+
+
+def test_pixels_within_reach_of_a_seam_are_near_it_but_no_holes():
+    index = np.array([[-1, 0, 1, 9, 10, 11, 12]], np.int32)
+    (found,) = near_seams(index, 16, (False, False), 3)
+    assert found.tolist() == [1, 2, 3, 4, 5]  # two farther on either side, but not in the hole

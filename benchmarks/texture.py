@@ -172,13 +172,15 @@ def _program(sample: np.ndarray, command: Callable[[str, str], list[str]]) -> Ma
     with tempfile.TemporaryDirectory() as folder:
         given, made = str(Path(folder, "given.png")), str(Path(folder, "made.png"))
         Image.fromarray(sample).save(given)
+        environment = dict(os.environ)
+        environment.pop("PYTHONDONTWRITEBYTECODE", None)  # installed, all has been compiled
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         done = subprocess.run(
             command(given, made),
             capture_output=True,
             check=False,
             timeout=120,
-            env={**os.environ, "HOME": folder, "OMP_NUM_THREADS": "1"},
+            env=environment | {"HOME": folder, "OMP_NUM_THREADS": "1"},
         )
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime

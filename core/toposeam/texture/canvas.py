@@ -56,8 +56,6 @@ class IndexCanvas:
         self.labels: Ints32 = np.full(shape, -1, np.int32)
         #: (pixels,) int32, how often each pixel of the atlas shows.
         self.usage: Ints32 = np.zeros(pixels, np.int32)
-        #: (H, W) uint8, where patches that wait for their seams may show, 1, and have to, 2.
-        self.waiting: npt.NDArray[np.uint8] = np.zeros(shape, np.uint8)
         self.patches = 0
         #: An earlier patch that each patch continues, or itself; all that are joined so are one copy.
         self._copies: Ints32 = np.zeros(_FIRST, np.int32)
@@ -75,7 +73,6 @@ class IndexCanvas:
         if len(self._copies) < patches:
             self._grow(patches)
         self.index, self.labels, self.usage = map(_shared, (self.index, self.labels, self.usage))
-        self.waiting = _shared(self.waiting)
         self._copies, self._areas = _shared(self._copies), _shared(self._areas)
 
     def window(

@@ -34,31 +34,9 @@ class Patch:
     #: First patches of the copies that it continues.
     joined: frozenset[int] = frozenset()
 
-    def most(self) -> int:
-        """How many pixels it changes at most."""
-        return int(np.count_nonzero(self.may & (self.before[1:-1, 1:-1] != self.source)))
-
-
-class Cutting:
-    """Cuts patches that wait on a placer's canvas, maybe in another process."""
-
-    def __init__(self, placer: PatchPlacer, shape: tuple[int, int]) -> None:
-        self._placer = placer
-
-    def shows(self, places: bytes) -> list[Mask]:
-        """Where each of some patches shows, of which first row and column on the canvas, and on the atlas,
-        height and width follow one another as int32.
-        """
-        found = np.frombuffer(places, np.int32).reshape(-1, 6).tolist()
-        return closed_cuts(self._placer, [self._patch(*place) for place in found])
-
-    def _patch(self, top: int, left: int, row: int, column: int, height: int, width: int) -> Patch:
-        placer, canvas, shape = self._placer, self._placer.canvas, (height, width)
-        rows, columns, _ = canvas.window(top, left, *shape)
-        waiting = canvas.waiting[rows, columns]
-        before = canvas.read(top - 1, left - 1, height + 2, width + 2)
-        source = placer.patch((row, column), shape)
-        return Patch(at=(top, left), source=source, before=before, must=waiting > 1, may=waiting > 0)
+    def changes(self, shows: Mask) -> int:
+        """How many pixels it changes where it shows."""
+        return int(np.count_nonzero(shows & (self.before[1:-1, 1:-1] != self.source)))
 
 
 def closed_cuts(placer: PatchPlacer, patches: Sequence[Patch]) -> list[Mask]:

@@ -99,6 +99,10 @@ class Crew:
             self._prepare()
             self._fork()
 
+    def own(self) -> Any:
+        """The object of this process."""
+        return self._object(self._turn)
+
     def ask(self, method: str, *given: Any) -> None:
         """Have a method called by whoever is free; what was asked first is called first."""
         self._asked.append((method, given))
@@ -215,11 +219,14 @@ class Crew:
             os._exit(0)
 
     def _called(self, turn: Turn, call: Call) -> Any:
+        method, given = call
+        return getattr(self._object(turn), method)(*given)
+
+    def _object(self, turn: Turn) -> Any:
         number, kind, shape = turn
         if self._made[0] != number:
             self._made = number, kind(self._tool, shape)
-        method, given = call
-        return getattr(self._made[1], method)(*given)
+        return self._made[1]
 
 
 def _read(requests: int) -> tuple[Turn, Call]:

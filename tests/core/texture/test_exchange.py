@@ -10,11 +10,12 @@ from scipy import ndimage
 import toposeam as ts
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.canvas import IndexCanvas
-from toposeam.texture.closed_cuts import Cutting, Patch, closed_cuts
+from toposeam.texture.closed_cuts import Patch, closed_cuts
 from toposeam.texture.crew import FORKS, Crew
 from toposeam.texture.exchange import Exchange
 from toposeam.texture.lay import PatchPlacer
 from toposeam.texture.objects import Objects
+from toposeam.texture.replacing import FORBIDDEN, GROUND, MENDED, WHOLE, Replacing, ToReplace
 
 SIDE = 128
 
@@ -126,58 +127,122 @@ def test_patches_that_do_not_touch_are_cut_together_as_each_alone():
     np.testing.assert_array_equal(closed_cuts(placer, patches[:1])[0], together[0])
 
 
-def test_patches_that_wait_are_cut_by_their_places_alone():
-    image, _, _ = discs()
+def test_whoever_replaces_objects_replaces_them_alike_and_changes_nothing():
+    image, _, middles = discs()
     placer = placer_on(image, np.roll(np.arange(image.size).reshape(image.shape), 9, 0), (True, True))
-    rng, patches, places = np.random.default_rng(5), [], []
-    for top, left in (-7, 30), (40, SIDE - 12):  # across both borders
-        must, may = np.zeros((24, 26), bool), np.ones((24, 26), bool)
-        must[9:14, 10:15], may[:3, :4] = True, False
-        row, column = (placer.atlas.corners[0] + rng.integers(0, 90, 2)).tolist()
-        before = placer.canvas.read(top - 1, left - 1, 26, 28)
-        source = placer.patch((row, column), must.shape)
-        patches.append(Patch(at=(top, left), source=source, before=before, must=must, may=may))
-        lines = [(start + np.arange(n)) % SIDE for start, n in zip((top, left), must.shape, strict=True)]
-        placer.canvas.waiting[np.ix_(*lines)] = may.astype(np.uint8) + must
-        places.append((top, left, row, column, *must.shape))
-    found = Cutting(placer, (40, 40)).shows(np.array(places, np.int32).tobytes())
-    for one, other in zip(found, closed_cuts(placer, patches), strict=True):
-        np.testing.assert_array_equal(one, other)
-        assert 0 < one.sum() < one.size
+    rng, canvas = np.random.default_rng(5), placer.canvas
+    for middle in middles[1:8]:
+        top, left = (middle + np.array([-3, -12])).tolist()
+        source = placer.patch(tuple(placer.atlas.corners[0] + rng.integers(0, 100, 2)), (12, 25))
+        canvas.paint(top, left, source, np.ones(source.shape, bool))
+    one, again = (Replacing(placer, (40, 40)) for _ in range(2))
+    shown, before = one.objects.shown(), canvas.index.copy()
+    cut = {key for key, count in shown.items() if count < WHOLE * one.objects.room(key)}
+    assert {key for key in shown if one._is_cut(key)} == cut
+    assert 0 < len(cut) < len(shown)
+    tasks = [
+        ToReplace(key, (MENDED, GROUND, 3)[number % 3], number % 2)
+        for number, key in enumerate(sorted(shown))
+    ]
+    done = 0
+    for task in tasks:
+        given = np.array(task.numbers(), np.int32).tobytes()
+        (found,), (same,) = one.replaced(given), again.replaced(given)
+        assert (found is None) == (same is None)
+        if found is not None:
+            assert found[:2] == same[:2]
+            assert found[3:] == same[3:]
+            np.testing.assert_array_equal(found.shows, same.shows)
+            assert 0 < found.shows.sum() < found.shows.size
+            done += 1
+    assert done > 8
+    np.testing.assert_array_equal(canvas.index, before)
 
 
-def test_objects_are_cut_by_others_and_come_out_the_same(monkeypatch):
+def test_objects_that_are_replaced_at_the_same_time_do_not_touch(monkeypatch):
     image, _, _ = discs()
-    cutters = mmap(-1, 2)  # whether this process has cut, and whether another one has
-    own, shows = os.getpid(), Cutting.shows
+    rounds, found = [], Exchange._found
 
-    def noted(self, places):
-        cutters[os.getpid() != own] = 1
-        return shows(self, places)
+    def noted(self, tasks):
+        rounds.append([(task, self._own.around(task)) for task in tasks])
+        return found(self, tasks)
 
-    monkeypatch.setattr(Cutting, "shows", noted)
+    monkeypatch.setattr(Exchange, "_found", noted)
+    for tileable in "none", "both":
+        rounds.clear()
+        ts.synthesize(image, 400, patch=40, seed=3, tileable=tileable)
+        assert max(map(len, rounds)) > 8
+        for tasks in rounds:
+            for number, (task, around) in enumerate(tasks):
+                for other, far in tasks[:number]:
+                    away = np.abs(np.subtract(task.key[1:], other.key[1:]))
+                    away = np.minimum(away, 400 - away) if tileable == "both" else away
+                    assert max(away) > around + far + 2
+
+
+def test_objects_are_replaced_by_others_and_come_out_the_same(monkeypatch):
+    image, _, _ = discs()
+    workers = mmap(-1, 2)  # whether this process has replaced any, and whether another one has
+    own, replaced = os.getpid(), Replacing.replaced
+
+    def noted(self, tasks):
+        workers[os.getpid() != own] |= bool(tasks)
+        return replaced(self, tasks)
+
+    monkeypatch.setattr(Replacing, "replaced", noted)
     one = ts.synthesize(image, 400, patch=40, seed=3)
-    assert cutters[:] == b"\1\0"
+    assert workers[:] == b"\1\0"
     two = ts.synthesize(image, 400, patch=40, seed=3, processes=2)
     np.testing.assert_array_equal(one.index, two.index)
-    assert cutters[1] == FORKS
+    assert workers[1] == FORKS
 
 
-def test_others_begin_to_cut_objects_while_the_next_are_looked_for(monkeypatch):
+def test_others_prepare_themselves_while_this_process_does(monkeypatch):
     image, _, _ = discs()
     done = []
-    for name in ("ask", "pass_on", "answers"):
-        method = getattr(Crew, name)
+    for owner, name in (Crew, "begin"), (Crew, "ask"), (Crew, "pass_on"), (Crew, "own"):
+        method = getattr(owner, name)
 
         def noted(self, *given, name=name, method=method):
-            done.append("cuts" if name == "ask" and isinstance(given[1], bytes) else name)
+            done.append(name)
             return method(self, *given)
 
-        monkeypatch.setattr(Crew, name, noted)
-    ts.synthesize(image, 400, patch=40, seed=3)
-    after = [done[k + 1] for k, what in enumerate(done) if what == "cuts"]
-    assert after
-    assert set(after) == {"pass_on"}
+        monkeypatch.setattr(owner, name, noted)
+    placer = placer_on(image, np.arange(image.size).reshape(image.shape))
+    with Crew(1, placer, lambda: None) as crew:
+        Exchange(placer, (40, 40), crew)
+    assert done == ["begin", "ask", "pass_on", "own"]
+
+
+def test_what_cannot_be_made_whole_does_not_become_what_shows_near_by():
+    image, _, _ = discs()
+    placer = placer_on(image, np.arange(image.size).reshape(image.shape))
+    exchange = Exchange(placer, (40, 40), Crew(1, placer, lambda: None))
+    key = next(iter(exchange._shown))
+    task, alike = ToReplace(key, MENDED), set(exchange._own.like(key[0]))
+    near = {other[0] for other in exchange._there.near(key[1:])} & alike
+    assert 0 < len(near) < FORBIDDEN
+    (far,) = sorted(alike - near)[:1]
+    assert set(exchange._without(task, set()).without) == near
+    assert set(exchange._without(task, {far}).without) == {far, *near}
+    assert exchange._without(task, set(range(FORBIDDEN))) == ToReplace(key, GROUND)
+    assert exchange._without(ToReplace(key, 3, 1), set()) == ToReplace(key, 3, 1)
+
+
+def test_a_copy_that_two_continue_at_the_same_time_does_not_grow_too_large():
+    image, objects, middles = discs(9)
+    placer = placer_on(image, np.arange(image.size).reshape(image.shape))
+    canvas, corner = placer.canvas, placer.atlas.corners[0]
+    bare = ndimage.maximum_filter(objects, 21, mode="constant", cval=1) == 0
+    ground = placer.patch(tuple(corner + np.argwhere(bare)[0] - (8, 8)), (6, 17))
+    apart = np.hypot(*(middles[:, np.newaxis] - middles).transpose(2, 0, 1))
+    for middle in middles[list(np.unravel_index(apart.argmax(), apart.shape))]:
+        canvas.paint(*(middle - 8).tolist(), ground, np.ones(ground.shape, bool))
+    exchange = Exchange(placer, (40, 40), Crew(1, placer, lambda: None))
+    exchange._own.largest = canvas.area_of(0) + ground.size * 3 // 2
+    assert exchange.run() >= 1
+    assert canvas.area_of(0) <= exchange._own.largest
+    assert np.count_nonzero(shown(placer, objects)) > np.count_nonzero(objects) - ground.size
 
 
 def test_an_object_that_comes_twice_becomes_another_one_if_what_was_chosen_has_no_room(monkeypatch):

@@ -67,6 +67,7 @@ def make_pictures(folder):
     )
     tifffile.imwrite(folder / "complex.tif", np.ones((40, 56), np.complex64))
     write_picture(folder / "clear.png", Picture(pixels=noise, alpha=np.zeros((40, 56), np.uint8)))
+    tifffile.imwrite(folder / "pages.tif", np.stack([noise] * 3), photometric="rgb")
     write_picture(folder / "pixel.png", Picture(pixels=noise[:1, :1]))
     write_picture(folder / "long.png", Picture(pixels=np.zeros((1, 9000), np.uint8)))
     write_picture(folder / "mask.png", Picture(pixels=np.full((40, 92), 255, np.uint8)))

@@ -38,6 +38,7 @@ CASES = {
     "infinity": ("{a} {in}/inf.tif " + IN, "replace them with numbers first"),
     "seven channels": ("{a} {in}/bands.tif " + IN, "export it as gray or RGB"),
     "complex": ("{a} {in}/complex.tif " + IN, "export it again"),
+    "pages": ("{a} {in}/pages.tif " + IN, "holds 3 pages; save the one that is meant"),
     "transparent": ("{a} {in}/clear.png " + IN, "no pixel is covered by both"),
     # Where the pictures lie
     "no placement": ("{a} {b} -o out.png", "fits none of the other pictures"),
@@ -48,7 +49,7 @@ CASES = {
     "beside, above": ("{a} {b} --offset 3,-40 -o out.png", "choose an offset at which they overlap"),
     "far away": ("{a} {b} --offset 999999999,999999999 -o out.png", "choose an offset at which they overlap"),
     "overlap too long": ("{a} {b} --overlap 57 -o out.png", "choose 1 to 56 px"),
-    "overlap longer than b": ("{a} {in}/pixel.png --overlap 2 -o out.png", "choose 1 to 1 px"),
+    "overlap longer than b": ("{a} {in}/pixel.png --overlap 2 -o out.png", "comes to 2 px, but"),
     "overlap comes to nothing": ("{a} {b} --overlap 0.1% -o out.png", "choose 1 to 56 px"),
     "one over the other": ("{a} {b} --offset 0,0 -o out.png", "nothing divides the p"),
     "full overlap": ("{a} {b} --overlap 100% -o out.png", "nothing divides the p"),

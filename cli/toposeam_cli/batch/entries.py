@@ -159,7 +159,8 @@ def parse_patterns(command: click.Command, words: Sequence[str], folder: Path) -
 
 
 def expand(entry: Entry) -> Iterator[tuple[dict[str, Any], str]]:
-    """The settings of each run, and what the wildcards stand for in it; "" without wildcards.
+    """The settings of each run, and what the wildcards stand for in it, without an extension; "" without
+    wildcards.
 
     Inputs belong together when their wildcards match the same text; where one of them is missing, the run
     will say so.
@@ -190,6 +191,8 @@ def expand(entry: Entry) -> Iterator[tuple[dict[str, Any], str]]:
         )
     for found in sorted({found for matches in patterns.values() for found in matches}):
         name = "-".join(part.rstrip("/") for part in found if part)
+        if any(pattern.endswith("*") for pattern in patterns):
+            name = name.removesuffix(Path(found[-1]).suffix)
         paths = {
             pattern: matches.get(found) or _filled(pattern, found) for pattern, matches in patterns.items()
         }

@@ -84,13 +84,14 @@ class Decoding:
 
 @contextmanager
 def decoding(path: Path, max_pixels: int) -> Iterator[Decoding]:
-    """The first page of a file, to be decoded within the block; the rules are those of
+    """The picture in a file, to be decoded within the block; the rules are those of
     :func:`toposeam_cli.pictures.picture.read_picture`.
 
     Raises
     ------
     ImageError
-        If there is no such file, or it is no picture, damaged, cut short or larger than `max_pixels`.
+        If there is no such file, or it is no picture, damaged, cut short or larger than `max_pixels`, or a
+        TIFF of several pages.
     """
     check_input(path)
     vips = load_vips()
@@ -99,6 +100,7 @@ def decoding(path: Path, max_pixels: int) -> Iterator[Decoding]:
             vips.Source.new_from_file(os.fsencode(path)), "", access="sequential", fail_on="error"
         )
         _check_header(path, image, max_pixels)
+        _check_pages(path, image)
         resolution = _resolution(image)
         orientation = image.get("orientation") if "orientation" in image.get_fields() else 1
         if orientation != 1:
@@ -192,6 +194,21 @@ def _check_header(path: Path, image: VipsImage, max_pixels: int) -> None:
             f"'{path}' is {loader.upper()}, not a picture made of pixels; export it as PNG or TIFF"
         )
     refuse_large(path, image.width, image.height, max_pixels)
+
+
+def _check_pages(path: Path, image: VipsImage) -> None:
+    """Refuse a TIFF file of several pictures: a scan of pages, or a stack. Smaller pages are previews of the
+    first one, and of an animation the first frame is taken.
+    """
+    if not image.get("vips-loader").startswith("tiff") or image.get("n-pages") == 1:
+        return
+    vips = load_vips()
+    second = vips.Image.new_from_source(vips.Source.new_from_file(os.fsencode(path)), "", page=1)
+    if (second.width, second.height) == (image.width, image.height):
+        raise ImageError(
+            f"'{path}' holds {image.get('n-pages')} pages; save the one that is meant as a file of its own, "
+            "or join whole stacks with toposeam volume"
+        )
 
 
 def _resolution(image: VipsImage) -> tuple[float, float] | None:

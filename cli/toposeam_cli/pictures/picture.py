@@ -140,8 +140,8 @@ def read_picture(path: str | Path, max_pixels: int = MAX_PIXELS) -> Picture:
     Palettes and single bits become 8-bit RGB and gray; CMYK becomes sRGB through its embedded profile, or a
     typical press profile without one; LAB becomes 16-bit sRGB. 8 and 16 bits and 32-bit floats stay as they
     are. Other depths become float32: integers are divided by their largest value (so signed ones cover [-1,
-    1]), doubles are rounded. Of several pages or frames the first is read. A profile that does not fit the
-    channels is ignored.
+    1]), doubles are rounded. Of several frames the first is read. A profile that does not fit the channels
+    is ignored.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def read_picture(path: str | Path, max_pixels: int = MAX_PIXELS) -> Picture:
     Raises
     ------
     ImageError
-        If there is no such file, or it is no picture, damaged, cut short or too large.
+        If there is no such file, or it is no picture, damaged, cut short or too large, or a TIFF of pages.
     """
     path = Path(path)
     with decoding(path, max_pixels) as file:

@@ -40,8 +40,16 @@ def _palette(colours: np.ndarray, of: str) -> Palette:
 
 
 def read_theme(path: Path) -> np.ndarray:
-    """A base image, with its alpha where it has one."""
+    """A base image, with its alpha where it has one.
+
+    Raises
+    ------
+    ImageError
+        If it shows nothing, or as :func:`~toposeam_cli.pictures.limits.read_within` raises it.
+    """
     picture = read_within(path, MAX_MOTIF)
     if picture.alpha is None:
         return picture.pixels
+    if not picture.covered().any():
+        raise ts.ImageError(f"'{path}' is transparent everywhere; give one that shows something")
     return np.concatenate([np.atleast_3d(picture.pixels), picture.alpha[..., None]], axis=2)

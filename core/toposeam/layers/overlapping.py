@@ -69,9 +69,9 @@ def shift(whole: int, other: int, overlap: float | str, side: Side) -> tuple[int
     )
     if not 0 < length <= min(whole, other) or (percent is None and length != overlap):
         raise OptionError(
-            f"overlap comes to {overlap if percent is None else length} px, but across that side the first "
-            f"picture has {whole} px and the second {other} px; choose 1 to {min(whole, other)} px in whole "
-            "numbers"
+            f"overlap comes to {f'{overlap:.10g}' if percent is None else length} px, but across that side "
+            f"the first picture has {whole} px and the second {other} px; choose 1 to {min(whole, other)} px "
+            "in whole numbers"
         )
     along = whole - length if side in ("right", "bottom") else length - other
     return (along, 0) if side in ("right", "left") else (0, along)

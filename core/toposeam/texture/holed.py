@@ -46,9 +46,10 @@ def read_holed(
             "has to go white"
         )
     if (source is not None or avoid is not None) and not copied.any() and not gone.all():
+        remedy = "more of what may" if source is not None else "less of what must not"
         raise ImageError(
-            "nothing is left to copy from: outside the mask nothing is allowed; paint more of what may be "
-            "copied white"
+            "nothing is left to copy from: outside the mask nothing is allowed; paint "
+            f"{remedy} be copied white"
         )
     if not copied.any():
         raise ImageError(

@@ -1,4 +1,6 @@
-"""``[defaults]`` in a file of jobs: for every entry whose command knows the option, and for no other."""
+"""``[defaults]`` in a file of jobs: for every entry whose command knows the option, and for no other. Names
+of what patterns match.
+"""
 
 import shlex
 from pathlib import Path
@@ -67,3 +69,10 @@ def test_a_default_that_no_command_takes_is_refused_by_the_first_that_knows_it(t
     toposeam("batch", jobs, "--dry-run").fails("is not one of 'both'")
     Path(jobs).write_text('[defaults]\nsize = "64x48"\n[[tile]]\nimage = "a.png"\noutput = "t.png"\n')
     toposeam("batch", jobs, "--dry-run").fails("'64x48' is not 'auto'")
+
+
+def test_a_pattern_without_an_extension_names_pictures_without_one(toposeam, folder, photographs):
+    for name, pixels in zip(("left_7.png", "right_7.png"), photographs, strict=True):
+        write_picture(folder / name, Picture(pixels=pixels))
+    assert toposeam("batch", "left_*", "right_*", "--overlap", "20", "-o", "out/{name}.png").code == 0
+    assert [path.name for path in (folder / "out").iterdir()] == ["7.png"]

@@ -94,6 +94,10 @@ def test_where_nothing_is_allowed_the_mask_is_not_blamed(toposeam, folder):
     mask[40:60, 40:60] = 255
     write_picture("mask.png", Picture(pixels=mask))
     toposeam("fill", "gravel.png", "--mask", "mask.png", "--from", "allow.png", "-o", "o.png").fails(
-        "outside mask.png nothing is allowed"
+        "outside mask.png nothing is allowed; paint more of what may be copied"
+    )
+    write_picture("mine.png", Picture(pixels=np.full_like(mask, 255)))
+    toposeam("fill", "gravel.png", "--mask", "mask.png", "--avoid", "mine.png", "-o", "o.png").fails(
+        "outside mask.png nothing is allowed; paint less of what must not be copied"
     )
     assert not (folder / "o.png").exists()

@@ -10,8 +10,9 @@ from picture_samples import DEPTHS, fails, names, sample, smooth
 from PIL import Image, ImageOps
 
 import toposeam as ts
+from toposeam.errors import ImageError
 from toposeam_cli.pictures.masks import read_white
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.pictures.picture import Picture, read_picture, read_strips, write_picture
 
 CMYK = pyvips.Image.profile_load("cmyk")
 
@@ -98,9 +99,11 @@ def test_white_is_zero_tiff_is_not_inverted(tmp_path):
     np.testing.assert_array_equal(read_picture(tmp_path / "in.tif").pixels, values)
 
 
-def test_first_page_and_first_frame(tmp_path):
+def test_the_first_frame_is_read_and_previews_behind_a_picture_are_not(tmp_path):
     pages = np.stack([np.full((4, 5), level, np.uint8) for level in (50, 100, 150)])
-    tifffile.imwrite(tmp_path / "in.tif", pages, photometric="minisblack")
+    with tifffile.TiffWriter(tmp_path / "in.tif") as file:
+        for page in (pages[0], pages[1, ::2, ::2]):
+            file.write(page, photometric="minisblack")
     frames = [Image.fromarray(page) for page in pages]
     frames[0].save(tmp_path / "in.gif", save_all=True, append_images=frames[1:])
     frames[0].save(tmp_path / "in.webp", save_all=True, append_images=frames[1:], lossless=True)
@@ -108,6 +111,15 @@ def test_first_page_and_first_frame(tmp_path):
         read = read_picture(tmp_path / name)
         assert read.pixels.shape[:2] == (4, 5), name
         assert (read.pixels == 50).all(), name
+
+
+def test_pages_are_refused_also_a_few_rows_after_the_other(tmp_path):
+    pages = np.stack([np.full((4, 5), level, np.uint8) for level in (50, 100, 150)])
+    tifffile.imwrite(tmp_path / "in.tif", pages, photometric="minisblack")
+    with pytest.raises(ImageError, match="holds 3 pages; save the one that is meant"):
+        read_picture(tmp_path / "in.tif")
+    with pytest.raises(ImageError, match="holds 3 pages"):
+        list(read_strips(tmp_path / "in.tif"))
 
 
 @pytest.mark.parametrize("suffix", [".jpg", ".tif"])

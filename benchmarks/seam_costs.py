@@ -2,6 +2,7 @@
 
     python benchmarks/seam_costs.py                  small piles and large ones, about ten minutes
     python benchmarks/seam_costs.py --large 0        only those of benchmarks/stitching.py
+    python benchmarks/seam_costs.py --frames         30 frames that overlap by 60 %, with cores and without
 
 *Small*: the crops of benchmarks/stitching.py. *Large*: 4 to 7 crops of photographs enlarged to 1200 px, at
 places where three or more of them overlap and more than 100,000 px have several layers to choose from. A
@@ -57,6 +58,21 @@ def large_pile(index: int, seed: int) -> tuple[str, list[ts.Layer]]:
         image = np.clip(np.rint(crop), 0, 255).astype(np.uint8)
         layers.append(ts.Layer(image, at=(x, y), name=str(number)))
     return kind, layers
+
+
+def frames(seed: int) -> list[ts.Layer]:
+    """Crops of 400 × 300 px that cover a photograph row by row and overlap by 60 %, as from a plane."""
+    rng = np.random.default_rng(seed)
+    scene, (height, width) = photograph("coffee"), (300, 400)
+    layers = []
+    for top in range(0, scene.shape[0] - height + 1, int(0.4 * height)):
+        for left in range(0, scene.shape[1] - width + 1, int(0.4 * width)):
+            wanted = np.array((top, left)) + rng.integers(-8, 9, 2)
+            y, x = np.clip(wanted, 0, np.array(scene.shape[:2]) - (height, width)).tolist()
+            crop = scene[y : y + height, x : x + width]
+            crop = crop * (1 + rng.uniform(-EXPOSURE, EXPOSURE)) + rng.normal(0, NOISE, crop.shape)
+            layers.append(ts.Layer(np.clip(np.rint(crop), 0, 255).astype(np.uint8), at=(x, y)))
+    return layers
 
 
 def peer(layers: list[ts.Layer], rng: np.random.Generator) -> tuple[float, float, int]:
@@ -119,7 +135,16 @@ def main() -> None:
     parser.add_argument("--large", type=int, default=12, help="how many large ones")
     parser.add_argument("--seed", type=int, default=4)
     parser.add_argument("--each", action="store_true", help="a line for every pile")
+    parser.add_argument("--frames", action="store_true", help="30 frames that overlap by 60 %% instead")
     options = parser.parse_args()
+    if options.frames:
+        for core in (None, 0.5):
+            started = time.process_time()
+            found = ts.stitch(frames(options.seed), core=core)
+            took = time.process_time() - started
+            hidden, count = len(found.hidden), len(found.names)
+            print(f"core {core}: cost {found.cost:.0f}, {hidden} of {count} show nowhere, {took:.1f} s")
+        return
     rng = np.random.default_rng(options.seed)
     rows: dict[str, list[tuple[list[float], float, float, int, float]]] = {}
     for index in range(options.small):

@@ -76,7 +76,7 @@ class SeamOptions:
 
     avoid: Path | None
     no_gradient: bool
-    core: float
+    core: float | None
     max_megapixels: float
     align: bool
     align_radius: int | None

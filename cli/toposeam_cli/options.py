@@ -359,9 +359,7 @@ PLACEMENT: tuple[Callable[[Any], Any], ...] = (
     click.option(
         "--core",
         type=FiniteRange(0, 1, min_open=True),
-        default=0.5,
-        show_default=True,
-        help="For a picture inside the others: the share of its depth that must show.",
+        help="For pictures inside others: the share of their depth that must show; 0.5 inside a single one.",
     ),
 )
 

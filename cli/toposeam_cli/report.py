@@ -73,6 +73,15 @@ def _best(correlations: dict[tuple[int, int], float], index: int) -> float:
     return max(value for pair, value in correlations.items() if index in pair)
 
 
+def hidden(composed: ts.Composition, remedy: str) -> list[str]:
+    """A sentence about the pictures that show nowhere, where there are any, and what lets them show."""
+    names = [composed.names[index] for index in composed.hidden]
+    if not names:
+        return []
+    do, them = ("does", "it") if len(names) == 1 else ("do", "them")
+    return [f"{', '.join(names)} {do} not show, as others cover {them} and join better without; {remedy}"]
+
+
 def describe_placement(layers: tuple[ts.Layer, ...], placement: ts.Placement | None) -> list[str]:
     """One line per layer whose place was found, where it was."""
     if placement is None:

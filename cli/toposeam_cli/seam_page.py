@@ -82,9 +82,10 @@ def seam_page(joined: Joined) -> str:
         lines = " ".join(_path(line) for line in seam.paths)
         paths.append(f'<path data-seam="{number}" d="{lines}"><title>{escape(cells[0])}</title></path>')
     total = max(sum(joined.shown), 1)
+    shares = [f"{shown / total:.1%}" if shown else "nowhere" for shown in joined.shown]
     pile = [
-        _row([name, f"{index}", f"{layer.at[0]},{layer.at[1]}", f"{shown / total:.1%}"], "")
-        for index, (name, layer, shown) in enumerate(zip(names, joined.layers, joined.shown, strict=True))
+        _row([name, f"{index}", f"{layer.at[0]},{layer.at[1]}", share], "")
+        for index, (name, layer, share) in enumerate(zip(names, joined.layers, shares, strict=True))
     ]
     cost = sum(seam.cost for _, seam in joined.seams)
     places = {

@@ -34,7 +34,7 @@ def stitch(job: EngineJob) -> dict[str, Any]:
             None if layer.image is old.image else job.write(with_alpha(layer.image, layer.alpha))
             for layer, old in zip(layers, given, strict=True)
         ]
-    return result | _joined(job, layers, found)
+    return result | {"hidden": found.hidden} | _joined(job, layers, found)
 
 
 def stitched(job: EngineJob, layers: Sequence[ts.Layer]) -> tuple[list[ts.Layer], ts.Stitched]:

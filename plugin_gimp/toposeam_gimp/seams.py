@@ -82,6 +82,14 @@ def stitch_layers(call: Call) -> Gimp.Layer:
                 layer.set_visible(False)
             if not all(map(is_plain, layers)):
                 call.tell(_("The stitched copies are opaque and in Normal mode, unlike some of the layers."))
+            if answer["hidden"]:
+                names = ", ".join(f"“{layers[index].get_name()}”" for index in answer["hidden"])
+                call.tell(
+                    _(
+                        "Nothing shows of {names}: other layers cover it and join better without. “Stitch "
+                        "Selection as Patch” lays a layer on what is below."
+                    ).format(names=names)
+                )
             result = group.merge() if options["merge"] else group
             for layer in () if options["keep-layers"] else layers:
                 image.remove_layer(layer)

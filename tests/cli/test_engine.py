@@ -27,6 +27,13 @@ def test_stitch_is_what_core_finds(request_folder, pair, ask):
     assert len(line["pieces"]) == len(line["curves"])
 
 
+def test_layers_that_show_nowhere_are_told(request_folder, pair):
+    patch = pair[0][25:5:-1, 35:10:-1].copy()
+    layers = [request_folder.raster("a", pair[0]), request_folder.raster("b", pair[1], (20, 5))]
+    layers.insert(1, request_folder.raster("patch", patch, (18, 7)))
+    assert result_of(request_folder.ask(operation="stitch", layers=layers))["hidden"] == [1]
+
+
 @pytest.mark.parametrize("place", [(-15, -9), (12, -6), (18, -27)])
 def test_a_selection_that_reaches_over_the_layers_keeps_the_seam_within(request_folder, pair, place):
     layers = [request_folder.raster("a", pair[0]), request_folder.raster("b", pair[1], (20, 5))]

@@ -36,7 +36,7 @@ def compare(
     side: ts.Side | None,
     avoid: Path | None,
     no_gradient: bool,
-    core: float,
+    core: float | None,
     max_megapixels: float,
     methods: tuple[ts.Method, ...],
     as_json: bool,

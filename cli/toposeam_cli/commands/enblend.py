@@ -32,6 +32,7 @@ from toposeam_cli.pictures.masks import read_white
 from toposeam_cli.pictures.picture import Picture, write_picture
 from toposeam_cli.placing import PlacedPictures, arrange
 from toposeam_cli.progress import share_bar
+from toposeam_cli.report import hidden
 from toposeam_cli.whereabouts import Where
 
 #: A result of more pixels is refused, as by ``stitch --max-megapixels``; a panorama has a frame.
@@ -118,6 +119,9 @@ def enblend(words: tuple[str, ...], **given: Any) -> None:
                     shows = composed.labels(slice(0, frame.height), slice(0, frame.width)) == index
                     write_picture(name, Picture(pixels=shows.astype(np.uint8) * np.uint8(255)), True)
             write_large(out, composed, large, [], files_of_pixels)
+    if given["load_masks"] is None:
+        for warning in hidden(whole, "mask the others in Hugin where one is to show"):
+            click.echo(f"warning: {warning}", err=True)
 
 
 def _moved(layer: ts.Layer, frame: CanvasFrame) -> ts.Layer:

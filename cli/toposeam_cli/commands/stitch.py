@@ -45,7 +45,7 @@ from toposeam_cli.options import (
 from toposeam_cli.pictures.picture import COMPRESSIONS
 from toposeam_cli.placing import PlacedPictures, arrange, saved_layout
 from toposeam_cli.progress import share_bar
-from toposeam_cli.report import describe, is_read, summary_of_all, told_of
+from toposeam_cli.report import describe, hidden, is_read, summary_of_all, told_of
 from toposeam_cli.whereabouts import ORDERS, Where, width_round
 
 
@@ -255,6 +255,7 @@ def _stitch(
     if job.stored:
         return _stitch_large(job, find, out, files, crop, means, [*warnings], aligned)
     composed = composed_as(job, find, out, files)
+    warnings += _unseen(composed, find, out)
     asked = out.as_json or (out.overlay, out.seam, out.history, out.report) != (None,) * 4
     mapped = asked or out.labels is not None or out.output.suffix.lower() == ".ora"
     stitched = ts_stitched(composed, mapped)
@@ -302,6 +303,12 @@ def _stitch(
     return result
 
 
+def _unseen(composed: ts.Composition, find: SeamOptions, out: Outputs) -> list[str]:
+    """What is to be said of pictures that show nowhere."""
+    middle = "--core 0.5 shows the middle of all pictures inside others, " if find.core is None else ""
+    return [] if out.quiet else hidden(composed, f"{middle}--keep N=MASK what you want of one")
+
+
 def _stitch_large(
     job: PlacedPictures,
     find: SeamOptions,
@@ -314,6 +321,7 @@ def _stitch_large(
 ) -> dict[str, Any]:
     """The same for pictures larger than memory."""
     composed = composed_as(job, find, out, files, means.workers)
+    warnings = [*warnings, *_unseen(composed, find, out)]
     with share_bar("writing", out.quiet) as progress:
         large = make(composed, job, out, crop, means.store, progress, means.workers)
     documents: list[tuple[Path, bytes]] = []

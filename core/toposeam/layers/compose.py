@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import check_choice, check_whole, options_from
+from toposeam.checks import check_choice, check_range, check_whole, options_from
 from toposeam.errors import ImageError, OptionError
 from toposeam.images import Mask, as_mask
 from toposeam.layers.blend import Blend, Placed, check_blend, reach_of
@@ -21,7 +21,7 @@ from toposeam.layers.levels import best_rounds
 from toposeam.layers.made import Made
 from toposeam.layers.maps import blocks, cover_of, new_map
 from toposeam.layers.painting import LabelMap, channel_count
-from toposeam.layers.posing import exclusive_covers, pose_labelling
+from toposeam.layers.posing import CORE, exclusive_covers, pose_labelling
 from toposeam.layers.rounds import Rounds
 from toposeam.layers.steps import Steps, divided, order_of, paths_by_pair
 from toposeam.layers.tasks import Executor, check_executor
@@ -57,7 +57,7 @@ def compose(
     cost: MatchCost | None = None,
     weight: npt.ArrayLike | None = None,
     avoid: npt.ArrayLike | None = None,
-    core: float = 0.5,
+    core: float | None = None,
     blend: Blend = "none",
     blend_width: float | None = None,
     match_tones: bool = False,
@@ -104,6 +104,8 @@ def compose(
     layers = check_layers(layers)
     check_executor(executor)
     check_whole("max_rounds", max_rounds, 0)
+    if core is not None:
+        check_range(0, 1, above=True, core=core)
     match = match_options(gradient, cost)
     chosen = method_options(method, keywords) if options is None else options
     if options is not None:
@@ -125,7 +127,8 @@ def compose(
         layers = matched(layers, shading=match_shading, executor=executor)
     factor = None if weight is None else as_weights(weight, canvas.shape)
     away = None if avoid is None else as_mask(avoid, canvas.shape, "avoid")
-    common = {"cost": match, "core": core, "data_range": layers[0].data_range}
+    share = CORE if core is None else core
+    common = {"cost": match, "core": share, "data_range": layers[0].data_range}
     steps = Steps(layers, canvas, channels, {"weight": factor, "avoid": away}, common)
     given = {} if chosen is None else dataclasses.asdict(chosen)
     if wrap is not None:
@@ -151,7 +154,7 @@ def compose(
             match=match,
             weight=factor,
             avoid=away,
-            given=[(pair, divided(layers, canvas, pair, paths[pair], match, core)) for pair in paths],
+            given=[(pair, divided(layers, canvas, pair, paths[pair], match, share)) for pair in paths],
         )
         order = order_of(layers, steps.places, steps.covered)
         moves, rounds = best_rounds(
@@ -192,7 +195,7 @@ class _Search:
     options: dict[str, Any]
     rounds: int
     progress: Callable[[float], None] | None
-    core: float
+    core: float | None
     match: MatchCost
     executor: Executor | None
 

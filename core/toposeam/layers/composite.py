@@ -77,6 +77,11 @@ class Stitched:
         return tuple(self.label_map == index for index in range(len(self.names)))
 
     @property
+    def hidden(self) -> tuple[int, ...]:
+        """The numbers of the layers that show nowhere, since others cover them and seams cost less so."""
+        return tuple(index for index, mask in enumerate(self.masks) if not mask.any())
+
+    @property
     def cost(self) -> float:
         """Σ M over all seams."""
         return sum(seam.cost for seam in self.seams)
@@ -148,7 +153,7 @@ def stitch(
     cost: MatchCost | None = None,
     weight: npt.ArrayLike | None = None,
     avoid: npt.ArrayLike | None = None,
-    core: float = 0.5,
+    core: float | None = None,
     blend: Blend = "none",
     blend_width: float | None = None,
     match_tones: bool = False,
@@ -173,7 +178,7 @@ def stitch(
     ----------
     layers : sequence of Layer
         At least two, of one dtype; gray layers are widened to the others' channels.
-    method, gradient, cost, core, options, **keywords
+    method, gradient, cost, options, **keywords
         As for :func:`toposeam.find_seam`; without `cost`, the blends "soft" and "multiband" set its `reach`
         to how far they reach. Regions between more than two layers are no strips: `thesis` and
         `dp` find the first seams and leave the swap rounds to `heat`.
@@ -181,6 +186,11 @@ def stitch(
         A positive factor on the cost of each pixel's interfaces.
     avoid : (H, W) array_like on the canvas, optional
         Pixels no seam may touch.
+    core : float in (0, 1], optional
+        What must show of a layer that others cover wholly: its pixels that are at least this share as deep as
+        its deepest. By default a layer that lies inside one other layer shows the half of its depth, and one
+        that several others together cover shows only where that makes the seams cheaper, which may be
+        nowhere (:attr:`Stitched.hidden`).
     blend : {"none", "feather", "soft", "multiband", "gradient"}
         What happens across the seams (:mod:`toposeam.layers.blend`). The masks stay hard.
     blend_width : float, optional

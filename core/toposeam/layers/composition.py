@@ -132,6 +132,16 @@ class Composition:
         """(x, y) of the canvas's upper left pixel in the layers' coordinates."""
         return self.canvas.origin
 
+    @property
+    def hidden(self) -> tuple[int, ...]:
+        """The numbers of the layers that show nowhere, since others cover them and seams cost less so."""
+        placed = self._placed
+        return tuple(
+            k
+            for k, place in enumerate(placed.places)
+            if not any((placed.label_map[box.slices] == k).any() for box in blocks(place))
+        )
+
     def labels(self, rows: slice, columns: slice) -> LabelMap:
         """(h, w) int16, the number of the layer that shows in a window of the canvas; -1 where none does."""
         bounds = (part.indices(side)[:2] for part, side in zip((rows, columns), self.shape, strict=True))

@@ -5,9 +5,11 @@ layers:
 
 - A layer does not show at its own end, where it has pixels but not the neighbour that another layer has,
   unless all layers there end.
-- A connected piece of a layer that has no pixel to itself keeps its *core*, the pixels at least ``core``
-  times as deep as its deepest. Where cores of several layers meet these are to be chosen from, except that
-  one that lies wholly in another has its place alone, of two that are equal the later layer's.
+- A connected piece of a layer that lies wholly inside one other layer keeps its *core*, the pixels at least
+  half as deep as its deepest. One that only several others together cover may show nowhere, unless ``core``
+  is given, the share of its depth, which all pieces without a pixel to themselves then keep. Where cores of
+  several layers meet these are to be chosen from, except that one that lies wholly in another has its place
+  alone, of two that are equal the later layer's.
 - Where only one of two neighbours is covered by both layers, its values count twice; where neither is,
   nothing is known and their interface costs 0.
 """
@@ -17,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -33,13 +35,18 @@ from toposeam.layers.rims import full_within, rimmed
 from toposeam.seam.match_cost import MatchCost
 from toposeam.seam.overlap import at_its_end, cores
 
+#: The share of its depth that a layer inside another one keeps if nothing else is said.
+CORE = 0.5
+
+_T = TypeVar("_T")
+
 
 def pose_labelling(
     layers: Sequence[Layer],
     extent: Extent,
     covered: Sequence[Mask],
     *,
-    core: float = 0.5,
+    core: float | None = None,
     match: MatchCost | None = None,
     weight: npt.NDArray[Any] | None = None,
     avoid: Mask | None = None,
@@ -54,7 +61,9 @@ def pose_labelling(
         Their canvas.
     covered : sequence of (h, w) bool arrays
         Per layer, on its place, where it has pixels it may show (:func:`exclusive_covers`).
-    core, match
+    core
+        As for :func:`toposeam.stitch`.
+    match
         As for :func:`toposeam.find_seam`.
     weight, avoid : (H, W) array, optional
         As for :func:`toposeam.find_seam`, on the canvas.
@@ -120,7 +129,7 @@ def _without_ends(index: int, places: Sequence[Box], covered: Sequence[Mask]) ->
 
 
 def _keep_cores(
-    canvas: Box, places: Sequence[Box], covered: Sequence[Mask], allowed: list[Mask], core: float
+    canvas: Box, places: Sequence[Box], covered: Sequence[Mask], allowed: list[Mask], core: float | None
 ) -> None:
     """Leave, in place, where there are cores no layers to choose from but those whose cores these are."""
     found = [_cores_of(index, places, covered, allowed[index], core) for index in range(len(places))]
@@ -182,18 +191,29 @@ class _Cores:
 
 
 def _cores_of(
-    index: int, places: Sequence[Box], covered: Sequence[Mask], allowed: Mask, core: float
+    index: int, places: Sequence[Box], covered: Sequence[Mask], allowed: Mask, core: float | None
 ) -> _Cores | None:
-    """The cores of those pieces of a layer that have no pixel to themselves."""
+    """The cores of those pieces of a layer that lie inside another one, or, with `core`, inside others."""
     place = places[index]
     whole = all_of(covered[index])  # one piece
-    if whole and any((_depth(places, covered, box) == 1).any() for box in blocks(place)):
+    if whole and core is None and not any(place.shared(other) == place for other in _but(index, places)):
+        return None
+    if whole and core is not None and any((_depth(places, covered, box) == 1).any() for box in blocks(place)):
         return None
     cover = dense(covered[index])
     piece, count = (cover.astype(np.int32), 1) if whole else pieces_of(cover)
-    alone = np.bincount(piece[_depth(places, covered, place) == 1], minlength=count + 1) > 0
-    alone[0] = True
-    middle = cores(cover, piece, ~alone, core) & dense(allowed)
+    size, inside = np.bincount(piece.ravel(), minlength=count + 1), np.zeros(count + 1, bool)
+    if core is None:
+        for other, theirs in zip(_but(index, places), _but(index, covered), strict=True):
+            common = place.shared(other)
+            held = piece[common.within(place)][cut(theirs, other, common)] if all(common.shape) else piece[:0]
+            inside |= np.bincount(held.ravel(), minlength=count + 1) == size
+    else:
+        inside |= np.bincount(piece[_depth(places, covered, place) > 1], minlength=count + 1) == size
+    inside[0] = False
+    if not inside.any():
+        return None
+    middle = cores(cover, piece, inside, CORE if core is None else core) & dense(allowed)
     if not middle.any():
         return None
     rows, columns = box_of(middle)
@@ -202,6 +222,11 @@ def _cores_of(
     numbers[:, :] = piece
     box = Box(rows.start, columns.start, rows.stop, columns.stop).moved(*place[:2])
     return _Cores(index, box, numbers, np.bincount(piece.ravel(), minlength=count + 1))
+
+
+def _but(index: int, values: Sequence[_T]) -> Sequence[_T]:
+    """All but one."""
+    return [*values[:index], *values[index + 1 :]]
 
 
 def _depth(places: Sequence[Box], covered: Sequence[Mask], box: Box) -> npt.NDArray[np.uint16]:

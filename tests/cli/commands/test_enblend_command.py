@@ -241,3 +241,13 @@ def test_hugin_is_served(tmp_path, by):
     assert np.abs(result.pixels - whole)[known].mean() < 8
     edge, inside = across(result.pixels, result.alpha, whole)
     assert edge < 2 * inside + 0.5
+
+
+def test_a_view_that_others_cover_and_that_does_not_show_is_named(strip, toposeam):
+    rgba = np.full((60, 50, 4), 255, np.uint8)
+    rgba[..., :3] = strip[40:100, 85:135][::-1, ::-1]
+    write_view("nadir.tif", rgba, (85, 40))
+    ran = toposeam("enblend", "-o", "out.tif", *FILES, "nadir.tif")
+    assert (ran.code, ran.out) == (0, "")
+    assert ran.err.startswith("warning: nadir.tif does not show")
+    assert "mask the others" in ran.err

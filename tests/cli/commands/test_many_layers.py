@@ -1,12 +1,14 @@
 """More than two pictures on the command line."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 from three_pictures import AT, FILES, assert_joined, crop, shown
 
 import toposeam as ts
+from toposeam_cli import placing
 from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
 
 
@@ -147,3 +149,36 @@ def test_mixed_depths_and_gray_become_one(three, toposeam):
     place = np.s_[4:54, 40:100]
     mine = shown()[place] == 1
     np.testing.assert_array_equal(result.pixels[place][mine], crop("b")[mine].astype(np.uint16) * 257)
+
+
+@pytest.fixture
+def across(three):
+    """Another picture across the joint of the first two; the files, and where all three lie."""
+    write_picture("patch.png", Picture(pixels=crop("c")[::-1, ::-1][8:38, 10:50].copy()))
+    return ["a.png", "b.png", "patch.png", "--at", "0,0", "--at", "40,4", "--at", "30,10"]
+
+
+@pytest.mark.parametrize("windows", [False, True], ids=["in memory", "by windows"])
+def test_a_picture_that_does_not_show_is_named_and_core_shows_it(across, toposeam, windows, monkeypatch):
+    if windows:
+        monkeypatch.setattr(placing, "STORED_PIXELS", 0)
+        monkeypatch.setattr("toposeam_cli.commands.stitch.processes_of", lambda _: 1)
+    ran = toposeam("stitch", *across, "-o", "out.tif", "--labels", "labels.png", "--report", "page.html")
+    assert ran.code == 0, ran
+    told = [line for line in ran.err.splitlines() if "does not show" in line]
+    assert len(told) == 1
+    assert told[0].startswith("warning: patch.png does not show")
+    assert "--core 0.5" in told[0]
+    assert "--keep" in told[0]
+    assert not (shown() == 2).any()
+    assert "<td>30,10</td><td>nowhere</td>" in Path("page.html").read_text()
+    line = ["stitch", *across, "-o", "out.tif", "--labels", "labels.png", "--force"]
+    ran = toposeam(*line, "--core", "0.5")
+    assert "does not show" not in ran.err
+    assert shown()[25, 50] == 2
+    most = np.pad(np.full((20, 30), 255, np.uint8), 5)
+    write_picture("most.png", Picture(pixels=most))
+    ran = toposeam(*line, "--keep", "2=most.png")
+    assert (ran.code, "does not show" in ran.err) == (0, False)
+    assert (shown()[10:40, 30:70][most > 0] == 2).all()
+    assert "does not show" not in toposeam(*line, "--quiet").err

@@ -45,6 +45,35 @@ def full(dtype):
     return np.iinfo(dtype).max if np.issubdtype(dtype, np.integer) else 1
 
 
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_a_layer_across_the_joint_of_two_shows_nowhere_unless_its_core_is_to(place):
+    """Of a pile of photographs those may remain unseen that others cover; a patch is asked for."""
+    layers = [crop(0, 0), crop(25, 3)]
+    patch = ts.Layer(np.ascontiguousarray(layers[0].image[30:5:-1, 34:8:-1]), at=(22, 6), name="patch")
+    layers.insert(place, patch)
+    assert ts.stitch(layers).hidden == (place,)
+    assert ts.compose(layers).hidden == (place,)
+    for composed in (ts.compose(layers, core=0.5), ts.stitch(layers, core=0.5)):
+        assert composed.hidden == ()
+    assert ts.stitch(layers, core=0.5).masks[place][18, 35]
+    assert_whole(ts.stitch(layers, core=0.5), layers)
+
+
+def test_frames_that_overlap_by_60_percent_are_not_forced_to_show():
+    frames = [crop(16 * column, 12 * row) for row in range(4) for column in range(5)]
+    free, forced = ts.stitch(frames), ts.stitch(frames, core=0.5)
+    assert free.hidden
+    assert not forced.hidden
+    assert free.cost < 0.65 * forced.cost
+
+
+@pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize("core", [0, 1.5, float("nan"), "much"])
+def test_a_share_that_is_none_is_refused(count, core):
+    with pytest.raises(ts.OptionError, match="core"):
+        ts.stitch([crop(25 * index, 0) for index in range(count)], core=core)
+
+
 TWO = {
     "side by side": [(0, 0), (25, 0)],
     "one above the other": [(0, 0), (0, 18)],

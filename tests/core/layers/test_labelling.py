@@ -44,9 +44,9 @@ def flat(shape, at, value=0.5, **more):
     return ts.Layer(np.full(shape, value), at=at, name=str(at), **more)
 
 
-def may_show(layers, x, y):
+def may_show(layers, x, y, **options):
     """Which layers are to be chosen from at a pixel of the canvas, whose first layer lies at its origin."""
-    labelling = posed(layers)
+    labelling = posed(layers, **options)
     box = Box(y, x, y + 1, x + 1)
     return {layer.name for k, layer in enumerate(layers) if labelling.allowed_in(k, box).any()}
 
@@ -89,6 +89,33 @@ def test_a_core_that_lies_in_another_has_its_place_alone(order):
     assert may_show(layers, 48, 55) == {"(40, 40)"}
     assert may_show(layers, 115, 55) == {"(40, 40)"}
     assert may_show(layers, 35, 55) == {"(5, 5)"}
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0)])
+def test_a_layer_that_only_several_others_cover_keeps_a_core_where_one_is_asked_for(order):
+    halves = [flat((60, 100), (0, 0)), flat((60, 100), (80, 0))]
+    layers = [[*halves, flat((30, 60), (60, 15))][k] for k in order]
+    assert may_show(layers, 90, 30) == {"(0, 0)", "(80, 0)", "(60, 15)"}
+    assert may_show(layers, 90, 30, core=0.5) == {"(60, 15)"}
+    assert may_show(layers, 90, 21) == may_show(layers, 90, 21, core=0.5)  # outside of its core
+    assert may_show(layers, 90, 21, core=0.2) == {"(60, 15)"}
+    layers = [[*halves, flat((30, 60), (110, 15))][k] for k in order]
+    assert may_show(layers, 140, 30) == {"(110, 15)"}
+
+
+def test_each_piece_of_a_layer_is_asked_whether_it_lies_inside_one_other():
+    alpha = np.zeros((30, 160))
+    alpha[:, :40] = alpha[:, 60:100] = 1  # in the first one, and in both together
+    halves = [flat((60, 100), (0, 0)), flat((60, 100), (80, 0))]
+    layers = [*halves, flat((30, 160), (10, 15), alpha=alpha)]
+    assert may_show(layers, 30, 30) == {"(10, 15)"}
+    assert may_show(layers, 90, 30) == {"(0, 0)", "(80, 0)", "(10, 15)"}
+    hole = np.ones((60, 100))
+    hole[:5, :5] = 0  # outside of the piece
+    assert may_show([flat((60, 100), (0, 0), alpha=hole), *layers[1:]], 30, 30) == {"(10, 15)"}
+    hole[20, 20] = 0  # inside of it
+    layers = [flat((60, 100), (0, 0), alpha=hole), *layers[1:]]
+    assert may_show(layers, 30, 30) == {"(0, 0)", "(10, 15)"}
 
 
 def test_cores_of_large_layers_are_those_of_small_ones(monkeypatch):

@@ -202,6 +202,11 @@ def test_an_ordered_texture_takes_the_size_on_which_it_closes(toposeam):
     assert "a size that suits it is 140 × 120 px (--size auto:150x130)" in ran.out
     assert toposeam(*asked, "--size", "auto").code == 0
     assert read_picture("o.png").pixels.shape == (240, 260)
+    opaque = np.where(x < 60, 255, 0).astype(np.uint8)
+    hidden = np.where(opaque > 0, checks, np.where((x // 7 + y // 17) % 2, 20, 230))
+    write_picture("checks.png", Picture(pixels=hidden.astype(np.uint8), alpha=opaque), force=True)
+    assert toposeam(*asked, "--size", "auto:150x130").code == 0
+    assert read_picture("o.png").pixels.shape[0] == 120  # what is transparent has another order
 
 
 @pytest.mark.medium

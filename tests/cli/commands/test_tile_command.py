@@ -80,3 +80,8 @@ def test_an_ordered_picture_is_cropped_to_where_it_closes_when_asked(toposeam):
     assert made.shape == (120, 140)
     np.testing.assert_array_less(np.abs(made - np.roll(made, (24, 20), (0, 1))), 60)
     assert "close" not in ran.out
+    opaque = np.where(x < 60, 255, 0).astype(np.uint8)
+    hidden = np.where(opaque > 0, checks, np.where((x // 7 + y // 17) % 2, 20, 230))
+    write_picture("checks.png", Picture(pixels=hidden.astype(np.uint8), alpha=opaque), force=True)
+    assert toposeam("tile", "checks.png", "--size", "auto", "-o", "tile.png", "--force").code == 0
+    assert read_picture("tile.png").pixels.shape[0] == 120  # what is transparent has another order

@@ -101,6 +101,22 @@ def test_no_expansion_of_a_row_of_four_misses_what_it_could_gain(middle, costs):
         assert labelling.total(choices.label_map(), canvas) == pytest.approx(best)
 
 
+@pytest.mark.parametrize("way", [1, -1])
+def test_two_beside_each_other_turn_together_where_what_is_between_them_costs_something_as_it_is(way):
+    """Turning the one beside what shows the layer already would cost 6, both 5, and none 4 + 9."""
+    canvas = Box(0, 0, 1, 4)
+    allowed = [np.array([row[::way]], bool) for row in ([1, 1, 0, 0], [0, 0, 1, 0], [0, 1, 1, 1])]
+    tables = {}
+    for pair, costs in {(0, 1): (0, 4, 0), (0, 2): (5, 6, 0), (1, 2): (0, 6, 9)}.items():
+        right, down = np.zeros((3, 5), np.float32), np.zeros((2, 6), np.float32)
+        right[1, 1:4] = costs[::way]
+        tables[pair] = TableCost(canvas.grown(1), right, down)
+    labelling = Labelling(canvas, [canvas] * 3, allowed, tables)
+    choices = choices_of(labelling, np.array([[0, 0, 1, 2][::way]], np.int16))
+    assert choices.expand(2, by_flow)
+    assert choices.label_map()[0].tolist() == [0, 2, 2, 2][::way]
+
+
 def test_all_seams_divided_together_gain_what_they_gain_one_by_one():
     labelling = four()
     label_map = labelling.on_top()

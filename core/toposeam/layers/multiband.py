@@ -76,7 +76,7 @@ class Mixture:
         whole = Box(0, 0, *shape)
         for target, part in zip(reduced, parts, strict=True):
             around = part.box.grown(_AROUND).shared(whole)
-            at, inside = _halved(around).slices, part.box.within(around)
+            at, inside = around.halved().slices, part.box.within(around)
             planes = *part.difference, part.known, part.shows
             for run in in_runs(len(planes), math.prod(around.shape)):  # all at once would need more memory
                 wide = np.zeros((run.stop - run.start, *around.shape), np.float32)
@@ -93,7 +93,7 @@ class Mixture:
         """Add it to (C, H, W) colours in place; (H, W) bool, which pixels count as changed."""
         changed = np.zeros(colours.shape[1:], bool)
         for part, layer, changes in zip(self._parts, self._layers, self._changes, strict=True):
-            here, reduced = part.box.slices, _halved(part.box)
+            here, reduced = part.box.slices, part.box.halved()
             if not changes[reduced.slices].any():
                 continue
             wide = reduced.grown(1).shared(Box(0, 0, *changes.shape))
@@ -133,7 +133,3 @@ def _mixed(reduced: Floats32, levels: int) -> tuple[Floats32, Floats32, Floats32
         band += coarser
         layers = band
     return layers, mixed, pyramid[-1][channels + 1 :: channels + 2]
-
-
-def _halved(box: Box) -> Box:
-    return Box(box.top // 2, box.left // 2, box.bottom // 2, box.right // 2)

@@ -157,7 +157,7 @@ def fill(
     placer = placer_over(sources, hole, ground, (False, False), chosen, seed)
     order = find_order(sources.features[0], sources.usable[0]) if chosen.close else None
     if order is not None:
-        placer.phase = Phase(order, order.reciprocal, max(1.0, 0.75 * placer.atlas.factor))
+        placer.phase = Phase(order, order.reciprocal, placer.atlas.factor)
         first = placer.atlas.corners[0].tolist()
         placer.phase.begin((0, 0), (first[0], first[1]), (0, 0))
     for top, left, shape in _windows(placer, hole, side, band):

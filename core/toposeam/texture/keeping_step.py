@@ -23,13 +23,14 @@ class Phase:
         Of the exemplar.
     closed : (n, 2) float array
         The reciprocal vectors on the canvas: where it closes, those that close (:meth:`Order.fitted`).
-    tolerance : float
-        How many px a patch may be out of step, measured in its middle.
+    factor : int
+        By how much patches are searched reduced: by three quarters of it, or one px, a patch may be out of
+        step, measured in its middle.
     """
 
-    def __init__(self, order: Order, closed: Floats, tolerance: float) -> None:
+    def __init__(self, order: Order, closed: Floats, factor: int) -> None:
         self._given, self._closed, self._periods = order.reciprocal, closed, order.periods
-        self._tolerance = tolerance
+        self._tolerance = max(1.0, 0.75 * factor)
         self._start: Floats | None = None
         #: Of the places that were asked about last: their phases, one plane for each reciprocal vector.
         self._places: tuple[bytes, bytes] | None = None

@@ -235,7 +235,7 @@ def synthesize(
         if order is not None:
             closed, stretch = order.fitted((height, width), wraps)
             fits = order.better_size((height, width), wraps)
-            phase = Phase(order, closed, max(1.0, 0.75 * atlas.factor)) if stretch <= STRETCH else None
+            phase = Phase(order, closed, atlas.factor) if stretch <= STRETCH else None
         if phase is None and any(wraps) and min(height, width) >= 4 * side:
             objects = chosen.variety and landmarks(features, atlas.usable, atlas.factor).guard is not None
             axis = None if objects else order_axis(sources.features[0], sources.usable[0])

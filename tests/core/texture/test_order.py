@@ -143,15 +143,20 @@ def test_a_size_that_was_chosen_is_not_bettered_by_little():
     assert order.better_size(chosen, (True, True)) is None
 
 
-def test_places_in_step_are_those_a_period_apart():
-    order = Order(np.array([[1 / 10, 0], [0, 1 / 6]]), 1.0)
-    phase = Phase(order, order.reciprocal, 0.5)
+@pytest.mark.parametrize(("factor", "off"), [(1, 1), (2, 1.5), (3, 2.25)])
+def test_places_in_step_are_those_a_period_apart(factor, off):
+    order = Order(np.array([[1 / 10.4, 0], [0, 1 / 6.4]]), 1.0)
+    phase = Phase(order, order.reciprocal, factor)
     rows, columns = np.arange(21), np.arange(13)
     assert phase.allows((0, 0), (8, 8), rows, columns).all()
     phase.begin((0, 0), (3, 2), (8, 8))
     phase.begin((5, 5), (0, 0), (8, 8))  # the first patch has decided
     allowed = phase.allows((10, 7), (8, 8), rows, columns)
-    assert np.argwhere(allowed).tolist() == [[r, c] for r in (3, 13) for c in (3, 9)]
+    y, x = (
+        (places - first + period / 2) % period - period / 2
+        for places, first, period in ((rows, 3 + 10, 10.4), (columns, 2 + 7, 6.4))
+    )
+    np.testing.assert_array_equal(allowed, np.hypot(y[:, np.newaxis], x) <= off)
 
 
 @pytest.mark.medium

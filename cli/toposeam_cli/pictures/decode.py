@@ -29,7 +29,7 @@ _X_RESOLUTION = (b"\x1a\x01\x05\0", b"\x01\x1a\0\x05")
 _BLOCKS = ("icc-profile", "exif", "xmp")
 
 #: Strips are of about so many bytes.
-STRIP_BYTES = 1 << 22
+STRIP_BYTES = 1 << 20
 _DTYPES = {
     name: np.dtype(kind)
     for name, kind in {

@@ -12,6 +12,7 @@ import numpy as np
 
 from toposeam.images import full_scale
 from toposeam_cli.files.scratch import Scratch
+from toposeam_cli.pictures.libvips import channels
 from toposeam_cli.pictures.picture import Picture, read_strips
 from toposeam_cli.pictures.raw import Stored
 
@@ -29,17 +30,18 @@ def read_stored(path: Path, max_pixels: int, file: Path) -> Picture:
     OSError
         When there is no space.
     """
-    opaque = True
-
-    def parts() -> Iterator[Picture]:
-        nonlocal opaque
+    like, height = None, 0
+    with file.open("r+b") as target:
         for part in read_strips(path, max_pixels):
-            if part.alpha is not None and opaque:
-                opaque = bool((part.alpha == full_scale(part.alpha.dtype)).all())
-            yield part
-
-    picture = stored_at(file, parts())
-    return _without_alpha(file, picture) if opaque and picture.alpha is not None else picture
+            if like is None or like.alpha is None:
+                if part.alpha is None or (part.alpha == full_scale(part.alpha.dtype)).all():
+                    part = replace(part, alpha=None)
+                elif like is not None:
+                    target.flush()
+                    _add_opacity(target, stored_picture(file, like, height, like.pixels.shape[1]))
+            _write(target, part)
+            like, height = part, height + part.pixels.shape[0]
+    return stored_picture(file, cast(Picture, like), height, cast(Picture, like).pixels.shape[1])
 
 
 def store(
@@ -95,15 +97,18 @@ def stored_picture(path: Path, like: Picture, height: int, width: int) -> Pictur
     return replace(like, pixels=cast(np.ndarray, pixels), alpha=cast("np.ndarray | None", alpha))
 
 
-def _without_alpha(file: Path, picture: Picture) -> Picture:
-    """The same, its file rewritten in place: what is written lies before what is read."""
-    height, width = picture.pixels.shape[:2]
-    with file.open("r+b") as target:
-        for part in _parts(picture):
-            _write(target, replace(part, alpha=None))
-            target.flush()
-        target.truncate()
-    return stored_picture(file, replace(picture, alpha=None), height, width)
+def _add_opacity(target: BinaryIO, picture: Picture) -> None:
+    """Rewrite the file of an opaque picture in place with its opacity, and go on behind it. The last rows
+    come first: what is written lies behind what is still to be read.
+    """
+    (height, width), dtype = picture.pixels.shape[:2], picture.pixels.dtype
+    line = width * (channels(picture.pixels) + 1) * dtype.itemsize
+    for start in reversed(range(0, height, _ROWS)):
+        pixels = picture.pixels[start : start + _ROWS, :]
+        target.seek(start * line)
+        _write(target, replace(picture, pixels=pixels, alpha=np.full(pixels.shape[:2], full_scale(dtype))))
+        target.flush()
+    target.seek(height * line)
 
 
 def _parts(picture: Picture) -> Iterator[Picture]:
@@ -114,7 +119,8 @@ def _parts(picture: Picture) -> Iterator[Picture]:
 
 
 def _write(target: BinaryIO, part: Picture) -> None:
-    planes = [part.pixels if part.pixels.ndim == 3 else part.pixels[..., np.newaxis]]
+    values = part.pixels
     if part.alpha is not None:
-        planes.append(part.alpha[..., np.newaxis])
-    target.write(np.concatenate(planes, axis=2).tobytes())
+        planes = values if values.ndim == 3 else values[..., np.newaxis]
+        values = np.concatenate([planes, part.alpha[..., np.newaxis]], axis=2)
+    target.write(np.ascontiguousarray(values).data)

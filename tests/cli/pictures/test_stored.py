@@ -91,6 +91,22 @@ def test_opacity_that_says_nothing_is_left_out_of_the_file(tmp_path, dtype):
     assert (tmp_path / "raw").stat().st_size == HEIGHT * WIDTH * 3 * np.dtype(dtype).itemsize
 
 
+@pytest.mark.parametrize(("transparent", "written"), [(None, HEIGHT), (0, HEIGHT), (40, HEIGHT + 33)])
+def test_rows_are_written_again_only_where_opacity_begins_below_them(
+    tmp_path, monkeypatch, transparent, written
+):
+    path, alpha, rows = tmp_path / "a.png", np.full((HEIGHT, WIDTH), 255, np.uint8), []
+    if transparent is not None:
+        alpha[transparent] = 7
+    write_picture(path, Picture(pixels=pixels(3), alpha=alpha))
+    write = stored._write
+    monkeypatch.setattr(
+        stored, "_write", lambda target, part: (rows.append(len(part.pixels)), write(target, part))
+    )
+    read(path, tmp_path)
+    assert sum(rows) == written  # 11 rows at a time
+
+
 @pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.tif"])
 def test_a_file_that_was_cut_short_is_the_same_sentence(tmp_path, name):
     path = tmp_path / name

@@ -40,8 +40,9 @@ from toposeam.seam.reach import Reach
 WANDERING, OTHERS = 0.6, (0.9, 0.3)
 #: Reduced rows that are made at once: of all of an overlap, and of a band.
 _ROWS, _WANTED_ROWS = 128, 64
-#: Pixels of all overlaps of one size whose costs are kept, 8 bytes each.
-KEPT_TOGETHER = 1 << 25
+#: Pixels of all overlaps at all sizes whose costs are kept, 8 bytes each: those of a gigapixel at a quarter
+#: of its size and less.
+KEPT_TOGETHER = 7 << 24
 
 
 def halved(labelling: Labelling, wandering: float = WANDERING) -> Labelling:
@@ -228,7 +229,8 @@ class Tables:
     the sizes are known (:meth:`kept`), so that no size waits for another.
 
     Of large overlaps, and of more than can be kept, the costs are computed again where they are looked at,
-    which is beside what the next smaller size shows.
+    which is beside what the next smaller size shows. The smallest sizes are kept first: the larger one is,
+    the less of it is looked at.
 
     Parameters
     ----------
@@ -245,19 +247,16 @@ class Tables:
         self, costs: Mapping[Pair, PairCost], most: int, executor: Executor | None, wandering: float
     ) -> None:
         self._costs, self._wandering = costs, wandering
-        #: The pairs that are kept at each size, and the largest size at which each is.
-        self._kept: list[set[Pair]] = []
-        self._first: dict[Pair, int] = {}
-        first: dict[Pair, ReducedCost] = {}
-        reduced_costs: dict[Pair, PairCost] = dict(costs)
-        while len(self._kept) < most and len(first) < len(costs):
-            lazy = {pair: ReducedCost(cost, wandering) for pair, cost in reduced_costs.items()}
-            self._kept.append(_kept_of(lazy))
-            for pair in self._kept[-1] - first.keys():
-                first[pair], self._first[pair] = lazy[pair], len(self._kept) - 1
-            reduced_costs |= lazy
-        # The most work comes first, so that none is waited for at the end.
-        order = sorted(first, key=lambda pair: (-math.prod(costs[pair].box.shape), pair))
+        areas = {pair: math.prod(cost.box.shape) for pair, cost in costs.items()}
+        #: The largest size at which each pair is kept.
+        self._first = _first_kept(areas, most)
+        first = {pair: costs[pair] for pair in self._first}
+        for pair, number in self._first.items():
+            for _ in range(number + 1):
+                first[pair] = ReducedCost(first[pair], wandering)
+        # The most work comes first, so that none is waited for at the end; one process looks at pairs of one
+        # layer one after the other, while the system still holds what was read of it.
+        order = sorted(first, key=lambda pair: (-areas[pair] if executor else 0, pair))
         self._looked_at = executor is not None
         items = (
             (first[pair].part(first[pair].box, {}), most - self._first[pair])
@@ -278,22 +277,26 @@ class Tables:
         found, costs = [], dict(self._costs)
         for number, size in enumerate(sizes):
             costs = {pair: ReducedCost(cost, self._wandering) for pair, cost in costs.items()}
-            for pair in self._kept[number] if number < len(self._kept) else _kept_of(costs):
-                own = made.get(pair, [])[number - self._first.get(pair, number) :]
-                costs[pair] = own[0] if own else _table(costs[pair])
+            for pair, largest in self._first.items():
+                if number >= largest:
+                    own = made[pair][number - largest :]
+                    costs[pair] = own[0] if own else _table(costs[pair])
             found.append(dataclasses.replace(size, costs=costs))
         return found
 
 
-def _kept_of(costs: Mapping[Pair, PairCost]) -> set[Pair]:
-    """Which costs of one size are kept."""
-    found, together = set(), 0
-    for pair, cost in costs.items():
-        size = math.prod(cost.box.shape)
-        if size <= KEPT_PIXELS and together + size <= KEPT_TOGETHER:
-            found.add(pair)
-            together += size
-    return found
+def _first_kept(areas: Mapping[Pair, int], most: int) -> dict[Pair, int]:
+    """The number of the largest of so many sizes at which the costs of each pair are kept, of those that are
+    at any, from their pixels at full size.
+    """
+    first, left = {}, KEPT_TOGETHER
+    for number in reversed(range(most)):
+        for pair, area in areas.items():
+            size = area >> 2 * (number + 1)
+            if size <= min(KEPT_PIXELS, left):
+                first[pair] = number
+                left -= size
+    return first
 
 
 def _tables(item: tuple[PairCost, int]) -> tuple[list[TableCost], Reach | None]:

@@ -157,7 +157,11 @@ class Exchange:
 
     def _twice(self) -> list[Key]:
         """Objects that are there twice near by."""
-        return [key for key in self._there.all() if self._is_twice(key)]
+        return sorted(
+            key
+            for key, near in self._there.neighbours().items()
+            if any(one[0] == key[0] for one in near if one != key)
+        )
 
     def _is_twice(self, key: Key) -> bool:
         """Whether an object is there, and near by once more."""
@@ -187,7 +191,8 @@ class Exchange:
         slots, rng = self._there.all(), self._placer.rng
         number_of = {key: slot for slot, key in enumerate(slots)}
         numbers = [key[0] for key in slots]
-        beside = [[number_of[near] for near in self._there.near(key[1:]) if near != key] for key in slots]
+        near_to = self._there.neighbours()
+        beside = [[number_of[near] for near in near_to[key] if near != key] for key in slots]
         # How many near each are the same.
         twice = [
             sum(numbers[one] == number for one in near) for near, number in zip(beside, numbers, strict=True)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator
+
+import numpy as np
 
 from toposeam.texture.objects import At, Key
 
@@ -25,7 +26,7 @@ class Positions:
     --------
     >>> here = Positions((100, 100), (True, True), 10.0)
     >>> here.put((0, 1, 50), True)
-    >>> list(here.near((98, 50))), list(here.near((12, 50)))
+    >>> here.near((98, 50)), here.near((12, 50))
     ([(0, 1, 50)], [])
     """
 
@@ -44,19 +45,38 @@ class Positions:
         cell = self._cells[self._cell(0, key[1]), self._cell(1, key[2])]
         (cell.add if there else cell.discard)(key)
 
-    def near(self, at: At) -> Iterator[Key]:
+    def near(self, at: At) -> list[Key]:
         """The objects near a place, one that lies there too, in no order."""
-        height, width = self._shape
-        for row in self._around(0, at[0]):
-            for column in self._around(1, at[1]):
-                for key in self._cells.get((row, column), ()):
-                    down, right = abs(key[1] - at[0]), abs(key[2] - at[1])
-                    if self._wrap[0]:
-                        down = min(down % height, -down % height)
-                    if self._wrap[1]:
-                        right = min(right % width, -right % width)
-                    if down * down + right * right < self._reach**2:
-                        yield key
+        return self._near([at])[0]
+
+    def neighbours(self) -> dict[Key, list[Key]]:
+        """The objects near each object, itself too."""
+        cells = [list(cell) for cell in self._cells.values() if cell]
+        return {
+            key: near
+            for cell in cells
+            for key, near in zip(cell, self._near([key[1:] for key in cell]), strict=True)
+        }
+
+    def _near(self, places: list[At]) -> list[list[Key]]:
+        """The objects near each of some places of one cell."""
+        around = [
+            key
+            for row in self._around(0, places[0][0])
+            for column in self._around(1, places[0][1])
+            for key in self._cells.get((row, column), ())
+        ]
+        apart = np.zeros((len(places), len(around)), np.intp)
+        lines = [key[1] for key in around], [key[2] for key in around]
+        for own, others, limit, wraps in zip(
+            zip(*places, strict=True), lines, self._shape, self._wrap, strict=True
+        ):
+            away = np.subtract.outer(own, np.array(others, np.intp))
+            away = np.minimum(away % limit, -away % limit) if wraps else away
+            apart += away * away
+        return [
+            [around[number] for number in np.flatnonzero(line).tolist()] for line in apart < self._reach**2
+        ]
 
     def _cell(self, axis: int, place: int) -> int:
         limit, count = self._shape[axis], self._counts[axis]

@@ -23,6 +23,8 @@ def test_what_is_near_is_what_comparing_all_finds(shape, reach, wrap):
         positions.put(key, False)
     there = np.array(sorted(keys - gone))
     assert positions.all() == list(map(tuple, there.tolist()))
+    neighbours = positions.neighbours()
+    assert sorted(neighbours) == positions.all()
     for number, *at in there[::4].tolist():
         away = np.abs(there[:, 1:] - at)
         for axis in (0, 1):
@@ -30,6 +32,7 @@ def test_what_is_near_is_what_comparing_all_finds(shape, reach, wrap):
                 away[:, axis] = np.minimum(away[:, axis] % shape[axis], -away[:, axis] % shape[axis])
         expected = there[np.square(away).sum(axis=1) < reach**2]
         assert sorted(positions.near((at[0], at[1]))) == list(map(tuple, expected.tolist())), number
+        assert sorted(neighbours[number, at[0], at[1]]) == list(map(tuple, expected.tolist())), number
 
 
 def test_asking_what_is_near_looks_at_few_of_many():

@@ -4,6 +4,7 @@ a torus.
 
 from __future__ import annotations
 
+import math
 from mmap import mmap
 from typing import Any, NamedTuple
 
@@ -70,10 +71,8 @@ class IndexCanvas:
         patches : int
             How many there will be at most.
         """
-        if len(self._copies) < patches:
-            self._grow(patches)
         self.index, self.labels, self.usage = map(_shared, (self.index, self.labels, self.usage))
-        self._copies, self._areas = _shared(self._copies), _shared(self._areas)
+        self._copies, self._areas = _shared(self._copies, patches), _shared(self._areas, patches)
 
     def window(
         self, top: int, left: int, height: int, width: int
@@ -226,9 +225,13 @@ class IndexCanvas:
         self._areas = np.concatenate([self._areas, np.zeros(more, np.int64)])
 
 
-def _shared(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """An array in memory that forks of this process see and change."""
-    found: npt.NDArray[Any] = np.frombuffer(mmap(-1, max(values.nbytes, 1)), values.dtype, values.size)
-    found = found.reshape(values.shape)
-    found[...] = values
+def _shared(values: npt.NDArray[Any], length: int = 0) -> npt.NDArray[Any]:
+    """An array in memory that forks of this process see and change; with room for some length, which takes
+    none before it is used.
+    """
+    shape = max(len(values), length), *values.shape[1:]
+    size = math.prod(shape)
+    found: npt.NDArray[Any] = np.frombuffer(mmap(-1, max(size * values.itemsize, 1)), values.dtype, size)
+    found = found.reshape(shape)
+    found[: len(values)] = values
     return found

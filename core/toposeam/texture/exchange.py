@@ -35,6 +35,8 @@ _THOUGHT, _ROUNDS = 40, (0, 1, 2)
 _AT_ONCE, _IN_ONE = 16, 4
 #: They are taken from so many that wait.
 _LOOKED_AT = 128
+#: For each patch of a texture at most so many are replaced: what processes share has room for no more.
+MOST = 64
 
 
 class Exchange:
@@ -48,10 +50,12 @@ class Exchange:
         Height and width of its patches.
     crew : Crew
         Who looks for what fits, and cuts; its tool is the placer.
+    most : int
+        How many patches the canvas may have in the end.
     """
 
-    def __init__(self, placer: PatchPlacer, shape: tuple[int, int], crew: Crew) -> None:
-        self._placer, self._canvas, self._crew = placer, placer.canvas, crew
+    def __init__(self, placer: PatchPlacer, shape: tuple[int, int], crew: Crew, most: int) -> None:
+        self._placer, self._canvas, self._crew, self._most = placer, placer.canvas, crew, most
         crew.begin(Replacing, shape, _AT_ONCE)
         crew.ask("replaced", b"")  # so that others prepare themselves while this process does
         crew.pass_on()
@@ -88,7 +92,7 @@ class Exchange:
         done, left = 0, [key for key in keys if task_of(key) is not None]
         #: What an object did not become, as that came near by meanwhile.
         refused: defaultdict[Key, set[int]] = defaultdict(set)
-        while left:
+        while left and self._canvas.patches + _AT_ONCE <= self._most:
             tasks = [task for task in map(task_of, left[:_LOOKED_AT]) if task is not None]
             now = [self._without(task, refused[task.key]) for task in self._apart(tasks)]
             again, started = [], {task.key for task in now}
@@ -172,7 +176,7 @@ class Exchange:
         """Replace an object that still comes twice near by, as what it should have become had no room there,
         by any other that does not.
         """
-        if not self._is_twice(key):  # the other one has gone
+        if not self._is_twice(key) or self._canvas.patches == self._most:  # the other one may have gone
             return False
         near = {one[0] for one in self._there.near(key[1:])}
         others = [number for number in self._own.like(key[0]) if number not in near]

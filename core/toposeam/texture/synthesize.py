@@ -28,7 +28,7 @@ from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.closing import closing_guide, order_axis
 from toposeam.texture.crew import MAX_PROCESSES, Crew
 from toposeam.texture.easing import EasedLight, Level, level_for
-from toposeam.texture.exchange import Exchange
+from toposeam.texture.exchange import MOST, Exchange
 from toposeam.texture.finish import finish, settings_of
 from toposeam.texture.guiding import guide_of
 from toposeam.texture.keeping_step import Phase
@@ -281,11 +281,12 @@ def synthesize(
     shown = None if preview is None else Previews(preview, sources, atlas, canvas)
     count = patches_on(canvas, side, overlap)
     tries = round(chosen.mend * count)
-    with Crew(processes, placer, lambda: canvas.share(count + tries)) as crew:
+    most = count + tries + MOST * count
+    with Crew(processes, placer, lambda: canvas.share(most)) as crew:
         lay_all(placer, side, overlap, crew, 0, report.stage(report.done, 0.9, shown))
         mend(placer, shape, tries, crew, report.stage(0.9, 1.0))
         if placer.guard is not None and chosen.mend:
-            Exchange(placer, shape, crew).run()
+            Exchange(placer, shape, crew, most).run()
         crew.dismiss()
         report.finish()
         del placer, given  # a guide takes more memory than the picture

@@ -18,6 +18,7 @@ from toposeam.texture.objects import Objects
 from toposeam.texture.replacing import FORBIDDEN, GROUND, MENDED, WHOLE, Replacing, ToReplace
 
 SIDE = 128
+MANY = 1 << 20
 
 
 def discs(count=16):
@@ -79,7 +80,7 @@ def test_a_cut_object_is_made_whole_and_what_is_left_of_one_goes():
         canvas.paint(top - 8, left - 8, ground, np.ones(ground.shape, bool))
     area = np.bincount(objects.ravel())
     assert np.count_nonzero(shown(placer, objects) == 4) < 0.9 * area[4]
-    assert Exchange(placer, (40, 40), Crew(1, placer, lambda: None)).run() == 2
+    assert Exchange(placer, (40, 40), Crew(1, placer, lambda: None), MANY).run() == 2
     made = np.bincount(shown(placer, objects).ravel(), minlength=len(area))
     assert made[4] == area[4]
     assert made[9] == 0
@@ -197,6 +198,45 @@ def test_objects_are_replaced_by_others_and_come_out_the_same(monkeypatch):
     assert workers[1] == FORKS
 
 
+def test_what_others_know_of_copies_has_room_for_all_that_is_replaced(monkeypatch):
+    image, _, _ = discs()
+    shared, grown = [], []
+    share, grow = IndexCanvas.share, IndexCanvas._grow
+
+    def noted_share(self, patches):
+        share(self, patches)
+        shared.append(self)
+
+    def noted_grow(self, patches):
+        grown.extend(one for one in shared if one is self)
+        grow(self, patches)
+
+    monkeypatch.setattr(IndexCanvas, "share", noted_share)
+    monkeypatch.setattr(IndexCanvas, "_grow", noted_grow)
+    monkeypatch.setattr("toposeam.texture.canvas._FIRST", 1)
+    made = ts.synthesize(image, 400, patch=40, seed=3, processes=2)
+    assert len(shared) == FORKS
+    assert not grown
+    assert len(np.unique(made.labels)) > 100
+
+
+def test_no_more_objects_are_replaced_than_there_is_room_for():
+    image, _, middles = discs()
+    counts = []
+    for room in (MANY, 16, 15):
+        placer = placer_on(image, np.arange(image.size).reshape(image.shape))
+        for middle in middles[1:]:  # a bite of each
+            top, left = (middle + np.array([-3, -12])).tolist()
+            source = placer.patch(tuple(placer.atlas.corners[0] + (100, 2)), (5, 12))
+            placer.canvas.paint(top, left, source, np.ones(source.shape, bool))
+        before = placer.canvas.patches
+        done = Exchange(placer, (40, 40), Crew(1, placer, lambda: None), before + room).run()
+        assert placer.canvas.patches - before == done <= room
+        counts.append(done)
+    assert counts[0] > counts[1] > 0
+    assert counts[2] == 0
+
+
 def test_others_prepare_themselves_while_this_process_does(monkeypatch):
     image, _, _ = discs()
     done = []
@@ -210,14 +250,14 @@ def test_others_prepare_themselves_while_this_process_does(monkeypatch):
         monkeypatch.setattr(owner, name, noted)
     placer = placer_on(image, np.arange(image.size).reshape(image.shape))
     with Crew(1, placer, lambda: None) as crew:
-        Exchange(placer, (40, 40), crew)
+        Exchange(placer, (40, 40), crew, MANY)
     assert done == ["begin", "ask", "pass_on", "own"]
 
 
 def test_what_cannot_be_made_whole_does_not_become_what_shows_near_by():
     image, _, _ = discs()
     placer = placer_on(image, np.arange(image.size).reshape(image.shape))
-    exchange = Exchange(placer, (40, 40), Crew(1, placer, lambda: None))
+    exchange = Exchange(placer, (40, 40), Crew(1, placer, lambda: None), MANY)
     key = next(iter(exchange._shown))
     task, alike = ToReplace(key, MENDED), set(exchange._own.like(key[0]))
     near = {other[0] for other in exchange._there.near(key[1:])} & alike
@@ -238,7 +278,7 @@ def test_a_copy_that_two_continue_at_the_same_time_does_not_grow_too_large():
     apart = np.hypot(*(middles[:, np.newaxis] - middles).transpose(2, 0, 1))
     for middle in middles[list(np.unravel_index(apart.argmax(), apart.shape))]:
         canvas.paint(*(middle - 8).tolist(), ground, np.ones(ground.shape, bool))
-    exchange = Exchange(placer, (40, 40), Crew(1, placer, lambda: None))
+    exchange = Exchange(placer, (40, 40), Crew(1, placer, lambda: None), MANY)
     exchange._own.largest = canvas.area_of(0) + ground.size * 3 // 2
     assert exchange.run() >= 1
     assert canvas.area_of(0) <= exchange._own.largest
@@ -259,7 +299,7 @@ def test_an_object_that_comes_twice_becomes_another_one_if_what_was_chosen_has_n
 
     assert twice()
     monkeypatch.setattr(Exchange, "_chosen", lambda *_: {})
-    assert Exchange(placer, (40, 40), Crew(1, placer, lambda: None)).run() == 1
+    assert Exchange(placer, (40, 40), Crew(1, placer, lambda: None), MANY).run() == 1
     assert not twice()
 
 

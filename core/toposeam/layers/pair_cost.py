@@ -214,9 +214,18 @@ class LayerPairCost:
     def _colours(self, index: int, box: Box, present: Mask, step: int = 1) -> Floats32:
         layer, place = self._pictures.layers[index], self._pictures.places[index]
         whole = bool(present.all())
-        seen = layer.image[box.within(place)] if whole else cut(layer.image, place, box)
-        image = seen[::step, ::step]
-        inside = box.shared(place).moved(-place.top, -place.left)
+        common = box.shared(place)
+        inside = common.moved(-place.top, -place.left)
+        # Of a layer that begins inside of the box, the first of its pixels that are looked at.
+        top, left = (-(-(begin - edge) // step) for begin, edge in zip(common[:2], box[:2], strict=True))
+        image = layer.image[
+            box.top + top * step - place.top : max(inside.bottom, 0) : step,
+            box.left + left * step - place.left : max(inside.right, 0) : step,
+        ]
+        if not whole:
+            seen = image
+            image = np.zeros((*present[::step, ::step].shape, *seen.shape[2:]), seen.dtype)
+            image[top : top + len(seen), left : left + seen.shape[1]] = seen
         if not whole and not uniform(self._pictures.covered[index], inside):  # beyond the layer it is 0
             image[~present[::step, ::step]] = 0
         return np.moveaxis(as_planes(image, layer.name, layer.data_range), 0, -1)

@@ -14,6 +14,7 @@ from toposeam.layers.layer import Box, extent_of
 from toposeam.layers.posing import exclusive_covers, pose_labelling
 from toposeam.layers.rounds import Rounds
 from toposeam.layers.table_costs import TableCost
+from toposeam.seam.reach import STEP, Reach
 
 
 def posed(layers, **options):
@@ -165,6 +166,43 @@ def test_costs_of_a_band_are_those_of_the_whole(monkeypatch):
         expected = full[part[0].start :, part[1].start :][: banded.shape[0], : banded.shape[1]]
         near = beside[:, :-1] | beside[:, 1:] if axis == 0 else beside[:-1] | beside[1:]
         np.testing.assert_array_equal(banded[near], expected[near])
+
+
+class Sparse(ts.Windows):
+    """Pixels of an array, and how many were looked at."""
+
+    def __init__(self, values):
+        super().__init__(values.shape, values.dtype)
+        self.values, self.seen = values, 0
+
+    def read(self, rows, columns):
+        part = self.values[rows, columns].copy()
+        self.seen += part[..., 0].size
+        return part
+
+
+@pytest.mark.parametrize("at", [(31, 4), (40, -7), (35, 0), (0, 21)])
+def test_what_lies_near_a_seam_is_told_from_every_second_row_and_column(at):
+    photograph = data.coffee()[:150, :160]
+    first, second = photograph[:90, :80], photograph[50:140, 50:130] // 2
+    images = [Sparse(first.copy()), Sparse(second.copy())]
+    cost = posed([ts.Layer(images[0]), ts.Layer(images[1], at=at)]).costs[0, 1]
+    for image in images:
+        image.seen = 0
+    found = cost._seen_by(16.0)
+    canvas = extent_of([ts.Layer(first), ts.Layer(second, at=at)])
+    colours, both = [], True
+    for pixels, place in zip((first, second), cost._pictures.places, strict=True):
+        whole = np.zeros((*canvas.shape, 3), np.float32)
+        whole[place.slices] = pixels / np.float32(255)
+        here = np.zeros(canvas.shape, bool)
+        here[place.slices] = True
+        colours.append(np.pad(whole, [(1, 1), (1, 1), (0, 0)])[cost.box.moved(1, 1).slices])
+        both = both & np.pad(here, 1)[cost.box.moved(1, 1).slices]
+    difference = np.where(both[..., np.newaxis], colours[0] - colours[1], np.float32(0))
+    expected = Reach(both.shape, [(0, difference[::STEP, ::STEP], both[::STEP, ::STEP])], 16.0)
+    np.testing.assert_allclose(found._values, expected._values, atol=1e-6)
+    assert max(image.seen for image in images) <= np.prod([side // STEP + 1 for side in cost.box.shape])
 
 
 def test_costs_of_reduced_overlaps_are_kept_as_far_as_they_may(monkeypatch):

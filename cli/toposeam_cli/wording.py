@@ -168,6 +168,10 @@ _TEXTURES: tuple[tuple[str, Words], ...] = (
 _SAID: Mapping[str, Sequence[tuple[str, Words]]] = {
     "stitch": _JOINED,
     "compare": _JOINED,
+    "volume": (
+        (r"(?<=\band )b(?= has\b)", lambda found, given: given["b"].name),
+        (r"\bpatches\b", lambda found, given: "stacks"),
+    ),
     "motif": ((r"^(?:rows|columns)\b", lambda found, given: "--sheet" if "sheet" in given else None),),
     "synth": (
         *_TEXTURES,

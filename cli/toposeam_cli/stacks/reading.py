@@ -19,6 +19,10 @@ from toposeam_cli.stacks.stack import Stack
 _UNITS = {"µm": 1.0, "um": 1.0, "micron": 1.0, "microns": 1.0, "nm": 1e-3, "mm": 1e3}
 
 
+#: What a folder has one of that is a zarr.
+_ZARR = (".zgroup", ".zarray", "zarr.json")
+
+
 def read_stack(path: Path) -> Stack:
     """Open a stack.
 
@@ -31,6 +35,8 @@ def read_stack(path: Path) -> Stack:
     """
     if not path.exists():
         raise ImageError(f"there is no file '{path}'; check the name")
+    if path.is_file() and not path.stat().st_size:
+        raise ImageError(f"{path} is empty; save or copy the stack again")
     if path.suffix.lower() in (".tif", ".tiff"):
         return _read_tiff(path)
     if path.suffix.lower() == ".npy":
@@ -222,6 +228,10 @@ def _read_zarr(path: Path) -> Stack:
     check_regular_below(path, "all of the stack")
     zarr = needs("zarr", path)
     array = needs("dask.array", path)
+    if not any((path / name).exists() for name in _ZARR):
+        raise ImageError(
+            f"{path} is no zarr; give one of the stacks in that folder, or export the stack again"
+        )
     try:
         node = zarr.open(str(path), mode="r")
         spacing, axes = None, None

@@ -183,17 +183,22 @@ def test_what_is_no_stack(toposeam, tmp_path, pair):
         tmp_path / "time.tif", np.zeros((3, 4, 8, 8), np.uint8), imagej=True, metadata={"axes": "TZYX"}
     )
     (tmp_path / "empty.zarr").mkdir()
-    (tmp_path / "x.czi").touch()
+    (tmp_path / "x.czi").write_text("x")
+    (tmp_path / "void.tif").touch()
     for name, phrase in (
         ("text.tif", "cannot be read as a stack"),
         ("flat.npy", "give a stack of slices"),
         ("long.npy", "save it as uint8"),
         ("time.tif", "has axes TZYX"),
-        ("empty.zarr", "zarr"),
+        ("empty.zarr", "empty.zarr is no zarr; give one of the stacks in that folder"),
+        ("void.tif", "void.tif is empty; save or copy"),
         ("x.czi", "is no stack"),
         ("none.tif", "there is no file"),
     ):
         toposeam("volume", a, tmp_path / name, *out).fails(phrase)
+    _, _, half = stacks(np.uint8)
+    toposeam("volume", a, save(tmp_path / "b.npy", half), *out).fails("and b.npy has uint8; convert one")
+    toposeam("volume", a, a, *out).fails("nothing divides the stacks")
     assert not (tmp_path / "j.tif").exists()
 
 

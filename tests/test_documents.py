@@ -1,5 +1,6 @@
 """The documents: links lead somewhere, pictures are not older than the code, commands and code run."""
 
+import itertools
 import json
 import re
 import shlex
@@ -22,6 +23,8 @@ DOCUMENTS = sorted(
 LINK = re.compile(r"\]\((?!https?:|mailto:)([^)\s]*)\)")
 HEADING = re.compile(r"^#+ +(.+)$", re.MULTILINE)
 FENCE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
+#: Options that name a file to be written.
+WRITES = {"-o", "--overlay", "--seam", "--preview", "--history", "--save-layout", "--report", "--mesh"}
 TUTORIALS = sorted(HERE.glob("docs/tutorials/*.md"))
 
 
@@ -83,6 +86,15 @@ def commands(text):
         for line in code.replace("\\\n", " ").splitlines():
             if re.match(r"(\$ )?(\S*/)?toposeam \w", line):
                 yield shlex.split(line.removeprefix("$ "), comments=True)[1:]
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.relative_to(HERE).as_posix())
+def test_no_command_of_a_page_ends_at_what_an_earlier_one_wrote(document):
+    written = set()
+    for words in commands(document.read_text(encoding="utf-8")):
+        names = {name for option, name in itertools.pairwise(words) if option in WRITES}
+        assert not names & written or "--force" in words, words
+        written |= names
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.relative_to(HERE).as_posix())

@@ -82,10 +82,13 @@ def test_no_picture_is_older_than_the_code_it_shows(name):
 
 def commands(text):
     """What follows ``toposeam`` in the lines of a document's blocks of commands."""
-    for code in re.findall(r"^ *```(?:sh|console|)\n(.*?)^ *```", text, re.MULTILINE | re.DOTALL):
+    for language, code in re.findall(r"^ *```(\S*)\n(.*?)^ *```", text, re.MULTILINE | re.DOTALL):
+        if language not in ("sh", "console", ""):
+            continue
         for line in code.replace("\\\n", " ").splitlines():
             if re.match(r"(\$ )?(\S*/)?toposeam \w", line):
-                yield shlex.split(line.removeprefix("$ "), comments=True)[1:]
+                words = shlex.split(line.removeprefix("$ "), comments=True)[1:]
+                yield list(itertools.takewhile(lambda word: word != ">", words))
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.relative_to(HERE).as_posix())

@@ -8,8 +8,9 @@ difference at place o is
          = (w ⋆ M|E|² - 2 Σ_c w T_c ⋆ M E_c + w|T|² ⋆ M) / (w ⋆ M),
 
 ⋆ being the correlation. The transforms on the exemplars' side never change; per patch there is one transform
-for each channel of T, two for the weights, and one back. Large exemplars are searched at a half, a quarter …
-of their size first and then at full size round the best places.
+for each channel of T, two for the weights, and one back. Where channels say nearly the same, as in pictures
+of few colours, their principal components stand for them, without those that hardly matter. Large exemplars
+are searched at a half, a quarter … of their size first and then at full size round the best places.
 """
 
 from __future__ import annotations
@@ -31,6 +32,9 @@ _COMPARED = 1000
 #: For so many windows of unlike weights, those that came last, what these say is kept: rows of patches have
 #: few kinds of them, what is mended never has the same twice.
 _KEPT = 16
+#: A principal component along which no pixel is this share as far from the mean as one is along the first
+#: counts for nothing.
+_LEAST_COMPONENT = 0.01
 
 Spectrum = npt.NDArray[np.complex64]
 Ints = npt.NDArray[np.intp]
@@ -54,13 +58,16 @@ class PatchSearch:
             present.sum(dtype=np.float64), 1.0
         )
         self._mean = self._mean.astype(np.float32)
-        features = (features - self._mean) * (present[..., np.newaxis] > 0)
+        planes = np.moveaxis((features - self._mean) * (present[..., np.newaxis] > 0), 2, 0)
+        self._axes = _components(planes)
+        if self._axes is not None:
+            planes = _along(self._axes, planes)
         self._grid = present.shape
         # Nothing lies in the margins, so that one of them stands for both.
         rows, columns = (length - atlas.margin // self.factor for length in present.shape)
         self._size = sf.next_fast_len(rows), sf.next_fast_len(columns, real=True)
-        channels = [*np.moveaxis(features, 2, 0), np.square(features).sum(axis=2)]
-        found = np.conj(self._spectra(np.stack([present, *(one * present for one in channels)])))
+        channels = [present, *planes * present, np.square(planes).sum(axis=0) * present]
+        found = np.conj(self._spectra(np.stack(channels)))
         self._present, self._square = found[0], found[-1]
         self._channels = np.concatenate([np.complex64(-2) * found[1:-1], found[:1]])
         self._kept: dict[tuple[bytes, tuple[int, int]], _Known] = {}
@@ -100,9 +107,12 @@ class PatchSearch:
         window, mass = reduced(values, weight, f)
         known = self._known(mass, margin, patch)
         rows, columns = known.blocked.shape
-        planes = np.empty((window.shape[2] + 1, *mass.shape), np.float32)
-        planes[:-1] = np.moveaxis(window, 2, 0)  # at once would go channel by channel, three times as slowly
-        planes[:-1] -= self._mean[:, np.newaxis, np.newaxis]
+        planes = np.empty((len(self._channels), *mass.shape), np.float32)
+        seen = planes[:-1] if self._axes is None else np.empty((window.shape[2], *mass.shape), np.float32)
+        seen[...] = np.moveaxis(window, 2, 0)  # at once would go channel by channel, three times as slowly
+        seen -= self._mean[:, np.newaxis, np.newaxis]
+        if self._axes is not None:
+            _along(self._axes, seen, out=planes[:-1])
         np.einsum("cyx,cyx->yx", planes[:-1], planes[:-1], out=planes[-1])
         planes *= mass
         total = known.squares.copy()
@@ -235,6 +245,29 @@ class _Known(NamedTuple):
     squares: Spectrum
     share: Floats32
     blocked: Mask
+
+
+def _components(planes: Floats32) -> Floats32 | None:
+    """(k, n): the principal components of (n, h, w) planes of mean 0 that count; None where all do."""
+    values = planes.reshape(len(planes), -1).astype(float)
+    _, directions = np.linalg.eigh(values @ values.T)
+    farthest = np.abs(directions.T @ values).max(axis=1)[::-1]
+    count = max(1, int(np.count_nonzero(farthest > _LEAST_COMPONENT * farthest[0])))
+    if count == len(planes):
+        return None
+    axes: Floats32 = directions.T[::-1][:count].astype(np.float32)
+    return axes
+
+
+def _along(axes: Floats32, planes: Floats32, out: Floats32 | None = None) -> Floats32:
+    """Sums of (n, h, w) planes by (k, n) factors, in the planes' order: products of matrices would be rounded
+    differently on other machines.
+    """
+    total = np.empty((len(axes), *planes.shape[1:]), np.float32) if out is None else out
+    np.multiply(axes[:, :1, np.newaxis], planes[0], out=total)
+    for factors, plane in zip(axes.T[1:], planes[1:], strict=True):
+        total += factors[:, np.newaxis, np.newaxis] * plane
+    return total
 
 
 def box_sum(values: npt.NDArray[Any], shape: tuple[int, int]) -> npt.NDArray[np.int32]:

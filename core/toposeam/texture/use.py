@@ -10,8 +10,6 @@ from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.kinds import Kinds
 from toposeam.texture.search import box_sum
 
-Floats = npt.NDArray[np.float64]
-
 
 class Use:
     """Of the canvas as it is: what it says of places of one shape is kept, as all of a wave ask the same.
@@ -39,11 +37,11 @@ class Use:
     ) -> None:
         self._usage, self._average = canvas.usage.reshape(atlas.usable.shape), average
         self._limit, self._variety, self._kinds = limit, variety, kinds
-        self._kept: dict[tuple[tuple[int, ...], ...], tuple[Floats, Floats32 | None]] = {}
+        self._kept: dict[tuple[tuple[int, ...], ...], tuple[Floats32, Floats32 | None]] = {}
 
     def of_places(
         self, shape: tuple[int, int], grid: tuple[int, int], size: tuple[int, ...]
-    ) -> tuple[Floats, Floats32 | None]:
+    ) -> tuple[Floats32, Floats32 | None]:
         """How much dearer places are for showing often, themselves or their kind, and what share of their
         pixels is used up, None where nothing is. Neither may be written to.
 
@@ -62,10 +60,11 @@ class Use:
 
     def _found(
         self, shape: tuple[int, int], grid: tuple[int, int], size: tuple[int, ...]
-    ) -> tuple[Floats, Floats32 | None]:
+    ) -> tuple[Floats32, Floats32 | None]:
         pixels, on_grid = shape[0] * shape[1], (slice(grid[0], None, grid[1]),) * 2
         average = (pixels * self._average[on_grid[0]][: size[0]]).astype(np.float32)
-        dearer: Floats = box_sum(self._usage, shape)[on_grid][: size[0], : size[1]] / average
+        shown = box_sum(self._usage, shape)[on_grid][: size[0], : size[1]]
+        dearer: Floats32 = np.divide(shown, average, dtype=np.float32)
         np.square(dearer, out=dearer)
         dearer *= np.float32(self._variety)
         dearer += np.float32(1)

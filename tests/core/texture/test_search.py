@@ -40,6 +40,43 @@ def test_the_fit_is_the_weighted_mean_squared_difference(holes):
     np.testing.assert_allclose(found[np.isfinite(found)], expected[np.isfinite(expected)], atol=2e-5)
 
 
+def tinted(scale, tints):
+    """(40, 44, 3): what three planes of noise, of such weights, show along three directions of colour."""
+    directions, _ = np.linalg.qr(np.random.default_rng(2).random((3, 3)))
+    planes = np.random.default_rng(3).random((40, 44, 3)) * tints
+    return (scale * planes @ directions).astype(np.float32)
+
+
+@pytest.mark.parametrize(
+    ("scale", "tints", "counted"),
+    [
+        (1.0, (1.0, 0.5, 0.002), 2),
+        (1.0, (1.0, 0.005, 0.002), 1),
+        (1e-3, (1.0, 0.5, 0.002), 2),  # a faint picture as well as any
+        (1.0, (1.0, 0.5, 0.05), 3),
+        (0.0, (1.0, 1.0, 1.0), 1),
+    ],
+)
+def test_colours_are_compared_along_the_directions_that_count(monkeypatch, scale, tints, counted):
+    image, weight = tinted(scale, tints), np.ones((16, 16), np.float32)
+    atlas = Atlas.of([np.ones(image.shape[:2], bool)], 3)
+    m = atlas.margin
+    patch, found, spectra = (16 - 2 * m, 16 - 2 * m), [], PatchSearch._spectra
+
+    def noted(self, planes):
+        found.append(len(planes))
+        return spectra(self, planes)
+
+    search, values = PatchSearch(atlas, atlas.spread([image])), (image[20:36, 5:21] + image[3:19, 9:25]) / 2
+    search.fit(values, weight, (m, m), patch)
+    monkeypatch.setattr(PatchSearch, "_spectra", noted)
+    error = search.fit(values, weight, (m, m), patch)
+    assert found == [counted + 1]  # and the squares
+    expected = brute_force(atlas.spread([image]), atlas.usable, values, weight, m, patch)
+    fits = np.isfinite(expected)
+    np.testing.assert_allclose(error[fits], expected[fits], rtol=0.001, atol=1e-12)
+
+
 def test_the_nine_places_round_one_have_the_same_error():
     rng = np.random.default_rng(4)
     image, usable = rng.random((30, 33, 2)).astype(np.float32), np.ones((30, 33), bool)

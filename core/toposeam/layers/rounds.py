@@ -22,7 +22,6 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from copy import copy
-from itertools import chain
 from typing import Any, cast
 
 import numpy as np
@@ -34,17 +33,18 @@ from toposeam.layers.band import write_pixels
 from toposeam.layers.choices import Choices
 from toposeam.layers.deciding import Deciding
 from toposeam.layers.dividing import LEAST_GAIN, Divided, Division, Pixels, Potential, divided, undescribed
-from toposeam.layers.junctions import beside_steps, doubled_around, junctions, reached, square_dilation
+from toposeam.layers.junctions import beside_steps, doubled_around, reached, square_dilation
 from toposeam.layers.labelling import Labelling, Move, Pair
 from toposeam.layers.layer import Box
 from toposeam.layers.maps import DENSE_PIXELS, dense, new_map, part_of, several
+from toposeam.layers.meeting import meet_all
 from toposeam.layers.painting import LabelMap
 from toposeam.layers.parts import part_of_labelling
 from toposeam.layers.progressed import Progressed
 from toposeam.layers.receding import nearly, settle
 from toposeam.layers.starts import best_of_starts, joined
 from toposeam.layers.swapping import swap_all
-from toposeam.layers.tasks import Executor, in_bundles, on_boxes, results
+from toposeam.layers.tasks import Executor, on_boxes
 from toposeam.seam.find import Method, method_options, solve
 from toposeam.seam.heat import HeatOptions
 from toposeam.seam.overlap import FREE
@@ -60,8 +60,6 @@ _UNDECIDED_LARGE, _LARGE = (0.03, 0.5), 1 << 20
 #: Of problems of up to so many pixels more is looked at again: that finds nearly as much as reducing costs in
 #: several ways does (:mod:`toposeam.layers.levels`), and takes less.
 _UNDECIDED_SMALL, _SMALL = (0.002, 0.01), 1 << 19
-#: How far the windows reach round places where three layers meet, px; how many are handed on at once.
-_WINDOW, _HANDED = 24, 4
 #: Canvases of up to so many pixels are refined as a whole, all seams together, which is sooner done than
 #: handed on; of large pictures those of half as many.
 _TOGETHER = 1 << 19
@@ -110,7 +108,7 @@ class Rounds:
         keeps: bool = False,
     ) -> None:
         self.steps = Progressed(None) if steps is None else steps
-        self.labelling, self.label_map, self._near = labelling, label_map, near
+        self.labelling, self.label_map, self.near = labelling, label_map, near
         self.method: Method = method if method in _ANY_NETWORK else "heat"
         self._options: HeatOptions | ThesisOptions | None = method_options(
             self.method, options if self.method == method else {}
@@ -132,9 +130,9 @@ class Rounds:
         self.undecided: dict[tuple[int, ...], Pixels] = {}
         #: Layers that may recede along several others.
         self.receding: Sequence[int] = ()
-        self._decide = Deciding(self.method, self._options, labelling.forbidden)
+        self.decide = Deciding(self.method, self._options, labelling.forbidden)
         #: Where nobody asks for potentials, small canvases are not heated at full size.
-        self._by_paths = self._decide.proves and not finer and not keeps
+        self._by_paths = self.decide.proves and not finer and not keeps
         #: Of pairs that were divided as bands, the label potential of the pixels that were open.
         self.potentials: dict[Pair, Potential] = {}
         self.seconds: dict[Pair, float] = {}
@@ -151,22 +149,22 @@ class Rounds:
         number, places = 0, sorted(range(len(boxes)), key=lambda k: boxes[k])
         with one_thread():
             if order is not None and not most:
-                joined(choices, allowed, order, self._decide.exactly, self.steps)
+                joined(choices, allowed, order, self.decide.exactly, self.steps)
             elif order is not None:
                 given = None if self._small else order
                 number, places = best_of_starts(
-                    choices, allowed, boxes, given, self._decide.exactly, most, self.steps
+                    choices, allowed, boxes, given, self.decide.exactly, most, self.steps
                 )
             for i, j in labelling.adjoining(choices.label_map()) if most and swaps else ():
-                choices.swap(i, j, self._decide)
+                choices.swap(i, j, self.decide)
                 if self._undecided is not None:
                     self._note(choices, (i, j))
-            number += choices.run(self._decide.exactly, most - number, places)
+            number += choices.run(self.decide.exactly, most - number, places)
             if self._small and most:
                 dearer = 0.0 if self._undecided is None else _ASKED
-                self.receding = settle(choices, self._decide.exactly, places, dearer)
+                self.receding = settle(choices, self.decide.exactly, places, dearer)
             if afield and most:
-                self.undecided |= nearly(choices, self._decide.exactly, places, self.receding, _DEARER)
+                self.undecided |= nearly(choices, self.decide.exactly, places, self.receding, _DEARER)
         self.label_map[:, :] = choices.label_map()
         if self._undecided is None and most:
             for pair in labelling.adjoining(self.label_map):
@@ -195,23 +193,17 @@ class Rounds:
             `undecided` is to tell of all that nearly changes, these layers being asked whether they recede.
         """
         labelling, canvas = self.labelling, self.labelling.canvas
-        if self._near is not None and math.prod(canvas.shape) <= self._together:
+        if self.near is not None and math.prod(canvas.shape) <= self._together:
             with one_thread():
                 self._refine_together(most, hints or {}, asked)
             return
         pairs = labelling.adjoining(self.label_map)
         options, forbidden = self._options, np.isfinite(labelling.forbidden)
-        if self._near is not None and isinstance(options, HeatOptions) and not forbidden:
+        if self.near is not None and isinstance(options, HeatOptions) and not forbidden:
             self._divide([pair for pair in pairs if pair in labelling.costs], options, executor)
         else:
             swap_all(self, [pair for pair in pairs if pair in labelling.costs], executor)
-        windows = [window.shared(canvas) for window in junctions(self.label_map, _WINDOW)]
-        handed = in_bundles(windows, 1 if executor is None else _HANDED)
-        items = ([(self.part(w) if executor else self, w, most) for w in some] for some in handed)
-        for window, labels in zip(windows, chain.from_iterable(results(executor, _met, items)), strict=True):
-            self.steps.one()
-            if labels is not None:
-                self.label_map[window.slices] = labels
+        meet_all(self, min(most, _CYCLES), executor)
 
     def part(self, box: Box, pair: Pair | None = None) -> Rounds:
         """As far as a box of the canvas is concerned (or a pair in it), which nothing was found for yet."""
@@ -219,16 +211,16 @@ class Rounds:
         part.steps = Progressed(None)
         part.labelling = part_of_labelling(self.labelling, box, pair)
         part.label_map = part_of(self.label_map, box)
-        part._near = None if self._near is None else part_of(self._near, box)
+        part.near = None if self.near is None else part_of(self.near, box)
         part.solved, part.undecided, part.potentials, part.seconds = {}, {}, {}, {}
-        part._decide = Deciding(self.method, self._options, self.labelling.forbidden)
+        part.decide = Deciding(self.method, self._options, self.labelling.forbidden)
         return part
 
     def _refine_together(
         self, most: int, hints: Mapping[tuple[int, ...], Pixels], asked: Sequence[int] | None
     ) -> None:
         labelling, canvas = self.labelling, self.labelling.canvas
-        near, labels, count = dense(self._near), dense(self.label_map), len(labelling.places)
+        near, labels, count = dense(self.near), dense(self.label_map), len(labelling.places)
         planes = reached(labels, count, _REACH)
         may = [labelling.allowed_in(k, canvas) for k in range(count)]
         wide = {layers: doubled_around(hinted, canvas.shape) for layers, hinted in hints.items()}
@@ -243,7 +235,7 @@ class Rounds:
         choices = Choices(labelling, canvas, labels, may, range(count))
         started = time.perf_counter()
         choices.by_paths = self._by_paths
-        free, one, other = choices.divide_all(self._decide, planes)
+        free, one, other = choices.divide_all(self.decide, planes)
         took = time.perf_counter() - started
         at = np.flatnonzero(free)
         codes = one[at].astype(np.int64) * count + other[at]
@@ -258,17 +250,17 @@ class Rounds:
         tangled = (choices.several & ~free).reshape(canvas.shape)
         if asked is not None:
             places = sorted(range(count), key=lambda k: labelling.places[k])
-            self.undecided |= nearly(choices, self._decide.exactly, places, asked, _DEARER)
+            self.undecided |= nearly(choices, self.decide.exactly, places, asked, _DEARER)
         elif any(len(layers) == 1 for layers in hints):
-            choices.run(self._decide.exactly, min(most, 1))
+            choices.run(self.decide.exactly, min(most, 1))
         elif tangled.any():
             near = square_dilation(tangled, _TANGLE).ravel()
-            choices.run(self._decide.exactly, min(most, _CYCLES), within=near)
+            choices.run(self.decide.exactly, min(most, _CYCLES), within=near)
         self.label_map[:, :] = choices.label_map()
         self.steps.one()
 
     def _solved_together(self, pair: Pair, choices: Choices, own: npt.NDArray[np.intp], took: float) -> None:
-        self.solved[pair] = Box(0, 0, 0, 0), undescribed(self._decide.heat)
+        self.solved[pair] = Box(0, 0, 0, 0), undescribed(self.decide.heat)
         self.seconds[pair] = self.seconds.get(pair, 0.0) + took
         if self._undecided is None and self._keeps and not self._by_paths:
             rows, columns = np.divmod(own, choices.box.shape[1])
@@ -278,19 +270,6 @@ class Rounds:
         """Keep the pixels beside flow that was not decided between two layers."""
         self.undecided[pair] = np.divmod(choices.steep(self._undecided or 0.0), choices.box.shape[1])
         choices.soft[:] = -1
-
-    def meet(self, window: Box, most: int) -> LabelMap | None:
-        """What expansions in a window round a place where three layers meet end with; None where none
-        gains.
-        """
-        labelling = self.labelling
-        labels = self.label_map[window.slices]
-        layers = [int(k) for k in np.unique(labels) if k >= 0]
-        open_ = np.zeros(window.shape, bool)
-        open_[1:-1, 1:-1] = True if self._near is None else self._near[window.slices][1:-1, 1:-1]
-        planes = [labelling.allowed_in(k, window) & open_ for k in layers]
-        choices = Choices(labelling, window, labels, planes, layers)
-        return choices.label_map() if choices.run(self._decide.exactly, min(most, _CYCLES)) else None
 
     def beside_seams(self) -> Mask:
         """(H, W) bool: pixels beside a seam, or beside flow that the heat had not decided."""
@@ -306,7 +285,7 @@ class Rounds:
     def swap(self, pair: Pair) -> None:
         """Divide the region of two layers anew."""
         self.steps.one()
-        move = self.labelling.swap(self.label_map, pair, opened=self._near)
+        move = self.labelling.swap(self.label_map, pair, opened=self.near)
         if move is None or not (move.problem.overlap.side == FREE).any():
             return
         problem = move.problem
@@ -330,7 +309,7 @@ class Rounds:
 
         def item(k: int) -> Division:
             of = self if executor is None else self.part(boxes[k], pairs[k])
-            near = cast(Mask, of._near)
+            near = cast(Mask, of.near)
             return Division(of.labelling, of.label_map, near, pairs[k], options, self._undecided, self._keeps)
 
         for k, found in on_boxes(executor, divided, item, boxes):
@@ -392,9 +371,3 @@ class Rounds:
                 if pair not in self.solved:
                     self.swap(pair)
         return [pair for pair in found if pair in self.labelling.costs]
-
-
-def _met(items: Sequence[tuple[Rounds, Box, int]]) -> list[LabelMap | None]:
-    """What rounds in some windows end with; None where none gains."""
-    with one_thread():
-        return [rounds.meet(window, most) for rounds, window, most in items]

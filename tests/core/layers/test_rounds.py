@@ -8,11 +8,13 @@ from hypothesis import strategies as st
 from skimage import data
 
 import toposeam as ts
+from toposeam.layers import levels
 from toposeam.layers.blend import reach_of
 from toposeam.layers.junctions import beside_steps, junctions
 from toposeam.layers.layer import Box
 from toposeam.layers.levels import best_rounds
 from toposeam.layers.made import Made
+from toposeam.layers.meeting import settle_all
 from toposeam.layers.posing import exclusive_covers, pose_labelling
 from toposeam.layers.rounds import Rounds
 
@@ -79,6 +81,26 @@ def test_the_order_does_not_matter(seed):
         for order in range(3)
     ]
     assert max(costs) <= 1.002 * min(costs)
+
+
+def test_large_problems_are_settled_where_layers_meet(monkeypatch):
+    monkeypatch.setattr(levels, "_TRIED", 2_000)
+    labelling, changed = labelling_of(pile(1, alike=True)), []
+
+    def noted(rounds, executor):
+        before = rounds.label_map.copy()
+        settle_all(rounds, executor)
+        changed.append(rounds.label_map != before)
+
+    monkeypatch.setattr(levels, "settle_all", noted)
+    rounds, _ = best_rounds(labelling, range(len(labelling.places)), "heat", {}, 20, potentials=True)
+    assert changed[0].any()
+    known = [at for rows, columns, _ in rounds.potentials.values() for at in zip(rows, columns, strict=True)]
+    assert known
+    assert not any(changed[0][at] for at in known)  # what heat said of other labels is forgotten
+    settled = labelling.total(rounds.label_map, labelling.canvas)
+    settle_all(rounds, None)
+    assert labelling.total(rounds.label_map, labelling.canvas) == settled
 
 
 @pytest.mark.medium

@@ -106,10 +106,14 @@ class IndexCanvas:
 
     def read(self, top: int, left: int, height: int, width: int) -> Ints32:
         """The (h, w) flat indices of a window, -1 off the canvas and where nothing has been laid."""
+        return self._part(self.index, top, left, height, width)
+
+    def _part(self, plane: Ints32, top: int, left: int, height: int, width: int) -> Ints32:
+        """A window of the flat indices, or of the patches' numbers; -1 off the canvas."""
         if self._within(top, left, height, width):
-            return self.index[top : top + height, left : left + width].copy()
+            return plane[top : top + height, left : left + width].copy()
         rows, columns, inside = self.window(top, left, height, width)
-        return np.where(inside, self.index[rows, columns], np.int32(-1))
+        return np.where(inside, plane[rows, columns], np.int32(-1))
 
     def paint(self, top: int, left: int, source: Ints32, shows: Mask) -> int:
         """Lay a patch.
@@ -181,10 +185,10 @@ class IndexCanvas:
 
     def copies(self, top: int, left: int, height: int, width: int) -> Copies:
         """The copies in a window. One that goes once round a torus may meet it twice, and is told twice."""
-        rows, columns, inside = self.window(top, left, height, width)
-        places = rows * self.shape[1] + columns
-        labels = self.labels.take(places).ravel()
-        shown = np.flatnonzero((labels >= 0) & inside.ravel())
+        index, labels = (
+            self._part(plane, top, left, height, width).ravel() for plane in (self.index, self.labels)
+        )
+        shown = np.flatnonzero(labels >= 0)
         labels = labels.take(shown)
         lowest = int(labels.min(initial=self.patches))
         last = np.full(int(labels.max(initial=lowest)) - lowest + 1, -1)
@@ -193,7 +197,7 @@ class IndexCanvas:
         one = last.take(found)
         first = [self.copy_of(lowest + label) for label in found.tolist()]
         y, x = np.divmod(one, width)
-        return Copies(y, x, self.index.take(places.ravel().take(one)), first)
+        return Copies(y, x, index.take(one), first)
 
     def area_of(self, first: int) -> int:
         """How many pixels of a copy show, by its first patch."""

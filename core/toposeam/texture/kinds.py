@@ -144,7 +144,8 @@ class Kinds:
         rows, columns = (-(-length // step) for length in values.shape)
         room = (0, rows * step - values.shape[0]), (0, columns * step - values.shape[1])
         whole = np.pad(values, room) if room[0][1] or room[1][1] else values
-        # Along the first of two axes, which is many times as quick as along the last one where that is short.
-        lines = whole.reshape(rows, step, columns * step).sum(axis=1, dtype=values.dtype)
-        result: npt.NDArray[Any] = lines.T.reshape(columns, step, rows).sum(axis=1, dtype=values.dtype).T
-        return np.ascontiguousarray(result)
+        lines = np.einsum("rsc->rc", whole.reshape(rows, step, columns * step))
+        result: npt.NDArray[Any] = lines[:, ::step].copy()
+        for part in range(1, step):  # a sum along the rows, which are short, takes three times as long
+            result += lines[:, part::step]
+        return result

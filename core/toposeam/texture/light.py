@@ -53,12 +53,16 @@ def has_slow_light(features: Floats32, usable: Mask) -> bool:
     features : (H, W, F) float32 array
     usable : (H, W) bool array
     """
-    values = features[usable]
-    whole = float(values.var(axis=0).sum())
-    if whole == 0:
+    if not usable.any():
         return False
-    left = values - _surface(features, usable)[usable]
-    return 1 - float(left.var(axis=0).sum()) / whole >= _SLOW
+    values = features[usable].astype(np.float64)
+    values -= values[0]  # or rounding would decide of what is nearly alike everywhere
+    basis = _terms(usable.shape)[usable]
+    along, mean = basis.T @ values, values.mean(axis=0)
+    none = len(values) * float(np.square(mean).sum())
+    whole = float(np.square(values).sum()) - none
+    # What a least-squares surface leaves is orthogonal to it.
+    return whole > 0 and float((_fitted(basis, along) * along).sum()) - none >= _SLOW * whole
 
 
 def without_light(features: Floats32, present: Mask, copied: Mask) -> Floats32:
@@ -137,14 +141,22 @@ def flattened(source: Images, mask: Images | None, white: float | None) -> list[
 
 def _surface(values: npt.NDArray[Any], where: Mask) -> Floats:
     """(H, W, C), the quadratic surface through some pixels."""
-    y, x = (np.linspace(-1, 1, length) for length in where.shape)
-    y, x = y[:, np.newaxis], x[np.newaxis]
-    terms = [np.ones(where.shape), y + 0 * x, x + 0 * y, y * x, y * y + 0 * x, x * x + 0 * y]
-    basis = np.stack(terms, axis=2)
+    basis = _terms(where.shape)
     some = basis[where]
-    found = np.linalg.lstsq(some.T @ some, some.T @ values[where], rcond=None)[0]
-    result: Floats = basis @ found
+    result: Floats = basis @ _fitted(some, some.T @ values[where])
     return result
+
+
+def _terms(shape: tuple[int, ...]) -> Floats:
+    """(H, W, 6), the terms of a quadratic surface."""
+    y, x = (np.linspace(-1, 1, length) for length in shape)
+    y, x = y[:, np.newaxis], x[np.newaxis]
+    return np.stack([np.ones(shape), y + 0 * x, x + 0 * y, y * x, y * y + 0 * x, x * x + 0 * y], axis=2)
+
+
+def _fitted(basis: Floats, along: Floats) -> Floats:
+    """(6, C), the factors of (n, 6) terms of least squares, from what values (n, C) have along each."""
+    return np.asarray(np.linalg.lstsq(basis.T @ basis, along, rcond=None)[0], np.float64)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

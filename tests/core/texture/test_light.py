@@ -34,6 +34,11 @@ def test_slow_light_is_told_from_structure(lit, sample):
     assert not has_slow_light(sample(1, (128, 128), channels=3) / np.float32(255), everywhere)
 
 
+def test_what_is_alike_everywhere_has_no_light():
+    for value in np.linspace(0.1, 1, 10, dtype=np.float32):
+        assert not has_slow_light(np.full((37, 41, 3), value), np.ones((37, 41), bool))
+
+
 @pytest.mark.medium
 def test_patches_under_unlike_light_show_no_squares(lit):
     image, structure = lit

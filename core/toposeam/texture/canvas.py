@@ -133,19 +133,20 @@ class IndexCanvas:
         number = self.patches
         rows, columns, inside = self.window(top, left, *shows.shape)
         places = rows * self.shape[1] + columns
-        same = (self.index.take(places) == source) & inside
-        self._join(set(np.unique(self.labels.take(places[same])).tolist()) if same.any() else set())
+        there = self.index.take(places)
+        same = np.flatnonzero((there == source) & inside)
+        self._join(set(self.labels.take(places.take(same)).tolist()))
         self.patches += 1
         chosen = np.flatnonzero(shows)
-        at = places.ravel().take(chosen)
-        new = source.ravel().take(chosen)
+        at = places.take(chosen)
+        new = source.take(chosen)
         index, labels = self.index.reshape(-1), self.labels.reshape(-1)
-        before = index.take(at)
-        covered = before >= 0
-        if covered.any():
+        before = there.take(chosen)
+        covered = np.flatnonzero(before >= 0)
+        if len(covered):
             # One of its own type, or it takes ten times as long.
-            np.subtract.at(self.usage, before[covered], np.int32(1))
-            counts = np.bincount(labels.take(at[covered]))
+            np.subtract.at(self.usage, before.take(covered), np.int32(1))
+            counts = np.bincount(labels.take(at.take(covered)))
             for label in np.flatnonzero(counts).tolist():
                 self._areas[self.copy_of(label)] -= int(counts[label])
         self.usage[new] += 1

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from copy import copy
 from itertools import compress, product
 from typing import Any, cast
 
@@ -59,11 +58,13 @@ class TileMap:
         return self._values.nbytes + sum(tile.nbytes for tile in self._tiles.values())
 
     def part(self, *boxes: Box) -> TileMap:
-        """The same in some boxes; anything elsewhere."""
-        result = copy(self)
-        result._values, result._tiles = self._values.copy(), {}
-        for box in boxes if self._tiles else ():
-            inside = (at for at in product(*_tiles_of(box)) if at in self._tiles)
+        """The same in some boxes; zero elsewhere."""
+        result = TileMap(self.shape, 0, self.dtype)
+        for box in boxes:
+            rows, columns = _tiles_of(box.shared(Box(0, 0, *self.shape)))
+            window = slice(rows.start, max(rows.stop, 0)), slice(columns.start, max(columns.stop, 0))
+            result._values[window] = self._values[window]
+            inside = (at for at in product(rows, columns) if at in self._tiles) if self._tiles else ()
             result._tiles |= {at: self._tiles[at].copy() for at in inside}
         return result
 
@@ -302,15 +303,15 @@ def part_of(values: Any, *boxes: Box) -> npt.NDArray[Any]:
     >>> len(part) < 5000, int(np.sum(pickle.loads(part)[900:1200, 1900:2200]))
     (True, 10000)
     """
-    if not isinstance(values, TileMap):
-        whole, shape = values, (values.shape[0], values.shape[1])
-        boxes = tuple(box.shared(Box(0, 0, *shape)) for box in boxes)
-        value = uniform(whole, boxes[0])  # of all of it, where that is known
-        values = TileMap(shape, 0 if value is None else value, whole.dtype)
-        for box in boxes:
-            if value is None and all(box.shape):
-                values[box.slices] = whole[box.slices]
-    return cast("npt.NDArray[Any]", values.part(*boxes))
+    if isinstance(values, TileMap):
+        return cast("npt.NDArray[Any]", values.part(*boxes))
+    shape = values.shape[0], values.shape[1]
+    inside = [box.shared(Box(0, 0, *shape)) for box in boxes]
+    value = uniform(values, inside[0])  # of all of it, where that is known
+    result = TileMap(shape, 0 if value is None else value, values.dtype)
+    for box in (box for box in inside if value is None and all(box.shape)):
+        result[box.slices] = values[box.slices]
+    return cast("npt.NDArray[Any]", result)
 
 
 def made_map(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from toposeam.layers.layer import Box
-from toposeam.layers.maps import TileMap, blocks, doubled, ground, several, uniform
+from toposeam.layers.maps import TileMap, blocks, doubled, ground, part_of, several, uniform
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (4, 5)])
@@ -62,3 +62,16 @@ def test_where_any_layer_has_pixels_is_what_all_their_covers_say():
         ground_there[place.slices] |= cover[:, :]
     for box in (Box(0, 0, 560, 710), Box(260, 10, 280, 90), Box(90, 290, 260, 420), Box(0, 500, 40, 600)):
         np.testing.assert_array_equal(ground(places, covers, box), ground_there[box.slices])
+
+
+def test_a_part_is_the_same_in_its_boxes_small_and_its_own():
+    values, tiled = lines((700, 901))
+    boxes = Box(100, 50, 300, 400), Box(-200, 800, 140, 1000), Box(-300, -200, -100, -50)
+    for of in (values, tiled):
+        part = part_of(of, *boxes)
+        assert part.nbytes < tiled.nbytes
+        for box in boxes[:2]:
+            inside = box.shared(Box(0, 0, 700, 901)).slices
+            np.testing.assert_array_equal(part[inside], values[inside])
+            part[inside] = 9
+        np.testing.assert_array_equal(of[:, :], lines((700, 901))[0])

@@ -7,7 +7,6 @@ writes like an array, by rows and columns, so that small canvases simply use arr
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Callable, Iterator, Sequence
 from itertools import compress, product
 from typing import Any, cast
@@ -17,6 +16,7 @@ import numpy.typing as npt
 
 from toposeam.images import Mask
 from toposeam.layers.layer import Box, Layer
+from toposeam.layers.runs import packed, unpacked
 
 #: Canvases and layers of up to so many pixels have arrays.
 DENSE_PIXELS = 1 << 22
@@ -50,6 +50,7 @@ class TileMap:
     def __init__(self, shape: tuple[int, int], fill: Any, dtype: npt.DTypeLike) -> None:
         self.shape, self.dtype, self.ndim = shape, np.dtype(dtype), 2
         self._values = np.full(tuple(-(-side // TILE) for side in shape), fill, self.dtype)
+        #: They are replaced, never changed: parts of a map have the same ones.
         self._tiles: dict[tuple[int, int], npt.NDArray[Any]] = {}
 
     @property
@@ -65,36 +66,41 @@ class TileMap:
             window = slice(rows.start, max(rows.stop, 0)), slice(columns.start, max(columns.stop, 0))
             result._values[window] = self._values[window]
             inside = (at for at in product(rows, columns) if at in self._tiles) if self._tiles else ()
-            result._tiles |= {at: self._tiles[at].copy() for at in inside}
+            result._tiles |= {at: self._tiles[at] for at in inside}
         return result
 
     def __getstate__(self) -> dict[str, Any]:
-        tiles = [tile.ravel() for tile in self._tiles.values()]
-        pixels = np.concatenate(tiles) if tiles else self._values[:0].ravel()
-        state = self.__dict__ | {"_tiles": list(self._tiles), "packed": _packed(pixels)}
-        return state | {"_values": _packed(self._values.ravel())}
+        values = np.concatenate([self._values.ravel(), *(tile.ravel() for tile in self._tiles.values())])
+        return self.__dict__ | {"_tiles": list(self._tiles), "_values": packed(values)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        pixels, tiles = _unpacked(state.pop("packed"), state["dtype"]), state.pop("_tiles")
-        values = _unpacked(state.pop("_values"), state["dtype"])
+        values, tiles = unpacked(state.pop("_values"), state["dtype"]), state.pop("_tiles")
         self.__dict__.update(state)
-        self._values = values.reshape([-(-side // TILE) for side in self.shape])
-        self._tiles, start = {}, 0
+        high, wide = (-(-side // TILE) for side in self.shape)
+        self._values = values[: high * wide].reshape(high, wide)
+        self._tiles, start = {}, high * wide
         for at in tiles:
             height, width = self._size(at)
-            self._tiles[at] = pixels[start : start + height * width].reshape(height, width)
+            self._tiles[at] = values[start : start + height * width].reshape(height, width)
             start += height * width
 
     def __getitem__(self, key: Windows2) -> npt.NDArray[Any]:
         rows, columns = self._bounds(key)
-        result = np.empty((len(rows), len(columns)), self.dtype)
         value = self._alike(rows, columns)
         if value is not None:
-            result[:] = value
-            return result
-        for at, inside, here in self._parts(rows, columns):
+            return np.full((len(rows), len(columns)), value, self.dtype)
+        if not len(rows) or not len(columns):
+            return np.empty((len(rows), len(columns)), self.dtype)
+        r, c = (np.arange(part[0] // TILE, part[-1] // TILE + 1) for part in (rows, columns))
+        high, wide = (
+            np.minimum((k + 1) * TILE, part.stop) - np.maximum(k * TILE, part.start)
+            for k, part in ((r, rows), (c, columns))
+        )
+        result = self._values[r[0] : r[-1] + 1, c[0] : c[-1] + 1].repeat(wide, 1).repeat(high, 0)
+        for at, inside, here in self._parts(rows, columns) if self._tiles else ():
             tile = self._tiles.get(at)
-            result[here] = self._values[at] if tile is None else tile[inside]
+            if tile is not None:
+                result[here] = tile[inside]
         return result
 
     def __setitem__(self, key: Windows2, values: Any) -> None:
@@ -112,7 +118,7 @@ class TileMap:
             size = self._size(at)
             if part.shape == size:
                 if value is None:
-                    self._put(at, part.copy())
+                    self._put(at, part)
                 else:
                     self._values[at] = value
                     self._tiles.pop(at, None)
@@ -122,6 +128,8 @@ class TileMap:
                 if (part == self._values[at]).all() if value is None else value == self._values[at]:
                     continue
                 tile = np.full(size, self._values[at])
+            else:
+                tile = tile.copy()
             tile[inside] = part
             self._put(at, tile)
 
@@ -162,7 +170,7 @@ class TileMap:
                 if at[0] < rows and at[1] < columns:
                     height, width = result._size(at)
                     top, left = (at[0] - 2 * r) * TILE, (at[1] - 2 * c) * TILE
-                    result._put(at, large[top : top + height, left : left + width].copy())
+                    result._put(at, large[top : top + height, left : left + width])
         return result
 
     def alike(self, side: int, overlap: int) -> npt.NDArray[np.bool_]:
@@ -224,7 +232,7 @@ class TileMap:
             self._values[at] = value
             self._tiles.pop(at, None)
         else:
-            self._tiles[at] = tile
+            self._tiles[at] = tile.copy()
 
 
 def _tiles_of(box: Box) -> tuple[range, range]:
@@ -239,23 +247,6 @@ def _within(
     """A function reduced along an axis between each two bounds, of which the last may be the end."""
     ends = np.concatenate([values, values.take([-1], axis)], axis)  # reduceat knows no bound at the end
     return function.reduceat(ends, bounds, axis).take(range(0, len(bounds), 2), axis)
-
-
-def _packed(values: npt.NDArray[Any]) -> tuple[bytes, bytes]:
-    """Values of which many in a row are alike: how often each comes, and which. Telling that takes a
-    quarter of the time that compressing the values themselves does, and is smaller.
-    """
-    first = np.zeros(min(1, len(values)), np.intp)
-    if len(values) and (values != values[0]).any():  # few maps in boxes have several
-        first = np.append(first, np.flatnonzero(values[1:] != values[:-1]) + 1)
-    often = np.diff(first, append=len(values)).astype(np.int32)
-    return zlib.compress(often.tobytes(), 1), zlib.compress(values[first].tobytes(), 1)
-
-
-def _unpacked(packed: tuple[bytes, bytes], dtype: np.dtype[Any]) -> npt.NDArray[Any]:
-    """What was packed."""
-    often, which = map(zlib.decompress, packed)
-    return np.frombuffer(which, dtype).repeat(np.frombuffer(often, np.int32))
 
 
 def new_map(shape: tuple[int, int], fill: Any, dtype: npt.DTypeLike) -> npt.NDArray[Any]:

@@ -75,3 +75,16 @@ def test_a_part_is_the_same_in_its_boxes_small_and_its_own():
             np.testing.assert_array_equal(part[inside], values[inside])
             part[inside] = 9
         np.testing.assert_array_equal(of[:, :], lines((700, 901))[0])
+
+
+def test_any_window_of_a_tiled_map_is_what_an_array_has_there():
+    rng = np.random.default_rng(3)
+    tiled, array = TileMap((500, 700), 0, np.int16), np.zeros((500, 700), np.int16)
+    for value in range(1, 60):
+        top, bottom = sorted(rng.integers(0, 501, 2))
+        left, right = sorted(rng.integers(0, 701, 2))
+        window = slice(top, bottom), slice(left, right)
+        tiled[window] = array[window] = value if value % 3 else rng.integers(0, 2, array[window].shape)
+        y, x = rng.integers(0, 500), rng.integers(0, 700)
+        for seen in (np.s_[y : y + 200, x : x + 300], np.s_[y:y, x:], np.s_[:, :]):
+            np.testing.assert_array_equal(tiled[seen], array[seen])

@@ -4,6 +4,7 @@ the clock and of the processors, what is sent, memory per worker; and from these
     python benchmarks/workers.py                     12 frames of 16.5 megapixels (about five minutes)
     python benchmarks/workers.py --keep FOLDER       leave the frames there, or take those that are there
     python benchmarks/workers.py --only workers --times 2    the Dask workers, the best of two runs each
+    python benchmarks/workers.py --own-cores         the Dask workers, each process with a core of its own
     python benchmarks/workers.py --watched           with workers that watch themselves, as Dask has it
     python benchmarks/workers.py --write             put the tables into docs/distributed.md
 
@@ -11,6 +12,8 @@ The frames are those of ``mosaic.py``: 4 × 3 of 5000 × 3300 px that overlap by
 multiband, written as an uncompressed TIFF of 123 megapixels. Scheduler and workers are started before the
 clock and talk without TLS; each worker is a process with one thread. All of them share this machine with the
 command itself: on two cores two workers have no core for themselves, so that processor time is told, too.
+With ``--own-cores`` the command, the scheduler and each worker have half a core, never more, whoever else has
+something to do: two cores are then like four at half the speed.
 
 Costs of more frames go by what the work is about: reading by the pixels of the frames, comparing and dividing
 by those of the overlaps, blending and the command's own work by those of the picture.
@@ -29,11 +32,13 @@ import tempfile
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
+
+from cores import cores
 
 FRAMES = 4, 3, 5000, 3300
 THOUSAND = 40, 25, 6000, 4000
@@ -123,9 +128,11 @@ class Ran:
 
 
 @contextlib.contextmanager
-def cluster(count: int, folder: Path, sees_itself: bool = False) -> Iterator[tuple[str, list[int], int]]:
+def cluster(
+    count: int, folder: Path, sees_itself: bool, before: Iterable[list[str]]
+) -> Iterator[tuple[str, list[int], int]]:
     """A scheduler and workers of their own: the address, their numbers, and the scheduler's. They watch
-    themselves, as Dask has it, where it `sees_itself`.
+    themselves, as Dask has it, where it `sees_itself`; `before` has the words before each one's.
     """
     told = folder / "scheduler.json"
     told.unlink(missing_ok=True)
@@ -142,8 +149,10 @@ def cluster(count: int, folder: Path, sees_itself: bool = False) -> Iterator[tup
     started: list[subprocess.Popen[bytes]] = []
     try:
         here = ["--host", "127.0.0.1", "--port", "0"]
-        for words in (["scheduler", *here, *local], *[["worker", *local, *work]] * count):
-            one = subprocess.Popen([*dask, *words], stdout=null, stderr=null, env=environment, cwd=folder)
+        words_of = ["scheduler", *here, *local], *[["worker", *local, *work]] * count
+        for first, words in zip(before, words_of, strict=True):
+            call = [*first, *dask, *words]
+            one = subprocess.Popen(call, stdout=null, stderr=null, env=environment, cwd=folder)
             started.append(one)
             while not told.exists():
                 time.sleep(0.1)
@@ -196,7 +205,7 @@ def watched(pids: list[int]) -> Iterator[Callable[[], float]]:
         thread.join()
 
 
-def ran(name: str, folder: Path, files: list[str], *words: str) -> Ran:
+def ran(name: str, folder: Path, files: list[str], *words: str, before: Sequence[str] = ()) -> Ran:
     from measured import measured
 
     log, out = folder / "traffic.txt", folder / "out.tif"
@@ -206,7 +215,7 @@ def ran(name: str, folder: Path, files: list[str], *words: str) -> Ran:
     for file in files:  # so that no run waits for the disk more than another
         (folder / file).read_bytes()
     os.sync()
-    took = measured([sys.executable, "-c", COMMAND, str(log), *stitch], folder)
+    took = measured([*before, sys.executable, "-c", COMMAND, str(log), *stitch], folder)
     if took.code:
         raise SystemExit(f"{name} ended with {took.code}: {took.said}")
     found = Ran(name, 0, took.clock, took.seconds, command_peak=took.megabytes)
@@ -219,13 +228,17 @@ def ran(name: str, folder: Path, files: list[str], *words: str) -> Ran:
     return found
 
 
-def with_workers(count: int, folder: Path, files: list[str], sees_itself: bool) -> Ran:
-    with cluster(count, folder, sees_itself) as (address, pids, scheduler), watched(pids) as proportional:
-        before = sum(map(seconds_of, pids)), seconds_of(scheduler)
-        found = ran(f"{count} worker{'s' if count > 1 else ''}", folder, files, "--dask", address)
+def with_workers(count: int, folder: Path, files: list[str], sees_itself: bool, own_cores: bool) -> Ran:
+    with contextlib.ExitStack() as block:
+        first, *others = block.enter_context(cores(count + 2)) if own_cores else [[]] * (count + 2)
+        address, pids, scheduler = block.enter_context(cluster(count, folder, sees_itself, others))
+        proportional = block.enter_context(watched(pids))
+        started = sum(map(seconds_of, pids)), seconds_of(scheduler)
+        name = f"{count} worker{'s' if count > 1 else ''}"
+        found = ran(name, folder, files, "--dask", address, before=first)
         found.workers = count
-        found.helpers = sum(map(seconds_of, pids)) - before[0]
-        found.scheduler = seconds_of(scheduler) - before[1]
+        found.helpers = sum(map(seconds_of, pids)) - started[0]
+        found.scheduler = seconds_of(scheduler) - started[1]
         found.resident = max(megabytes_of(pid, "status", "VmHWM") for pid in pids)
         found.proportional = proportional()
         for path in (folder / "counted").iterdir():
@@ -313,6 +326,7 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, help="leave the frames in this folder, or take those there")
     parser.add_argument("--only", choices=["processes", "workers"])
     parser.add_argument("--times", type=int, default=1, help="runs of each, of which the quickest counts")
+    parser.add_argument("--own-cores", action="store_true", help="only the Dask workers, on half cores")
     parser.add_argument("--watched", action="store_true", help="let Dask's workers watch themselves")
     parser.add_argument("--write", action="store_true", help="put the tables into docs/distributed.md")
     options = parser.parse_args()
@@ -328,7 +342,7 @@ def main() -> None:
         folder.mkdir(exist_ok=True)
         if not all((folder / file).exists() for file in files):
             make_large(folder, columns, rows, width, height, 5)
-        if options.only != "workers":
+        if options.only != "workers" and not options.own_cores:
             one, two = best(
                 options.times,
                 lambda: ran("1 process (-j 1)", folder, files, "-j", "1"),
@@ -337,10 +351,12 @@ def main() -> None:
             tables["processes"] = process_rows(one, two)
             made.add(one.digest)
         if options.only != "processes":
-            made_by = [partial(with_workers, count, folder, files, options.watched) for count in (1, 2)]
+            told = options.watched, options.own_cores
+            made_by = [partial(with_workers, count, folder, files, *told) for count in (1, 2)]
             one, two = best(options.times, *made_by)
-            tables["measured"] = measured_rows(one, two)
-            tables |= {"parts": kind_rows(two), "thousand": thousand_rows(one)}
+            tables["cores" if options.own_cores else "measured"] = measured_rows(one, two)
+            if not options.own_cores:
+                tables |= {"parts": kind_rows(two), "thousand": thousand_rows(one)}
             made.add(one.digest)
     if len(made) != 1:
         raise SystemExit("the pictures differ")

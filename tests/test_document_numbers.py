@@ -108,9 +108,9 @@ def test_what_is_said_of_workers_is_one_measurement(monkeypatch):
             r"<!-- numbers: written by benchmarks/workers.py, (\w+) -->\n(.*?)<!-- end", text, re.DOTALL
         )
     }
-    assert list(tables) == ["processes", "measured", "parts", "thousand"]
+    assert list(tables) == ["processes", "cores", "measured", "parts", "thousand"]
     assert tables["measured"], "that of processes is filled when it is measured"
-    for name in ("processes", "measured"):
+    for name in ("processes", "cores", "measured"):
         one, two = tables[name][-2:] or (["1", "1", ""], ["2", "1", "1"])
         assert (one[0][0], two[0][0]) == ("1", "2")
         assert float(two[2]) == pytest.approx(float(one[1]) / float(two[1]), abs=0.05)

@@ -39,7 +39,8 @@ class LayOptions:
     #: How much a connected copy may cover: at most so many patches, and this share of what may be copied.
     copy_patches: float = 3.0
     copy_share: float = 0.2
-    #: How many further patches are tried over the worst seams, as a share of the patches laid.
+    #: How many further patches are tried over the worst seams, as a share of the patches laid; where there
+    #: are objects on a ground, those that are cut or come twice near by are replaced instead, unless it is 0.
     mend: float = 0.2
     #: Whether ordered textures keep step with their order (:mod:`toposeam.texture.keeping_step`); where they
     #: repeat and it wanders, they are laid twice, so that it closes (:mod:`toposeam.texture.closing`).

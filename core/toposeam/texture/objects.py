@@ -34,7 +34,7 @@ class Object:
     ring: Ints
     #: How far its pixels are from its middle at most, along either axis.
     reach: int
-    #: Whether all of it, and what is next to it, may be copied.
+    #: Whether it lies in its exemplar wholly, as far as can be seen.
     whole: bool
 
 
@@ -45,11 +45,12 @@ class Objects:
     ----------
     guard : (AH * AW,) float32 array
         Above 0 where there is an object.
+    features : (AH, AW, F) float32 array
     atlas : Atlas
     canvas : IndexCanvas
     """
 
-    def __init__(self, guard: Floats32, atlas: Atlas, canvas: IndexCanvas) -> None:
+    def __init__(self, guard: Floats32, features: Floats32, atlas: Atlas, canvas: IndexCanvas) -> None:
         self.atlas, self.canvas = atlas, canvas
         # What catches the eye is seen blurred, and a little too large.
         core = ndimage.binary_erosion(guard.reshape(atlas.usable.shape) > 0, border_value=1)
@@ -57,6 +58,11 @@ class Objects:
         #: (AH, AW) int32, the number of the object at each pixel, from 1 on, and the same with its fringe.
         self.marks: Ints32 = marks
         self.fringed = np.where(marks > 0, marks, ndimage.grey_dilation(marks, (2 * _FRINGE + 1,) * 2))
+        bare = atlas.copied & (marks == 0)
+        ground = np.median(features[bare], axis=0) if bare.any() else np.float32(0)
+        #: How unlike the ground a pixel is, and whether it lies on an exemplar's border.
+        self._unlike = np.sqrt(np.square(features - ground).sum(axis=2))
+        self._border = atlas.copied & ~ndimage.binary_erosion(atlas.copied)
         self.all = [self._object(number, box) for number, box in enumerate(ndimage.find_objects(marks), 1)]
         self._middles = np.array([one.middle for one in self.all], np.intp).reshape(-1, 2)
 
@@ -118,6 +124,8 @@ class Objects:
         marks = self.marks[around]
         own = marks == number
         ring = ndimage.binary_dilation(own, iterations=RING) & (marks == 0)
+        unlike = self._unlike[around]
+        on_border = unlike[ndimage.binary_dilation(own) & self._border[around]]
         middle = (box[0].start + box[0].stop - 1) // 2, (box[1].start + box[1].stop - 1) // 2
         offset = np.array([top - middle[0], left - middle[1]])
         pixels = np.argwhere(own) + offset
@@ -126,5 +134,6 @@ class Objects:
             pixels=pixels,
             ring=np.argwhere(ring) + offset,
             reach=int(np.abs(pixels).max()),
-            whole=bool(self.atlas.copied[around][ndimage.binary_dilation(own)].all()),
+            # What lies on the border is the rim of a whole one, which is much like the ground, or its inside.
+            whole=bool((on_border < unlike[own].mean()).all()),
         )

@@ -18,8 +18,8 @@ from toposeam.texture.lay import PatchPlacer
 from toposeam.texture.objects import RING, At, Key, Objects
 from toposeam.texture.search import Ints
 
-#: An object of which less than this share shows is cut.
-WHOLE = 0.95
+#: An object of which less than this share shows is cut, and so is one that its exemplar's border cuts.
+WHOLE = 0.985
 #: What an object becomes where no number says it: whole, if there is any way, else ground; or ground.
 MENDED, GROUND = -1, -2
 #: By how many steps an object may lie beside the middle of the one that was cut.
@@ -89,7 +89,7 @@ class Replacing:
     def __init__(self, placer: PatchPlacer, shape: tuple[int, int]) -> None:
         self._placer, self._canvas, self._atlas = placer, placer.canvas, placer.atlas
         guard = np.zeros(placer.atlas.usable.size, np.float32) if placer.guard is None else placer.guard
-        self.objects = Objects(guard, placer.atlas, placer.canvas)
+        self.objects = Objects(guard, placer.features, placer.atlas, placer.canvas)
         #: How many pixels of the canvas a copy may show on.
         self.largest = placer.largest_copy(shape)
         self._candidates = Candidates(placer.features, placer.atlas, self.objects)
@@ -227,8 +227,10 @@ class Replacing:
         return Window(top, left, known, inside, goes, gone, shown & ~goes)
 
     def _is_cut(self, key: Key) -> bool:
-        """Whether the canvas shows less of an object than it could."""
+        """Whether the canvas shows less of an object than it could, or its exemplar does."""
         one = self.objects.all[key[0]]
+        if not one.whole:
+            return True
         places = (np.array(one.middle) + one.pixels) @ (self._atlas.width, 1)
         top, left, side = key[1] - one.reach, key[2] - one.reach, 2 * one.reach + 1
         known = self._canvas.read(top, left, side, side)

@@ -284,8 +284,9 @@ def synthesize(
     most = count + tries + MOST * count
     with Crew(processes, placer, lambda: canvas.share(most)) as crew:
         lay_all(placer, side, overlap, crew, 0, report.stage(report.done, 0.9, shown))
-        mend(placer, shape, tries, crew, report.stage(0.9, 1.0))
-        if placer.guard is not None and chosen.mend:
+        if placer.guard is None:
+            mend(placer, shape, tries, crew, report.stage(0.9, 1.0))
+        elif chosen.mend:  # where seams are bad they cut objects, and those are replaced
             Exchange(placer, shape, crew, most).run()
         crew.dismiss()
         report.finish()

@@ -62,9 +62,8 @@ class Exchange:
         self._own: Replacing = crew.own()
         self._objects = self._own.objects
         self._all, self._shown = self._objects.all, self._objects.shown()
-        marked = self._objects.marks[placer.atlas.copied] > 0
         #: How many pixels of objects the canvas shows, and should for their share of the exemplars.
-        self._now, self._due = self._shown.total(), float(marked.mean()) * placer.canvas.index.size
+        self._now, self._due = self._shown.total(), self._objects.density() * placer.canvas.index.size
         near = _NEAR * int(placer.atlas.shapes.min(axis=1).max()) + _SLACK
         self._there = Positions(placer.canvas.shape, placer.canvas.wrap, near)
         self._note(self._shown)
@@ -84,13 +83,13 @@ class Exchange:
         return float(self._shown[key] / max(self._objects.room(key), 1))
 
     def _mending(self, key: Key) -> ToReplace | None:
-        """A cut object becomes whole, or another one, or, if little of it is left and others show enough,
-        ground.
+        """A cut object becomes whole, or another one, or ground: so that objects show on their share, of
+        which all that are replaced at the same time see how much it is now.
         """
-        share = self._share(key)
+        share, room = self._share(key), self._objects.room(key)
         if share <= 0 or (share >= WHOLE and self._all[key[0]].whole):
             return None
-        return ToReplace(key, MENDED if share > _THERE or self._now < self._due else GROUND)
+        return ToReplace(key, MENDED if self._now + (0.5 - share) * room < self._due else GROUND)
 
     def _replace(self, keys: Sequence[Key], task_of: Callable[[Key], ToReplace | None]) -> int:
         """Replace objects, of those that touch the first ones first; how many could be."""

@@ -17,6 +17,8 @@ from toposeam.texture.search import Ints
 RING = 6
 #: px round an object that go with it.
 _FRINGE = 2
+#: px along an exemplar's border that do not tell how much objects cover.
+_RIM = 4
 
 At = tuple[int, int]
 #: Number of an object, and row and column of the canvas where its middle lies.
@@ -117,6 +119,11 @@ class Objects:
             if not wraps:
                 inside &= (pixels[:, axis] >= 0) & (pixels[:, axis] < limit)
         return int(inside.sum())
+
+    def density(self) -> float:
+        """What share of the exemplars objects cover, off their borders, where many have none."""
+        off = ndimage.binary_erosion(self.atlas.copied, np.ones((3, 3)), _RIM)
+        return float(np.mean(self.marks[off] > 0)) if off.any() else 0.0
 
     def _object(self, number: int, box: tuple[slice, slice]) -> Object:
         top, left = (max(side.start - RING, 0) for side in box)

@@ -68,10 +68,10 @@ def test_objects_and_where_they_show_are_found():
 
 
 @pytest.mark.parametrize("enough", [False, True])
-def test_a_cut_object_is_made_whole_and_what_is_left_of_one_goes_where_there_are_enough(enough):
+def test_cut_objects_are_made_whole_or_go_where_there_are_enough(enough):
     image, objects, middles = discs(9)
     index = np.arange(image.size).reshape(image.shape)
-    # 13 rows of one disc are hidden, of which less than half is left, and 6 of another one.
+    # 6 rows of one disc are hidden, and 13 of another one, of which less than half is left.
     (cut, small), bare = middles[[3, 8]], np.argwhere(objects_apart(objects) > 20)
     placer = placer_on(image, index)
     atlas, canvas = placer.atlas, placer.canvas
@@ -80,17 +80,18 @@ def test_a_cut_object_is_made_whole_and_what_is_left_of_one_goes_where_there_are
         corner = atlas.corners[0] + (row - 8, column - 8)
         ground = placer.patch(tuple(corner), (height, 17))
         canvas.paint(top - 8, left - 8, ground, np.ones(ground.shape, bool))
-    if enough:  # the first disc shows once more
-        disc = placer.patch(tuple(atlas.corners[0] + middles[0] - 11), (23, 23))
-        canvas.paint(*(bare[-1] - 11), disc, np.ones(disc.shape, bool))
-    area = np.bincount(objects.ravel())
+    area, more = np.bincount(objects.ravel()), 4 * enough
+    for middle in middles[4 : 4 + more]:  # these show once more
+        disc = placer.patch(tuple(atlas.corners[0] + middle - 11), (23, 23))
+        free = np.argwhere(objects_apart(shown(placer, objects)) > 14)[-1]
+        canvas.paint(*(free - 11), disc, np.ones(disc.shape, bool))
     assert np.count_nonzero(shown(placer, objects) == 4) < 0.9 * area[4]
     Exchange(placer, (40, 40), Crew(1, placer, lambda: None), MANY).run()
-    made = np.bincount(shown(placer, objects).ravel(), minlength=len(area))
-    assert made[4] == area[4]
-    assert made[9] == (0 if enough else area[9])
-    assert set(made[1:] % area[4]) == {0}  # the other ones are whole, too
-    assert made[1:].sum() == area[1:].sum()
+    there = shown(placer, objects)
+    assert [there[tuple(cut)], there[tuple(small)]] == ([0, 0] if enough else [4, 9])
+    made = np.bincount(there.ravel())
+    assert set(made[1:] % area[4]) == {0}  # all are whole
+    assert made[1:].sum() >= 9 * area[4]
     usage = np.bincount(canvas.index.ravel(), minlength=len(canvas.usage))
     np.testing.assert_array_equal(canvas.usage, usage)
 

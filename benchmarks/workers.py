@@ -267,7 +267,7 @@ def process_rows(*runs: Ran) -> list[list[str]]:
     rows = [[f"at commit {commit()}", "clock, s", "÷", "processors, s"]]
     for run in runs:
         ratio = f"{runs[0].clock / run.clock:.2f}" if run is not runs[0] else ""
-        rows.append([run.name, f"{run.clock:.0f}", ratio, f"{run.command:.1f}"])
+        rows.append([run.name, f"{run.clock:.1f}", ratio, f"{run.command:.1f}"])
     return rows
 
 
@@ -278,7 +278,7 @@ def measured_rows(*runs: Ran) -> list[list[str]]:
     rows = [[f"at commit {commit()}", *names]]
     for run in runs:
         ratio = f"{runs[0].clock / run.clock:.2f}" if run is not runs[0] else ""
-        line = [run.name, f"{run.clock:.0f}", ratio, f"{run.command:.1f}", f"{run.helpers:.1f}"]
+        line = [run.name, f"{run.clock:.1f}", ratio, f"{run.command:.1f}", f"{run.helpers:.1f}"]
         rows.append([*line, f"{run.scheduler:.1f}", f"{run.resident:.0f}", f"{run.proportional:.0f}"])
     return rows
 

@@ -55,12 +55,14 @@ class Large:
 
 @dataclass(frozen=True, slots=True)
 class _Files:
-    """Raw values of the whole canvas: colours, opacity, which layer shows, the picture with its seams."""
+    """Raw values of the canvas: colours, opacity, which layer shows, the picture with its seams; a file for
+    each column of windows: processes that write to one file wait for each other, row by row.
+    """
 
-    colours: Path
-    opacity: Path
-    labels: Path
-    drawn: Path
+    colours: tuple[Path, ...]
+    opacity: tuple[Path, ...]
+    labels: tuple[Path, ...]
+    drawn: tuple[Path, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -157,7 +159,9 @@ def make(
     dtype = composed.layers[0].image.dtype
     opaque = new_map((height, width), False, bool)
     shown = np.zeros(len(composed.names) + 1, np.int64)
-    bands, files = 1, _Files(*(scratch.new() for _ in range(4)))
+    wanted = True, True, out.labels is not None, marks is not None
+    new = [tuple(scratch.new() for _ in range(0, width if each else 0, _COLUMNS)) for each in wanted]
+    bands, files = 1, _Files(*new)
     handed = executor if composed.divides else None
     windows = list(_windows(height, width))
     items = (
@@ -186,8 +190,8 @@ def make(
             raise ts.ImageError(f"'{out.output}' cannot be cropped: no pixel is opaque; use .png or .tif")
         box = found
     full = _is_full(opaque, box)
-    pixels = Stored(files.colours, (height, width, bands), dtype, (0, bands), box)
-    alpha_file = None if full else Stored(files.opacity, (height, width, 1), dtype, (0, 1), box)
+    pixels = Stored(files.colours, (height, width, bands), dtype, (0, bands), box, _COLUMNS)
+    alpha_file = None if full else Stored(files.opacity, (height, width, 1), dtype, (0, 1), box, _COLUMNS)
     picture = dataclasses.replace(
         job.pictures[0],
         pixels=cast(np.ndarray, pixels),
@@ -212,7 +216,7 @@ def _windows(height: int, width: int) -> Iterator[Box]:
 def _painted(window: _Window) -> _Painted:
     """Compute a window into files."""
     composed, box, files = window.composed, window.box, window.files
-    width, count = composed.shape[1], len(composed.names)
+    column, count = box.left // _COLUMNS, len(composed.names)
     image, alpha = composed.window(*box.slices)
     white, bands = full_scale(image.dtype), 1
     opaque, shown = new_map(composed.shape, False, bool), np.zeros(count + 1, np.int64)
@@ -227,28 +231,22 @@ def _painted(window: _Window) -> _Painted:
             opacity[:] = white
         planes = part if part.ndim == 3 else part[..., np.newaxis]
         bands = planes.shape[2]
-        _write(files.colours, planes, strip, width)
-        _write(files.opacity, opacity, strip, width)
+        _write(files.colours[column], planes, strip.top)
+        _write(files.opacity[column], opacity, strip.top)
         shows = composed.labels(*strip.slices)
         shown += np.bincount(shows.ravel() + 1, minlength=len(shown))
         if window.labels:
-            _write(files.labels, grays[shows], strip, width)
+            _write(files.labels[column], grays[shows], strip.top)
         if window.marks is not None:
-            _write(files.drawn, _drawn(planes, window.marks[strip.slices]), strip, width)
+            _write(files.drawn[column], _drawn(planes, window.marks[strip.slices]), strip.top)
     return _Painted(opaque, shown, bands)
 
 
-def _write(path: Path, values: npt.NDArray[Any], box: Box, width: int) -> None:
-    """Write a window into a file of raw values of a canvas so many px wide."""
-    size = values[0, 0].nbytes
+def _write(path: Path, values: npt.NDArray[Any], top: int) -> None:
+    """Write rows into a file of raw values that is as wide as they are."""
     with path.open("r+b") as file:
-        if values.shape[1] == width:
-            file.seek(box.top * width * size)
-            file.write(np.ascontiguousarray(values).data)
-            return
-        for row, line in enumerate(np.ascontiguousarray(values), start=box.top):
-            file.seek((row * width + box.left) * size)
-            file.write(line.data)
+        file.seek(top * values[0].nbytes)
+        file.write(np.ascontiguousarray(values).data)
 
 
 def _give_back_memory() -> None:
@@ -271,7 +269,7 @@ def write_large(
     """
     written = [picture for picture in (large.picture, large.labels, large.overlay) if picture is not None]
     values: list[Any] = [part for picture in written for part in (picture.pixels, picture.alpha)]
-    scratch.empty(part.path for part in values if isinstance(part, Stored))
+    scratch.empty(path for part in values if isinstance(part, Stored) for path in part.paths)
     keep = partial(store, scratch=scratch)
     with all_or_nothing():
         for path, document in documents:
@@ -321,8 +319,9 @@ def summary_of_large(composed: ts.Composition, large: Large) -> dict[str, Any]:
     return {"cost": cost, "rounds": composed.rounds, "layers": layers, "seams": seams}
 
 
-def _byte_picture(path: Path, shape: tuple[int, int, int], box: Box) -> Picture:
-    return Picture(pixels=cast(np.ndarray, Stored(path, shape, np.dtype(np.uint8), (0, shape[2]), box)))
+def _byte_picture(paths: Sequence[Path], shape: tuple[int, int, int], box: Box) -> Picture:
+    pixels = Stored(paths, shape, np.dtype(np.uint8), (0, shape[2]), box, _COLUMNS)
+    return Picture(pixels=cast(np.ndarray, pixels))
 
 
 def _is_full(mask: npt.NDArray[np.bool_], box: Box) -> bool:

@@ -57,12 +57,40 @@ def test_pixels_in_files_are_read_in_strips(tmp_path, monkeypatch, name, dtype):
     values = np.random.default_rng(0).integers(0, 256, (75, 90, 4)).astype(dtype)
     values.tofile(tmp_path / "raw")
     part = 7, 11, 70, 83
-    pixels = Stored(tmp_path / "raw", values.shape, values.dtype, (0, 3), part)
-    alpha = Stored(tmp_path / "raw", values.shape, values.dtype, (3, 4), part)
+    pixels = Stored([tmp_path / "raw"], values.shape, values.dtype, (0, 3), part)
+    alpha = Stored([tmp_path / "raw"], values.shape, values.dtype, (3, 4), part)
     write_picture(tmp_path / name, Picture(pixels=pixels, alpha=alpha))
     again = read_picture(tmp_path / name)
     np.testing.assert_array_equal(again.pixels, values[7:70, 11:83, :3])
     np.testing.assert_array_equal(again.alpha, values[7:70, 11:83, 3])
+
+
+@pytest.mark.parametrize("part", [None, (7, 11, 70, 83), (0, 40, 75, 61), (3, 5, 9, 17)])
+def test_pixels_in_files_side_by_side_are_as_those_in_one(tmp_path, monkeypatch, part):
+    monkeypatch.setattr(libvips, "_STRIP_BYTES", 3000)
+    values = np.random.default_rng(0).integers(0, 256, (75, 90, 4)).astype(np.uint8)
+    paths = [tmp_path / f"raw{number}" for number in range(5)]
+    for number, path in enumerate(paths):
+        np.ascontiguousarray(values[:, 20 * number : 20 * (number + 1)]).tofile(path)
+    pixels = Stored(paths, values.shape, values.dtype, (0, 3), part, 20)
+    alpha = Stored(paths, values.shape, values.dtype, (3, 4), part, 20)
+    top, left, bottom, right = part or (0, 0, 75, 90)
+    whole = values[top:bottom, left:right]
+    for rows in (slice(None), slice(1, 4), slice(2, 2)):
+        for columns in (
+            slice(None),
+            slice(3, 12),
+            slice(-7, None),
+            slice(1, None, 7),
+            slice(4, 4),
+            slice(9, 2),
+        ):
+            np.testing.assert_array_equal(pixels[rows, columns], whole[rows, columns, :3])
+            np.testing.assert_array_equal(alpha[rows, columns], whole[rows, columns, 3])
+    write_picture(tmp_path / "out.png", Picture(pixels=pixels, alpha=alpha))
+    again = read_picture(tmp_path / "out.png")
+    np.testing.assert_array_equal(again.pixels, whole[..., :3])
+    np.testing.assert_array_equal(again.alpha, whole[..., 3])
 
 
 def test_pixels_far_down_in_a_file_are_found(tmp_path):
@@ -72,7 +100,7 @@ def test_pixels_far_down_in_a_file_are_found(tmp_path):
         file.seek((height - 5) * width * 4)
         file.write(last.tobytes())
     pixels = Stored(
-        tmp_path / "raw", (height, width, 4), np.dtype(np.uint8), (0, 3), (height - 8, 0, height, width)
+        [tmp_path / "raw"], (height, width, 4), np.dtype(np.uint8), (0, 3), (height - 8, 0, height, width)
     )
     found = libvips.to_vips(pixels).numpy()
     assert not found[:3].any()
@@ -89,7 +117,7 @@ def peak(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
 folder, height = Path(sys.argv[1]), int(sys.argv[2])
 with (folder / "raw").open("wb") as file:
     file.truncate(height * 10000 * 4)
-pixels = Stored(folder / "raw", (height, 10000, 4), np.dtype(np.uint8), (0, 3))
+pixels = Stored([folder / "raw"], (height, 10000, 4), np.dtype(np.uint8), (0, 3))
 write_picture(folder / "small.tif", Picture(pixels=np.zeros((64, 64, 3), np.uint8)))
 before = peak()
 write_picture(folder / "out.tif", Picture(pixels=pixels))

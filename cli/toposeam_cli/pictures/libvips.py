@@ -26,8 +26,8 @@ _INTERPRETATIONS = {
     (np.dtype(np.float32), 3): "scrgb",
 }
 
-#: Files of raw values are read in strips of about so many bytes, and not in more strips: each is open.
-_STRIP_BYTES, _MOST_STRIPS = 1 << 25, 200
+#: Files of raw values are read in strips of about so many bytes, and not in more: each is open for itself.
+_STRIP_BYTES, _MOST_OPEN = 1 << 25, 300
 _RAW_FORMATS = {
     np.dtype(np.uint8): "uchar",
     np.dtype(np.uint16): "ushort",
@@ -63,23 +63,30 @@ def to_vips(pixels: np.ndarray | Stored) -> VipsImage:
     """A libvips image over the memory of a gray or RGB array, or over a file of raw values."""
     if isinstance(pixels, Stored):
         height, width, bands = pixels.file_shape
-        line = width * bands * pixels.dtype.itemsize
-        rows = max(1, _STRIP_BYTES // line, -(-height // _MOST_STRIPS))
-        name, values = os.fsdecode(pixels.path), _RAW_FORMATS[pixels.dtype]
-        # libvips maps what it reads, and lets go of a strip when it is done with it. Each strip is cut from
-        # the whole file, opened for it alone: libvips takes no offset above 10⁹ bytes.
-        strips = [
-            load_vips()
-            .Image.rawload(name, width, height, bands, format=values)
-            .crop(0, first, width, min(rows, height - first))
-            for first in range(0, height, rows)
-        ]
+        line, count = width * bands * pixels.dtype.itemsize, len(pixels.paths)
+        rows = max(1, _STRIP_BYTES // line, -(-height * count // _MOST_OPEN))
+        strips = [_strip(pixels, first, min(rows, height - first)) for first in range(0, height, rows)]
         image = load_vips().Image.arrayjoin(strips, across=1) if len(strips) > 1 else strips[0]
         (top, left), (high, wide) = pixels.corner, pixels.shape[:2]
         image = image.extract_band(pixels.bands[0], n=channels(pixels)).crop(left, top, wide, high)
         return image.copy(interpretation=_INTERPRETATIONS[pixels.dtype, channels(pixels)])
     image = load_vips().Image.new_from_array(np.ascontiguousarray(pixels))
     return image.copy(interpretation=_INTERPRETATIONS[pixels.dtype, channels(pixels)])
+
+
+def _strip(pixels: Stored, first: int, rows: int) -> VipsImage:
+    """Some rows of all bands of files, each opened for them alone.
+
+    libvips maps what it reads, and lets go of a strip when it is done with it. Strips are cut from whole
+    files, as it takes no offset above 10⁹ bytes.
+    """
+    height, _, bands = pixels.file_shape
+    load, values = load_vips().Image.rawload, _RAW_FORMATS[pixels.dtype]
+    pieces = [
+        load(os.fsdecode(path), width, height, bands, format=values).crop(0, first, width, rows)
+        for path, width in zip(pixels.paths, pixels.widths, strict=True)
+    ]
+    return functools.reduce(lambda beside, piece: beside.join(piece, "horizontal"), pieces)
 
 
 def with_profile(image: VipsImage, icc: bytes) -> VipsImage:

@@ -1,9 +1,10 @@
-"""Pixels in a file of raw values, read by windows."""
+"""Pixels in files of raw values, read by windows."""
 
 from __future__ import annotations
 
 import math
 import mmap
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,42 +14,68 @@ from toposeam.images import Windows
 
 
 class Stored(Windows):
-    """Some bands of an (H, W, bands) file of raw values.
+    """Some bands of an (H, W, bands) file of raw values, or of several side by side.
 
     Parameters
     ----------
-    path : Path
+    paths : sequence of Path
+        From left to right.
     shape : (int, int, int)
-        Of the file.
+        Of the files together.
     dtype : dtype
     bands : (int, int)
         The first band, and the one after the last; a single one makes an (H, W) image.
     part : (int, int, int, int), optional
-        First row and column, and those after the last, where not the whole file is meant.
+        First row and column, and those after the last, where not all of it is meant.
+    column : int, optional
+        How many px wide each file is, but for the last; needed where there are several.
     """
 
     def __init__(
         self,
-        path: Path,
+        paths: Sequence[Path],
         shape: tuple[int, int, int],
         dtype: np.dtype,
         bands: tuple[int, int],
         part: tuple[int, int, int, int] | None = None,
+        column: int | None = None,
     ) -> None:
         first, stop = bands
         top, left, bottom, right = part or (0, 0, *shape[:2])
         size = bottom - top, right - left
         super().__init__(size if stop - first == 1 else (*size, stop - first), dtype)
-        self.path, self.file_shape, self.bands, self.corner = path, shape, bands, (top, left)
+        self.paths, self.file_shape, self.bands, self.corner = tuple(paths), shape, bands, (top, left)
+        self.column = shape[1] if column is None else column
+
+    @property
+    def widths(self) -> list[int]:
+        """How many px wide each file is."""
+        starts = (number * self.column for number in range(len(self.paths)))
+        return [min(self.column, self.file_shape[1] - start) for start in starts]
 
     def read(self, rows: slice, columns: slice) -> np.ndarray:
         """Some rows and columns."""
+        first, stop, step = columns.indices(self.shape[1])
+        parts, left = [], -self.corner[1]
+        for path, width in zip(self.paths, self.widths, strict=True):
+            begin = first + max(0, -(-(left - first) // step)) * step
+            own = slice(begin - left, max(min(stop, left + width) - left, begin - left), step)
+            left += width
+            if begin < min(stop, left):
+                parts.append(self._read(path, width, rows, own))
+        if not parts:
+            return self._read(self.paths[0], self.widths[0], rows, slice(0))
+        return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+
+    def _read(self, path: Path, width: int, rows: slice, columns: slice) -> np.ndarray:
+        """Some rows, and columns of one file."""
         first, stop = self.bands
         band: Any = first if self.ndim == 2 else slice(first, stop)
         # Mapped for this window only: pages that stay mapped count as memory of the process. NumPy's own maps
         # look up the whole path each time, which takes longer than reading a small window.
-        with self.path.open("rb", buffering=0) as file:
+        with path.open("rb", buffering=0) as file:
             mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        values = np.frombuffer(mapped, self.dtype, math.prod(self.file_shape)).reshape(self.file_shape)
-        (top, left), (height, width) = self.corner, self.shape[:2]
-        return np.array(values[top : top + height, left : left + width][rows, columns, band])
+        shape = self.file_shape[0], width, self.file_shape[2]
+        values = np.frombuffer(mapped, self.dtype, math.prod(shape)).reshape(shape)
+        top = self.corner[0]
+        return np.array(values[top : top + self.shape[0]][rows, columns, band])

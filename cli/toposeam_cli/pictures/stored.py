@@ -92,8 +92,8 @@ def stored_picture(path: Path, like: Picture, height: int, width: int) -> Pictur
     """The picture in a file that holds its colours and, if it has any, its opacity behind them."""
     count = 1 if like.pixels.ndim == 2 else 3
     shape, dtype = (height, width, count + (like.alpha is not None)), like.pixels.dtype
-    pixels = Stored(path, shape, dtype, (0, count))
-    alpha = None if like.alpha is None else Stored(path, shape, dtype, (count, count + 1))
+    pixels = Stored([path], shape, dtype, (0, count))
+    alpha = None if like.alpha is None else Stored([path], shape, dtype, (count, count + 1))
     return replace(like, pixels=cast(np.ndarray, pixels), alpha=cast("np.ndarray | None", alpha))
 
 

@@ -5,7 +5,6 @@ the clock and of the processors, what is sent, memory per worker; and from these
     python benchmarks/workers.py --keep FOLDER       leave the frames there, or take those that are there
     python benchmarks/workers.py --only workers --times 2    the Dask workers, the best of two runs each
     python benchmarks/workers.py --own-cores         the Dask workers, each process with a core of its own
-    python benchmarks/workers.py --full-cache        with the page cache full before
     python benchmarks/workers.py --watched           with workers that watch themselves, as Dask has it
     python benchmarks/workers.py --write             put the tables into docs/distributed.md
 
@@ -15,9 +14,6 @@ clock and talk without TLS; each worker is a process with one thread. All of the
 command itself: on two cores two workers have no core for themselves, so that processor time is told, too.
 With ``--own-cores`` the command, the scheduler and each worker have half a core, never more, whoever else has
 something to do: two cores are then like four at half the speed.
-
-With ``--full-cache`` the page cache takes all memory that is free at first, as it has on a machine that is up
-for a day. Where the host of a virtual machine takes back what is free, new pages cost ten times as much else.
 
 Costs of more frames go by what the work is about: reading by the pixels of the frames, comparing and dividing
 by those of the overlaps, blending and the command's own work by those of the picture.
@@ -178,17 +174,6 @@ def cluster(
                     one.kill()
 
 
-@contextlib.contextmanager
-def full_cache(folder: Path) -> Iterator[None]:
-    """Let the page cache take the memory that is free, but for some; for the time of a block."""
-    size = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") - (1 << 30)
-    with tempfile.NamedTemporaryFile(dir=folder) as file:
-        os.truncate(file.name, max(size, 0))
-        while file.read(1 << 24):
-            pass
-        yield
-
-
 def seconds_of(pid: int) -> float:
     """Processor time of a process so far."""
     after = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
@@ -342,7 +327,6 @@ def main() -> None:
     parser.add_argument("--only", choices=["processes", "workers"])
     parser.add_argument("--times", type=int, default=1, help="runs of each, of which the quickest counts")
     parser.add_argument("--own-cores", action="store_true", help="only the Dask workers, on half cores")
-    parser.add_argument("--full-cache", action="store_true", help="fill the page cache before")
     parser.add_argument("--watched", action="store_true", help="let Dask's workers watch themselves")
     parser.add_argument("--write", action="store_true", help="put the tables into docs/distributed.md")
     options = parser.parse_args()
@@ -353,13 +337,11 @@ def main() -> None:
     files = [f"frame{index:02d}.tif" for index in range(columns * rows)]
     tables: dict[str, list[list[str]]] = {}
     made: set[str] = set()
-    with tempfile.TemporaryDirectory(prefix="workers-") as name, contextlib.ExitStack() as block:
+    with tempfile.TemporaryDirectory(prefix="workers-") as name:
         folder = (options.keep or Path(name)).resolve()
         folder.mkdir(exist_ok=True)
         if not all((folder / file).exists() for file in files):
             make_large(folder, columns, rows, width, height, 5)
-        if options.full_cache:
-            block.enter_context(full_cache(folder))
         if options.only != "workers" and not options.own_cores:
             one, two = best(
                 options.times,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import functools
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -10,6 +12,9 @@ from threading import Thread
 
 from toposeam_cli.files.temporary import claimed, claimed_folder, remove, temporary_beside, tidy_once
 from toposeam_cli.files.writing import OutputError, reason
+
+#: So many files may be open at once, if the system lets us.
+_MOST_OPEN = 1 << 16
 
 
 class Scratch:
@@ -63,10 +68,25 @@ class Scratch:
         except OutputError:
             raise
         except OSError as error:
+            remedy = "free some space or choose another folder for the output"
+            if error.errno == errno.EMFILE:
+                remedy = "allow more with `ulimit -n 4096`, or join fewer pictures at a time"
             raise OutputError(
-                f"cannot keep pixels in '{self._folder}' ({reason(error)}); free some space or choose "
-                "another folder for the output"
+                f"cannot keep pixels in '{self._folder}' ({reason(error)}); {remedy}"
             ) from error
+
+
+@functools.cache
+def _let_many_be_open() -> None:
+    """Let this process open as many files as the system allows: each of ours is open as long as it is ours,
+    and 1,024, which many systems begin with, is less than a thousand pictures take.
+    """
+    with suppress(ImportError, OSError, ValueError):  # Windows has no such limit, others may refuse
+        import resource
+
+        _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+        wanted = _MOST_OPEN if most == resource.RLIM_INFINITY else min(most, _MOST_OPEN)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, most))
 
 
 def _emptied(paths: Iterable[Path]) -> None:
@@ -78,5 +98,6 @@ def _emptied(paths: Iterable[Path]) -> None:
 @contextmanager
 def scratch(folder: Path) -> Iterator[Scratch]:
     """A folder for temporary files, which are gone after the block."""
+    _let_many_be_open()
     with ExitStack() as open_files:
         yield Scratch(folder.resolve(), open_files)

@@ -324,6 +324,11 @@ def uniform(values: Any, box: Box) -> Any:
     return None
 
 
+def is_empty(mask: Any) -> bool:
+    """Whether a mask is False everywhere."""
+    return mask.holds(Box(0, 0, *mask.shape), False) if isinstance(mask, TileMap) else not np.any(mask)
+
+
 def dense(values: Any) -> npt.NDArray[Any]:
     """The map as an array."""
     return values[:, :] if isinstance(values, TileMap) else np.asarray(values)

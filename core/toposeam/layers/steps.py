@@ -13,7 +13,7 @@ from toposeam.errors import OptionError, OverlapError, PathError
 from toposeam.images import Mask
 from toposeam.layers.labelling import Pair
 from toposeam.layers.layer import Box, Extent, Layer, cut
-from toposeam.layers.maps import blocks, dense, new_map
+from toposeam.layers.maps import blocks, dense, is_empty, new_map
 from toposeam.layers.painting import LabelMap, channel_count, paint
 from toposeam.layers.posing import exclusive_covers, meets
 from toposeam.seam.find import find_seam
@@ -37,6 +37,12 @@ class Steps:
         self._on_canvas, self._options = on_canvas, options
         self.places = [canvas.place(layer) for layer in layers]
         self.covered = exclusive_covers(layers, self.places, canvas)
+        for layer, own in zip(layers, self.covered, strict=True):
+            if is_empty(own):
+                raise OverlapError(
+                    f"{layer.name} shows nowhere: it is transparent or masked everywhere, or others keep all "
+                    "of it; leave it out, or check its opacity and masks"
+                )
         self.label_map: LabelMap = new_map(canvas.shape, -1, np.int16)
 
     def join(self, index: int, options: Mapping[str, Any], drawing: SvgSeam | None = None) -> Seam:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from toposeam.layers.layer import Box
-from toposeam.layers.maps import TileMap, blocks, doubled, ground, part_of, several, uniform
+from toposeam.layers.maps import TileMap, blocks, doubled, ground, is_empty, part_of, several, uniform
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (4, 5)])
@@ -12,6 +12,15 @@ def test_a_value_that_is_everywhere_is_known(shape):
     box = Box(0, 0, *shape)
     assert uniform(np.broadcast_to(np.float32(0.5), shape), box) == 0.5
     assert uniform(np.full((4, 5), 0.5), box) is None
+
+
+@pytest.mark.parametrize("shape", [(3, 4), (700, 900)])
+def test_a_mask_of_nothing_is_empty_and_one_pixel_is_something(shape):
+    for mask in np.zeros(shape, bool), TileMap(shape, False, bool), np.broadcast_to(False, shape):
+        assert is_empty(mask)
+    for mask in np.zeros(shape, bool), TileMap(shape, False, bool):
+        mask[shape[0] - 1 :, shape[1] - 1 :] = True
+        assert not is_empty(mask)
 
 
 def lines(shape):

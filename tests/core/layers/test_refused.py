@@ -1,10 +1,18 @@
 """What cannot be stitched."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from crops import crop
 
 import toposeam as ts
+
+
+def clear(layer):
+    """The layer without a pixel that shows."""
+    return dataclasses.replace(layer, alpha=np.zeros(layer.image.shape[:2], layer.image.dtype))
+
 
 ERRORS = {
     "no layer": (lambda: ts.stitch([]), ts.OptionError, "at least two"),
@@ -15,6 +23,16 @@ ERRORS = {
         lambda: ts.stitch([crop(0, 0), crop(25, 0), crop(0, 90, name="third")]),
         ts.OverlapError,
         r"third \(at 0,90\)",
+    ),
+    "transparent": (
+        lambda: ts.stitch([crop(0, 0), clear(crop(25, 0, name="second"))]),
+        ts.OverlapError,
+        "second shows nowhere: it is transparent or masked everywhere",
+    ),
+    "third transparent": (
+        lambda: ts.stitch([clear(crop(0, 0, name="first")), crop(25, 0), crop(30, 0)]),
+        ts.OverlapError,
+        "first shows nowhere: it is transparent or masked everywhere",
     ),
     "same place": (
         lambda: ts.stitch([crop(0, 0), crop(0, 0)]),

@@ -17,6 +17,9 @@ from toposeam.texture.search import Ints
 RING = 6
 #: px round an object that go with it.
 _FRINGE = 2
+#: An object is cut by an exemplar's border that it reaches with so many px half as unlike the ground as its
+#: mean.
+_CUT = 3
 #: px along an exemplar's border that do not tell how much objects cover.
 _RIM = 4
 
@@ -141,6 +144,5 @@ class Objects:
             pixels=pixels,
             ring=np.argwhere(ring) + offset,
             reach=int(np.abs(pixels).max()),
-            # What lies on the border is the rim of a whole one, which is much like the ground, or its inside.
-            whole=bool((on_border < unlike[own].mean()).all()),
+            whole=int(np.count_nonzero(on_border > unlike[own].mean() / 2)) < _CUT,
         )

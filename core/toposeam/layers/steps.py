@@ -41,7 +41,7 @@ class Steps:
             if is_empty(own):
                 raise OverlapError(
                     f"{layer.name} shows nowhere: it is transparent or masked everywhere, or others keep all "
-                    "of it; leave it out, or check its opacity and masks"
+                    "of it; leave it out, or check what is transparent or masked"
                 )
         self.label_map: LabelMap = new_map(canvas.shape, -1, np.int16)
 

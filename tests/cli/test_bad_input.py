@@ -39,7 +39,10 @@ CASES = {
     "seven channels": ("{a} {in}/bands.tif " + IN, "export it as gray or RGB"),
     "complex": ("{a} {in}/complex.tif " + IN, "export it again"),
     "pages": ("{a} {in}/pages.tif " + IN, "holds 3 pages; save the one that is meant"),
-    "transparent": ("{a} {in}/clear.png " + IN, "clear.png shows nowhere: it is transparent"),
+    "transparent": (
+        "{a} {in}/clear.png " + IN,
+        "clear.png (at 36,0): the pictures do not overlap: no pixel of it",
+    ),
     # Where the pictures lie
     "no placement": ("{a} {b} -o out.png", "fits none of the other pictures"),
     "two placements": ("{a} {b} --offset 3,4 --overlap 5 -o out.png", "--offset and --overlap both say"),

@@ -39,9 +39,11 @@ class Steps:
         self.covered = exclusive_covers(layers, self.places, canvas)
         for layer, own in zip(layers, self.covered, strict=True):
             if is_empty(own):
+                x, y = layer.at
                 raise OverlapError(
-                    f"{layer.name} shows nowhere: it is transparent or masked everywhere, or others keep all "
-                    "of it; leave it out, or check what is transparent or masked"
+                    f"{layer.name} (at {x},{y}): the patches do not overlap: no pixel of it shows, as it is "
+                    "transparent or masked everywhere, or others keep all of it; leave it out, or check what "
+                    "is transparent or masked"
                 )
         self.label_map: LabelMap = new_map(canvas.shape, -1, np.int16)
 

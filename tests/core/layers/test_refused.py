@@ -27,12 +27,12 @@ ERRORS = {
     "transparent": (
         lambda: ts.stitch([crop(0, 0), clear(crop(25, 0, name="second"))]),
         ts.OverlapError,
-        "second shows nowhere: it is transparent or masked everywhere",
+        r"second \(at 25,0\): .* no pixel of it shows, as it is transparent or masked everywhere",
     ),
     "third transparent": (
         lambda: ts.stitch([clear(crop(0, 0, name="first")), crop(25, 0), crop(30, 0)]),
         ts.OverlapError,
-        "first shows nowhere: it is transparent or masked everywhere",
+        r"first \(at 0,0\): .* no pixel of it shows, as it is transparent or masked everywhere",
     ),
     "same place": (
         lambda: ts.stitch([crop(0, 0), crop(0, 0)]),

@@ -98,7 +98,7 @@ def mend(
     Parameters
     ----------
     placer : PatchPlacer
-        Its canvas is full.
+        Its canvas is full, and there are no objects that seams spare.
     shape : (int, int)
         Height and width of the patches.
     count : int
@@ -196,16 +196,14 @@ def _seam_costs(placer: PatchPlacer, index: Ints32) -> Floats32:
         )
         at_s, at_t = values_at(placer.features, s), values_at(placer.features, t)
         after, before = values_at(placer.features, beyond), values_at(placer.features, ahead)
-        guard = placer.guard
-        pays = (0, 0) if guard is None else (guard[beyond] + guard[t], guard[s] + guard[ahead])
-        difference = _norm(after - at_t, pays[0], usable[beyond])
-        difference += _norm(at_s - before, pays[1], usable[ahead])
+        difference = _norm(after - at_t, usable[beyond])
+        difference += _norm(at_s - before, usable[ahead])
         total[y, x] += difference
     return total
 
 
-def _norm(values: Floats32, pays: Floats32 | int, usable: Mask) -> Floats32:
-    result: Floats32 = np.sqrt(np.square(values).sum(axis=1) + np.square(pays)) * usable
+def _norm(values: Floats32, usable: Mask) -> Floats32:
+    result: Floats32 = np.sqrt(np.square(values).sum(axis=1)) * usable
     return result
 
 

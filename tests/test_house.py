@@ -87,10 +87,12 @@ ARROWS = {
         "toposeam_cli.pictures",
         "toposeam_cli.placing",
     },
+    "toposeam_cli.framed": CLI_CORE | {"toposeam.layers"},
     "toposeam_cli.large": CLI_CORE
     | {
         "toposeam.layers",
         "toposeam_cli.composing",
+        "toposeam_cli.framed",
         "toposeam_cli.files",
         "toposeam_cli.pictures",
         "toposeam_cli.placing",

@@ -5,10 +5,12 @@ from __future__ import annotations
 import ctypes
 import dataclasses
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, contextmanager, suppress
+from contextvars import copy_context
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from threading import Thread
 from typing import Any, cast
 
 import numpy as np
@@ -20,15 +22,16 @@ from toposeam.layers.composite import seams_svg
 from toposeam.layers.composition import Outline
 from toposeam.layers.cropping import largest_full
 from toposeam.layers.layer import Box
-from toposeam.layers.maps import BLOCK, new_map, part_of
+from toposeam.layers.maps import BLOCK, blocks, new_map, part_of
 from toposeam.layers.tasks import Executor, results
 from toposeam.sentence import counted
 from toposeam_cli.composing import Outputs, write_composite
 from toposeam_cli.files.scratch import Scratch
 from toposeam_cli.files.writing import all_or_nothing, atomic_write
+from toposeam_cli.framed import Framed
 from toposeam_cli.pictures.background import colour_of, on_background
 from toposeam_cli.pictures.picture import Picture, write_picture
-from toposeam_cli.pictures.raw import Stored
+from toposeam_cli.pictures.raw import Coming, Stored
 from toposeam_cli.pictures.stored import store
 from toposeam_cli.placing import PlacedPictures
 
@@ -36,6 +39,8 @@ from toposeam_cli.placing import PlacedPictures
 _COLUMNS = 4 * BLOCK
 #: Rows of a window that are written at once.
 _ROWS = 64
+#: How often whoever waits for the picture to be written looks for signals, s.
+_LOOK_EVERY_S = 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +56,8 @@ class Large:
     shown: tuple[int, ...]
     #: Where the picture begins that was cropped.
     at: tuple[int, int] | None
+    #: Whether it is in its output already.
+    written: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,48 +98,6 @@ class _Painted:
     bands: int
 
 
-class Framed:
-    """The part of a composition's plane that a frame shows, from 0,0 on; beyond the layers it is empty."""
-
-    def __init__(self, composed: ts.Composition, width: int, height: int) -> None:
-        self._composed, self.shape = composed, (height, width)
-        self.layers, self.names, self.rounds = composed.layers, composed.names, composed.rounds
-        self.divides = False
-
-    def part(self, rows: slice, columns: slice) -> Framed:
-        """It is not divided."""
-        return self
-
-    def window(self, rows: slice, columns: slice) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-        """The picture and its opacity."""
-        here, there = self._common(rows, columns)
-        part, opacity = self._composed.window(*there.slices)
-        size = rows.stop - rows.start, columns.stop - columns.start
-        image, alpha = np.zeros((*size, *part.shape[2:]), part.dtype), np.zeros(size, part.dtype)
-        image[here.slices], alpha[here.slices] = part, opacity
-        return image, alpha
-
-    def labels(self, rows: slice, columns: slice) -> npt.NDArray[np.int16]:
-        """Which layer shows."""
-        here, there = self._common(rows, columns)
-        result = np.full((rows.stop - rows.start, columns.stop - columns.start), -1, np.int16)
-        result[here.slices] = self._composed.labels(*there.slices)
-        return result
-
-    def outlines(self) -> Iterator[Outline]:
-        """Nobody asks for them here."""
-        return iter(())
-
-    def _common(self, rows: slice, columns: slice) -> tuple[Box, Box]:
-        """What a window and the composition have in common, in the window and in the composition."""
-        x, y = self._composed.origin
-        window = Box(rows.start, columns.start, rows.stop, columns.stop)
-        inside = window.moved(-y, -x).shared(Box(0, 0, *self._composed.shape))
-        if not all(inside.shape):
-            return Box(0, 0, 0, 0), Box(0, 0, 0, 0)
-        return inside.moved(y - window.top, x - window.left), inside
-
-
 def make(
     composed: ts.Composition | Framed,
     job: PlacedPictures,
@@ -142,7 +107,9 @@ def make(
     progress: Callable[[float], None] | None = None,
     executor: Executor | None = None,
 ) -> Large:
-    """Compute a composite into files, window by window, here or where an executor does so.
+    """Compute a composite into files, window by window, here or where an executor does so. Where it is known
+    from the first window on what the picture will be, it is written meanwhile; to be called in the block of
+    outputs that :func:`write_large` is called in.
 
     Raises
     ------
@@ -175,12 +142,21 @@ def make(
         )
         for box in windows
     )
-    with scratch.failures_told():
+    early, full = None, None
+    with ExitStack() as block, scratch.failures_told():
         done = results(handed, _painted, items)
+        if crop == "outside":
+            full = True if out.background is not None else _known_full(composed)
         for number, (box, painted) in enumerate(zip(windows, done, strict=True), start=1):
             opaque[box.slices] = painted.opaque[box.slices]
             shown += painted.shown
             bands = painted.bands
+            if early is None and full is not None:
+                coming = Coming()
+                picture = _picture(job, files, (height, width, bands), dtype, full=full, coming=coming)
+                early = block.enter_context(_written(out, picture, coming, scratch))
+            if early is not None:
+                early(box.bottom if box.right == width else box.top)
             if progress is not None:
                 progress(0.5 + 0.5 * number / len(windows))
     box = Box(0, 0, height, width)
@@ -189,22 +165,84 @@ def make(
         if found is None:
             raise ts.ImageError(f"'{out.output}' cannot be cropped: no pixel is opaque; use .png or .tif")
         box = found
-    full = _is_full(opaque, box)
-    pixels = Stored(files.colours, (height, width, bands), dtype, (0, bands), box, _COLUMNS)
-    alpha_file = None if full else Stored(files.opacity, (height, width, 1), dtype, (0, 1), box, _COLUMNS)
-    picture = dataclasses.replace(
-        job.pictures[0],
-        pixels=cast(np.ndarray, pixels),
-        alpha=cast("np.ndarray | None", alpha_file),
-    )
+    if full is None:
+        full = _is_full(opaque, box)
     return Large(
-        picture=picture,
+        picture=_picture(job, files, (height, width, bands), dtype, box, full=full),
         labels=None if out.labels is None else _byte_picture(files.labels, (height, width, 1), box),
         overlay=None if marks is None else _byte_picture(files.drawn, (height, width, 3), box),
         seams=seams,
         shown=tuple(shown[1:].tolist()),
         at=None if box == (0, 0, height, width) else (box.left, box.top),
+        written=early is not None,
     )
+
+
+def _known_full(composed: ts.Composition | Framed) -> bool | None:
+    """Whether all of it is opaque; None where only painting tells, as layers are partly transparent."""
+    if any((composed.labels(*box.slices) < 0).any() for box in blocks(Box(0, 0, *composed.shape))):
+        return False
+    return True if all(layer.alpha is None for layer in composed.layers) else None
+
+
+def _picture(
+    job: PlacedPictures,
+    files: _Files,
+    shape: tuple[int, int, int],
+    dtype: np.dtype,
+    part: Box | None = None,
+    *,
+    full: bool,
+    coming: Coming | None = None,
+) -> Picture:
+    """The picture, or part of it, with its opacity where it is not `full`."""
+    height, width, bands = shape
+    pixels = Stored(files.colours, shape, dtype, (0, bands), part, _COLUMNS, coming)
+    opacity = Stored(files.opacity, (height, width, 1), dtype, (0, 1), part, _COLUMNS, coming)
+    if coming is not None:
+        pixels.lengthen()
+        opacity.lengthen()
+    return dataclasses.replace(
+        job.pictures[0],
+        pixels=cast(np.ndarray, pixels),
+        alpha=None if full else cast(np.ndarray, opacity),
+    )
+
+
+@contextmanager
+def _written(
+    out: Outputs, picture: Picture, coming: Coming, scratch: Scratch
+) -> Iterator[Callable[[int], None]]:
+    """Write a picture while its rows come: how many have is told in the block, after which all is written.
+
+    Packing takes one processor, and as long as painting on many; so it must not wait for that.
+    """
+    failed: list[BaseException] = []
+
+    def write() -> None:
+        try:
+            write_composite(out, picture, partial(store, scratch=scratch))
+        except BaseException as error:
+            failed.append(error)
+
+    def told(rows: int) -> None:
+        if failed:
+            raise failed[0]
+        coming.up_to(rows)
+
+    # What it writes belongs to the outputs of the block we are in.
+    thread = Thread(target=copy_context().run, args=(write,), name="writing")
+    thread.start()
+    try:
+        yield told
+        while thread.is_alive():
+            thread.join(_LOOK_EVERY_S)
+    except BaseException:
+        coming.give_up()
+        thread.join()
+        raise
+    if failed:
+        raise failed[0]
 
 
 def _windows(height: int, width: int) -> Iterator[Box]:
@@ -281,7 +319,8 @@ def write_large(
             between = [(seam.pair, seam) for seam in large.seams]
             text = seams_svg(between, composed.names, composed.shape, composed.rounds)
             atomic_write(out.seam, text, out.force)
-        write_composite(out, large.picture, keep)
+        if not large.written:
+            write_composite(out, large.picture, keep)
 
 
 def describe_totals(composed: ts.Composition, executor: Executor | None = None) -> str:

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from toposeam_cli.pictures import libvips
+from toposeam_cli.pictures import libvips, tiff_stream
 from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
 from toposeam_cli.pictures.raw import Stored
 
@@ -53,7 +53,7 @@ def test_two_large_rgb_layers_take_no_more_memory_than_stated(tmp_path):
 @pytest.mark.parametrize("name", ["out.tif", "out.png"])
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 def test_pixels_in_files_are_read_in_strips(tmp_path, monkeypatch, name, dtype):
-    monkeypatch.setattr(libvips, "_STRIP_BYTES", 3000)
+    monkeypatch.setattr(tiff_stream, "_ROWS", 9)
     values = np.random.default_rng(0).integers(0, 256, (75, 90, 4)).astype(dtype)
     values.tofile(tmp_path / "raw")
     part = 7, 11, 70, 83
@@ -67,7 +67,7 @@ def test_pixels_in_files_are_read_in_strips(tmp_path, monkeypatch, name, dtype):
 
 @pytest.mark.parametrize("part", [None, (7, 11, 70, 83), (0, 40, 75, 61), (3, 5, 9, 17)])
 def test_pixels_in_files_side_by_side_are_as_those_in_one(tmp_path, monkeypatch, part):
-    monkeypatch.setattr(libvips, "_STRIP_BYTES", 3000)
+    monkeypatch.setattr(tiff_stream, "_ROWS", 9)
     values = np.random.default_rng(0).integers(0, 256, (75, 90, 4)).astype(np.uint8)
     paths = [tmp_path / f"raw{number}" for number in range(5)]
     for number, path in enumerate(paths):

@@ -26,7 +26,8 @@ from toposeam_cli.enblend_line import (
 )
 from toposeam_cli.files.scratch import scratch
 from toposeam_cli.files.writing import all_or_nothing, check_output
-from toposeam_cli.large import Framed, make, write_large
+from toposeam_cli.framed import Framed
+from toposeam_cli.large import make, write_large
 from toposeam_cli.options import OUTPUT
 from toposeam_cli.pictures.masks import read_white
 from toposeam_cli.pictures.picture import Picture, write_picture
@@ -111,8 +112,8 @@ def enblend(words: tuple[str, ...], **given: Any) -> None:
         else:
             whole = ts.compose(layers, max_megapixels=_MAX_MEGAPIXELS, **options)
         composed = Framed(whole, frame.width, frame.height)
-        large = make(composed, job, out, "outside", files_of_pixels, progress)
         with all_or_nothing():
+            large = make(composed, job, out, "outside", files_of_pixels, progress)
             if given["save_masks"] is not None:
                 for index, file in enumerate(files):
                     name = mask_name(given["save_masks"], index, file, output)

@@ -17,6 +17,7 @@ from toposeam.images import Windows
 from toposeam.layers.composite import stitched as ts_stitched
 from toposeam.seam.drawing import draw_seams
 from toposeam_cli.composing import Outputs, check_outputs, crop_of, cropped, write
+from toposeam_cli.files.writing import all_or_nothing
 from toposeam_cli.finding import (
     Means,
     SeamOptions,
@@ -322,35 +323,36 @@ def _stitch_large(
     """The same for pictures larger than memory."""
     composed = composed_as(job, find, out, files, means.workers)
     warnings = [*warnings, *_unseen(composed, find, out)]
-    with share_bar("writing", out.quiet) as progress:
-        large = make(composed, job, out, crop, means.store, progress, means.workers)
-    documents: list[tuple[Path, bytes]] = []
-    if out.save_layout is not None:
-        documents.append((out.save_layout, saved_layout(job, out.save_layout.parent).encode()))
-    if out.report is not None:
-        from toposeam_cli.seam_page import Joined, seam_page
+    with all_or_nothing():
+        with share_bar("writing", out.quiet) as progress:
+            large = make(composed, job, out, crop, means.store, progress, means.workers)
+        documents: list[tuple[Path, bytes]] = []
+        if out.save_layout is not None:
+            documents.append((out.save_layout, saved_layout(job, out.save_layout.parent).encode()))
+        if out.report is not None:
+            from toposeam_cli.seam_page import Joined, seam_page
 
-        page = Joined(
-            title=out.output.name,
-            layers=job.layers,
-            origin=composed.origin,
-            corner=large.at or (0, 0),
-            image=large.picture.pixels,
-            alpha=large.picture.alpha,
-            seams=[(seam.pair, seam) for seam in large.seams],
-            shown=large.shown,
-            correlations=correlations(job, means.workers),
-        )
-        documents.append((out.report, seam_page(page).encode(errors="backslashreplace")))
-    report = ""
-    if out.as_json:
-        report = json.dumps(summary_of_large(composed, large), indent=2)
-    elif is_read(out.quiet):
-        told = describe_totals(composed, means.workers)
-        report = told_of(
-            out.output, large.picture.pixels.shape, told, large.at, job.layers, job.placement, aligned
-        )
-    write_large(out, composed, large, documents, means.store)
+            page = Joined(
+                title=out.output.name,
+                layers=job.layers,
+                origin=composed.origin,
+                corner=large.at or (0, 0),
+                image=large.picture.pixels,
+                alpha=large.picture.alpha,
+                seams=[(seam.pair, seam) for seam in large.seams],
+                shown=large.shown,
+                correlations=correlations(job, means.workers),
+            )
+            documents.append((out.report, seam_page(page).encode(errors="backslashreplace")))
+        report = ""
+        if out.as_json:
+            report = json.dumps(summary_of_large(composed, large), indent=2)
+        elif is_read(out.quiet):
+            told = describe_totals(composed, means.workers)
+            report = told_of(
+                out.output, large.picture.pixels.shape, told, large.at, job.layers, job.placement, aligned
+            )
+        write_large(out, composed, large, documents, means.store)
     if out.as_json or not out.quiet:
         click.echo(report)
     for warning in warnings:

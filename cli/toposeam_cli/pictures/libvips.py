@@ -2,15 +2,16 @@
 
 import functools
 import logging
-import os
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, TypeVar
 
 import numpy as np
 
 from toposeam.errors import MissingPackageError
+from toposeam.images import Windows
 from toposeam_cli.files.interruption import interruptible
-from toposeam_cli.pictures.raw import Stored
+from toposeam_cli.pictures.tiff_stream import TiffStream
 
 #: A ``pyvips.Image``; pyvips carries no types.
 VipsImage = Any
@@ -24,14 +25,6 @@ _INTERPRETATIONS = {
     (np.dtype(np.uint16), 3): "rgb16",
     (np.dtype(np.float32), 1): "b-w",
     (np.dtype(np.float32), 3): "scrgb",
-}
-
-#: Files of raw values are read in strips of about so many bytes, and not in more: each is open for itself.
-_STRIP_BYTES, _MOST_OPEN = 1 << 25, 300
-_RAW_FORMATS = {
-    np.dtype(np.uint8): "uchar",
-    np.dtype(np.uint16): "ushort",
-    np.dtype(np.float32): "float",
 }
 
 
@@ -54,39 +47,34 @@ def load_vips() -> Any:
     return pyvips
 
 
-def channels(pixels: np.ndarray | Stored) -> int:
+def channels(pixels: np.ndarray | Windows) -> int:
     """The number of channels: 1 for ``(H, W)``, else the last axis."""
     return 1 if pixels.ndim == 2 else pixels.shape[2]
 
 
-def to_vips(pixels: np.ndarray | Stored) -> VipsImage:
-    """A libvips image over the memory of a gray or RGB array, or over a file of raw values."""
-    if isinstance(pixels, Stored):
-        height, width, bands = pixels.file_shape
-        line, count = width * bands * pixels.dtype.itemsize, len(pixels.paths)
-        rows = max(1, _STRIP_BYTES // line, -(-height * count // _MOST_OPEN))
-        strips = [_strip(pixels, first, min(rows, height - first)) for first in range(0, height, rows)]
-        image = load_vips().Image.arrayjoin(strips, across=1) if len(strips) > 1 else strips[0]
-        (top, left), (high, wide) = pixels.corner, pixels.shape[:2]
-        image = image.extract_band(pixels.bands[0], n=channels(pixels)).crop(left, top, wide, high)
-        return image.copy(interpretation=_INTERPRETATIONS[pixels.dtype, channels(pixels)])
-    image = load_vips().Image.new_from_array(np.ascontiguousarray(pixels))
+def to_vips(pixels: np.ndarray | Windows) -> VipsImage:
+    """A libvips image over the memory of a gray or RGB array, or over one that is read by windows, which may
+    be looked at once, from the top down.
+    """
+    if isinstance(pixels, Windows):
+        image = _streamed(pixels)
+    else:
+        image = load_vips().Image.new_from_array(np.ascontiguousarray(pixels))
     return image.copy(interpretation=_INTERPRETATIONS[pixels.dtype, channels(pixels)])
 
 
-def _strip(pixels: Stored, first: int, rows: int) -> VipsImage:
-    """Some rows of all bands of files, each opened for them alone.
+def _streamed(pixels: Windows) -> VipsImage:
+    """What libvips reads while it writes. Where that fails the file ends there for it, which is an error."""
+    stream, source = TiffStream(pixels), load_vips().SourceCustom()
 
-    libvips maps what it reads, and lets go of a strip when it is done with it. Strips are cut from whole
-    files, as it takes no offset above 10⁹ bytes.
-    """
-    height, _, bands = pixels.file_shape
-    load, values = load_vips().Image.rawload, _RAW_FORMATS[pixels.dtype]
-    pieces = [
-        load(os.fsdecode(path), width, height, bands, format=values).crop(0, first, width, rows)
-        for path, width in zip(pixels.paths, pixels.widths, strict=True)
-    ]
-    return functools.reduce(lambda beside, piece: beside.join(piece, "horizontal"), pieces)
+    def read(size: int) -> bytes | None:
+        with suppress(Exception):  # libvips is told by the end of the file
+            return stream.read(size)
+        return None
+
+    source.on_read(read)
+    source.on_seek(stream.seek)
+    return load_vips().Image.new_from_source(source, "", access="sequential", fail_on="error")
 
 
 def with_profile(image: VipsImage, icc: bytes) -> VipsImage:

@@ -1,16 +1,51 @@
-"""Pixels in files of raw values, read by windows."""
+"""Pixels in files of raw values, read by windows; also while they are still written, from the top down."""
 
 from __future__ import annotations
 
 import math
 import mmap
+import os
 from collections.abc import Sequence
 from pathlib import Path
+from threading import Condition
 from typing import Any
 
 import numpy as np
 
 from toposeam.images import Windows
+
+
+class Coming:
+    """How many rows of a picture have come."""
+
+    def __init__(self) -> None:
+        self._rows, self._ends = 0, False
+        self._changed = Condition()
+
+    def up_to(self, rows: int) -> None:
+        """So many are there."""
+        with self._changed:
+            self._rows = rows
+            self._changed.notify_all()
+
+    def give_up(self) -> None:
+        """No more will come, and nobody shall read on."""
+        with self._changed:
+            self._ends = True
+            self._changed.notify_all()
+
+    def wait(self, rows: int) -> None:
+        """Return when so many are there.
+
+        Raises
+        ------
+        EOFError
+            When they will not come.
+        """
+        with self._changed:
+            self._changed.wait_for(lambda: self._ends or self._rows >= rows)
+            if self._ends:
+                raise EOFError("the picture was given up")
 
 
 class Stored(Windows):
@@ -29,6 +64,8 @@ class Stored(Windows):
         First row and column, and those after the last, where not all of it is meant.
     column : int, optional
         How many px wide each file is, but for the last; needed where there are several.
+    coming : Coming, optional
+        Whoever reads rows that are still to come waits for them.
     """
 
     def __init__(
@@ -39,6 +76,7 @@ class Stored(Windows):
         bands: tuple[int, int],
         part: tuple[int, int, int, int] | None = None,
         column: int | None = None,
+        coming: Coming | None = None,
     ) -> None:
         first, stop = bands
         top, left, bottom, right = part or (0, 0, *shape[:2])
@@ -46,6 +84,7 @@ class Stored(Windows):
         super().__init__(size if stop - first == 1 else (*size, stop - first), dtype)
         self.paths, self.file_shape, self.bands, self.corner = tuple(paths), shape, bands, (top, left)
         self.column = shape[1] if column is None else column
+        self._coming = coming
 
     @property
     def widths(self) -> list[int]:
@@ -53,8 +92,21 @@ class Stored(Windows):
         starts = (number * self.column for number in range(len(self.paths)))
         return [min(self.column, self.file_shape[1] - start) for start in starts]
 
+    def lengthen(self) -> None:
+        """Give the files the lengths they will have, which reading any of their rows needs.
+
+        Raises
+        ------
+        OSError
+        """
+        height, _, bands = self.file_shape
+        for path, width in zip(self.paths, self.widths, strict=True):
+            os.truncate(path, height * width * bands * self.dtype.itemsize)
+
     def read(self, rows: slice, columns: slice) -> np.ndarray:
         """Some rows and columns."""
+        if self._coming is not None:
+            self._coming.wait(self.corner[0] + rows.indices(self.shape[0])[1])
         first, stop, step = columns.indices(self.shape[1])
         parts, left = [], -self.corner[1]
         for path, width in zip(self.paths, self.widths, strict=True):

@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+from threading import Event
 
 import numpy as np
 import pytest
@@ -180,6 +181,62 @@ def test_transparent_deep_zoom_has_tiles_of_png(three, toposeam):
     assert toposeam("stitch", *FILES, *AT, "-o", "out.dzi").code == 0
     deepest = max((three / "out_files").iterdir(), key=lambda path: int(path.name))
     assert (deepest / "0_0.png").exists()
+
+
+ROW = ["stitch", "a.png", "b.png", "--offset", "40,0"]
+
+
+def waited_for(monkeypatch):
+    """After the first window no other is painted before somebody has begun to write the picture."""
+    begun, painted, real = Event(), [], large._painted
+
+    def write(*arguments):
+        begun.set()
+        return compose(*arguments)
+
+    def paint(window):
+        if painted:
+            assert begun.wait(60)
+        painted.append(window.box)
+        return real(window)
+
+    compose = large.write_composite
+    monkeypatch.setattr(large, "write_composite", write)
+    monkeypatch.setattr(large, "_painted", paint)
+    return painted
+
+
+@pytest.mark.parametrize("output", ["out.tif", "out.png", "out.jpg", "out.webp", "out.dzi", "holes.tif"])
+def test_the_picture_is_written_while_it_is_painted(three, toposeam, monkeypatch, stored, output):
+    words = [*ROW, "-o", output] if output != "holes.tif" else ["stitch", *FILES, *AT, "-o", output]
+    monkeypatch.setattr(large, "_known_full", lambda _: None)  # it is not before all is painted
+    assert toposeam(*words).code == 0
+    before = {path: path.read_bytes() for path in three.rglob("*") if path.is_file()}
+    monkeypatch.undo()
+    monkeypatch.chdir(three)
+    monkeypatch.setattr(placing, "STORED_PIXELS", 0)
+    monkeypatch.setattr(large, "BLOCK", 32)
+    monkeypatch.setattr("toposeam_cli.commands.stitch.processes_of", lambda _: 1)
+    painted = waited_for(monkeypatch)
+    assert toposeam(*words, "--force").code == 0
+    assert len(painted) > 1
+    assert {path: path.read_bytes() for path in three.rglob("*") if path.is_file()} == before
+
+
+@pytest.mark.parametrize("fails", ["painting", "writing"])
+def test_what_fails_while_the_picture_is_written_leaves_nothing(three, toposeam, monkeypatch, stored, fails):
+    before = names(three)
+    painted, paint = waited_for(monkeypatch), large._painted
+
+    def failing(*_):
+        raise ts.ImageError("it is broken")
+
+    if fails == "writing":
+        monkeypatch.setattr(picture_files, "vips_image", failing)
+    else:
+        monkeypatch.setattr(large, "_painted", lambda window: failing() if painted else paint(window))
+    toposeam(*ROW, "-o", "out.tif").fails("it is broken")
+    assert names(three) == before
 
 
 @pytest.mark.parametrize("after", [1, 3, 4])

@@ -5,12 +5,12 @@ from __future__ import annotations
 import ctypes
 import dataclasses
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from contextvars import copy_context
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from threading import Thread
 from typing import Any, cast
 
 import numpy as np
@@ -26,6 +26,7 @@ from toposeam.layers.maps import BLOCK, blocks, new_map, part_of
 from toposeam.layers.tasks import Executor, results
 from toposeam.sentence import counted
 from toposeam_cli.composing import Outputs, write_composite
+from toposeam_cli.files.interruption import interruptible
 from toposeam_cli.files.scratch import Scratch
 from toposeam_cli.files.writing import all_or_nothing, atomic_write
 from toposeam_cli.framed import Framed
@@ -39,8 +40,6 @@ from toposeam_cli.placing import PlacedPictures
 _COLUMNS = 4 * BLOCK
 #: Rows of a window that are written at once.
 _ROWS = 64
-#: How often whoever waits for the picture to be written looks for signals, s.
-_LOOK_EVERY_S = 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -217,32 +216,22 @@ def _written(
 
     Packing takes one processor, and as long as painting on many; so it must not wait for that.
     """
-    failed: list[BaseException] = []
-
-    def write() -> None:
+    with ThreadPoolExecutor(1, "writing") as thread:
         try:
-            write_composite(out, picture, partial(store, scratch=scratch))
-        except BaseException as error:
-            failed.append(error)
+            # What it writes belongs to the outputs of the block we are in.
+            write = partial(copy_context().run, write_composite, out, picture)
+            writing = thread.submit(write, partial(store, scratch=scratch))
 
-    def told(rows: int) -> None:
-        if failed:
-            raise failed[0]
-        coming.up_to(rows)
+            def told(rows: int) -> None:
+                if writing.done():  # too early, so it failed
+                    writing.result()
+                coming.up_to(rows)
 
-    # What it writes belongs to the outputs of the block we are in.
-    thread = Thread(target=copy_context().run, args=(write,), name="writing")
-    thread.start()
-    try:
-        yield told
-        while thread.is_alive():
-            thread.join(_LOOK_EVERY_S)
-    except BaseException:
-        coming.give_up()
-        thread.join()
-        raise
-    if failed:
-        raise failed[0]
+            yield told
+            interruptible(writing.result, coming.give_up)
+        except BaseException:
+            coming.give_up()
+            raise
 
 
 def _windows(height: int, width: int) -> Iterator[Box]:

@@ -25,7 +25,7 @@ _LAYOUTS = {42: ("L", "H", "HHL4s"), 43: ("HHQ", "Q", "HHQ8s")}
 #: A classic directory has no more, and damaged ones of BigTIFF are not believed.
 _MOST_TAGS = 1 << 16
 #: How a value of each kind of number is written: of rational ones numerator and denominator.
-_KINDS = {1: "B", 3: "H", 4: "L", 5: "LL", 6: "b", 8: "h", 9: "l", 10: "ll", 11: "f", 12: "d", 16: "Q"}
+KINDS = {1: "B", 3: "H", 4: "L", 5: "LL", 6: "b", 8: "h", 9: "l", 10: "ll", 11: "f", 12: "d", 16: "Q"}
 
 
 def tiff_place(path: Path) -> tuple[int, int] | None:
@@ -66,9 +66,9 @@ def _tags(path: Path) -> dict[int, Fraction] | None:
             (entries,) = _read(file, order + count)
             entries = min(entries, _MOST_TAGS)
             for tag, kind, _, value in [_read(file, order + entry) for _ in range(entries)]:
-                if tag not in _WANTED or kind not in _KINDS:
+                if tag not in _WANTED or kind not in KINDS:
                     continue
-                layout = order + _KINDS[kind]
+                layout = order + KINDS[kind]
                 size = struct.calcsize(layout)
                 if size > len(value):
                     file.seek(*struct.unpack(order + address[-1], value))

@@ -10,12 +10,12 @@ import struct
 from typing import Any
 
 from toposeam.images import Windows
+from toposeam_cli.pictures.tiff_place import KINDS
 
 #: Rows of a strip.
 _ROWS = 16
-#: Kinds of numbers: how they are written.
+#: Of the kinds of numbers, those written here.
 _SHORT, _LONG, _LONG8 = 3, 4, 16
-_KINDS = {_SHORT: "H", _LONG: "L", _LONG8: "Q"}
 #: What `SampleFormat` calls values that are no whole numbers, and `PhotometricInterpretation` gray and RGB.
 _FLOAT, _GRAY, _RGB = 3, 1, 2
 #: Bytes of BigTIFF's own beginning, of an entry of its directory, and of what stands around those.
@@ -110,13 +110,13 @@ def _head(pixels: Windows, line: int) -> bytes:
         279: (_LONG8, sizes),
         339: (_SHORT, [_FLOAT if pixels.dtype.kind == "f" else 1] * bands),
     }
-    lengths = {tag: len(values) * struct.calcsize("<" + _KINDS[kind]) for tag, (kind, values) in tags.items()}
+    lengths = {tag: len(values) * struct.calcsize("<" + KINDS[kind]) for tag, (kind, values) in tags.items()}
     at = _BEGINS + len(tags) * _ENTRY + _AROUND
     begin = at + sum(length for length in lengths.values() if length > 8)
     tags[273] = _LONG8, [begin + start for start in tags[273][1]]
     entries, behind = [], []
     for tag, (kind, values) in tags.items():
-        told = struct.pack(f"<{len(values)}{_KINDS[kind]}", *values)
+        told = struct.pack(f"<{len(values)}{KINDS[kind]}", *values)
         if len(told) > 8:
             behind.append(told)
             told, at = struct.pack("<Q", at), at + len(told)

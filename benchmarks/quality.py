@@ -90,7 +90,7 @@ def cases(variants: list[str]) -> None:
     made = {
         "3.5 toy": (thesis_cases.toy(), {}),
         "3.11 zigzag": (thesis_cases.zigzag(), {}),
-        "3.11 no grad.": (thesis_cases.zigzag(), {"cost": ts.MatchCost(gradient=False)}),
+        "3.11 no grad.": (thesis_cases.zigzag(), {"cost": ts.MatchCost(law="colour")}),
         "3.13 L": (thesis_cases.ell(), {}),
         "3.14 colours": (thesis_cases.random_colours(), {}),
     }

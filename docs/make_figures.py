@@ -52,7 +52,7 @@ def main() -> None:
 def zigzag() -> list[tuple[str, Joined]]:
     case = thesis_cases.zigzag()
     with_gradient = Joined.find(case)
-    without = Joined.find(case, ts.MatchCost(gradient=False))
+    without = Joined.find(case, ts.MatchCost(law="colour"))
     scale, gap, head = 3, 48, 60
     step = case.a.shape[1] * scale + gap
     columns = [_MARGIN + _apart_size(case, scale)[1] + gap + index * step for index in range(3)]

@@ -21,7 +21,7 @@ Mask = npt.NDArray[np.bool_]
 OVERLAP = 20
 
 _GROUND, _SHADE = 0.85, 0.45
-_DRAWN_TO_EDGES = ts.MatchCost(flat=100.0)
+_DRAWN_TO_EDGES = ts.MatchCost(law="gradient", flat=100.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,7 +34,7 @@ class Case:
     #: (H, W) bool, where each patch has pixels; None for both where the arrays are the overlap.
     mask_a: Mask | None = None
     mask_b: Mask | None = None
-    cost: ts.MatchCost = field(default_factory=ts.MatchCost)
+    cost: ts.MatchCost = field(default_factory=lambda: ts.MatchCost(law="gradient"))
     #: (H, W) bool, True where b is meant to show; None where the case plants no boundary.
     planted: Mask | None = None
 

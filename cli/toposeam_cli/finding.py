@@ -75,7 +75,7 @@ class SeamOptions:
     """How seams are found, and what happens across them."""
 
     avoid: Path | None
-    no_gradient: bool
+    law: ts.Law | None
     core: float | None
     max_megapixels: float
     align: bool
@@ -176,7 +176,7 @@ def composed_as(
                 record_frames=out.history is not None,
                 progress=progress,
                 executor=executor,
-                gradient=not find.no_gradient,
+                cost=None if find.law is None else ts.MatchCost(law=find.law),
                 core=find.core,
                 match_tones=find.match_tones,
                 match_shading=find.match_shading,

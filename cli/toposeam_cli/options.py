@@ -354,7 +354,11 @@ PLACEMENT: tuple[Callable[[Any], Any], ...] = (
     ),
     click.option("--avoid", type=FILE, help="Image of the canvas's size; no seam touches its white pixels."),
     click.option(
-        "--no-gradient", is_flag=True, help="Match cost without image gradients, (3.22) instead of (2.4)."
+        "--cost",
+        "law",
+        type=click.Choice(ts.LAWS),
+        help="What a seam avoids: what eyes notice (natural, the default), differences away from edges "
+        "(gradient, 2.4), differences of colour (colour, 3.22).",
     ),
     click.option(
         "--core",

@@ -41,7 +41,7 @@ from .seam.drawing import draw_seams
 from .seam.find import METHODS, Method, find_seam
 from .seam.heat import HeatOptions
 from .seam.likeness import seam_likeness
-from .seam.match_cost import MatchCost
+from .seam.match_cost import LAWS, Law, MatchCost
 from .seam.overlap import SIDES, Side
 from .seam.seam import Seam, apply_paths
 from .seam.thesis_options import ThesisOptions
@@ -93,6 +93,8 @@ __all__ = [
     "JoinedMotifs",
     "JoinedVolume",
     "Jump",
+    "LAWS",
+    "Law",
     "LayOptions",
     "Layer",
     "LayerRecipe",

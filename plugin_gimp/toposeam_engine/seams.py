@@ -112,6 +112,8 @@ def outside(job: EngineJob, layers: Sequence[ts.Layer]) -> Any:
 def blending(options: Mapping[str, Any]) -> dict[str, Any]:
     """The options; a width of 0 means the usual one, and some ways of blending have none."""
     chosen = dict(options)
+    if law := chosen.pop("law", None):
+        chosen["cost"] = ts.MatchCost(law=law)
     width = chosen.pop("blend_width", 0)
     if width and chosen.get("blend") in ("feather", "multiband", "gradient"):
         chosen["blend_width"] = float(width)

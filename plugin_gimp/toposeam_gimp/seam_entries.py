@@ -21,13 +21,15 @@ _METHOD = Option(
     ),
     advanced=True,
 )
-_GRADIENT = Option(
-    name="gradient",
-    label=_("Compare _gradients too"),
-    default=True,
-    help=_(
-        "Also count how much the pictures differ in their gradients, so that the seam does not cut across "
-        "edges"
+_LAW = Option(
+    name="law",
+    label=_("Seam _avoids"),
+    default="natural",
+    help=_("What the seam must not cross; the first keeps people, posts and letters whole"),
+    choices=(
+        ("natural", _("What eyes notice")),
+        ("gradient", _("Differences, but for edges")),
+        ("colour", _("Differences of colour")),
     ),
     advanced=True,
 )
@@ -138,7 +140,7 @@ SEAM_ENTRIES = (
             "per seam. If there is a selection, the seams stay within it. Bend a path with the path tool and "
             "use Re-stitch from Paths to apply it."
         ),
-        options=(_BLEND, _WIDTH, _PLACES, _TONES, _SHOW, _MERGE, _KEEP, _SHADING, _METHOD, _GRADIENT),
+        options=(_BLEND, _WIDTH, _PLACES, _TONES, _SHOW, _MERGE, _KEEP, _SHADING, _METHOD, _LAW),
         returns=("group", "The group of stitched layers, or the merged layer"),
         preview="stitch",
     ),
@@ -171,7 +173,7 @@ SEAM_ENTRIES = (
             "selection, or without any selection the whole layer, is a patch too. The patch becomes a layer "
             "with a mask, and the seam a path; the layer it was cut from is hidden."
         ),
-        options=(_BLEND, _WIDTH, _CORE, _SHOW, _METHOD, _GRADIENT),
+        options=(_BLEND, _WIDTH, _CORE, _SHOW, _METHOD, _LAW),
         returns=("patch", "The layer with the patch"),
         preview="patch",
     ),

@@ -86,7 +86,7 @@ def choices(draw):
     """The options that decide how the seam is found."""
     chosen = [f"--method={draw(st.sampled_from([*METHODS, 'heat', 'heat']))}"]
     if draw(st.booleans()):
-        chosen.append("--no-gradient")
+        chosen += ["--cost", "colour"]
     if draw(st.integers(0, 3)) == 0:
         chosen.append(f"--core={draw(st.floats(0.01, 1)):.3f}")
     return chosen

@@ -200,7 +200,7 @@ def test_options_for_the_engine_leave_out_the_plug_ins_own():
     assert sorted(call.for_engine) == [
         "blend",
         "blend_width",
-        "gradient",
+        "law",
         "match_shading",
         "match_tones",
         "method",

@@ -199,7 +199,7 @@ def test_every_method(gimp, image, samples, method):
     if method == "graph-cut" and find_spec("maxflow") is None:
         refused(gimp, loaded, "PyMaxflow", options={"method": method})
         return
-    succeeded(gimp.stitch(loaded, {"method": method, "gradient": False}))
+    succeeded(gimp.stitch(loaded, {"method": method, "law": "colour"}))
     group = gimp.tree(image=loaded["image"])["layers"][0]
     assert covers_once(*(mask_of(gimp, child["id"]) for child in reversed(group["children"])), 120, 0)
 

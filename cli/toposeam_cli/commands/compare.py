@@ -35,7 +35,7 @@ def compare(
     overlap: Any,
     side: ts.Side | None,
     avoid: Path | None,
-    no_gradient: bool,
+    law: ts.Law | None,
     core: float | None,
     max_megapixels: float,
     methods: tuple[ts.Method, ...],
@@ -53,13 +53,14 @@ def compare(
         [first, second], Where(offset=offset, overlap=overlap, side=side), max_megapixels=max_megapixels
     )
     away = None if avoid is None else read_avoid(avoid, pair.shape, max_megapixels)
+    cost = ts.MatchCost(law=law or "natural")
     canvases = _on_canvas(pair, pair.shape)
     rows: list[dict[str, Any]] = []
     optimum: float | None = None  # the same for every method, and slow to compute
     for method in methods or ts.METHODS:
         row: dict[str, Any] = {"method": method}
         try:
-            stitched = ts.stitch(pair.layers, method=method, gradient=not no_gradient, core=core, avoid=away)
+            stitched = ts.stitch(pair.layers, method=method, cost=cost, core=core, avoid=away)
             seam = stitched.seams[0]
         except ts.MissingPackageError as error:
             row["note"] = str(error)

@@ -87,7 +87,15 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
 @click.option("--still", type=FILE, help="A picture of the frames' size, white where nothing shall move.")
 @click.option("--fps", type=FiniteRange(0.01, 1000), help="Read the clip at so many frames a second.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of --grow: decides the order.")
-@click.option("--no-gradient", is_flag=True, help="Match cost without gradients, (3.22) instead of (2.4).")
+@click.option(
+    "--cost",
+    "law",
+    type=click.Choice(ts.LAWS),
+    default="gradient",
+    show_default=True,
+    help="What a surface avoids: differences of colour (3.22), those away from edges (gradient, 2.4), or what "
+    "eyes notice (natural).",
+)
 @click.option("--mesh", type=OUTPUT, help="Also write the surface in x, y and time: .ply or .stl.")
 @click.option(
     "--max-megapixels",
@@ -153,7 +161,7 @@ def _options(clip: Clip, given: dict[str, Any]) -> dict[str, Any]:
     return options | {
         "level": given["level"],
         "seed": given["seed"],
-        "gradient": not given["no_gradient"],
+        "cost": ts.MatchCost(law=given["law"]),
     }
 
 

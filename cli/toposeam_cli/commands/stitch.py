@@ -367,7 +367,7 @@ def _stitch_clips(files: list[Path], given: dict[str, Any]) -> dict[str, Any]:
     from toposeam_cli.clips.reading import OneFrameError
 
     context = click.get_current_context()
-    meant = {"first", "second", "output", "offset", "no_gradient", "max_megapixels", "force", "quiet"}
+    meant = {"first", "second", "output", "offset", "law", "max_megapixels", "force", "quiet"}
     for parameter in context.command.params:
         name = parameter.name or ""
         if name not in meant and context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
@@ -381,7 +381,7 @@ def _stitch_clips(files: list[Path], given: dict[str, Any]) -> dict[str, Any]:
         second=files[1],
         output=given["output"],
         offset=given["offset"],
-        gradient=not given["no_gradient"],
+        law=given["law"],
         max_pixels=round(given["max_megapixels"] * 1e6),
         force=given["force"],
     )

@@ -51,7 +51,15 @@ class TripleType(click.ParamType):  # type: ignore[type-arg]
     "-o", "--output", type=OUTPUT, required=True, help="The joined stack: .ome.tif, .tif, .npy or .zarr."
 )
 @click.option("--spacing", type=TripleType(False), help="Size of a voxel in µm; the files' own by default.")
-@click.option("--no-gradient", is_flag=True, help="Match cost without gradients, (3.22) instead of (2.4).")
+@click.option(
+    "--cost",
+    "law",
+    type=click.Choice(ts.LAWS),
+    default="colour",
+    show_default=True,
+    help="What a surface avoids: differences of colour (3.22), those away from edges (gradient, 2.4), or what "
+    "eyes notice (natural).",
+)
 @click.option("--labels", type=OUTPUT, help="Also write which stack shows where: 0 for A, 255 for B.")
 @click.option("--mesh", type=OUTPUT, help="Also write the surface, in µm: .ply or .stl.")
 @click.option(
@@ -93,7 +101,7 @@ def volume(a: Path, b: Path, output: Path, **given: Any) -> None:
                 second.voxels if block else np.asarray(second.voxels),
                 offset=given["offset"],
                 spacing=sides,
-                gradient=not given["no_gradient"],
+                cost=ts.MatchCost(law=given["law"]),
                 data_range=_white(first, second, given["white"]),
                 block=block,
                 keep=folder / "labels.zarr" if block else None,

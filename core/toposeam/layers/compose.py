@@ -37,7 +37,7 @@ from toposeam.layers.wrapping import (
     turned_potentials,
     unrolled,
 )
-from toposeam.seam.find import Method, method_options
+from toposeam.seam.find import Method, method_options, usual_law
 from toposeam.seam.heat import HeatOptions
 from toposeam.seam.match_cost import MatchCost, match_options
 from toposeam.seam.posing import as_weights
@@ -106,7 +106,7 @@ def compose(
     check_whole("max_rounds", max_rounds, 0)
     if core is not None:
         check_range(0, 1, above=True, core=core)
-    match = match_options(gradient, cost)
+    match = match_options(gradient, cost, usual_law(method))
     chosen = method_options(method, keywords) if options is None else options
     if options is not None:
         _check_options(method, options, keywords)
@@ -118,7 +118,7 @@ def compose(
     channels = channel_count(layers)
     paths = paths_by_pair(use_path, len(layers))
     check_blend(blend, blend_width)
-    if cost is None:
+    if match.reach is None:
         match = dataclasses.replace(match, reach=reach_of(blend, blend_width))
     canvas = common_canvas(layers, max_megapixels=max_megapixels)
     for name, value in (("match_tones", match_tones), ("match_shading", match_shading)):

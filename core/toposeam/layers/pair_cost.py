@@ -21,7 +21,7 @@ from toposeam.seam.match_cost import Floats32, MatchCost, match_cost
 from toposeam.seam.overlap import FREE, NONE, A, B, Overlap
 from toposeam.seam.posing import forbid
 from toposeam.seam.problem import M_MAX
-from toposeam.seam.reach import STEP, Reach
+from toposeam.seam.reach import STEP, Reach, any_by_steps, within_reach
 
 #: Costs of pairs whose box holds up to so many pixels are kept; others are computed again where they are
 #: looked at.
@@ -69,7 +69,7 @@ class Pictures:
         """As far as a box is concerned."""
         found: Pictures | None = seen.get(id(self))
         if found is None:
-            box = box.grown(AROUND)
+            box = box.grown(AROUND + self.match.look)
             number = range(len(self.layers)) if isinstance(self.layers, Sequence) else list(self.layers)
             near = [index for index in number if all(self.places[index].shared(box).shape)]
 
@@ -154,7 +154,7 @@ class LayerPairCost:
         if math.prod(box.shape) <= _WHOLE_PIXELS:
             yield box
             return
-        inside = self._box.grown(-2).shared(box)
+        inside = self._box.grown(-1 - self._pictures.match.look).shared(box)
         rows, columns = (
             sorted({low, first, last - 1, high - 1}) if last - first > _FRAME else [low, high - 1]
             for low, high, first, last in (
@@ -170,7 +170,8 @@ class LayerPairCost:
 
     def _block(self, box: Box) -> tuple[Floats32, Floats32]:
         pictures = self._pictures
-        around = box.grown(1)  # gradients look one pixel farther
+        look = pictures.match.look
+        around = box.grown(look)
         on_a, on_b = (cut(pictures.covered[k], pictures.places[k], around) for k in self._pair)
         overlap, known = None, cast(tuple[Mask | None, Mask | None], (None, None))
         if not (on_a.all() and on_b.all()):
@@ -185,12 +186,17 @@ class LayerPairCost:
         if pictures.weight is not None:
             weight = cut(pictures.weight, pictures.canvas, around).astype(np.float32)
         at = around.moved(-self.box.top, -self.box.left)
-        nearby = None if self._reach is None else self._reach.on(*at.slices)
-        right, down = match_cost(a, b, overlap, *known, pictures.match, weight, nearby=nearby)
+        nearby = None
+        if self._reach is not None:
+            a, weight, nearby = within_reach(self._reach, a, weight, *at.slices, pictures.match)
+        right, down = match_cost(
+            a, b, overlap, *known, pictures.match, weight, nearby=nearby, start=(around.top, around.left)
+        )
         if pictures.avoid is not None:
             away = cut(pictures.avoid, pictures.canvas, around)
             forbid((down, right), away, FORBIDDEN)
-        return right[1:-1, 1:-1], down[1:-1, 1:-1]
+        inner = slice(look, -look), slice(look, -look)
+        return right[inner], down[inner]
 
     @property
     def _reach(self) -> Reach | None:
@@ -200,14 +206,16 @@ class LayerPairCost:
         return self._nearby
 
     def _seen_by(self, reach: float) -> Reach:
-        def part(rows: slice) -> tuple[Floats32, Mask] | None:
+        def part(rows: slice) -> tuple[Floats32, Mask, Mask] | None:
             top = self.box.top
             here = Box(top + rows.start, self.box.left, top + rows.stop, self.box.right)
-            both = self.shared(here)
-            if not both.any():
+            pictures = self._pictures
+            on_a, on_b = (cut(pictures.covered[k], pictures.places[k], here) for k in self._pair)
+            if not (on_a.any() or on_b.any()):
                 return None
+            both = on_a & on_b
             a, b = widen(*(self._colours(k, here, both, STEP) for k in self._pair))
-            return a - b, both[::STEP, ::STEP]
+            return a - b, both[::STEP, ::STEP], any_by_steps(on_a != on_b)
 
         return Reach.by_rows(self.box.shape, part, reach)
 

@@ -18,6 +18,7 @@ from toposeam.layers.painting import LabelMap, channel_count, paint
 from toposeam.layers.posing import exclusive_covers, meets
 from toposeam.seam.find import find_seam
 from toposeam.seam.match_cost import MatchCost
+from toposeam.seam.natural import CELL
 from toposeam.seam.seam import Seam, apply_paths
 from toposeam.vector.svg import SvgSeam
 
@@ -52,7 +53,9 @@ class Steps:
         layer, place = self._layers[index], self.places[index]
         # All that matters lies where both are, and two pixels around: gradients and grounds end there. A
         # drawing is one of the whole canvas.
-        box = place.shared(self.places[0]).grown(2).shared(self._canvas.box)
+        box = place.shared(self.places[0]).grown(2)
+        # Cells of the match cost begin at even pixels of the canvas.
+        box = Box(box.top - box.top % CELL, box.left - box.left % CELL, *box[2:]).shared(self._canvas.box)
         if drawing is not None or not all(place.shared(self.places[0]).shape):
             box = self._canvas.box
         covers = [cut(cover, at, box) for cover, at in zip(self.covered, self.places, strict=True)]

@@ -304,10 +304,13 @@ def cut_by_flow(problem: SeamProblem, pixels: Mask) -> Mask:
     network, weight, index = problem.grid.network(pixels)
     if not len(weight):  # nothing is known of them: all is as good
         return np.zeros(pixels.shape, bool)
-    # Next to forbidden interfaces rounding would lose the others: as much as all of them together is
-    # forbidding enough.
+    # Next to dear interfaces rounding would lose the others: one that costs more than some cut is in no best
+    # one. Such cuts are those round either terminal, and that of all interfaces that are not forbidden.
     ordinary = float(weight[weight < problem.forbidden].sum())
-    limit = 1.01 * ordinary if ordinary > 0 else weight.max()
+    cuts = [ordinary] + [
+        float(weight[(network.tail == end) | (network.head == end)].sum()) for end in (network.n, network.n + 1)
+    ]
+    limit = 1.01 * min((cut for cut in cuts if cut > 0), default=weight.max())
     return labels_of_nodes(minimum_cut(network, np.minimum(weight, limit)), index, pixels.shape)
 
 

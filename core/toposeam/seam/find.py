@@ -18,7 +18,7 @@ from toposeam.seam.dynamic_programming import dp_labels
 from toposeam.seam.exact import exact_labels, labels_of_nodes
 from toposeam.seam.graph_cut import graph_cut_labels, least_cut
 from toposeam.seam.heat import HeatOptions, heat_path
-from toposeam.seam.match_cost import MatchCost
+from toposeam.seam.match_cost import Law, MatchCost
 from toposeam.seam.overlap import Side
 from toposeam.seam.posing import pose
 from toposeam.seam.problem import SeamProblem
@@ -86,9 +86,9 @@ def find_seam(
         with MMA; `shortest-path` is the exact optimum; `dp` the best seam that never turns back; `graph-cut`
         needs PyMaxflow.
     gradient : bool, optional
-        Match cost (2.4) with gradients, which is the default, or (3.22) without. Not together with `cost`.
+        Short for the law "gradient" (2.4), or "colour" (3.22). Not together with `cost`.
     cost : MatchCost, optional
-        All options of the match cost.
+        All options of the match cost. By default its law is "natural", and "gradient" for method `thesis`.
     weight : (H, W) array_like, optional
         A positive factor on the cost of each pixel's interfaces.
     avoid : (H, W) array_like, optional
@@ -143,6 +143,7 @@ def find_seam(
         avoid=avoid,
         core=core,
         data_range=data_range,
+        usual=usual_law(method),
     )
     if chosen is not None:
         settings |= dataclasses.asdict(chosen)
@@ -152,6 +153,11 @@ def find_seam(
     if prove:
         solution = dataclasses.replace(solution, bound=least_cost(problem, problem.total(solution.labels)))
     return seam_of(problem, only_b, solution, method, settings, seconds)
+
+
+def usual_law(method: Method) -> Law:
+    """The law of the match cost that a method minimises unless another one is asked for."""
+    return "gradient" if method == "thesis" else "natural"
 
 
 def least_cost(problem: SeamProblem, known: float) -> float:

@@ -81,7 +81,7 @@ def seam_labels(
     on_a, on_b = overlap.window(mask_a), overlap.window(mask_b)
     part_a, part_b = overlap.window(a), overlap.window(b)
     part_a[~on_a], part_b[~on_b] = 0, 0
-    right, down = match_cost(part_a, part_b, overlap, on_a, on_b, match_options(None, cost))
+    right, down = match_cost(part_a, part_b, overlap, on_a, on_b, match_options(None, cost, "gradient"))
     problem = SeamProblem(overlap, right, down)
     labels = cut_by_paths(problem) if method in BEST and not closed else None
     if labels is None:

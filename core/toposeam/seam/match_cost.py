@@ -1,14 +1,25 @@
 """The match cost of every pixel interface: how visible a seam would be between two neighbouring pixels.
 
-For neighbours s and t in direction d (horizontal or vertical), with patches A and B (thesis 2.4, after Kwatra
-et al. 2003, doi:10.1145/882262.882264)::
+There are three laws, for neighbours s and t in direction d (horizontal or vertical), with patches A and B.
+
+*gradient* (thesis 2.4, after Kwatra et al. 2003, doi:10.1145/882262.882264)::
 
               |A(s) - B(s)| + |A(t) - B(t)|  +  flat ε
     M(s, t) = ------------------------------------------------  +  length
               |G_A^d(s)| + |G_A^d(t)| + |G_B^d(s)| + |G_B^d(t)| + ε
 
-and without gradients (3.22) M(s, t) = |A(s) - B(s)| + |A(t) - B(t)| + length. Norms are Euclidean over
-channels, gradients are central differences along d (one-sided where the patch ends).
+*colour* (3.22)::
+
+    M(s, t) = |A(s) - B(s)| + |A(t) - B(t)|  +  length
+
+*natural*, for photographs, with the masking m and the things W of :mod:`toposeam.seam.natural`::
+
+    V(s) = min(|A(s) - B(s)| / m(s), 12)  +  ½ |G_A^e(s) - G_B^e(s)| / m(s)  +  W(s)
+    M(s, t) = V(s)²  +  V(t)²  +  length
+
+where e is the direction of the seam, so that what runs across the seam in one picture has to run on in the
+other. A square, as one clear break is seen and many hints of one are not. Norms are Euclidean over channels,
+gradients are central differences (one-sided where the patch ends).
 
 *0/0 and small denominators.* ε keeps a pair in a flat place from costing infinitely much; a pair that is flat
 *and* equal, 0/0 in (2.4), costs ``flat``. Its default of 0 says that nobody sees a seam through equal pixels;
@@ -23,7 +34,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import prod
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -31,8 +42,11 @@ import numpy.typing as npt
 from toposeam.checks import check_choice, check_range
 from toposeam.errors import OptionError
 from toposeam.images import Mask
+from toposeam.seam.natural import LOOK, MOST, perceived
 from toposeam.seam.overlap import FREE, KEPT_PIXELS, KEPT_SHAPES, NONE, Overlap
 
+Law = Literal["natural", "gradient", "colour"]
+LAWS: tuple[Law, ...] = get_args(Law)
 Floats32 = npt.NDArray[np.float32]
 #: Where the step from a pixel to the next one along an axis is known, 1 or 0; and one over how many are, of
 #: the two that each pixel takes part in, 0 for none. One line may stand for all. Neither may be written to.
@@ -56,34 +70,47 @@ class MatchCost:
     --------
     Equal flat pixels shall cost something, so that the seam follows edges through them (Figure 3.11):
 
-    >>> MatchCost(flat=0.5)
-    MatchCost(gradient=True, epsilon=0.02, flat=0.5, length=0.001, reach=0.0)
+    >>> MatchCost(law="gradient", flat=0.5)
+    MatchCost(law='gradient', epsilon=0.02, flat=0.5, length=0.001, reach=None)
     """
 
-    #: Divide by the image gradients (2.4), or not (3.22).
-    gradient: bool = True
-    #: ε, added to the sum of the four gradients; in units of the image's range.
+    #: What is minimised: "natural" for photographs, "gradient" (2.4), "colour" (3.22).
+    law: Law = "natural"
+    #: ε of (2.4), added to the sum of the four gradients; in units of the image's range.
     epsilon: float = 0.02
-    #: Cost of a pair that is equal in both patches and has no gradient.
+    #: Of (2.4): cost of a pair that is equal in both patches and has no gradient.
     flat: float = 0.0
     #: Cost added to each interface.
     length: float = 1e-3
     #: How far, px, the pictures will be blended: differences so near count too (:mod:`toposeam.seam.reach`);
-    #: 0 for a hard cut. Only between two pictures, not in volumes and textures.
-    reach: float = 0.0
+    #: 0 for a hard cut. By default as far as the blend reaches. Not in volumes and textures.
+    reach: float | None = None
 
     def __post_init__(self) -> None:
-        check_choice("gradient", self.gradient, (True, False))
+        check_choice("law", self.law, LAWS)
         check_range(0, above=True, epsilon=self.epsilon, length=self.length)
-        check_range(0, flat=self.flat, reach=self.reach)
+        check_range(0, flat=self.flat, reach=self.reach or 0.0)
 
 
-#: With and without gradients.
-_USUAL = {gradient: MatchCost(gradient=gradient) for gradient in (True, False)}
+    @property
+    def look(self) -> int:
+        """How many pixels beyond its own two the cost of an interface depends on."""
+        return LOOK if self.law == "natural" else 1
 
 
-def match_options(gradient: bool | None, cost: MatchCost | None) -> MatchCost:
-    """The options of the match cost, of which a caller gave one or none.
+_USUAL = {law: MatchCost(law=law) for law in LAWS}
+
+
+def match_options(gradient: bool | None, cost: MatchCost | None, usual: Law = "natural") -> MatchCost:
+    """Choose the options of the match cost, of which a caller gave one or none.
+
+    Parameters
+    ----------
+    gradient : bool, optional
+        Short for the law "gradient", or "colour".
+    cost : MatchCost, optional
+    usual : {"natural", "gradient", "colour"}
+        The law where neither is given.
 
     Raises
     ------
@@ -92,17 +119,18 @@ def match_options(gradient: bool | None, cost: MatchCost | None) -> MatchCost:
 
     Examples
     --------
-    >>> match_options(False, None).gradient, match_options(None, MatchCost(flat=0.5)).flat
-    (False, 0.5)
+    >>> match_options(False, None).law, match_options(None, None).law, match_options(None, MatchCost(law="gradient", flat=0.5)).flat
+    ('colour', 'natural', 0.5)
     """
     if gradient is not None:
         check_choice("gradient", gradient, (True, False))
         if cost is not None:
             raise OptionError(
-                "gradient and cost are both given; write MatchCost(gradient=…) and leave gradient out"
+                "gradient and cost are both given; write MatchCost(law=…) and leave gradient out"
             )
+        return _USUAL["gradient" if gradient else "colour"]
     if cost is None:
-        return _USUAL[gradient is not False]
+        return _USUAL[usual]
     if not isinstance(cost, MatchCost):
         raise OptionError(f"cost is of class {type(cost).__name__}; pass a MatchCost")
     return cost
@@ -133,6 +161,7 @@ def match_cost(
     weight: Floats32 | None = None,
     axes: tuple[int, ...] = (1, 0),
     nearby: Floats32 | None = None,
+    start: Sequence[int] | None = None,
 ) -> tuple[Floats32, ...]:
     """Match cost of the interfaces of an overlap.
 
@@ -150,6 +179,9 @@ def match_cost(
         The directions d. Volumes are (d, h, w, C) with (d, h, w) masks, and have three.
     nearby : (h, w) float32 array, optional
         What is added to the differences (:mod:`toposeam.seam.reach`).
+    start : sequence of int, optional
+        Index of the window's first pixel, which makes the law "natural" independent of windows; by default
+        the overlap's, or 0.
 
     Returns
     -------
@@ -172,25 +204,66 @@ def match_cost(
         bare = (overlap.side != NONE) & ~shared
         if bare.any():
             narrow = (overlap.side == FREE) & shared, bare
-    known_a = _steps(on_a if options.gradient else None, axes)
-    known_b = known_a if on_b is on_a else _steps(on_b if options.gradient else None, axes)
+    if options.law == "natural":
+        first = start or ((0,) * difference.ndim if overlap is None else overlap.start)
+        values = _natural(a, b, difference, shared, first, axes)
+        return tuple(
+            _along(axis, one, None, shared, narrow, options, weight)
+            for axis, one in zip(axes, values, strict=True)
+        )
+    if options.law == "colour":
+        return tuple(_along(axis, difference, None, shared, narrow, options, weight) for axis in axes)
+    known_a = _steps(on_a, axes)
+    known_b = known_a if on_b is on_a else _steps(on_b, axes)
     return tuple(
-        _along(axis, a, b, difference, shared, narrow, steps, options, weight)
-        for axis, *steps in zip(axes, known_a, known_b, strict=True)
+        _along(
+            axis,
+            difference,
+            _gradient(a, steps_a, axis) + _gradient(b, steps_b, axis),
+            shared,
+            narrow,
+            options,
+            weight,
+        )
+        for axis, steps_a, steps_b in zip(axes, known_a, known_b, strict=True)
     )
 
 
-def _along(
-    axis: int,
+def _natural(
     a: Floats32,
     b: Floats32,
     difference: Floats32,
     shared: Mask | None,
+    start: Sequence[int],
+    axes: tuple[int, ...],
+) -> Iterator[Floats32]:
+    """V² of every pixel, for seams across each axis."""
+    masking, things = perceived(a, b, shared, start)
+    seen = difference / masking
+    np.minimum(seen, MOST, out=seen)
+    seen += things
+    planes = a - b
+    steps = _steps(shared, axes)
+    slopes = [_gradient(planes, known, axis) for known, axis in zip(steps, axes, strict=True)]
+    for axis in axes:
+        across = [slope for slope, other in zip(slopes, axes, strict=True) if other != axis]
+        broken = across[0] if len(across) == 1 else np.sqrt(sum(np.square(slope) for slope in across))
+        value = broken / masking
+        value *= np.float32(0.5)
+        value += seen
+        yield np.square(value, out=value)
+
+
+def _along(
+    axis: int,
+    values: Floats32,
+    steepness: Floats32 | None,
+    shared: Mask | None,
     narrow: tuple[Mask, Mask] | None,
-    known: Sequence[Steps | None],
     options: MatchCost,
     weight: Floats32 | None,
 ) -> Floats32:
+    """Add up the values of the two pixels of each interface across an axis, and divide by their steepness."""
     s, t = _pair(axis)
     beside = None
     if narrow is not None:
@@ -199,10 +272,8 @@ def _along(
         if not beside[0].any() and not beside[1].any():
             beside = None
 
-    cost = _both(difference, s, t, beside)
-    if options.gradient:
-        steepness = _gradient(a, known[0], axis)
-        steepness += _gradient(b, known[1], axis)
+    cost = _both(values, s, t, beside)
+    if steepness is not None:
         epsilon = np.float32(options.epsilon)
         divisor = _both(steepness, s, t, beside)
         divisor += epsilon

@@ -15,10 +15,10 @@ from toposeam.checks import check_choice
 from toposeam.errors import ImageError, OptionError
 from toposeam.heat.bricks import HIGH, LOW, along
 from toposeam.images import Image, Mask, as_array, as_float, as_mask, check_shape, unit_of, widen
-from toposeam.seam.match_cost import Floats32, MatchCost, match_cost, match_options
+from toposeam.seam.match_cost import Floats32, Law, MatchCost, match_cost, match_options
 from toposeam.seam.overlap import SIDES, Overlap, Side, between_masks, side_by_side
 from toposeam.seam.problem import M_MAX, SeamProblem
-from toposeam.seam.reach import STEP, Reach
+from toposeam.seam.reach import STEP, Reach, any_by_steps, within_reach
 
 #: The match cost is computed from blocks of about so many pixels.
 _BLOCK_PIXELS = 1 << 18
@@ -37,6 +37,7 @@ def pose(
     avoid: npt.ArrayLike | None,
     core: float,
     data_range: float | None,
+    usual: Law = "natural",
 ) -> tuple[SeamProblem, Mask, dict[str, Any]]:
     """The problem, what only ``b`` covers, and the settings, of arguments as :func:`find_seam` takes them.
 
@@ -45,7 +46,7 @@ def pose(
     OptionError
         For arguments that would be ignored, besides all that :func:`seam_problem` refuses.
     """
-    match = match_options(gradient, cost)
+    match = match_options(gradient, cost, usual)
     masked = mask_a is not None or mask_b is not None
     if side is not None:
         check_choice("side", side, SIDES)
@@ -176,12 +177,13 @@ def _match_cost(
     """The match cost, from blocks of rows: only the rows of one block are held as float32 at a time."""
     h, w = overlap.side.shape
     right, down = np.empty((h, w - 1), np.float32), np.empty((h - 1, w), np.float32)
-    step = max(1, _BLOCK_PIXELS // w)
+    look = cost.look
+    step = max(4 * look, _BLOCK_PIXELS // w)
     reach = _reach(a, b, overlap, on_a, on_b, cost.reach, data_range) if cost.reach else None
     for start in range(0, h, step):
         stop = min(start + step, h)
-        # The lower neighbour of the last row, and a row beyond either end for the gradients.
-        low, high = max(start - 1, 0), min(stop + 2, h)
+        # The lower neighbour of the last row, and as many rows as the cost looks beyond either end.
+        low, high = max(start - look, 0), min(stop + 1 + look, h)
         rows = slice(low, high)
         part = Overlap(
             overlap.side[rows],
@@ -195,7 +197,9 @@ def _match_cost(
             _patch(a, part, here_a, "a", data_range), _patch(b, part, here_b, "b", data_range)
         )
         weight = None if factor is None else factor[rows]
-        nearby = None if reach is None else reach.on(rows, slice(0, w))
+        nearby = None
+        if reach is not None:
+            patch_a, weight, nearby = within_reach(reach, patch_a, weight, rows, slice(0, w), cost)
         beside, below = match_cost(patch_a, patch_b, part, here_a, here_b, cost, weight, nearby=nearby)
         right[start:stop] = beside[start - low : stop - low]
         down[start:stop] = below[start - low : stop - low]
@@ -211,14 +215,14 @@ def _reach(
     reach: float,
     data_range: float | None,
 ) -> Reach:
-    def part(rows: slice) -> tuple[Floats32, Mask]:
+    def part(rows: slice) -> tuple[Floats32, Mask, Mask]:
         start = (overlap.start[0] + rows.start, overlap.start[1])
         here = Overlap(overlap.side[rows], overlap.shared[rows], start, overlap.canvas)
         one, other = widen(
             _patch(a, here, on_a[rows], "a", data_range, STEP),
             _patch(b, here, on_b[rows], "b", data_range, STEP),
         )
-        return one - other, here.shared[::STEP, ::STEP]
+        return one - other, here.shared[::STEP, ::STEP], any_by_steps(on_a[rows] != on_b[rows])
 
     height, width = overlap.side.shape
     return Reach.by_rows((height, width), part, reach)

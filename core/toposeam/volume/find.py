@@ -61,7 +61,7 @@ def find_surface(
     method : {"heat", "graph-cut"}
         `heat` lets heat gather on the surface, from coarse to fine; `graph-cut` needs PyMaxflow.
     gradient : bool, optional
-        Match cost (2.4) with gradients along the three axes, the default, or (3.22) without.
+        Short for the law "gradient" (2.4) along the three axes, or "colour" (3.22), which is the default.
     cost : MatchCost, optional
         All options of the match cost, instead of `gradient`.
     spacing : three positive floats
@@ -106,7 +106,7 @@ def find_surface(
     (np.False_, np.True_)
     """
     check_choice("method", method, SURFACE_METHODS)
-    match = check_no_reach(match_options(gradient, cost), "surfaces")
+    match = check_no_reach(match_options(gradient, cost, "colour"), "surfaces")
     masked = mask_a is not None or mask_b is not None
     if axis is not None:
         check_choice("axis", axis, (0, 1, 2))

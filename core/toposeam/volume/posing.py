@@ -133,10 +133,10 @@ def match_costs(
     step = max(1, _BLOCK_VOXELS // (shape[1] * shape[2]))
     for start in range(0, shape[0], step):
         stop = min(start + step, shape[0])
-        # The next slice of the last one, and a slice beyond either end for the gradients.
-        low, high = max(start - 1, 0), min(stop + 2, shape[0])
+        # The next slice of the last one, and as many slices as the cost looks beyond either end.
+        low, high = max(start - cost.look, 0), min(stop + 1 + cost.look, shape[0])
         part = slice(low, high)
-        block = Overlap(overlap.side[part], overlap.shared[part], (0, 0, 0), overlap.canvas)
+        block = Overlap(overlap.side[part], overlap.shared[part], (low, 0, 0), overlap.canvas)
         one, other = (
             _shares(volume[part], present[part], name, data_range)
             for volume, present, name in ((a, on_a, "a"), (b, on_b, "b"))

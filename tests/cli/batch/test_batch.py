@@ -130,7 +130,7 @@ def test_a_file_of_jobs_says_everything_the_command_line_can(toposeam, pairs):
         """
         [defaults]
         overlap = "20px"
-        no-gradient = true
+        match-tones = true
 
         [[stitch]]
         pictures = ["../left_0.png", "../right_0.png"]
@@ -144,7 +144,7 @@ def test_a_file_of_jobs_says_everything_the_command_line_can(toposeam, pairs):
         overlap = false          # takes the default back
         offset = [36, 0]
         method = "shortest-path"
-        no-gradient = false
+        match-tones = false
         output = "joined/one.png"
 
         [[stitch]]
@@ -161,9 +161,9 @@ def test_a_file_of_jobs_says_everything_the_command_line_can(toposeam, pairs):
     )
     assert toposeam("batch", jobs).code == 0
     zero, one, all_two = (
-        ("--overlap", "20", "--no-gradient"),
+        ("--overlap", "20", "--match-tones"),
         ("--offset", "36,0", "--method", "shortest-path"),
-        ("--overlap", "20", "--no-gradient"),
+        ("--overlap", "20", "--match-tones"),
     )
     for index, options, made in ((0, zero, "zero.png"), (1, one, "one.png"), (2, all_two, "all-2.tif")):
         alone = f"alone{Path(made).suffix}"
@@ -247,8 +247,8 @@ ENTRY = '\n[[stitch]]\nfirst = "left_0.png"\nsecond = "right_0.png"\noverlap = "
         (ENTRY.replace('"20px"', "[]"), ["line 2", "overlap"]),
         (ENTRY.replace('"20px"', "{a = 1}"), ["line 2", "overlap"]),
         (ENTRY.replace('"20px"', "1979-05-27"), ["line 2", "overlap"]),
-        (ENTRY + "no-gradient = 'yes'\n", ["line 2", "no-gradient", "true or false"]),
-        (ENTRY + "no-gradient = true\nno_gradient = true\n", ["line 2", "twice"]),
+        (ENTRY + "match-tones = 'yes'\n", ["line 2", "match-tones", "true or false"]),
+        (ENTRY + "match-tones = true\nmatch_tones = true\n", ["line 2", "twice"]),
         (ENTRY + "pictures = 3\n", ["line 2", "a list of files"]),
         (ENTRY + "pictures = ['a.png']\n", ["line 2", "'first'", "twice"]),
         (ENTRY + "at = [[0, true]]\n", ["line 2", "at is"]),

@@ -146,7 +146,7 @@ def test_seconds_ranges_stills_and_growth(toposeam, clip, tmp_path):
     mask = np.zeros((32, 40), np.uint8)
     mask[:, :20] = 255
     Image.fromarray(mask).save(tmp_path / "still.png")
-    options = ["--length", "0.3s-0.4s", "--still", tmp_path / "still.png", "--level", "--no-gradient"]
+    options = ["--length", "0.3s-0.4s", "--still", tmp_path / "still.png", "--level", "--cost", "colour"]
     assert toposeam("loop", clip, "-o", tmp_path / "still.webp", *options).code == 0
     made, _ = shown(tmp_path / "still.webp")
     assert 8 <= len(made) <= 10

@@ -161,11 +161,11 @@ def test_the_thesis_has_two_formulations(folder, toposeam):
         assert_joined(f"{formulation}.png", "labels.png", "a.png", "b.png", (36, 0))
 
 
-@pytest.mark.parametrize("gradient", [True, False])
-def test_no_gradient_changes_the_cost_and_nothing_else_of_it(folder, toposeam, photographs, gradient):
-    ran = toposeam("stitch", *STRIP, "-o", "out.png", "--json", *([] if gradient else ["--no-gradient"]))
+@pytest.mark.parametrize("law", [None, *ts.LAWS])
+def test_cost_chooses_the_law(folder, toposeam, photographs, law):
+    ran = toposeam("stitch", *STRIP, "-o", "out.png", "--json", *([] if law is None else ["--cost", law]))
     layers = [ts.Layer(image=photographs[0]), ts.Layer(image=photographs[1], at=(36, 0))]
-    stitched = ts.stitch(layers, gradient=gradient)
+    stitched = ts.stitch(layers, cost=ts.MatchCost(law=law or "natural"))
     assert json.loads(ran.out)["cost"] == stitched.seams[0].cost
     np.testing.assert_array_equal(read_picture("out.png").pixels, stitched.image)
 

@@ -49,7 +49,6 @@ def test_where_layers_agree_nothing_changes(kind, dtype):
     assert stitched.image.dtype == dtype
     tolerance = {np.uint8: 0, np.uint16: 1, np.float32: 1e-6}[dtype]
     np.testing.assert_allclose(stitched.image.astype(float), hard.image.astype(float), rtol=0, atol=tolerance)
-    np.testing.assert_array_equal(stitched.masks, hard.masks)
 
 
 @pytest.mark.parametrize("kind", BLURS)
@@ -349,7 +348,7 @@ def test_narrow_blends_take_the_seam_of_the_hard_cut():
     hard = ts.stitch(layers).label_map
     assert (ts.stitch(layers, blend="feather").label_map == hard).all()
     assert (ts.stitch(layers, blend="gradient").label_map == hard).all()
-    assert (ts.stitch(layers, blend="multiband", cost=ts.MatchCost()).label_map == hard).all()
+    assert (ts.stitch(layers, blend="multiband", cost=ts.MatchCost(reach=0)).label_map == hard).all()
     assert (ts.stitch(layers, blend="multiband").label_map != hard).any()
 
 

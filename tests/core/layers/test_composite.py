@@ -220,7 +220,7 @@ def test_the_method_and_its_options_are_handed_on(method):
     assert {seam.method for seam in stitched.seams} == {
         method if method in ("heat", "shortest-path") else "heat"
     }
-    assert stitched.seams[0].settings["gradient"] is False
+    assert stitched.seams[0].settings["law"] == "colour"
     assert ts.stitch(layers[:2], method=method).seams[0].method == method
 
 

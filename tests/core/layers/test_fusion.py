@@ -71,9 +71,9 @@ def test_what_another_reduction_finds_is_taken_where_it_is_cheaper(monkeypatch):
     monkeypatch.setattr(levels, "_ONCE", 0)
     monkeypatch.setattr(levels, "_AFIELD", 10_000)  # reduced as larger problems are
     assert levels.WHOLE_PIXELS < labelling.contested(10**9) < levels._TRIED
-    both = ts.stitch(layers, blend="soft")
+    both = ts.stitch(layers, blend="soft", gradient=True)
     monkeypatch.setattr(levels, "OTHERS", ())
-    once = ts.stitch(layers, blend="soft")
+    once = ts.stitch(layers, blend="soft", gradient=True)
     assert both.cost < once.cost * 0.9999
     away = both.label_map != once.label_map  # beside these seams are other ones; the rest stays as it is
     assert 0 < away.sum() < away.size // 20

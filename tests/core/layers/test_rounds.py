@@ -85,7 +85,7 @@ def test_the_order_does_not_matter(seed):
 
 def test_large_problems_are_settled_where_layers_meet(monkeypatch):
     monkeypatch.setattr(levels, "_TRIED", 2_000)
-    labelling, changed = labelling_of(pile(1, alike=True)), []
+    labelling, changed = labelling_of(pile(1, alike=True), ts.MatchCost(law="gradient")), []
 
     def noted(rounds, executor):
         before = rounds.label_map.copy()

@@ -29,7 +29,7 @@ def small_limits(monkeypatch):
 def test_what_is_left_is_the_same_problem_with_choices_removed(shape, crops):
     mask_a, mask_b = SHAPES[shape]() if shape else (None, None)
     size = mask_a.shape if shape else (120, 30)
-    problem, _ = seam_problem(*crops(np.random.default_rng(2), *size), mask_a, mask_b, "right", MatchCost())
+    problem, _ = seam_problem(*crops(np.random.default_rng(2), *size), mask_a, mask_b, "right", MatchCost(law="gradient"))
     smaller, weight, multiplicity, node_of_pixel = coarse.restrict(problem.grid)
     assert smaller.n < 0.9 * problem.grid.free.sum()
     # Any labelling of the small network costs what the labelling of the pixels behind it costs.
@@ -93,9 +93,9 @@ def test_large_overlaps_of_every_topology(shape):
 def test_the_match_cost_is_the_same_from_blocks_of_rows(crops, monkeypatch):
     mask_a, mask_b = SHAPES["ring"]()
     pair = crops(np.random.default_rng(5), *mask_a.shape)
-    whole = seam_problem(*pair, mask_a, mask_b, "right", MatchCost())[0]
+    whole = seam_problem(*pair, mask_a, mask_b, "right", MatchCost(law="gradient"))[0]
     monkeypatch.setattr(posing, "_BLOCK_PIXELS", 1)
-    problem = seam_problem(*pair, mask_a, mask_b, "right", MatchCost())[0]
+    problem = seam_problem(*pair, mask_a, mask_b, "right", MatchCost(law="gradient"))[0]
     np.testing.assert_array_equal(problem.right, whole.right)
     np.testing.assert_array_equal(problem.down, whole.down)
 
@@ -125,7 +125,7 @@ def test_a_row_keeps_the_pixels_beside_its_cheapest_interface(monkeypatch):
 
 
 def test_pixels_that_are_nodes_alone_are_opened_again(monkeypatch):
-    problem, _ = seam_problem(*np.zeros((2, 1, 8)), None, None, "right", MatchCost())
+    problem, _ = seam_problem(*np.zeros((2, 1, 8)), None, None, "right", MatchCost(law="gradient"))
     nodes = np.full(problem.overlap.side.shape, 9)
     nodes[1, 2:8] = [0, 0, 1, 2, 2, 3]  # the free pixels: the outermost two are fixed
     opened = []

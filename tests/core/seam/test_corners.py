@@ -20,7 +20,7 @@ def problem_on(overlap, seed=0):
     rng = np.random.default_rng(seed)
     a, b = rng.random((2, *overlap.side.shape, 1)).astype(np.float32)
     on_a, on_b = overlap.shared | (overlap.side == A), overlap.shared | (overlap.side == B)
-    return SeamProblem(overlap, *match_cost(a, b, overlap, on_a, on_b, MatchCost()))
+    return SeamProblem(overlap, *match_cost(a, b, overlap, on_a, on_b, MatchCost(law="gradient")))
 
 
 def strip(height, width, side="right", seed=0):

@@ -29,7 +29,7 @@ def test_on_overlaps_of_any_shape_it_costs_what_acut_by_flow_costs(monkeypatch):
         rng = np.random.default_rng([1, index])
         shape = tuple(rng.integers(3, 40, 2))
         a, b = rng.random((2, *shape))
-        options = {"cost": ts.MatchCost(length=10 ** rng.uniform(-4, -1), gradient=bool(index % 2))}
+        options = {"cost": ts.MatchCost(length=10 ** rng.uniform(-4, -1), law=ts.LAWS[index % 3])}
         if index % 4 == 1:
             options["avoid"] = rng.random(shape) < 0.05
         masks = (blob(rng, shape), blob(rng, shape)) if index % 3 else ()
@@ -88,14 +88,14 @@ def test_no_seam_costs_less_than_what_is_proven(shape, crops):
     masks = SHAPES[shape]() if shape else (None, None)
     size = masks[0].shape if shape else (60, 20)
     a, b = crops(np.random.default_rng(5), *size)
-    best = ts.find_seam(a, b, *masks, method="graph-cut")
+    best = ts.find_seam(a, b, *masks, method="graph-cut", gradient=True)
     assert best.bound == pytest.approx(best.cost)
-    heat = ts.find_seam(a, b, *masks)
+    heat = ts.find_seam(a, b, *masks, gradient=True)
     assert (1 - 1e-3) * best.cost <= heat.bound <= best.cost * (1 + 1e-6)
     for method, options in (("heat", {"tolerance": 0.5}), ("thesis", {})):
-        proven = ts.find_seam(a, b, *masks, method=method, prove=True, **options)
+        proven = ts.find_seam(a, b, *masks, method=method, gradient=True, prove=True, **options)
         assert proven.bound == pytest.approx(best.cost, rel=1e-5)
-        assert proven.cost == ts.find_seam(a, b, *masks, method=method, **options).cost
+        assert proven.cost == ts.find_seam(a, b, *masks, method=method, gradient=True, **options).cost
     assert ts.find_seam(a, b, *masks, method="thesis").bound == 0
 
 
@@ -118,7 +118,7 @@ def test_what_is_proven_never_lends_capacity_to_next_to_nothing():
     a = rng.random((30, 12))
     b = a.copy()
     b[::3] += 0.3
-    cost = ts.MatchCost(length=1e-14, gradient=False)
+    cost = ts.MatchCost(law="colour", length=1e-14)
     heat = ts.find_seam(a, b, cost=cost)
     best = ts.find_seam(a, b, cost=cost, method="shortest-path")
     assert heat.bound <= best.cost * (1 + 1e-9)

@@ -10,16 +10,16 @@ from toposeam.seam.match_cost import MatchCost, match_cost
 from toposeam.seam.posing import seam_problem
 
 
-def costs(a, b, **options):
+def costs(a, b, law="gradient", **options):
     """Costs of a strip's interfaces on the image grid, without the window's margin."""
-    problem, _ = seam_problem(a, b, None, None, "right", MatchCost(**options))
+    problem, _ = seam_problem(a, b, None, None, "right", MatchCost(law=law, **options))
     return problem.right[1:-1, 1:-1], problem.down[1:-1, 1:-1]
 
 
 def test_without_gradient_each_interface_costs_the_differences_of_its_two_pixels():
     a = np.zeros((2, 3))
     b = np.array([[0.1, 0.2, 0.4], [0.0, 0.3, 0.5]])
-    right, down = costs(a, b, gradient=False, length=1e-6)
+    right, down = costs(a, b, law="colour", length=1e-6)
     np.testing.assert_allclose(right, [[0.3, 0.6], [0.3, 0.8]], atol=2e-6)
     np.testing.assert_allclose(down, [[0.1, 0.5, 0.9]], atol=2e-6)
 
@@ -55,12 +55,12 @@ def test_gradients_look_at_pixels_that_are_there(shape):
     kinds = (scattered, everywhere, everywhere), (everywhere,) * 3, (box, everywhere, box), (box,) * 3
     for on_a, on_b, told in kinds:  # beyond a box anything may be said
         axes = tuple(range(len(shape) - 1))
-        found = match_cost(a, b, None, on_a, on_b, MatchCost(), axes=axes)
+        found = match_cost(a, b, None, on_a, on_b, MatchCost(law="gradient"), axes=axes)
         difference = np.linalg.norm(a - b, axis=-1)
         for axis, cost in zip(axes, found, strict=True):
-            steep = slopes(a, on_a, axis) + slopes(b, on_b, axis) + MatchCost().epsilon / 2
+            steep = slopes(a, on_a, axis) + slopes(b, on_b, axis) + MatchCost(law="gradient").epsilon / 2
             s, t = ((slice(None),) * axis + (part,) for part in (slice(None, -1), slice(1, None)))
-            expected = (difference[s] + difference[t]) / (steep[s] + steep[t]) + MatchCost().length
+            expected = (difference[s] + difference[t]) / (steep[s] + steep[t]) + MatchCost(law="gradient").length
             compared = told[s] & told[t]
             np.testing.assert_allclose(cost[compared], expected[compared], rtol=1e-4)
 
@@ -69,7 +69,7 @@ def test_norms_are_euclidean_over_any_number_of_channels():
     a = np.zeros((3, 4, 5))
     b = np.zeros((3, 4, 5))
     b[..., :2] = [0.3, 0.4]
-    right, _ = costs(a, b, gradient=False, length=1e-9)
+    right, _ = costs(a, b, law="colour", length=1e-9)
     np.testing.assert_allclose(right, 1.0, rtol=1e-6)
 
 
@@ -105,8 +105,8 @@ def test_an_interface_takes_the_mean_weight_of_its_two_pixels():
     rng = np.random.default_rng(3)
     a, b = rng.random((2, 3, 4))
     weight = np.array([[1.0, 2.0, 4.0, 8.0]] * 2 + [[10.0] * 4])
-    plain = seam_problem(a, b, None, None, "right", MatchCost())[0]
-    weighed = seam_problem(a, b, None, None, "right", MatchCost(), weight)[0]
+    plain = seam_problem(a, b, None, None, "right", MatchCost(law="gradient"))[0]
+    weighed = seam_problem(a, b, None, None, "right", MatchCost(law="gradient"), weight)[0]
     across, along = weighed.right[1:-1, 1:-1], weighed.down[1:-1, 1:-1]
     np.testing.assert_allclose(across[:2], [[1.5, 3, 6]] * plain.right[1:3, 1:-1], rtol=1e-6)
     np.testing.assert_allclose(across[2], 10 * plain.right[3, 1:-1], rtol=1e-6)
@@ -119,14 +119,14 @@ def test_where_the_overlap_is_one_pixel_wide_its_values_count_twice():
     mask_a, mask_b = (np.tile(columns, (3, 1)) for columns in ([1, 1, 1, 0, 0], [0, 0, 1, 1, 1]))
     a, b = np.zeros((3, 5)), np.zeros((3, 5))
     b[:, 2] = [0.1, 0.2, 0.4]
-    problem, _ = seam_problem(a, b, mask_a, mask_b, "right", MatchCost(gradient=False, length=1e-6))
+    problem, _ = seam_problem(a, b, mask_a, mask_b, "right", MatchCost(law="colour", length=1e-6))
     left = 2 - problem.overlap.start[1]  # the shared column on the window
     for border in (left - 1, left):
         np.testing.assert_allclose(problem.right[1:-1, border], [0.2, 0.4, 0.8], atol=2e-6)
     np.testing.assert_allclose(problem.down[1:-1, left], [0.3, 0.6], atol=2e-6)
     # And so does its weight.
     weighed, _ = seam_problem(
-        a, b, mask_a, mask_b, "right", MatchCost(gradient=False, length=1e-6), np.full((3, 5), 3.0)
+        a, b, mask_a, mask_b, "right", MatchCost(law="colour", length=1e-6), np.full((3, 5), 3.0)
     )
     np.testing.assert_allclose(weighed.right, 3 * problem.right, rtol=1e-6)
 
@@ -154,6 +154,6 @@ def test_a_corner_that_only_one_interface_meets_has_its_own_values_twice():
     a, b = np.zeros((2, 3, 3))
     b[1, 1] = 0.4
     b[0, 1] = a[1, 0] = 0.9  # what only one of them covers counts for nothing
-    problem, _ = seam_problem(a, b, on_a, on_b, "right", MatchCost(gradient=False, length=1e-6))
+    problem, _ = seam_problem(a, b, on_a, on_b, "right", MatchCost(law="colour", length=1e-6))
     assert problem.right[problem.right > 0] == pytest.approx([0.8], abs=1e-5)
     assert problem.down[problem.down > 0] == pytest.approx([0.8], abs=1e-5)

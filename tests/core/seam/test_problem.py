@@ -20,7 +20,7 @@ from toposeam.seam.problem import SeamProblem
 def tied():
     """A strip of 2 × 4 px, every interface at 1, whose four free pixels also lie beside other layers."""
     problem, _ = seam_problem(
-        np.zeros((2, 4)), np.full((2, 4), 0.5), None, None, "right", MatchCost(gradient=False, length=1e-9)
+        np.zeros((2, 4)), np.full((2, 4), 0.5), None, None, "right", MatchCost(law="colour", length=1e-9)
     )
     further = np.zeros((2, *problem.overlap.side.shape), np.float32)
     further[0, 1:3, 2:4] = [[1, 2], [4, 8]]

@@ -13,7 +13,7 @@ def reach_of(difference: np.ndarray, known: np.ndarray, rows: int = 96, reach: f
     planes = difference.astype(np.float32)[::STEP, ::STEP, np.newaxis]
     here, lines = known[::STEP, ::STEP], rows // STEP
     blocks = [
-        (STEP * first, planes[first : first + lines], here[first : first + lines])
+        (STEP * first, planes[first : first + lines], here[first : first + lines], ~here[first : first + lines])
         for first in range(0, 96 // STEP, lines)
     ]
     return Reach((96, 128), blocks, reach).on(*EVERYWHERE)
@@ -52,7 +52,7 @@ def test_reach_does_not_depend_on_the_blocks_it_is_made_from():
 
 def test_rows_and_columns_are_those_of_the_whole():
     difference = square().astype(np.float32)[::STEP, ::STEP, None]
-    reach = Reach((96, 128), [(0, difference, np.ones((48, 64), bool))], 32)
+    reach = Reach((96, 128), [(0, difference, np.ones((48, 64), bool), np.zeros((48, 64), bool))], 32)
     whole = reach.on(*EVERYWHERE)
     assert (reach.on(slice(37, 61), slice(70, 93)) == whole[37:61, 70:93]).all()
     assert reach.on(slice(-1, 98), slice(-1, 130)).shape == (99, 131)

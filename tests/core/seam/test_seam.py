@@ -52,7 +52,7 @@ def test_its_settings_reproduce_it(crops):
     a, b = crops(np.random.default_rng(31), 50, 14)
     first = ts.find_seam(a, b, side="left", tolerance=1e-4, cost=ts.MatchCost(length=0.01))
     options = {**first.settings, "method": first.method}
-    fields = ("gradient", "epsilon", "flat", "length", "reach")
+    fields = ("law", "epsilon", "flat", "length", "reach")
     cost = ts.MatchCost(**{name: options.pop(name) for name in fields})
     np.testing.assert_array_equal(ts.find_seam(a, b, cost=cost, **options).labels, first.labels)
 

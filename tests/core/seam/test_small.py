@@ -116,7 +116,7 @@ def test_whatever_the_masks_weights_and_exclusions_seams_are_proven_and_as_good_
         if index % 3 == 0:
             b = a + 0.1 * (rng.random(shape) > 0.5)
         masks = blob(rng, shape), blob(rng, shape)
-        options = {"cost": ts.MatchCost(length=10 ** rng.uniform(-9, -1), gradient=bool(index % 2))}
+        options = {"cost": ts.MatchCost(length=10 ** rng.uniform(-9, -1), law=ts.LAWS[index % 3])}
         if index % 3:
             options["weight"] = 10 ** rng.uniform(-3, 3, shape)
         if index % 4 == 1:

@@ -27,7 +27,7 @@ SIZES = ((60, 15), (80, 20), (120, 30), (160, 40), (240, 60), (320, 80))
 def problem_of(a, b, overlap):
     a, b = (overlap.window(np.atleast_3d(image)).astype(np.float32) / np.float32(255) for image in (a, b))
     on_a, on_b = overlap.shared | (overlap.side == A), overlap.shared | (overlap.side == B)
-    return SeamProblem(overlap, *match_cost(a, b, overlap, on_a, on_b, MatchCost()))
+    return SeamProblem(overlap, *match_cost(a, b, overlap, on_a, on_b, MatchCost(law="gradient")))
 
 
 def strip_problem(crops, seed, height, width, side="right"):

@@ -50,7 +50,7 @@ def test_with_gradient_the_seam_follows_the_zigzag_edge(method):
 @BOTH
 def test_without_gradient_the_seam_is_straight_and_as_short_as_can_be(method):
     case = zigzag()
-    seam = case.find(method, cost=ts.MatchCost(gradient=False))
+    seam = case.find(method, cost=ts.MatchCost(law="colour"))
     line = corners(seam)
     assert len(line) == 81
     assert len(set(line[:, 0])) == 1
@@ -59,7 +59,7 @@ def test_without_gradient_the_seam_is_straight_and_as_short_as_can_be(method):
 @BOTH
 def test_with_and_without_gradient_the_zigzag_patches_join_to_the_same_plain_picture(method):
     case = zigzag()
-    for cost in (None, ts.MatchCost(gradient=False)):
+    for cost in (case.cost, ts.MatchCost(law="colour")):
         joined = case.joined(case.find(method, cost=cost))
         assert (joined == joined[0, 0]).all()
 
@@ -67,7 +67,7 @@ def test_with_and_without_gradient_the_zigzag_patches_join_to_the_same_plain_pic
 def test_where_plain_ground_costs_nothing_the_seam_ignores_the_zigzag():
     # flat = 0, the default: nobody sees a seam through equal pixels.
     case = zigzag()
-    seam = case.find("heat", cost=ts.MatchCost())
+    seam = case.find("heat", cost=ts.MatchCost(law="gradient"))
     assert len(set(corners(seam)[:, 0])) == 1
 
 

@@ -1,0 +1,220 @@
+"""What of a seam eyes notice: the parts of the match cost that look at more than one pixel.
+
+Everything here is computed on *cells* of two pixels along every axis, the means of what both pictures have
+there. With σ_A, σ_B the local standard deviations of the two pictures (over windows of 3 cells)::
+
+    masking      m = ε + κ min(σ_A, σ_B, 0.2)           what is busy in both pictures hides a seam
+    mismatch     v = min(|A - B| / m, 12)
+    foreign      o = min(|A - [B]| / ε, 12)             how far A's colours lie outside of those that B has in
+                                                        5 × 5 cells, or B's outside of A's, whichever is more
+    things       W = T(v) C(v - 1) + T(o) C(o - 1)      with T(x) = ‖x‖₄ / ‖x‖₁
+
+C closes (dilates, then erodes) over 5 cells what is left above 0, so that the inside of a thing costs as much
+as its outline; norms are power means over windows of 7 cells, and their quotient T grows where something is
+thin, so that a post costs as much to cut as a wall. Edges that lie a few pixels apart in the two pictures, and
+leaves that moved, are mismatches but not foreign; a head before trees, a lamp before a wall are both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.images import Mask
+
+Floats32 = npt.NDArray[np.float32]
+
+#: Side of a cell, px.
+CELL = 2
+#: How far, px, the cost of an interface looks beyond its two pixels.
+LOOK = 14
+#: ε, in units of the pictures' range: a difference that is just seen on smooth ground.
+_EPSILON = np.float32(0.03)
+#: κ, and the largest standard deviation that hides more than smaller ones.
+_MASKING, _BUSY = np.float32(0.7), np.float32(0.2)
+#: Mismatch beyond which more of it changes nothing, and below which it is no thing.
+MOST, _UNSEEN = np.float32(12.0), np.float32(1.0)
+#: Windows, in cells: of standard deviations, of colours near by, of the closing, of power means.
+_LOCAL, _NEAR, _CLOSING, _WIDE = 3, 5, 5, 7
+_NONE = np.float32(1e-6)
+
+
+def perceived(
+    a: Floats32, b: Floats32, shared: Mask | None, start: Sequence[int]
+) -> tuple[Floats32, Floats32]:
+    """Compute m and W on every pixel of a window.
+
+    Parameters
+    ----------
+    a, b : (C, h, w) or (C, d, h, w) float32 arrays
+    shared : (h, w) or (d, h, w) bool array, optional
+        Where both have pixels; everywhere by default.
+    start : sequence of int
+        Index of the window's first pixel on the canvas: cells begin at even ones.
+
+    Returns
+    -------
+    masking, thing : float32 arrays of one value per pixel
+
+    Examples
+    --------
+    A post that only one picture has, before a wall without pattern:
+
+    >>> a = np.full((1, 40, 40), 0.5, np.float32)
+    >>> b = a.copy()
+    >>> b[:, :, 18:22] = 1.0
+    >>> masking, thing = perceived(a, b, None, (0, 0))
+    >>> thing[20, 20] > 20, float(thing[20, 0]), float(masking[20, 0])
+    (np.True_, 0.0, 0.029999999329447746)
+    """
+    shape = a.shape[1:]
+    offset = tuple(place % CELL for place in start)
+    known = None if shared is None or shared.all() else _cell_sums(shared[None].astype(np.float32), offset)[0]
+    if known is None and (any(offset) or any(side % CELL for side in shape)):
+        known = _cell_sums(np.ones((1, *shape), np.float32), offset)[0]
+    first, second = (_cell_means(planes, shared, known, offset) for planes in (a, b))
+    there = None if known is None else known > 0
+    masking = np.sqrt(np.minimum(*(_variance(planes, there) for planes in (first, second))))
+    np.minimum(masking, _BUSY, out=masking)
+    masking *= _MASKING
+    masking += _EPSILON
+    difference = first - second
+    mismatch = np.sqrt(np.einsum("c...,c...->...", difference, difference))
+    mismatch /= masking
+    np.minimum(mismatch, MOST, out=mismatch)
+    foreign = np.maximum(_outside(first, second, there), _outside(second, first, there))
+    foreign /= _EPSILON
+    np.minimum(foreign, MOST, out=foreign)
+    if there is not None:
+        mismatch *= there
+        foreign *= there
+    thing = _thinness(mismatch, there) * _closed(mismatch)
+    thing += _thinness(foreign, there) * _closed(foreign)
+    return _on_pixels(masking, offset, shape), _on_pixels(thing, offset, shape)
+
+
+def _cell_sums(planes: Floats32, offset: Sequence[int]) -> Floats32:
+    """Add up the pixels of every cell; those beyond the window count 0."""
+    padding = [(0, 0)] + [
+        (before, -(length + before) % CELL) for before, length in zip(offset, planes.shape[1:], strict=True)
+    ]
+    if any(map(any, padding)):
+        planes = np.pad(planes, padding)
+    for axis in range(1, planes.ndim):
+        before = (slice(None),) * axis
+        planes = planes[(*before, slice(0, None, CELL))] + planes[(*before, slice(1, None, CELL))]
+    return planes
+
+
+def _cell_means(
+    planes: Floats32, shared: Mask | None, known: Floats32 | None, offset: Sequence[int]
+) -> Floats32:
+    if known is None:
+        return _cell_sums(planes, offset) / np.float32(CELL ** (planes.ndim - 1))
+    if shared is not None:
+        planes = planes * shared
+    means: Floats32 = _cell_sums(planes, offset) / np.maximum(known, 1)
+    return means
+
+
+def _on_pixels(cells: Floats32, offset: Sequence[int], shape: Sequence[int]) -> Floats32:
+    for axis in range(cells.ndim):
+        cells = np.repeat(cells, CELL, axis)
+    return np.ascontiguousarray(
+        cells[tuple(slice(first, first + side) for first, side in zip(offset, shape, strict=True))]
+    )
+
+
+def _sums(values: Floats32, size: int) -> Floats32:
+    """Add up windows of an odd number of cells round every cell along the last axes but the first."""
+    half = size // 2
+    for axis in range(1, values.ndim):
+        before = (slice(None),) * axis
+        padding = [(0, 0)] * values.ndim
+        padding[axis] = (half, half)
+        wide = np.pad(values, padding)
+        length = values.shape[axis]
+        total: Floats32 | None = None
+        part, width, at = wide, 1, 0  # `part` holds the sums of windows of `width` that begin at each place
+        while width <= size:
+            if size & width:
+                piece = part[(*before, slice(at, at + length))]
+                total = piece.copy() if total is None else np.add(total, piece, out=total)
+                at += width
+            if 2 * width <= size:
+                part = part[(*before, slice(None, -width))] + part[(*before, slice(width, None))]
+            width *= 2
+        assert total is not None
+        values = total
+    return values
+
+
+def _mean(values: Floats32, there: Mask | None, size: int) -> Floats32:
+    """Average (…) values over windows of what is there; values are 0 elsewhere."""
+    many = np.ones(values.shape, np.float32) if there is None else there.astype(np.float32)
+    both = _sums(np.stack([values, many]), size)
+    mean: Floats32 = both[0] / np.maximum(both[1], 1)
+    return mean
+
+
+def _power_mean(values: Floats32, there: Mask | None) -> Floats32:
+    fourth = np.square(np.square(values))
+    return np.sqrt(np.sqrt(_mean(fourth, there, _WIDE)))
+
+
+def _thinness(values: Floats32, there: Mask | None) -> Floats32:
+    """‖x‖₄ / ‖x‖₁ of windows: 1 where values are even, more where few cells have all of them."""
+    thin: Floats32 = _power_mean(values, there)
+    thin /= np.maximum(_mean(values, there, _WIDE), _NONE)
+    return thin
+
+
+def _variance(planes: Floats32, there: Mask | None) -> Floats32:
+    """Variance over windows, added up over the channels."""
+    squares = np.einsum("c...,c...->...", planes, planes)
+    many = np.ones(squares.shape, np.float32) if there is None else there.astype(np.float32)
+    *sums, total, count = _sums(np.concatenate([planes, squares[None], many[None]]), _LOCAL)
+    np.maximum(count, 1, out=count)
+    variance: Floats32 = total / count
+    for one in sums:
+        variance -= np.square(one / count)
+    return np.maximum(variance, 0, out=variance)
+
+
+def _extreme(operation: np.ufunc, values: Floats32, size: int, beyond: float) -> Floats32:
+    """The largest or smallest of windows of an odd number of cells round every cell, on the axes but the
+    first.
+    """
+    half = size // 2
+    for axis in range(1, values.ndim):
+        before = (slice(None),) * axis
+        padding = [(0, 0)] * values.ndim
+        padding[axis] = (half, half)
+        values = np.pad(values, padding, constant_values=beyond)
+        width = 1
+        while width < size:
+            step = min(width, size - width)
+            values = operation(values[(*before, slice(None, -step))], values[(*before, slice(step, None))])
+            width += step
+    return values
+
+
+def _closed(values: Floats32) -> Floats32:
+    """Close what lies above the unseen, so that holes in things are part of them."""
+    above = np.maximum(values - _UNSEEN, 0)[None]
+    return _extreme(np.minimum, _extreme(np.maximum, above, _CLOSING, 0.0), _CLOSING, np.inf)[0]
+
+
+def _outside(planes: Floats32, others: Floats32, there: Mask | None) -> Floats32:
+    """How far colours lie outside of the range that the other picture's have near by."""
+    low, high = (
+        _extreme(operation, others if there is None else np.where(there, others, beyond), _NEAR, beyond)
+        for operation, beyond in ((np.minimum, np.float32(np.inf)), (np.maximum, np.float32(-np.inf)))
+    )
+    beyond = np.maximum(low - planes, planes - high)
+    np.maximum(beyond, 0, out=beyond)
+    if there is not None:
+        beyond[:, ~there] = 0
+    return np.sqrt(np.einsum("c...,c...->...", beyond, beyond))

@@ -77,6 +77,7 @@ class SeamOptions:
     avoid: Path | None
     law: ts.Law | None
     core: float | None
+    speck: int | None
     max_megapixels: float
     align: bool
     align_radius: int | None
@@ -178,6 +179,7 @@ def composed_as(
                 executor=executor,
                 cost=None if find.law is None else ts.MatchCost(law=find.law),
                 core=find.core,
+                speck=find.speck,
                 match_tones=find.match_tones,
                 match_shading=find.match_shading,
                 wrap=find.wrap,

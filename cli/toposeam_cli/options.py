@@ -363,7 +363,13 @@ PLACEMENT: tuple[Callable[[Any], Any], ...] = (
     click.option(
         "--core",
         type=FiniteRange(0, 1, min_open=True),
-        help="For pictures inside others: the share of their depth that must show; 0.5 inside a single one.",
+        help="For pictures inside others: the share of their depth, from the middle outwards, that must "
+        "show; 0.5 inside a single one.",
+    ),
+    click.option(
+        "--speck",
+        type=click.IntRange(min=0),
+        help="Pieces inside others need not show if they cannot show so many px; 64, or 0.05 % of a picture.",
     ),
 )
 

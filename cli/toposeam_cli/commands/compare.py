@@ -37,6 +37,7 @@ def compare(
     avoid: Path | None,
     law: ts.Law | None,
     core: float | None,
+    speck: int | None,
     max_megapixels: float,
     methods: tuple[ts.Method, ...],
     as_json: bool,
@@ -60,7 +61,9 @@ def compare(
     for method in methods or ts.METHODS:
         row: dict[str, Any] = {"method": method}
         try:
-            stitched = ts.stitch(pair.layers, method=method, cost=cost, core=core, avoid=away)
+            stitched = ts.stitch(
+                pair.layers, method=method, cost=cost, core=core, speck=speck, avoid=away
+            )
             seam = stitched.seams[0]
         except ts.MissingPackageError as error:
             row["note"] = str(error)

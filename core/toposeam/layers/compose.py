@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import check_choice, check_range, check_whole, options_from
+from toposeam.checks import check_choice, check_whole, options_from
 from toposeam.errors import ImageError, OptionError
 from toposeam.images import Mask, as_mask
 from toposeam.layers.blend import Blend, Placed, check_blend, reach_of
@@ -40,6 +40,7 @@ from toposeam.layers.wrapping import (
 from toposeam.seam.find import Method, method_options, usual_law
 from toposeam.seam.heat import HeatOptions
 from toposeam.seam.match_cost import MatchCost, match_options
+from toposeam.seam.overlap import check_core
 from toposeam.seam.posing import as_weights
 from toposeam.seam.seam import Seam
 from toposeam.seam.thesis_options import ThesisOptions
@@ -58,6 +59,7 @@ def compose(
     weight: npt.ArrayLike | None = None,
     avoid: npt.ArrayLike | None = None,
     core: float | None = None,
+    speck: float | None = None,
     blend: Blend = "none",
     blend_width: float | None = None,
     match_tones: bool = False,
@@ -104,8 +106,7 @@ def compose(
     layers = check_layers(layers)
     check_executor(executor)
     check_whole("max_rounds", max_rounds, 0)
-    if core is not None:
-        check_range(0, 1, above=True, core=core)
+    check_core(core, speck)
     match = match_options(gradient, cost, usual_law(method))
     chosen = method_options(method, keywords) if options is None else options
     if options is not None:
@@ -128,13 +129,13 @@ def compose(
     factor = None if weight is None else as_weights(weight, canvas.shape)
     away = None if avoid is None else as_mask(avoid, canvas.shape, "avoid")
     share = CORE if core is None else core
-    common = {"cost": match, "core": share, "data_range": layers[0].data_range}
+    common = {"cost": match, "core": share, "speck": speck, "data_range": layers[0].data_range}
     steps = Steps(layers, canvas, channels, {"weight": factor, "avoid": away}, common)
     given = {} if chosen is None else dataclasses.asdict(chosen)
     if wrap is not None:
         if factor is not None or away is not None or paths:
             raise OptionError("wrap goes without weight, avoid and paths; leave them out")
-        search = _Search(method, given, max_rounds, progress, core, match, executor)
+        search = _Search(method, given, max_rounds, progress, core, speck, match, executor)
         return _round(layers, check_whole("wrap", wrap, 2), search, channels, blend, blend_width)
     seam_of: Callable[[Pair, bool], Seam]
     totals: Callable[[Executor | None], Totals] | None = None
@@ -151,10 +152,11 @@ def compose(
             canvas,
             steps.covered,
             core=core,
+            speck=speck,
             match=match,
             weight=factor,
             avoid=away,
-            given=[(pair, divided(layers, canvas, pair, paths[pair], match, share)) for pair in paths],
+            given=[(pair, divided(layers, canvas, pair, paths[pair], common)) for pair in paths],
         )
         order = order_of(layers, steps.places, steps.covered)
         moves, rounds = best_rounds(
@@ -169,7 +171,7 @@ def compose(
         )
         label_map = moves.label_map
         pairs = moves.pairs(potentials=blend == "soft")
-        made = Made(moves, list(paths), {"core": core, **dataclasses.asdict(match)})
+        made = Made(moves, list(paths), {"core": core, "speck": speck, **dataclasses.asdict(match)})
         made.check(executor)
         seam_of, totals = made, made.totals
     placed = Placed(layers=layers, places=steps.places, covered=steps.covered, label_map=label_map)
@@ -196,6 +198,7 @@ class _Search:
     rounds: int
     progress: Callable[[float], None] | None
     core: float | None
+    speck: float | None
     match: MatchCost
     executor: Executor | None
 
@@ -218,7 +221,10 @@ def _round(
         parts = [turned(layer, period, start) for layer in moved]
         places = [frame.place(part) for part in parts]
         covered = exclusive_covers(parts, places, frame)
-        return pose_labelling(parts, frame, covered, core=search.core, match=search.match), parts, covered
+        labelling = pose_labelling(
+            parts, frame, covered, core=search.core, speck=search.speck, match=search.match
+        )
+        return labelling, parts, covered
 
     cut_at = best_cut(moved, period)
     labelling, parts, covered = posed(cut_at)
@@ -261,7 +267,9 @@ def _round(
         _channels=channels,
         _blend=blend,
         _blend_width=blend_width,
-        _seam=Made(moves, [], {"core": search.core, **dataclasses.asdict(search.match)}),
+        _seam=Made(
+            moves, [], {"core": search.core, "speck": search.speck, **dataclasses.asdict(search.match)}
+        ),
         _begin=0 if flat else margin(period),
         _goes_round=True,
     )

@@ -154,6 +154,7 @@ def stitch(
     weight: npt.ArrayLike | None = None,
     avoid: npt.ArrayLike | None = None,
     core: float | None = None,
+    speck: float | None = None,
     blend: Blend = "none",
     blend_width: float | None = None,
     match_tones: bool = False,
@@ -187,10 +188,14 @@ def stitch(
     avoid : (H, W) array_like on the canvas, optional
         Pixels no seam may touch.
     core : float in (0, 1], optional
-        What must show of a layer that others cover wholly: its pixels that are at least this share as deep as
-        its deepest. By default a layer that lies inside one other layer shows the half of its depth, and one
-        that several others together cover shows only where that makes the seams cheaper, which may be
-        nowhere (:attr:`Stitched.hidden`).
+        What must show of a layer that others cover wholly: this share of its depth, from its middle outwards;
+        1 is all of it but its border, where the seam must run. By default a layer that lies inside one other
+        layer shows the half of its depth, and one that several others together cover shows only where that
+        makes the seams cheaper, which may be nowhere (:attr:`Stitched.hidden`).
+    speck : float, optional
+        A piece of a layer that others cover wholly need not show if it cannot show so many connected pixels,
+        unless the layer has hardly anything else; by default 64, or 0.05 % of the layer's own if that is
+        more. 0 lets every piece show.
     blend : {"none", "feather", "soft", "multiband", "gradient"}
         What happens across the seams (:mod:`toposeam.layers.blend`). The masks stay hard.
     blend_width : float, optional
@@ -241,6 +246,7 @@ def stitch(
         weight=weight,
         avoid=avoid,
         core=core,
+        speck=speck,
         blend=blend,
         blend_width=blend_width,
         match_tones=match_tones,

@@ -5,9 +5,9 @@ layers:
 
 - A layer does not show at its own end, where it has pixels but not the neighbour that another layer has,
   unless all layers there end.
-- A connected piece of a layer that lies wholly inside one other layer keeps its *core*, the pixels at least
-  half as deep as its deepest. One that only several others together cover may show nowhere, unless ``core``
-  is given, the share of its depth, which all pieces without a pixel to themselves then keep. Where cores of
+- A connected piece of a layer that lies wholly inside one other layer keeps its *core*, the inner half of its
+  depth. One that only several others together cover may show nowhere, unless ``core`` is given, the share of
+  its depth, which all pieces without a pixel to themselves then keep. Specks keep none. Where cores of
   several layers meet these are to be chosen from, except that one that lies wholly in another has its place
   alone, of two that are equal the later layer's.
 - Where only one of two neighbours is covered by both layers, its values count twice; where neither is,
@@ -47,6 +47,7 @@ def pose_labelling(
     covered: Sequence[Mask],
     *,
     core: float | None = None,
+    speck: float | None = None,
     match: MatchCost | None = None,
     weight: npt.NDArray[Any] | None = None,
     avoid: Mask | None = None,
@@ -61,7 +62,7 @@ def pose_labelling(
         Their canvas.
     covered : sequence of (h, w) bool arrays
         Per layer, on its place, where it has pixels it may show (:func:`exclusive_covers`).
-    core
+    core, speck
         As for :func:`toposeam.stitch`.
     match
         As for :func:`toposeam.find_seam`.
@@ -72,7 +73,7 @@ def pose_labelling(
     """
     places = [extent.place(layer) for layer in layers]
     allowed = _away_from_ends(places, covered)
-    _keep_cores(extent.box, places, covered, allowed, core)
+    _keep_cores(extent.box, places, covered, allowed, core, speck)
     for pair, labels in given:
         _divide(places, allowed, pair, labels)
     match = MatchCost() if match is None else match
@@ -129,10 +130,15 @@ def _without_ends(index: int, places: Sequence[Box], covered: Sequence[Mask]) ->
 
 
 def _keep_cores(
-    canvas: Box, places: Sequence[Box], covered: Sequence[Mask], allowed: list[Mask], core: float | None
+    canvas: Box,
+    places: Sequence[Box],
+    covered: Sequence[Mask],
+    allowed: list[Mask],
+    core: float | None,
+    speck: float | None,
 ) -> None:
     """Leave, in place, where there are cores no layers to choose from but those whose cores these are."""
-    found = [_cores_of(index, places, covered, allowed[index], core) for index in range(len(places))]
+    found = [_cores_of(index, places, covered, allowed[index], core, speck) for index in range(len(places))]
     there = [own for own in found if own is not None]
     if not there:
         return
@@ -191,7 +197,12 @@ class _Cores:
 
 
 def _cores_of(
-    index: int, places: Sequence[Box], covered: Sequence[Mask], allowed: Mask, core: float | None
+    index: int,
+    places: Sequence[Box],
+    covered: Sequence[Mask],
+    allowed: Mask,
+    core: float | None,
+    speck: float | None,
 ) -> _Cores | None:
     """The cores of those pieces of a layer that lie inside another one, or, with `core`, inside others."""
     place = places[index]
@@ -213,7 +224,8 @@ def _cores_of(
     inside[0] = False
     if not inside.any():
         return None
-    middle = cores(cover, piece, inside, CORE if core is None else core) & dense(allowed)
+    share, own = CORE if core is None else core, int(size[1:].sum())
+    middle = cores(cover, piece, inside, share, speck, own) & dense(allowed)
     if not middle.any():
         return None
     rows, columns = box_of(middle)

@@ -17,7 +17,6 @@ from toposeam.layers.maps import blocks, dense, is_empty, new_map
 from toposeam.layers.painting import LabelMap, channel_count, paint
 from toposeam.layers.posing import exclusive_covers, meets
 from toposeam.seam.find import find_seam
-from toposeam.seam.match_cost import MatchCost
 from toposeam.seam.natural import CELL
 from toposeam.seam.seam import Seam, apply_paths
 from toposeam.vector.svg import SvgSeam
@@ -125,10 +124,9 @@ def paths_by_pair(given: SvgSeam | Mapping[Pair, SvgSeam] | None, count: int) ->
 
 
 def divided(
-    layers: Sequence[Layer], canvas: Extent, pair: Pair, drawing: SvgSeam, match: MatchCost, core: float
+    layers: Sequence[Layer], canvas: Extent, pair: Pair, drawing: SvgSeam, options: dict[str, Any]
 ) -> Mask:
     """(H, W) bool on the canvas, True where a given seam shows the second layer of its pair."""
-    options = {"cost": match, "core": core, "data_range": layers[0].data_range}
     steps = Steps([layers[index] for index in pair], canvas, channel_count(layers), {}, options)
     try:
         return steps.join(1, {}, drawing).labels

@@ -61,6 +61,7 @@ def find_seam(
     weight: npt.ArrayLike | None = None,
     avoid: npt.ArrayLike | None = None,
     core: float = 0.5,
+    speck: float | None = None,
     data_range: float | None = None,
     options: HeatOptions | ThesisOptions | None = None,
     prove: bool = False,
@@ -93,9 +94,14 @@ def find_seam(
         A positive factor on the cost of each pixel's interfaces.
     avoid : (H, W) array_like, optional
         Pixels the seam must not touch.
-    core : float
-        For a patch that lies inside the other, the share of its depth that must show
+    core : float in (0, 1]
+        For a patch that lies inside the other, the share of its depth, from its middle outwards, that must
+        show: 1 is all of it but its border, where the seam must run, and 0.05 hardly more than its middle
         (:mod:`toposeam.seam.overlap`).
+    speck : float, optional
+        A piece inside the other that cannot show so many connected pixels need not show at all, unless the
+        patch has hardly anything else; by default 64, or 0.05 % of the patch's own if that is more. 0 lets
+        every piece show.
     data_range : float, optional
         The value that counts as white, for integers other than uint8 and uint16 and for floats beyond [0, 1].
     options : HeatOptions or ThesisOptions, optional
@@ -142,6 +148,7 @@ def find_seam(
         weight=weight,
         avoid=avoid,
         core=core,
+        speck=speck,
         data_range=data_range,
         usual=usual_law(method),
     )

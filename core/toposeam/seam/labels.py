@@ -48,7 +48,8 @@ def seam_labels(
     *,
     closed: bool = False,
 ) -> Mask:
-    """What :func:`toposeam.find_seam` labels ``b``, found sooner on small overlaps.
+    """What :func:`toposeam.find_seam` labels ``b`` when no piece is too small (``speck=0``), found sooner on
+    small overlaps.
 
     Parameters
     ----------
@@ -77,7 +78,7 @@ def seam_labels(
     >>> labels[:, :4].any(), labels[:, 5:].all()
     (np.False_, np.True_)
     """
-    overlap = between_masks(mask_a, mask_b)
+    overlap = between_masks(mask_a, mask_b, speck=0)
     on_a, on_b = overlap.window(mask_a), overlap.window(mask_b)
     part_a, part_b = overlap.window(a), overlap.window(b)
     part_a[~on_a], part_b[~on_b] = 0, 0

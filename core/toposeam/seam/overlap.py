@@ -15,9 +15,14 @@ with M_max (Figure 3.6). Where the overlap is one pixel wide a pixel touches bot
 its border interfaces get a one-sided cost (:mod:`toposeam.seam.match_cost`).
 
 A component of the overlap that touches the ground of one patch only is a whole piece of the other patch lying
-inside; it has to be told how much of that piece must show. Its *core*, the pixels at least ``core`` times as
-deep as its deepest one, is fixed to the inner patch, and the seam closes round it. A component that touches
+inside; it has to be told how much of that piece must show. Its *core*, what of its depth is not within the
+outermost ``1 - core``, is fixed to the inner patch, and the seam closes round it. A component that touches
 neither ground is covered identically by both patches and stays ``a``.
+
+A core has at least ``speck`` pixels that are connected; a piece that is too small for that is a *speck*, as
+ragged masks have many. It forces nothing and is the outer patch's, unless the inner one has hardly anything
+else. Where one patch has a hole within the overlap, however small, the other one shows, as nothing else can:
+the hole is ground of it like any other, and the seam may close tightly round it.
 """
 
 from __future__ import annotations
@@ -30,7 +35,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from toposeam.checks import check_choice, check_range
+from toposeam.checks import check_choice, check_number, check_range
 from toposeam.errors import OverlapError
 from toposeam.images import Mask
 
@@ -43,6 +48,8 @@ SIDES: tuple[Side, ...] = get_args(Side)
 KEPT_PIXELS = 1 << 14
 #: How many shapes are remembered.
 KEPT_SHAPES = 16
+#: What is a speck if nothing else is said: fewer pixels, or a smaller share of its patch's own.
+SPECK_PX, SPECK_SHARE = 64, 0.0005
 #: Pixels that touch along a side.
 TOUCHING: Mask = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], bool)
 
@@ -125,43 +132,62 @@ def _side_by_side(shape: tuple[int, int], side: Side) -> Overlap:
     ground_b[tuple(last)] = True
     shared = np.zeros(padded, bool)
     shared[1:-1, 1:-1] = True
-    return Overlap(_sides(shared, ground_a, ground_b, 0.0), shared, (-1, -1), shape)
+    return Overlap(_sides(shared, ground_a, ground_b), shared, (-1, -1), shape)
 
 
 _kept_side_by_side = lru_cache(maxsize=KEPT_SHAPES)(_side_by_side)
 
 
-def between_masks(mask_a: Mask, mask_b: Mask, core: float = 0.5) -> Overlap:
+def between_masks(mask_a: Mask, mask_b: Mask, core: float = 0.5, speck: float | None = None) -> Overlap:
     """The overlap of two patches given by where each has pixels.
 
     Parameters
     ----------
     mask_a, mask_b : (H, W) bool arrays
     core : float in (0, 1]
-        For a patch inside the other: the share of its greatest depth from which on its pixels are fixed to
-        it.
+        For a patch inside the other: the share of its depth, from its middle outwards, that is fixed to it.
+        1 is all but its border, where the seam must run: pixels that touch ground of the other, corners
+        included.
+    speck : float, optional
+        How many connected pixels a piece must be able to show if it is to show at all; by default
+        `SPECK_PX`, or `SPECK_SHARE` of its patch's own pixels if these are more.
 
     Raises
     ------
     OverlapError
         When the masks share no pixel, or no component of the overlap has anything to decide.
     OptionError
-        When `core` is out of range.
+        When `core` or `speck` is out of range.
     """
-    check_range(0, 1, above=True, core=core)
+    check_core(core, speck)
     if mask_a.size > KEPT_PIXELS or mask_a.ndim != 2:
-        return _between_masks(mask_a, mask_b, core)
-    return _kept_between_masks((mask_a.shape[0], mask_a.shape[1]), mask_a.tobytes(), mask_b.tobytes(), core)
+        return _between_masks(mask_a, mask_b, core, speck)
+    shape = (mask_a.shape[0], mask_a.shape[1])
+    return _kept_between_masks(shape, mask_a.tobytes(), mask_b.tobytes(), core, speck)
+
+
+def check_core(core: float | None, speck: float | None) -> None:
+    """Refuse a `core` or a `speck` that is out of range; None is what is usual.
+
+    Raises
+    ------
+    OptionError
+    """
+    if core is not None:
+        check_range(0, 1, above=True, core=core)
+    if speck is not None:
+        check_number("speck", speck, 0)
 
 
 @lru_cache(maxsize=KEPT_SHAPES)
-def _kept_between_masks(shape: tuple[int, int], mask_a: bytes, mask_b: bytes, core: float) -> Overlap:
-    return _between_masks(
-        np.frombuffer(mask_a, bool).reshape(shape), np.frombuffer(mask_b, bool).reshape(shape), core
-    )
+def _kept_between_masks(
+    shape: tuple[int, int], mask_a: bytes, mask_b: bytes, core: float, speck: float | None
+) -> Overlap:
+    one, other = (np.frombuffer(mask, bool).reshape(shape) for mask in (mask_a, mask_b))
+    return _between_masks(one, other, core, speck)
 
 
-def _between_masks(mask_a: Mask, mask_b: Mask, core: float) -> Overlap:
+def _between_masks(mask_a: Mask, mask_b: Mask, core: float, speck: float | None) -> Overlap:
     shared = mask_a & mask_b
     if not shared.any():
         raise OverlapError(
@@ -175,7 +201,8 @@ def _between_masks(mask_a: Mask, mask_b: Mask, core: float) -> Overlap:
     frame = Overlap(np.zeros(size, np.uint8), np.zeros(size, bool), start, mask_a.shape)
     on_a, on_b = frame.window(mask_a).astype(bool), frame.window(mask_b).astype(bool)
     shared = on_a & on_b
-    side = _sides(shared, on_a & ~shared, on_b & ~shared, core)
+    own = int(np.count_nonzero(mask_a)), int(np.count_nonzero(mask_b))
+    side = _sides(shared, on_a & ~shared, on_b & ~shared, core, speck, own)
     overlap = Overlap(side, shared, start, frame.canvas)
     if not ((side[shared] == A).any() and (side[shared] == B).any()) and not (side == FREE).any():
         raise OverlapError(
@@ -206,7 +233,14 @@ def at_its_end(covered: Mask, ground: Mask) -> Mask:
     return covered & neighbours(ground & ~covered)
 
 
-def cores(covered: Mask, piece: npt.NDArray[np.int32], inside: npt.NDArray[np.bool_], share: float) -> Mask:
+def cores(
+    covered: Mask,
+    piece: npt.NDArray[np.int32],
+    inside: npt.NDArray[np.bool_],
+    share: float,
+    speck: float | None,
+    own: int,
+) -> Mask:
     """The cores of those pieces of a patch that lie wholly inside others: what must show of them.
 
     Parameters
@@ -217,21 +251,49 @@ def cores(covered: Mask, piece: npt.NDArray[np.int32], inside: npt.NDArray[np.bo
     inside : (n + 1,) bool array
         Per piece, whether it lies inside; that of number 0 is False.
     share : float in (0, 1]
-        A core's pixels are at least this share as deep as the deepest, and 2 px.
+        A core's pixels are at least (1 - `share`) times as deep as the deepest, and 2 px; those of small
+        pieces less deep, until `speck` of them are connected.
+    speck : float or None
+        Smaller parts are none, except the largest of a patch that has hardly anything else; as for
+        :func:`between_masks`.
+    own : int
+        How many pixels the patch has, here and elsewhere.
 
     Examples
     --------
     >>> disc = np.pad(np.ones((5, 5), np.int32), 1)
-    >>> [int(cores(disc > 0, disc, np.array([False, True]), share).sum()) for share in (0.5, 1.0)]
-    [9, 1]
+    >>> [int(cores(disc > 0, disc, np.array([False, True]), share, 0, 25).sum()) for share in (0.1, 0.5, 1)]
+    [1, 9, 9]
     """
+    least = max(SPECK_PX, SPECK_SHARE * own) if speck is None else speck
     depth = scipy.ndimage.distance_transform_edt(np.pad(covered, 1))[(slice(1, -1),) * covered.ndim]
-    deepest = scipy.ndimage.maximum(depth, piece, np.arange(len(inside)))
-    found: Mask = inside[piece] & (depth >= np.maximum(share * deepest[piece], 2.0))
-    return found
+    threshold = np.asarray(scipy.ndimage.maximum(depth, piece, np.arange(len(inside)))) * (1 - share)
+    first: Mask | None = None
+    while True:
+        part, count = scipy.ndimage.label(inside[piece] & (depth >= np.maximum(threshold, 2.0)[piece]))
+        size = np.bincount(part.ravel(), minlength=count + 1)
+        size[0] = 0
+        large = size >= max(least, 1)
+        if first is None:
+            first = part == max(int(np.argmax(size)), 1)
+        found: Mask = large[part]
+        small = inside & (threshold > 2.0)
+        small[piece[found]] = False
+        if not small.any():
+            break
+        threshold[small] *= 0.8
+    lone = not found.any() and own - np.count_nonzero(inside[piece]) < least
+    return first if lone else found
 
 
-def _sides(shared: Mask, ground_a: Mask, ground_b: Mask, core: float) -> npt.NDArray[np.uint8]:
+def _sides(
+    shared: Mask,
+    ground_a: Mask,
+    ground_b: Mask,
+    core: float = 0.5,
+    speck: float | None = None,
+    own: tuple[int, int] = (0, 0),
+) -> npt.NDArray[np.uint8]:
     side = np.full(shared.shape, NONE, np.uint8)
     side[ground_a], side[ground_b] = A, B
     # Beside ground of a alone b ends, and the other way round.
@@ -243,14 +305,17 @@ def _sides(shared: Mask, ground_a: Mask, ground_b: Mask, core: float) -> npt.NDA
         return side
     has_a = np.bincount(piece[touches_a], minlength=count + 1) > 0
     has_b = np.bincount(piece[touches_b], minlength=count + 1) > 0
-    both = has_a & has_b
-    both[0] = True
-    if both.all():
+    has_a[0] = has_b[0] = True
+    if (has_a & has_b).all():
         return side
-    middle = cores(shared, piece, has_a != has_b, core)
-    without = ~both
-    without[piece[middle]] = False
+    without = ~(has_a & has_b)
+    middles = []
+    for inside, inner in ((has_a & ~has_b, B), (has_b & ~has_a, A)):
+        if inside.any():
+            middles.append((cores(shared, piece, inside, core, speck, own[inner]), inner))
+            without[piece[middles[-1][0]]] = False
     outer = np.where(has_b & ~has_a, np.uint8(B), np.uint8(A))
     side[without[piece]] = outer[piece[without[piece]]]
-    side[middle] = np.where(has_a, np.uint8(B), np.uint8(A))[piece[middle]]
+    for middle, inner in middles:
+        side[middle] = inner
     return side

@@ -36,6 +36,7 @@ def pose(
     weight: npt.ArrayLike | None,
     avoid: npt.ArrayLike | None,
     core: float,
+    speck: float | None,
     data_range: float | None,
     usual: Law = "natural",
 ) -> tuple[SeamProblem, Mask, dict[str, Any]]:
@@ -55,9 +56,9 @@ def pose(
             f"side is {side!r}, but masks say where each patch continues; leave one or the other out"
         )
     problem, only_b = seam_problem(
-        a, b, mask_a, mask_b, side or "right", match, weight, avoid, core, data_range
+        a, b, mask_a, mask_b, side or "right", match, weight, avoid, core, speck, data_range
     )
-    place = {"core": core} if masked else {"side": side or "right"}
+    place: dict[str, Any] = {"core": core, "speck": speck} if masked else {"side": side or "right"}
     return problem, only_b, {**place, **dataclasses.asdict(match)}
 
 
@@ -71,6 +72,7 @@ def seam_problem(
     weight: npt.ArrayLike | None = None,
     avoid: npt.ArrayLike | None = None,
     core: float = 0.5,
+    speck: float | None = None,
     data_range: float | None = None,
 ) -> tuple[SeamProblem, Mask]:
     """The problem behind :func:`find_seam`, and the (H, W) mask of the pixels only ``b`` covers.
@@ -90,7 +92,9 @@ def seam_problem(
             "(toposeam.stitch does)"
         )
     canvas = (int(shape_a[0]), int(shape_a[1]))
-    overlap, on_a, on_b, only_b = placed(canvas, mask_a, mask_b, core, lambda: side_by_side(canvas, side))
+    overlap, on_a, on_b, only_b = placed(
+        canvas, mask_a, mask_b, core, speck, lambda: side_by_side(canvas, side)
+    )
     factor = None
     if weight is not None:
         factor = overlap.window(as_weights(weight, canvas)).astype(np.float32)
@@ -106,6 +110,7 @@ def placed(
     mask_a: npt.ArrayLike | None,
     mask_b: npt.ArrayLike | None,
     core: float,
+    speck: float | None,
     unmasked: Callable[[], Overlap],
 ) -> tuple[Overlap, Mask, Mask, Mask]:
     """The overlap of two patches, or volumes; where each has pixels on its window; and what only ``b`` covers
@@ -116,7 +121,7 @@ def placed(
     canvas : shape of both
     mask_a, mask_b : arrays of that shape, optional
         Where each has pixels; everywhere where one of them is not given.
-    core : float
+    core, speck
         As for :func:`toposeam.find_seam`.
     unmasked : callable
         The overlap where neither is given.
@@ -127,7 +132,7 @@ def placed(
     whole = np.ones(canvas, bool)
     full_a = whole if mask_a is None else as_mask(mask_a, canvas, "mask_a")
     full_b = whole if mask_b is None else as_mask(mask_b, canvas, "mask_b")
-    overlap = between_masks(full_a, full_b, core)
+    overlap = between_masks(full_a, full_b, core, speck)
     on_a, on_b = overlap.window(full_a).astype(bool), overlap.window(full_b).astype(bool)
     return overlap, on_a, on_b, full_b & ~full_a
 

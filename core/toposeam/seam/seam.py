@@ -237,6 +237,7 @@ def apply_paths(
     weight: npt.ArrayLike | None = None,
     avoid: npt.ArrayLike | None = None,
     core: float = 0.5,
+    speck: float | None = None,
     data_range: float | None = None,
 ) -> Seam:
     """Join two patches along given paths: read from a file, or made of polylines.
@@ -245,7 +246,7 @@ def apply_paths(
     ----------
     drawing : SvgSeam
         As :func:`toposeam.read_svg` returns it, on the patches' canvas.
-    a, b, mask_a, mask_b, side, gradient, cost, weight, avoid, core, data_range
+    a, b, mask_a, mask_b, side, gradient, cost, weight, avoid, core, speck, data_range
         As for :func:`toposeam.find_seam`.
 
     Returns
@@ -286,6 +287,7 @@ def apply_paths(
         weight=weight,
         avoid=avoid,
         core=core,
+        speck=speck,
         data_range=data_range,
     )
     height, width = problem.overlap.canvas

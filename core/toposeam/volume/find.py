@@ -39,6 +39,7 @@ def find_surface(
     weight: npt.ArrayLike | None = None,
     avoid: npt.ArrayLike | None = None,
     core: float = 0.5,
+    speck: float | None = None,
     channel_axis: int | None = None,
     data_range: float | None = None,
     options: SurfaceOptions | None = None,
@@ -72,9 +73,14 @@ def find_surface(
         A positive factor on the cost of each voxel's interfaces.
     avoid : (D, H, W) array_like, optional
         Voxels the surface must not touch.
-    core : float
-        For a volume that lies inside the other, the share of its depth that must show
+    core : float in (0, 1]
+        For a volume that lies inside the other, the share of its depth, from its middle outwards, that must
+        show: 1 is all of it but its border, where the surface must run, and 0.05 hardly more than its middle
         (:mod:`toposeam.seam.overlap`).
+    speck : float, optional
+        A piece inside the other that cannot show so many connected voxels need not show at all, unless the
+        volume has hardly anything else; by default 64, or 0.05 % of the volume's own if that is more. 0 lets
+        every piece show.
     channel_axis : int, optional
         Where the channels of four-dimensional arrays are; last by default.
     data_range : float, optional
@@ -119,9 +125,9 @@ def find_surface(
     chosen = options_from(SurfaceOptions, options, given, f"method {method}")
     where = 0 if axis is None else axis
     problem, only_b = surface_problem(
-        a, b, mask_a, mask_b, where, match, spacing, weight, avoid, core, channel_axis, data_range
+        a, b, mask_a, mask_b, where, match, spacing, weight, avoid, core, speck, channel_axis, data_range
     )
-    settings: dict[str, Any] = {"core": core} if masked else {"axis": where}
+    settings: dict[str, Any] = {"core": core, "speck": speck} if masked else {"axis": where}
     settings |= {"spacing": tuple(map(float, spacing)), **dataclasses.asdict(match)}
     if method == "heat":
         settings |= dataclasses.asdict(chosen)

@@ -36,6 +36,7 @@ def surface_problem(
     weight: npt.ArrayLike | None = None,
     avoid: npt.ArrayLike | None = None,
     core: float = 0.5,
+    speck: float | None = None,
     channel_axis: int | None = None,
     data_range: float | None = None,
 ) -> tuple[SurfaceProblem, Mask]:
@@ -55,7 +56,9 @@ def surface_problem(
             f"a has {volume_a.shape[3]} channels and b has {volume_b.shape[3]}; convert them to the same "
             "number, or one of them to gray"
         )
-    overlap, on_a, on_b, only_b = placed(canvas, mask_a, mask_b, core, lambda: end_to_end(canvas, axis))
+    overlap, on_a, on_b, only_b = placed(
+        canvas, mask_a, mask_b, core, speck, lambda: end_to_end(canvas, axis)
+    )
     factor = None if weight is None else overlap.window(as_weights(weight, canvas)).astype(np.float32)
     costs = match_costs(
         overlap.window(volume_a), overlap.window(volume_b), overlap, on_a, on_b, cost, factor, data_range

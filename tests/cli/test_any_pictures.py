@@ -89,6 +89,8 @@ def choices(draw):
         chosen += ["--cost", "colour"]
     if draw(st.integers(0, 3)) == 0:
         chosen.append(f"--core={draw(st.floats(0.01, 1)):.3f}")
+    if draw(st.integers(0, 3)) == 0:
+        chosen.append(f"--speck={draw(st.integers(0, 200))}")
     return chosen
 
 
@@ -129,7 +131,7 @@ def check_stitch(a, b, placement, chosen):
         Expected(a, b, *offset_of(placement, a, b)).check(result, b_shows)
         assert read_picture(f"{folder}/overlay.png").pixels.shape == (*b_shows.shape, 3)
         if facts["paths"]:
-            core = [option for option in chosen if "core" in option]
+            core = [option for option in chosen if option.startswith(("--core", "--speck"))]
             again = run(
                 folder,
                 "stitch",

@@ -187,6 +187,7 @@ USAGE = {
     "core 0": ("stitch {a} {b} --overlap 20 --core 0 -o out.png", "not in the range"),
     "core 2": ("stitch {a} {b} --overlap 20 --core 2 -o out.png", "not in the range"),
     "core nan": ("stitch {a} {b} --overlap 20 --core nan -o out.png", "not a finite number"),
+    "speck -1": ("stitch {a} {b} --overlap 20 --speck -1 -o out.png", "not in the range"),
     "no megapixels": ("stitch {a} {b} --overlap 20 --max-megapixels 0 -o out.png", "not in the range"),
     "infinite megapixels": (
         "stitch {a} {b} --overlap 20 --max-megapixels inf -o out.png",

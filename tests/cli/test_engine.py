@@ -1,11 +1,15 @@
 """What the engine answers: layers joined, joined again, aligned."""
 
+import re
+
 import numpy as np
 import pytest
 from engine_requests import message_of, result_of
 from scipy import ndimage
 
 import toposeam as ts
+from toposeam_cli.commands.stitch import stitch
+from toposeam_gimp.seam_entries import SEAM_ENTRIES
 
 
 @pytest.mark.parametrize("ask", ["ask", "ask_process"])
@@ -215,3 +219,17 @@ def test_a_patch_is_divided_anew_by_its_path(request_folder, pair):
     expected = np.zeros((30, 40), bool)
     expected[2:25, 2:20] = True
     np.testing.assert_array_equal(request_folder.pixels(result["masks"][1]) > 0, expected)
+
+
+def test_a_larger_core_shows_more_of_a_patch_as_option_and_entry_say(request_folder, pair):
+    layers = [request_folder.raster("below", np.full((60, 60, 4), 255, np.uint8))]
+    layers.append(request_folder.raster("patch", pair[0], (10, 15)))
+    areas = []
+    for core in (0.05, 0.5, 0.9):
+        result = result_of(request_folder.ask(operation="patch", layers=layers, options={"core": core}))
+        areas.append(np.count_nonzero(request_folder.pixels(result["masks"][1])))
+    assert 0 < areas[0] < areas[1] < areas[2]
+    (option,) = (each for each in stitch.params if each.name == "core")
+    (field,) = (each for entry in SEAM_ENTRIES for each in entry.options if each.name == "core")
+    for text in (option.help, field.help):
+        assert re.search(r"[Tt]he share of .*depth, from .* outwards, that (the seam )?must ", text)

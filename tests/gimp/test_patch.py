@@ -75,7 +75,7 @@ def test_without_a_selection_the_whole_layer_is_the_patch(gimp, image, pictures)
     _, _, files = pictures
     loaded = image(files)
     gimp.python(code="item(number).resize(140, 140, -50, -30)", number=loaded["layers"][1])
-    result = succeeded(patch(gimp, loaded, loaded["layers"][1], {"core": 0.2, "show-seam": True}))
+    result = succeeded(patch(gimp, loaded, loaded["layers"][1], {"core": 0.8, "show-seam": True}))
     mask = mask_of(gimp, result["layer"])
     assert mask.shape == (140, 140)
     assert (mask[60:80, 60:80] == 255).all()

@@ -67,10 +67,10 @@ def test_pictures_of_unlike_sizes_are_aligned_at_the_top(folder, toposeam, photo
     assert read_picture("out.png").alpha is not None  # below the short one there is nothing
 
 
-def test_a_picture_inside_the_other_shows_more_the_smaller_the_core(folder, toposeam, photographs):
+def test_a_picture_inside_the_other_shows_more_the_larger_the_core(folder, toposeam, photographs):
     write_picture("inner.png", Picture(pixels=photographs[0][5:29, 3:40][::-1]))
     areas = []
-    for core in ("0.9", "0.5", "0.1"):
+    for core in ("0.1", "0.5", "0.9"):
         line = (
             "stitch",
             "a.png",
@@ -90,6 +90,20 @@ def test_a_picture_inside_the_other_shows_more_the_smaller_the_core(folder, topo
         areas.append(shown("labels.png").sum())
     assert 0 < areas[0] <= areas[1] <= areas[2]
     assert areas[0] < areas[2]
+
+
+@pytest.mark.parametrize(("speck", "seen"), [("0", True), ("9", True), ("10", False), (None, False)])
+def test_a_speck_of_a_picture_inside_the_other_shows_if_asked_for(folder, toposeam, photographs, speck, seen):
+    opaque = np.zeros((24, 37), np.uint8)
+    opaque[2:22, 2:20] = opaque[8:13, 28:33] = 255
+    inner = photographs[0][5:29, 3:40][::-1]
+    write_picture("inner.png", Picture(pixels=np.ascontiguousarray(inner), alpha=opaque))
+    option = () if speck is None else ("--speck", speck)
+    line = ("stitch", "a.png", "inner.png", "--offset", "9,8", *option, "-o", "out.png")
+    assert toposeam(*line, "--labels", "labels.png").code == 0
+    labels = shown("labels.png")[8:32, 9:46]
+    assert labels[12, 11]
+    assert labels[8:13, 28:33].any() == seen
 
 
 @pytest.mark.medium

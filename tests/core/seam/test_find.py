@@ -273,6 +273,7 @@ def test_settings_say_how_the_patches_lay(crops):
     assert "core" not in ts.find_seam(a, b, side="left").settings
     masked = ts.find_seam(a, b, np.arange(12) < np.full((30, 1), 9), np.arange(12) > np.full((30, 1), 2))
     assert masked.settings["core"] == 0.5
+    assert masked.settings["speck"] is None
     assert "side" not in masked.settings
 
 

@@ -14,7 +14,7 @@ def sphere(spacing=(1, 1, 1), smooth=1.0):
     shell = abs(distance - 12) < 1.2
     b[shell] = a[shell]
     on_b = distance < 17
-    surface = ts.find_surface(a, b, None, on_b, gradient=False, spacing=spacing, core=0.3)
+    surface = ts.find_surface(a, b, None, on_b, gradient=False, spacing=spacing, core=0.7)
     return surface, surface.mesh(smooth)
 
 

@@ -67,6 +67,27 @@ def test_frames_that_overlap_by_60_percent_are_not_forced_to_show():
     assert free.cost < 0.65 * forced.cost
 
 
+@pytest.mark.parametrize("wrap", [None, 120])
+@pytest.mark.parametrize("core", [None, 1])
+def test_specks_of_a_layer_inside_others_need_not_show(core, wrap):
+    rng = np.random.default_rng(2)
+    places = {(30, 60): (0, 0), (30, 61): (59, 0), (20, 50): (5, 5)}
+    alpha = np.zeros((20, 50))
+    alpha[:, :20] = alpha[8:13, 35:40] = 1
+
+    def shown(**options):
+        layers = [ts.Layer(rng.random(shape), at=at) for shape, at in places.items()]
+        layers[2] = ts.Layer(layers[2].image, at=layers[2].at, alpha=alpha)
+        shows = ts.stitch(layers, core=core, wrap=wrap, **options).masks[2]
+        return [bool(shows[10:20, 10:20].any()), bool(shows[13:18, 40:45].any())]
+
+    assert shown() == [True, False]
+    assert shown(speck=9) == [True, True]  # of 5 × 5 px 3 × 3 may show
+    assert shown(speck=10) == [True, False]
+    alpha[:, :20] = 0
+    assert shown()[1]  # there is nothing else of it
+
+
 @pytest.mark.parametrize("count", [2, 3])
 @pytest.mark.parametrize("core", [0, 1.5, float("nan"), "much"])
 def test_a_share_that_is_none_is_refused(count, core):

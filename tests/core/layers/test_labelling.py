@@ -104,16 +104,6 @@ def test_a_layer_that_only_several_others_cover_keeps_a_core_where_one_is_asked_
     assert may_show(layers, 140, 30) == {"(110, 15)"}
 
 
-def test_specks_of_a_layer_inside_others_may_show_nowhere():
-    alpha = np.zeros((30, 90))
-    alpha[:, :30] = alpha[12:17, 60:65] = 1
-    layers = [flat((60, 160), (0, 0)), flat((60, 100), (80, 0)), flat((30, 90), (10, 15), alpha=alpha)]
-    assert may_show(layers, 72, 29) == {"(0, 0)", "(10, 15)"}
-    assert may_show(layers, 72, 29, speck=9, core=1) == {"(10, 15)"}
-    alpha[:, :30] = 0  # then there is nothing else of it
-    assert may_show(layers, 72, 29) == {"(10, 15)"}
-
-
 def test_each_piece_of_a_layer_is_asked_whether_it_lies_inside_one_other():
     alpha = np.zeros((30, 160))
     alpha[:, :40] = alpha[:, 60:100] = 1  # in the first one, and in both together

@@ -45,6 +45,7 @@ from .seam.match_cost import LAWS, Law, MatchCost
 from .seam.overlap import SIDES, Side
 from .seam.seam import Seam, apply_paths
 from .seam.thesis_options import ThesisOptions
+from .seam.verdict import Verdict
 from .solid.generate import Solid, generate_solid
 from .texture.fill import BYS, By, fill
 from .texture.keeping_step import closing_size
@@ -132,6 +133,7 @@ __all__ = [
     "Tileable",
     "TopoSeamError",
     "Turns",
+    "Verdict",
     "Windows",
     "align",
     "apply_coordinates",

@@ -55,7 +55,7 @@ class TripleType(click.ParamType):  # type: ignore[type-arg]
     "--cost",
     "law",
     type=click.Choice(ts.LAWS),
-    default="colour",
+    default="natural",
     show_default=True,
     help="What a surface avoids: differences of colour (3.22), those away from edges (gradient, 2.4), or what "
     "eyes notice (natural).",

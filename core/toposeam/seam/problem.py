@@ -243,6 +243,18 @@ class SeamProblem:
         full = self.complete(labels)
         return np.concatenate([self.right[full[:, 1:] != full[:, :-1]], self.down[full[1:] != full[:-1]]])
 
+    def crossings(self, labels: Mask) -> tuple[Floats32, Indices, Indices]:
+        """Find the interfaces that an (h, w) bool labelling cuts: their costs, and the (x, y) on the canvas of the
+        left or upper one of their two pixels.
+        """
+        full = self.complete(labels)
+        found = []
+        for costs, cut in ((self.right, full[:, 1:] != full[:, :-1]), (self.down, full[1:] != full[:-1])):
+            y, x = np.nonzero(cut & (costs > 0))
+            found.append((costs[y, x], x + self.overlap.start[1], y + self.overlap.start[0]))
+        cost, x, y = (np.concatenate(part) for part in zip(*found, strict=True))
+        return cost, x, y
+
     def cost(self, labels: Mask) -> float:
         """Σ M over the interfaces that an (h, w) bool labelling cuts."""
         return float(self.crossed(labels).sum(dtype=np.float64))

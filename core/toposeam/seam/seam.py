@@ -26,6 +26,7 @@ from toposeam.seam.posing import pose
 from toposeam.seam.problem import SeamProblem
 from toposeam.seam.solution import Solution
 from toposeam.sentence import counted
+from toposeam.seam.verdict import Verdict, verdict_of
 from toposeam.vector.polyline import Polyline, trace_boundary
 from toposeam.vector.svg import SvgSeam, read_svg, write_svg
 
@@ -142,6 +143,15 @@ class Seam:
         """
         return self.problem.total(self._shown) / self._optimum if self._optimum > 0 else 1.0
 
+    @cached_property
+    def verdict(self) -> Verdict | None:
+        """How likely the seam is to be seen, and where; None unless its match cost is that of the law
+        "natural".
+        """
+        if self.settings.get("law") != "natural":
+            return None
+        return verdict_of(*self.problem.crossings(self._shown))
+
     @property
     def length(self) -> float:
         """Length of all its lines, px."""
@@ -165,7 +175,8 @@ class Seam:
 
     def summary(self) -> dict[str, Any]:
         """The seam in numbers, as JSON has them: method, cost, optimum, ratio (of both), bound (what is
-        proven, 0 for nothing), stages, iterations, termination, paths (their number), length_px and seconds.
+        proven, 0 for nothing), stages, iterations, termination, paths (their number), length_px and seconds; of the law "natural" also likeness, worst_likeness and look_at
+        (:class:`toposeam.Verdict`).
 
         The optimum can take longer to compute than the seam took.
         """
@@ -182,7 +193,7 @@ class Seam:
             "paths": len(self.paths),
             "length_px": round(self.length),
             "seconds": round(self.seconds, 6),
-        }
+        } | ({} if self.verdict is None else self.verdict.summary())
 
     def to_svg(self, path: str | Path | None = None) -> str:
         """The seam as an SVG document of the canvas's size, one path per line, its settings in

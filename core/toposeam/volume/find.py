@@ -62,7 +62,7 @@ def find_surface(
     method : {"heat", "graph-cut"}
         `heat` lets heat gather on the surface, from coarse to fine; `graph-cut` needs PyMaxflow.
     gradient : bool, optional
-        Short for the law "gradient" (2.4) along the three axes, or "colour" (3.22), which is the default.
+        Short for the law "gradient" (2.4) along the three axes, or "colour" (3.22); by default it is "natural".
     cost : MatchCost, optional
         All options of the match cost, instead of `gradient`.
     spacing : three positive floats
@@ -112,7 +112,7 @@ def find_surface(
     (np.False_, np.True_)
     """
     check_choice("method", method, SURFACE_METHODS)
-    match = check_no_reach(match_options(gradient, cost, "colour"), "surfaces")
+    match = check_no_reach(match_options(gradient, cost), "surfaces")
     masked = mask_a is not None or mask_b is not None
     if axis is not None:
         check_choice("axis", axis, (0, 1, 2))

@@ -140,7 +140,7 @@ def join_volumes(
         raise ImageError(f"a has dtype {one.dtype} and b has {other.dtype}; convert one of them")
     if one.shape[3] != other.shape[3]:
         raise ImageError(f"a has {one.shape[3]} channels and b has {other.shape[3]}; give both equally many")
-    match = check_no_reach(match_options(gradient, cost, "colour"), "surfaces")
+    match = check_no_reach(match_options(gradient, cost), "surfaces")
     places = placed(one.shape[:3], other.shape[:3], offset)
     settings: dict[str, Any] = {
         "offset": tuple(int(step) for step in offset),

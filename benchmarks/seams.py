@@ -171,7 +171,9 @@ def irregular(seeds: list[int]) -> None:
             took, peers, exacts, ratios = [], [], [], []
             for seed in seeds:
                 a, b = pair(*masks[0].shape, 1 + seed, seed)
-                problem = seam_problem(a, b, *masks, "right", ts.MatchCost(law="gradient" if gradient else "colour"))[0]
+                problem = seam_problem(
+                    a, b, *masks, "right", ts.MatchCost(law="gradient" if gradient else "colour")
+                )[0]
                 found, seconds = METHODS[HEAT][0](problem)
                 best, peer = METHODS[MAXFLOW][0](problem)
                 if name.startswith("L"):

@@ -40,7 +40,7 @@ from .path.plan import PlannedPath, path_cost, plan_path
 from .seam.drawing import draw_seams
 from .seam.find import METHODS, Method, find_seam
 from .seam.heat import HeatOptions
-from .seam.likeness import seam_likeness
+from .seam.likeness import seam_verdict
 from .seam.match_cost import LAWS, Law, MatchCost
 from .seam.overlap import SIDES, Side
 from .seam.seam import Seam, apply_paths
@@ -74,6 +74,7 @@ __all__ = [
     "BLENDS",
     "BYS",
     "EDGES",
+    "LAWS",
     "MAX_PIXELS",
     "METHODS",
     "PALETTES",
@@ -94,7 +95,6 @@ __all__ = [
     "JoinedMotifs",
     "JoinedVolume",
     "Jump",
-    "LAWS",
     "Law",
     "LayOptions",
     "Layer",
@@ -173,7 +173,7 @@ __all__ = [
     "repeat",
     "repeat_densities",
     "restitch",
-    "seam_likeness",
+    "seam_verdict",
     "simplify",
     "smooth_path",
     "stitch",

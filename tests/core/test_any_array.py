@@ -45,7 +45,7 @@ def pair(a, b, **options):
 CALLS = {
     "find_seam": lambda a, b: ts.find_seam(a, b),
     "apply_paths": lambda a, b: ts.apply_paths(ts.read_svg(SEAM.to_svg()), a, b),
-    "seam_likeness": lambda a, b: ts.seam_likeness(SEAM, a, b),
+    "seam_verdict": lambda a, b: ts.seam_verdict(SEAM, a, b),
     "find_surface": lambda a, b: ts.find_surface(
         np.stack([a, b] * 2), np.stack([b, a] * 2), axis=0, channel_axis=-1
     ),

@@ -87,7 +87,7 @@ def test_a_value_that_is_shown_stays_on_one_line():
         lambda: ts.vary(3),
         lambda: ts.palette("fall", {}),
         lambda: ts.smooth_path(PICTURE),
-        lambda: ts.seam_likeness((1, 2), PICTURE, PICTURE),
+        lambda: ts.seam_verdict((1, 2), PICTURE, PICTURE),
         lambda: ts.read_svg((1, 2)),
         lambda: ts.Polyline("ab"),
         lambda: ts.Polyline(np.ones((4, 2)), closed=np.ones(3)),

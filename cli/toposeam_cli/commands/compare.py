@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -47,8 +46,8 @@ def compare(
     \b
     toposeam compare left.png right.png --overlap 25%
 
-    The likeness is the structural similarity, along the seam, of the joined picture and whichever of the two
-    it is more like: 1 where nothing is broken.
+    The likeness says how like the two pictures are along the seam, to eyes: 1 where they show the same, ½
+    where they differ by three times what is just seen; beside it that of the worst tenth, and where to look.
     """  # noqa: D301 - click wants the character
     pair = arrange(
         [first, second], Where(offset=offset, overlap=overlap, side=side), max_megapixels=max_megapixels
@@ -61,9 +60,7 @@ def compare(
     for method in methods or ts.METHODS:
         row: dict[str, Any] = {"method": method}
         try:
-            stitched = ts.stitch(
-                pair.layers, method=method, cost=cost, core=core, speck=speck, avoid=away
-            )
+            stitched = ts.stitch(pair.layers, method=method, cost=cost, core=core, speck=speck, avoid=away)
             seam = stitched.seams[0]
         except ts.MissingPackageError as error:
             row["note"] = str(error)
@@ -80,8 +77,8 @@ def compare(
                 "seconds": seam.seconds,
                 "iterations": len(seam.history),
             }
-            measured = ts.seam_likeness(seam, *canvases, data_range=pair.layers[0].white)
-            row["likeness"] = None if math.isnan(measured) else measured  # JSON has no NaN
+            verdict = ts.seam_verdict(seam, *canvases, data_range=pair.layers[0].white)
+            row |= {**verdict.summary(), "verdict": str(verdict)}
             if seam.termination == ts.Termination.ITERATIONS:
                 row["note"] = "no single line"
         rows.append(row)
@@ -90,13 +87,14 @@ def compare(
         return
     click.echo(
         f"{'method':<14}{'cost':>12}{'÷ optimum':>12}{'seconds':>11}{'iterations':>12}{'likeness':>10}"
+        f"{'worst':>8}"
     )
     for row in rows:
         if "cost" in row:
-            likeness = "–" if row["likeness"] is None else f"{row['likeness']:.4f}"
+            likeness = f"{row['likeness']:>10.4f}{row['worst_likeness']:>8.4f}"
             numbers = f"{row['cost']:>12.4f}{row['ratio']:>12.5f}{row['seconds']:>11.4f}"
-            line = f"{row['method']:<14}{numbers}{row['iterations'] or '–':>12}{likeness:>10}"
-            click.echo(f"{line}  {row.get('note', '')}".rstrip())
+            line = f"{row['method']:<14}{numbers}{row['iterations'] or '–':>12}{likeness}"
+            click.echo(f"{line}  {'; '.join([row['verdict'], *([row['note']] if 'note' in row else [])])}")
         else:
             click.echo(f"{row['method']:<14}{'–':>12}  {row['note']}")
 

@@ -93,8 +93,8 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
     type=click.Choice(ts.LAWS),
     default="gradient",
     show_default=True,
-    help="What a surface avoids: differences of colour (3.22), those away from edges (gradient, 2.4), or what "
-    "eyes notice (natural).",
+    help="What a surface avoids: what eyes notice (natural), differences of colour (colour, 3.22), or those "
+    "away from edges (gradient, 2.4).",
 )
 @click.option("--mesh", type=OUTPUT, help="Also write the surface in x, y and time: .ply or .stl.")
 @click.option(

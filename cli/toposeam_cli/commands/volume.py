@@ -57,8 +57,8 @@ class TripleType(click.ParamType):  # type: ignore[type-arg]
     type=click.Choice(ts.LAWS),
     default="natural",
     show_default=True,
-    help="What a surface avoids: differences of colour (3.22), those away from edges (gradient, 2.4), or what "
-    "eyes notice (natural).",
+    help="What a surface avoids: what eyes notice (natural), differences of colour (colour, 3.22), or those "
+    "away from edges (gradient, 2.4).",
 )
 @click.option("--labels", type=OUTPUT, help="Also write which stack shows where: 0 for A, 255 for B.")
 @click.option("--mesh", type=OUTPUT, help="Also write the surface, in µm: .ply or .stl.")

@@ -28,6 +28,7 @@ from toposeam.seam.heat import HeatOptions
 from toposeam.seam.match_cost import MatchCost
 from toposeam.seam.seam import Seam
 from toposeam.seam.thesis_options import ThesisOptions
+from toposeam.seam.verdict import Verdict, worst_of
 from toposeam.sentence import counted
 from toposeam.vector.svg import SvgSeam, write_svg
 
@@ -85,6 +86,11 @@ class Stitched:
     def cost(self) -> float:
         """Σ M over all seams."""
         return sum(seam.cost for seam in self.seams)
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """That of the seam most likely to be seen; None unless the law of the match cost is "natural"."""
+        return worst_of(seam.verdict for seam in self.seams)
 
     def __repr__(self) -> str:
         height, width = self.label_map.shape

@@ -24,6 +24,7 @@ from toposeam.layers.painting import LabelMap, paint
 from toposeam.layers.tasks import Executor
 from toposeam.optimize.history import Termination
 from toposeam.seam.seam import Seam, knows_potential
+from toposeam.seam.verdict import Verdict, worst_of
 from toposeam.sentence import counted
 from toposeam.vector.polyline import Polyline
 
@@ -60,6 +61,8 @@ class Totals:
     seconds: float
     #: Name of the method that found the first of them.
     method: str
+    #: That of the worst of them; None unless their match cost is that of the law "natural".
+    verdict: Verdict | None = None
 
 
 class _Blank(Windows):
@@ -279,6 +282,7 @@ class Composition:
             cost=sum(seam.cost for seam in seams),
             seconds=sum(seam.seconds for seam in seams),
             method=seams[0].method if seams else "",
+            verdict=worst_of(seam.verdict for _, seam in self.seams()),
         )
 
     @property

@@ -23,6 +23,7 @@ from toposeam.seam.overlap import FREE
 from toposeam.seam.problem import BLOCKED
 from toposeam.seam.seam import Seam
 from toposeam.seam.solution import Solution
+from toposeam.seam.verdict import Verdict, verdict_of, worst_of
 
 #: Beyond its box the problem of a seam keeps so many px, where boxes are large.
 _MARGIN, _LARGE_BOX = 8, 1 << 20
@@ -40,8 +41,8 @@ class _Between:
     label_map: LabelMap
 
 
-def _measured(between: _Between) -> tuple[int, float]:
-    """How many interfaces of a seam cost something, and what all do."""
+def _measured(between: _Between) -> tuple[int, float, Verdict]:
+    """How many interfaces of a seam cost something, what all do, and what that says to eyes."""
     found = [(np.zeros(0, np.intp), np.zeros(0, np.intp))]
     label_map, canvas = between.label_map, between.canvas
     for block in several(label_map, between.cost.box.shared(canvas), side=BLOCK):
@@ -54,7 +55,8 @@ def _measured(between: _Between) -> tuple[int, float]:
             found.append((at, np.full(len(at), axis)))
     first_pixel, along = (np.concatenate(part) for part in zip(*found, strict=True))
     costs = costs_at(between.cost, canvas, first_pixel, along)
-    return int(np.count_nonzero(costs)), float(costs.sum())
+    y, x = np.divmod(first_pixel[costs > 0], canvas.shape[1])
+    return int(np.count_nonzero(costs)), float(costs.sum()), verdict_of(costs[costs > 0], x, y)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +68,7 @@ class Made:
     given: Collection[Pair]
     #: Recorded with every seam.
     common: Mapping[str, Any]
-    _found: dict[Pair, tuple[int, float]] = field(default_factory=dict)
+    _found: dict[Pair, tuple[int, float, Verdict]] = field(default_factory=dict)
 
     def __call__(self, pair: Pair, beside: bool) -> Seam:
         """The seam between two layers of :meth:`Rounds.pairs` as they show now.
@@ -124,21 +126,26 @@ class Made:
         OverlapError
         """
         forbidden = self.moves.labelling.forbidden
-        if np.isfinite(forbidden) and any(cost >= forbidden for _, cost in self.measured(executor).values()):
+        if np.isfinite(forbidden) and any(
+            cost >= forbidden for _, cost, _ in self.measured(executor).values()
+        ):
             raise OverlapError(BLOCKED)
 
     def totals(self, executor: Executor | None = None) -> Totals:
         """Of all seams, their pairs looked at where an executor does so."""
         found = self.measured(executor)
         return Totals(
-            length=float(sum(length for length, _ in found.values())),
-            cost=sum(cost for _, cost in found.values()),
+            length=float(sum(length for length, _, _ in found.values())),
+            cost=sum(cost for _, cost, _ in found.values()),
             seconds=sum(self.moves.seconds.get(pair, 0.0) for pair in found),
             method="path" if next(iter(found), None) in self.given else self.moves.method,
+            verdict=worst_of(verdict for _, _, verdict in found.values())
+            if self.common.get("law") == "natural"
+            else None,
         )
 
-    def measured(self, executor: Executor | None = None) -> dict[Pair, tuple[int, float]]:
-        """How long each seam is, px, and what it costs, without making it; they are looked at once."""
+    def measured(self, executor: Executor | None = None) -> dict[Pair, tuple[int, float, Verdict]]:
+        """How long each seam is, px, what it costs, and its verdict, without making it."""
         if self._found:
             return self._found
         labelling = self.moves.labelling

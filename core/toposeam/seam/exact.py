@@ -308,7 +308,8 @@ def cut_by_flow(problem: SeamProblem, pixels: Mask) -> Mask:
     # one. Such cuts are those round either terminal, and that of all interfaces that are not forbidden.
     ordinary = float(weight[weight < problem.forbidden].sum())
     cuts = [ordinary] + [
-        float(weight[(network.tail == end) | (network.head == end)].sum()) for end in (network.n, network.n + 1)
+        float(weight[(network.tail == end) | (network.head == end)].sum())
+        for end in (network.n, network.n + 1)
     ]
     limit = 1.01 * min((cut for cut in cuts if cut > 0), default=weight.max())
     return labels_of_nodes(minimum_cut(network, np.minimum(weight, limit)), index, pixels.shape)

@@ -9,13 +9,13 @@ there. With σ_A, σ_B the local standard deviations of the two pictures (over w
                                                         5 × 5 cells, or B's outside of A's, whichever is more
     things       W = T(v) C(v - 1) + T(o) C(o - 1)      with T(x) = ‖x‖₄ / ‖x‖₁
 
-C closes (dilates, then erodes) over 5 cells what is left above 0, so that the inside of a thing costs as much
-as its outline; norms are power means over windows of 7 cells, and their quotient T grows where something is
-thin, so that a post costs as much to cut as a wall. Edges that lie a few pixels apart in the two pictures, and
-leaves that moved, are mismatches but not foreign; a head before trees, a lamp before a wall are both.
+C closes (dilates, then erodes) over 5 cells what is left above 0, so that the inside of a thing costs as
+much as its outline; norms are power means over windows of 7 cells, and their quotient T grows where something
+is thin, so that a post costs as much to cut as a wall. Edges that lie a few pixels apart in the two pictures,
+and leaves that moved, are mismatches but not foreign; a head before trees, a lamp before a wall are both.
 
-In volumes nobody looks at the surface, but cells are counted: W has min(σ_A, σ_B, 0.2) / 2 ε more, so that where
-two stacks agree the surface goes through ground rather than through a cell.
+In volumes nobody looks at the surface, but cells are counted: W has min(σ_A, σ_B, 0.2) / 2 ε more, so that
+where two stacks agree the surface goes through ground rather than through a cell.
 """
 
 from __future__ import annotations
@@ -81,12 +81,12 @@ def perceived(
         known = _cell_sums(np.ones((1, *shape), np.float32), offset)[0]
     first, second = (_cell_means(planes, shared, known, offset) for planes in (a, b))
     there = None if known is None else known > 0
-    busy = np.sqrt(np.minimum(*(_variance(planes, there) for planes in (first, second))))
-    np.minimum(busy, _BUSY, out=busy)
+    busy = np.minimum(_variance(first, there), _variance(second, there))
+    np.minimum(np.sqrt(busy, out=busy), _BUSY, out=busy)
     masking = busy * _MASKING
     masking += _EPSILON
     difference = first - second
-    mismatch = np.sqrt(np.einsum("c...,c...->...", difference, difference))
+    mismatch = _norm(difference)
     mismatch /= masking
     np.minimum(mismatch, MOST, out=mismatch)
     foreign = np.maximum(_outside(first, second, there), _outside(second, first, there))
@@ -100,6 +100,11 @@ def perceived(
     if len(shape) == 3:
         thing += busy * (_STRUCTURE / _EPSILON)
     return _on_pixels(masking, offset, shape), _on_pixels(thing, offset, shape)
+
+
+def _norm(planes: Floats32) -> Floats32:
+    squares: Floats32 = np.einsum("c...,c...->...", planes, planes)
+    return np.sqrt(squares, out=squares)
 
 
 def _cell_sums(planes: Floats32, offset: Sequence[int]) -> Floats32:
@@ -141,19 +146,15 @@ def _sums(values: Floats32, size: int) -> Floats32:
         before = (slice(None),) * axis
         padding = [(0, 0)] * values.ndim
         padding[axis] = (half, half)
-        wide = np.pad(values, padding)
         length = values.shape[axis]
-        total: Floats32 | None = None
-        part, width, at = wide, 1, 0  # `part` holds the sums of windows of `width` that begin at each place
-        while width <= size:
-            if size & width:
-                piece = part[(*before, slice(at, at + length))]
-                total = piece.copy() if total is None else np.add(total, piece, out=total)
-                at += width
-            if 2 * width <= size:
-                part = part[(*before, slice(None, -width))] + part[(*before, slice(width, None))]
+        part, width, at = np.pad(values, padding), 1, 1  # `part`: sums of `width` cells from each place on
+        total = part[(*before, slice(length))].copy()
+        while 2 * width <= size:
+            part = part[(*before, slice(None, -width))] + part[(*before, slice(width, None))]
             width *= 2
-        assert total is not None
+            if size & width:
+                total += part[(*before, slice(at, at + length))]
+                at += width
         values = total
     return values
 
@@ -211,17 +212,20 @@ def _extreme(operation: np.ufunc, values: Floats32, size: int, beyond: float) ->
 def _closed(values: Floats32) -> Floats32:
     """Close what lies above the unseen, so that holes in things are part of them."""
     above = np.maximum(values - _UNSEEN, 0)[None]
-    return _extreme(np.minimum, _extreme(np.maximum, above, _CLOSING, 0.0), _CLOSING, np.inf)[0]
+    closed: Floats32 = _extreme(np.minimum, _extreme(np.maximum, above, _CLOSING, 0.0), _CLOSING, np.inf)[0]
+    return closed
 
 
 def _outside(planes: Floats32, others: Floats32, there: Mask | None) -> Floats32:
     """How far colours lie outside of the range that the other picture's have near by."""
     low, high = (
-        _extreme(operation, others if there is None else np.where(there, others, beyond), _NEAR, beyond)
-        for operation, beyond in ((np.minimum, np.float32(np.inf)), (np.maximum, np.float32(-np.inf)))
+        _extreme(
+            operation, others if there is None else np.where(there, others, np.float32(beyond)), _NEAR, beyond
+        )
+        for operation, beyond in ((np.minimum, np.inf), (np.maximum, -np.inf))
     )
-    beyond = np.maximum(low - planes, planes - high)
-    np.maximum(beyond, 0, out=beyond)
+    apart = np.maximum(low - planes, planes - high)
+    np.maximum(apart, 0, out=apart)
     if there is not None:
-        beyond[:, ~there] = 0
-    return np.sqrt(np.einsum("c...,c...->...", beyond, beyond))
+        apart[:, ~there] = 0
+    return _norm(apart)

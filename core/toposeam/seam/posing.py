@@ -98,7 +98,7 @@ def seam_problem(
     factor = None
     if weight is not None:
         factor = overlap.window(as_weights(weight, canvas)).astype(np.float32)
-    right, down = _match_cost(a, b, overlap, on_a, on_b, cost, factor, data_range)
+    right, down = costs_on(a, b, overlap, on_a, on_b, cost, factor, data_range)
     forbidden = float("inf")
     if avoid is not None:
         forbidden = forbid((down, right), overlap.window(as_mask(avoid, canvas, "avoid")))
@@ -169,7 +169,7 @@ def forbid(costs: Sequence[Floats32], avoid: Mask, forbidden: float | None = Non
     return forbidden
 
 
-def _match_cost(
+def costs_on(
     a: Image,
     b: Image,
     overlap: Overlap,

@@ -82,7 +82,7 @@ class Reach:
             at = np.s_[:, row : row + here.shape[1], : here.shape[2]]
             sums[at] += here
             counts[at] += _by_cells(known[np.newaxis], known)
-            alone[at[1:]] |= _by_cells(single[np.newaxis], single)[0] > 0
+            alone[at[1:]] = alone[at[1:]] | (_by_cells(single[np.newaxis], single)[0] > 0)
         if sums is None:
             sums = np.zeros((1, *cells), np.float32)
         self._values, self._even = _bands(sums, counts, levels)

@@ -25,8 +25,8 @@ from toposeam.seam.overlap import Side
 from toposeam.seam.posing import pose
 from toposeam.seam.problem import SeamProblem
 from toposeam.seam.solution import Solution
-from toposeam.sentence import counted
 from toposeam.seam.verdict import Verdict, verdict_of
+from toposeam.sentence import counted
 from toposeam.vector.polyline import Polyline, trace_boundary
 from toposeam.vector.svg import SvgSeam, read_svg, write_svg
 
@@ -175,8 +175,8 @@ class Seam:
 
     def summary(self) -> dict[str, Any]:
         """The seam in numbers, as JSON has them: method, cost, optimum, ratio (of both), bound (what is
-        proven, 0 for nothing), stages, iterations, termination, paths (their number), length_px and seconds; of the law "natural" also likeness, worst_likeness and look_at
-        (:class:`toposeam.Verdict`).
+        proven, 0 for nothing), stages, iterations, termination, paths (their number), length_px and seconds; of
+        the law "natural" also likeness, worst_likeness and look_at (:class:`toposeam.Verdict`).
 
         The optimum can take longer to compute than the seam took.
         """

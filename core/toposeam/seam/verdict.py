@@ -1,7 +1,7 @@
 """How likely a seam is to be seen, and where: a number for scripts that make many joins, and for people.
 
-Along the seam the costs of the law "natural" (:mod:`toposeam.seam.natural`) are averaged over squares of 16 px.
-Of a mean cost c per interface, which is V² of one pixel plus V² of the other, the likeness is::
+Along the seam the costs of the law "natural" (:mod:`toposeam.seam.natural`) are averaged over squares of
+16 px. Of a mean cost c per interface, which is V² of one pixel plus V² of the other, the likeness is::
 
     1 / (1 + c / 18)
 
@@ -11,6 +11,7 @@ near 0 where something is cut in two.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -93,3 +94,10 @@ def verdict_of(
         worst=float(np.average(likeness[worst], weights=count[worst])),
         where=(round(float(x[there].mean())), round(float(y[there].mean()))),
     )
+
+
+def worst_of(verdicts: Iterable[Verdict | None]) -> Verdict | None:
+    """Choose the one whose worst part is least like; None where one is missing, or there are none."""
+    found = list(verdicts)
+    known = [verdict for verdict in found if verdict is not None]
+    return min(known, key=lambda verdict: verdict.worst) if known and len(known) == len(found) else None

@@ -62,7 +62,7 @@ def find_surface(
     method : {"heat", "graph-cut"}
         `heat` lets heat gather on the surface, from coarse to fine; `graph-cut` needs PyMaxflow.
     gradient : bool, optional
-        Short for the law "gradient" (2.4) along the three axes, or "colour" (3.22); by default it is "natural".
+        Short for the law "gradient" (2.4) along the three axes, or "colour" (3.22); "natural" by default.
     cost : MatchCost, optional
         All options of the match cost, instead of `gradient`.
     spacing : three positive floats

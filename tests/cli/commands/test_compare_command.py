@@ -14,7 +14,7 @@ def test_compare_tells_every_method(folder, toposeam):
     ran = toposeam("compare", *STRIP)
     assert (ran.code, ran.err) == (0, "")
     head, *rows = ran.out.splitlines()
-    assert head.split() == ["method", "cost", "÷", "optimum", "seconds", "iterations", "likeness"]
+    assert head.split() == ["method", "cost", "÷", "optimum", "seconds", "iterations", "likeness", "worst"]
     assert [row.split()[0] for row in rows] == list(ts.METHODS)
     assert names(folder) == ["a.png", "b.png"]
 

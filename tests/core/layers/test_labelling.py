@@ -200,7 +200,9 @@ def test_what_lies_near_a_seam_is_told_from_every_second_row_and_column(at):
         colours.append(np.pad(whole, [(1, 1), (1, 1), (0, 0)])[cost.box.moved(1, 1).slices])
         both = both & np.pad(here, 1)[cost.box.moved(1, 1).slices]
     difference = np.where(both[..., np.newaxis], colours[0] - colours[1], np.float32(0))
-    expected = Reach(both.shape, [(0, difference[::STEP, ::STEP], both[::STEP, ::STEP], ~both[::STEP, ::STEP])], 16.0)
+    expected = Reach(
+        both.shape, [(0, difference[::STEP, ::STEP], both[::STEP, ::STEP], ~both[::STEP, ::STEP])], 16.0
+    )
     np.testing.assert_allclose(found._values, expected._values, atol=1e-6)
     assert max(image.seen for image in images) <= np.prod([side // STEP + 1 for side in cost.box.shape])
 

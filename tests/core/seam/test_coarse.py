@@ -29,7 +29,9 @@ def small_limits(monkeypatch):
 def test_what_is_left_is_the_same_problem_with_choices_removed(shape, crops):
     mask_a, mask_b = SHAPES[shape]() if shape else (None, None)
     size = mask_a.shape if shape else (120, 30)
-    problem, _ = seam_problem(*crops(np.random.default_rng(2), *size), mask_a, mask_b, "right", MatchCost(law="gradient"))
+    problem, _ = seam_problem(
+        *crops(np.random.default_rng(2), *size), mask_a, mask_b, "right", MatchCost(law="gradient")
+    )
     smaller, weight, multiplicity, node_of_pixel = coarse.restrict(problem.grid)
     assert smaller.n < 0.9 * problem.grid.free.sum()
     # Any labelling of the small network costs what the labelling of the pixels behind it costs.

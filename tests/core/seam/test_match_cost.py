@@ -60,7 +60,9 @@ def test_gradients_look_at_pixels_that_are_there(shape):
         for axis, cost in zip(axes, found, strict=True):
             steep = slopes(a, on_a, axis) + slopes(b, on_b, axis) + MatchCost(law="gradient").epsilon / 2
             s, t = ((slice(None),) * axis + (part,) for part in (slice(None, -1), slice(1, None)))
-            expected = (difference[s] + difference[t]) / (steep[s] + steep[t]) + MatchCost(law="gradient").length
+            expected = (difference[s] + difference[t]) / (steep[s] + steep[t]) + MatchCost(
+                law="gradient"
+            ).length
             compared = told[s] & told[t]
             np.testing.assert_allclose(cost[compared], expected[compared], rtol=1e-4)
 

@@ -13,7 +13,12 @@ def reach_of(difference: np.ndarray, known: np.ndarray, rows: int = 96, reach: f
     planes = difference.astype(np.float32)[::STEP, ::STEP, np.newaxis]
     here, lines = known[::STEP, ::STEP], rows // STEP
     blocks = [
-        (STEP * first, planes[first : first + lines], here[first : first + lines], ~here[first : first + lines])
+        (
+            STEP * first,
+            planes[first : first + lines],
+            here[first : first + lines],
+            ~here[first : first + lines],
+        )
         for first in range(0, 96 // STEP, lines)
     ]
     return Reach((96, 128), blocks, reach).on(*EVERYWHERE)

@@ -83,8 +83,7 @@ def perceived(
     there = None if known is None else known > 0
     busy = np.minimum(_variance(first, there), _variance(second, there))
     np.minimum(np.sqrt(busy, out=busy), _BUSY, out=busy)
-    masking = busy * _MASKING
-    masking += _EPSILON
+    masking: Floats32 = np.add(busy * _MASKING, _EPSILON, dtype=np.float32)
     difference = first - second
     mismatch = _norm(difference)
     mismatch /= masking
@@ -123,11 +122,10 @@ def _cell_sums(planes: Floats32, offset: Sequence[int]) -> Floats32:
 def _cell_means(
     planes: Floats32, shared: Mask | None, known: Floats32 | None, offset: Sequence[int]
 ) -> Floats32:
-    if known is None:
-        return _cell_sums(planes, offset) / np.float32(CELL ** (planes.ndim - 1))
-    if shared is not None:
+    if shared is not None and known is not None:
         planes = planes * shared
-    means: Floats32 = _cell_sums(planes, offset) / np.maximum(known, 1)
+    count = np.float32(CELL ** (planes.ndim - 1)) if known is None else np.maximum(known, np.float32(1))
+    means: Floats32 = _cell_sums(planes, offset) / count
     return means
 
 

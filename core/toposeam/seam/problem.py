@@ -244,8 +244,8 @@ class SeamProblem:
         return np.concatenate([self.right[full[:, 1:] != full[:, :-1]], self.down[full[1:] != full[:-1]]])
 
     def crossings(self, labels: Mask) -> tuple[Floats32, Indices, Indices]:
-        """Find the interfaces that an (h, w) bool labelling cuts: their costs, and the (x, y) on the canvas of
-        the left or upper one of their two pixels.
+        """Find the interfaces that an (h, w) bool labelling cuts: their costs, and the (x, y) on the canvas
+        of the left or upper one of their two pixels.
         """
         full = self.complete(labels)
         found = []

@@ -145,9 +145,7 @@ def any_by_steps(mask: Mask) -> Mask:
     """Whether any of `STEP` × `STEP` pixels is True, for each such square."""
     height, width = mask.shape
     whole = np.pad(mask, ((0, -height % STEP), (0, -width % STEP)))
-    squares = whole.reshape(whole.shape[0] // STEP, STEP, whole.shape[1] // STEP, STEP)
-    found: Mask = squares.any(axis=(1, 3))
-    return found
+    return np.asarray(whole.reshape(-(-height // STEP), STEP, -(-width // STEP), STEP).any(axis=(1, 3)))
 
 
 def within_reach(

@@ -175,8 +175,8 @@ class Seam:
 
     def summary(self) -> dict[str, Any]:
         """The seam in numbers, as JSON has them: method, cost, optimum, ratio (of both), bound (what is
-        proven, 0 for nothing), stages, iterations, termination, paths (their number), length_px and seconds; of
-        the law "natural" also likeness, worst_likeness and look_at (:class:`toposeam.Verdict`).
+        proven, 0 for nothing), stages, iterations, termination, paths (their number), length_px and seconds;
+        of the law "natural" also likeness, worst_likeness and look_at (:class:`toposeam.Verdict`).
 
         The optimum can take longer to compute than the seam took.
         """

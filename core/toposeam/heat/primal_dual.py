@@ -43,9 +43,10 @@ _FILLED = 0.95
 _SPREAD = 0.25
 #: The first network conducts at most this many times as well as its median element.
 _DEAREST = 1e3
-#: An element counts as costing at least this share of a known seam: conductances span the square of what
-#: costs do.
-_LEAST = 1e-7
+#: An element counts as costing at least this share of a known seam, and at most so many times as much:
+#: conductances span the square of what costs do. At more than the seam itself, for were all elements of a
+#: chain to count alike, no potential would tell which of them is the cheapest.
+_LEAST, _MOST = 1e-7, 2.0
 #: Thresholds at which the potential is cut.
 _THRESHOLDS = 64
 
@@ -63,7 +64,8 @@ class PrimalDual:
     Attributes
     ----------
     cost : (E,) float64 array
-        M, kept between what a first seam costs and a ten-millionth of that.
+        M, kept between twice what a first seam costs and a ten-millionth of that. What a cut costs is
+        counted by what was given.
     potential : (n + 2,) float64 array
         ψ; between steps it may lie a little outside [0, 1].
     jump, flow : (E,) float64 arrays
@@ -74,7 +76,7 @@ class PrimalDual:
         self.network = network
         hot = network.terminal_elements[1]
         self._hot, self._into = hot, np.where(network.head[hot] == network.n + 1, 1.0, -1.0)
-        self.cost = cost
+        self.cost = self._given = cost
         # Where no seam will run the network need not conduct beyond what double precision can tell from the
         # rest. An element that costs more than a known seam is in no better one, and next to nothing is as
         # good as nothing.
@@ -87,7 +89,7 @@ class PrimalDual:
                 break
             limit = known
         if known > 0:
-            self.cost = np.clip(cost, _LEAST * known, known)
+            self.cost = np.clip(cost, _LEAST * known, _MOST * known)
         self.jump = self._jumps(self.potential)
         # Heat flow through these conductances is k d; scaled it fits the capacities.
         flow = conductance * self.jump
@@ -120,8 +122,8 @@ class PrimalDual:
         level = np.ceil(scaled, out=scaled).astype(np.intp)
         tail, head = level.take(self.network.tail), level.take(self.network.head)
         # Threshold j divides the elements whose levels lie at or below j on one side, above j on the other.
-        opened = np.bincount(np.minimum(tail, head), self.cost, _THRESHOLDS + 1)
-        closed = np.bincount(np.maximum(tail, head), self.cost, _THRESHOLDS + 1)
+        opened = np.bincount(np.minimum(tail, head), self._given, _THRESHOLDS + 1)
+        closed = np.bincount(np.maximum(tail, head), self._given, _THRESHOLDS + 1)
         costs = (opened - closed).cumsum()[:-1]
         ties = (costs <= (1 + 1e-9) * costs.min() + 1e-14 * costs.max()).nonzero()[0]
         best = int(ties[0] if len(ties) == 1 else ties[np.argmin(np.abs(ties - (_THRESHOLDS - 1) / 2))])

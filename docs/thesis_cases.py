@@ -54,13 +54,14 @@ class Case:
 
 def toy() -> Case:
     """Figure 3.5: two patches of 3 × 3 px, dark on the left and light on the right, in slightly different
-    tones.
+    tones, which differ a little more off the boundary.
 
     The boundary between dark and light runs through nodes 2, 6, 7, 11 and 15 of the 4 × 4 nodes, numbered row
     by row from 1.
     """
     light = np.array([[0, 1, 1], [0, 0, 1], [0, 0, 1]], bool)
-    return Case(a=np.where(light, 0.80, 0.20), b=np.where(light, 0.90, 0.30), planted=light)
+    off = np.array([[0, 0, 1], [1, 0, 0], [1, 0, 0]], bool)
+    return Case(a=np.where(light, 0.80, 0.20), b=np.where(light, 0.90, 0.30) + 0.05 * off, planted=light)
 
 
 def zigzag() -> Case:

@@ -19,7 +19,8 @@ There are three laws, for neighbours s and t in direction d (horizontal or verti
 
 where e is the direction of the seam, so that what runs across the seam in one picture has to run on in the
 other. A square, as one clear break is seen and many hints of one are not. Norms are Euclidean over channels,
-gradients are central differences (one-sided where the patch ends).
+gradients are central differences along d; where the patch ends, of the picture continued by its last pixel, so
+half the one step that is known: noise makes ends no steeper than what lies inside.
 
 *0/0 and small denominators.* ε keeps a pair in a flat place from costing infinitely much; a pair that is flat
 *and* equal, 0/0 in (2.4), costs ``flat``. Its default of 0 says that nobody sees a seam through equal pixels;
@@ -48,9 +49,9 @@ from toposeam.seam.overlap import FREE, KEPT_PIXELS, KEPT_SHAPES, NONE, Overlap
 Law = Literal["natural", "gradient", "colour"]
 LAWS: tuple[Law, ...] = get_args(Law)
 Floats32 = npt.NDArray[np.float32]
-#: Where the step from a pixel to the next one along an axis is known, 1 or 0; and one over how many are, of
-#: the two that each pixel takes part in, 0 for none. One line may stand for all. Neither may be written to.
-Steps = tuple[Floats32, Floats32]
+#: Where the step from a pixel to the next one along an axis is known, 1 or 0. One line may stand for all.
+#: It may not be written to.
+Steps = Floats32
 #: Planes of so many values in all are dealt with at once.
 _CACHED = 1 << 14
 #: Two patches and two axes for each of the shapes that are remembered.
@@ -348,11 +349,7 @@ def _steps_of(present: Mask, axis: int) -> Steps:
     s, t = _pair(axis)
     known = np.zeros(present.shape, np.float32)
     known[s] = present[s] & present[t]
-    count = known.copy()
-    count[t] += known[s]
-    share = np.float32(1.75) - np.float32(0.75) * count
-    share *= count  # 0, 1 and a half for 0, 1 and 2
-    return known, share
+    return known
 
 
 @lru_cache(maxsize=_KEPT_STEPS)
@@ -361,25 +358,17 @@ def _kept_steps(shape: tuple[int, ...], present: bytes, axis: int) -> Steps:
 
 
 def _gradient(planes: Floats32, known: Steps | None, axis: int) -> Floats32:
-    """|∂planes/∂axis| by central differences; one-sided where the neighbour on one side is not present, 0
-    where both are not.
-    """
-    first, last = ((slice(None),) * axis + (slice(at, at + 1 or None),) for at in (0, -1))
-    squares = _squares(planes, None if known is None else known[0], axis + 1)
+    """|∂planes/∂axis| by central differences; a neighbour that is not present counts as equal."""
+    squares = _squares(planes, known, axis + 1)
     total = next(squares)
     for square in squares:
         total += square
     np.sqrt(total, out=total)
-    if known is not None:
-        total *= known[1]
-        return total
-    ends = total[first].copy(), total[last].copy()
     total *= np.float32(0.5)
-    total[first], total[last] = ends
     return total
 
 
-def _squares(planes: Floats32, known: Floats32 | None, axis: int) -> Iterator[Floats32]:
+def _squares(planes: Floats32, known: Steps | None, axis: int) -> Iterator[Floats32]:
     """Of each plane the squares of how much it changes over two steps along an axis, over one at its ends."""
     before: tuple[Any, ...] = (slice(None),) * axis
     along = prod(planes.shape[axis + 1 :])

@@ -122,8 +122,11 @@ def heat_path(
             progress(min(0.95, (step + 1) / 10))
 
     heat = gather_heat(network, cost, options.tolerance, options.max_iterations, multiplicity, watch)
-    hot, history, bound = heat.hot, list(heat.history), heat.bound
+    hot, history = heat.hot, list(heat.history)
     labels = hot[node_of_pixel]
+    counted = float(cost @ (hot.take(network.head) != hot.take(network.tail)))
+    # Of a large overlap it holds for the choices that were left.
+    bound = 0.0 if large else _bound(problem, labels, counted, heat.bound)
     potential = np.clip(heat.soft, 0.0, 1.0).astype(np.float32)[node_of_pixel]
     if large and not problem.tied:
         labels = _opened_again(problem, labels, node_of_pixel)
@@ -146,10 +149,6 @@ def heat_path(
             frames.append(_frame(problem, labels, len(history), 2))
     if progress is not None:
         progress(1.0)
-    if large:
-        bound = 0.0  # it holds for the choices that were left
-    elif not network.n:
-        bound = problem.total(labels)
     return Solution(
         bound=bound,
         labels=labels,
@@ -241,7 +240,16 @@ def _known_at_once(problem: SeamProblem) -> Solution | None:
         change=1.0,
         unknowns=network.n,
     )
-    return _solved(problem, labels, (record,), size)
+    return _solved(problem, labels, (record,), _bound(problem, labels, least, size))
+
+
+def _bound(problem: SeamProblem, labels: Mask, counted: float, proven: float) -> float:
+    """What no labelling of the problem undercuts, from what is proven of its network.
+
+    All labellings pay the same besides what the network counts: between pixels that are fixed, or merged with
+    what is fixed. One of them, and what of it the network has counted, tells how much.
+    """
+    return proven + problem.total(labels) - counted
 
 
 def _record(state: PrimalDual) -> Iteration:

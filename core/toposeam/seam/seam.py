@@ -61,7 +61,7 @@ class Seam:
     cost: float
     #: A cost that no seam of this overlap can undercut, up to rounding; 0 where nothing is proven. Exact
     #: methods and ``prove=True`` give the least cost itself; heat gives the size of its flow where it solved
-    #: the overlap whole (up to 30,000 px).
+    #: the overlap whole (up to 30,000 px), and what every seam cuts, between fixed pixels, besides.
     bound: float = 0.0
     #: Name of the method that found it.
     method: str

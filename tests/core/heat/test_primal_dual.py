@@ -91,6 +91,18 @@ def test_equal_seams_are_proven_equal():
     assert state.best_cut()[0] == pytest.approx(2.0)
 
 
+@pytest.mark.parametrize("n", [2, 10, 300])
+def test_of_a_chain_the_cheapest_element_is_found(n):
+    """Whose cost is that of a cut: all others count as more, however near to it."""
+    cost = np.random.default_rng(n).uniform(1, 10, n + 1)
+    network = Network(n, np.r_[n, np.arange(n)], np.r_[np.arange(n), n + 1])
+    state = solved(network, cost)
+    found, threshold = state.best_cut()
+    hot = state.potential > threshold
+    assert np.flatnonzero(hot[network.tail] != hot[network.head]).tolist() == [cost.argmin()]
+    assert found == pytest.approx(cost.min())
+
+
 def test_a_part_without_a_way_to_one_terminal_costs_nothing():
     network = Network(
         4, np.array([4, 0, 1, 4, 2]), np.array([0, 1, 5, 2, 3])

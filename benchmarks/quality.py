@@ -64,7 +64,9 @@ def main() -> None:
             if index % 2:
                 a, b = a.swapaxes(0, 1), b.swapaxes(0, 1)
             try:
-                seam = ts.find_seam(a, b, side="bottom" if index % 2 else "right", **VARIANTS[name])
+                seam = ts.find_seam(
+                    a, b, side="bottom" if index % 2 else "right", gradient=True, **VARIANTS[name]
+                )
             except SolverError:
                 broke += 1
                 continue

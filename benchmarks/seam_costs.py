@@ -120,7 +120,7 @@ def measured(
     for order in orders:
         pile = [layers[k] for k in order]
         started = time.process_time()
-        ours.append(ts.stitch(pile).cost)
+        ours.append(ts.stitch(pile, gradient=True).cost)
         seconds.append(time.process_time() - started)
     best, worst, pixels = peer(layers, rng)
     ratios = [cost / best for cost in ours]
@@ -140,7 +140,7 @@ def main() -> None:
     if options.frames:
         for core in (None, 0.5):
             started = time.process_time()
-            found = ts.stitch(frames(options.seed), core=core)
+            found = ts.stitch(frames(options.seed), core=core, gradient=True)
             took = time.process_time() - started
             hidden, count = len(found.hidden), len(found.names)
             print(f"core {core}: cost {found.cost:.0f}, {hidden} of {count} show nowhere, {took:.1f} s")
@@ -156,7 +156,7 @@ def main() -> None:
         kind, layers = large_pile(index, options.seed)
         index += 1
         try:
-            ts.stitch(layers[:], max_rounds=0)
+            ts.stitch(layers[:], max_rounds=0, gradient=True)
         except ts.OverlapError:
             continue
         row = measured(layers, rng)

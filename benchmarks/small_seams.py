@@ -78,7 +78,7 @@ def main() -> None:
             forget()
             new.append(timed(ts.find_seam, a, b, *masks))
             known.append(timed(ts.find_seam, a, b, *masks))
-            seam = ts.find_seam(a, b, *masks)
+            seam = ts.find_seam(a, b, *masks, gradient=True)
             _ = seam.problem.grid
             with one_thread():
                 cut.append(timed(graph_cut_labels, seam.problem))

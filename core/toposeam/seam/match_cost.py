@@ -19,8 +19,8 @@ There are three laws, for neighbours s and t in direction d (horizontal or verti
 
 where e is the direction of the seam, so that what runs across the seam in one picture has to run on in the
 other. A square, as one clear break is seen and many hints of one are not. Norms are Euclidean over channels,
-gradients are central differences along d; where the patch ends, of the picture continued by its last pixel, so
-half the one step that is known: noise makes ends no steeper than what lies inside.
+gradients are central differences along d; where the patch ends, of the picture continued by its last pixel,
+so half the one step that is known: noise makes ends no steeper than what lies inside.
 
 *0/0 and small denominators.* ε keeps a pair in a flat place from costing infinitely much; a pair that is flat
 *and* equal, 0/0 in (2.4), costs ``flat``. Its default of 0 says that nobody sees a seam through equal pixels;

@@ -59,7 +59,7 @@ def label_map_of(stitched):
 
 
 @pytest.mark.parametrize(
-    "seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 10))]
+    "seed", [1, 2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(3, 11))]
 )
 def test_total_cost_is_that_of_alpha_expansion(seed):
     pytest.importorskip("maxflow")
@@ -85,7 +85,7 @@ def test_the_order_does_not_matter(seed):
 
 def test_large_problems_are_settled_where_layers_meet(monkeypatch):
     monkeypatch.setattr(levels, "_TRIED", 2_000)
-    labelling, changed = labelling_of(pile(1, alike=True), ts.MatchCost(law="gradient")), []
+    labelling, changed = labelling_of(pile(5, alike=True), ts.MatchCost(law="gradient")), []
 
     def noted(rounds, executor):
         before = rounds.label_map.copy()

@@ -84,7 +84,7 @@ def test_steps_of_smooth_samples_are_eased_without_levelling_light(tileable, mon
     monkeypatch.setattr("toposeam.texture.synthesize.begun", lambda made: made)
     noise = ndimage.gaussian_filter(np.random.default_rng(4).normal(size=(96, 96)), 2.5, mode="wrap")
     sample = np.rint(128 + 30 * noise / noise.std()).clip(0, 255).astype(np.uint8)[..., np.newaxis]
-    options = {"seed": 2, "patch": 24, "tileable": tileable}
+    options = {"seed": 3, "patch": 24, "tileable": tileable}
     made, hard = ts.synthesize(sample, 160, **options), ts.synthesize(sample, 160, level=False, **options)
     assert made.settings["level"] == "steps"
     np.testing.assert_array_equal(made.source, hard.source)  # copies stay where they are

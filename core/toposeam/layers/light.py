@@ -21,10 +21,8 @@ Light = npt.NDArray[np.floating[Any]]
 
 #: Light up to which nothing rolls off: a value of 0.8.
 KNEE = 0.6
-#: Where encoding is no longer a straight line, in light and encoded.
-_STRAIGHT, _STRAIGHT_ENCODED = 0.0031308, 0.04045
-#: Entries per value in tables of what roots of light are encoded as.
-_FINE = 4
+#: Up to this value encoding is a straight line; and its light.
+STRAIGHT, _STRAIGHT_LIGHT = 0.04045, 0.0031308
 
 
 def decoded(shares: npt.ArrayLike) -> Light:
@@ -36,8 +34,8 @@ def decoded(shares: npt.ArrayLike) -> Light:
     [0.0, 0.214, 1.0]
     """
     shares = np.asarray(shares, None if hasattr(shares, "dtype") else float)
-    curved = (np.maximum(shares, _STRAIGHT_ENCODED) + 0.055) / 1.055
-    result: Light = np.where(shares <= _STRAIGHT_ENCODED, shares / 12.92, curved**2.4)
+    curved = (np.maximum(shares, STRAIGHT) + 0.055) / 1.055
+    result: Light = np.where(shares <= STRAIGHT, shares / 12.92, curved**2.4)
     return result
 
 
@@ -50,8 +48,8 @@ def encoded(light: npt.ArrayLike) -> Light:
     [0.0, 0.5, 1.0]
     """
     light = np.asarray(light, None if hasattr(light, "dtype") else float)
-    curved = 1.055 * np.maximum(light, _STRAIGHT) ** (1 / 2.4) - 0.055
-    result: Light = np.where(light <= _STRAIGHT, 12.92 * light, curved)
+    curved = 1.055 * np.maximum(light, _STRAIGHT_LIGHT) ** (1 / 2.4) - 0.055
+    result: Light = np.where(light <= _STRAIGHT_LIGHT, 12.92 * light, curved)
     return result
 
 
@@ -103,13 +101,26 @@ def light_of(values: Image, white: float) -> Light:
 
 
 def values_of(light: Light, dtype: np.dtype[Any], white: float) -> Image:
-    """A picture's values of light; by a table where they are to be uint8 or uint16."""
-    if dtype not in (np.uint8, np.uint16):
-        return in_dtype(encoded(light) * white, dtype)
-    table, scale = _encoding(dtype, white)
-    at = np.sqrt(np.maximum(light, 0))
-    at *= scale
-    return table.take(np.rint(at).astype(np.intp), mode="clip")
+    """A picture's values of light."""
+    return in_dtype(encoded(light) * white, dtype)
+
+
+def multiplied(values: Image, root: npt.NDArray[Any], white: float) -> Light:
+    """A picture's values of its light times gains, of which the 2.4-th roots are given, where both are above
+    :data:`STRAIGHT`: there gains of light are gains of values, with an offset.
+
+    Examples
+    --------
+    >>> multiplied(np.array([0.5]), np.array([2.0]) ** (1 / 2.4), 1.0).round(3)
+    array([0.686])
+    >>> encoded(2 * decoded([0.5])).round(3)
+    array([0.686])
+    """
+    offset = root.dtype.type(0.055 * white)
+    result: Light = values + offset
+    result *= root
+    result -= offset
+    return result
 
 
 @functools.lru_cache(maxsize=4)
@@ -117,14 +128,3 @@ def _decoding(dtype: np.dtype[Any], white: float) -> npt.NDArray[np.float32]:
     """The light of every value."""
     light: npt.NDArray[np.float32] = decoded(np.arange(np.iinfo(dtype).max + 1) / white).astype(np.float32)
     return light
-
-
-@functools.lru_cache(maxsize=4)
-def _encoding(dtype: np.dtype[Any], white: float) -> tuple[npt.NDArray[Any], float]:
-    """The values of evenly spaced roots of light, and how many there are up to 1; of light itself there would
-    be too few in the dark.
-    """
-    most = np.iinfo(dtype).max
-    root = np.sqrt(decoded(most / white))
-    roots = np.linspace(0, root, _FINE * most + 1)
-    return in_dtype(encoded(roots**2) * white, dtype), float(_FINE * most / root)

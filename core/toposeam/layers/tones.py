@@ -24,9 +24,19 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import check_choice
-from toposeam.images import Image, Mask, Windows, check_values
+from toposeam.images import Image, Mask, Windows, check_values, in_dtype
 from toposeam.layers.layer import Box, Layer, check_layers, extent_of
-from toposeam.layers.light import KNEE, decoded, light_of, raised, rolled, values_of
+from toposeam.layers.light import (
+    KNEE,
+    STRAIGHT,
+    decoded,
+    encoded,
+    light_of,
+    multiplied,
+    raised,
+    rolled,
+    values_of,
+)
 from toposeam.layers.shading import field_on
 from toposeam.layers.shading import shading as field_coefficients
 from toposeam.layers.tasks import Executor, check_executor, results
@@ -245,36 +255,52 @@ class Toned(Windows):
         result = np.empty(planes.shape, self.dtype)
         for start in range(0, len(planes), _ROWS):
             part = slice(start, start + _ROWS)
-            factor = self._factor
+            field: Any = np.ones((1, 1, 1))
             if self._field is not None:
                 at = range(*rows.indices(self.shape[0]))[part], range(*columns.indices(self.shape[1]))
-                factor = self._field.at(*at)[..., np.newaxis] * factor
+                field = self._field.at(*at)[..., np.newaxis]
             if self._top is None:
-                result[part] = planes[part] * factor
-            elif self._tables is None:
-                result[part] = self._raised(planes[part], factor)
+                result[part] = planes[part] * (field * self._factor)
+                continue
+            factor = self._factor
+            if self.dtype.itemsize <= 4:
+                field, factor = field.astype(np.float32), factor.astype(np.float32)
+            if self._tables is None:
+                root = field ** (1 / 2.4) * factor ** (1 / 2.4)
+                result[part] = in_dtype(multiplied(planes[part], root, self._white), self.dtype)
             else:
                 for channel, table in enumerate(self._tables):
                     result[part, :, channel] = table.take(planes[part, :, channel])
-                together = self._together(planes[part])
-                result[part][together] = self._raised(planes[part][together], factor)
+            exact = self._exact(planes[part], result[part])
+            if exact.any():
+                light = light_of(planes[part][exact], self._white)
+                gain = np.broadcast_to(field, (*exact.shape, 1))[exact] * factor
+                light = raised(light, gain, self._top, WHITE)
+                result[part][exact] = values_of(light, self.dtype, self._white)
         return result.reshape(image.shape)
 
-    def _raised(self, planes: Image, factor: npt.NDArray[np.float64]) -> Image:
-        light = light_of(planes, self._white)
-        if light.dtype == np.float32:
-            factor = factor.astype(np.float32)
-        return values_of(raised(light, factor, self._top or 1.0, WHITE), self.dtype, self._white)
-
-    def _together(self, planes: Image) -> Mask:
-        """Where what becomes of a channel depends on the others, too: in highlights."""
-        value = functools.partial(values_of, dtype=self.dtype, white=self._white)
-        channels = [planes[..., channel] for channel in range(planes.shape[-1])]
-        found: Mask = functools.reduce(np.minimum, channels) >= value(np.array(WHITE))
+    def _exact(self, planes: Image, result: Image) -> Mask:
+        """Where more has to be reckoned with: in highlights, where channels depend on each other, and in the
+        dark, without tables.
+        """
+        rounded = self.dtype.kind in "iu"
+        knee, white, dark = (
+            share * self._white + rounded * step
+            for share, step in ((float(encoded(KNEE)), -1), (float(encoded(WHITE)), -1), (STRAIGHT, 1))
+        )
+        darkest = _over_channels(np.minimum, planes)
+        found: Mask = darkest > white
         if self._top != 1.0:
-            for channel, factor in zip(channels, self._factor, strict=True):
-                found |= channel >= value(np.array(KNEE / factor))
+            found |= _over_channels(np.maximum, result) > knee
+        if self._tables is None:
+            found |= (darkest < dark) | (_over_channels(np.minimum, result) < dark)
         return found
+
+
+def _over_channels(function: np.ufunc, planes: Image) -> Image:
+    """(h, w): faster than along the last axis."""
+    extremes: Image = functools.reduce(function, np.moveaxis(planes, -1, 0))
+    return extremes
 
 
 def _compared(

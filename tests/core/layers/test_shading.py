@@ -104,6 +104,23 @@ def test_nothing_bright_burns_out_in_the_corners():
         ).mean() < 0.003  # of 0.007; a thousandth may, and some are rounded up
 
 
+def test_canvases_of_warped_pictures_are_told_from_pictures():
+    """What the lens did lies where the pictures lie, not where their canvases do."""
+    layers, _ = frames(objects=False)
+    whole = SIDE + STEP
+    warped = []
+    for layer in layers:
+        x, y = layer.at
+        pads = (y, whole - SIDE - y), (x, whole - SIDE - x)
+        mask = np.pad(np.ones((SIDE, SIDE), bool), pads)
+        warped.append(ts.Layer(np.pad(layer.image, pads), mask=mask))
+    for layer, canvas in zip(
+        ts.match_tones(layers, shading=True), ts.match_tones(warped, shading=True), strict=True
+    ):
+        x, y = layer.at
+        np.testing.assert_array_equal(canvas.image[y : y + SIDE, x : x + SIDE], layer.image)
+
+
 def test_splines_add_up_to_one_and_give_parabolas_exactly():
     weights = weights_along(90, np.arange(90))
     np.testing.assert_allclose(weights.sum(axis=1), 1)

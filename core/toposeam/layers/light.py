@@ -59,7 +59,7 @@ def rolled(light: Light, top: float) -> Light:
     Examples
     --------
     >>> rolled(np.array([0.5, 0.6, 0.8, 1.5, 2.0]), 1.5).round(3).tolist()
-    [0.5, 0.6, 0.746, 1.0, 1.0]
+    [0.5, 0.6, 0.747, 1.0, 1.0]
     >>> rolled(np.array([0.5, 2.0]), 1.0).tolist()
     [0.5, 2.0]
     """

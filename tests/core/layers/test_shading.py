@@ -6,6 +6,7 @@ from scipy import ndimage
 
 import toposeam as ts
 from toposeam.layers.layer import Box
+from toposeam.layers.light import decoded, encoded
 from toposeam.layers.shading import field_on, shading, weights_along
 
 SIDE, STEP = 240, 160
@@ -32,7 +33,8 @@ def frames(share=0.2, gains=(1.0, 1.05, 0.96, 1.02), dtype=np.uint8, objects=Tru
         frame = whole[top : top + SIDE, left : left + SIDE].copy()
         if objects and index == 3:
             frame[10:60, 100:170] = 15
-        frame = frame * darkening(share) * gain + rng.normal(0, 1, frame.shape)
+        light = decoded(frame / 255) * (darkening(share) * gain) ** 2.4
+        frame = 255 * encoded(light) + rng.normal(0, 1, frame.shape)
         full = 1.0 if np.issubdtype(dtype, np.integer) else 255
         scale = 257 if dtype == np.uint16 else 1
         values = frame * scale / full
@@ -102,6 +104,13 @@ def test_nothing_bright_burns_out_in_the_corners():
         assert (
             np.asarray(layer.image) == 255
         ).mean() < 0.003  # of 0.007; a thousandth may, and some are rounded up
+
+
+def test_two_side_by_side_tell_what_the_lens_does_above_and_below():
+    """Which no overlap does: fields go round the middle."""
+    layers, whole = frames(gains=(1.0, 1.0), objects=False)
+    assert np.quantile(off(layers, whole), 0.9) > 0.07
+    assert np.quantile(off(ts.match_tones(layers, shading=True), whole), 0.9) < 0.03
 
 
 def test_canvases_of_warped_pictures_are_told_from_pictures():

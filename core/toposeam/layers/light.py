@@ -1,4 +1,4 @@
-"""Light: values decoded, multiplied by gains and encoded again, so that highlights roll off and white stays
+"""Light: gains of light, applied to values as they are encoded, so that highlights roll off and white stays
 white.
 
 Values are taken for encoded as sRGB, which most pictures are, and others nearly. In light, 1 is white. All
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.images import Image, in_dtype
+from toposeam.images import Image
 
 Light = npt.NDArray[np.floating[Any]]
 
@@ -71,23 +71,47 @@ def rolled(light: Light, top: float) -> Light:
     return np.where(light > KNEE, KNEE + (1 - KNEE) * bent, light).astype(light.dtype, copy=False)
 
 
-def raised(light: Light, gain: npt.NDArray[Any], top: float, white: float) -> Light:
-    """(n, C) light times gains, rolled off; what is lighter than `white` in all channels is brought to 1.
+def bent(shares: Light, top: float) -> Light:
+    """Values as shares of white of which the light is rolled off, by a table."""
+    if top <= 1:
+        return shares
+    table, first, scale = _bending(top)
+    at = np.clip((shares - first) * scale, 0, len(table) - 1).astype(np.int32)
+    return np.where(shares > first, table.take(at), shares).astype(shares.dtype, copy=False)
 
-    Nothing is raised beyond 1 that was not there before.
+
+def finished(shares: Light, raised: Light, whites: Light, top: float, white: float) -> Light:
+    """(C, n) what becomes of values whose light was multiplied: rolled off, and what was lighter than `white`
+    in all channels brought to 1. Nothing goes beyond 1 that was not there before.
+
+    Parameters
+    ----------
+    shares, raised : (C, n)
+        Values as shares of white, before and after.
+    whites : (C, n) or (C, 1)
+        What became of 1.
+    top : float
+        The brightest light that is to show.
+    white : float
+        A share of white.
     """
-    wanted = light * gain
-    low, high = (extreme(wanted, axis=-1, keepdims=True) for extreme in (np.min, np.max))
+    result = raised
     if top > 1:
-        least = rolled(low, top)
-        slope = (rolled(high, top) - least) / np.where(high > low, high - low, 1)
-        result = least + (wanted - low) * slope
-    else:
-        result = wanted
-    burnt = np.clip((light.min(axis=-1, keepdims=True) - white) / (1 - white), 0, 1)
-    burnt *= burnt * (3 - 2 * burnt)
-    result = result + np.maximum(0, 1 - rolled(gain, top)) * burnt
-    bounded: Light = np.minimum(result, np.maximum(light, 1)).astype(light.dtype, copy=False)
+        low, high = (functools.reduce(extreme, raised) for extreme in (np.minimum, np.maximum))
+        least = bent(low, top)
+        slope = bent(high, top) - least
+        slope /= np.where(high > low, high - low, 1)
+        result = (raised - low) * slope
+        result += least
+    darkest = functools.reduce(np.minimum, shares)
+    near = np.flatnonzero(darkest > white)
+    if len(near):
+        burnt = np.minimum((darkest[near] - white) / (1 - white), 1)
+        burnt *= burnt * (3 - 2 * burnt)
+        short = np.maximum(0, 1 - bent(np.broadcast_to(whites, shares.shape)[:, near], top))
+        result = result.copy() if result is raised else result
+        result[:, near] += short * burnt
+    bounded: Light = np.minimum(result, np.maximum(shares, 1))
     return bounded
 
 
@@ -100,26 +124,20 @@ def light_of(values: Image, white: float) -> Light:
     return decoded(shares)
 
 
-def values_of(light: Light, dtype: np.dtype[Any], white: float) -> Image:
-    """A picture's values of light."""
-    return in_dtype(encoded(light) * white, dtype)
-
-
-def multiplied(values: Image, root: npt.NDArray[Any], white: float) -> Light:
-    """A picture's values of its light times gains, of which the 2.4-th roots are given, where both are above
-    :data:`STRAIGHT`: there gains of light are gains of values, with an offset.
+def multiplied(shares: Light, root: npt.NDArray[Any]) -> Light:
+    """Values as shares of white, their light times gains of which the 2.4-th roots are given, where both are
+    above :data:`STRAIGHT`: there gains of light are gains of values, with an offset.
 
     Examples
     --------
-    >>> multiplied(np.array([0.5]), np.array([2.0]) ** (1 / 2.4), 1.0).round(3)
+    >>> multiplied(np.array([0.5]), np.array([2.0]) ** (1 / 2.4)).round(3)
     array([0.686])
     >>> encoded(2 * decoded([0.5])).round(3)
     array([0.686])
     """
-    offset = root.dtype.type(0.055 * white)
-    result: Light = values + offset
-    result *= root
-    result -= offset
+    result: Light = shares + shares.dtype.type(0.055)
+    result = result * root
+    result -= shares.dtype.type(0.055)
     return result
 
 
@@ -128,3 +146,13 @@ def _decoding(dtype: np.dtype[Any], white: float) -> npt.NDArray[np.float32]:
     """The light of every value."""
     light: npt.NDArray[np.float32] = decoded(np.arange(np.iinfo(dtype).max + 1) / white).astype(np.float32)
     return light
+
+
+@functools.lru_cache(maxsize=4)
+def _bending(top: float) -> tuple[npt.NDArray[np.float32], float, float]:
+    """What evenly spaced values from the knee to `top` are bent to, the first, and how many there are up to
+    1.
+    """
+    first, last = (float(encoded(end)) for end in (KNEE, top))
+    table = encoded(rolled(decoded(np.linspace(first, last, 1 << 16)), top)).astype(np.float32)
+    return table, first, (len(table) - 1) / (last - first)

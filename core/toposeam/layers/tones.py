@@ -26,17 +26,7 @@ import numpy.typing as npt
 from toposeam.checks import check_choice
 from toposeam.images import Image, Mask, Windows, check_values, in_dtype
 from toposeam.layers.layer import Box, Layer, check_layers, extent_of
-from toposeam.layers.light import (
-    KNEE,
-    STRAIGHT,
-    decoded,
-    encoded,
-    light_of,
-    multiplied,
-    raised,
-    rolled,
-    values_of,
-)
+from toposeam.layers.light import KNEE, STRAIGHT, decoded, encoded, finished, light_of, multiplied
 from toposeam.layers.shading import field_on
 from toposeam.layers.shading import shading as field_coefficients
 from toposeam.layers.tasks import Executor, check_executor, results
@@ -45,15 +35,17 @@ from toposeam.layers.tasks import Executor, check_executor, results
 TELLING = float(decoded(0.04)), float(decoded(0.97))
 #: And between which it is something bright that is to show, and not burnt out.
 _SHOWING = TELLING[0], float(decoded(0.995))
-#: From this light in all channels on, gains let go, so that white stays white: that of a share of 0.9.
-WHITE = float(decoded(0.9))
+#: From this share of full scale in all channels on, gains let go, so that white stays white.
+WHITE = 0.9
+#: From this share of full scale on values may roll off: that of the knee, or what is rounded to below it.
+_ROLLING = float(encoded(KNEE)) - 0.5 / 255
 #: A gain is at most this, and at least its inverse: four stops.
 LARGEST_GAIN = 16.0
 #: Floats are light itself when more than so large a share of a layer's lies beyond so many times white.
 _BEYOND, _MUCH = 0.001, 1.05
 #: Pixels of an overlap that are looked at, and those that are needed.
 _SAMPLE, _ENOUGH = 250_000, 16
-_ROWS = 64  # worked on at a time
+_ROWS = 16  # worked on at a time
 _BURNT = 0.999  # of the pixels stay below white
 
 
@@ -234,17 +226,12 @@ class Toned(Windows):
         self.__dict__.update(state)
         self._tables = self._made_tables()
 
-    def _made_tables(self) -> npt.NDArray[Any] | None:
-        """What every value becomes in each channel, but for what depends on the others."""
+    def _made_tables(self) -> npt.NDArray[np.float32] | None:
+        """What every value becomes in each channel before highlights roll off, as a share of white."""
         if self._field is not None or self._top is None or self.dtype not in (np.uint8, np.uint16):
             return None
-        light = light_of(np.arange(np.iinfo(self.dtype).max + 1).astype(self.dtype), self._white)
-        return np.array(
-            [
-                values_of(rolled(light * factor, self._top), self.dtype, self._white)
-                for factor in self._factor.astype(np.float32)
-            ]
-        )
+        light = decoded(np.arange(np.iinfo(self.dtype).max + 1) / self._white)
+        return encoded(light * self._factor[:, np.newaxis]).astype(np.float32)
 
     def read(self, rows: slice, columns: slice) -> Image:
         """Some rows and columns."""
@@ -253,47 +240,66 @@ class Toned(Windows):
             return image.copy()
         planes = image[..., np.newaxis] if self.ndim == 2 else image
         result = np.empty(planes.shape, self.dtype)
+        rounded = None if self._tables is None else in_dtype(self._tables * self._white, self.dtype)
         for start in range(0, len(planes), _ROWS):
             part = slice(start, start + _ROWS)
-            field: Any = np.ones((1, 1, 1))
+            block = planes[part]
+            field = np.ones((1, 1))
             if self._field is not None:
                 at = range(*rows.indices(self.shape[0]))[part], range(*columns.indices(self.shape[1]))
-                field = self._field.at(*at)[..., np.newaxis]
+                field = self._field.at(*at)
             if self._top is None:
-                result[part] = planes[part] * (field * self._factor)
-                continue
-            factor = self._factor
-            if self.dtype.itemsize <= 4:
-                field, factor = field.astype(np.float32), factor.astype(np.float32)
-            if self._tables is None:
-                root = field ** (1 / 2.4) * factor ** (1 / 2.4)
-                result[part] = in_dtype(multiplied(planes[part], root, self._white), self.dtype)
+                result[part] = block * (field[..., np.newaxis] * self._factor)
+            elif rounded is None:
+                result[part] = in_dtype(self._reckoned(block, field) * self._white, self.dtype)
             else:
-                for channel, table in enumerate(self._tables):
-                    result[part, :, channel] = table.take(planes[part, :, channel])
-            exact = self._exact(planes[part], result[part])
-            if exact.any():
-                light = light_of(planes[part][exact], self._white)
-                gain = np.broadcast_to(field, (*exact.shape, 1))[exact] * factor
-                light = raised(light, gain, self._top, WHITE)
-                result[part][exact] = values_of(light, self.dtype, self._white)
+                for channel, table in enumerate(rounded):
+                    result[part, :, channel] = table.take(block[..., channel])
+                self._finish(block, result[part])
         return result.reshape(image.shape)
 
-    def _exact(self, planes: Image, result: Image) -> Mask:
-        """Where more has to be reckoned with: in highlights, where channels depend on each other, and in the
-        dark, without tables.
-        """
-        rounded = self.dtype.kind in "iu"
-        knee, white, dark = (
-            share * self._white + rounded * step
-            for share, step in ((float(encoded(KNEE)), -1), (float(encoded(WHITE)), -1), (STRAIGHT, 1))
-        )
-        darkest = _over_channels(np.minimum, planes)
-        found: Mask = darkest > white
+    def _finish(self, block: Image, result: Image) -> None:
+        """Mend what tables of one channel cannot know."""
+        darkest, lightest = _over_channels(np.minimum, block), _over_channels(np.maximum, result)
+        bright = self._bright(darkest, lightest, self._white)
+        if self._tables is None or not bright.any():
+            return
+        chosen = [block[..., channel][bright] for channel in range(len(self._tables))]
+        raised = np.stack([table.take(one) for table, one in zip(self._tables, chosen, strict=True)])
+        shares = np.stack(chosen) / np.float32(self._white)
+        whites = encoded(self._factor[:, np.newaxis]).astype(np.float32)
+        done = in_dtype(finished(shares, raised, whites, self._top or 1.0, WHITE) * self._white, self.dtype)
+        for channel, plane in enumerate(done):
+            result[..., channel][bright] = plane
+
+    def _reckoned(self, block: Image, field: npt.NDArray[np.float64]) -> npt.NDArray[Any]:
+        """What becomes of values without tables, as shares of white, (h, w, C)."""
+        kind = np.dtype(np.float32 if self.dtype.itemsize <= 4 else np.float64).type
+        count = block.shape[2]
+        shares = np.empty((count, block.shape[0] * block.shape[1]), kind)  # one channel after the other
+        for plane, one in zip(shares, np.moveaxis(block, 2, 0), strict=True):
+            np.divide(one, kind(self._white), out=plane.reshape(one.shape))
+        gain = np.broadcast_to(field, block.shape[:2]).ravel().astype(kind)
+        factor = self._factor[:, np.newaxis].astype(kind)
+        root = gain ** kind(1 / 2.4) * factor ** kind(1 / 2.4)
+        raised = multiplied(shares, root)
+        darkest = shares.min(axis=0)
+        dark = np.flatnonzero(np.minimum(darkest, raised.min(axis=0)) < STRAIGHT)
+        if len(dark):
+            raised[:, dark] = encoded(decoded(shares[:, dark]) * gain[dark] * factor)
+        bright = np.flatnonzero(self._bright(darkest, raised.max(axis=0), 1.0))
+        if len(bright):
+            whites = multiplied(np.ones((1, 1), kind), root[:, bright])
+            raised[:, bright] = finished(
+                shares[:, bright], raised[:, bright], whites, self._top or 1.0, WHITE
+            )
+        return raised.T.reshape(block.shape)
+
+    def _bright(self, darkest: npt.NDArray[Any], lightest: npt.NDArray[Any], white: float) -> Mask:
+        """Where channels depend on each other: where all are almost white or one is beyond the knee."""
+        found: Mask = darkest > WHITE * white
         if self._top != 1.0:
-            found |= _over_channels(np.maximum, result) > knee
-        if self._tables is None:
-            found |= (darkest < dark) | (_over_channels(np.minimum, result) < dark)
+            found |= lightest > _ROLLING * white
         return found
 
 

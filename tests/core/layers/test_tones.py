@@ -5,12 +5,10 @@ import pytest
 
 import toposeam as ts
 from toposeam.layers import tones
-from toposeam.layers.layer import extent_of
-from toposeam.layers.light import KNEE, decoded, encoded, light_of, raised, rolled, values_of
-from toposeam.layers.tones import LARGEST_GAIN, tone_gains
+from toposeam.layers.layer import Box, extent_of
+from toposeam.layers.light import KNEE, decoded, encoded, finished, rolled
+from toposeam.layers.tones import LARGEST_GAIN, WHITE, tone_gains
 
-#: From this share of full scale on in all channels white is kept.
-WHITE = 0.9
 DTYPES = [np.uint8, np.uint16, np.float32]
 
 
@@ -21,9 +19,24 @@ def rendered(light, dtype=np.uint8):
     return (share if full == 1 else np.rint(share * full)).astype(dtype)
 
 
+def raised(shares, gains, top):
+    """(n, C) values whose light is multiplied and rolled off."""
+    wanted, whites = encoded(decoded(shares) * gains), encoded(gains)
+    return finished(shares.T, wanted.T, whites[:, np.newaxis], top, WHITE).T
+
+
 def levels(layer):
     """A layer's values as 8-bit levels."""
     return 255 * (np.asarray(layer.image) / layer.white)
+
+
+def flat(value, x, shape=(20, 30), dtype=np.uint8):
+    return ts.Layer(np.full(shape, value, dtype), at=(x, 0))
+
+
+def gains(layers):
+    canvas = extent_of(layers)
+    return tone_gains(layers, [canvas.place(layer) for layer in layers])[0]
 
 
 def exposures(dtype=np.uint8, most=0.6, ratio=1.5, overlap=60):
@@ -94,7 +107,8 @@ def test_highlights_agree_too_and_do_not_burn_out(dtype):
 
 def test_hues_stay_where_highlights_roll_off():
     sky = np.array([[0.3, 0.5, 0.85], [0.85, 0.5, 0.3], [0.2, 0.8, 0.4]])
-    result = raised(sky, np.full(3, 1.5), 1.5, 0.8)
+    result = raised(sky, np.full(3, 1.5), 1.5)
+    sky = encoded(1.5 * decoded(sky))
     low, middle, high = np.sort(sky, axis=1).T
     lowest, between, highest = np.sort(result, axis=1).T
     np.testing.assert_allclose((between - lowest) / (highest - lowest), (middle - low) / (high - low))
@@ -105,7 +119,7 @@ def test_hues_stay_where_highlights_roll_off():
 @pytest.mark.parametrize("gain", [0.3, 0.8, 1.3, 4.0])
 def test_white_stays_white_and_gray_goes_up_with_gray(gain):
     grays = np.repeat(np.linspace(0, 1, 4001)[:, np.newaxis], 3, axis=1)
-    result = raised(grays, gain * np.array([0.95, 1.0, 1.05]), max(1.0, 0.9 * gain), 0.8)
+    result = raised(grays, gain * np.array([0.95, 1.0, 1.05]), max(1.0, 0.9 * gain))
     assert (np.diff(result, axis=0) >= 0).all()
     np.testing.assert_allclose(result[-1], 1)
     assert np.abs(np.diff(result, axis=0)).max() < 0.02
@@ -132,31 +146,18 @@ def test_floats_that_ring_a_little_beyond_white_keep_that():
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 @pytest.mark.parametrize("gain", [(0.7, 0.8, 0.75), (1.5, 1.4, 1.6), (1.1, 0.9, 1.0)])
 @pytest.mark.parametrize("top", [1.0, 1.4])
-def test_tables_give_what_reckoning_gives(dtype, gain, top):
+@pytest.mark.parametrize("even", [False, True])
+def test_tables_and_fields_give_what_reckoning_gives(dtype, gain, top, even):
     image = np.random.default_rng(5).integers(
         0, np.iinfo(dtype).max, (30, 200, 3), endpoint=True, dtype=dtype
     )
     image[:10] = np.sort(image[:10].max(axis=2, keepdims=True)) // (np.arange(3) // 2 + 1)  # and grays
     layer = ts.Layer(image)
-    found = np.asarray(tones.Toned(layer, np.array(gain), None, top))
+    field = tones.Field(np.zeros((5, 5)), Box(0, 0, 30, 200)) if even else None
+    found = np.asarray(tones.Toned(layer, np.array(gain), field, top))
     full = float(np.iinfo(dtype).max)
-    light = raised(decoded(image / full), np.array(gain), top, tones.WHITE)
-    np.testing.assert_allclose(found, np.rint(full * encoded(light)), atol=1)
-
-
-@pytest.mark.parametrize(("dtype", "white"), [(np.uint8, 255), (np.uint16, 65535), (np.uint16, 4095)])
-def test_values_come_back_from_light(dtype, white):
-    values = np.arange(np.iinfo(dtype).max + 1).astype(dtype)
-    np.testing.assert_array_equal(values_of(light_of(values, white), np.dtype(dtype), white), values)
-
-
-def flat(value, x, shape=(20, 30), dtype=np.uint8):
-    return ts.Layer(np.full(shape, value, dtype), at=(x, 0))
-
-
-def gains(layers):
-    canvas = extent_of(layers)
-    return tone_gains(layers, [canvas.place(layer) for layer in layers])[0]
+    shares = raised((image / full).reshape(-1, 3), np.array(gain), top).reshape(image.shape)
+    np.testing.assert_allclose(found, np.rint(full * shares), atol=1)
 
 
 def test_burnt_out_white_stays_white_and_mid_tones_do_not():

@@ -7,7 +7,8 @@ import toposeam as ts
 from toposeam.layers import tones
 from toposeam.layers.layer import Box, extent_of
 from toposeam.layers.light import KNEE, decoded, encoded, finished, rolled
-from toposeam.layers.tones import LARGEST_GAIN, WHITE, tone_gains
+from toposeam.layers.toned import WHITE, Field, Toned
+from toposeam.layers.tones import LARGEST_GAIN, tone_gains
 
 DTYPES = [np.uint8, np.uint16, np.float32]
 
@@ -153,8 +154,8 @@ def test_tables_and_fields_give_what_reckoning_gives(dtype, gain, top, even):
     )
     image[:10] = np.sort(image[:10].max(axis=2, keepdims=True)) // (np.arange(3) // 2 + 1)  # and grays
     layer = ts.Layer(image)
-    field = tones.Field(np.zeros((5, 5)), Box(0, 0, 30, 200)) if even else None
-    found = np.asarray(tones.Toned(layer, np.array(gain), field, top))
+    field = Field(np.zeros((5, 5)), Box(0, 0, 30, 200)) if even else None
+    found = np.asarray(Toned(layer, np.array(gain), field, top))
     full = float(np.iinfo(dtype).max)
     shares = raised((image / full).reshape(-1, 3), np.array(gain), top).reshape(image.shape)
     np.testing.assert_allclose(found, np.rint(full * shares), atol=1)

@@ -35,7 +35,6 @@ from toposeam_cli.pictures.picture import Picture, write_picture
 from toposeam_cli.pictures.raw import Coming, Stored
 from toposeam_cli.pictures.stored import store
 from toposeam_cli.placing import PlacedPictures
-from toposeam_cli.report import told_verdict
 
 #: How wide windows are that are computed at once, px.
 _COLUMNS = 4 * BLOCK
@@ -321,7 +320,7 @@ def describe_totals(composed: ts.Composition, executor: Executor | None = None) 
     return (
         f"{len(composed.names)} layers, {counted(len(composed.pairs), 'seam')} of {round(totals.length)} px "
         f"in all by {totals.method}, {counted(rounds, 'round')}, cost {totals.cost:.4g}, "
-        f"{totals.seconds:.2f} s{told_verdict(totals.verdict)}"
+        f"{totals.seconds:.2f} s{'' if totals.verdict is None else f': {totals.verdict}'}"
     )
 
 

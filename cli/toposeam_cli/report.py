@@ -114,17 +114,12 @@ def describe_alignment(layers: tuple[ts.Layer, ...], aligned: ts.Aligned | None)
     return lines
 
 
-def told_verdict(verdict: ts.Verdict | None) -> str:
-    """The end of a line that says whether a seam shows."""
-    return "" if verdict is None else f": {verdict}"
-
-
 def describe(seam: ts.Seam) -> str:
     """One line about the seam of two layers for people."""
     effort = f" in {counted(len(seam.history), 'iteration')}" if seam.history else ""
     text = (
         f"seam of {round(seam.length)} px by {seam.method}{effort}, cost {seam.cost:.4g}, "
-        f"{seam.seconds:.2f} s{told_verdict(seam.verdict)}"
+        f"{seam.seconds:.2f} s{'' if seam.verdict is None else f': {seam.verdict}'}"
     )
     if seam.termination == ts.Termination.ITERATIONS:
         text += "; the heat did not settle on a single line, so this is the best cut of what it left"

@@ -10,9 +10,9 @@ two sizes of its pyramid, as in multiband blending; from level to level it is se
 
 Noise averages out in it, and what differs evenly (the exposure), which blending takes away, is in no band: it
 is what is left at the last level, and the law "natural" takes it from the difference at the pixel, too. Where
-one picture ends and the other goes on a blend has nothing to mix: costs rise fourfold towards such ends::
+one picture ends and the other goes on a blend has nothing to mix: costs rise twofold towards such ends::
 
-    M → M (1 + 3 max(0, 1 - distance to the end / reach))
+    M → M (1 + max(0, 1 - distance to the end / reach))
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ CELL, STEP = 4, 2
 #: Weight of the bands beside the difference at the pixel itself.
 _WEIGHT = 1.0
 #: What is added to the factor of costs at the end of a picture.
-_RISE = 3.0
+_RISE = 1.0
 #: Cells of which so few pixels are known count as unknown.
 _KNOWN = 1e-3
 #: Rows of about so many pixels are looked at at once.
@@ -89,8 +89,7 @@ class Reach:
         self._step = CELL * step
         self._ends = np.zeros(cells, np.float16)
         if alone.any():
-            away = scipy.ndimage.distance_transform_edt(~alone) * CELL
-            self._ends[:] = np.maximum(1 - away / max(reach, 1.0), 0)
+            self._ends[:] = _fading(alone, reach)
         for values in (self._values, self._even, self._ends):
             values.setflags(write=False)
 
@@ -178,6 +177,14 @@ def _largest_beside(values: Floats32) -> Floats32:
         np.maximum(wide[1:], values[:-1], out=wide[1:])
         np.maximum(wide[:-1], values[1:], out=wide[:-1])
         values = wide.T
+    return values
+
+
+def _fading(alone: Mask, reach: float) -> Floats32:
+    """1 in some cells, falling to 0 at `reach` px from them, along rows, columns and diagonals alike."""
+    values, step = alone.astype(np.float32), np.float32(CELL / max(reach, CELL))
+    for _ in range(int(1 / step)):
+        np.maximum(values, _largest_beside(values) - step, out=values)
     return values
 
 

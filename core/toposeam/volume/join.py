@@ -126,8 +126,8 @@ def join_volumes(
     >>> import numpy as np, toposeam as ts
     >>> cells = np.random.default_rng(0).random((6, 20, 30))
     >>> joined = ts.join_volumes(cells[:, :, :20], cells[:, :, 12:], offset=(0, 0, 12))
-    >>> bool((joined.volume == cells).all()), joined.surface.cost < 1
-    (True, True)
+    >>> bool((joined.volume == cells).all())
+    True
     """
     flat = getattr(a, "ndim", None) == 3 or (isinstance(a, list | tuple) and check_numbers("a", a).ndim == 3)
     lazy = block is not None or any(hasattr(stack, "dask") for stack in (a, b))

@@ -161,7 +161,7 @@ def test_no_hole_no_double_cover_no_pixel_unassigned(rectangles, holes, blend):
 
 def test_seams_say_which_layers_they_divide():
     layers = pile(5, alike=True)
-    stitched = ts.stitch(layers)
+    stitched = ts.stitch(layers, gradient=True)
     label_map = label_map_of(stitched)
     for (i, j), seam in zip(stitched.pairs, stitched.seams, strict=True):
         np.testing.assert_array_equal(seam.labels & ((label_map == i) | (label_map == j)), label_map == j)

@@ -80,7 +80,9 @@ def person():
 def test_the_core_is_the_share_of_its_depth_that_shows_of_a_patch():
     inside = person()
     a, b = np.random.default_rng(7).random((2, *inside.shape))
-    shown = {core: ts.find_seam(a, b, None, inside, core=core).labels for core in (0.05, 0.5, 0.9)}
+    shown = {
+        core: ts.find_seam(a, b, None, inside, core=core, gradient=True).labels for core in (0.05, 0.5, 0.9)
+    }
     share = {core: labels.sum() / inside.sum() for core, labels in shown.items()}
     assert 0 < share[0.05] < 0.05 < share[0.5] < 0.5 < 0.8 < share[0.9] < 1
     for y, x in ((35, 80), (180, 66), (180, 94)):  # head and feet

@@ -20,6 +20,7 @@ import tifffile
 from skimage.filters import threshold_otsu
 
 import toposeam as ts
+from stamp import stamp
 
 FIRST, LAST, SLICES = 96, 160, slice(14, 46)
 CASES = [
@@ -43,6 +44,7 @@ def share_in_cells(labels: np.ndarray, cells: np.ndarray) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("stack", type=Path)
+    print(stamp())
     stack = tifffile.imread(parser.parse_args().stack)[SLICES].astype(np.float32) / 65535
     cells = stack[..., FIRST:LAST] > threshold_otsu(stack)
     print(

@@ -33,6 +33,7 @@ from scipy.ndimage import uniform_filter
 from skimage import color, feature, measure, transform
 
 import toposeam as ts
+from stamp import stamp
 
 Pair = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 _WINDOW = 15
@@ -261,6 +262,7 @@ def main() -> None:
     parser.add_argument("--blind", type=Path, metavar="SHEETS")
     parser.add_argument("--count", type=Path, nargs="+", metavar="KEY VOTES")
     given = parser.parse_args()
+    print(stamp())
     if given.blind:
         blind(given.pairs, given.blind)
     elif given.count:

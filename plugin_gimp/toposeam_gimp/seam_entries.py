@@ -23,7 +23,7 @@ _METHOD = Option(
 )
 _LAW = Option(
     name="law",
-    label=_("Seam _avoids"),
+    label=_("Seam _goes round"),
     default="natural",
     help=_("What the seam must not cross; the first keeps people, posts and letters whole"),
     choices=(

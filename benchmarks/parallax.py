@@ -180,14 +180,15 @@ def unlikeness(a: np.ndarray, b: np.ndarray, both: np.ndarray) -> tuple[np.ndarr
     return 1 - np.mean(ssim, axis=0), (1 - np.mean(zncc, axis=0)) / 2
 
 
-def figures(folder: Path) -> None:
-    names = list(finders())
+def figures(folder: Path, names: list[str]) -> None:
     table: dict[str, list[tuple[float, float, float]]] = {name: [] for name in names}
     seconds = dict.fromkeys(names, 0.0)
     for pair, (a, b, mask_a, mask_b) in pairs(folder):
         both = mask_a & mask_b
         ssim, zncc = unlikeness(a, b, both)
         for name, find in finders().items():
+            if name not in names:
+                continue
             started = time.process_time()
             labels = find(a, b, mask_a, mask_b)
             seconds[name] += time.process_time() - started
@@ -261,6 +262,9 @@ def main() -> None:
     parser.add_argument("pairs", type=Path)
     parser.add_argument("--blind", type=Path, metavar="SHEETS")
     parser.add_argument("--count", type=Path, nargs="+", metavar="KEY VOTES")
+    parser.add_argument(
+        "--finder", action="append", help="only this one; may be repeated; OpenCV COLOR is the base"
+    )
     given = parser.parse_args()
     print(stamp())
     if given.blind:
@@ -268,7 +272,7 @@ def main() -> None:
     elif given.count:
         count(given.count[0], given.count[1:])
     else:
-        figures(given.pairs)
+        figures(given.pairs, given.finder or list(finders()))
 
 
 if __name__ == "__main__":

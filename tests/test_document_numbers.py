@@ -91,8 +91,8 @@ def test_the_sentences_on_the_variants_follow_from_their_table():
     assert f"cost {float(usual[3]) - 1:.0%}".replace("%", " %") in text
     assert f"(worst {float(usual[4]) - 1:.0%})".replace("%", " %") in text
     assert f"it is {float(unlimited[3]) - 1:.0%}".replace("%", " %") in text
-    assert (usual[0], unlimited[0]) == ("95%", "90%")  # "one strip in twenty", "one in ten"
-    assert "one strip in twenty keeps several lines" in text
+    assert (usual[0], unlimited[0]) == ("92%", "88%")  # "one strip in twelve", "one in eight"
+    assert "one strip in twelve keeps several lines" in text
     cases = rows(variants().partition("--cases")[2])["thesis, plain, move ≤ 1"]
     assert f"with 1 it costs {float(cases[1]):.1f} and {float(cases[3]):.1f} times as much" in text
 

@@ -373,9 +373,9 @@ def test_expansions_over_all_pixels_follow_at_half_the_size_of_all_that_is_reduc
         crop = np.clip(np.rint(crop + rng.integers(-3, 4, crop.shape)), 0, 255)
         layers.append(ts.Layer(crop.astype(np.uint8), at=(x, y), name=f"{x},{y}"))
     assert 40_000 < posed(layers).contested(10**9) <= levels._ONCE
-    quick = ts.stitch(layers).cost
+    quick = ts.stitch(layers, gradient=True).cost
     monkeypatch.setattr(levels, "WHOLE_PIXELS", 10**9)
-    assert quick <= 1.005 * ts.stitch(layers).cost
+    assert quick <= 1.005 * ts.stitch(layers, gradient=True).cost
 
 
 @pytest.mark.medium

@@ -55,8 +55,9 @@ def _measured(between: _Between) -> tuple[int, float, Verdict]:
             found.append((at, np.full(len(at), axis)))
     first_pixel, along = (np.concatenate(part) for part in zip(*found, strict=True))
     costs = costs_at(between.cost, canvas, first_pixel, along)
-    y, x = np.divmod(first_pixel[costs > 0], canvas.shape[1])
-    return int(np.count_nonzero(costs)), float(costs.sum()), verdict_of(costs[costs > 0], x, y)
+    dear = costs > 0
+    y, x = np.divmod(first_pixel[dear], canvas.shape[1])
+    return len(x), float(costs.sum()), verdict_of(costs[dear], x, y)
 
 
 @dataclass(frozen=True, eq=False)

@@ -107,10 +107,10 @@ def compose(
     check_executor(executor)
     check_whole("max_rounds", max_rounds, 0)
     check_core(core, speck)
-    match = match_options(gradient, cost, usual_law(method))
     chosen = method_options(method, keywords) if options is None else options
     if options is not None:
         _check_options(method, options, keywords)
+    match = match_options(gradient, cost, usual_law(method))
     dtypes = {layer.image.dtype for layer in layers}
     if len(dtypes) > 1:
         raise ImageError(f"the layers have dtypes {', '.join(sorted(map(str, dtypes)))}; convert them to one")

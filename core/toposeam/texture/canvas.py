@@ -97,6 +97,19 @@ class IndexCanvas:
         )
         return rows, columns, on if self.ground is None else on & self.ground[rows, columns]
 
+    def around(
+        self, at: tuple[int, int], shape: tuple[int, int], reach: int, step: int
+    ) -> list[npt.NDArray[np.int32]]:
+        """Rows (n,) and columns (m,) of a window and of what is within reach of it, every so many px; where
+        the canvas wraps they go on across its borders, but the opposite side of it is not counted twice.
+        """
+        axes = []
+        for start, length, limit, wraps in zip(at, shape, self.shape, self.wrap, strict=True):
+            most = min(reach, max((limit - length) // 2, 0)) if wraps else reach
+            line = np.arange(start - most, start + length + most, step, dtype=np.int32)
+            axes.append(line if wraps else line[(line >= 0) & (line < limit)])
+        return axes
+
     def _within(self, top: int, left: int, height: int, width: int) -> bool:
         """Whether a window lies on the canvas and all of it belongs to it."""
         bottom, right = top + height, left + width

@@ -154,12 +154,12 @@ def fill(
     side, lap = check_patch(sources, patch, overlap)
     band = check_whole("band", lap if band is None else band, 0)
     near = _disk_dilation(hole, band) & ground
-    placer = placer_over(sources, hole, ground, (False, False), chosen, seed)
-    order = find_order(sources.features[0], sources.usable[0]) if chosen.close else None
+    atlas, canvas = canvas_over(sources, hole, ground, (False, False), chosen.context)
+    order, phase = find_order(sources.features[0], sources.usable[0]) if chosen.close else None, None
     if order is not None:
-        placer.phase = Phase(order, order.reciprocal, placer.atlas.factor)
-        first = placer.atlas.corners[0].tolist()
-        placer.phase.begin((0, 0), (first[0], first[1]), (0, 0))
+        phase, first = Phase(order, order.reciprocal, atlas.factor), atlas.corners[0].tolist()
+        phase.begin((0, 0), (first[0], first[1]), (0, 0))
+    placer = placer_over(atlas, canvas, sources, hole, chosen, seed, phase)
     for top, left, shape in _windows(placer, hole, side, band):
         rows, columns, _ = placer.canvas.window(top, left, *shape)
         placer.lay(top, left, shape, near[rows, columns])
@@ -307,7 +307,7 @@ def _has_room(placer: PatchPlacer, shape: tuple[int, int], at: tuple[int, int] |
     """
     if any(length > limit for length, limit in zip(shape, placer.atlas.usable.shape, strict=True)):
         return False
-    room = placer.search.room(shape)
+    room = placer.ranking.search.room(shape)
     if at is not None and placer.phase is not None:
         room = room & placer.phase.allows(at, shape, *map(np.arange, room.shape))
     return bool(room.any())

@@ -11,6 +11,7 @@ from toposeam.errors import ImageError
 from toposeam.images import Mask, as_array, as_mask
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.canvas import IndexCanvas
+from toposeam.texture.keeping_step import Phase
 from toposeam.texture.lay import PatchPlacer
 from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.sources import DataRange, Images, Sources, read_sources
@@ -80,9 +81,15 @@ def canvas_over(
 
 
 def placer_over(
-    sources: Sources, hole: Mask, ground: Mask, wraps: tuple[bool, bool], options: LayOptions, seed: int
+    atlas: Atlas,
+    canvas: IndexCanvas,
+    sources: Sources,
+    hole: Mask,
+    options: LayOptions,
+    seed: int,
+    phase: Phase | None = None,
 ) -> PatchPlacer:
-    """What lays patches on such a canvas."""
-    atlas, canvas = canvas_over(sources, hole, ground, wraps, options.context)
+    """Make what lays patches on such a canvas."""
     rng = np.random.default_rng(seed)
-    return PatchPlacer(atlas, atlas.spread(sources.features), canvas, options, rng, int(hole.sum()))
+    features = atlas.spread(sources.features)
+    return PatchPlacer(atlas, features, canvas, options, rng, int(hole.sum()), phase=phase)

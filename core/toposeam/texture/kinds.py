@@ -19,6 +19,7 @@ from scipy import ndimage
 
 from toposeam.texture.atlas import Atlas, Floats32, Ints32
 from toposeam.texture.search import box_sum, reduced
+from toposeam.texture.sites import Places
 
 #: Deviation in px of the means in which pixels are seen.
 _BLUR = 3.0
@@ -79,23 +80,15 @@ class Kinds:
             self._kinds.append((kind, share))
         self._copied = wanted > 0
 
-    def dearer(
-        self,
-        usage: Ints32,
-        variety: float,
-        shape: tuple[int, int],
-        grid: tuple[int, int],
-        size: tuple[int, ...],
-    ) -> Floats32:
-        """How much dearer places are.
+    def factor(self, places: Places, usage: Ints32, variety: float) -> Floats32:
+        """Compute the factor on the error of places, (n, m) float32.
 
         Parameters
         ----------
+        places : Places
         usage : (AH, AW) int32 array
             How often each pixel shows.
         variety : float
-        shape, grid, size
-            As for :meth:`toposeam.texture.use.Use.of_places`.
         """
         used = self._blocks(usage).ravel()
         off = np.zeros(len(used))
@@ -107,18 +100,12 @@ class Kinds:
         whole = np.rint(_ONE * off).astype(np.int32).reshape(self._copied.shape) * self._copied
         boxes = [
             min(max(1, round(length / self._step)), limit)
-            for length, limit in zip(shape, whole.shape, strict=True)
+            for length, limit in zip(places.shape, whole.shape, strict=True)
         ]
         sums = box_sum(whole, (boxes[0], boxes[1])) / np.float32(_ONE * boxes[0] * boxes[1])
-        rows, columns = (
-            np.minimum((grid[0] + grid[1] * np.arange(n) + self._step // 2) // self._step, limit - 1)
-            for n, limit in zip(size, sums.shape, strict=True)
-        )
         power = np.clip(sums * np.float32(self._strength * variety), -_MOST, _MOST)
-        result: Floats32 = (
-            np.exp(power).astype(np.float32, copy=False).take(rows, axis=0).take(columns, axis=1)
-        )
-        return result
+        factor = np.exp(power).astype(np.float32, copy=False)
+        return places.from_blocks(factor, self._step, (self._step // 2,) * 2)
 
     def _properties(self, features: Floats32, atlas: Atlas, *, levelled: bool) -> list[Floats32]:
         """What the surroundings of blocks look like, an array of blocks for each property."""

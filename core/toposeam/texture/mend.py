@@ -42,7 +42,8 @@ class Mending:
     """
 
     def __init__(self, placer: PatchPlacer, shape: tuple[int, int]) -> None:
-        self._placer, self._shape, self._use = placer, shape, placer.use()
+        self._placer, self._shape = placer, shape
+        placer.refresh()
         self._found: dict[At, tuple[Site, Ints32, Mask, float]] = {}
 
     def offers(self, at: At) -> Offers | None:
@@ -51,7 +52,7 @@ class Mending:
         if found is None:
             return None
         self._found[at] = found
-        return self._placer.offers(found[0], self._use)
+        return self._placer.ranking.offers(found[0])
 
     def shows(self, at: At, place: At) -> Mask | None:
         """Where the patch from a place shows; None if the seams would be no better."""

@@ -20,7 +20,6 @@ def lay_all(
     patch: int,
     overlap: int,
     crew: Crew,
-    axis: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[int, int]:
     """Fill the canvas.
@@ -32,8 +31,6 @@ def lay_all(
         Side of the patches and least overlap, px.
     crew : Crew
         Who does it.
-    axis : int
-        0 row by row, 1 column by column.
     progress : callable, optional
         Called with the share of the patches laid.
 
@@ -46,15 +43,8 @@ def lay_all(
     rows = patches_along(canvas.shape[0], patch, overlap, canvas.wrap[0])
     columns = patches_along(canvas.shape[1], patch, overlap, canvas.wrap[1])
     shape = rows[0], columns[0]
-    lines = [rows[1], columns[1]]
-    waves = waves_of(
-        lines[axis],
-        lines[1 - axis],
-        shape[1 - axis] + placer.reach(shape),
-        canvas.shape[1 - axis] if canvas.wrap[1 - axis] else None,
-    )
-    if axis == 1:
-        waves = [[(top, left) for left, top in wave] for wave in waves]
+    round_length = canvas.shape[1] if canvas.wrap[1] else None
+    waves = waves_of(rows[1], columns[1], shape[1] + placer.reach(shape), round_length)
     done, count = 0, len(rows[1]) * len(columns[1])
     for wave in waves:
         lay_wave(placer, crew, Laying, wave, shape)

@@ -91,7 +91,7 @@ class Replacing:
         guard = np.zeros(placer.atlas.usable.size, np.float32) if placer.guard is None else placer.guard
         self.objects = Objects(guard, placer.features, placer.atlas, placer.canvas)
         #: How many pixels of the canvas a copy may show on.
-        self.largest = placer.largest_copy(shape)
+        self.largest = placer.ranking.largest_copy(shape)
         self._candidates = Candidates(placer.features, placer.atlas, self.objects)
         limits = zip(placer.canvas.shape, placer.canvas.wrap, strict=True)
         #: How many px round a place a window may have that does not meet itself.

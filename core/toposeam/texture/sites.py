@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from toposeam.images import Mask
 from toposeam.texture.atlas import Floats32, Ints32
@@ -52,6 +54,53 @@ class Site:
         weight = np.where(known >= 0, np.float32(context), np.float32(0))
         weight[m : m + h, m : m + w] = counts
         return cls(at=at, shape=shape, known=known, weight=weight, covers=covers)
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """The grid of places on the atlas from which a patch may be taken, and the window that it is for."""
+
+    #: First row and column of the window on the canvas, its height and width.
+    at: tuple[int, int]
+    shape: tuple[int, int]
+    #: First row, and column, of the places; px between neighbours; how many rows and columns there are.
+    first: int
+    step: int
+    size: tuple[int, int]
+    #: Rows and columns of the box round the window's empty pixels.
+    empty: tuple[tuple[int, int], tuple[int, int]]
+
+    @property
+    def axes(self) -> tuple[Ints, Ints]:
+        """Rows (n,) and columns (m,) of the places."""
+        n, m = self.size
+        return self.first + self.step * np.arange(n), self.first + self.step * np.arange(m)
+
+    def from_blocks(
+        self, values: npt.NDArray[Any], block: int, offset: tuple[int, int] = (0, 0)
+    ) -> npt.NDArray[Any]:
+        """Sample an array with one value per block × block pixels of the atlas at every place: (n, m).
+
+        Parameters
+        ----------
+        values : (BH, BW) array
+        block : int
+            Side of a block, px.
+        offset : (int, int)
+            Rows and columns, px, from each place to where it is sampled.
+        """
+        rows, columns = (
+            np.minimum((line + off) // block, limit - 1)
+            for line, off, limit in zip(self.axes, offset, values.shape, strict=True)
+        )
+        return values.take(rows, axis=0).take(columns, axis=1)
+
+
+class Penalty(Protocol):
+    """A reason to avoid some of the places."""
+
+    def factor(self, places: Places) -> Floats32:
+        """(n, m) factor by which the error of each place is multiplied, inf for those that are excluded."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

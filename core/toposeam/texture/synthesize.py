@@ -25,14 +25,12 @@ from toposeam.images import MAX_PIXELS
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.beginning import begun
 from toposeam.texture.canvas import IndexCanvas
-from toposeam.texture.closing import closing_guide, order_axis
 from toposeam.texture.crew import MAX_PROCESSES, Crew
 from toposeam.texture.easing import EasedLight, Level, level_for
 from toposeam.texture.exchange import MOST, Exchange
 from toposeam.texture.finish import finish, settings_of
 from toposeam.texture.guiding import guide_of
 from toposeam.texture.keeping_step import Phase
-from toposeam.texture.landmarks import landmarks
 from toposeam.texture.lay import PatchPlacer
 from toposeam.texture.lay_options import VARIED, LayOptions, varied
 from toposeam.texture.light import CopyLight, flattened, levelled_copies, without_light
@@ -229,30 +227,13 @@ def synthesize(
         patches_along(width, side, overlap, wraps[1]),
     )
     report = Stages(progress)
-    phase, axis, fits = None, None, None
+    phase, fits = None, None
     if given is None and chosen.close:
         order = find_order(sources.features[0], sources.usable[0]) if len(sources.shapes) == 1 else None
         if order is not None:
             closed, stretch = order.fitted((height, width), wraps)
             fits = order.better_size((height, width), wraps)
             phase = Phase(order, closed, atlas.factor) if stretch <= STRETCH else None
-        if phase is None and any(wraps) and min(height, width) >= 4 * side:
-            objects = chosen.variety and landmarks(features, atlas.usable, atlas.factor).guard is not None
-            axis = None if objects else order_axis(sources.features[0], sources.usable[0])
-    if axis is not None and wraps[axis]:
-        given = closing_guide(
-            sources,
-            atlas,
-            chosen,
-            (height, width),
-            wraps,
-            axis,
-            side,
-            overlap,
-            seed,
-            processes,
-            report.stage(0.0, 0.3),
-        )
     canvas = IndexCanvas((height, width), wraps, atlas.usable.size)
     placer = PatchPlacer(
         atlas,
@@ -268,7 +249,7 @@ def synthesize(
         level is True,
     )
     shape = rows[0], columns[0]
-    if not placer.search.room(shape).any():
+    if not placer.ranking.search.room(shape).any():
         where, remedy = (
             ("in the mask", "a larger mask")
             if source_mask is not None
@@ -283,7 +264,7 @@ def synthesize(
     tries = round(chosen.mend * count)
     most = count + tries + MOST * count
     with Crew(processes, placer, lambda: canvas.share(most)) as crew:
-        lay_all(placer, side, overlap, crew, 0, report.stage(report.done, 0.9, shown))
+        lay_all(placer, side, overlap, crew, report.stage(0.0, 0.9, shown))
         if placer.guard is None:
             mend(placer, shape, tries, crew, report.stage(0.9, 1.0))
         elif chosen.mend:  # where seams are bad they cut objects, and those are replaced

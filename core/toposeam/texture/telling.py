@@ -45,7 +45,7 @@ class Stages:
     """Progress through several stages."""
 
     def __init__(self, progress: Callable[[float], None] | None) -> None:
-        self._progress, self.done = progress, 0.0
+        self._progress = progress
 
     def stage(
         self, first: float, last: float, also: Callable[[float], None] | None = None
@@ -55,9 +55,8 @@ class Stages:
         def report(share: float) -> None:
             if also is not None:
                 also(share)
-            self.done = first + (last - first) * share
             if self._progress is not None:
-                self._progress(self.done)
+                self._progress(first + (last - first) * share)
 
         return report
 

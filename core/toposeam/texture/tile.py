@@ -119,16 +119,14 @@ def make_tileable(
     )
     check_varied(sources, "image")
     near &= ground
+    atlas, canvas = canvas_over(sources, hole, ground, wraps, chosen.context)
     if windows:
-        placer = placer_over(sources, hole, ground, wraps, chosen, seed)
-        atlas, canvas = placer.atlas, placer.canvas
-        if not placer.search.room(windows[0][2]).any():
+        placer = placer_over(atlas, canvas, sources, hole, chosen, seed)
+        if not placer.ranking.search.room(windows[0][2]).any():
             raise ImageError(
                 f"nowhere is the image opaque for a patch of {2 * band} × {2 * band} px, as a band of {band} "
                 f"px needs it; fill its holes first{', or use a narrower band' if band > 4 else ''}"
             )
-    else:
-        atlas, canvas = canvas_over(sources, hole, ground, wraps, chosen.context)
     for done, (top, left, shape) in enumerate(windows, start=1):
         rows, columns, _ = canvas.window(top, left, *shape)
         placer.lay(top, left, shape, near[rows, columns])

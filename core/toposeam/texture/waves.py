@@ -24,7 +24,8 @@ class Laying:
     """
 
     def __init__(self, placer: PatchPlacer, shape: tuple[int, int]) -> None:
-        self._placer, self._shape, self._use = placer, shape, placer.use()
+        self._placer, self._shape = placer, shape
+        placer.refresh()
         self._sites: dict[At, Site] = {}
 
     def offers(self, at: At) -> Offers | None:
@@ -33,7 +34,7 @@ class Laying:
         if site is None:
             return None
         self._sites[at] = site
-        return self._placer.offers(site, self._use)
+        return self._placer.ranking.offers(site)
 
     def shows(self, at: At, place: At) -> Mask | None:
         """Where the patch from a place shows."""

@@ -11,12 +11,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.checks import Seed, check_choice, check_whole, options_from, seed_of
+from toposeam.checks import Seed, check_choice, check_whole
 from toposeam.errors import ImageError, OptionError
 from toposeam.images import Mask, box_of
 from toposeam.texture.atlas import Atlas, Floats32
 from toposeam.texture.canvas import IndexCanvas
-from toposeam.texture.finish import finish, settings_of
+from toposeam.texture.finish import finish
 from toposeam.texture.holed import canvas_over, placer_over, read_holed
 from toposeam.texture.homogeneity import is_texture
 from toposeam.texture.keeping_step import Phase
@@ -26,6 +26,7 @@ from toposeam.texture.levelling import levelled
 from toposeam.texture.offsets import candidate_shifts
 from toposeam.texture.order import find_order
 from toposeam.texture.rendering import Lift
+from toposeam.texture.request import TextureRequest
 from toposeam.texture.scale import SMALLEST_PATCH
 from toposeam.texture.search import box_sum
 from toposeam.texture.shift_moves import Ground, stage
@@ -126,22 +127,32 @@ def fill(
     >>> bool((filled[0] == image[0]).all())
     True
     """
-    chosen = options_from(LayOptions, options, given, "fill")
-    seed, smooth = seed_of(seed), check_whole("smooth", smooth, 0, 8)
+    request = TextureRequest.of(
+        "fill",
+        options,
+        given,
+        seed=seed,
+        smooth=smooth,
+        alpha=alpha,
+        maps=maps,
+        weights=weights,
+        data_range=data_range,
+    )
     check_choice("by", by, BYS)
     check_choice("level", level, (True, False))
     if by == "shifts" and (patch is not None or overlap is not None):
         raise OptionError("patch and overlap say how large patches are; leave them out with by='shifts'")
-    sources, hole, ground = read_holed(image, mask, alpha, (source, avoid), maps, weights, data_range)
+    sources, hole, ground = read_holed(request, image, mask, source, avoid)
     if by == "auto":
         texture = patch is not None or overlap is not None
         by = "patches" if texture or is_texture(sources.features[0], hole, ground) else "shifts"
-    settings = {"by": by, "pixels": int(hole.sum()), "seed": seed, "smooth": smooth, **settings_of(chosen)}
+    settings = {"by": by, "pixels": int(hole.sum()), **request.settings}
+    chosen, smooth = request.options, request.smooth
     if by == "shifts":
         band = check_whole("band", _BAND if band is None else band, 0)
         near = _disk_dilation(hole, band) & ground
         atlas, canvas = canvas_over(sources, hole, ground, (False, False), chosen.context)
-        _stitch(atlas, canvas, sources, (hole, near, ground), source is not None, chosen, seed, progress)
+        _stitch(atlas, canvas, sources, (hole, near, ground), source is not None, request, progress)
         settings |= {"band": band, "level": level}
         lift = None
         if level:
@@ -159,7 +170,7 @@ def fill(
     if order is not None:
         phase, first = Phase(order, order.reciprocal, atlas.factor), atlas.corners[0].tolist()
         phase.begin((0, 0), (first[0], first[1]), (0, 0))
-    placer = placer_over(atlas, canvas, sources, hole, chosen, seed, phase)
+    placer = placer_over(atlas, canvas, sources, hole, request, phase)
     for top, left, shape in _windows(placer, hole, side, band):
         rows, columns, _ = placer.canvas.window(top, left, *shape)
         placer.lay(top, left, shape, near[rows, columns])
@@ -175,13 +186,12 @@ def _stitch(
     sources: Sources,
     masks: tuple[Mask, Mask, Mask],
     restricted: bool,
-    options: LayOptions,
-    seed: int,
+    request: TextureRequest,
     progress: Callable[[float], None] | None,
 ) -> None:
     """Fill each hole by shifted copies of the picture."""
     hole, near, ground = masks
-    rng, copied = np.random.default_rng(seed), sources.usable[0]
+    rng, copied, options = request.rng, sources.usable[0], request.options
     itself = np.arange(atlas.usable.size, dtype=np.int32).reshape(atlas.usable.shape)[atlas.places[0]]
     pieces = _grouped(hole, near)
     done, total = 0, int(hole.sum())

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import numpy.typing as npt
 
@@ -13,29 +11,39 @@ from toposeam.texture.atlas import Atlas
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.keeping_step import Phase
 from toposeam.texture.lay import PatchPlacer
-from toposeam.texture.lay_options import LayOptions
-from toposeam.texture.sources import DataRange, Images, Sources, read_sources
+from toposeam.texture.request import TextureRequest
+from toposeam.texture.sources import Sources
 
 
 def read_holed(
+    request: TextureRequest,
     image: npt.ArrayLike,
     hole: npt.ArrayLike,
-    alpha: npt.ArrayLike | None,
-    from_where: tuple[npt.ArrayLike | None, npt.ArrayLike | None],
-    maps: Sequence[Images],
-    weights: Sequence[float] | None,
-    data_range: DataRange,
+    source: npt.ArrayLike | None = None,
+    avoid: npt.ArrayLike | None = None,
     *,
     empty: bool = False,
 ) -> tuple[Sources, Mask, Mask]:
-    """The picture as a source, what has to go, and the pixels there are; `empty` where nothing has to go."""
+    """Read a picture as a source: with what has to go, and the pixels there are.
+
+    Parameters
+    ----------
+    request : TextureRequest
+    image, hole, source, avoid : array_like
+        As for :func:`toposeam.fill`.
+    empty : bool
+        Whether nothing may have to go.
+
+    Raises
+    ------
+    ImageError
+    """
     array = as_array(image)
     shape = (array.shape[0], array.shape[1])
     gone = as_mask(hole, shape, "mask")
-    ground = np.ones(shape, bool) if alpha is None else as_array(alpha, "alpha") > 0
+    ground = np.ones(shape, bool) if request.alpha is None else as_array(request.alpha, "alpha") > 0
     if ground.shape == shape:
         gone = gone & ground
-    source, avoid = from_where
     copied = ~gone
     if source is not None:
         copied = copied & as_mask(source, shape, "source")
@@ -58,10 +66,7 @@ def read_holed(
         )
     if np.issubdtype(array.dtype, np.floating):  # whatever the hole holds
         array = np.where(gone[..., np.newaxis] if array.ndim == 3 else gone, 0, array).astype(array.dtype)
-    sources = read_sources(
-        array, alpha=alpha, mask=copied, maps=maps, weights=weights, data_range=data_range, name="image"
-    )
-    return sources, gone, ground
+    return request.read(array, copied, "image"), gone, ground
 
 
 def canvas_over(
@@ -85,11 +90,9 @@ def placer_over(
     canvas: IndexCanvas,
     sources: Sources,
     hole: Mask,
-    options: LayOptions,
-    seed: int,
+    request: TextureRequest,
     phase: Phase | None = None,
 ) -> PatchPlacer:
     """Make what lays patches on such a canvas."""
-    rng = np.random.default_rng(seed)
-    features = atlas.spread(sources.features)
-    return PatchPlacer(atlas, features, canvas, options, rng, int(hole.sum()), phase=phase)
+    features, pixels = atlas.spread(sources.features), int(hole.sum())
+    return PatchPlacer(atlas, features, canvas, request.options, request.rng, pixels, phase=phase)

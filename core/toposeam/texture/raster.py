@@ -40,8 +40,7 @@ def lay_all(
         Height and width of the patches: the texture's own where it is smaller than they.
     """
     canvas = placer.canvas
-    rows = patches_along(canvas.shape[0], patch, overlap, canvas.wrap[0])
-    columns = patches_along(canvas.shape[1], patch, overlap, canvas.wrap[1])
+    rows, columns = _patches(canvas, patch, overlap)
     shape = rows[0], columns[0]
     round_length = canvas.shape[1] if canvas.wrap[1] else None
     waves = waves_of(rows[1], columns[1], shape[1] + placer.reach(shape), round_length)
@@ -55,11 +54,22 @@ def lay_all(
 
 
 def patches_on(canvas: IndexCanvas, patch: int, overlap: int) -> int:
-    """How many patches :func:`lay_all` lays."""
-    return math.prod(
-        len(patches_along(length, patch, overlap, wraps)[1])
+    """Count the patches that :func:`lay_all` lays."""
+    return math.prod(len(starts) for _, starts in _patches(canvas, patch, overlap))
+
+
+def shape_on(canvas: IndexCanvas, patch: int, overlap: int) -> tuple[int, int]:
+    """Compute the height and width of these patches."""
+    rows, columns = _patches(canvas, patch, overlap)
+    return rows[0], columns[0]
+
+
+def _patches(canvas: IndexCanvas, patch: int, overlap: int) -> list[tuple[int, list[int]]]:
+    """Divide both axes of a canvas into patches."""
+    return [
+        patches_along(length, patch, overlap, wraps)
         for length, wraps in zip(canvas.shape, canvas.wrap, strict=True)
-    )
+    ]
 
 
 def patches_along(length: int, patch: int, overlap: int, wraps: bool) -> tuple[int, list[int]]:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from toposeam.images import Mask
 from toposeam.texture.atlas import Floats32, Ints32
@@ -76,14 +75,12 @@ class Places:
         n, m = self.size
         return self.first + self.step * np.arange(n), self.first + self.step * np.arange(m)
 
-    def from_blocks(
-        self, values: npt.NDArray[Any], block: int, offset: tuple[int, int] = (0, 0)
-    ) -> npt.NDArray[Any]:
+    def from_blocks(self, values: Floats32, block: int, offset: tuple[int, int] = (0, 0)) -> Floats32:
         """Sample an array with one value per block × block pixels of the atlas at every place: (n, m).
 
         Parameters
         ----------
-        values : (BH, BW) array
+        values : (BH, BW) float32 array
         block : int
             Side of a block, px.
         offset : (int, int)
@@ -93,7 +90,8 @@ class Places:
             np.minimum((line + off) // block, limit - 1)
             for line, off, limit in zip(self.axes, offset, values.shape, strict=True)
         )
-        return values.take(rows, axis=0).take(columns, axis=1)
+        found: Floats32 = values.take(rows, axis=0).take(columns, axis=1)
+        return found
 
 
 class Penalty(Protocol):

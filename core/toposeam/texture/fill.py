@@ -40,12 +40,12 @@ from toposeam.texture.synthesize import check_patch
 _ONE_PATCH = 2.0
 #: The band round a hole that shifted copies may change as well, px.
 _BAND = 8
-#: How many of the shifts by which a picture repeats itself are tried.
+#: Number of shifts by which a picture repeats itself that are tried.
 _SHIFTS = 32
 #: Holes nearer to each other than this share of their size are filled together.
 _TOGETHER = 0.25
-#: Of pictures of more pixels only what is near a hole is looked at: about so many, and this share of the
-#: hole's size to either side at least.
+#: Of pictures of more pixels only about this many near a hole are searched, and at least this share of the
+#: hole's size to either side.
 _LOOKED_AT, _AROUND = 1 << 20, 1.5
 
 By = Literal["auto", "patches", "shifts"]
@@ -219,8 +219,8 @@ def _stitch(
 
 
 def _surroundings(part: Mask, copied: Mask, restricted: bool) -> tuple[slice, slice]:
-    """Rows and columns of what is looked at to fill a hole: of large pictures what is near, and whatever the
-    caller says may be copied.
+    """Select the rows and columns that are searched to fill a hole: of large pictures those near it, and
+    whatever the caller says may be copied.
     """
     whole = slice(0, part.shape[0]), slice(0, part.shape[1])
     if part.size <= _LOOKED_AT:
@@ -234,7 +234,7 @@ def _surroundings(part: Mask, copied: Mask, restricted: bool) -> tuple[slice, sl
 
 
 def _grouped(hole: Mask, near: Mask) -> npt.NDArray[np.int32]:
-    """Number of the hole at each pixel in or near one; holes near each other have one
+    """Number the holes: (H, W), the number at each pixel in or near one; holes near each other have one
     number.
     """
     pieces, _ = ndimage.label(hole, np.ones((3, 3), bool))
@@ -253,8 +253,8 @@ def _grouped(hole: Mask, near: Mask) -> npt.NDArray[np.int32]:
 def _windows(
     placer: PatchPlacer, hole: Mask, side: int, band: int
 ) -> Iterator[tuple[int, int, tuple[int, int]]]:
-    """Windows that cover the hole: a whole hole at once where it is small, else from outside inwards. Asks
-    the canvas what is empty yet.
+    """Yield windows that cover the hole: a whole hole at once where it is small, else from outside inwards,
+    by what of the canvas is empty yet.
     """
     canvas = placer.canvas
     pieces, _ = ndimage.label(hole, np.ones((3, 3), bool))
@@ -295,7 +295,7 @@ def _windows(
 
 
 def _lift(added: Floats32, limits: tuple[float, float], channel: int) -> Lift:
-    """What has to be added to a channel."""
+    """Select what is added to a channel."""
     one = np.broadcast_to(np.float32(1), (*added.shape[:2], 1))
     return Lift(gain=one, offset=added[..., channel : channel + 1], low=limits[0], high=limits[1])
 
@@ -303,7 +303,7 @@ def _lift(added: Floats32, limits: tuple[float, float], channel: int) -> Lift:
 def _window(
     room: tuple[int, int], at: tuple[int, int], shape: tuple[int, int]
 ) -> tuple[int, int, tuple[int, int]]:
-    """A window of a shape round a pixel, as far as there is room."""
+    """Centre a window of a shape on a pixel, as far as there is room."""
     top, left = (
         min(max(middle - length // 2, 0), limit - length)
         for middle, length, limit in zip(at, shape, room, strict=True)
@@ -312,8 +312,8 @@ def _window(
 
 
 def _has_room(placer: PatchPlacer, shape: tuple[int, int], at: tuple[int, int] | None = None) -> bool:
-    """Whether there are places for a patch of a shape; for a window of the canvas also whether such as keep
-    step with the picture's order.
+    """Tell whether there are places for a patch of a shape; for a window of the canvas, places in step with
+    the picture's order.
     """
     if any(length > limit for length, limit in zip(shape, placer.atlas.usable.shape, strict=True)):
         return False
@@ -324,7 +324,7 @@ def _has_room(placer: PatchPlacer, shape: tuple[int, int], at: tuple[int, int] |
 
 
 def _disk_dilation(mask: Mask, radius: int) -> Mask:
-    """Pixels within a distance, px, of the mask."""
+    """Mark the pixels within a distance, px, of the mask."""
     if radius == 0:
         return mask
     grown = np.zeros_like(mask)

@@ -27,7 +27,7 @@ def finish(
     lift: Callable[[int], Lift] | None = None,
     windows: Sequence[tuple[int, int, tuple[int, int]]] | None = None,
 ) -> Synthesis:
-    """Every map, made of what the canvas shows; the first one, the picture, may be given light, channel by
+    """Render every map from what the canvas shows; the first one, the picture, may be given light, channel by
     channel. Of a picture that was given only what changed is drawn anew, in the box round it or in windows.
     """
     made: list[npt.NDArray[Any]] = []

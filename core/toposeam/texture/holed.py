@@ -72,7 +72,7 @@ def read_holed(
 def canvas_over(
     sources: Sources, hole: Mask, ground: Mask, wraps: tuple[bool, bool], context: int
 ) -> tuple[Atlas, IndexCanvas]:
-    """A canvas that shows the picture itself, but for the hole."""
+    """Make a canvas that shows the picture itself, but for the hole."""
     left = ground & ~hole
     atlas = Atlas.of([left], context, sources.usable)
     canvas = IndexCanvas(
@@ -93,6 +93,6 @@ def placer_over(
     request: TextureRequest,
     phase: Phase | None = None,
 ) -> PatchPlacer:
-    """Make what lays patches on such a canvas."""
+    """Make the placer that lays patches on such a canvas."""
     features, pixels = atlas.spread(sources.features), int(hole.sum())
     return PatchPlacer(atlas, features, canvas, request.options, request.rng, pixels, phase=phase)

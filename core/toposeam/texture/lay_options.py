@@ -69,12 +69,12 @@ class LayOptions:
             check_no_reach(self.cost, "textures")
 
 
-#: What one number, the variation, stands for.
+#: The options that a variation stands for.
 VARIED = ("tolerance", "candidates", "most", "variety")
 
 
 def varied(options: LayOptions, variation: float) -> LayOptions:
-    """Options for a variation in [0, 1], 0.5 being the usual one.
+    """Derive options from a variation in [0, 1], 0.5 being the usual one.
 
     Raises
     ------

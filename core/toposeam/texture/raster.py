@@ -73,8 +73,8 @@ def _patches(canvas: IndexCanvas, patch: int, overlap: int) -> list[tuple[int, l
 
 
 def patches_along(length: int, patch: int, overlap: int, wraps: bool) -> tuple[int, list[int]]:
-    """Side of the patches along one axis, and where each begins: spread evenly, so that all overlap by at
-    least the overlap.
+    """Divide an axis into patches: their side, and where each begins, spread evenly, so that all overlap by
+    at least the overlap.
 
     Raises
     ------

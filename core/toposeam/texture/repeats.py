@@ -1,4 +1,4 @@
-"""How much of a patch would show a second time near by, for textures with objects on a ground.
+"""A penalty on what would show a second time near by, for textures with objects on a ground.
 
 A pixel of an exemplar that shows in two copies shows at two pixels of the canvas, as far from each other as
 the copies' shifts: what of a patch would come twice near by follows, for every place at once, from the shifts
@@ -17,9 +17,9 @@ from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.nearby import Nearby
 from toposeam.texture.sites import Places
 
-#: So many times in the reach, at least, the canvas is looked at along one axis.
+#: Least number of samples of the canvas in the reach along one axis.
 _SAMPLED = 12
-#: Of so many pixels of the atlas, at most, each is looked at.
+#: Largest number of cells of the atlas.
 _PIXELS = 10_000
 #: More than the square of any reach; twice that is no more than 32 bits hold.
 _FAR = np.int32(1 << 29)
@@ -87,8 +87,8 @@ class Repeats(Nearby):
     def _seen(
         self, top: int, left: int, height: int, width: int
     ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-        """What weighs of what shows round a window: flat indices, and their rows and columns, which go on
-        across borders.
+        """Find what weighs of what shows round a window: flat indices, and their rows and columns, which go
+        on across borders.
         """
         canvas = self._canvas
         y, x = canvas.around((top, left), (height, width), self._reach, self._step)

@@ -21,7 +21,7 @@ MAX_SMOOTH = 8
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TextureRequest:
-    """How a texture is made, and what belongs to its exemplars; see :func:`toposeam.synthesize`."""
+    """Options of a texture and what belongs to its exemplars; see :func:`toposeam.synthesize`."""
 
     options: LayOptions
     seed: int
@@ -87,12 +87,12 @@ class TextureRequest:
 
     @property
     def wraps(self) -> tuple[bool, bool]:
-        """Whether rows, and whether columns, continue at the opposite border."""
+        """Tell whether rows, and whether columns, continue at the opposite border."""
         return (False, False) if self.tileable is None else wraps_of(self.tileable)
 
     @property
     def rng(self) -> np.random.Generator:
-        """A new generator of the seed."""
+        """Make a new generator of the seed."""
         return np.random.default_rng(self.seed)
 
     @property
@@ -102,7 +102,7 @@ class TextureRequest:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What of it a result keeps, as numbers and texts."""
+        """Return what a result keeps of it, as numbers and texts."""
         tileable = {} if self.tileable is None else {"tileable": self.tileable}
         fields = [name for name in LayOptions.__dataclass_fields__ if name != "cost"]
         options = {name: getattr(self.options, name) for name in fields}

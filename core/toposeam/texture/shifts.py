@@ -39,7 +39,7 @@ _SWEEPS, _FINE_SWEEPS = 3, 1
 def shift_map(
     ground: Ground, shifts: Shifts, method: Method, progress: Callable[[float], None] | None = None
 ) -> Ints:
-    """The shift of every pixel that costs least.
+    """Find the shift of every pixel that costs least.
 
     Parameters
     ----------

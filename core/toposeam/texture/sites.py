@@ -1,4 +1,4 @@
-"""What a patch is laid by: the window of the canvas, the best places for it, and what is wanted there."""
+"""The window of the canvas on which a patch is laid, the places it may come from, and penalties on them."""
 
 from __future__ import annotations
 
@@ -48,7 +48,9 @@ class Site:
         covers: Mask,
         context: float,
     ) -> Site:
-        """A window in which some (h, w) pixels count, and those of the margin that are known count less."""
+        """Make a window in which some (h, w) pixels count, and those of the margin that are known
+        count less.
+        """
         m, (h, w) = (known.shape[0] - shape[0]) // 2, shape
         weight = np.where(known >= 0, np.float32(context), np.float32(0))
         weight[m : m + h, m : m + w] = counts
@@ -98,7 +100,9 @@ class Penalty(Protocol):
     """A reason to avoid some of the places."""
 
     def factor(self, places: Places) -> Floats32:
-        """(n, m) factor by which the error of each place is multiplied, inf for those that are excluded."""
+        """Compute the factor on the error of each place: (n, m) or (n, 1) float32, inf for places that are
+        excluded.
+        """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -61,7 +61,7 @@ class Sources:
 
 
 def as_list(images: Images | None, count: int, name: str) -> list[Any]:
-    """One entry per exemplar: a lone array stands for the only exemplar.
+    """List one entry per exemplar: a lone array stands for the only exemplar.
 
     Raises
     ------
@@ -255,12 +255,12 @@ def _features(planes: list[tuple[str, Floats32, float]], opacity: Image | None) 
 
 
 def _where(present: Mask, values: Image) -> Image:
-    """An exemplar's values, 0 where it has no pixels."""
+    """Set an exemplar's values to 0 where it has no pixels."""
     return values if present.all() else np.where(present[..., np.newaxis], values, values.dtype.type(0))
 
 
 def _alike(images: Sequence[Image], names: Sequence[str]) -> tuple[npt.NDArray[Any], ...]:
-    """All with a channel axis and equally many channels; gray ones are widened."""
+    """Give all a channel axis and equally many channels; gray ones are widened."""
     if len({image.dtype for image in images}) > 1:
         kinds = ", ".join(f"{name}: {image.dtype}" for name, image in zip(names, images, strict=True))
         raise ImageError(f"the exemplars differ in dtype ({kinds}); convert them to one")
@@ -285,7 +285,7 @@ def _weights(weights: Sequence[float] | None, count: int) -> list[float]:
 
 
 def white_of(data_range: DataRange, count: int) -> list[float | None]:
-    """What counts as white in the picture and in each of the maps; None where its dtype says it."""
+    """List what counts as white in the picture and in each of the maps; None where its dtype says it."""
     if data_range is None or not isinstance(data_range, Sequence | np.ndarray):
         given: list[Any] = [data_range] + [None] * (count - 1)
     else:

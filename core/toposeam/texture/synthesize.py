@@ -136,7 +136,7 @@ def synthesize(
     progress : callable, optional
         Called with the share of the work done, in [0, 1].
     preview : callable, optional
-        Called some dozen times with the picture so far, every so many pixels of it: (h, w[, C]) of the
+        Called about a dozen times with the picture so far, reduced by leaving pixels out: (h, w[, C]) of the
         exemplars' dtype, at most 512 px a side, 0 where nothing has been laid.
     options : LayOptions, optional
         How patches are chosen and cut; or its fields as keywords.
@@ -301,7 +301,7 @@ def _shares(shares: Sequence[float] | None, count: int) -> list[float] | None:
 
 
 def check_patch(sources: Sources, patch: int | None, overlap: float | None) -> tuple[int, int]:
-    """Patch and overlap in px, with the defaults resolved.
+    """Resolve the defaults of patch and overlap, px.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a caller is told while a texture grows."""
+"""Report progress and previews while a texture grows."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Previews:
         self._step, self._next = max(1, -(-max(canvas.shape) // _SIDE)), 0.0
 
     def __call__(self, share: float) -> None:
-        """Told the share of the patches laid."""
+        """Show a preview when due, given the share of the patches laid."""
         if share < self._next:
             return
         self._next += 1 / _COUNT
@@ -50,7 +50,7 @@ class Stages:
     def stage(
         self, first: float, last: float, also: Callable[[float], None] | None = None
     ) -> Callable[[float], None] | None:
-        """What reports the share done of a stage that takes from one share of the whole to another."""
+        """Make what reports the share done of a stage that takes from one share of the whole to another."""
 
         def report(share: float) -> None:
             if also is not None:
@@ -61,6 +61,6 @@ class Stages:
         return report
 
     def finish(self) -> None:
-        """All is done."""
+        """Report that all is done."""
         if self._progress is not None:
             self._progress(1.0)

@@ -170,8 +170,8 @@ def _steps(request: TextureRequest, image: npt.ArrayLike) -> list[Mask]:
 def _along_borders(
     size: tuple[int, int], wraps: tuple[bool, bool], band: int, steps: Sequence[Mask]
 ) -> tuple[list[tuple[int, int, tuple[int, int]]], Mask]:
-    """Square windows over the lines where borders meet, a quarter of each lying on the one before, wherever
-    there is a step; and the pixels at these lines that are to go.
+    """Place square windows over the lines where borders meet, a quarter of each lying on the one before,
+    wherever there is a step; and mark the pixels at these lines that are to go.
     """
     side, hole = 2 * band, np.zeros(size, bool)
     windows = []

@@ -29,7 +29,7 @@ class Laying:
         self._sites: dict[At, Site] = {}
 
     def offers(self, at: At) -> Offers | None:
-        """The best places for a window; None where nothing is empty."""
+        """Find the best places for a window; None where nothing is empty."""
         site = self._placer.site(*at, self._shape)
         if site is None:
             return None
@@ -37,7 +37,7 @@ class Laying:
         return self._placer.ranking.offers(site)
 
     def shows(self, at: At, place: At) -> Mask | None:
-        """Where the patch from a place shows."""
+        """Find where the patch from a place shows."""
         site = self._sites.pop(at, None) or self._placer.site(*at, self._shape)
         return None if site is None else self._placer.shows(site, self._placer.patch(place, self._shape))
 
@@ -45,7 +45,7 @@ class Laying:
 def lay_wave(
     placer: PatchPlacer, crew: Crew, kind: type, windows: Sequence[At], shape: tuple[int, int]
 ) -> list[bool]:
-    """Lay patches at the same time on windows that do not touch; whether each was laid.
+    """Lay patches at the same time on windows that do not touch; return whether each was laid.
 
     Places are picked in the windows' order as soon as they are known, and patches are painted in it when all
     are picked, whoever looks for them.
@@ -90,7 +90,7 @@ def lay_wave(
 
 
 def waves_of(rows: list[int], columns: list[int], width: int, length: int | None = None) -> list[list[At]]:
-    """Windows in raster order, those together that do not wait for one another.
+    """Group windows in raster order into waves of those that do not wait for one another.
 
     Parameters
     ----------

@@ -9,7 +9,6 @@ doi:10.1016/0004-3702(92)90007-K).
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 
@@ -198,44 +197,29 @@ class Exchange:
         one that does becomes what is near it least often.
         """
         slots, rng = self._there.all(), self._placer.rng
-        number_of = {key: slot for slot, key in enumerate(slots)}
-        numbers = [key[0] for key in slots]
+        slot_of = {key: slot for slot, key in enumerate(slots)}
         near_to = self._there.neighbours()
-        beside = [[number_of[near] for near in near_to[key] if near != key] for key in slots]
+        beside = [np.array([slot_of[near] for near in near_to[key] if near != key], np.intp) for key in slots]
+        numbers = np.array([key[0] for key in slots], np.intp)
         # How many near each are the same.
-        twice = [
-            sum(numbers[one] == number for one in near) for near, number in zip(beside, numbers, strict=True)
-        ]
-        bad = [slot for slot, count in enumerate(twice) if count]  # in order
-        best, fewest = numbers.copy(), len(bad)
+        same = [np.count_nonzero(numbers[near] == own) for near, own in zip(beside, numbers, strict=True)]
+        twice = np.array(same, np.intp)
+        best, fewest = numbers.copy(), np.count_nonzero(twice)
         fitting: dict[int, Ints] = {}
-        for _ in range(_THOUGHT * len(bad)):
-            if not bad:
+        for _ in range(_THOUGHT * fewest):
+            bad = np.flatnonzero(twice)
+            if not len(bad):
                 break
-            slot = bad[int(rng.integers(len(bad)))]
+            slot = int(bad[rng.integers(len(bad))])
             if slot not in fitting:
                 fitting[slot] = self._own.fitting(slots[slot], aside)
-            near = [numbers[one] for one in beside[slot]]
-            count = np.bincount(np.array(near, np.intp), minlength=len(self._all))[fitting[slot]]
+            near, before = beside[slot], numbers[slot]
+            count = np.bincount(numbers[near], minlength=len(self._all))[fitting[slot]]
             least = fitting[slot][count == count.min()]
-            before, numbers[slot] = numbers[slot], int(least[int(rng.integers(len(least)))])
-            for one in beside[slot]:
-                change = (numbers[one] == numbers[slot]) - (numbers[one] == before)
-                if change:
-                    twice[one] += change
-                    twice[slot] += change
-                    _keep(bad, one, twice[one] > 0)
-            _keep(bad, slot, twice[slot] > 0)
-            if len(bad) < fewest:
-                best, fewest = numbers.copy(), len(bad)
-        return {key: number for key, number in zip(slots, best, strict=True) if number != key[0]}
-
-
-def _keep(slots: list[int], slot: int, there: bool) -> None:
-    """Insert a number into a sorted list, or remove it."""
-    at = bisect_left(slots, slot)
-    if there != (at < len(slots) and slots[at] == slot):
-        if there:
-            slots.insert(at, slot)
-        else:
-            del slots[at]
+            numbers[slot] = least[rng.integers(len(least))]
+            change = (numbers[near] == numbers[slot]).astype(np.intp) - (numbers[near] == before)
+            twice[near] += change
+            twice[slot] += change.sum()
+            if (left := np.count_nonzero(twice)) < fewest:
+                best, fewest = numbers.copy(), left
+        return {key: number for key, number in zip(slots, best.tolist(), strict=True) if number != key[0]}

@@ -17,7 +17,7 @@ from toposeam.images import Mask, box_of
 from toposeam.texture.atlas import Atlas, Floats32
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.finish import finish
-from toposeam.texture.holed import canvas_over, placer_over, read_holed
+from toposeam.texture.holed import Holed, read_holed
 from toposeam.texture.homogeneity import is_texture
 from toposeam.texture.keeping_step import Phase
 from toposeam.texture.lay import PatchPlacer
@@ -29,11 +29,12 @@ from toposeam.texture.rendering import Lift
 from toposeam.texture.request import TextureRequest
 from toposeam.texture.scale import SMALLEST_PATCH
 from toposeam.texture.search import box_sum
-from toposeam.texture.shift_moves import Ground, stage
+from toposeam.texture.shift_moves import Ground
 from toposeam.texture.shifts import shift_map
-from toposeam.texture.sources import DataRange, Images, Sources
+from toposeam.texture.sources import DataRange, Images
 from toposeam.texture.synthesis import Synthesis
 from toposeam.texture.synthesize import check_patch
+from toposeam.texture.telling import stage
 
 #: A hole with its band that fits a patch this many times the usual one is filled by one patch, along a closed
 #: seam.
@@ -142,63 +143,92 @@ def fill(
     check_choice("level", level, (True, False))
     if by == "shifts" and (patch is not None or overlap is not None):
         raise OptionError("patch and overlap say how large patches are; leave them out with by='shifts'")
-    sources, hole, ground = read_holed(request, image, mask, source, avoid)
+    holed = read_holed(request, image, mask, source, avoid)
     if by == "auto":
         texture = patch is not None or overlap is not None
-        by = "patches" if texture or is_texture(sources.features[0], hole, ground) else "shifts"
-    settings = {"by": by, "pixels": int(hole.sum()), **request.settings}
-    chosen, smooth = request.options, request.smooth
+        texture = texture or is_texture(holed.sources.features[0], holed.hole, holed.ground)
+        by = "patches" if texture else "shifts"
+    settings = {"by": by, "pixels": int(holed.hole.sum()), **request.settings}
     if by == "shifts":
-        band = check_whole("band", _BAND if band is None else band, 0)
-        near = _disk_dilation(hole, band) & ground
-        atlas, canvas = canvas_over(sources, hole, ground, (False, False), chosen.context)
-        _stitch(atlas, canvas, sources, (hole, near, ground), source is not None, request, progress)
-        settings |= {"band": band, "level": level}
-        lift = None
-        if level:
-            plane = atlas.spread(sources.planes[0])
-            low, high = (float(limit(plane[atlas.usable])) for limit in (np.min, np.max))
-            added = levelled(plane, atlas.usable, canvas.index, near, (high - low) or 1.0)
-            lift = partial(_lift, added[box_of(near, smooth + 1)], (low, high))
-        shape = tuple(side.stop - side.start for side in box_of(near))
-        return finish(sources, atlas, canvas, (shape[0], shape[1]), settings, smooth, near, lift)
+        return _by_shifts(request, holed, band, level, source is not None, settings, progress)
+    return _by_patches(request, holed, patch, overlap, band, settings, progress)
+
+
+def _by_shifts(
+    request: TextureRequest,
+    holed: Holed,
+    band: int | None,
+    level: bool,
+    restricted: bool,
+    settings: dict[str, Any],
+    progress: Callable[[float], None] | None,
+) -> Synthesis:
+    """Fill holes by shifted copies of the picture."""
+    band = check_whole("band", _BAND if band is None else band, 0)
+    near = _disk_dilation(holed.hole, band) & holed.ground
+    atlas, canvas = holed.canvas(request)
+    _stitch(request, holed, atlas, canvas, near, restricted, progress)
+    settings |= {"band": band, "level": level}
+    lift = None
+    if level:
+        plane = atlas.spread(holed.sources.planes[0])
+        low, high = (float(limit(plane[atlas.usable])) for limit in (np.min, np.max))
+        added = levelled(plane, atlas.usable, canvas.index, near, (high - low) or 1.0)
+        lift = partial(_lift, added[box_of(near, request.smooth + 1)], (low, high))
+    height, width = (side.stop - side.start for side in box_of(near))
+    return finish(holed.sources, atlas, canvas, (height, width), settings, request.smooth, near, lift)
+
+
+def _by_patches(
+    request: TextureRequest,
+    holed: Holed,
+    patch: int | None,
+    overlap: float | None,
+    band: int | None,
+    settings: dict[str, Any],
+    progress: Callable[[float], None] | None,
+) -> Synthesis:
+    """Fill holes by patches, which keep step with the order of the picture."""
+    sources, hole = holed.sources, holed.hole
     side, lap = check_patch(sources, patch, overlap)
     band = check_whole("band", lap if band is None else band, 0)
-    near = _disk_dilation(hole, band) & ground
-    atlas, canvas = canvas_over(sources, hole, ground, (False, False), chosen.context)
-    order, phase = find_order(sources.features[0], sources.usable[0]) if chosen.close else None, None
+    near = _disk_dilation(hole, band) & holed.ground
+    atlas, canvas = holed.canvas(request)
+    order, phase = None, None
+    if request.options.close:
+        order = find_order(sources.features[0], sources.usable[0])
     if order is not None:
         phase, first = Phase(order, order.reciprocal, atlas.factor), atlas.corners[0].tolist()
         phase.begin((0, 0), (first[0], first[1]), (0, 0))
-    placer = placer_over(atlas, canvas, sources, hole, request, phase)
+    placer = holed.placer(request, atlas, canvas, phase)
     for top, left, shape in _windows(placer, hole, side, band):
-        rows, columns, _ = placer.canvas.window(top, left, *shape)
+        rows, columns, _ = canvas.window(top, left, *shape)
         placer.lay(top, left, shape, near[rows, columns])
         if progress is not None:
-            progress(1 - int(((placer.canvas.index < 0) & hole).sum()) / settings["pixels"])
+            progress(1 - int(((canvas.index < 0) & hole).sum()) / settings["pixels"])
     settings |= {"patch": side, "overlap": lap, "band": band}
-    return finish(sources, placer.atlas, placer.canvas, (side, side), settings, smooth, near)
+    return finish(sources, atlas, canvas, (side, side), settings, request.smooth, near)
 
 
 def _stitch(
+    request: TextureRequest,
+    holed: Holed,
     atlas: Atlas,
     canvas: IndexCanvas,
-    sources: Sources,
-    masks: tuple[Mask, Mask, Mask],
+    near: Mask,
     restricted: bool,
-    request: TextureRequest,
     progress: Callable[[float], None] | None,
 ) -> None:
     """Fill each hole by shifted copies of the picture."""
-    hole, near, ground = masks
-    rng, copied, options = request.rng, sources.usable[0], request.options
+    hole, ground, copied = holed.hole, holed.ground, holed.sources.usable[0]
+    rng, options = request.rng, request.options
     itself = np.arange(atlas.usable.size, dtype=np.int32).reshape(atlas.usable.shape)[atlas.places[0]]
     pieces = _grouped(hole, near)
     done, total = 0, int(hole.sum())
     for number in range(1, int(pieces.max()) + 1):
         part = hole & (pieces == number)
         seen = _surroundings(part, copied, restricted)
-        features, missing = sources.features[0][seen], hole[seen]
+        features, missing = holed.sources.features[0][seen], hole[seen]
         piece = Atlas.of([(ground & ~hole)[seen]], options.context, [copied[seen]])
         shifts = candidate_shifts(piece, piece.spread([features]), part[seen], missing, _SHIFTS, rng)
         view = Ground(
@@ -208,7 +238,7 @@ def _stitch(
             present=ground[seen] & (~missing | part[seen]),
             near=(near & (pieces == number))[seen],
         )
-        report = None if progress is None else stage(progress, done / total, int(part.sum()) / total)
+        report = stage(progress, done / total, int(part.sum()) / total)
         label = shift_map(view, shifts, options.method, report)
         for index in np.unique(label[label >= 0]).tolist():
             box = box_of(label == index)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
@@ -15,6 +17,35 @@ from toposeam.texture.request import TextureRequest
 from toposeam.texture.sources import Sources
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Holed:
+    """A picture part of which has to go."""
+
+    sources: Sources
+    #: (H, W) bool: what has to go, and the pixels there are.
+    hole: Mask
+    ground: Mask
+
+    def canvas(self, request: TextureRequest) -> tuple[Atlas, IndexCanvas]:
+        """Make a canvas that shows the picture itself, but for the hole."""
+        left, ground = self.ground & ~self.hole, None if self.ground.all() else self.ground
+        atlas = Atlas.of([left], request.options.context, self.sources.usable)
+        shape = left.shape[0], left.shape[1]
+        canvas = IndexCanvas(shape, request.wraps, atlas.usable.size, ground)
+        rows, columns = (np.arange(side.start, side.stop, dtype=np.int32) for side in atlas.places[0])
+        itself = rows[:, np.newaxis] * np.int32(atlas.width) + columns
+        np.copyto(itself, np.int32(-1), where=~left)
+        canvas.begin(itself)
+        return atlas, canvas
+
+    def placer(
+        self, request: TextureRequest, atlas: Atlas, canvas: IndexCanvas, phase: Phase | None = None
+    ) -> PatchPlacer:
+        """Make the placer that lays patches on such a canvas."""
+        features, pixels = atlas.spread(self.sources.features), int(self.hole.sum())
+        return PatchPlacer(atlas, features, canvas, request.options, request.rng, pixels, phase=phase)
+
+
 def read_holed(
     request: TextureRequest,
     image: npt.ArrayLike,
@@ -23,8 +54,8 @@ def read_holed(
     avoid: npt.ArrayLike | None = None,
     *,
     empty: bool = False,
-) -> tuple[Sources, Mask, Mask]:
-    """Read a picture as a source: with what has to go, and the pixels there are.
+) -> Holed:
+    """Read a picture and what has to go.
 
     Parameters
     ----------
@@ -66,33 +97,4 @@ def read_holed(
         )
     if np.issubdtype(array.dtype, np.floating):  # whatever the hole holds
         array = np.where(gone[..., np.newaxis] if array.ndim == 3 else gone, 0, array).astype(array.dtype)
-    return request.read(array, copied, "image"), gone, ground
-
-
-def canvas_over(
-    sources: Sources, hole: Mask, ground: Mask, wraps: tuple[bool, bool], context: int
-) -> tuple[Atlas, IndexCanvas]:
-    """Make a canvas that shows the picture itself, but for the hole."""
-    left = ground & ~hole
-    atlas = Atlas.of([left], context, sources.usable)
-    canvas = IndexCanvas(
-        (hole.shape[0], hole.shape[1]), wraps, atlas.usable.size, None if ground.all() else ground
-    )
-    rows, columns = (np.arange(side.start, side.stop, dtype=np.int32) for side in atlas.places[0])
-    itself = rows[:, np.newaxis] * np.int32(atlas.width) + columns
-    np.copyto(itself, np.int32(-1), where=~left)
-    canvas.begin(itself)
-    return atlas, canvas
-
-
-def placer_over(
-    atlas: Atlas,
-    canvas: IndexCanvas,
-    sources: Sources,
-    hole: Mask,
-    request: TextureRequest,
-    phase: Phase | None = None,
-) -> PatchPlacer:
-    """Make the placer that lays patches on such a canvas."""
-    features, pixels = atlas.spread(sources.features), int(hole.sum())
-    return PatchPlacer(atlas, features, canvas, request.options, request.rng, pixels, phase=phase)
+    return Holed(sources=request.read(array, copied, "image"), hole=gone, ground=ground)

@@ -19,6 +19,9 @@ from toposeam.images import Mask, full_scale, in_dtype
 from toposeam.texture.atlas import Ints32
 from toposeam.texture.joints import ROWS, joints
 
+#: Largest distance from a seam, px, within which copies can be mixed.
+MAX_SMOOTH = 8
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Lift:

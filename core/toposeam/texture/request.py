@@ -12,11 +12,9 @@ import numpy.typing as npt
 from toposeam.checks import Seed, check_items, check_whole, options_from, seed_of
 from toposeam.errors import OptionError
 from toposeam.texture.lay_options import VARIED, LayOptions, varied
+from toposeam.texture.rendering import MAX_SMOOTH
 from toposeam.texture.sources import DataRange, Images, Sources, read_sources, white_of
 from toposeam.texture.tileable import Tileable, wraps_of
-
-#: Largest distance from a seam, px, in which patches can be mixed.
-MAX_SMOOTH = 8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

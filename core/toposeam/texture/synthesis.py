@@ -22,7 +22,7 @@ from toposeam.saving import save
 from toposeam.sentence import counted
 from toposeam.texture.atlas import Atlas, Ints32
 from toposeam.texture.narrow import widened
-from toposeam.texture.rendering import render
+from toposeam.texture.rendering import MAX_SMOOTH, render
 from toposeam.texture.sources import Images, as_list
 from toposeam.texture.tileable import Tileable, wraps_of
 from toposeam.texture.turning import TURNS, Turns, count_of, turned
@@ -206,7 +206,7 @@ def apply_coordinates(
     >>> ts.apply_coordinates(height, grown.source).shape
     (60, 60)
     """
-    wraps, smooth = wraps_of(tileable), check_whole("smooth", smooth, 0, 8)
+    wraps, smooth = wraps_of(tileable), check_whole("smooth", smooth, 0, MAX_SMOOTH)
     place = check_whole_array("source", source)
     if place.ndim != 3 or place.shape[2] != 2:
         raise ImageError(f"source has shape {place.shape}; pass (H, W, 2) whole numbers, row and column")

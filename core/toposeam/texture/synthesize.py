@@ -32,7 +32,7 @@ from toposeam.texture.request import TextureRequest
 from toposeam.texture.scale import SMALLEST_PATCH, patch_for
 from toposeam.texture.sources import DataRange, Images, Sources, check_varied
 from toposeam.texture.synthesis import Synthesis
-from toposeam.texture.telling import Previews, Stages
+from toposeam.texture.telling import Previews, stage, together
 from toposeam.texture.tileable import Tileable
 from toposeam.texture.turning import TURNS, Turns, count_of, turned_sources
 
@@ -217,15 +217,16 @@ def synthesize(
     count = patches_on(canvas, side, overlap)
     tries = round(chosen.mend * count)
     most = count + tries + MOST * count
-    report, shown = Stages(progress), preview and Previews(preview, sources, atlas, canvas)
+    shown = None if preview is None else Previews(preview, sources, atlas, canvas)
     with Crew(processes, placer, lambda: canvas.share(most)) as crew:
-        lay_all(placer, side, overlap, crew, report.stage(0.0, 0.9, shown))
+        lay_all(placer, side, overlap, crew, together(shown, stage(progress, 0.0, 0.9)))
         if placer.guard is None:
-            mend(placer, shape, tries, crew, report.stage(0.9, 1.0))
+            mend(placer, shape, tries, crew, stage(progress, 0.9, 0.1))
         elif chosen.mend:  # where seams are bad they cut objects, and those are replaced
             Exchange(placer, shape, crew, most).run()
         crew.dismiss()
-        report.finish()
+        if progress is not None:
+            progress(1.0)
         del placer, wanted  # a guide takes more memory than the picture
         settings = {"patch": side, "overlap": overlap, **request.settings, "flatten": flatten, "level": level}
         settings |= {"shares": parts, "turns": turns, "transparent": transparent}

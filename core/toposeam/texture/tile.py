@@ -12,7 +12,7 @@ from toposeam.checks import Seed, check_whole
 from toposeam.errors import ImageError, OptionError
 from toposeam.images import Mask, as_array, full_scale
 from toposeam.texture.finish import finish
-from toposeam.texture.holed import canvas_over, placer_over, read_holed
+from toposeam.texture.holed import read_holed
 from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.raster import SMALLEST_TILE
 from toposeam.texture.request import TextureRequest
@@ -103,12 +103,12 @@ def make_tileable(
             "shows first"
         )
     windows, hole = _along_borders((height, width), wraps, band, _steps(request, image))
-    sources, hole, ground = read_holed(request, image, hole, empty=not windows)
-    check_varied(sources, "image")
-    near &= ground
-    atlas, canvas = canvas_over(sources, hole, ground, wraps, request.options.context)
+    holed = read_holed(request, image, hole, empty=not windows)
+    check_varied(holed.sources, "image")
+    near &= holed.ground
+    atlas, canvas = holed.canvas(request)
     if windows:
-        placer = placer_over(atlas, canvas, sources, hole, request)
+        placer = holed.placer(request, atlas, canvas)
         if not placer.ranking.search.room(windows[0][2]).any():
             raise ImageError(
                 f"nowhere is the image opaque for a patch of {2 * band} × {2 * band} px, as a band of {band} "
@@ -126,7 +126,7 @@ def make_tileable(
     if any(left == -band for _, left, _ in windows):
         across.append((0, -band, (height, 2 * band)))
     return finish(
-        sources, atlas, canvas, (2 * band, 2 * band), settings, request.smooth, near, windows=across
+        holed.sources, atlas, canvas, (2 * band, 2 * band), settings, request.smooth, near, windows=across
     )
 
 

@@ -10,7 +10,7 @@ from toposeam.images import Mask
 from toposeam.texture.atlas import Floats32
 from toposeam.texture.lattices import Floats
 from toposeam.texture.order import Order, find_order
-from toposeam.texture.sites import Places
+from toposeam.texture.sites import PlaceGrid
 from toposeam.texture.sources import DataRange, Images, read_sources
 from toposeam.texture.tileable import Tileable, wraps_of
 
@@ -43,7 +43,7 @@ class Phase:
             middle = np.array(shape) / 2
             self._start = self._closed @ (at + middle) - self._given @ (place + middle)
 
-    def factor(self, places: Places) -> Floats32:
+    def factor(self, places: PlaceGrid) -> Floats32:
         """Compute the factor on the error of places: (n, m) float32, inf where they are out of step."""
         in_step = self.allows(places.at, places.shape, *places.axes)
         return np.where(in_step, np.float32(1), np.float32(np.inf))

@@ -19,7 +19,7 @@ from scipy import ndimage
 
 from toposeam.texture.atlas import Atlas, Floats32, Ints32
 from toposeam.texture.search import box_sum, reduced
-from toposeam.texture.sites import Places
+from toposeam.texture.sites import PlaceGrid
 
 #: Deviation in px of the means in which pixels are seen.
 _BLUR = 3.0
@@ -80,12 +80,12 @@ class Kinds:
             self._kinds.append((kind, share))
         self._copied = wanted > 0
 
-    def factor(self, places: Places, usage: Ints32, variety: float) -> Floats32:
+    def factor(self, places: PlaceGrid, usage: Ints32, variety: float) -> Floats32:
         """Compute the factor on the error of places, (n, m) float32.
 
         Parameters
         ----------
-        places : Places
+        places : PlaceGrid
         usage : (AH, AW) int32 array
             How often each pixel shows.
         variety : float

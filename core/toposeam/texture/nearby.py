@@ -7,7 +7,7 @@ import numpy as np
 from toposeam.texture.atlas import Atlas, Floats32
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.search import box_sum
-from toposeam.texture.sites import Places
+from toposeam.texture.sites import PlaceGrid
 
 #: Distance within which two copies are near each other, as a share of an exemplar's shorter side.
 NEAR = 0.5
@@ -39,14 +39,14 @@ class Nearby:
         self._atlas, self._canvas, self._reach = atlas, canvas, near_reach(atlas)
         self.strength = self.STRENGTH * variety
 
-    def factor(self, places: Places) -> Floats32:
+    def factor(self, places: PlaceGrid) -> Floats32:
         """Compute the factor on the error of places, (n, m) float32."""
         factor = self.share(places)
         factor *= np.float32(self.strength)
         factor += np.float32(1)
         return factor
 
-    def share(self, places: Places) -> Floats32:
+    def share(self, places: PlaceGrid) -> Floats32:
         """Compute the share of each place's pixels that show near by, (n, m) float32."""
         canvas, (top, left), (height, width) = self._canvas, places.at, places.shape
         step = max(1, (2 * self._reach + max(height, width)) // _SAMPLED)

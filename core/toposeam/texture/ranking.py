@@ -14,7 +14,7 @@ from toposeam.texture.atlas import Atlas, Floats32, values_at
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.search import Ints, PatchSearch, refined
-from toposeam.texture.sites import Guide, Offers, Penalty, Places, Site
+from toposeam.texture.sites import Guide, Offers, Penalty, PlaceGrid, Site
 from toposeam.texture.use import Use
 
 #: Factor on places whose pixels have all reached their limit of use, where there is no other place.
@@ -121,9 +121,9 @@ class Ranking:
             terms.append(_Term(self._guides, guide.target[rows, columns], wanted, guide.weight))
         return terms
 
-    def _places(self, site: Site, empty: npt.NDArray[np.bool_], error: Floats32) -> Places:
+    def _places(self, site: Site, empty: npt.NDArray[np.bool_], error: Floats32) -> PlaceGrid:
         (rows, columns), (n, m) = box_of(empty), error.shape
-        return Places(
+        return PlaceGrid(
             at=site.at,
             shape=site.shape,
             first=self._atlas.margin,
@@ -133,7 +133,7 @@ class Ranking:
         )
 
     def _best(
-        self, error: Floats32, places: Places, large: Sequence[tuple[int, int]]
+        self, error: Floats32, places: PlaceGrid, large: Sequence[tuple[int, int]]
     ) -> tuple[Ints, Ints, Floats32]:
         """Select the best places, some px apart, with their errors times the penalties; without those that
         are used up or would continue a large copy.

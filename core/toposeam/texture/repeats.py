@@ -15,7 +15,7 @@ import numpy.typing as npt
 from toposeam.texture.atlas import Atlas, Floats32
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.nearby import Nearby
-from toposeam.texture.sites import Places
+from toposeam.texture.sites import PlaceGrid
 
 #: Least number of samples of the canvas in the reach along one axis.
 _SAMPLED = 12
@@ -51,7 +51,7 @@ class Repeats(Nearby):
         wide = cells.repeat(step, axis=0).repeat(step, axis=1)
         self._weight[:-1] = wide[: weight.shape[0], : weight.shape[1]].ravel()
 
-    def share(self, places: Places) -> Floats32:
+    def share(self, places: PlaceGrid) -> Floats32:
         """Compute the weight of what would show at the window's empty pixels and shows within reach already,
         per px of their box, for each place: (n, m) float32.
         """

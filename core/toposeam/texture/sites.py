@@ -58,7 +58,7 @@ class Site:
 
 
 @dataclass(frozen=True, slots=True)
-class Places:
+class PlaceGrid:
     """The grid of places on the atlas from which a patch may be taken, and the window that it is for."""
 
     #: First row and column of the window on the canvas, its height and width.
@@ -99,7 +99,7 @@ class Places:
 class Penalty(Protocol):
     """A reason to avoid some of the places."""
 
-    def factor(self, places: Places) -> Floats32:
+    def factor(self, places: PlaceGrid) -> Floats32:
         """Compute the factor on the error of each place: (n, m) or (n, 1) float32, inf for places that are
         excluded.
         """

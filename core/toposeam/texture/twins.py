@@ -12,7 +12,7 @@ import numpy as np
 from toposeam.texture.atlas import Atlas, Floats32, Ints32
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.search import box_sum
-from toposeam.texture.sites import Places
+from toposeam.texture.sites import PlaceGrid
 from toposeam.texture.turning import Turns, count_of, turned
 
 #: Share of a patch from which on it shows too much of that.
@@ -52,7 +52,7 @@ class Twins:
             self._original[place], self._position[place] = found, number % self._count
             self._where[number % self._count, found] = flat[place]
 
-    def factor(self, places: Places) -> Floats32:
+    def factor(self, places: PlaceGrid) -> Floats32:
         """Compute the factor on the error of places: (n, m) float32, inf where a patch must not be taken."""
         step, size = places.step, places.size
         (top, left), (h, w) = places.at, places.shape

@@ -9,7 +9,7 @@ from toposeam.texture.atlas import Atlas, Floats32, Ints32
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.kinds import Kinds
 from toposeam.texture.search import box_sum
-from toposeam.texture.sites import Places
+from toposeam.texture.sites import PlaceGrid
 
 #: Minimum share of the canvas that an exemplar counts as covering, so that ratios of shares stay bounded, and
 #: the power to which they are raised: steep, so that even unlike exemplars keep to their shares.
@@ -57,23 +57,23 @@ class Use:
         """Discard what was computed before the canvas changed."""
         self._kept.clear()
 
-    def factor(self, places: Places) -> Floats32:
+    def factor(self, places: PlaceGrid) -> Floats32:
         """Compute the factor on the error of places, (n, m) float32."""
         return self._of(places)[0]
 
-    def used_up(self, places: Places) -> Floats32 | None:
+    def used_up(self, places: PlaceGrid) -> Floats32 | None:
         """Compute the share of each place's pixels that have reached their limit, (n, m) float32; None where
         no pixel has.
         """
         return self._of(places)[1]
 
-    def _of(self, places: Places) -> tuple[Floats32, Floats32 | None]:
+    def _of(self, places: PlaceGrid) -> tuple[Floats32, Floats32 | None]:
         key = places.shape, places.first, places.step, places.size
         if key not in self._kept:
             self._kept[key] = self._computed(places)
         return self._kept[key]
 
-    def _computed(self, places: Places) -> tuple[Floats32, Floats32 | None]:
+    def _computed(self, places: PlaceGrid) -> tuple[Floats32, Floats32 | None]:
         usage = self._canvas.usage.reshape(self._atlas.usable.shape)
         shape, (n, m), grid = places.shape, places.size, slice(places.first, None, places.step)
         pixels = shape[0] * shape[1]
@@ -107,7 +107,7 @@ class Shares:
         self._canvas, self._atlas, self._shares = canvas, atlas, shares
         self._owner = atlas.owner_of_rows
 
-    def factor(self, places: Places) -> Floats32:
+    def factor(self, places: PlaceGrid) -> Floats32:
         """Compute the factor on the error of places, (n, 1) float32."""
         rows = self._canvas.usage.reshape(self._atlas.usable.shape).sum(axis=1)
         shown = np.add.reduceat(rows, self._atlas.corners[:, 0])

@@ -7,7 +7,7 @@ import pytest
 
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.nearby import NEAR, Nearby
-from toposeam.texture.sites import Places
+from toposeam.texture.sites import PlaceGrid
 
 SIDE, SAMPLE = 30, 10
 EMPTY = ((0, 4), (0, 3))
@@ -49,8 +49,8 @@ def test_what_shows_near_by_is_counted_also_across_a_border_that_continues(wrap,
     height, width = 4, 3
     nearby, reach = Nearby(atlas, canvas, variety=0.5), round(NEAR * SAMPLE)
     expected = counted(index, top, left, height, width, reach, wrap)
-    every = Places((top, left), (height, width), 0, 1, expected.shape, EMPTY)
+    every = PlaceGrid((top, left), (height, width), 0, 1, expected.shape, EMPTY)
     np.testing.assert_allclose(nearby.share(every), expected, atol=1e-6)
     np.testing.assert_allclose(nearby.factor(every), 1 + 0.5 * expected, atol=1e-6)
-    some = Places((top, left), (height, width), 1, 2, (3, 3), EMPTY)
+    some = PlaceGrid((top, left), (height, width), 1, 2, (3, 3), EMPTY)
     np.testing.assert_allclose(nearby.share(some), expected[1::2, 1::2][:3, :3], atol=1e-6)

@@ -1,4 +1,4 @@
-"""Places ranked by how they fit, times the penalties."""
+"""PlaceGrid ranked by how they fit, times the penalties."""
 
 import numpy as np
 

@@ -8,7 +8,7 @@ import pytest
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.nearby import NEAR
 from toposeam.texture.repeats import Repeats
-from toposeam.texture.sites import Places
+from toposeam.texture.sites import PlaceGrid
 
 SIDE, SAMPLE = 30, 10
 EMPTY = ((0, 4), (0, 3))
@@ -51,8 +51,8 @@ def test_what_would_come_twice_near_by_is_counted_also_across_a_border_that_cont
     repeats = Repeats(atlas, canvas, weight, variety=0.5)
     expected = counted(index, weight, top, left, height, width, round(NEAR * SAMPLE), wrap)
     assert expected.max() > 0
-    every = Places((top, left), (height, width), 0, 1, expected.shape, EMPTY)
+    every = PlaceGrid((top, left), (height, width), 0, 1, expected.shape, EMPTY)
     np.testing.assert_allclose(repeats.share(every), expected, atol=1e-5)
     np.testing.assert_allclose(repeats.factor(every), 1 + expected, atol=1e-5)
-    some = Places((top, left), (height, width), 1, 2, (3, 3), EMPTY)
+    some = PlaceGrid((top, left), (height, width), 1, 2, (3, 3), EMPTY)
     np.testing.assert_allclose(repeats.share(some), expected[1::2, 1::2][:3, :3], atol=1e-5)

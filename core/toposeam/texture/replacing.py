@@ -112,8 +112,7 @@ class Window:
     @cached_property
     def ground(self) -> Mask:
         """What shows ground that stays: flat."""
-        ground: Mask = self.inside.ravel() & ~self.goes.ravel() & ~self.beside_others
-        return ground
+        return np.asarray(self.inside.ravel() & ~self.goes.ravel() & ~self.beside_others)
 
 
 class Fit(NamedTuple):
@@ -150,7 +149,6 @@ class Replacing:
         self._room = min(
             ((limit - 1) // 2 for limit, wraps in limits if wraps), default=max(placer.canvas.shape)
         )
-
         self._sizes = np.array([len(one.pixels) for one in self.objects.all])
         self._like: dict[int, list[int]] = {}
         self._reaches: dict[tuple[int, int, int], int] = {}
@@ -178,9 +176,8 @@ class Replacing:
     def like(self, number: int) -> list[int]:
         """List the other objects about as large as one."""
         if number not in self._like:
-            alike = (self._sizes * _ALIKE > self._sizes[number]) & (
-                self._sizes < _ALIKE * self._sizes[number]
-            )
+            sizes, own = self._sizes, self._sizes[number]
+            alike = (sizes * _ALIKE > own) & (sizes < _ALIKE * own)
             alike[number] = False
             self._like[number] = np.flatnonzero(alike).tolist()
         return self._like[number]
@@ -199,8 +196,8 @@ class Replacing:
         """List the objects that have room in the place of one, up to some steps aside, itself too."""
         others = self.like(key[0])
         around = self._around(key[0], others, aside)
-        found = self._rooms(self._window(key, around), others, aside) if around <= self._room else ()
-        return np.array([key[0], *sorted(number for number, _ in found)], np.intp)
+        rooms = self._rooms(self._window(key, around), others, aside) if around <= self._room else ()
+        return np.array([key[0], *sorted(number for number, _ in rooms)], np.intp)
 
     def replace(self, key: Key, tries: Sequence[Try], beside: bool = False) -> Found | None:
         """Find the one that fits best of some objects, up to some steps aside, over another, or ground where
@@ -332,7 +329,7 @@ class Replacing:
         """
         canvas, box = self._canvas, box_of(may)
         top, left = window.top + box[0].start, window.left + box[1].start
-        shape = box[0].stop - box[0].start, box[1].stop - box[1].start
+        shape = must[box].shape[0], must[box].shape[1]
         source = self._placer.patch((place[0] + box[0].start, place[1] + box[1].start), shape)
         before = canvas.read(top - 1, left - 1, shape[0] + 2, shape[1] + 2)
         y, x = np.nonzero(before[1:-1, 1:-1] == source)
@@ -352,16 +349,13 @@ class Replacing:
         for number in numbers:
             one = self.objects.all[number]
             if one.whole:
-                taken = busy.take(middles[:, np.newaxis] + (one.pixels[:, 0] * side + one.pixels[:, 1])).any(
-                    axis=1
-                )
+                at = middles[:, np.newaxis] + one.pixels @ (side, 1)
+                taken = busy.take(at).any(axis=1)
                 if not taken.all():
                     yield number, middles[~taken]
 
     def _fits(self, window: Window, numbers: list[int], aside: int) -> list[Fit]:
-        """Find where in the middle of a window, or beside it, some objects have room, and how well
-        they fit.
-        """
+        """Find where some objects have room in the middle of a window, or beside it, and how they fit."""
         found, features = [], self._placer.features.reshape(self._atlas.usable.size, -1)
         side, known = len(window.known), None
         for number, middles in self._rooms(window, numbers, aside):

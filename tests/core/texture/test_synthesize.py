@@ -398,14 +398,3 @@ def test_seams_run_with_the_later_patch_on_their_right(sample):
     labels[:, 25:] = 1
     (line,) = dataclasses.replace(made, labels=labels).paths
     assert line.points.tolist() == [[25, 40], [25, 0]]
-
-
-def test_coordinates_alone_cut_other_pictures_alike(sample):
-    first, second = sample(2), sample(3)
-    made = ts.synthesize([first, second], 90, patch=32, tileable=True)
-    again = ts.apply_coordinates([first, second], made.source, made.exemplar, tileable=True)
-    np.testing.assert_array_equal(again, made.image)
-    with pytest.raises(ts.ImageError, match="point beyond"):
-        ts.apply_coordinates([first, second[:20]], made.source, made.exemplar)
-    with pytest.raises(ts.ImageError, match="row and column"):
-        ts.apply_coordinates(first, made.source[..., 0])

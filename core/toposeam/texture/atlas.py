@@ -99,14 +99,14 @@ class Atlas:
         ]
 
     def spread(self, images: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
-        """One (H, W, C) array per exemplar, of one dtype, on the plane; 0 elsewhere."""
+        """Put one (H, W, C) array per exemplar, of one dtype, on the plane; 0 elsewhere."""
         plane = np.zeros((*self.usable.shape, images[0].shape[2]), images[0].dtype)
         for place, image in zip(self.places, images, strict=True):
             plane[place] = image
         return plane
 
     def locate(self, index: Ints32) -> tuple[npt.NDArray[np.int16], Ints32]:
-        """Exemplar, and row and column in it, of pixels given by flat index.
+        """Find the exemplar, and row and column in it, of pixels given by flat index.
 
         Returns
         -------
@@ -132,14 +132,14 @@ class Atlas:
         return exemplar, place
 
     def index_of(self, exemplar: npt.NDArray[np.int16], place: Ints32) -> Ints32:
-        """The inverse of :meth:`locate`."""
+        """Compute flat indices: the inverse of :meth:`locate`."""
         row = place[..., 0] + self.corners[:, 0].astype(np.int32)[exemplar]
         column = place[..., 1] + self.corners[:, 1].astype(np.int32)[exemplar]
         return np.where(place[..., 0] < 0, np.int32(-1), row * np.int32(self.width) + column)
 
 
 def values_at(plane: Floats32, index: Ints32) -> Floats32:
-    """Values of an (AH, AW, F) plane at flat indices, (…, F); 0 for index -1."""
+    """Gather the values of an (AH, AW, F) plane at flat indices: (…, F), 0 for index -1."""
     flat = plane.reshape(-1, plane.shape[2])
     unset = index < 0
     if not unset.any():

@@ -1,4 +1,4 @@
-"""Where a texture that repeats begins.
+"""Roll a texture that repeats so that its border does not show.
 
 On a cylinder or a torus no line is its border, and the one at which the picture happens to begin may be one
 of its strongest: the edge of a row of cells, a vein. So a texture whose border shows more than most of its
@@ -21,7 +21,7 @@ _SHOWS = 0.75
 
 
 def begun(made: Synthesis) -> Synthesis:
-    """A texture, begun at other lines on the axes on which it repeats, where its borders show.
+    """Roll a texture along the axes on which it repeats, where its borders show.
 
     Parameters
     ----------
@@ -54,8 +54,8 @@ def begun(made: Synthesis) -> Synthesis:
 
 
 def line_steps(image: npt.NDArray[Any]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """How much each line of an image (H, W[, C]) differs from the one before it, in the mean of the channels:
-    (H,) for rows and (W,) for columns; the first one from the last.
+    """Compute how much each line of an image (H, W[, C]) differs from the one before it, in the mean of the
+    channels: (H,) for rows and (W,) for columns; the first one from the last.
 
     Examples
     --------
@@ -75,7 +75,7 @@ def line_steps(image: npt.NDArray[Any]) -> tuple[npt.NDArray[np.float64], npt.ND
 
 
 def _first(steps: npt.NDArray[np.float64]) -> int:
-    """The line to begin with: 0, or the nearest quiet one where that shows."""
+    """Find the line to begin with: 0, or the nearest quiet one where that shows."""
     if not steps[0] > np.quantile(steps, _SHOWS):  # NaN shows nowhere
         return 0
     quiet = np.flatnonzero(steps <= np.median(steps))

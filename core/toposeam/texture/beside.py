@@ -2,8 +2,8 @@
 
 The windows of a wave do not touch, so the best places for each are looked for at the same time, on the canvas
 as it was before the wave; who else takes what is not known then. It is when places are picked, one window
-after another: of each window's best places, those are dearer that show what has just been picked near by, and
-those are left out that would use pixels up or make a copy too large, given what has just been picked.
+after another: of each window's best places, those are penalised that show what has just been picked near by,
+and those are left out that would use pixels up or make a copy too large, given what has just been picked.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from toposeam.texture.sites import Offers
 
 
 class Beside:
-    """What has been picked for the windows of a wave so far.
+    """Keeps apart the places that are picked for the windows of a wave.
 
     Parameters
     ----------
     canvas : IndexCanvas
     atlas : Atlas
     reach : int
-        Within so many px of the canvas two copies are near each other.
+        Distance on the canvas, px, within which two copies are near each other.
     near : float
-        How much dearer a place is all of whose pixels were picked near by.
+        Factor on a place all of whose pixels were picked near by, less 1.
     limit : (AH, 1) int32 array, optional
         How often pixels may show, by the atlas's row.
     largest_copy : callable
@@ -56,13 +56,13 @@ class Beside:
         self._grown: Counter[int] = Counter()
 
     def add(self, at: tuple[int, int], place: tuple[int, int], offers: Offers) -> None:
-        """A place has been picked for the window at a row and column of the canvas."""
+        """Record that a place has been picked for the window at a row and column of the canvas."""
         self._picked.append((at, place))
         for first in {first for *where, first in offers.continued if tuple(where) == place}:
             self._grown[first] += offers.new
 
     def judged(self, at: tuple[int, int], shape: tuple[int, int], offers: Offers) -> Floats32:
-        """The errors of places, given what has been picked; infinite where a place is ruled out and another
+        """Compute the errors of places, given what has been picked; inf where a place is excluded and another
         is left.
         """
         errors, (h, w) = offers.errors.copy(), shape
@@ -77,8 +77,8 @@ class Beside:
         right = np.maximum(w - np.abs(offers.columns - places[:, 1:]), 0)
         if self._near:
             near = [self._are_near(at, where, shape) for where, _ in self._picked]
-            for dearer in (1 + self._near * down[near] * right[near] / (h * w)).astype(np.float32):
-                errors *= dearer
+            for factor in (1 + self._near * down[near] * right[near] / (h * w)).astype(np.float32):
+                errors *= factor
         if self._full is not None:
             for number, k in np.argwhere((down > 0) & (right > 0)).tolist():
                 row, column = self._picked[number][1]
@@ -88,12 +88,6 @@ class Beside:
         return errors if np.isfinite(errors).any() else offers.errors
 
     def _are_near(self, first: tuple[int, int], second: tuple[int, int], shape: tuple[int, int]) -> bool:
-        """Whether one window of the canvas is within reach of another."""
-        canvas = self._canvas
-        for one, other, length, limit, wraps in zip(
-            first, second, shape, canvas.shape, canvas.wrap, strict=True
-        ):
-            apart = abs(one - other)
-            if (min(apart % limit, -apart % limit) if wraps else apart) >= length + self._reach:
-                return False
-        return True
+        """Tell whether one window of the canvas is within reach of another."""
+        away = np.subtract(first, second)
+        return all(self._canvas.distance(k, away[k]) < shape[k] + self._reach for k in (0, 1))

@@ -77,8 +77,8 @@ class IndexCanvas:
     def window(
         self, top: int, left: int, height: int, width: int
     ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], Mask]:
-        """Rows (h, 1), columns (1, w) and where they are on the canvas (h, w), of a window that may reach
-        over its borders.
+        """Compute the rows (h, 1) and columns (1, w) of a window that may reach over the borders, and where
+        it is on the canvas (h, w).
         """
         if self._within(top, left, height, width):
             rows, columns = np.arange(top, top + height), np.arange(left, left + width)
@@ -97,19 +97,37 @@ class IndexCanvas:
         )
         return rows, columns, on if self.ground is None else on & self.ground[rows, columns]
 
+    def around(
+        self, at: tuple[int, int], shape: tuple[int, int], reach: int, step: int
+    ) -> list[npt.NDArray[np.int32]]:
+        """Compute rows (n,) and columns (m,) of a window and of what is within reach of it, every `step` px.
+        Where the canvas wraps they go on across its borders, but the opposite side is not counted twice.
+        """
+        axes = []
+        for start, length, limit, wraps in zip(at, shape, self.shape, self.wrap, strict=True):
+            most = min(reach, max((limit - length) // 2, 0)) if wraps else reach
+            line = np.arange(start - most, start + length + most, step, dtype=np.int32)
+            axes.append(line if wraps else line[(line >= 0) & (line < limit)])
+        return axes
+
+    def distance(self, axis: int, away: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
+        """Compute distances along an axis from differences of places: the shorter way where it wraps."""
+        limit = self.shape[axis]
+        return np.minimum(away % limit, -away % limit) if self.wrap[axis] else np.abs(away)
+
     def _within(self, top: int, left: int, height: int, width: int) -> bool:
-        """Whether a window lies on the canvas and all of it belongs to it."""
+        """Tell whether a window lies on the canvas and all of it belongs to it."""
         bottom, right = top + height, left + width
         return (
             self.ground is None and min(top, left) >= 0 and bottom <= self.shape[0] and right <= self.shape[1]
         )
 
     def read(self, top: int, left: int, height: int, width: int) -> Ints32:
-        """The (h, w) flat indices of a window, -1 off the canvas and where nothing has been laid."""
+        """Read the (h, w) flat indices of a window, -1 off the canvas and where nothing has been laid."""
         return self._part(self.index, top, left, height, width)
 
     def _part(self, plane: Ints32, top: int, left: int, height: int, width: int) -> Ints32:
-        """A window of the flat indices, or of the patches' numbers; -1 off the canvas."""
+        """Read a window of the flat indices, or of the patches' numbers; -1 off the canvas."""
         if self._within(top, left, height, width):
             return plane[top : top + height, left : left + width].copy()
         rows, columns, inside = self.window(top, left, height, width)
@@ -168,8 +186,8 @@ class IndexCanvas:
         self._copies[0], self._areas[0], self.patches = 0, int(np.count_nonzero(shown)), 1
 
     def copy_labels(self) -> Ints32:
-        """(H, W) int32, the number of the copy that shows: patches that continue one another have one number,
-        the first one's. -1 where nothing shows.
+        """Number the copies that show: (H, W) int32, for patches that continue one another the number of the
+        first one, -1 where nothing shows.
         """
         first, labels = self.first_patches(), self.labels.copy()
         if (first != np.arange(len(first))).any():
@@ -179,13 +197,15 @@ class IndexCanvas:
         return labels
 
     def first_patches(self) -> Ints32:
-        """(patches,) int32, the first one of the copy that each patch belongs to."""
+        """Find the first patch of the copy that each patch belongs to: (patches,) int32."""
         first: dict[int, int] = {}
         numbers = [first.setdefault(self.copy_of(patch), patch) for patch in range(self.patches)]
         return np.array(numbers, np.int32)
 
     def copies(self, top: int, left: int, height: int, width: int) -> Copies:
-        """The copies in a window. One that goes once round a torus may meet it twice, and is told twice."""
+        """List the copies in a window. One that goes once round a torus may meet it twice, and is listed
+        twice.
+        """
         index, labels = (
             self._part(plane, top, left, height, width).ravel() for plane in (self.index, self.labels)
         )
@@ -201,11 +221,11 @@ class IndexCanvas:
         return Copies(y, x, index.take(one), first)
 
     def area_of(self, first: int) -> int:
-        """How many pixels of a copy show, by its first patch."""
+        """Count the pixels of a copy that show, by its first patch."""
         return int(self._areas[first])
 
     def _join(self, touched: set[int]) -> None:
-        """The next patch as part of the copy of those that it continues, if it does."""
+        """Make the next patch part of the copy of those that it continues, if it does."""
         first = {self.copy_of(label) for label in touched}
         copy = min(first) if first else self.patches
         if self.patches == len(self._copies):
@@ -217,7 +237,7 @@ class IndexCanvas:
             self._areas[other] = 0
 
     def copy_of(self, patch: int) -> int:
-        """The first patch of the copy that a patch belongs to."""
+        """Find the first patch of the copy that a patch belongs to."""
         copies = self._copies
         while (before := int(copies[patch])) != patch:
             copies[patch] = patch = int(copies[before])
@@ -231,8 +251,8 @@ class IndexCanvas:
 
 
 def _shared(values: npt.NDArray[Any], length: int = 0) -> npt.NDArray[Any]:
-    """An array in memory that forks of this process see and change; with room for some length, which takes
-    none before it is used.
+    """Copy an array into memory that forks of this process share; with room for a length, which takes no
+    memory before it is used.
     """
     shape = max(len(values), length), *values.shape[1:]
     size = math.prod(shape)

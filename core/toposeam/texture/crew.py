@@ -27,17 +27,17 @@ from typing import Any
 
 from toposeam.errors import SolverError
 
-#: Where processes cannot be forked, or must not be as the system's own libraries mind it, one does all.
+#: Whether processes can be forked, and the system's libraries allow it; else one process does all.
 FORKS = hasattr(os, "fork") and sys.platform != "darwin"
 
-#: More than any machine of today has.
+#: Upper limit, above any machine of today.
 MAX_PROCESSES = 1024
-#: Bytes of a request in the pipe: all or none of them are written, and read, at once.
+#: Bytes of a request in the pipe, written and read at once.
 _REQUEST = 512
 
 #: A method's name and arguments.
 Call = tuple[str, tuple[Any, ...]]
-#: Whose methods: a number, and what the object is made from.
+#: Number and class of the object whose methods are called, and the shape it is made for.
 Turn = tuple[int, type, tuple[int, int]]
 
 
@@ -83,16 +83,16 @@ class Crew:
                 os.waitpid(process, 0)
 
     def dismiss(self) -> None:
-        """Have the others end, which takes them some time, as nothing will be asked any more; they have gone
-        when the context ends.
+        """Tell the other processes to end, which takes them some time; they have ended when the context is
+        left.
         """
         for _ in self._others if self._tool is not None else ():
             self._give(b"")
         self._tool, self._made = None, (-1, None)
 
     def begin(self, kind: type, shape: tuple[int, int], count: int) -> None:
-        """From now on methods of an object are called that is made of the tool and a shape, in every process
-        for itself; alone where there is but one to call at first.
+        """Choose the object whose methods are called from now on: each process makes its own from the tool
+        and a shape. With one call at first, or one process, this process works alone.
         """
         self._turn, self._shares = (self._turn[0] + 1, kind, shape), min(self._count, count) > 1
         if self._shares and not self._others:
@@ -100,22 +100,24 @@ class Crew:
             self._fork()
 
     def own(self) -> Any:
-        """The object of this process."""
+        """Return the object of this process."""
         return self._object(self._turn)
 
     def ask(self, method: str, *given: Any) -> None:
-        """Have a method called by whoever is free; what was asked first is called first."""
+        """Queue a call of a method for any process; calls begin in the order of the queue."""
         self._asked.append((method, given))
         self._awaited += 1
 
     def pass_on(self) -> None:
-        """Let others begin with what was asked, as far as there is room for it, before answers are wanted."""
+        """Hand queued calls to the other processes, as far as the pipe has room, before answers are
+        wanted.
+        """
         while self._shares and self._asked and self._give(pickle.dumps((self._turn, self._asked[0]))):
             self._asked.popleft()
 
     def answers(self) -> Iterator[tuple[Call, Any]]:
-        """What was asked and what it gave, as soon as it is ready, until nothing is left; meanwhile more may
-        be asked.
+        """Yield each call with its result as soon as it is ready, until none is left; more may be queued
+        meanwhile.
 
         Raises
         ------
@@ -133,7 +135,7 @@ class Crew:
                     yield answer
 
     def _next(self) -> Call | None:
-        """What this process does next, after it has passed on what there is room for."""
+        """Take the next call of this process, after handing on as many as the pipe has room for."""
         if not self._shares:
             return self._asked.popleft()
         self.pass_on()
@@ -144,14 +146,14 @@ class Crew:
         return call
 
     def _give(self, request: bytes) -> bool:
-        """Put a request into the pipe, the empty one to end a process; False where it is full."""
+        """Put a request into the pipe, the empty one to end a process; False where the pipe is full."""
         try:
             return os.write(self._given, request.ljust(_REQUEST, b"\0")) > 0
         except BlockingIOError:
             return False
 
     def _ready(self, *, waits: bool) -> list[tuple[Call, Any]]:
-        """What others have done."""
+        """Collect the results of the other processes."""
         found = []
         for descriptor, _ in self._poll.poll(None if waits else 0):
             try:
@@ -192,7 +194,7 @@ class Crew:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
     def _serve(self, pipe: Connection) -> None:
-        """Another process, which ends here."""
+        """Run another process, which ends here."""
         try:
             gc.freeze()  # what others hold is theirs to tidy away
             signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -230,7 +232,7 @@ class Crew:
 
 
 def _read(requests: int) -> tuple[Turn, Call]:
-    """The next request of a pipe.
+    """Read the next request from a pipe.
 
     Raises
     ------

@@ -26,10 +26,10 @@ from toposeam.texture.sources import Sources
 _REACH = 12.0
 #: A step, in shares of white, of which half is eased; what is much larger is an edge.
 _EDGE = 0.3
-#: Of a smooth sample the periods below so many px hold at most this share of the variance.
+#: A sample is smooth where periods below `_FINE` px hold at most this share of its variance.
 _FINE, _SHARE = 8, 0.1
-#: Gradients are those of the sample blurred by a deviation of so many px; along fibres they have at most this
-#: share of the variance across them.
+#: Deviation of the blur before gradients are taken, px; fibres have at most this share of the variance across
+#: them along them.
 _GRADIENT, _ALONG = 1.5, 0.05
 
 #: Whether light is levelled, or steps are eased only.
@@ -37,8 +37,8 @@ Level = bool | Literal["steps"]
 
 
 def level_for(sources: Sources) -> Level:
-    """What exemplars need: light levelled where it is slow, and between fibres; steps eased where they are
-    smooth.
+    """Choose what exemplars need: light levelled where it is slow, and between fibres; steps eased where they
+    are smooth.
     """
     if any(map(has_slow_light, sources.features, sources.usable)):
         return True
@@ -48,7 +48,7 @@ def level_for(sources: Sources) -> Level:
 
 
 def is_smooth(features: Floats32, usable: Mask) -> bool:
-    """Whether a sample has so little fine detail that steps would be seen.
+    """Tell whether a sample has so little fine detail that steps would be seen.
 
     Parameters
     ----------
@@ -70,8 +70,8 @@ def is_smooth(features: Floats32, usable: Mask) -> bool:
 
 
 def is_fibrous(features: Floats32, usable: Mask) -> bool:
-    """Whether all of a sample runs in one direction, along which hardly anything changes: where patches meet,
-    fibres of unlike brightness would end in steps.
+    """Tell whether all of a sample runs in one direction, along which hardly anything changes: where patches
+    meet, fibres of unlike brightness would end in steps.
 
     The two eigenvalues of the structure tensor tell it (Bigün and Granlund 1987).
 
@@ -97,7 +97,7 @@ def is_fibrous(features: Floats32, usable: Mask) -> bool:
 
 
 def _brightness(features: Floats32, usable: Mask) -> Floats32:
-    """(H, W), the mean of the features; their mean over the sample where it is not usable."""
+    """Compute the mean of the features, (H, W); their mean over the sample where it is not usable."""
     result: Floats32 = np.where(usable, features.mean(axis=2), features[usable].mean())
     return result
 
@@ -145,7 +145,7 @@ class EasedLight:
         second: npt.NDArray[np.intp],
         step: int,
     ) -> Floats32:
-        """What is to be added to the steps (n, C) from some pixels to their neighbours."""
+        """Compute what is added to the steps (n, C) from some pixels to their neighbours."""
         light, flat, usable = self._light, plane.reshape(-1, plane.shape[2]), self._light.atlas.usable.ravel()
         p, q = self._index.take(first), self._index.take(second)
         ahead, behind = np.minimum(p + step, len(flat) - 1), np.maximum(q - step, 0)

@@ -9,7 +9,6 @@ doi:10.1016/0004-3702(92)90007-K).
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 
@@ -17,6 +16,7 @@ import numpy as np
 
 from toposeam.texture.crew import Crew
 from toposeam.texture.lay import PatchPlacer
+from toposeam.texture.nearby import NEAR
 from toposeam.texture.objects import Key
 from toposeam.texture.positions import Positions
 from toposeam.texture.replacing import FORBIDDEN, GROUND, MENDED, WHOLE, Replaced, Replacing, ToReplace
@@ -24,18 +24,17 @@ from toposeam.texture.search import Ints
 
 #: An object of which more than this share shows counts as there.
 _THERE = 0.4
-#: Within this share of an exemplar's shorter side, and so many px more as cut ones have their middle
-#: elsewhere, two of the same are near each other.
-_NEAR, _SLACK = 0.5, 4
-#: So many exchanges are thought through for every object that comes twice near by, and so often is looked
-#: again for what could not be laid, by how many steps aside.
+#: px by which the middle of a cut object may be off: added to the distance within which two are near.
+_SLACK = 4
+#: Min-conflicts iterations for every object that repeats near by; rounds, by how many steps aside what could
+#: not be laid is tried again.
 _THOUGHT, _ROUNDS = 40, (0, 1, 2)
-#: So many objects, which do not touch, are replaced at the same time, and about so many in one go: most of
-#: the time that a small seam takes goes into calls.
+#: Objects that do not touch and are replaced at the same time, and about how many of them in one call: most
+#: of the time of a small seam goes into calls.
 _AT_ONCE, _IN_ONE = 16, 4
-#: They are taken from so many that wait.
+#: Number of waiting objects from which these are taken.
 _LOOKED_AT = 128
-#: For each patch of a texture at most so many are replaced: what processes share has room for no more.
+#: Replacements per patch of a texture, at most: shared memory has room for no more.
 MOST = 64
 
 
@@ -64,12 +63,12 @@ class Exchange:
         self._all, self._shown = self._objects.all, self._objects.shown()
         #: How many pixels of objects the canvas shows, and should for their share of the exemplars.
         self._now, self._due = self._shown.total(), self._objects.density() * placer.canvas.index.size
-        near = _NEAR * int(placer.atlas.shapes.min(axis=1).max()) + _SLACK
+        near = NEAR * int(placer.atlas.shapes.min(axis=1).max()) + _SLACK
         self._there = Positions(placer.canvas.shape, placer.canvas.wrap, near)
         self._note(self._shown)
 
     def run(self) -> int:
-        """Make objects whole, and exchange those that come twice near by; how many were replaced."""
+        """Make objects whole and exchange those that repeat near by; return how many were replaced."""
         shares = {key: self._share(key) for key in self._shown}
         done = self._replace(sorted(shares, key=lambda one: (-shares[one], one)), self._mending)
         for aside in _ROUNDS:
@@ -79,12 +78,12 @@ class Exchange:
         return done + sum(map(self._part, self._twice()))
 
     def _share(self, key: Key) -> float:
-        """What share of an object shows of what could."""
+        """Compute what share of an object shows, of what could."""
         return float(self._shown[key] / max(self._objects.room(key), 1))
 
     def _mending(self, key: Key) -> ToReplace | None:
-        """A cut object becomes whole, or another one, or ground: so that objects show on their share, of
-        which all that are replaced at the same time see how much it is now.
+        """Decide whether a cut object is made whole, or becomes ground, so that objects cover their share of
+        the canvas. All that are replaced at the same time see the same coverage.
         """
         share, room = self._share(key), self._objects.room(key)
         if share <= 0 or (share >= WHOLE and self._all[key[0]].whole):
@@ -92,7 +91,7 @@ class Exchange:
         return ToReplace(key, MENDED if self._now + (0.5 - share) * room < self._due else GROUND)
 
     def _replace(self, keys: Sequence[Key], task_of: Callable[[Key], ToReplace | None]) -> int:
-        """Replace objects, of those that touch the first ones first; how many could be."""
+        """Replace objects, of those that touch the first ones first; return how many could be."""
         done, left = 0, [key for key in keys if task_of(key) is not None]
         #: What an object did not become, as that came near by meanwhile.
         refused: defaultdict[Key, set[int]] = defaultdict(set)
@@ -111,21 +110,23 @@ class Exchange:
         return done
 
     def _without(self, task: ToReplace, refused: set[int]) -> ToReplace:
-        """A task that brings nothing that shows near by; ground where that has been tried too often."""
+        """Forbid a task to bring what shows near by; replace by ground where that has been tried
+        too often.
+        """
         if len(refused) >= FORBIDDEN:
             return ToReplace(task.key, GROUND)
         without = [*sorted(refused), *sorted(self._near(task) - refused)]
         return task._replace(without=tuple(without[:FORBIDDEN]))
 
     def _near(self, task: ToReplace) -> set[int]:
-        """What a cut object should not become, as it shows near by already."""
+        """Find what a cut object should not become, as it shows near by already."""
         if task.becomes != MENDED:
             return set()
         alike = self._own.like(task.key[0])
         return {key[0] for key in self._there.near(task.key[1:])}.intersection(alike)
 
     def _apart(self, tasks: Sequence[ToReplace]) -> list[ToReplace]:
-        """Some of the first tasks, which do not touch."""
+        """Select some of the first tasks, which do not touch."""
         around = np.array([self._own.around(task) for task in tasks], np.intp)
         middles = np.array([task.key[1:] for task in tasks], np.intp).reshape(-1, 2)
         found: list[ToReplace] = []
@@ -134,16 +135,14 @@ class Exchange:
             first = int(free.argmax())
             found.append(tasks[first])
             touch = np.ones(len(tasks), bool)
-            for line, limit, wraps in zip(middles.T, self._canvas.shape, self._canvas.wrap, strict=True):
-                away = np.abs(line - line[first])
-                away = np.minimum(away % limit, -away % limit) if wraps else away
-                touch &= away <= around + around[first] + 2
+            for axis, line in enumerate(middles.T):
+                touch &= self._canvas.distance(axis, line - line[first]) <= around + around[first] + 2
             touch[first] = True
             free &= ~touch
         return found
 
     def _found(self, tasks: Sequence[ToReplace]) -> list[Replaced | None]:
-        """What some tasks come to, which do not touch, whoever does them."""
+        """Run tasks that do not touch, in any of the processes."""
         parts = max(-(-len(tasks) // _IN_ONE), min(len(tasks), 2))
         groups = []
         for part in np.array_split([task.numbers() for task in tasks], parts) if parts else ():
@@ -165,7 +164,7 @@ class Exchange:
         return True
 
     def _twice(self) -> list[Key]:
-        """Objects that are there twice near by."""
+        """Find the objects that repeat near by."""
         return sorted(
             key
             for key, near in self._there.neighbours().items()
@@ -173,13 +172,13 @@ class Exchange:
         )
 
     def _is_twice(self, key: Key) -> bool:
-        """Whether an object is there, and near by once more."""
+        """Tell whether an object shows, and once more near by."""
         near = set(self._there.near(key[1:]))
         return key in near and any(one[0] == key[0] for one in near - {key})
 
     def _part(self, key: Key) -> bool:
-        """Replace an object that still comes twice near by, as what it should have become had no room there,
-        by any other that does not.
+        """Replace an object that still repeats near by, as its first choice had no room, by any other that
+        does not.
         """
         if not self._is_twice(key) or self._canvas.patches == self._most:  # the other one may have gone
             return False
@@ -189,53 +188,38 @@ class Exchange:
         return found is not None and self._paint(*self._own.cut([found]))
 
     def _note(self, keys: Iterable[Key]) -> None:
-        """Keep in mind whether these objects are there."""
+        """Record whether these objects show."""
         for key in keys:
             self._there.put(key, self._shown[key] > _THERE * len(self._all[key[0]].pixels))
 
     def _chosen(self, aside: int) -> dict[Key, int]:
-        """What objects should become so that none comes twice near by: again and again, one that does becomes
-        what is near it least often.
+        """Choose what objects should become so that none repeats near by (min-conflicts): again and again,
+        one that does becomes what is near it least often.
         """
         slots, rng = self._there.all(), self._placer.rng
-        number_of = {key: slot for slot, key in enumerate(slots)}
-        numbers = [key[0] for key in slots]
+        slot_of = {key: slot for slot, key in enumerate(slots)}
         near_to = self._there.neighbours()
-        beside = [[number_of[near] for near in near_to[key] if near != key] for key in slots]
+        beside = [np.array([slot_of[near] for near in near_to[key] if near != key], np.intp) for key in slots]
+        numbers = np.array([key[0] for key in slots], np.intp)
         # How many near each are the same.
-        twice = [
-            sum(numbers[one] == number for one in near) for near, number in zip(beside, numbers, strict=True)
-        ]
-        bad = [slot for slot, count in enumerate(twice) if count]  # in order
-        best, fewest = numbers.copy(), len(bad)
+        same = [np.count_nonzero(numbers[near] == own) for near, own in zip(beside, numbers, strict=True)]
+        twice = np.array(same, np.intp)
+        best, fewest = numbers.copy(), np.count_nonzero(twice)
         fitting: dict[int, Ints] = {}
-        for _ in range(_THOUGHT * len(bad)):
-            if not bad:
+        for _ in range(_THOUGHT * fewest):
+            bad = np.flatnonzero(twice)
+            if not len(bad):
                 break
-            slot = bad[int(rng.integers(len(bad)))]
+            slot = int(bad[rng.integers(len(bad))])
             if slot not in fitting:
                 fitting[slot] = self._own.fitting(slots[slot], aside)
-            near = [numbers[one] for one in beside[slot]]
-            count = np.bincount(np.array(near, np.intp), minlength=len(self._all))[fitting[slot]]
+            near, before = beside[slot], numbers[slot]
+            count = np.bincount(numbers[near], minlength=len(self._all))[fitting[slot]]
             least = fitting[slot][count == count.min()]
-            before, numbers[slot] = numbers[slot], int(least[int(rng.integers(len(least)))])
-            for one in beside[slot]:
-                change = (numbers[one] == numbers[slot]) - (numbers[one] == before)
-                if change:
-                    twice[one] += change
-                    twice[slot] += change
-                    _keep(bad, one, twice[one] > 0)
-            _keep(bad, slot, twice[slot] > 0)
-            if len(bad) < fewest:
-                best, fewest = numbers.copy(), len(bad)
-        return {key: number for key, number in zip(slots, best, strict=True) if number != key[0]}
-
-
-def _keep(slots: list[int], slot: int, there: bool) -> None:
-    """Have a number in a list in order, or not."""
-    at = bisect_left(slots, slot)
-    if there != (at < len(slots) and slots[at] == slot):
-        if there:
-            slots.insert(at, slot)
-        else:
-            del slots[at]
+            numbers[slot] = least[rng.integers(len(least))]
+            change = (numbers[near] == numbers[slot]).astype(np.intp) - (numbers[near] == before)
+            twice[near] += change
+            twice[slot] += change.sum()
+            if (left := np.count_nonzero(twice)) < fewest:
+                best, fewest = numbers.copy(), left
+        return {key: number for key, number in zip(slots, best.tolist(), strict=True) if number != key[0]}

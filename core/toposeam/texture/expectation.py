@@ -20,10 +20,9 @@ from toposeam.texture.levelling import membrane
 #: How far round a hole, in radii of a disc of its area, rows and columns are compared, and what share of the
 #: variance they have to explain to count: 0.95 in a field with a skyline, 0.7 at most where there is none.
 _AROUND, _TOLD = 2.0, 0.8
-#: How wide the ring is, in such radii and at least, px, that shows what is usual.
+#: Width of the ring that shows what is usual, in such radii and at least, px.
 _RING, _LEAST = 0.5, 16
-#: Over how many px colours and contrasts are blurred, how many colours count, and into how many bins each is
-#: sorted.
+#: Deviation of the blur of colours and contrasts, px; number of colours; number of bins of each.
 _BLUR, _COLOURS, _BINS = 1.5, 3, 12
 #: The share of the ring's pixels below which those of a bin are strange, and what a strange pixel counts, a
 #: difference from white to black being 1.
@@ -31,7 +30,7 @@ _FEW, _STRANGE = 0.002, 2.0
 
 
 def expectation(features: Floats32, hole: Mask, present: Mask) -> tuple[Floats32, Floats32]:
-    """What is expected at each pixel, and what each is like.
+    """Estimate what is expected at each pixel, and what each is like.
 
     Parameters
     ----------
@@ -65,7 +64,7 @@ def _blurred(planes: list[Floats32], known: Floats32, sigma: float) -> Floats32:
 
 
 def _contrast(features: Floats32, known: Floats32) -> Floats32:
-    """Twice the steps to the next pixels, over all channels."""
+    """Compute twice the steps to the next pixels, over all channels."""
     steps = np.zeros(known.shape, np.float32)
     for axis in (0, 1):
         both = np.minimum(known, np.roll(known, -1, axis))
@@ -76,7 +75,9 @@ def _contrast(features: Floats32, known: Floats32) -> Floats32:
 
 
 def _told_by_lines(like: Floats32, weight: Floats32) -> Floats32:
-    """What the mean of its row, or of its column, says of each pixel; 0 where neither says most of it."""
+    """Compute what the mean of its row, or of its column, says of each pixel; 0 where neither says most of
+    it.
+    """
     best, found = _TOLD, np.zeros_like(like)
     mass = weight[..., np.newaxis]
     centred = like - (like * mass).sum(axis=(0, 1)) / np.maximum(mass.sum(), 1)
@@ -96,7 +97,7 @@ def _told_by_lines(like: Floats32, weight: Floats32) -> Floats32:
 
 
 def _strange(like: Floats32, ring: Mask) -> Floats32:
-    """(H, W), from 0 to `_STRANGE`: how rarely something like each pixel occurs in a ring."""
+    """Compute how rarely something like each pixel occurs in a ring: (H, W), from 0 to `_STRANGE`."""
     bins = np.zeros(ring.shape, np.intp)
     for plane in np.moveaxis(like, 2, 0):
         bins = bins * _BINS + np.clip((plane * _BINS).astype(np.intp), 0, _BINS - 1)

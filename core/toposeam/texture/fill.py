@@ -11,13 +11,13 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.checks import Seed, check_choice, check_whole, options_from, seed_of
+from toposeam.checks import Seed, check_choice, check_whole
 from toposeam.errors import ImageError, OptionError
 from toposeam.images import Mask, box_of
 from toposeam.texture.atlas import Atlas, Floats32
 from toposeam.texture.canvas import IndexCanvas
-from toposeam.texture.finish import finish, settings_of
-from toposeam.texture.holed import canvas_over, placer_over, read_holed
+from toposeam.texture.finish import finish
+from toposeam.texture.holed import Holed, read_holed
 from toposeam.texture.homogeneity import is_texture
 from toposeam.texture.keeping_step import Phase
 from toposeam.texture.lay import PatchPlacer
@@ -26,25 +26,27 @@ from toposeam.texture.levelling import levelled
 from toposeam.texture.offsets import candidate_shifts
 from toposeam.texture.order import find_order
 from toposeam.texture.rendering import Lift
+from toposeam.texture.request import TextureRequest
 from toposeam.texture.scale import SMALLEST_PATCH
 from toposeam.texture.search import box_sum
-from toposeam.texture.shift_moves import Ground, stage
+from toposeam.texture.shift_moves import Ground
 from toposeam.texture.shifts import shift_map
-from toposeam.texture.sources import DataRange, Images, Sources
+from toposeam.texture.sources import DataRange, Images
 from toposeam.texture.synthesis import Synthesis
 from toposeam.texture.synthesize import check_patch
+from toposeam.texture.telling import stage
 
 #: A hole with its band that fits a patch this many times the usual one is filled by one patch, along a closed
 #: seam.
 _ONE_PATCH = 2.0
 #: The band round a hole that shifted copies may change as well, px.
 _BAND = 8
-#: How many of the shifts by which a picture repeats itself are tried.
+#: Number of shifts by which a picture repeats itself that are tried.
 _SHIFTS = 32
 #: Holes nearer to each other than this share of their size are filled together.
 _TOGETHER = 0.25
-#: Of pictures of more pixels only what is near a hole is looked at: about so many, and this share of the
-#: hole's size to either side at least.
+#: Of pictures of more pixels only about this many near a hole are searched, and at least this share of the
+#: hole's size to either side.
 _LOOKED_AT, _AROUND = 1 << 20, 1.5
 
 By = Literal["auto", "patches", "shifts"]
@@ -126,69 +128,107 @@ def fill(
     >>> bool((filled[0] == image[0]).all())
     True
     """
-    chosen = options_from(LayOptions, options, given, "fill")
-    seed, smooth = seed_of(seed), check_whole("smooth", smooth, 0, 8)
+    request = TextureRequest.of(
+        "fill",
+        options,
+        given,
+        seed=seed,
+        smooth=smooth,
+        alpha=alpha,
+        maps=maps,
+        weights=weights,
+        data_range=data_range,
+    )
     check_choice("by", by, BYS)
     check_choice("level", level, (True, False))
     if by == "shifts" and (patch is not None or overlap is not None):
         raise OptionError("patch and overlap say how large patches are; leave them out with by='shifts'")
-    sources, hole, ground = read_holed(image, mask, alpha, (source, avoid), maps, weights, data_range)
+    holed = read_holed(request, image, mask, source, avoid)
     if by == "auto":
         texture = patch is not None or overlap is not None
-        by = "patches" if texture or is_texture(sources.features[0], hole, ground) else "shifts"
-    settings = {"by": by, "pixels": int(hole.sum()), "seed": seed, "smooth": smooth, **settings_of(chosen)}
+        texture = texture or is_texture(holed.sources.features[0], holed.hole, holed.ground)
+        by = "patches" if texture else "shifts"
+    settings = {"by": by, "pixels": int(holed.hole.sum()), **request.settings}
     if by == "shifts":
-        band = check_whole("band", _BAND if band is None else band, 0)
-        near = _disk_dilation(hole, band) & ground
-        atlas, canvas = canvas_over(sources, hole, ground, (False, False), chosen.context)
-        _stitch(atlas, canvas, sources, (hole, near, ground), source is not None, chosen, seed, progress)
-        settings |= {"band": band, "level": level}
-        lift = None
-        if level:
-            plane = atlas.spread(sources.planes[0])
-            low, high = (float(limit(plane[atlas.usable])) for limit in (np.min, np.max))
-            added = levelled(plane, atlas.usable, canvas.index, near, (high - low) or 1.0)
-            lift = partial(_lift, added[box_of(near, smooth + 1)], (low, high))
-        shape = tuple(side.stop - side.start for side in box_of(near))
-        return finish(sources, atlas, canvas, (shape[0], shape[1]), settings, smooth, near, lift)
+        return _by_shifts(request, holed, band, level, source is not None, settings, progress)
+    return _by_patches(request, holed, patch, overlap, band, settings, progress)
+
+
+def _by_shifts(
+    request: TextureRequest,
+    holed: Holed,
+    band: int | None,
+    level: bool,
+    restricted: bool,
+    settings: dict[str, Any],
+    progress: Callable[[float], None] | None,
+) -> Synthesis:
+    """Fill holes by shifted copies of the picture."""
+    band = check_whole("band", _BAND if band is None else band, 0)
+    near = _disk_dilation(holed.hole, band) & holed.ground
+    atlas, canvas = holed.canvas(request)
+    _stitch(request, holed, atlas, canvas, near, restricted, progress)
+    settings |= {"band": band, "level": level}
+    lift = None
+    if level:
+        plane = atlas.spread(holed.sources.planes[0])
+        low, high = (float(limit(plane[atlas.usable])) for limit in (np.min, np.max))
+        added = levelled(plane, atlas.usable, canvas.index, near, (high - low) or 1.0)
+        lift = partial(_lift, added[box_of(near, request.smooth + 1)], (low, high))
+    height, width = (side.stop - side.start for side in box_of(near))
+    return finish(holed.sources, atlas, canvas, (height, width), settings, request.smooth, near, lift)
+
+
+def _by_patches(
+    request: TextureRequest,
+    holed: Holed,
+    patch: int | None,
+    overlap: float | None,
+    band: int | None,
+    settings: dict[str, Any],
+    progress: Callable[[float], None] | None,
+) -> Synthesis:
+    """Fill holes by patches, which keep step with the order of the picture."""
+    sources, hole = holed.sources, holed.hole
     side, lap = check_patch(sources, patch, overlap)
     band = check_whole("band", lap if band is None else band, 0)
-    near = _disk_dilation(hole, band) & ground
-    placer = placer_over(sources, hole, ground, (False, False), chosen, seed)
-    order = find_order(sources.features[0], sources.usable[0]) if chosen.close else None
+    near = _disk_dilation(hole, band) & holed.ground
+    atlas, canvas = holed.canvas(request)
+    order, phase = None, None
+    if request.options.close:
+        order = find_order(sources.features[0], sources.usable[0])
     if order is not None:
-        placer.phase = Phase(order, order.reciprocal, placer.atlas.factor)
-        first = placer.atlas.corners[0].tolist()
-        placer.phase.begin((0, 0), (first[0], first[1]), (0, 0))
+        phase, first = Phase(order, order.reciprocal, atlas.factor), atlas.corners[0].tolist()
+        phase.begin((0, 0), (first[0], first[1]), (0, 0))
+    placer = holed.placer(request, atlas, canvas, phase)
     for top, left, shape in _windows(placer, hole, side, band):
-        rows, columns, _ = placer.canvas.window(top, left, *shape)
+        rows, columns, _ = canvas.window(top, left, *shape)
         placer.lay(top, left, shape, near[rows, columns])
         if progress is not None:
-            progress(1 - int(((placer.canvas.index < 0) & hole).sum()) / settings["pixels"])
+            progress(1 - int(((canvas.index < 0) & hole).sum()) / settings["pixels"])
     settings |= {"patch": side, "overlap": lap, "band": band}
-    return finish(sources, placer.atlas, placer.canvas, (side, side), settings, smooth, near)
+    return finish(sources, atlas, canvas, (side, side), settings, request.smooth, near)
 
 
 def _stitch(
+    request: TextureRequest,
+    holed: Holed,
     atlas: Atlas,
     canvas: IndexCanvas,
-    sources: Sources,
-    masks: tuple[Mask, Mask, Mask],
+    near: Mask,
     restricted: bool,
-    options: LayOptions,
-    seed: int,
     progress: Callable[[float], None] | None,
 ) -> None:
     """Fill each hole by shifted copies of the picture."""
-    hole, near, ground = masks
-    rng, copied = np.random.default_rng(seed), sources.usable[0]
+    hole, ground, copied = holed.hole, holed.ground, holed.sources.usable[0]
+    rng, options = request.rng, request.options
     itself = np.arange(atlas.usable.size, dtype=np.int32).reshape(atlas.usable.shape)[atlas.places[0]]
     pieces = _grouped(hole, near)
     done, total = 0, int(hole.sum())
     for number in range(1, int(pieces.max()) + 1):
         part = hole & (pieces == number)
         seen = _surroundings(part, copied, restricted)
-        features, missing = sources.features[0][seen], hole[seen]
+        features, missing = holed.sources.features[0][seen], hole[seen]
         piece = Atlas.of([(ground & ~hole)[seen]], options.context, [copied[seen]])
         shifts = candidate_shifts(piece, piece.spread([features]), part[seen], missing, _SHIFTS, rng)
         view = Ground(
@@ -198,7 +238,7 @@ def _stitch(
             present=ground[seen] & (~missing | part[seen]),
             near=(near & (pieces == number))[seen],
         )
-        report = None if progress is None else stage(progress, done / total, int(part.sum()) / total)
+        report = stage(progress, done / total, int(part.sum()) / total)
         label = shift_map(view, shifts, options.method, report)
         for index in np.unique(label[label >= 0]).tolist():
             box = box_of(label == index)
@@ -209,8 +249,8 @@ def _stitch(
 
 
 def _surroundings(part: Mask, copied: Mask, restricted: bool) -> tuple[slice, slice]:
-    """Rows and columns of what is looked at to fill a hole: of large pictures what is near, and whatever the
-    caller says may be copied.
+    """Select the rows and columns that are searched to fill a hole: of large pictures those near it, and
+    whatever the caller says may be copied.
     """
     whole = slice(0, part.shape[0]), slice(0, part.shape[1])
     if part.size <= _LOOKED_AT:
@@ -224,7 +264,7 @@ def _surroundings(part: Mask, copied: Mask, restricted: bool) -> tuple[slice, sl
 
 
 def _grouped(hole: Mask, near: Mask) -> npt.NDArray[np.int32]:
-    """Number of the hole at each pixel in or near one; holes near each other have one
+    """Number the holes: (H, W), the number at each pixel in or near one; holes near each other have one
     number.
     """
     pieces, _ = ndimage.label(hole, np.ones((3, 3), bool))
@@ -243,8 +283,8 @@ def _grouped(hole: Mask, near: Mask) -> npt.NDArray[np.int32]:
 def _windows(
     placer: PatchPlacer, hole: Mask, side: int, band: int
 ) -> Iterator[tuple[int, int, tuple[int, int]]]:
-    """Windows that cover the hole: a whole hole at once where it is small, else from outside inwards. Asks
-    the canvas what is empty yet.
+    """Yield windows that cover the hole: a whole hole at once where it is small, else from outside inwards,
+    by what of the canvas is empty yet.
     """
     canvas = placer.canvas
     pieces, _ = ndimage.label(hole, np.ones((3, 3), bool))
@@ -285,7 +325,7 @@ def _windows(
 
 
 def _lift(added: Floats32, limits: tuple[float, float], channel: int) -> Lift:
-    """What has to be added to a channel."""
+    """Select what is added to a channel."""
     one = np.broadcast_to(np.float32(1), (*added.shape[:2], 1))
     return Lift(gain=one, offset=added[..., channel : channel + 1], low=limits[0], high=limits[1])
 
@@ -293,7 +333,7 @@ def _lift(added: Floats32, limits: tuple[float, float], channel: int) -> Lift:
 def _window(
     room: tuple[int, int], at: tuple[int, int], shape: tuple[int, int]
 ) -> tuple[int, int, tuple[int, int]]:
-    """A window of a shape round a pixel, as far as there is room."""
+    """Centre a window of a shape on a pixel, as far as there is room."""
     top, left = (
         min(max(middle - length // 2, 0), limit - length)
         for middle, length, limit in zip(at, shape, room, strict=True)
@@ -302,19 +342,19 @@ def _window(
 
 
 def _has_room(placer: PatchPlacer, shape: tuple[int, int], at: tuple[int, int] | None = None) -> bool:
-    """Whether there are places for a patch of a shape; for a window of the canvas also whether such as keep
-    step with the picture's order.
+    """Tell whether there are places for a patch of a shape; for a window of the canvas, places in step with
+    the picture's order.
     """
     if any(length > limit for length, limit in zip(shape, placer.atlas.usable.shape, strict=True)):
         return False
-    room = placer.search.room(shape)
+    room = placer.ranking.search.room(shape)
     if at is not None and placer.phase is not None:
         room = room & placer.phase.allows(at, shape, *map(np.arange, room.shape))
     return bool(room.any())
 
 
 def _disk_dilation(mask: Mask, radius: int) -> Mask:
-    """Pixels within a distance, px, of the mask."""
+    """Mark the pixels within a distance, px, of the mask."""
     if radius == 0:
         return mask
     grown = np.zeros_like(mask)

@@ -11,7 +11,6 @@ import numpy.typing as npt
 from toposeam.images import box_of, full_scale
 from toposeam.texture.atlas import Atlas, Ints32
 from toposeam.texture.canvas import IndexCanvas
-from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.rendering import Lift, near_seams, render, render_seen
 from toposeam.texture.sources import Sources
 from toposeam.texture.synthesis import Synthesis
@@ -28,7 +27,7 @@ def finish(
     lift: Callable[[int], Lift] | None = None,
     windows: Sequence[tuple[int, int, tuple[int, int]]] | None = None,
 ) -> Synthesis:
-    """Every map, made of what the canvas shows; the first one, the picture, may be given light, channel by
+    """Render every map from what the canvas shows; the first one, the picture, may be given light, channel by
     channel. Of a picture that was given only what changed is drawn anew, in the box round it or in windows.
     """
     made: list[npt.NDArray[Any]] = []
@@ -82,8 +81,3 @@ def finish(
         changed=changed,
         atlas=atlas,
     )
-
-
-def settings_of(options: LayOptions) -> dict[str, Any]:
-    """The options as numbers and texts."""
-    return {name: getattr(options, name) for name in LayOptions.__dataclass_fields__ if name != "cost"}

@@ -23,8 +23,8 @@ def guide_of(
     size: tuple[int, int],
     turns: Turns,
 ) -> Guide | None:
-    """The guide that a caller gave, checked; arguments as of :func:`toposeam.synthesize`, `sources` and the
-    atlas in all positions.
+    """Check a caller's guide; arguments as of :func:`toposeam.synthesize`, `sources` and the atlas in all
+    positions.
 
     Raises
     ------
@@ -68,6 +68,6 @@ def guide_of(
 
 
 def _terms(image: npt.ArrayLike, name: str) -> npt.NDArray[np.float32]:
-    """A guide as floats; what counts as white does not matter, as long as both agree."""
+    """Read a guide as floats; what counts as white does not matter, as long as both agree."""
     array = as_array(image, name)
     return as_float(array, name, 1.0 if np.issubdtype(array.dtype, np.floating) else None)

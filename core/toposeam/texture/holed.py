@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -11,30 +11,70 @@ from toposeam.errors import ImageError
 from toposeam.images import Mask, as_array, as_mask
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.canvas import IndexCanvas
+from toposeam.texture.keeping_step import Phase
 from toposeam.texture.lay import PatchPlacer
-from toposeam.texture.lay_options import LayOptions
-from toposeam.texture.sources import DataRange, Images, Sources, read_sources
+from toposeam.texture.request import TextureRequest
+from toposeam.texture.sources import Sources
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Holed:
+    """A picture part of which has to go."""
+
+    sources: Sources
+    #: (H, W) bool: what has to go, and the pixels there are.
+    hole: Mask
+    ground: Mask
+
+    def canvas(self, request: TextureRequest) -> tuple[Atlas, IndexCanvas]:
+        """Make a canvas that shows the picture itself, but for the hole."""
+        left, ground = self.ground & ~self.hole, None if self.ground.all() else self.ground
+        atlas = Atlas.of([left], request.options.context, self.sources.usable)
+        shape = left.shape[0], left.shape[1]
+        canvas = IndexCanvas(shape, request.wraps, atlas.usable.size, ground)
+        rows, columns = (np.arange(side.start, side.stop, dtype=np.int32) for side in atlas.places[0])
+        itself = rows[:, np.newaxis] * np.int32(atlas.width) + columns
+        np.copyto(itself, np.int32(-1), where=~left)
+        canvas.begin(itself)
+        return atlas, canvas
+
+    def placer(
+        self, request: TextureRequest, atlas: Atlas, canvas: IndexCanvas, phase: Phase | None = None
+    ) -> PatchPlacer:
+        """Make the placer that lays patches on such a canvas."""
+        features, pixels = atlas.spread(self.sources.features), int(self.hole.sum())
+        return PatchPlacer(atlas, features, canvas, request.options, request.rng, pixels, phase=phase)
 
 
 def read_holed(
+    request: TextureRequest,
     image: npt.ArrayLike,
     hole: npt.ArrayLike,
-    alpha: npt.ArrayLike | None,
-    from_where: tuple[npt.ArrayLike | None, npt.ArrayLike | None],
-    maps: Sequence[Images],
-    weights: Sequence[float] | None,
-    data_range: DataRange,
+    source: npt.ArrayLike | None = None,
+    avoid: npt.ArrayLike | None = None,
     *,
     empty: bool = False,
-) -> tuple[Sources, Mask, Mask]:
-    """The picture as a source, what has to go, and the pixels there are; `empty` where nothing has to go."""
+) -> Holed:
+    """Read a picture and what has to go.
+
+    Parameters
+    ----------
+    request : TextureRequest
+    image, hole, source, avoid : array_like
+        As for :func:`toposeam.fill`.
+    empty : bool
+        Whether nothing may have to go.
+
+    Raises
+    ------
+    ImageError
+    """
     array = as_array(image)
     shape = (array.shape[0], array.shape[1])
     gone = as_mask(hole, shape, "mask")
-    ground = np.ones(shape, bool) if alpha is None else as_array(alpha, "alpha") > 0
+    ground = np.ones(shape, bool) if request.alpha is None else as_array(request.alpha, "alpha") > 0
     if ground.shape == shape:
         gone = gone & ground
-    source, avoid = from_where
     copied = ~gone
     if source is not None:
         copied = copied & as_mask(source, shape, "source")
@@ -57,32 +97,4 @@ def read_holed(
         )
     if np.issubdtype(array.dtype, np.floating):  # whatever the hole holds
         array = np.where(gone[..., np.newaxis] if array.ndim == 3 else gone, 0, array).astype(array.dtype)
-    sources = read_sources(
-        array, alpha=alpha, mask=copied, maps=maps, weights=weights, data_range=data_range, name="image"
-    )
-    return sources, gone, ground
-
-
-def canvas_over(
-    sources: Sources, hole: Mask, ground: Mask, wraps: tuple[bool, bool], context: int
-) -> tuple[Atlas, IndexCanvas]:
-    """A canvas that shows the picture itself, but for the hole."""
-    left = ground & ~hole
-    atlas = Atlas.of([left], context, sources.usable)
-    canvas = IndexCanvas(
-        (hole.shape[0], hole.shape[1]), wraps, atlas.usable.size, None if ground.all() else ground
-    )
-    rows, columns = (np.arange(side.start, side.stop, dtype=np.int32) for side in atlas.places[0])
-    itself = rows[:, np.newaxis] * np.int32(atlas.width) + columns
-    np.copyto(itself, np.int32(-1), where=~left)
-    canvas.begin(itself)
-    return atlas, canvas
-
-
-def placer_over(
-    sources: Sources, hole: Mask, ground: Mask, wraps: tuple[bool, bool], options: LayOptions, seed: int
-) -> PatchPlacer:
-    """What lays patches on such a canvas."""
-    atlas, canvas = canvas_over(sources, hole, ground, wraps, options.context)
-    rng = np.random.default_rng(seed)
-    return PatchPlacer(atlas, atlas.spread(sources.features), canvas, options, rng, int(hole.sum()))
+    return Holed(sources=request.read(array, copied, "image"), hole=gone, ground=ground)

@@ -10,7 +10,7 @@ from scipy import ndimage
 from toposeam.images import Mask, box_of
 from toposeam.texture.atlas import Floats32
 
-#: How far from the hole its surroundings reach, in radii of a disc of its area, and at least, px.
+#: Reach of a hole's surroundings, in radii of a disc of its area, and at least, px.
 _RADII, _LEAST = 2.0, 64
 #: Sides of the blocks that are compared, px.
 _SMALL, _LARGE = 24, 48
@@ -21,7 +21,7 @@ _MEANS, _CONTRASTS = 0.2, 0.3
 
 
 def is_texture(features: Floats32, hole: Mask, known: Mask) -> bool:
-    """Whether a picture is alike everywhere round a hole.
+    """Tell whether a picture is alike everywhere round a hole.
 
     Parameters
     ----------

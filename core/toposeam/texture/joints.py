@@ -16,7 +16,7 @@ ROWS = 256
 def joints(
     index: Ints32, stride: int, wraps: tuple[bool, bool]
 ) -> Iterator[tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], int]]:
-    """Flat places on the canvas of neighbours that show pixels of two copies.
+    """Find the neighbours on the canvas that show pixels of two copies, by flat places.
 
     Parameters
     ----------

@@ -10,6 +10,7 @@ from toposeam.images import Mask
 from toposeam.texture.atlas import Floats32
 from toposeam.texture.lattices import Floats
 from toposeam.texture.order import Order, find_order
+from toposeam.texture.sites import PlaceGrid
 from toposeam.texture.sources import DataRange, Images, read_sources
 from toposeam.texture.tileable import Tileable, wraps_of
 
@@ -37,10 +38,15 @@ class Phase:
         self._phases = np.empty((0, 0, 0), np.float32)
 
     def begin(self, at: tuple[int, int], place: tuple[int, int], shape: tuple[int, int]) -> None:
-        """The first patch decides: laid at a place of the canvas, taken from one of the exemplar."""
+        """Fix the phase by the first patch: laid at a place of the canvas, taken from one of the exemplar."""
         if self._start is None:
             middle = np.array(shape) / 2
             self._start = self._closed @ (at + middle) - self._given @ (place + middle)
+
+    def factor(self, places: PlaceGrid) -> Floats32:
+        """Compute the factor on the error of places: (n, m) float32, inf where they are out of step."""
+        in_step = self.allows(places.at, places.shape, *places.axes)
+        return np.where(in_step, np.float32(1), np.float32(np.inf))
 
     def allows(
         self,
@@ -49,7 +55,7 @@ class Phase:
         rows: npt.NDArray[np.intp],
         columns: npt.NDArray[np.intp],
     ) -> Mask:
-        """(n, m) bool: from which rows and columns of the exemplar a patch may be taken.
+        """Find the rows and columns of the exemplar from which a patch may be taken: (n, m) bool.
 
         Parameters
         ----------
@@ -72,7 +78,7 @@ class Phase:
         return np.asarray(off[0] + off[1] <= np.float32(self._tolerance**2))
 
     def _known(self, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -> Floats32:
-        """The phases of places, (vectors, n, m)."""
+        """Compute the phases of places, (vectors, n, m)."""
         places = rows.tobytes(), columns.tobytes()
         if self._places != places:
             lines = self._given[:, :1] * rows, self._given[:, 1:] * columns
@@ -92,7 +98,7 @@ def closing_size(
     transparent: bool = False,
     data_range: DataRange = None,
 ) -> tuple[int, int]:
-    """The size nearest to one wished for on which an ordered texture repeats without being stretched.
+    """Find the size nearest to one wished for on which an ordered texture repeats without being stretched.
 
     Bricks, hexagons, threads and lines of text close after whole numbers of them only. Where there is no such
     order any size will do, and the one wished for comes back.

@@ -1,9 +1,9 @@
 """Every kind of pixel on the share of a texture that it has of the exemplar.
 
 Patches never reach beyond an exemplar, so what lies along its borders belongs to few of them and shows less
-often than its middle; and what fits nearly everywhere shows more often than what does not. So pixels are told
-apart by their surroundings (the colours' two principal components and the contrast, in some steps each), and
-places are dearer the more their kinds have shown against their share. Kaspar et al. (2015,
+often than its middle; and what fits nearly everywhere shows more often than what does not. So pixels are
+sorted by their surroundings (the colours' two principal components and the contrast, in some steps each), and
+places are penalised the more their kinds have shown against their share. Kaspar et al. (2015,
 doi:10.1111/cgf.12565) keep the use of single pixels uniform; what makes two pictures alike is that of kinds,
 which leaves more choice.
 """
@@ -19,23 +19,24 @@ from scipy import ndimage
 
 from toposeam.texture.atlas import Atlas, Floats32, Ints32
 from toposeam.texture.search import box_sum, reduced
+from toposeam.texture.sites import PlaceGrid
 
 #: Deviation in px of the means in which pixels are seen.
 _BLUR = 3.0
-#: In so many steps, equally frequent in the exemplar, each property is told.
+#: Number of steps, equally frequent in the exemplar, into which each property is quantised.
 _STEPS = 16
 #: How many principal components of the colours count.
 _COMPONENTS = 2
-#: Kinds are told in blocks of so many px a side, and larger ones where there would be more than so many.
+#: Side of the blocks that have a kind, px; larger where there would be more blocks than this.
 _BLOCK, _BLOCKS = 4, 10_000
 #: The canvas counts as if this share of the exemplar had been shown on it once, so that the first patches do
 #: not weigh too much.
 _BEFORE = 0.25
-#: How much dearer places are, in natural logarithms: per unit of variety and of the sum, over the properties,
-#: by how much more often than it should a kind has shown; the same where there are objects on a ground, of
-#: which more would be cut else; and at most.
+#: Natural logarithm of the factor on a place: per unit of variety and of the sum, over the properties, of the
+#: excess of its kinds; the same where there are objects on a ground, of which more would be cut else; and its
+#: bound.
 _STRENGTH, _GENTLE, _MOST = 16.0, 6.0, 5.0
-#: Of sums of whole numbers none depends on their order: so many stand for 1.
+#: Fixed-point scale: sums of whole numbers do not depend on their order.
 _ONE = 256
 
 
@@ -79,23 +80,15 @@ class Kinds:
             self._kinds.append((kind, share))
         self._copied = wanted > 0
 
-    def dearer(
-        self,
-        usage: Ints32,
-        variety: float,
-        shape: tuple[int, int],
-        grid: tuple[int, int],
-        size: tuple[int, ...],
-    ) -> Floats32:
-        """How much dearer places are.
+    def factor(self, places: PlaceGrid, usage: Ints32, variety: float) -> Floats32:
+        """Compute the factor on the error of places, (n, m) float32.
 
         Parameters
         ----------
+        places : PlaceGrid
         usage : (AH, AW) int32 array
             How often each pixel shows.
         variety : float
-        shape, grid, size
-            As for :meth:`toposeam.texture.use.Use.of_places`.
         """
         used = self._blocks(usage).ravel()
         off = np.zeros(len(used))
@@ -107,21 +100,15 @@ class Kinds:
         whole = np.rint(_ONE * off).astype(np.int32).reshape(self._copied.shape) * self._copied
         boxes = [
             min(max(1, round(length / self._step)), limit)
-            for length, limit in zip(shape, whole.shape, strict=True)
+            for length, limit in zip(places.shape, whole.shape, strict=True)
         ]
         sums = box_sum(whole, (boxes[0], boxes[1])) / np.float32(_ONE * boxes[0] * boxes[1])
-        rows, columns = (
-            np.minimum((grid[0] + grid[1] * np.arange(n) + self._step // 2) // self._step, limit - 1)
-            for n, limit in zip(size, sums.shape, strict=True)
-        )
         power = np.clip(sums * np.float32(self._strength * variety), -_MOST, _MOST)
-        result: Floats32 = (
-            np.exp(power).astype(np.float32, copy=False).take(rows, axis=0).take(columns, axis=1)
-        )
-        return result
+        factor = np.exp(power).astype(np.float32, copy=False)
+        return places.from_blocks(factor, self._step, (self._step // 2,) * 2)
 
     def _properties(self, features: Floats32, atlas: Atlas, *, levelled: bool) -> list[Floats32]:
-        """What the surroundings of blocks look like, an array of blocks for each property."""
+        """Compute what the surroundings of blocks look like, an array of blocks for each property."""
         values, mass = reduced(features, atlas.usable.astype(np.float32), self._step)
         square = np.einsum("yxc,yxc->yx", features, features)[..., np.newaxis]
         squares, _ = reduced(square, atlas.usable.astype(np.float32), self._step)
@@ -139,7 +126,7 @@ class Kinds:
         return planes
 
     def _blocks(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """Sums over blocks of an (AH, AW) array."""
+        """Sum an (AH, AW) array over blocks."""
         step = self._step
         rows, columns = (-(-length // step) for length in values.shape)
         room = (0, rows * step - values.shape[0]), (0, columns * step - values.shape[1])

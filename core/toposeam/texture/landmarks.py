@@ -17,18 +17,18 @@ from toposeam.texture.search import reduced
 
 #: Deviation in px of the means in which pixels are seen.
 _BLUR = 4.0
-#: How unlike the median pixels are, in shares of the mean: from where on they catch the eye, and from where
-#: on they could not more.
+#: Difference from the median, in shares of the mean difference, from which on pixels catch the eye, and
+#: beyond which they could not more.
 _LOW, _HIGH = 0.5, 1.0
 #: A texture is a ground with objects where fewer pixels than this share are between the two, as far below
 #: the mean as _BETWEEN.
 _UNCLEAR, _BETWEEN = 0.15, 0.3
-#: What a seam pays for a pixel of an object, in deviations of the texture, per unit of weight.
+#: Price of a pixel of an object to a seam, in deviations of the texture, per unit of weight.
 _GUARD = 0.25
 
 
 class Landmarks(NamedTuple):
-    """How much pixels of the atlas catch the eye."""
+    """Weights of the pixels of the atlas by how much they catch the eye."""
 
     #: (AH, AW) float32, 1 on average over usable pixels.
     weight: Floats32
@@ -73,8 +73,8 @@ def landmarks(features: Floats32, usable: Mask, factor: int) -> Landmarks:
 def guarded(
     guard: Floats32, a: Floats32, b: Floats32, padded: Ints32, source: Ints32
 ) -> tuple[Floats32, Floats32]:
-    """Values on both sides of a seam with a channel more, by which the seam is dearer in objects, unless
-    these are continued.
+    """Add a channel to the values on both sides of a seam, by which it is dearer in objects, unless these are
+    continued.
 
     Parameters
     ----------

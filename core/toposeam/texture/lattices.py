@@ -24,7 +24,9 @@ Ints = npt.NDArray[np.intp]
 
 
 def finest_lattice(smooth: Floats, element: int) -> Floats | None:
-    """The (2, 2) vectors of the finest lattice on which the autocorrelation is about as high as on any."""
+    """Find the (2, 2) vectors of the finest lattice on which the autocorrelation is about as high
+    as on any.
+    """
     peaks = _peaks(smooth, element).tolist()
     loose = ndimage.maximum_filter(smooth, 5)
     room = smooth.size / 16
@@ -52,7 +54,9 @@ def finest_lattice(smooth: Floats, element: int) -> Floats | None:
 
 
 def _peaks(smooth: Floats, element: int) -> Floats:
-    """(n, 2) maxima beyond one element, in one half-plane: the highest, and the nearest of the high ones."""
+    """Find (n, 2) maxima beyond one element, in one half-plane: the highest, and the nearest of the high
+    ones.
+    """
     height, width = (length // 2 for length in smooth.shape)
     y, x = np.nonzero(ndimage.maximum_filter(smooth, 7) == smooth)
     y, x = y - height, x - width
@@ -66,7 +70,7 @@ def _peaks(smooth: Floats, element: int) -> Floats:
 
 
 def _reduced(a: float, b: float, c: float, d: float) -> Floats | None:
-    """The shortest vectors of the lattice that (a, b) and (c, d) span (Lagrange's reduction), in one
+    """Find the shortest vectors of the lattice that (a, b) and (c, d) span (Lagrange's reduction), in one
     half-plane; None where they span none.
     """
     for _ in range(30):
@@ -83,13 +87,13 @@ def _reduced(a: float, b: float, c: float, d: float) -> Floats | None:
 
 
 def _area(vectors: Floats) -> float:
-    """The area of a lattice's cell."""
+    """Compute the area of a lattice's cell."""
     (a, b), (c, d) = vectors
     return abs(float(a * d - b * c))
 
 
 def _points(vectors: Floats, room: tuple[float, float]) -> tuple[Floats, Floats]:
-    """Whole coordinates and shifts of the lattice's points in one half of a box, but 0."""
+    """List the whole coordinates and shifts of the lattice's points in one half of a box, but 0."""
     (a, b), (c, d) = vectors.tolist()
     area = max(_area(vectors), 1.0)
     first, second = (
@@ -105,7 +109,7 @@ def _points(vectors: Floats, room: tuple[float, float]) -> tuple[Floats, Floats]
 
 
 def _near(loose: Floats, vectors: Floats) -> float:
-    """Mean of what is near a lattice's points, whose vectors are whole."""
+    """Compute the mean of what is near a lattice's points, whose vectors are whole."""
     height, width = (length // 2 for length in loose.shape)
     _, shifts = _points(vectors, (0.75 * height, 0.75 * width))
     if len(shifts) < 3:
@@ -114,7 +118,9 @@ def _near(loose: Floats, vectors: Floats) -> float:
 
 
 def mean_on(smooth: Floats, vectors: Floats, beside: Floats | float = 0.0, beyond: float = 0.0) -> float:
-    """Mean autocorrelation on the lattice's points, or beside them; on those beyond a share of the room."""
+    """Compute the mean autocorrelation on the lattice's points, or beside them; on those beyond a share of
+    the room.
+    """
     height, width = (length // 2 for length in smooth.shape)
     _, shifts = _points(vectors, (0.75 * height, 0.75 * width))
     shifts = shifts[(np.abs(shifts) >= [beyond * height, beyond * width]).any(axis=1)]
@@ -125,8 +131,8 @@ def mean_on(smooth: Floats, vectors: Floats, beside: Floats | float = 0.0, beyon
 
 
 def _least_on(smooth: Floats, vectors: Floats) -> float:
-    """The least of the mean autocorrelations on the points of even and of odd coordinates: where pale threads
-    are taken for twice as many, those between them are lower than the others.
+    """Compute the least of the mean autocorrelations on the points of even and of odd coordinates: where pale
+    threads are taken for twice as many, those between them are lower than the others.
     """
     middle = np.array(smooth.shape) // 2
     whole, shifts = _points(vectors, (0.75 * middle[0], 0.75 * middle[1]))
@@ -139,8 +145,8 @@ def _least_on(smooth: Floats, vectors: Floats) -> float:
 
 
 def _tops(smooth: Floats) -> tuple[Floats, Floats]:
-    """The highest value within 2 px of each shift in the lower half, (h, w), and where the parabolas through
-    it and the values beside it have their tops, as shifts (2, h, w).
+    """Find the highest value within 2 px of each shift in the lower half, (h, w), and the tops of the
+    parabolas through it and the values beside it, as shifts (2, h, w).
     """
     height, width = smooth.shape
     ways = (np.clip(np.arange(width) + away, 1, width - 2) for away in range(-2, 3))
@@ -156,7 +162,7 @@ def _tops(smooth: Floats) -> tuple[Floats, Floats]:
 
 
 def _highest(given: Iterable[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
-    """Where one of several values is the highest, and the first of such: it, and what stands for it."""
+    """Select the first of the highest values: it, and what stands for it."""
     each = iter(given)
     best, chosen = next(each)
     chosen = np.broadcast_to(chosen, best.shape).copy()
@@ -168,7 +174,7 @@ def _highest(given: Iterable[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
 
 
 def _refined(tops: tuple[Floats, Floats], vectors: Floats) -> Floats:
-    """Least squares over the maxima nearest to the lattice's points, from near ones outwards."""
+    """Fit a lattice by least squares to the maxima nearest to its points, from near ones outwards."""
     values, exact = tops
     height, width = len(values) - 1, values.shape[1] // 2
     for share in (0.35, 0.6, 0.8, 0.8):
@@ -188,6 +194,8 @@ def _refined(tops: tuple[Floats, Floats], vectors: Floats) -> Floats:
 
 
 def _flat(shifts: Floats, wide: int) -> Ints:
-    """Places of the pixels nearest to some shifts in the lower half of an autocorrelation, flat."""
+    """Compute the flat places of the pixels nearest to some shifts in the lower half of an
+    autocorrelation.
+    """
     nearest = np.rint(shifts).astype(np.intp)
     return np.asarray(nearest[:, 0] * wide + nearest[:, 1] + wide // 2)

@@ -1,16 +1,14 @@
-"""Laying a patch: find where one fits, choose, cut it along the heat seam, paint it."""
+"""Lay a patch: rank places, draw one, cut the patch along the best seam, paint it."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from toposeam.errors import ImageError, OverlapError
-from toposeam.images import Mask, box_of
+from toposeam.images import Mask
 from toposeam.seam.labels import seam_labels
 from toposeam.texture.atlas import Atlas, Floats32, Ints32, values_at
 from toposeam.texture.beside import Beside
@@ -19,42 +17,34 @@ from toposeam.texture.keeping_step import Phase
 from toposeam.texture.kinds import Kinds
 from toposeam.texture.landmarks import guarded, landmarks
 from toposeam.texture.lay_options import LayOptions
-from toposeam.texture.nearby import Nearby, average_use
+from toposeam.texture.nearby import Nearby, near_reach
+from toposeam.texture.ranking import Ranking
 from toposeam.texture.repeats import Repeats
-from toposeam.texture.search import Ints, PatchSearch, refined
-from toposeam.texture.sites import Guide, Offers, Site
+from toposeam.texture.sites import Guide, Offers, Penalty, Site
 from toposeam.texture.turning import Turns
 from toposeam.texture.twins import Twins
-from toposeam.texture.use import Use
+from toposeam.texture.use import Shares, Use, average_use
 
-#: How much dearer a place is whose pixels have all shown as often as they should, where there is no other.
-_USED_UP = 30
-#: How much dearer a place is all of whose pixels show near by, per unit of variety; and, where there are
-#: objects, a place of average pixels that would all show a second time within reach.
-_NEAR, _TWICE = 1.0, 2.0
-#: Share of what there is to copy up to which use is not counted.
+#: Share of the exemplars up to which the area to fill counts as small, so that use does not matter.
 _LITTLE = 0.05
-#: Of what it overlaps, a patch shows on this share, about.
-_WON = 0.5
-#: An exemplar that shows on less counts as showing on this much of the canvas.
-_LEAST_SHARE = 0.02
-#: More often than any pixel shows.
-_ENDLESS = 2**31 - 1
-#: Added to every error, so that a perfect fit does not outweigh everything else; the square of 1 % of the
-#: image's range.
-_FLOOR = 1e-4
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Term:
-    """One reason to prefer a place: a window of values that should be found there, and how much that
-    counts.
-    """
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ClosedPatch:
+    """A patch with something that it has to show, before it is cut along a closed seam round that."""
 
-    search: PatchSearch
-    values: Floats32
-    weight: Floats32
-    strength: float
+    #: First row and column on the canvas.
+    at: tuple[int, int]
+    #: (h, w) flat indices: what it shows, and (h + 2, w + 2) what is there, one pixel more all round.
+    source: Ints32
+    before: Ints32
+    #: (h, w) bool: where it has to show, and where it may.
+    must: Mask
+    may: Mask
+
+    def changes(self, shows: Mask) -> int:
+        """Count the pixels that it changes where it shows."""
+        return int(np.count_nonzero(shows & (self.before[1:-1, 1:-1] != self.source)))
 
 
 class PatchPlacer:
@@ -98,26 +88,32 @@ class PatchPlacer:
         lone: bool = False,
     ) -> None:
         self.atlas, self.features, self.canvas = atlas, features, canvas
-        self.options, self.rng, self.guide, self.phase = options, rng, guide, phase
-        self.search = PatchSearch(atlas, features)
-        self._guides = None if guide is None else PatchSearch(atlas, guide.source)
-        # Where little is laid, compared with what there is to copy, no place is used up.
-        self._uses_up = area > _LITTLE * int(atlas.usable.sum())
-        self._shares = None if shares is None else np.asarray(shares, float) / sum(shares)
-        self._average = average_use(atlas, area, self._shares)
-        self._limit = np.clip(np.floor(options.most * self._average), 1, _ENDLESS).astype(np.int32)
+        self.options, self.rng, self.phase, self.margin = options, rng, phase, atlas.margin
         #: What seams pay for each pixel of the atlas, flat, where there are objects to be kept.
         self.guard: Floats32 | None = None
-        self._nearby, self._repeats, self._kinds = Nearby(atlas, canvas), None, None
-        if self._uses_up and guide is None and options.variety:
-            weight, self.guard = landmarks(features, atlas.usable, atlas.factor)
-            objects = self.guard is not None
-            if not canvas.patches:  # what shows already is continued as it is
-                self._kinds = Kinds(features, atlas, self._average, levelled=lone, objects=objects)
-            if lone or objects:
-                self._repeats = Repeats(atlas, canvas, weight)
-        self._twins = None if turns == "none" else Twins(atlas, canvas, turns)
-        self.margin, self._copied = atlas.margin, int(atlas.copied.sum())
+        part = None if shares is None else np.asarray(shares, float) / sum(shares)
+        use, near, kinds, variety = None, None, None, options.variety
+        if area > _LITTLE * int(atlas.usable.sum()):
+            average = average_use(atlas, area, part)
+            if guide is None and variety:
+                near = Nearby(atlas, canvas, variety)
+                weight, self.guard = landmarks(features, atlas.usable, atlas.factor)
+                objects = self.guard is not None
+                if not canvas.patches:  # what shows already is continued as it is
+                    kinds = Kinds(features, atlas, average, levelled=lone, objects=objects)
+                if lone or objects:
+                    near = Repeats(atlas, canvas, weight, variety)
+            use = Use(canvas, atlas, average, options.most, variety, kinds)
+        self.ranking = Ranking(atlas, features, canvas, options, guide, use)
+        self._near = 0.0 if near is None else near.strength
+        self._turned = turns != "none"
+        further: list[Penalty | None] = [
+            near,
+            None if part is None else Shares(canvas, atlas, part),
+            phase,
+            Twins(atlas, canvas, turns) if self._turned else None,
+        ]
+        self.ranking.penalties += [one for one in further if one is not None]
 
     def lay(self, top: int, left: int, shape: tuple[int, int], may_show: Mask | None = None) -> bool:
         """Lay one patch on a window of the canvas; False where nothing there is empty.
@@ -134,12 +130,13 @@ class PatchPlacer:
         site = self.site(top, left, shape, may_show)
         if site is None:
             return False
-        source = self.patch(self.pick(site.at, shape, self.offers(site)), shape)
+        self.refresh()
+        source = self.patch(self.pick(site.at, shape, self.ranking.offers(site)), shape)
         self.canvas.paint(top, left, source, self.shows(site, source))
         return True
 
     def site(self, top: int, left: int, shape: tuple[int, int], may_show: Mask | None = None) -> Site | None:
-        """A window of the canvas as it is, None where nothing is empty; arguments as of :meth:`lay`."""
+        """Read a window of the canvas, None where nothing is empty; arguments as of :meth:`lay`."""
         m, (h, w) = self.margin, shape
         known = self.canvas.read(top - m, left - m, h + 2 * m, w + 2 * m)
         _, _, inside = self.canvas.window(top, left, h, w)
@@ -150,41 +147,10 @@ class PatchPlacer:
         covers = inside if may_show is None else (may_show | empty) & inside
         return Site.of((top, left), shape, known, inner >= 0, covers, self.options.context_weight)
 
-    def offers(self, site: Site, use: Use | None = None) -> Offers:
-        """The best places for a patch in a window, given what shows; changes nothing, and draws nothing."""
-        m, terms = self.margin, self._terms(site)
-        h, w = site.shape
-        new = int((site.weight[m : m + h, m : m + w] == 0).sum())
-        none = np.zeros(0, np.intp)
-        error: Floats32 | None = None
-        for term in terms:
-            part = term.search.fit(term.values, term.weight, (m, m), site.shape)
-            part *= np.float32(term.strength)
-            error = part if error is None else error + part
-        if error is None:
-            return Offers(rows=none, columns=none, errors=none.astype(np.float32), new=new, continued=[])
-        error += np.float32(_FLOOR)
-        copies = self.canvas.copies(site.at[0] - m, site.at[1] - m, *site.known.shape)
-        row, column = np.divmod(copies.shown, np.int32(self.atlas.width))
-        row, column = row - copies.y + m, column - copies.x + m
-        continued = list(zip(row.tolist(), column.tolist(), copies.first, strict=True))
-        limit = self.largest_copy(site.shape, new) - new
-        joined: dict[tuple[int, int], set[int]] = {}
-        for *place, first in continued:
-            joined.setdefault((place[0], place[1]), set()).add(first)
-        area = self.canvas.area_of
-        large = [list(place) for place, firsts in joined.items() if sum(map(area, firsts)) > limit]
-        rows, columns, errors = self._best(error, site, large, use)
-        if not np.isfinite(errors).any():  # what room there is lies between the places of the reduced search
-            rows, columns, errors = none, none, errors[:0]
-        elif self.search.factor > 1:
-            self._refine(site, terms, error, rows, columns, errors)
-        return Offers(rows=rows, columns=columns, errors=errors, new=new, continued=continued)
-
     def pick(
         self, at: tuple[int, int], shape: tuple[int, int], offers: Offers, beside: Beside | None = None
     ) -> tuple[int, int]:
-        """Atlas row and column of the patch for a window, drawn from the best places.
+        """Draw the atlas row and column of the patch for a window from the best places.
 
         Parameters
         ----------
@@ -208,44 +174,34 @@ class PatchPlacer:
         return place
 
     def reach(self, shape: tuple[int, int]) -> int:
-        """How many px round its window a patch must know before a place is picked for it."""
-        return self.margin if self._twins is None else max(self.margin, max(shape) // 2)
-
-    def use(self) -> Use:
-        """How often what shows on the canvas as it is."""
-        variety = self.options.variety
-        return Use(self.canvas, self.atlas, self._average, self._limit, variety, self._kinds)
+        """Compute how many px round its window a patch must know before a place is picked for it."""
+        return max(self.margin, max(shape) // 2) if self._turned else self.margin
 
     def beside(self) -> Beside:
-        """Keeps patches that are picked at the same time apart."""
-        near = self.options.variety if self._uses_up and self.guide is None else 0.0
-        near *= _NEAR if self._repeats is None else _TWICE
-        limit = self._limit if self._uses_up else None
-        return Beside(self.canvas, self.atlas, self._nearby.reach, near, limit, self.largest_copy)
+        """Make what keeps patches that are picked at the same time apart."""
+        use, largest = self.ranking.use, self.ranking.largest_copy
+        limit = None if use is None else use.limit
+        return Beside(self.canvas, self.atlas, near_reach(self.atlas), self._near, limit, largest)
+
+    def refresh(self) -> None:
+        """Discard what is known of the canvas, which has changed."""
+        if self.ranking.use is not None:
+            self.ranking.use.refresh()
 
     def patch(self, place: tuple[int, int], shape: tuple[int, int]) -> Ints32:
-        """The (h, w) flat indices of the patch at an atlas row and column."""
+        """Compute the (h, w) flat indices of the patch at an atlas row and column."""
         width = self.atlas.width
         grid = np.arange(shape[0])[:, np.newaxis] * width + np.arange(shape[1])
         return (place[0] * width + place[1] + grid).astype(np.int32)
 
     def shows(self, site: Site, source: Ints32) -> Mask:
-        """Where a patch shows in a window: (h, w) bool."""
+        """Find where a patch shows in a window: (h, w) bool."""
         m, (h, w) = self.margin, site.shape
         padded = site.known[m - 1 : m + h + 1, m - 1 : m + w + 1]
         return self.cut(padded, source, site.covers) | ((padded[1:-1, 1:-1] < 0) & site.covers)
 
-    def largest_copy(self, shape: tuple[int, int], new: int | None = None) -> int:
-        """How many px of the canvas a connected copy may show on; with a patch more, which fills some new px
-        and may win others.
-        """
-        pixels, options = shape[0] * shape[1], self.options
-        won = 0 if new is None else _WON * (pixels - new)
-        share = options.copy_share * self._copied - won
-        return math.floor(max(min(options.copy_patches * pixels, share), pixels))
-
     def cut(self, padded: Ints32, source: Ints32, covers: Mask, closed: bool = False) -> Mask:
-        """Where a patch shows, given what is there.
+        """Find where a patch shows along the best seam, given what is there.
 
         Parameters
         ----------
@@ -270,18 +226,47 @@ class PatchPlacer:
         b = np.zeros((*mask_a.shape, self.features.shape[2]), np.float32)
         row, column = divmod(int(source[0, 0]), self.atlas.width)
         b[1:-1, 1:-1] = self.features[row : row + source.shape[0], column : column + source.shape[1]]
+        labels = self._labels(padded, b, source, mask_b, closed)
+        return empty if labels is None else labels[1:-1, 1:-1] & covers
+
+    def cut_closed(self, patches: Sequence[ClosedPatch]) -> list[Mask]:
+        """Find where each of some patches shows, along the best seam round what it has to show: (h, w) bool
+        each. They must not touch on the canvas, and are cut in one array, one below the other: most of the
+        time of a small seam goes into calls.
+        """
+        width = max(patch.before.shape[1] for patch in patches)
+        tops = np.cumsum([0, *(len(patch.before) for patch in patches)]).tolist()
+        there, comes = (np.full((tops[-1], width), -1, np.int32) for _ in range(2))
+        covers, inner = np.zeros(there.shape, bool), []
+        for top, patch in zip(tops, patches, strict=False):
+            h, w = patch.source.shape
+            inner.append(np.s_[top + 1 : top + 1 + h, 1 : 1 + w])
+            there[top : top + h + 2, : w + 2] = patch.before
+            there[inner[-1]][patch.must] = -1
+            covers[inner[-1]], comes[inner[-1]] = patch.may, patch.source
+            known = patch.may & (there[inner[-1]] >= 0)
+            if (patch.before[1:-1, 1:-1] == patch.source)[known].all():  # nothing is to be seen of a seam
+                covers[inner[-1]] = patch.must
+        b = values_at(self.features, comes)
+        labels = self._labels(there, b, comes[1:-1, 1:-1], covers, closed=True)
+        if labels is None:
+            return [patch.must for patch in patches]
+        return [(labels[box] & patch.may) | patch.must for box, patch in zip(inner, patches, strict=True)]
+
+    def _labels(self, there: Ints32, b: Floats32, source: Ints32, covers: Mask, closed: bool) -> Mask | None:
+        """Find the best seam between what is there and the values that come: True where these show; None
+        where the overlap is too thin to hold a seam.
+        """
+        a, options = values_at(self.features, there), self.options
+        if self.guard is not None:
+            a, b = guarded(self.guard, a, b, there, source)
         try:
-            a, (method, cost) = values_at(self.features, padded), (self.options.method, self.options.cost)
-            if self.guard is not None:
-                a, b = guarded(self.guard, a, b, padded, source)
-            labels = seam_labels(a, b, mask_a, mask_b, method, cost, closed=closed)
-        except OverlapError:  # too thin to hold a seam
-            return empty
-        shows: Mask = labels[1:-1, 1:-1] & covers
-        return shows
+            return seam_labels(a, b, there >= 0, covers, options.method, options.cost, closed=closed)
+        except OverlapError:
+            return None
 
     def _anywhere(self, shape: tuple[int, int]) -> tuple[int, int]:
-        rows, columns = np.nonzero(self.search.room(shape))
+        rows, columns = np.nonzero(self.ranking.search.room(shape))
         if not len(rows):
             raise ImageError(
                 f"nowhere is the picture opaque and free for a patch of {shape[1]} × {shape[0]} px; fill its "
@@ -289,109 +274,3 @@ class PatchPlacer:
             )
         pick = int(self.rng.integers(len(rows)))
         return int(rows[pick]), int(columns[pick])
-
-    def _terms(self, site: Site) -> list[_Term]:
-        """What a place is judged by: how it fits what is known, and how it fits the guide."""
-        terms = []
-        share = 0.0 if self.guide is None else self.guide.weight
-        if site.weight.any():
-            terms.append(_Term(self.search, values_at(self.features, site.known), site.weight, 1.0 - share))
-        if self.guide is not None and self._guides is not None:
-            m, (top, left), (h, w) = self.margin, site.at, site.shape
-            rows, columns, inside = self.canvas.window(top - m, left - m, *site.known.shape)
-            wanted = np.zeros_like(site.weight)
-            wanted[m : m + h, m : m + w] = inside[m : m + h, m : m + w]
-            terms.append(_Term(self._guides, self.guide.target[rows, columns], wanted, share))
-        return terms
-
-    def _refine(
-        self,
-        site: Site,
-        terms: list[_Term],
-        error: Floats32,
-        rows: Ints,
-        columns: Ints,
-        errors: Floats32,
-    ) -> None:
-        """Places and errors of the reduced search as they are at full size."""
-        m, f, k = self.margin, self.search.factor, np.flatnonzero(np.isfinite(errors))
-        compared = [
-            (term.search, term.search.sample(term.values, term.weight, (m, m)), term.strength)
-            for term in terms
-        ]
-        reduced = error[(rows[k] - m) // f, (columns[k] - m) // f]
-        rows[k], columns[k], exact = refined(compared, rows[k], columns[k], (m, m), site.shape)
-        errors[k] *= (exact.astype(float) + _FLOOR).astype(np.float32) / reduced
-
-    def _best(
-        self, error: Floats32, site: Site, large: list[list[int]], use: Use | None
-    ) -> tuple[Ints, Ints, Floats32]:
-        """The best places of the search's grid that lie apart, and their errors: raised where the source
-        shows often or near by, and without those that would continue a large copy.
-        """
-        at, shape, raised = site.at, site.shape, error.copy()
-        m, f, (n, columns_n) = self.margin, self.search.factor, raised.shape
-        used_up: Floats32 | None = None
-        if self._uses_up:
-            dearer, used_up = (use or self.use()).of_places(shape, (m, f), raised.shape)
-            raised *= dearer
-            if self.options.variety and self.guide is None:
-                if self._repeats is None:
-                    near = self._nearby.share(*at, *shape)(m, f, raised.shape)
-                else:
-                    new = box_of(site.weight[m : m + shape[0], m : m + shape[1]] == 0)
-                    (down, bottom), (right, end) = ((side.start, side.stop) for side in new)
-                    on_grid = self._repeats.share(at[0] + down, at[1] + right, bottom - down, end - right)
-                    near = on_grid(m + down, m + right, f, raised.shape)
-                near *= np.float32((_NEAR if self._repeats is None else _TWICE) * self.options.variety)
-                near += np.float32(1)
-                raised *= near
-        if self._shares is not None:
-            often = self._too_often(self._shares)[self.atlas.owner_of_rows]
-            raised *= often[m::f][:n, np.newaxis].astype(np.float32)
-        if self.phase is not None:
-            places = (m + f * np.arange(n), m + f * np.arange(columns_n))
-            in_step = np.where(self.phase.allows(at, shape, *places), raised, np.float32(np.inf))
-            raised = in_step if np.isfinite(in_step).any() else raised
-        if self._twins is not None:
-            twins = self._twins.blocked(at, shape, m, f, raised.shape)
-            apart_from = np.where(twins, np.float32(np.inf), raised)
-            raised = apart_from if np.isfinite(apart_from).any() else raised
-        left = raised.copy()
-        if used_up is not None:
-            left[used_up > 0] = np.inf
-        apart = max(3, min(shape) // 8)
-        for row, column in large:
-            _block(left, (row - m) / f, (column - m) / f, apart / f)
-        rows: list[int] = []
-        columns: list[int] = []
-        errors: list[np.float32] = []
-        for _ in range(self.options.candidates):
-            i, j = divmod(int(left.argmin()), columns_n)
-            if not rows and not np.isfinite(left[i, j]):
-                # With few places to choose from, better a place that was used or a copy than none.
-                left = raised if used_up is None else raised * (1 + np.float32(_USED_UP) * used_up)
-                i, j = divmod(int(left.argmin()), columns_n)
-            if rows and not np.isfinite(left[i, j]):
-                break
-            rows.append(m + f * i)
-            columns.append(m + f * j)
-            errors.append(left[i, j])
-            _block(left, i, j, max(1.0, apart / f))
-        return np.array(rows, np.intp), np.array(columns, np.intp), np.array(errors, np.float32)
-
-    def _too_often(self, shares: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """How much dearer each exemplar's places are, from what it shows on against its share: steep, so
-        that even unlike exemplars keep to it.
-        """
-        rows = self.canvas.usage.reshape(self.atlas.usable.shape).sum(axis=1)
-        shown = np.add.reduceat(rows, self.atlas.corners[:, 0])
-        part = shown / max(int(shown.sum()), 1)
-        return np.asarray(((part + _LEAST_SHARE) / (shares + _LEAST_SHARE)) ** 6)
-
-
-def _block(error: Floats32, row: float, column: float, reach: float) -> None:
-    """Set a square to inf."""
-    rows = slice(max(0, math.ceil(row - reach)), max(0, math.floor(row + reach) + 1))
-    columns = slice(max(0, math.ceil(column - reach)), max(0, math.floor(column + reach) + 1))
-    error[rows, columns] = np.inf

@@ -42,8 +42,7 @@ class LayOptions:
     #: How many further patches are tried over the worst seams, as a share of the patches laid; where there
     #: are objects on a ground, those that are cut or come twice near by are replaced instead, unless it is 0.
     mend: float = 0.2
-    #: Whether ordered textures keep step with their order (:mod:`toposeam.texture.keeping_step`); where they
-    #: repeat and it wanders, they are laid twice, so that it closes (:mod:`toposeam.texture.closing`).
+    #: Whether ordered textures keep step with their order (:mod:`toposeam.texture.keeping_step`).
     close: bool = True
     #: How the seam is found.
     method: Method = "heat"
@@ -70,12 +69,12 @@ class LayOptions:
             check_no_reach(self.cost, "textures")
 
 
-#: What one number, the variation, stands for.
+#: The options that a variation stands for.
 VARIED = ("tolerance", "candidates", "most", "variety")
 
 
 def varied(options: LayOptions, variation: float) -> LayOptions:
-    """Options for a variation in [0, 1], 0.5 being the usual one.
+    """Derive options from a variation in [0, 1], 0.5 being the usual one.
 
     Raises
     ------

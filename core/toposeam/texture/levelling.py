@@ -40,7 +40,7 @@ Floats = npt.NDArray[np.float64]
 
 
 def membrane(values: Floats32, region: Mask) -> Floats32:
-    """Values continued into a region from its border, as smoothly as a membrane.
+    """Continue values into a region from its border, as smoothly as a membrane.
 
     Parameters
     ----------
@@ -85,7 +85,8 @@ def membrane(values: Floats32, region: Mask) -> Floats32:
 def levelled(
     plane: npt.NDArray[Any], usable: Mask, index: Ints32, region: Mask, white: float = 1.0
 ) -> Floats32:
-    """What has to be added to the copies in a region so that they fit each other and what surrounds them.
+    """Compute what has to be added to the copies in a region so that they fit each other and what surrounds
+    them.
 
     Parameters
     ----------
@@ -139,7 +140,7 @@ def levelled(
 
 
 def _poisson(values: Floats32, region: Mask, steps: Steps) -> Floats32:
-    """The values in a region whose steps are nearest to given ones.
+    """Compute the values in a region whose steps are nearest to given ones.
 
     Parameters
     ----------
@@ -184,8 +185,8 @@ def _poisson(values: Floats32, region: Mask, steps: Steps) -> Floats32:
 
 
 def _iterated(matrix: sparse.csr_matrix, wanted: Floats, start: Floats, region: Mask) -> Floats32:
-    """Conjugate gradients for all channels at once, with a coarse system to carry what is far: one unknown
-    for each block of pixels.
+    """Solve by conjugate gradients for all channels at once, with a coarse system to carry what is far: one
+    unknown for each block of pixels.
     """
     side = max(_BLOCK, round(np.sqrt(len(wanted) / _DIRECT)))
     rows, columns = np.nonzero(region)

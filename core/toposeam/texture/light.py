@@ -37,7 +37,7 @@ _LIGHT = 0.15
 _OFFSET, _SLOPE = 0.1, 0.2
 #: Added to values, in shares of white, before their logarithm is taken.
 _BLACK = 0.05
-#: So many pixels of a texture, about, tell how bright it is.
+#: Approximate number of pixels of a texture that tell how bright it is.
 _LOOKED_AT = 1 << 13
 #: Light is nowhere taken to be darker than this share of its mean.
 _DARKEST = 0.1
@@ -46,7 +46,7 @@ Floats = npt.NDArray[np.float64]
 
 
 def has_slow_light(features: Floats32, usable: Mask) -> bool:
-    """Whether light changes slowly over a sample.
+    """Tell whether light changes slowly over a sample.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def has_slow_light(features: Floats32, usable: Mask) -> bool:
 
 
 def without_light(features: Floats32, present: Mask, copied: Mask) -> Floats32:
-    """Features without their slow light, about their mean: what structure is compared by.
+    """Take slow light out of features, about their mean: what structure is compared by.
 
     The light is that of what is copied; what lies beside it is only compared.
     """
@@ -81,7 +81,7 @@ def flatten_light(
     source_mask: npt.ArrayLike | None = None,
     data_range: float | None = None,
 ) -> Image:
-    """A sample without its slow light.
+    """Take slow light out of a sample.
 
     Each channel is divided by the quadratic surface that fits it best, and keeps its mean.
 
@@ -130,7 +130,7 @@ def flatten_light(
 
 
 def flattened(source: Images, mask: Images | None, white: float | None) -> list[Any]:
-    """Several samples without their slow light, white being one value."""
+    """Take slow light out of several samples, white being one value."""
     several: list[Any] = list(source) if isinstance(source, list | tuple) else [source]
     masks = as_list(mask, len(several), "source_mask")
     return [
@@ -140,7 +140,7 @@ def flattened(source: Images, mask: Images | None, white: float | None) -> list[
 
 
 def _surface(values: npt.NDArray[Any], where: Mask) -> Floats:
-    """(H, W, C), the quadratic surface through some pixels."""
+    """Fit a quadratic surface to some pixels, (H, W, C)."""
     basis = _terms(where.shape)
     some = basis[where]
     result: Floats = basis @ _fitted(some, some.T @ values[where])
@@ -148,14 +148,14 @@ def _surface(values: npt.NDArray[Any], where: Mask) -> Floats:
 
 
 def _terms(shape: tuple[int, ...]) -> Floats:
-    """(H, W, 6), the terms of a quadratic surface."""
+    """Compute the terms of a quadratic surface, (H, W, 6)."""
     y, x = (np.linspace(-1, 1, length) for length in shape)
     y, x = y[:, np.newaxis], x[np.newaxis]
     return np.stack([np.ones(shape), y + 0 * x, x + 0 * y, y * x, y * y + 0 * x, x * x + 0 * y], axis=2)
 
 
 def _fitted(basis: Floats, along: Floats) -> Floats:
-    """(6, C), the factors of (n, 6) terms of least squares, from what values (n, C) have along each."""
+    """Compute the least-squares factors of (n, 6) terms, (6, C), from what values (n, C) have along each."""
     return np.asarray(np.linalg.lstsq(basis.T @ basis, along, rcond=None)[0], np.float64)
 
 
@@ -173,13 +173,13 @@ class CopyLight:
 
     @classmethod
     def of(cls, plane: Floats32, atlas: Atlas) -> CopyLight:
-        """Copies as they are, of a sample (AH, AW, C)."""
+        """Leave the copies of a sample (AH, AW, C) as they are."""
         low, high = (float(limit(plane[atlas.copied])) for limit in (np.min, np.max))
         none = np.empty((0, 3, plane.shape[2]))
         return cls(atlas=atlas, coefficients=none, floor=np.float32(0), low=low, high=high)
 
     def gain(self, index: Ints32, labels: Ints32, channels: slice = slice(None)) -> Floats32:
-        """The gain (…, C) at pixels, given by what shows there and the number of the patch."""
+        """Compute the gain (…, C) at pixels, given by what shows there and the number of the patch."""
         chosen = range(self.coefficients.shape[2])[channels]
         result = np.ones((*index.shape, len(chosen)), np.float32)
         if len(self.coefficients):
@@ -194,7 +194,7 @@ class CopyLight:
         return result
 
     def offset(self, gain: Floats32) -> Floats32:
-        """What is added to a value that has been multiplied by a gain."""
+        """Compute what is added to a value that has been multiplied by a gain."""
         result: Floats32 = (gain - 1) * self.floor
         return result
 
@@ -208,7 +208,7 @@ def levelled_copies(
     copies: Ints32,
     wraps: tuple[bool, bool],
 ) -> CopyLight:
-    """The light to be given to the copies of a texture so that it agrees.
+    """Compute the light to be given to the copies of a texture so that it agrees.
 
     Parameters
     ----------
@@ -261,8 +261,8 @@ def levelled_copies(
 
 
 def _as_bright(light: CopyLight, plane: Floats32, index: Ints32, labels: Ints32) -> CopyLight:
-    """The same light, as bright that the values of the texture are nearest to those of its exemplars, each to
-    that of its rank; agreement along seams leaves that open.
+    """Shift the light so that the values of the texture are nearest to those of its exemplars, each to that
+    of its rank; agreement along seams leaves that open.
     """
     atlas, step = light.atlas, max(1, round((index.size / _LOOKED_AT) ** 0.5))
     index, labels = index[::step, ::step], labels[::step, ::step]
@@ -293,7 +293,7 @@ def _as_bright(light: CopyLight, plane: Floats32, index: Ints32, labels: Ints32)
 def _pairs(
     a: Ints32, b: Ints32, terms: Floats, apart: npt.NDArray[Any], weight: npt.NDArray[Any]
 ) -> tuple[npt.NDArray[np.intp], Floats, Floats, Floats]:
-    """What joints ask of the copies that meet there, summed by pairs of copies.
+    """Sum what joints ask of the copies that meet there, by pairs of copies.
 
     Parameters
     ----------
@@ -331,7 +331,9 @@ def _pairs(
 def _equations(
     parts: list[tuple[npt.NDArray[np.intp], Floats, Floats, Floats]], even: Floats
 ) -> tuple[sparse.csc_matrix, Floats]:
-    """The normal equations for three coefficients of each copy, which tend to given ones, (P, 3, C)."""
+    """Assemble the normal equations for three coefficients of each copy, which tend to given ones,
+    (P, 3, C).
+    """
     size = 3 * len(even)
     pairs, matrices, wishes, weights = (np.concatenate(part) for part in zip(*parts, strict=True))
     line = (3 * pairs[:, :, np.newaxis] + np.arange(3)).reshape(-1, 6)
@@ -346,7 +348,7 @@ def _equations(
 
 
 def _even(flat: Floats32, atlas: Atlas, index: Ints32, labels: Ints32, copies: Ints32) -> Floats:
-    """The coefficients that would take the slopes of its exemplar's light out of each copy."""
+    """Compute the coefficients that would take the slopes of its exemplar's light out of each copy."""
     slopes = []
     for place in atlas.places:
         inside = np.zeros(atlas.copied.shape, bool)
@@ -365,12 +367,12 @@ def _even(flat: Floats32, atlas: Atlas, index: Ints32, labels: Ints32, copies: I
 
 
 def _coordinates(atlas: Atlas, index: Ints32) -> Floats:
-    """(…, 3): 1, and row and column in the exemplar from -1 to 1."""
+    """Compute (…, 3): 1, and row and column in the exemplar from -1 to 1."""
     return np.stack([np.ones(index.shape), *_places(atlas, index)], axis=-1)
 
 
 def _places(atlas: Atlas, index: Ints32) -> tuple[Floats, Floats]:
-    """Row and column in the exemplar, from -1 to 1 each."""
+    """Compute row and column in the exemplar, from -1 to 1 each."""
     owner, half = atlas.owner_of_rows, atlas.shapes / 2
     row, column = np.divmod(index, np.int32(atlas.width))
     rows = np.arange(len(owner)) - atlas.corners[owner, 0]

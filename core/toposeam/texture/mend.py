@@ -30,9 +30,9 @@ _BLOCK = 8
 _BAD = 0.25
 #: A patch stays if the seams in its window cost less than this share of what they did.
 _BETTER = 0.97
-#: So many places, far enough from one another, are mended at the same time.
+#: Number of places, far enough from one another, that are mended at the same time.
 _AT_ONCE = 8
-#: After so many places in a row that could not be mended, the rest, which are better already, are left alone.
+#: Failures in a row after which mending stops, as the remaining seams are better already.
 _PATIENCE = 8
 
 
@@ -42,19 +42,20 @@ class Mending:
     """
 
     def __init__(self, placer: PatchPlacer, shape: tuple[int, int]) -> None:
-        self._placer, self._shape, self._use = placer, shape, placer.use()
+        self._placer, self._shape = placer, shape
+        placer.refresh()
         self._found: dict[At, tuple[Site, Ints32, Mask, float]] = {}
 
     def offers(self, at: At) -> Offers | None:
-        """The best places for a patch over what is bad in a window; None where nothing is."""
+        """Find the best places for a patch over what is bad in a window; None where nothing is."""
         found = self._look(at)
         if found is None:
             return None
         self._found[at] = found
-        return self._placer.offers(found[0], self._use)
+        return self._placer.ranking.offers(found[0])
 
     def shows(self, at: At, place: At) -> Mask | None:
-        """Where the patch from a place shows; None if the seams would be no better."""
+        """Find where the patch from a place shows; None if the seams would be no better."""
         found = self._found.pop(at, None) or self._look(at)
         if found is None:
             return None
@@ -66,8 +67,8 @@ class Mending:
         return None if _seam_costs(placer, after).sum() >= _BETTER * before else shows
 
     def _look(self, at: At) -> tuple[Site, Ints32, Mask, float] | None:
-        """A window, what it and a pixel round it show, where that is bad, and what its seams cost; None where
-        nothing is bad.
+        """Read a window, and one pixel round it: what shows, where it is bad, and what its seams cost; None
+        where nothing is bad.
         """
         placer, m, (top, left), (h, w) = self._placer, self._placer.margin, at, self._shape
         known = placer.canvas.read(top - m, left - m, h + 2 * m, w + 2 * m)
@@ -154,7 +155,7 @@ def mend(
 def _worst(
     placer: PatchPlacer, local: Floats32, shape: tuple[int, int], count: int
 ) -> dict[At, tuple[int, int]]:
-    """The windows over some of the worst blocks, which do not wait for one another, and these blocks."""
+    """Select windows over some of the worst blocks, which do not wait for one another, and these blocks."""
     found: dict[At, tuple[int, int]] = {}
     canvas, apart = placer.canvas, placer.reach(shape)
     starts: list[Ints] = []  # of the window over each block, by row and by column
@@ -167,20 +168,17 @@ def _worst(
             break
         at = int(starts[0][row]), int(starts[1][column])
         found[at] = row, column
-        near = []
-        for place, line, length, wraps, limit in zip(
-            at, starts, shape, canvas.wrap, canvas.shape, strict=True
-        ):
-            away = np.abs(line - place)
-            away = np.minimum(away % limit, -away % limit) if wraps else away
-            near.append(np.flatnonzero(away < length + apart))
+        near = [
+            np.flatnonzero(canvas.distance(axis, starts[axis] - at[axis]) < shape[axis] + apart)
+            for axis in (0, 1)
+        ]
         local[np.ix_(*near)] = 0
     return found
 
 
 def _seam_costs(placer: PatchPlacer, index: Ints32) -> Floats32:
-    """Cost of the interfaces to the right and below each pixel of a window, summed, (h - 1, w - 1); 0 within
-    a copy.
+    """Compute the cost of the interfaces to the right and below each pixel of a window, summed, (h - 1, w -
+    1); 0 within a copy.
     """
     total = np.zeros((index.shape[0] - 1, index.shape[1] - 1), np.float32)
     usable = placer.atlas.usable.ravel()
@@ -208,7 +206,7 @@ def _norm(values: Floats32, usable: Mask) -> Floats32:
 
 
 def _block_sums(cost: Floats32, rows: Ints, columns: Ints) -> Floats32:
-    """Sums of some blocks: (len(rows), len(columns))."""
+    """Sum the costs of some blocks: (len(rows), len(columns))."""
     steps = np.arange(_BLOCK)
     part = cost[
         np.ix_(

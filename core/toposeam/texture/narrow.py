@@ -16,7 +16,7 @@ _WIDENED = 32
 
 
 def widened(images: Any) -> Any:
-    """Images with their narrow sides mirrored, over and over, until they have 32 px; others as they are.
+    """Mirror the narrow sides of images, over and over, until they have 32 px; leave others as they are.
 
     A row of pixels says nothing about the other direction, so that each pixel goes on as a stripe. Whatever
     belongs to an exemplar (opacity, masks, maps, guides) is widened alike, as only the size matters.

@@ -17,8 +17,8 @@ from toposeam.texture.search import Ints
 RING = 6
 #: px round an object that go with it.
 _FRINGE = 2
-#: An object is cut by an exemplar's border that it reaches with so many px half as unlike the ground as its
-#: mean.
+#: Number of px on an exemplar's border, half as unlike the ground as an object's mean, from which on the
+#: object counts as cut.
 _CUT = 3
 #: px along an exemplar's border that do not tell how much objects cover.
 _RIM = 4
@@ -72,7 +72,7 @@ class Objects:
         self._middles = np.array([one.middle for one in self.all], np.intp).reshape(-1, 2)
 
     def shown(self) -> Counter[Key]:
-        """How many pixels of which object show where on the canvas."""
+        """Count the pixels of objects that show, and where on the canvas."""
         found: Counter[Key] = Counter()
         index = self.canvas.index
         for top in range(0, index.shape[0] if self.all else 0, ROWS):
@@ -82,7 +82,7 @@ class Objects:
         return found
 
     def at(self, y: Ints, x: Ints, index: Ints32) -> Counter[Key]:
-        """The same of some pixels only: their rows, columns and flat indices, (n,) each."""
+        """Count the same for some pixels only: their rows, columns and flat indices, (n,) each."""
         number = self.marks.ravel().take(np.maximum(index, 0)) * (index >= 0)
         on = np.flatnonzero(number)
         number = number.take(on) - 1
@@ -102,14 +102,16 @@ class Objects:
         return found
 
     def key(self, number: int, row: int, column: int) -> Key:
-        """An object whose middle lies at a row and column of the canvas, or beyond a border of it."""
+        """Make the key of an object whose middle lies at a row and column of the canvas, or beyond a border
+        of it.
+        """
         height, width = (
             limit if wraps else 0 for limit, wraps in zip(self.canvas.shape, self.canvas.wrap, strict=True)
         )
         return number, row % height if height else row, column % width if width else column
 
     def room(self, key: Key) -> int:
-        """How many pixels of an object would be on the canvas."""
+        """Count the pixels of an object that would be on the canvas."""
         one = self.all[key[0]]
         if all(
             wraps or one.reach <= middle < limit - one.reach
@@ -124,7 +126,7 @@ class Objects:
         return int(inside.sum())
 
     def density(self) -> float:
-        """What share of the exemplars objects cover, off their borders, where many have none."""
+        """Compute what share of the exemplars objects cover, off their borders, where many have none."""
         off = ndimage.binary_erosion(self.atlas.copied, np.ones((3, 3)), _RIM)
         return float(np.mean(self.marks[off] > 0)) if off.any() else 0.0
 

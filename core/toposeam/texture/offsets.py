@@ -29,7 +29,7 @@ _PIXELS, _WINDOW = 40_000, 8
 _QUERIES, _MATCHES = 3000, 8
 #: Components in which windows are compared.
 _DIMENSIONS = 16
-#: How much farther than the nearest a match may be: its shift is one of thousands that vote.
+#: Relative error allowed of the nearest match: its shift is one of thousands that vote.
 _ROUGHLY = 0.5
 #: Matches nearer than this share of the longer side say nothing.
 _NEAR = 1 / 15

@@ -30,12 +30,13 @@ _BETWEEN = 0.9
 #: Lines that keep step correlate with the next ones at least this much of how they do with themselves; and
 #: lattices as much far away as near by. What does not is ordered by eye, but wanders.
 _KEPT = 0.85
-#: How much an order may be stretched, as a share, so that it closes, and how much nobody sees. Lines that are
+#: Largest stretch of an order so that it closes, as a share, and the stretch that is not seen. Lines that are
 #: bent a little where patches meet look better than such as break; beyond, hexagons get borders twice.
 STRETCH, UNSEEN = 0.12, 0.005
 #: Of larger exemplars, px a side, the middle tells the order.
 _LOOKED_AT = 512
-#: Three boxes of so many px, one after the other, blur like a Gaussian of 23.5 px: what is slower is light.
+#: Side of a box, px: three of them, one after the other, blur like a Gaussian of 23.5 px, and what is slower
+#: is light.
 _SLOW = 47
 #: Waves whose directions are tried, and by how many degrees these are turned to be exact.
 _WAVES, _TURNS = 6, (np.arange(-3, 3.1, 0.5), np.array([-0.25, 0.25]))
@@ -56,8 +57,8 @@ class Order:
         return np.asarray(np.linalg.pinv(self.reciprocal).T)
 
     def fitted(self, size: tuple[int, int], wraps: tuple[bool, bool]) -> tuple[Floats, float]:
-        """The reciprocal vectors nearest to these that close on a size, and the stretch that this needs, as
-        a share.
+        """Find the reciprocal vectors nearest to these that close on a size, and the stretch that this needs,
+        as a share.
         """
         length = np.asarray(size, float)
         whole = np.rint(self.reciprocal * length) / length
@@ -69,7 +70,9 @@ class Order:
     def closing_size(
         self, size: tuple[int, int], wraps: tuple[bool, bool], within: bool = False
     ) -> tuple[int, int]:
-        """The size nearest to one wished for, or within it, on which the order nearly closes by itself."""
+        """Find the size nearest to one wished for, or within it, on which the order nearly closes
+        by itself.
+        """
         if self.fitted(size, wraps)[1] <= UNSEEN:
             return size
         finest = float(np.linalg.norm(self.reciprocal, axis=1).max())
@@ -80,8 +83,8 @@ class Order:
         return height, width
 
     def better_size(self, size: tuple[int, int], wraps: tuple[bool, bool]) -> tuple[int, int] | None:
-        """The size nearest to one at which the order is stretched by half of it or less, None where there is
-        none, or nobody sees that it is stretched.
+        """Find the size nearest to one at which the order is stretched by half of it or less; None where
+        there is none, or nobody sees that it is stretched.
         """
         found = self.closing_size(size, wraps)
         stretch = self.fitted(size, wraps)[1]
@@ -89,8 +92,8 @@ class Order:
 
 
 def _closing(cycles: Floats, finest: float, length: int, within: bool) -> int:
-    """The length nearest to one at which every count of cycles is nearly whole; stretch is told by the
-    finest period.
+    """Find the length nearest to one at which every count of cycles is nearly whole; stretch is measured on
+    the finest period.
     """
     if float(np.abs(cycles).max()) * length < 0.5:
         return length
@@ -103,14 +106,16 @@ def _closing(cycles: Floats, finest: float, length: int, within: bool) -> int:
 
 
 def looked_at(shape: tuple[int, ...]) -> tuple[slice, ...]:
-    """The rows and columns that tell the order of an exemplar: all of it, or the middle of a large one."""
+    """Select the rows and columns that tell the order of an exemplar: all of it, or the middle of a large
+    one.
+    """
     return tuple(
         slice(max(length - _LOOKED_AT, 0) // 2, (length + min(length, _LOOKED_AT)) // 2) for length in shape
     )
 
 
 def find_order(features: Floats32, usable: Mask) -> Order | None:
-    """The order of a texture, None where there is none, or nothing to be seen but slow light.
+    """Find the order of a texture, None where there is none, or nothing to be seen but slow light.
 
     Parameters
     ----------
@@ -148,7 +153,7 @@ def find_order(features: Floats32, usable: Mask) -> Order | None:
 
 
 def _detail(features: Floats32) -> Floats32:
-    """What is left without slow light."""
+    """Take slow light out of features."""
     slow = features
     for axis in (0, 1) * 3:
         slow = ndimage.uniform_filter1d(slow, _SLOW, axis)
@@ -156,8 +161,8 @@ def _detail(features: Floats32) -> Floats32:
 
 
 def _lines(smooth: Floats, element: int) -> Order | None:
-    """The order of a texture that repeats across one direction only: the direction and the period at which
-    the mean autocorrelation along lines rises and falls most regularly.
+    """Find the order of a texture that repeats across one direction only: the direction and the period at
+    which the mean autocorrelation along lines rises and falls most regularly.
     """
     best, angle, period = 0.0, 0.0, 0.0
     for turns in (_directions(smooth), *map(np.deg2rad, _TURNS)):
@@ -171,7 +176,7 @@ def _lines(smooth: Floats, element: int) -> Order | None:
 
 
 def _directions(smooth: Floats) -> Floats:
-    """Angles of the strongest waves in the autocorrelation."""
+    """Find the angles of the strongest waves in the autocorrelation."""
     window = np.outer(*[np.hanning(length) for length in smooth.shape])
     power = np.abs(sf.rfft2((smooth - smooth.mean()) * window))
     power[np.hypot(*np.ogrid[: power.shape[0], : power.shape[1]]) < 2] = 0
@@ -182,8 +187,8 @@ def _directions(smooth: Floats) -> Floats:
 
 
 def _profile(smooth: Floats, angle: float) -> Floats:
-    """Mean autocorrelation along lines, as far as it is known, by their distance from 0 in px; the angle is
-    the normal's.
+    """Average the autocorrelation along lines, as far as it is known, by their distance from 0 in px; the
+    angle is the normal's.
     """
     middle = [length // 2 for length in smooth.shape]
     reach = int(0.9 * min(middle))
@@ -200,8 +205,8 @@ def _profile(smooth: Floats, angle: float) -> Floats:
 
 
 def _rhythm(profile: Floats, element: int) -> tuple[float, float]:
-    """How much higher a profile is at multiples of a period than half-way between them, for the period (px)
-    at which that is most; the shortest of those that do about as well.
+    """Compute how much higher a profile is at multiples of a period than half-way between them, for the
+    period (px) at which that is most; the shortest of those that do about as well.
     """
     periods = np.arange(max(0.7 * element, 4.0), 0.5 * len(profile), 0.25)
     if not len(periods):

@@ -37,20 +37,20 @@ class Positions:
         self._cells: defaultdict[At, set[Key]] = defaultdict(set)
 
     def all(self) -> list[Key]:
-        """Every object, in order."""
+        """List every object, in order."""
         return sorted(key for cell in self._cells.values() for key in cell)
 
     def put(self, key: Key, there: bool) -> None:
-        """Note that an object is there, or that it is not."""
+        """Record that an object is there, or that it is not."""
         cell = self._cells[self._cell(0, key[1]), self._cell(1, key[2])]
         (cell.add if there else cell.discard)(key)
 
     def near(self, at: At) -> list[Key]:
-        """The objects near a place, one that lies there too, in no order."""
+        """List the objects near a place, one that lies there too, in no order."""
         return self._near([at])[0]
 
     def neighbours(self) -> dict[Key, list[Key]]:
-        """The objects near each object, itself too."""
+        """List the objects near each object, itself too."""
         cells = [list(cell) for cell in self._cells.values() if cell]
         return {
             key: near
@@ -59,7 +59,7 @@ class Positions:
         }
 
     def _near(self, places: list[At]) -> list[list[Key]]:
-        """The objects near each of some places of one cell."""
+        """List the objects near each of some places of one cell."""
         around = [
             key
             for row in self._around(0, places[0][0])
@@ -85,7 +85,7 @@ class Positions:
         return math.floor(place * count / limit)
 
     def _around(self, axis: int, place: int) -> set[int]:
-        """The cells in which what is near along one axis lies."""
+        """List the cells in which what is near along one axis lies."""
         cell, count = self._cell(axis, place), self._counts[axis]
         reach = 1 if self._shape[axis] >= self._reach else math.ceil(self._reach / self._shape[axis])
         cells = range(cell - reach, cell + reach + 1)

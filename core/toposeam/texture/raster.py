@@ -20,7 +20,6 @@ def lay_all(
     patch: int,
     overlap: int,
     crew: Crew,
-    axis: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[int, int]:
     """Fill the canvas.
@@ -32,8 +31,6 @@ def lay_all(
         Side of the patches and least overlap, px.
     crew : Crew
         Who does it.
-    axis : int
-        0 row by row, 1 column by column.
     progress : callable, optional
         Called with the share of the patches laid.
 
@@ -43,18 +40,10 @@ def lay_all(
         Height and width of the patches: the texture's own where it is smaller than they.
     """
     canvas = placer.canvas
-    rows = patches_along(canvas.shape[0], patch, overlap, canvas.wrap[0])
-    columns = patches_along(canvas.shape[1], patch, overlap, canvas.wrap[1])
+    rows, columns = _patches(canvas, patch, overlap)
     shape = rows[0], columns[0]
-    lines = [rows[1], columns[1]]
-    waves = waves_of(
-        lines[axis],
-        lines[1 - axis],
-        shape[1 - axis] + placer.reach(shape),
-        canvas.shape[1 - axis] if canvas.wrap[1 - axis] else None,
-    )
-    if axis == 1:
-        waves = [[(top, left) for left, top in wave] for wave in waves]
+    round_length = canvas.shape[1] if canvas.wrap[1] else None
+    waves = waves_of(rows[1], columns[1], shape[1] + placer.reach(shape), round_length)
     done, count = 0, len(rows[1]) * len(columns[1])
     for wave in waves:
         lay_wave(placer, crew, Laying, wave, shape)
@@ -65,16 +54,27 @@ def lay_all(
 
 
 def patches_on(canvas: IndexCanvas, patch: int, overlap: int) -> int:
-    """How many patches :func:`lay_all` lays."""
-    return math.prod(
-        len(patches_along(length, patch, overlap, wraps)[1])
+    """Count the patches that :func:`lay_all` lays."""
+    return math.prod(len(starts) for _, starts in _patches(canvas, patch, overlap))
+
+
+def shape_on(canvas: IndexCanvas, patch: int, overlap: int) -> tuple[int, int]:
+    """Compute the height and width of these patches."""
+    rows, columns = _patches(canvas, patch, overlap)
+    return rows[0], columns[0]
+
+
+def _patches(canvas: IndexCanvas, patch: int, overlap: int) -> list[tuple[int, list[int]]]:
+    """Divide both axes of a canvas into patches."""
+    return [
+        patches_along(length, patch, overlap, wraps)
         for length, wraps in zip(canvas.shape, canvas.wrap, strict=True)
-    )
+    ]
 
 
 def patches_along(length: int, patch: int, overlap: int, wraps: bool) -> tuple[int, list[int]]:
-    """Side of the patches along one axis, and where each begins: spread evenly, so that all overlap by at
-    least the overlap.
+    """Divide an axis into patches: their side, and where each begins, spread evenly, so that all overlap by
+    at least the overlap.
 
     Raises
     ------

@@ -19,6 +19,9 @@ from toposeam.images import Mask, full_scale, in_dtype
 from toposeam.texture.atlas import Ints32
 from toposeam.texture.joints import ROWS, joints
 
+#: Largest distance from a seam, px, within which copies can be mixed.
+MAX_SMOOTH = 8
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Lift:
@@ -41,7 +44,7 @@ def render(
     lift: Lift | None = None,
     near: Sequence[Ints32] | None = None,
 ) -> npt.NDArray[Any]:
-    """The picture that a map of sources shows.
+    """Render the picture that a map of sources shows.
 
     Parameters
     ----------
@@ -89,8 +92,8 @@ def render_seen(
     wrap: tuple[bool, bool],
     smooth: int,
 ) -> npt.NDArray[Any]:
-    """As :func:`render`; where copies are mixed each counts by its opacity, an (AH, AW, 1) array, so that
-    colours that cannot be seen do not show at seams.
+    """Render as :func:`render`, but where copies are mixed count each by its opacity, an (AH, AW, 1) array,
+    so that colours that cannot be seen do not show at seams.
     """
     picture = render(index, plane, usable, wrap, 0)
     share = (opacity / full_scale(opacity.dtype)).astype(np.float32)
@@ -104,14 +107,15 @@ def render_seen(
 def _stored(
     values: npt.NDArray[np.floating[Any]], dtype: np.dtype[Any], lift: Lift | None
 ) -> npt.NDArray[Any]:
-    """Values in the picture's dtype."""
+    """Convert values to the picture's dtype."""
     if lift is not None:
         values = np.clip(values, lift.low, lift.high)
     return in_dtype(values, dtype)
 
 
 def near_seams(index: Ints32, stride: int, wrap: tuple[bool, bool], smooth: int) -> list[Ints32]:
-    """Flat places of the pixels within reach of a seam, those of some rows of the canvas in one array.
+    """Find the flat places of the pixels within reach of a seam, those of some rows of the canvas in one
+    array.
 
     Parameters
     ----------

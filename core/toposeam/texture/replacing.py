@@ -4,39 +4,43 @@ its place, and where that shows, along a closed seam that runs through ground on
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from toposeam.images import Mask, box_of
 from toposeam.seam.labels import BEST
-from toposeam.texture.atlas import Ints32
-from toposeam.texture.candidates import STEP, Candidates, Fit, Window, diamond_dilation
-from toposeam.texture.closed_cuts import Patch, closed_cuts
-from toposeam.texture.lay import PatchPlacer
+from toposeam.texture.atlas import Ints32, values_at
+from toposeam.texture.lay import ClosedPatch, PatchPlacer
 from toposeam.texture.objects import RING, At, Key, Objects
 from toposeam.texture.search import Ints
 
 #: An object of which less than this share shows is cut, and so is one that its exemplar's border cuts.
 WHOLE = 0.985
-#: What an object becomes where no number says it: whole, if there is any way, else ground; or ground.
+#: What an object becomes other than a given one: whole, if there is any way, else ground; or ground.
 MENDED, GROUND = -1, -2
-#: By how many steps an object may lie beside the middle of the one that was cut.
+#: Largest number of steps between the middles of a cut object and of its replacement.
 _ASIDE = 2
-#: So many objects at most that one must not become are told: requests are short.
+#: Largest number of objects that a task forbids: requests are short.
 FORBIDDEN = 16
-#: Objects are exchanged for others up to so many times as large, or as small.
+#: Largest ratio of sizes of objects that are exchanged for each other.
 _ALIKE = 2.5
-#: So many of what fits best are tried.
+#: Number of the best fits that are tried.
 _TRIED = 6
+#: px between the places beside a middle that are tried.
+_STEP = 3
+#: Approximate number of places that are compared where ground replaces what is left of an object.
+_GROUNDS = 400
 
-#: Which objects are tried, up to so many steps aside; ground where there are none.
+#: Which objects are tried, ground where there are none, and up to how many steps aside.
 Try = tuple[list[int], int]
 
 
 class ToReplace(NamedTuple):
-    """Which object is to become what, up to so many steps aside."""
+    """An object that is to become another one, up to some steps aside."""
 
     key: Key
     becomes: int
@@ -45,33 +49,80 @@ class ToReplace(NamedTuple):
     without: tuple[int, ...] = ()
 
     def numbers(self) -> list[int]:
-        """The same as numbers, so many for every task."""
+        """Encode the task as numbers, equally many for every task."""
         return [*self.key, self.becomes, self.aside, *self.without, *(FORBIDDEN - len(self.without)) * [-1]]
 
 
-class Found(NamedTuple):
-    """A patch that replaces an object."""
-
-    patch: Patch
-    #: How many pixels go of which objects, and how many come of another one.
-    gone: dict[Key, int]
-    come: dict[Key, int]
-    #: By how many pixels the copies that it continues grow at most.
-    grown: int
-
-
 class Replaced(NamedTuple):
-    """The same, when it is cut."""
+    """A patch that replaces an object; until it is cut it shows wherever it may."""
 
     #: First row and column of the patch on the canvas, and on the atlas.
     at: At
     place: At
     shows: Mask
+    #: How many pixels go of which objects, and how many come of another one.
     gone: dict[Key, int]
     come: dict[Key, int]
-    #: First patches of the copies that it continues.
+    #: First patches of the copies that it continues, and by how many pixels these grow at most.
     joined: frozenset[int]
     grown: int
+
+
+#: A patch before it is cut, and what it replaces.
+Found = tuple[ClosedPatch, Replaced]
+
+
+def diamond_dilation(mask: Mask, steps: int = 1) -> Mask:
+    """Dilate a mask by a diamond of some steps: on small masks sooner than
+    :func:`scipy.ndimage.binary_dilation`.
+
+    Examples
+    --------
+    >>> diamond_dilation(np.eye(1, 5, 2, dtype=bool)).astype(int).tolist()
+    [[0, 1, 1, 1, 0]]
+    """
+    for _ in range(steps):
+        grown = mask.copy()
+        grown[1:] |= mask[:-1]
+        grown[:-1] |= mask[1:]
+        grown[:, 1:] |= mask[:, :-1]
+        grown[:, :-1] |= mask[:, 1:]
+        mask = grown
+    return mask
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """The canvas round a place."""
+
+    top: int
+    left: int
+    known: Ints32
+    inside: Mask
+    #: What has to go, how many pixels of which objects that is, and where others are.
+    goes: Mask
+    gone: dict[Key, int]
+    busy: Mask
+
+    @cached_property
+    def beside_others(self) -> Mask:
+        """Where other objects are, or next to it: flat."""
+        return diamond_dilation(self.busy).ravel()
+
+    @cached_property
+    def ground(self) -> Mask:
+        """What shows ground that stays: flat."""
+        return np.asarray(self.inside.ravel() & ~self.goes.ravel() & ~self.beside_others)
+
+
+class Fit(NamedTuple):
+    """Something that could be laid there."""
+
+    error: float
+    #: Which object; -1 for ground.
+    number: int
+    #: Place of the window's first pixel on the atlas.
+    place: At
 
 
 class Replacing:
@@ -91,20 +142,19 @@ class Replacing:
         guard = np.zeros(placer.atlas.usable.size, np.float32) if placer.guard is None else placer.guard
         self.objects = Objects(guard, placer.features, placer.atlas, placer.canvas)
         #: How many pixels of the canvas a copy may show on.
-        self.largest = placer.largest_copy(shape)
-        self._candidates = Candidates(placer.features, placer.atlas, self.objects)
+        self.largest = placer.ranking.largest_copy(shape)
+        self._bare = placer.atlas.copied & ~diamond_dilation(self.objects.marks > 0)
         limits = zip(placer.canvas.shape, placer.canvas.wrap, strict=True)
         #: How many px round a place a window may have that does not meet itself.
         self._room = min(
             ((limit - 1) // 2 for limit, wraps in limits if wraps), default=max(placer.canvas.shape)
         )
-
         self._sizes = np.array([len(one.pixels) for one in self.objects.all])
         self._like: dict[int, list[int]] = {}
         self._reaches: dict[tuple[int, int, int], int] = {}
 
     def replaced(self, tasks: bytes) -> list[Replaced | None]:
-        """Tasks, whose numbers follow one another as int32, done if they can be."""
+        """Carry out tasks, whose numbers follow one another as int32; None for those that cannot be done."""
         found = [
             self._found(ToReplace((number, row, column), becomes, aside, tuple(without)))
             for number, row, column, becomes, aside, *without in np.frombuffer(tasks, np.int32)
@@ -115,39 +165,25 @@ class Replacing:
         return [None if one is None else next(cut) for one in found]
 
     def cut(self, found: Sequence[Found]) -> list[Replaced]:
-        """Patches that do not touch, cut at the same time."""
+        """Cut patches that do not touch, at the same time."""
         if not found:
             return []
-        patches = [one.patch for one in found]
-        if self._placer.options.method in BEST:
-            cuts = closed_cuts(self._placer, patches)
-        else:
-            cuts = [cut for patch in patches for cut in closed_cuts(self._placer, [patch])]
-        return [
-            Replaced(
-                at=patch.at,
-                place=divmod(int(patch.source[0, 0]), self._atlas.width),
-                shows=shows,
-                gone=one.gone,
-                come=one.come,
-                joined=patch.joined,
-                grown=one.grown,
-            )
-            for one, patch, shows in zip(found, patches, cuts, strict=True)
-        ]
+        patches, cut = [patch for patch, _ in found], self._placer.cut_closed
+        together = self._placer.options.method in BEST
+        cuts = cut(patches) if together else [one for patch in patches for one in cut([patch])]
+        return [one._replace(shows=shows) for (_, one), shows in zip(found, cuts, strict=True)]
 
     def like(self, number: int) -> list[int]:
-        """Other objects about as large as one."""
+        """List the other objects about as large as one."""
         if number not in self._like:
-            alike = (self._sizes * _ALIKE > self._sizes[number]) & (
-                self._sizes < _ALIKE * self._sizes[number]
-            )
+            sizes, own = self._sizes, self._sizes[number]
+            alike = (sizes * _ALIKE > own) & (sizes < _ALIKE * own)
             alike[number] = False
             self._like[number] = np.flatnonzero(alike).tolist()
         return self._like[number]
 
     def around(self, task: ToReplace) -> int:
-        """How many px round its middle a task looks at, at most; -1 where there is no room for it."""
+        """Compute how many px round its middle a task looks at, at most; -1 where there is no room for it."""
         kind = task.key[0], task.becomes, task.aside
         if kind not in self._reaches:
             tries: list[Try] = [([task.becomes], task.aside)] if task.becomes >= 0 else [([], 0)]
@@ -157,18 +193,16 @@ class Replacing:
         return self._reaches[kind]
 
     def fitting(self, key: Key, aside: int) -> Ints:
-        """The objects that have room in the place of one, up to so many steps aside, itself too."""
+        """List the objects that have room in the place of one, up to some steps aside, itself too."""
         others = self.like(key[0])
         around = self._around(key[0], others, aside)
-        found = (
-            self._candidates.rooms(self._window(key, around), others, aside) if around <= self._room else ()
-        )
-        return np.array([key[0], *sorted(number for number, _ in found)], np.intp)
+        rooms = self._rooms(self._window(key, around), others, aside) if around <= self._room else ()
+        return np.array([key[0], *sorted(number for number, _ in rooms)], np.intp)
 
     def replace(self, key: Key, tries: Sequence[Try], beside: bool = False) -> Found | None:
-        """The one that fits best of some objects, up to so many steps aside, over another, or ground where
-        none is given: what there is room for first, if there is. With `beside` what is cut and touches it
-        goes as well.
+        """Find the one that fits best of some objects, up to some steps aside, over another, or ground where
+        none is given: the first try for which there is room. With `beside` what is cut and touches it goes as
+        well.
         """
         around = [self._around(key[0], numbers, aside) for numbers, aside in tries]
         fitting = [one for one, far in zip(tries, around, strict=True) if far <= self._room]
@@ -177,9 +211,8 @@ class Replacing:
         window = self._window(key, max(far for far in around if far <= self._room), beside)
         if not window.goes.any():
             return None
-        candidates = self._candidates
         for numbers, aside in fitting:
-            fits = candidates.fits(window, numbers, aside) if numbers else candidates.grounds(window)
+            fits = self._fits(window, numbers, aside) if numbers else self._grounds(window)
             for fit in sorted(fits, key=lambda fit: fit.error)[:_TRIED]:
                 found = self._laid(window, fit)
                 if found is not None:
@@ -200,17 +233,17 @@ class Replacing:
         return self.replace(key, [([], 0)])
 
     def _tries(self, task: ToReplace) -> list[Try]:
-        """What a cut object may become: itself, or another one."""
+        """List what a cut object may become: itself, or another one."""
         number = task.key[0]
         others = [other for other in self.like(number) if other not in task.without]
         return [([number], 0), (others, 0), (others, _ASIDE)]
 
     def _around(self, number: int, others: Iterable[int], aside: int) -> int:
-        """How many px round an object's middle others may take there."""
-        return max(self.objects.all[k].reach for k in (number, *others)) + aside * STEP + RING + 2
+        """Compute how many px round an object's middle others may take there."""
+        return max(self.objects.all[k].reach for k in (number, *others)) + aside * _STEP + RING + 2
 
     def _window(self, key: Key, around: int, beside: bool = False) -> Window:
-        """So many px round an object's middle."""
+        """Read the canvas within some px of an object's middle."""
         top, left, side = key[1] - around, key[2] - around, 2 * around + 1
         known = self._canvas.read(top, left, side, side)
         inside = known >= 0
@@ -227,7 +260,7 @@ class Replacing:
         return Window(top, left, known, inside, goes, gone, shown & ~goes)
 
     def _is_cut(self, key: Key) -> bool:
-        """Whether the canvas shows less of an object than it could, or its exemplar does."""
+        """Tell whether the canvas shows less of an object than it could, or its exemplar does."""
         one = self.objects.all[key[0]]
         if not one.whole:
             return True
@@ -238,7 +271,7 @@ class Replacing:
         return bool(shown < WHOLE * max(self.objects.room(key), 1))
 
     def _seen(self, key: Key, known: Ints32, top: int, left: int) -> Mask:
-        """Where a window shows an object and its fringe."""
+        """Find where a window shows an object and its fringe."""
         y, x = np.arange(known.shape[0])[:, np.newaxis], np.arange(known.shape[1])[np.newaxis]
         lines = []
         for line, first, at, middle, limit, wraps in zip(
@@ -257,7 +290,7 @@ class Replacing:
         return seen
 
     def _laid(self, window: Window, fit: Fit) -> Found | None:
-        """What fits as a patch, if there is room for it and its copy does not grow too large."""
+        """Make a patch of what fits, if there is room for it and its copy does not grow too large."""
         atlas, canvas, (_, number, place) = self._atlas, self._canvas, fit
         must = window.goes.copy()
         if number >= 0:
@@ -275,31 +308,92 @@ class Replacing:
             return None
         may = diamond_dilation(must, RING) & window.inside & on
         may = (may & ~diamond_dilation(other | window.busy)) | must
-        patch = self._patch(window, place, must, may)
-        area, grown = sum(map(canvas.area_of, patch.joined)), patch.changes(patch.may)
-        if patch.joined and area + grown > self.largest:
-            (shows,) = closed_cuts(self._placer, [patch])
+        patch, joined = self._patch(window, place, must, may)
+        area, grown = sum(map(canvas.area_of, joined)), patch.changes(patch.may)
+        if joined and area + grown > self.largest:
+            (shows,) = self._placer.cut_closed([patch])
             grown = patch.changes(shows)
             if area + grown > self.largest:
                 return None
-        if number < 0:
-            return Found(patch, window.gone, {}, grown)
-        # Objects do not lie in the ring that the seam runs through.
-        middle = zip(self.objects.all[number].middle, place, (window.top, window.left), strict=True)
-        come = self.objects.key(number, *(own - first + start for own, first, start in middle))
-        return Found(patch, window.gone, {come: int(np.count_nonzero(must & (marks > 0)))}, grown)
+        come: dict[Key, int] = {}
+        if number >= 0:  # objects do not lie in the ring that the seam runs through
+            middle = zip(self.objects.all[number].middle, place, (window.top, window.left), strict=True)
+            new = self.objects.key(number, *(own - first + start for own, first, start in middle))
+            come = {new: int(np.count_nonzero(must & (marks > 0)))}
+        first = divmod(int(patch.source[0, 0]), atlas.width)
+        return patch, Replaced(patch.at, first, patch.may, window.gone, come, joined, grown)
 
-    def _patch(self, window: Window, place: At, must: Mask, may: Mask) -> Patch:
-        """A patch from a place of the atlas, as large as it has to be."""
+    def _patch(self, window: Window, place: At, must: Mask, may: Mask) -> tuple[ClosedPatch, frozenset[int]]:
+        """Take a patch from a place of the atlas, as large as it has to be, with the first patches of the
+        copies that it continues.
+        """
         canvas, box = self._canvas, box_of(may)
         top, left = window.top + box[0].start, window.left + box[1].start
-        shape = box[0].stop - box[0].start, box[1].stop - box[1].start
+        shape = must[box].shape[0], must[box].shape[1]
         source = self._placer.patch((place[0] + box[0].start, place[1] + box[1].start), shape)
         before = canvas.read(top - 1, left - 1, shape[0] + 2, shape[1] + 2)
         y, x = np.nonzero(before[1:-1, 1:-1] == source)
         row, column, _ = canvas.window(top, left, *shape)
         labels = np.unique(canvas.labels[row[y, 0], column[0, x]])
         joined = frozenset(canvas.copy_of(label) for label in labels.tolist())
-        return Patch(
-            at=(top, left), source=source, before=before, must=must[box], may=may[box], joined=joined
+        patch = ClosedPatch(at=(top, left), source=source, before=before, must=must[box], may=may[box])
+        return patch, joined
+
+    def _rooms(self, window: Window, numbers: list[int], aside: int) -> Iterator[tuple[int, Ints]]:
+        """Yield the objects that have room in the middle of a window, or beside it, and where their middles
+        may lie then: flat indices of the window.
+        """
+        side, busy = len(window.known), window.beside_others
+        line = side // 2 + _STEP * np.arange(-aside, aside + 1)
+        middles = (line[:, np.newaxis] * side + line).ravel()
+        for number in numbers:
+            one = self.objects.all[number]
+            if one.whole:
+                at = middles[:, np.newaxis] + one.pixels @ (side, 1)
+                taken = busy.take(at).any(axis=1)
+                if not taken.all():
+                    yield number, middles[~taken]
+
+    def _fits(self, window: Window, numbers: list[int], aside: int) -> list[Fit]:
+        """Find where some objects have room in the middle of a window, or beside it, and how they fit."""
+        found, features = [], self._placer.features.reshape(self._atlas.usable.size, -1)
+        side, known = len(window.known), None
+        for number, middles in self._rooms(window, numbers, aside):
+            known = values_at(self._placer.features, window.known.ravel()) if known is None else known
+            one = self.objects.all[number]
+            at = middles[:, np.newaxis] + (one.ring[:, 0] * side + one.ring[:, 1])
+            counts = window.ground.take(at)
+            apart = known.take(at, axis=0)
+            apart -= features.take((one.ring + one.middle) @ (self._atlas.width, 1), axis=0)
+            errors = np.einsum("mrc,mrc,mr->m", apart, apart, counts.astype(np.float32))
+            errors /= np.maximum(np.count_nonzero(counts, axis=1), 1)
+            for error, middle in zip(errors.tolist(), middles.tolist(), strict=True):
+                place = one.middle[0] - middle // side, one.middle[1] - middle % side
+                found.append(Fit(error, number, place))
+        return found
+
+    def _grounds(self, window: Window) -> list[Fit]:
+        """Find ground for what has to go in a window."""
+        width, features = self._atlas.width, self._placer.features
+        box = box_of(window.goes)
+        rows, columns = (
+            max(limit - side.stop + side.start, 0) for limit, side in zip(self._bare.shape, box, strict=True)
         )
+        step = max(1, round((rows * columns / _GROUNDS) ** 0.5))
+        grid = np.mgrid[step // 2 : rows : step, step // 2 : columns : step].reshape(2, -1).T
+        places = grid - (box[0].start, box[1].start)
+        y, x = np.nonzero(window.goes)
+        covers = self._bare.ravel()[(places @ (width, 1))[:, np.newaxis] + y * width + x].all(axis=1)
+        places = places[covers]
+        rim = diamond_dilation(window.goes, 2) & ~window.goes & ~window.busy & window.inside
+        y, x = np.nonzero(rim)
+        at = (places @ (width, 1))[:, np.newaxis] + y * width + x
+        free = (at >= 0) & (at < self._bare.size)
+        free &= self._bare.ravel()[at * free]
+        off = values_at(features, at * free) - values_at(features, window.known[y, x])
+        error = (np.square(off).sum(axis=2) * free).sum(axis=1) / np.maximum(free.sum(axis=1), 1)
+        few = 2 * free.sum(axis=1) < len(y)  # hardly anything to go by
+        return [
+            Fit(one, -1, (row, column))
+            for one, (row, column) in zip((error + few).tolist(), places.tolist(), strict=True)
+        ]

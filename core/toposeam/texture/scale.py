@@ -32,7 +32,7 @@ def natural_patch(
     source_mask: Images | None = None,
     data_range: DataRange = None,
 ) -> int:
-    """The side of a patch that suits a texture: a few of its elements.
+    """Find the side of a patch that suits a texture: a few of its elements.
 
     An element is as large as the distance over which the autocorrelation, the mean and the slow drift taken
     away, falls to 0.2.
@@ -69,7 +69,7 @@ def natural_patch(
 
 
 def element_size(features: Floats32, usable: Mask) -> float:
-    """The size of a texture's elements in px.
+    """Estimate the size of a texture's elements in px.
 
     The distance at which the autocorrelation of the exemplar (its mean and its slow drift taken away) has
     fallen to 0.2, twice, averaged over the two axes: from the middle of an element to its end on either side.
@@ -92,8 +92,8 @@ def element_size(features: Floats32, usable: Mask) -> float:
 
 
 def patch_for(features: Sequence[Floats32], usable: Sequence[Mask], rooms: Sequence[tuple[int, int]]) -> int:
-    """A patch size for some exemplars: a few elements, never more than a quarter of the smallest exemplar's
-    shorter side, and smaller where holes leave no room for it.
+    """Choose a patch size for some exemplars: a few elements, never more than a quarter of the smallest
+    exemplar's shorter side, and smaller where holes leave no room for it.
     """
     span = float(np.mean([element_size(values, mask) for values, mask in zip(features, usable, strict=True)]))
     room = min(min(shape) for shape in rooms)
@@ -103,7 +103,9 @@ def patch_for(features: Sequence[Floats32], usable: Sequence[Mask], rooms: Seque
 
 
 def _fitting(patch: int, usable: Sequence[Mask]) -> int:
-    """The largest patch, up to a size, that some exemplar has room for; that size where it has for none."""
+    """Find the largest patch, up to a size, that some exemplar has room for; that size where it has
+    for none.
+    """
 
     def fits(side: int) -> bool:
         return any(mask.all() and min(mask.shape) >= side for mask in usable) or any(
@@ -120,8 +122,8 @@ def _fitting(patch: int, usable: Sequence[Mask]) -> int:
 
 
 def autocorrelation(features: Floats32, usable: Mask, *, tapered: bool = False) -> Floats32:
-    """How alike pixels are at every distance up to half the exemplar, 1 at distance 0, in the middle, and
-    about 0 far away: (2 * (H // 2) + 1, 2 * (W // 2) + 1).
+    """Compute how alike pixels are at every distance up to half the exemplar, 1 at distance 0, in the middle,
+    and about 0 far away: (2 * (H // 2) + 1, 2 * (W // 2) + 1).
 
     Parameters
     ----------
@@ -146,7 +148,7 @@ def autocorrelation(features: Floats32, usable: Mask, *, tapered: bool = False) 
 
 
 def _products(planes: Sequence[Floats32]) -> Floats32:
-    """Sums of products at every distance up to half of each side, for all planes together."""
+    """Sum products at every distance up to half of each side, for all planes together."""
     (height, width), half = planes[0].shape, [length // 2 for length in planes[0].shape]
     size = sf.next_fast_len(height + half[0]), sf.next_fast_len(width + half[1], real=True)
     power = np.zeros((size[0], size[1] // 2 + 1), np.float32)

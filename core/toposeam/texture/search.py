@@ -75,7 +75,7 @@ class PatchSearch:
         self._wholes: dict[tuple[int, int], Mask] = {}
 
     def room(self, shape: tuple[int, int]) -> Mask:
-        """(AH - h + 1, AW - w + 1) bool: where a patch of that shape may be copied."""
+        """Find where a patch of that shape may be copied: (AH - h + 1, AW - w + 1) bool."""
         if shape not in self._rooms:
             self._rooms[shape] = whole(self.atlas.copied, shape)
         return self._rooms[shape]
@@ -83,7 +83,7 @@ class PatchSearch:
     def fit(
         self, values: Floats32, weight: Floats32, margin: tuple[int, int], patch: tuple[int, int]
     ) -> Floats32:
-        """The mean squared difference at every place where the patch has room.
+        """Compute the mean squared difference at every place where the patch has room.
 
         Parameters
         ----------
@@ -126,8 +126,8 @@ class PatchSearch:
         return error
 
     def sample(self, values: Floats32, weight: Floats32, margin: tuple[int, int]) -> Compared:
-        """The pixels by which places are compared at full size; of large windows a part. Arguments as for
-        :meth:`fit`.
+        """Select the pixels by which places are compared at full size; of large windows a part. Arguments as
+        for :meth:`fit`.
         """
         known = np.flatnonzero(weight)
         known = known[:: max(1, len(known) // _COMPARED)]
@@ -145,8 +145,8 @@ class PatchSearch:
         margin: tuple[int, int],
         patch: tuple[int, int],
     ) -> tuple[Ints, Ints, Floats32]:
-        """The nine places at and round each of some, at full size, and the mean squared difference there:
-        (n, 9) each.
+        """Compute the nine places at and round each of some, at full size, and the mean squared difference
+        there: (n, 9) each.
 
         Parameters
         ----------
@@ -184,13 +184,13 @@ class PatchSearch:
         return rows, columns, error
 
     def _whole(self, shape: tuple[int, int]) -> Mask:
-        """Where a window of that shape meets pixels with a value only."""
+        """Find where a window of that shape meets pixels with a value only."""
         if shape not in self._wholes:
             self._wholes[shape] = whole(self.atlas.usable, shape)
         return self._wholes[shape]
 
     def _known(self, mass: Floats32, margin: tuple[int, int], patch: tuple[int, int]) -> _Known:
-        """What the weights alone say; they come again and again."""
+        """Compute what the weights alone say; they come again and again."""
         key = mass.tobytes() + bytes(f"{mass.shape} {margin}", "ascii"), patch
         found = self._kept.pop(key, None)
         if found is None:
@@ -210,15 +210,17 @@ class PatchSearch:
         return found
 
     def _spectra(self, planes: Floats32) -> Spectrum:
-        """The transforms of (n, h, w) planes on the common size; rows beyond them are zero and need no
-        transform of their own.
+        """Transform (n, h, w) planes on the common size; rows beyond them are zero and need no transform of
+        their own.
         """
         lines = sf.rfft(planes, self._size[1], axis=2)
         result: Spectrum = sf.fft(lines, self._size[0], axis=1)
         return result
 
     def _back(self, conjugate: Spectrum, rows: int, columns: int) -> Floats32:
-        """The first rows and columns of the plane with the conjugate of a spectrum, which is overwritten."""
+        """Compute the first rows and columns of the plane with the conjugate of a spectrum, which is
+        overwritten.
+        """
         np.conj(conjugate, out=conjugate)
         lines = sf.ifft(conjugate, axis=0, overwrite_x=True)[:rows]
         result: Floats32 = sf.irfft(lines, self._size[1], axis=1)[:, :columns]
@@ -248,7 +250,7 @@ class _Known(NamedTuple):
 
 
 def _components(planes: Floats32) -> Floats32 | None:
-    """(k, n): the principal components of (n, h, w) planes of mean 0 that count; None where all do."""
+    """Find the principal components of (n, h, w) planes of mean 0 that count, (k, n); None where all do."""
     values = planes.reshape(len(planes), -1).astype(float)
     _, directions = np.linalg.eigh(values @ values.T)
     farthest = np.abs(directions.T @ values).max(axis=1)[::-1]
@@ -260,7 +262,7 @@ def _components(planes: Floats32) -> Floats32 | None:
 
 
 def _along(axes: Floats32, planes: Floats32, out: Floats32 | None = None) -> Floats32:
-    """Sums of (n, h, w) planes by (k, n) factors, in the planes' order: products of matrices would be rounded
+    """Sum (n, h, w) planes by (k, n) factors, in the planes' order: products of matrices would be rounded
     differently on other machines.
     """
     total = np.empty((len(axes), *planes.shape[1:]), np.float32) if out is None else out
@@ -271,7 +273,7 @@ def _along(axes: Floats32, planes: Floats32, out: Floats32 | None = None) -> Flo
 
 
 def box_sum(values: npt.NDArray[Any], shape: tuple[int, int]) -> npt.NDArray[np.int32]:
-    """Sum of every h × w box of an (H, W) array of whole numbers: (H - h + 1, W - w + 1)."""
+    """Sum every h × w box of an (H, W) array of whole numbers: (H - h + 1, W - w + 1)."""
     (h, w), rows = shape, len(values)
     across = np.zeros((rows, values.shape[1] + 1), np.int32)
     np.cumsum(values, axis=1, dtype=np.int32, out=across[:, 1:])
@@ -289,7 +291,7 @@ def box_sum(values: npt.NDArray[Any], shape: tuple[int, int]) -> npt.NDArray[np.
 
 
 def whole(mask: Mask, shape: tuple[int, int]) -> Mask:
-    """Whether every h × w box of an (H, W) mask is full: (H - h + 1, W - w + 1)."""
+    """Tell whether every h × w box of an (H, W) mask is full: (H - h + 1, W - w + 1)."""
     left = tuple(max(n - m + 1, 0) for n, m in zip(mask.shape, shape, strict=True))
     if 0 in left:
         return np.zeros(left, bool)
@@ -304,8 +306,8 @@ def whole(mask: Mask, shape: tuple[int, int]) -> Mask:
 
 
 def reduced(values: Floats32, weight: Floats32, factor: int) -> tuple[Floats32, Floats32]:
-    """Weighted means over blocks of factor × factor pixels, and the blocks' weight; what does not fill a
-    block counts with weight 0.
+    """Compute weighted means over blocks of factor × factor pixels, and the blocks' weight; what does not
+    fill a block counts with weight 0.
     """
     if factor == 1:
         return values.copy(), weight
@@ -316,7 +318,7 @@ def reduced(values: Floats32, weight: Floats32, factor: int) -> tuple[Floats32, 
 
 
 def _summed(values: Floats32, factor: int) -> Floats32:
-    """Sums over blocks of factor × factor pixels of an (H, W, C) array: rows first, which are long."""
+    """Sum an (H, W, C) array over blocks of factor × factor pixels: rows first, which are long."""
     h, w, channels = (-(-values.shape[0] // factor), -(-values.shape[1] // factor), values.shape[2])
     padding = (0, h * factor - values.shape[0]), (0, w * factor - values.shape[1]), (0, 0)
     if padding[0][1] or padding[1][1]:
@@ -333,7 +335,8 @@ def refined(
     margin: tuple[int, int],
     patch: tuple[int, int],
 ) -> tuple[Ints, Ints, Floats32]:
-    """The best places at full size near those of a reduced search, in ever smaller steps, and their errors.
+    """Refine the best places of a reduced search at full size, in ever smaller steps, and compute their
+    errors.
 
     Parameters
     ----------

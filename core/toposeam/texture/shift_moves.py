@@ -16,6 +16,7 @@ from toposeam.seam.overlap import FREE, TOUCHING, A, B, Overlap
 from toposeam.seam.problem import SeamProblem
 from toposeam.texture.atlas import Floats32
 from toposeam.texture.offsets import Shifts
+from toposeam.texture.telling import stage
 
 #: What the data term counts.
 _DATA = 6.0
@@ -225,8 +226,8 @@ class ShiftMoves:
         windows = list(self._windows())
         for number, window in enumerate(windows):
             tried = order if self._reach is None else set(np.unique(self.label[_grown(window)]).tolist())
-            told = None if progress is None else stage(progress, number / len(windows), 1 / len(windows))
-            self._sweep(window, tried | {self.itself}, most, method, options, told)
+            report = stage(progress, number / len(windows), 1 / len(windows))
+            self._sweep(window, tried | {self.itself}, most, method, options, report)
 
     def _sweep(
         self,
@@ -362,11 +363,6 @@ def _grown(part: Part) -> Part:
     """A part with one more pixel on every side; slices end by themselves."""
     rows, columns = (slice(max(side.start - 1, 0), side.stop + 1) for side in part)
     return rows, columns
-
-
-def stage(progress: Callable[[float], None], start: float, share: float) -> Callable[[float], None]:
-    """Progress through a stage that begins at some share of the whole, and is some share of it."""
-    return lambda part: progress(min(start + share * part, 1.0))
 
 
 def _norm(a: Floats32, b: Floats32) -> Floats32:

@@ -26,7 +26,8 @@ import numpy as np
 from toposeam.seam.find import Method
 from toposeam.texture.expectation import expectation
 from toposeam.texture.offsets import Shifts
-from toposeam.texture.shift_moves import Ground, Ints, ShiftMoves, stage
+from toposeam.texture.shift_moves import Ground, Ints, ShiftMoves
+from toposeam.texture.telling import stage
 
 #: Pixels of the region that decides, at the coarsest stride.
 _COARSE = 1500
@@ -39,7 +40,7 @@ _SWEEPS, _FINE_SWEEPS = 3, 1
 def shift_map(
     ground: Ground, shifts: Shifts, method: Method, progress: Callable[[float], None] | None = None
 ) -> Ints:
-    """The shift of every pixel that costs least.
+    """Find the shift of every pixel that costs least.
 
     Parameters
     ----------
@@ -64,9 +65,7 @@ def shift_map(
     box = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
     first, levels = stride, int(np.log2(stride)) + 1
     for level in range(levels):
-        report = None
-        if progress is not None:
-            report = stage(progress, level / levels, 1 / levels)
+        report = stage(progress, level / levels, 1 / levels)
         moves = ShiftMoves(ground, shifts, box, stride, expected, like)
         if stride == first:
             moves.begin()

@@ -1,8 +1,9 @@
-"""What a patch is laid by: the window of the canvas, the best places for it, and what is wanted there."""
+"""The window of the canvas on which a patch is laid, the places it may come from, and penalties on them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -47,11 +48,61 @@ class Site:
         covers: Mask,
         context: float,
     ) -> Site:
-        """A window in which some (h, w) pixels count, and those of the margin that are known count less."""
+        """Make a window in which some (h, w) pixels count, and those of the margin that are known
+        count less.
+        """
         m, (h, w) = (known.shape[0] - shape[0]) // 2, shape
         weight = np.where(known >= 0, np.float32(context), np.float32(0))
         weight[m : m + h, m : m + w] = counts
         return cls(at=at, shape=shape, known=known, weight=weight, covers=covers)
+
+
+@dataclass(frozen=True, slots=True)
+class PlaceGrid:
+    """The grid of places on the atlas from which a patch may be taken, and the window that it is for."""
+
+    #: First row and column of the window on the canvas, its height and width.
+    at: tuple[int, int]
+    shape: tuple[int, int]
+    #: First row, and column, of the places; px between neighbours; how many rows and columns there are.
+    first: int
+    step: int
+    size: tuple[int, int]
+    #: Rows and columns of the box round the window's empty pixels.
+    empty: tuple[tuple[int, int], tuple[int, int]]
+
+    @property
+    def axes(self) -> tuple[Ints, Ints]:
+        """Rows (n,) and columns (m,) of the places."""
+        n, m = self.size
+        return self.first + self.step * np.arange(n), self.first + self.step * np.arange(m)
+
+    def from_blocks(self, values: Floats32, block: int, offset: tuple[int, int] = (0, 0)) -> Floats32:
+        """Sample an array with one value per block × block pixels of the atlas at every place: (n, m).
+
+        Parameters
+        ----------
+        values : (BH, BW) float32 array
+        block : int
+            Side of a block, px.
+        offset : (int, int)
+            Rows and columns, px, from each place to where it is sampled.
+        """
+        rows, columns = (
+            np.minimum((line + off) // block, limit - 1)
+            for line, off, limit in zip(self.axes, offset, values.shape, strict=True)
+        )
+        found: Floats32 = values.take(rows, axis=0).take(columns, axis=1)
+        return found
+
+
+class Penalty(Protocol):
+    """A reason to avoid some of the places."""
+
+    def factor(self, places: PlaceGrid) -> Floats32:
+        """Compute the factor on the error of each place: (n, m) or (n, 1) float32, inf for places that are
+        excluded.
+        """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

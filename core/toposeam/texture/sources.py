@@ -61,7 +61,7 @@ class Sources:
 
 
 def as_list(images: Images | None, count: int, name: str) -> list[Any]:
-    """One entry per exemplar: a lone array stands for the only exemplar.
+    """List one entry per exemplar: a lone array stands for the only exemplar.
 
     Raises
     ------
@@ -128,72 +128,41 @@ def read_sources(
         None if m is None else as_mask(m, shape, "mask")
         for m, shape in zip(as_list(mask, count, "mask"), shapes, strict=True)
     ]
-    factors = _weights(weights, 1 + len(maps))
-    white = white_of(data_range, 1 + len(maps))
+    factors, white = _weights(weights, 1 + len(maps)), white_of(data_range, 1 + len(maps))
     planes, gray = [_alike(pictures, names)], [all(picture.ndim == 2 for picture in pictures)]
-    for number, given in enumerate(maps, start=1):
-        label = f"map {number}"
-        found = [_picture(image, label) for image in as_list(given, count, label)]
-        for image, shape, whose in zip(found, shapes, names, strict=True):
-            if image.shape[:2] != shape:
-                raise ImageError(
-                    f"{label} is {image.shape[1]} × {image.shape[0]} px, but {whose} {shape[1]} × {shape[0]} "
-                    "px; scale the maps to one size"
-                )
+    labels = ["", *(f"map {number}" for number in range(1, len(maps) + 1)), "alpha"]
+    for label, given in zip(labels[1:], maps, strict=False):
+        found = _map(as_list(given, count, label), label, pictures, names)
         planes.append(_alike(found, [label] * count))
         gray.append(all(image.ndim == 2 for image in found))
-    present, usable = [], []
-    for picture, a, m, label in zip(planes[0], opacity, masks, names, strict=True):
-        if a is not None and (a.shape != picture.shape[:2] or a.dtype != picture.dtype):
-            raise ImageError(
-                f"alpha of {label} is {a.dtype} of shape {a.shape}; give {picture.dtype} of shape "
-                f"{picture.shape[:2]}"
-            )
-        present.append(np.ones(picture.shape[:2], bool) if a is None or transparent else a > 0)
-        usable.append(present[-1] if m is None else present[-1] & m)
-    if not any(pixels.any() for pixels in usable):
-        if all(m is None for m in masks):
-            raise ImageError(f"{name} is transparent everywhere; give one that shows something")
-        if not any(m is not None and m.any() for m in masks):
-            raise ImageError(f"nothing of {name} may be sampled: its mask is empty; paint it white somewhere")
-        raise ImageError(
-            f"nothing of {name} may be sampled: wherever its mask is white it is transparent; paint white "
-            "what shows something"
-        )
+    present = [
+        _present(a, picture, label, transparent=transparent)
+        for a, picture, label in zip(opacity, planes[0], names, strict=True)
+    ]
+    usable = [there if m is None else there & m for there, m in zip(present, masks, strict=True)]
+    _check_usable(usable, masks, name)
     has_alpha = any(
         a is not None and (a[pixels] < full_scale(a.dtype)).any()
         for a, pixels in zip(opacity, usable, strict=True)
     )
     if has_alpha:
-        planes.append(
-            tuple(
-                (np.full(shape, full_scale(planes[0][0].dtype), planes[0][0].dtype) if a is None else a)[
-                    ..., np.newaxis
-                ]
-                for a, shape in zip(opacity, shapes, strict=True)
-            )
-        )
-        gray.append(True)
-        factors = [*factors, 1.0]
-        white = [*white, float(full_scale(planes[-1][0].dtype))]
-    features = []
-    for exemplar in range(count):
-        labels = [names[exemplar], *(f"map {number}" for number in range(1, len(maps) + 1)), "alpha"][
-            : len(planes)
+        opaque = full_scale(planes[0][0].dtype)
+        full = [
+            np.full(shape, opaque, planes[0][0].dtype) if a is None else a
+            for a, shape in zip(opacity, shapes, strict=True)
         ]
-        # What cannot be seen is not compared.
-        seen = opacity[exemplar] if transparent else None
-        share = None if seen is None else np.atleast_3d((seen / full_scale(seen.dtype)).astype(np.float32))
-        channels = []
-        for label, plane, factor, one in zip(labels, planes, factors, white, strict=True):
-            if factor > 0:
-                values = as_float(_where(present[exemplar], plane[exemplar]), label, one)
-                if share is not None and label != "alpha":
-                    values *= share
-                if factor != 1:
-                    values *= np.float32(np.sqrt(factor))
-                channels.append(values)
-        features.append(channels[0] if len(channels) == 1 else np.concatenate(channels, axis=2))
+        planes.append(tuple(one[..., np.newaxis] for one in full))
+        gray.append(True)
+        factors, white = [*factors, 1.0], [*white, float(opaque)]
+    features = []
+    for exemplar, there in enumerate(present):
+        labels[0] = names[exemplar]
+        values = [
+            (label, as_float(_where(there, plane[exemplar]), label, one), factor)
+            for label, plane, factor, one in zip(labels, planes, factors, white, strict=False)
+            if factor > 0
+        ]
+        features.append(_features(values, opacity[exemplar] if transparent else None))
     return Sources(
         planes=tuple(planes),
         gray=tuple(gray),
@@ -234,13 +203,64 @@ def _picture(image: npt.ArrayLike, name: str) -> Image:
     return array
 
 
+def _map(images: list[Any], label: str, pictures: Sequence[Image], names: Sequence[str]) -> list[Image]:
+    """Check a map of each exemplar."""
+    found = [_picture(image, label) for image in images]
+    for image, picture, whose in zip(found, pictures, names, strict=True):
+        if image.shape[:2] != picture.shape[:2]:
+            raise ImageError(
+                f"{label} is {image.shape[1]} × {image.shape[0]} px, but {whose} {picture.shape[1]} × "
+                f"{picture.shape[0]} px; scale the maps to one size"
+            )
+    return found
+
+
+def _present(opacity: Image | None, picture: Image, label: str, *, transparent: bool) -> Mask:
+    """Find where an exemplar has pixels."""
+    if opacity is not None and (opacity.shape != picture.shape[:2] or opacity.dtype != picture.dtype):
+        raise ImageError(
+            f"alpha of {label} is {opacity.dtype} of shape {opacity.shape}; give {picture.dtype} of shape "
+            f"{picture.shape[:2]}"
+        )
+    if opacity is None or transparent:
+        return np.ones(picture.shape[:2], bool)
+    return np.asarray(opacity > 0)
+
+
+def _check_usable(usable: Sequence[Mask], masks: Sequence[Mask | None], name: str) -> None:
+    """Refuse exemplars of which nothing may be copied."""
+    if any(pixels.any() for pixels in usable):
+        return
+    if all(m is None for m in masks):
+        raise ImageError(f"{name} is transparent everywhere; give one that shows something")
+    if not any(m is not None and m.any() for m in masks):
+        raise ImageError(f"nothing of {name} may be sampled: its mask is empty; paint it white somewhere")
+    raise ImageError(
+        f"nothing of {name} may be sampled: wherever its mask is white it is transparent; paint white "
+        "what shows something"
+    )
+
+
+def _features(planes: list[tuple[str, Floats32, float]], opacity: Image | None) -> Floats32:
+    """Stack planes, each times the root of its weight; what cannot be seen is not compared."""
+    share = None
+    if opacity is not None:
+        share = np.atleast_3d((opacity / full_scale(opacity.dtype)).astype(np.float32))
+    for label, values, weight in planes:
+        if share is not None and label != "alpha":
+            values *= share
+        if weight != 1:
+            values *= np.float32(np.sqrt(weight))
+    return planes[0][1] if len(planes) == 1 else np.concatenate([values for _, values, _ in planes], axis=2)
+
+
 def _where(present: Mask, values: Image) -> Image:
-    """An exemplar's values, 0 where it has no pixels."""
+    """Set an exemplar's values to 0 where it has no pixels."""
     return values if present.all() else np.where(present[..., np.newaxis], values, values.dtype.type(0))
 
 
 def _alike(images: Sequence[Image], names: Sequence[str]) -> tuple[npt.NDArray[Any], ...]:
-    """All with a channel axis and equally many channels; gray ones are widened."""
+    """Give all a channel axis and equally many channels; gray ones are widened."""
     if len({image.dtype for image in images}) > 1:
         kinds = ", ".join(f"{name}: {image.dtype}" for name, image in zip(names, images, strict=True))
         raise ImageError(f"the exemplars differ in dtype ({kinds}); convert them to one")
@@ -265,7 +285,7 @@ def _weights(weights: Sequence[float] | None, count: int) -> list[float]:
 
 
 def white_of(data_range: DataRange, count: int) -> list[float | None]:
-    """What counts as white in the picture and in each of the maps; None where its dtype says it."""
+    """List what counts as white in the picture and in each of the maps; None where its dtype says it."""
     if data_range is None or not isinstance(data_range, Sequence | np.ndarray):
         given: list[Any] = [data_range] + [None] * (count - 1)
     else:

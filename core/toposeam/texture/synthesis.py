@@ -22,7 +22,7 @@ from toposeam.saving import save
 from toposeam.sentence import counted
 from toposeam.texture.atlas import Atlas, Ints32
 from toposeam.texture.narrow import widened
-from toposeam.texture.rendering import render
+from toposeam.texture.rendering import MAX_SMOOTH, render
 from toposeam.texture.sources import Images, as_list
 from toposeam.texture.tileable import Tileable, wraps_of
 from toposeam.texture.turning import TURNS, Turns, count_of, turned
@@ -80,7 +80,7 @@ class Synthesis:
 
     @property
     def count(self) -> int:
-        """How many patches show; what was there before is none."""
+        """Number of patches that show; what was there before is none."""
         laid = self.labels[self.labels >= (self.changed is not None)]
         return int(np.count_nonzero(np.bincount(laid)))
 
@@ -114,7 +114,7 @@ class Synthesis:
         return lines
 
     def to_svg(self, path: str | Path | None = None) -> str:
-        """The seams as an SVG document of the picture's size, the settings in ``<metadata>``.
+        """Draw the seams as an SVG document of the picture's size, the settings in ``<metadata>``.
 
         Parameters
         ----------
@@ -128,7 +128,7 @@ class Synthesis:
         return text
 
     def apply(self, images: Images) -> Image:
-        """The same patches and seams, cut from other pictures.
+        """Cut other pictures into the same patches along the same seams.
 
         Parameters
         ----------
@@ -185,7 +185,7 @@ def apply_coordinates(
     tileable : {"both", "x", "y", "none"} or bool
         On which axes the texture continues at the opposite border; matters for the mixing at seams there.
     turns : {"none", "mirror", "quarters", "all"}
-        As :func:`toposeam.synthesize` was told; `exemplar` counts every position of an image.
+        As given to :func:`toposeam.synthesize`; `exemplar` counts every position of an image.
     smooth : int
         px to either side of a seam in which neighbouring patches are mixed.
 
@@ -206,7 +206,7 @@ def apply_coordinates(
     >>> ts.apply_coordinates(height, grown.source).shape
     (60, 60)
     """
-    wraps, smooth = wraps_of(tileable), check_whole("smooth", smooth, 0, 8)
+    wraps, smooth = wraps_of(tileable), check_whole("smooth", smooth, 0, MAX_SMOOTH)
     place = check_whole_array("source", source)
     if place.ndim != 3 or place.shape[2] != 2:
         raise ImageError(f"source has shape {place.shape}; pass (H, W, 2) whole numbers, row and column")
@@ -242,7 +242,7 @@ def apply_coordinates(
 
 
 def _of_one_kind(images: Images, count: int) -> list[npt.NDArray[Any]]:
-    """One array per exemplar, alike in dtype and channels."""
+    """Read one array per exemplar, alike in dtype and channels."""
     found = [as_array(image, "an image") for image in as_list(images, count, "images")]
     if len({(image.dtype, image.shape[2:]) for image in found}) > 1:
         raise ImageError("the images differ in dtype or channels; convert them to one")

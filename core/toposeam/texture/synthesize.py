@@ -4,54 +4,36 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import (
-    Seed,
-    check_choice,
-    check_items,
-    check_number,
-    check_pair,
-    check_whole,
-    options_from,
-    seed_of,
-)
+from toposeam.checks import Seed, check_choice, check_items, check_number, check_pair, check_whole
 from toposeam.errors import ImageError, OptionError
 from toposeam.images import MAX_PIXELS
-from toposeam.texture.atlas import Atlas
+from toposeam.texture.atlas import Atlas, Floats32
 from toposeam.texture.beginning import begun
 from toposeam.texture.canvas import IndexCanvas
-from toposeam.texture.closing import closing_guide, order_axis
 from toposeam.texture.crew import MAX_PROCESSES, Crew
 from toposeam.texture.easing import EasedLight, Level, level_for
 from toposeam.texture.exchange import MOST, Exchange
-from toposeam.texture.finish import finish, settings_of
+from toposeam.texture.finish import finish
 from toposeam.texture.guiding import guide_of
 from toposeam.texture.keeping_step import Phase
-from toposeam.texture.landmarks import landmarks
 from toposeam.texture.lay import PatchPlacer
-from toposeam.texture.lay_options import VARIED, LayOptions, varied
+from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.light import CopyLight, flattened, levelled_copies, without_light
 from toposeam.texture.mend import mend
 from toposeam.texture.narrow import widened
 from toposeam.texture.order import STRETCH, find_order
-from toposeam.texture.raster import lay_all, patches_along, patches_on
+from toposeam.texture.raster import lay_all, patches_on, shape_on
+from toposeam.texture.request import TextureRequest
 from toposeam.texture.scale import SMALLEST_PATCH, patch_for
-from toposeam.texture.sources import (
-    DataRange,
-    Images,
-    Sources,
-    check_varied,
-    read_sources,
-    white_of,
-)
+from toposeam.texture.sources import DataRange, Images, Sources, check_varied
 from toposeam.texture.synthesis import Synthesis
-from toposeam.texture.telling import Previews, Stages
-from toposeam.texture.tileable import Tileable, wraps_of
+from toposeam.texture.telling import Previews, stage, together
+from toposeam.texture.tileable import Tileable
 from toposeam.texture.turning import TURNS, Turns, count_of, turned_sources
 
 
@@ -154,7 +136,7 @@ def synthesize(
     progress : callable, optional
         Called with the share of the work done, in [0, 1].
     preview : callable, optional
-        Called some dozen times with the picture so far, every so many pixels of it: (h, w[, C]) of the
+        Called about a dozen times with the picture so far, reduced by leaving pixels out: (h, w[, C]) of the
         exemplars' dtype, at most 512 px a side, 0 where nothing has been laid.
     options : LayOptions, optional
         How patches are chosen and cut; or its fields as keywords.
@@ -178,97 +160,51 @@ def synthesize(
     (60, 80)
     """
     height, width = _size(size, max_megapixels)
-    wraps, seed, smooth = wraps_of(tileable), seed_of(seed), check_whole("smooth", smooth, 0, 8)
     check_whole("processes", processes, 1, MAX_PROCESSES)
-    chosen = options_from(LayOptions, options, given_options, "synthesize")
-    if variation is not None:
-        refused = sorted(set(VARIED) & set(given_options))
-        if options is not None or refused:
-            raise OptionError(
-                f"variation stands for {', '.join(VARIED)}; leave out {', '.join(refused) or 'options'}, or "
-                "variation"
-            )
-        chosen = varied(chosen, variation)
-    maps = widened(check_items("maps", maps, object, "a sequence of images, one a map"))
-    source, alpha, source_mask, guide_source = map(widened, (source, alpha, source_mask, guide_source))
-    check_choice("flatten", flatten, (True, False))
-    check_choice("level", level, (True, False, "steps", None))
-    check_choice("transparent", transparent, (True, False))
-    read = partial(
-        read_sources,
-        alpha=alpha,
-        mask=source_mask,
-        maps=maps,
+    request = TextureRequest.of(
+        "synthesize",
+        options,
+        given_options,
+        seed=seed,
+        smooth=smooth,
+        alpha=widened(alpha),
+        maps=widened(check_items("maps", maps, object, "a sequence of images, one a map")),
         weights=weights,
         data_range=data_range,
-        transparent=transparent,
+        tileable=tileable,
+        variation=variation,
     )
-    sources = read(source)
-    if transparent and not sources.has_alpha:
-        raise OptionError("transparent is for samples with opacity, and these have none; leave it out")
-    if transparent and level:
-        raise OptionError("light is levelled between opaque patches only; leave out transparent, or level")
-    check_varied(sources)
-    if level is None:  # what flattening leaves of slow light is levelled as well
-        level = False if transparent or guide is not None else level_for(sources)
-    if flatten:
-        sources = read(flattened(source, source_mask, white_of(data_range, 1 + len(maps))[0]))
-    parts = _shares(shares, len(sources.shapes))
     check_choice("turns", turns, TURNS)
-    sources = turned_sources(sources, turns)
-    each = None if parts is None else [part for part in parts for _ in range(count_of(turns))]
+    read, level = _exemplars(
+        request, widened(source), widened(source_mask), flatten, level, transparent, guided=guide is not None
+    )
+    parts, chosen, wraps = _shares(shares, len(read.shapes)), request.options, request.wraps
+    sources = turned_sources(read, turns)
     side, overlap = check_patch(sources, patch, overlap)
     atlas = Atlas.of(sources.present, chosen.context, sources.usable)
     if level is True:
         even = tuple(map(without_light, sources.features, sources.present, sources.usable))
         sources = dataclasses.replace(sources, features=even)
     features = atlas.spread(sources.features)
-    given = guide_of(guide, guide_source, guide_weight, atlas, sources, (height, width), turns)
-    rows, columns = (
-        patches_along(height, side, overlap, wraps[0]),
-        patches_along(width, side, overlap, wraps[1]),
-    )
-    report = Stages(progress)
-    phase, axis, fits = None, None, None
-    if given is None and chosen.close:
-        order = find_order(sources.features[0], sources.usable[0]) if len(sources.shapes) == 1 else None
-        if order is not None:
-            closed, stretch = order.fitted((height, width), wraps)
-            fits = order.better_size((height, width), wraps)
-            phase = Phase(order, closed, atlas.factor) if stretch <= STRETCH else None
-        if phase is None and any(wraps) and min(height, width) >= 4 * side:
-            objects = chosen.variety and landmarks(features, atlas.usable, atlas.factor).guard is not None
-            axis = None if objects else order_axis(sources.features[0], sources.usable[0])
-    if axis is not None and wraps[axis]:
-        given = closing_guide(
-            sources,
-            atlas,
-            chosen,
-            (height, width),
-            wraps,
-            axis,
-            side,
-            overlap,
-            seed,
-            processes,
-            report.stage(0.0, 0.3),
-        )
+    wanted = guide_of(guide, widened(guide_source), guide_weight, atlas, sources, (height, width), turns)
+    ordered = wanted is None and chosen.close
+    phase, fits = _phase(sources, (height, width), wraps, atlas.factor) if ordered else (None, None)
     canvas = IndexCanvas((height, width), wraps, atlas.usable.size)
     placer = PatchPlacer(
         atlas,
         features,
         canvas,
         chosen,
-        np.random.default_rng(seed),
+        request.rng,
         height * width,
-        given,
+        wanted,
         phase,
-        each,
+        None if parts is None else np.repeat(parts, count_of(turns)).tolist(),
         turns,
         level is True,
     )
-    shape = rows[0], columns[0]
-    if not placer.search.room(shape).any():
+    shape = shape_on(canvas, side, overlap)
+    if not placer.ranking.search.room(shape).any():
         where, remedy = (
             ("in the mask", "a larger mask")
             if source_mask is not None
@@ -278,47 +214,82 @@ def synthesize(
         raise ImageError(
             f"no place {where} has room for a patch of {shape[1]} × {shape[0]} px; use {smaller}{remedy}"
         )
-    shown = None if preview is None else Previews(preview, sources, atlas, canvas)
     count = patches_on(canvas, side, overlap)
     tries = round(chosen.mend * count)
     most = count + tries + MOST * count
+    shown = None if preview is None else Previews(preview, sources, atlas, canvas)
     with Crew(processes, placer, lambda: canvas.share(most)) as crew:
-        lay_all(placer, side, overlap, crew, 0, report.stage(report.done, 0.9, shown))
+        lay_all(placer, side, overlap, crew, together(shown, stage(progress, 0.0, 0.9)))
         if placer.guard is None:
-            mend(placer, shape, tries, crew, report.stage(0.9, 1.0))
+            mend(placer, shape, tries, crew, stage(progress, 0.9, 0.1))
         elif chosen.mend:  # where seams are bad they cut objects, and those are replaced
             Exchange(placer, shape, crew, most).run()
         crew.dismiss()
-        report.finish()
-        del placer, given  # a guide takes more memory than the picture
-        settings = {
-            "patch": side,
-            "overlap": overlap,
-            "seed": seed,
-            "tileable": tileable,
-            "smooth": smooth,
-            **settings_of(chosen),
-        }
-        settings |= {
-            "flatten": flatten,
-            "level": level,
-            "shares": parts,
-            "turns": turns,
-            "transparent": transparent,
-        }
-        lift = None
-        if level:
-            plane = atlas.spread(sources.planes[0]).astype(np.float32)
-            laid = canvas.index, canvas.labels
-            light = (
-                levelled_copies(plane, features, atlas, *laid, canvas.first_patches(), wraps)
-                if level is True
-                else CopyLight.of(plane, atlas)
-            )
-            lift = EasedLight(plane, light, *laid, wraps)
-        made = finish(sources, atlas, canvas, shape, settings, smooth, lift=lift)
+        if progress is not None:
+            progress(1.0)
+        del placer, wanted  # a guide takes more memory than the picture
+        settings = {"patch": side, "overlap": overlap, **request.settings, "flatten": flatten, "level": level}
+        settings |= {"shares": parts, "turns": turns, "transparent": transparent}
+        lift = _light(sources, features, atlas, canvas, level) if level else None
+        made = finish(sources, atlas, canvas, shape, settings, request.smooth, lift=lift)
         made = dataclasses.replace(made, fits=fits)
         return begun(made) if guide is None else made
+
+
+def _exemplars(
+    request: TextureRequest,
+    source: Images,
+    mask: Images | None,
+    flatten: bool,
+    level: Level | None,
+    transparent: bool,
+    *,
+    guided: bool,
+) -> tuple[Sources, Level]:
+    """Read the exemplars, and decide how light is levelled where the caller does not say."""
+    check_choice("flatten", flatten, (True, False))
+    check_choice("level", level, (True, False, "steps", None))
+    check_choice("transparent", transparent, (True, False))
+    sources = request.read(source, mask, "source", transparent=transparent)
+    if transparent and not sources.has_alpha:
+        raise OptionError("transparent is for samples with opacity, and these have none; leave it out")
+    if transparent and level:
+        raise OptionError("light is levelled between opaque patches only; leave out transparent, or level")
+    check_varied(sources)
+    if level is None:  # what flattening leaves of slow light is levelled as well
+        level = False if transparent or guided else level_for(sources)
+    if flatten:
+        even = flattened(source, mask, request.white[0])
+        sources = request.read(even, mask, "source", transparent=transparent)
+    return sources, level
+
+
+def _phase(
+    sources: Sources, size: tuple[int, int], wraps: tuple[bool, bool], factor: int
+) -> tuple[Phase | None, tuple[int, int] | None]:
+    """Find the order that patches keep step with, and a size near by on which it closes better."""
+    if len(sources.shapes) > 1:
+        return None, None
+    order = find_order(sources.features[0], sources.usable[0])
+    if order is None:
+        return None, None
+    closed, stretch = order.fitted(size, wraps)
+    phase = Phase(order, closed, factor) if stretch <= STRETCH else None
+    return phase, order.better_size(size, wraps)
+
+
+def _light(
+    sources: Sources, features: Floats32, atlas: Atlas, canvas: IndexCanvas, level: Level
+) -> EasedLight:
+    """Find the light of every copy, or only what eases the steps between them."""
+    plane = atlas.spread(sources.planes[0]).astype(np.float32)
+    laid = canvas.index, canvas.labels
+    light = (
+        levelled_copies(plane, features, atlas, *laid, canvas.first_patches(), canvas.wrap)
+        if level is True
+        else CopyLight.of(plane, atlas)
+    )
+    return EasedLight(plane, light, *laid, canvas.wrap)
 
 
 def _shares(shares: Sequence[float] | None, count: int) -> list[float] | None:
@@ -331,7 +302,7 @@ def _shares(shares: Sequence[float] | None, count: int) -> list[float] | None:
 
 
 def check_patch(sources: Sources, patch: int | None, overlap: float | None) -> tuple[int, int]:
-    """Patch and overlap in px, with the defaults resolved.
+    """Resolve the defaults of patch and overlap, px.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a caller is told while a texture grows."""
+"""Report progress and previews while a texture grows."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ import numpy.typing as npt
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.sources import Sources
+
+#: Takes the share of the work done, in [0, 1].
+Report = Callable[[float], None]
 
 #: Longer side of previews at most, px, and about how many there are.
 _SIDE, _COUNT = 512, 12
@@ -31,7 +34,7 @@ class Previews:
         self._step, self._next = max(1, -(-max(canvas.shape) // _SIDE)), 0.0
 
     def __call__(self, share: float) -> None:
-        """Told the share of the patches laid."""
+        """Show a preview when due, given the share of the patches laid."""
         if share < self._next:
             return
         self._next += 1 / _COUNT
@@ -41,27 +44,19 @@ class Previews:
         self._show(picture[..., 0] if self._gray else picture)
 
 
-class Stages:
-    """Progress through several stages."""
+def stage(progress: Report | None, start: float, share: float) -> Report | None:
+    """Make what reports a stage that begins at some share of the whole and is some share of it; None where
+    there is nothing to report to.
+    """
+    return None if progress is None else lambda part: progress(min(start + share * part, 1.0))
 
-    def __init__(self, progress: Callable[[float], None] | None) -> None:
-        self._progress, self.done = progress, 0.0
 
-    def stage(
-        self, first: float, last: float, also: Callable[[float], None] | None = None
-    ) -> Callable[[float], None] | None:
-        """What reports the share done of a stage that takes from one share of the whole to another."""
+def together(*reports: Report | None) -> Report | None:
+    """Make what calls several reports, in order; None where there is none."""
+    some = [report for report in reports if report is not None]
 
-        def report(share: float) -> None:
-            if also is not None:
-                also(share)
-            self.done = first + (last - first) * share
-            if self._progress is not None:
-                self._progress(self.done)
+    def report(share: float) -> None:
+        for one in some:
+            one(share)
 
-        return report
-
-    def finish(self) -> None:
-        """All is done."""
-        if self._progress is not None:
-            self._progress(1.0)
+    return report if some else None

@@ -8,16 +8,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import Seed, check_items, check_whole, options_from, seed_of
+from toposeam.checks import Seed, check_whole
 from toposeam.errors import ImageError, OptionError
-from toposeam.images import Image, Mask, as_array, full_scale
-from toposeam.texture.finish import finish, settings_of
-from toposeam.texture.holed import canvas_over, placer_over, read_holed
+from toposeam.images import Mask, as_array, full_scale
+from toposeam.texture.finish import finish
+from toposeam.texture.holed import read_holed
 from toposeam.texture.lay_options import LayOptions
 from toposeam.texture.raster import SMALLEST_TILE
-from toposeam.texture.sources import UNSEEN_STEP, DataRange, Images, as_list, check_varied, white_of
+from toposeam.texture.request import TextureRequest
+from toposeam.texture.sources import UNSEEN_STEP, DataRange, Images, as_list, check_varied
 from toposeam.texture.synthesis import Synthesis
-from toposeam.texture.tileable import Tileable, wraps_of
+from toposeam.texture.tileable import Tileable
 
 
 def make_tileable(
@@ -73,31 +74,27 @@ def make_tileable(
     >>> bool((tile[20:40, 20:40] == image[20:40, 20:40]).all())
     True
     """
-    wraps = wraps_of(tileable)
+    request = TextureRequest.of(
+        "make_tileable",
+        options,
+        given,
+        seed=seed,
+        smooth=smooth,
+        alpha=alpha,
+        maps=maps,
+        weights=weights,
+        data_range=data_range,
+        tileable=tileable,
+    )
+    wraps, (height, width) = request.wraps, as_array(image).shape[:2]
     if not any(wraps):
         raise OptionError(f"tileable is {tileable!r}, so nothing is to match; choose both, x or y")
-    chosen = options_from(LayOptions, options, given, "make_tileable")
-    seed, smooth = seed_of(seed), check_whole("smooth", smooth, 0, 8)
-    maps = check_items("maps", maps, object, "a sequence of images, one a map")
-    height, width = as_array(image).shape[:2]
     if min(height, width) < 2 * SMALLEST_TILE:
         raise ImageError(
             f"the image is {width} × {height} px; to repeat it needs at least {2 * SMALLEST_TILE} px a side"
         )
-    reach = min(length for length, wrapping in zip((height, width), wraps, strict=True) if wrapping)
-    band = int(np.clip(min(height, width) // 8, 4, 48)) if band is None else band
-    try:
-        band = check_whole("band", band, 4, reach // 4)
-    except OptionError as error:
-        raise OptionError(
-            f"band is {band!r}; for {width} × {height} px give a whole number from 4 to {reach // 4} px"
-        ) from error
-    border, near = np.zeros((height, width), bool), np.zeros((height, width), bool)
-    for axis in (0, 1):
-        if wraps[axis]:
-            for mask, reach in ((border, 1), (near, band)):
-                lines = mask if axis == 0 else mask.T
-                lines[:reach] = lines[-reach:] = True
+    band = _band(band, (height, width), wraps)
+    border, near = (_borders((height, width), wraps, reach) for reach in (1, band))
     if alpha is not None and np.shape(alpha) == border.shape and not (border & (np.asarray(alpha) > 0)).any():
         if not np.any(np.asarray(alpha) > 0):
             raise ImageError("image is transparent everywhere; give one that shows something")
@@ -105,66 +102,76 @@ def make_tileable(
             "the image is transparent all along its borders, so it repeats as it is; crop it to what it "
             "shows first"
         )
-    planes = [as_array(image), *(as_array(as_list(one, 1, "map")[0], "map") for one in maps)]
-    white = [
-        one or full_scale(plane.dtype)
-        for one, plane in zip(white_of(data_range, len(planes)), planes, strict=True)
-    ]
-    if alpha is not None:
-        planes, white = [*planes, as_array(alpha, "alpha")], [*white, full_scale(planes[0].dtype)]
-    steps = [_steps(planes, white, axis) for axis in (0, 1)]
-    windows, hole = _along_borders((height, width), wraps, band, steps)
-    sources, hole, ground = read_holed(
-        image, hole, alpha, (None, None), maps, weights, data_range, empty=not windows
-    )
-    check_varied(sources, "image")
-    near &= ground
+    windows, hole = _along_borders((height, width), wraps, band, _steps(request, image))
+    holed = read_holed(request, image, hole, empty=not windows)
+    check_varied(holed.sources, "image")
+    near &= holed.ground
+    atlas, canvas = holed.canvas(request)
     if windows:
-        placer = placer_over(sources, hole, ground, wraps, chosen, seed)
-        atlas, canvas = placer.atlas, placer.canvas
-        if not placer.search.room(windows[0][2]).any():
+        placer = holed.placer(request, atlas, canvas)
+        if not placer.ranking.search.room(windows[0][2]).any():
             raise ImageError(
                 f"nowhere is the image opaque for a patch of {2 * band} × {2 * band} px, as a band of {band} "
                 f"px needs it; fill its holes first{', or use a narrower band' if band > 4 else ''}"
             )
-    else:
-        atlas, canvas = canvas_over(sources, hole, ground, wraps, chosen.context)
     for done, (top, left, shape) in enumerate(windows, start=1):
         rows, columns, _ = canvas.window(top, left, *shape)
         placer.lay(top, left, shape, near[rows, columns])
         if progress is not None:
             progress(done / len(windows))
-    settings = {
-        "band": band,
-        "seed": seed,
-        "tileable": tileable,
-        "smooth": smooth,
-        **settings_of(chosen),
-    }
+    settings = {"band": band, **request.settings}
     across: list[tuple[int, int, tuple[int, int]]] = []
     if any(top == -band for top, _, _ in windows):
         across.append((-band, 0, (2 * band, width)))
     if any(left == -band for _, left, _ in windows):
         across.append((0, -band, (height, 2 * band)))
-    return finish(sources, atlas, canvas, (2 * band, 2 * band), settings, smooth, near, windows=across)
+    return finish(
+        holed.sources, atlas, canvas, (2 * band, 2 * band), settings, request.smooth, near, windows=across
+    )
 
 
-def _steps(planes: Sequence[Image], white: Sequence[float], axis: int) -> Mask:
-    """Where along the border of an axis the first pixels do not continue the last ones: (n,) bool."""
-    steps: Mask = np.zeros(planes[0].shape[1 - axis], bool)
+def _band(band: int | None, size: tuple[int, int], wraps: tuple[bool, bool]) -> int:
+    """Check the width of the band along the borders, or choose it."""
+    most = min(length for length, wrapping in zip(size, wraps, strict=True) if wrapping) // 4
+    band = int(np.clip(min(size) // 8, 4, 48)) if band is None else band
+    try:
+        return check_whole("band", band, 4, most)
+    except OptionError as error:
+        raise OptionError(
+            f"band is {band!r}; for {size[1]} × {size[0]} px give a whole number from 4 to {most} px"
+        ) from error
+
+
+def _borders(size: tuple[int, int], wraps: tuple[bool, bool], reach: int) -> Mask:
+    """Mark the pixels within reach of a border that is to match."""
+    found = np.zeros(size, bool)
+    for lines, wrapping in zip((found, found.T), wraps, strict=True):
+        if wrapping:
+            lines[:reach] = lines[-reach:] = True
+    return found
+
+
+def _steps(request: TextureRequest, image: npt.ArrayLike) -> list[Mask]:
+    """Find where along the border of each axis the first pixels do not continue the last ones: (n,) bool."""
+    planes = [as_array(image), *(as_array(as_list(one, 1, "map")[0], "map") for one in request.maps)]
+    white = [one or full_scale(plane.dtype) for one, plane in zip(request.white, planes, strict=True)]
+    if request.alpha is not None:
+        planes, white = [*planes, as_array(request.alpha, "alpha")], [*white, full_scale(planes[0].dtype)]
+    steps = [np.zeros(length, bool) for length in planes[0].shape[1::-1]]
     for plane, one in zip(planes, white, strict=True):
         if plane.shape[:2] == planes[0].shape[:2]:  # others are refused when they are read
-            first, last = (plane.take(end, axis=axis).astype(np.float64) for end in (0, -1))
-            shows = ~(np.abs(first - last) <= UNSEEN_STEP * one)
-            steps |= shows.reshape(len(steps), -1).any(axis=1)
+            for axis, line in enumerate(steps):
+                first, last = (plane.take(end, axis=axis).astype(np.float64) for end in (0, -1))
+                shows = ~(np.abs(first - last) <= UNSEEN_STEP * one)
+                line |= shows.reshape(len(line), -1).any(axis=1)
     return steps
 
 
 def _along_borders(
     size: tuple[int, int], wraps: tuple[bool, bool], band: int, steps: Sequence[Mask]
 ) -> tuple[list[tuple[int, int, tuple[int, int]]], Mask]:
-    """Square windows over the lines where borders meet, a quarter of each lying on the one before, wherever
-    there is a step; and the pixels at these lines that are to go.
+    """Place square windows over the lines where borders meet, a quarter of each lying on the one before,
+    wherever there is a step; and mark the pixels at these lines that are to go.
     """
     side, hole = 2 * band, np.zeros(size, bool)
     windows = []

@@ -11,7 +11,7 @@ TILEABLE: tuple[str, ...] = ("both", "x", "y", "none")
 
 
 def wraps_of(tileable: Tileable) -> tuple[bool, bool]:
-    """Whether rows, and whether columns, continue at the opposite border.
+    """Tell whether rows, and whether columns, continue at the opposite border.
 
     Parameters
     ----------

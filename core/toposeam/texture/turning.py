@@ -25,12 +25,12 @@ _KINDS: dict[Turns, tuple[tuple[int, bool], ...]] = {
 
 
 def count_of(turns: Turns) -> int:
-    """How many exemplars become of one."""
+    """Count the positions of each exemplar."""
     return len(_KINDS[turns])
 
 
 def turned(images: Sequence[npt.NDArray[Any]], turns: Turns) -> list[npt.NDArray[Any]]:
-    """Every image in each of its positions, one image after the other.
+    """Turn every image into each of its positions, one image after the other.
 
     Examples
     --------
@@ -45,8 +45,8 @@ def turned(images: Sequence[npt.NDArray[Any]], turns: Turns) -> list[npt.NDArray
 
 
 def turned_sources(sources: Sources, turns: Turns) -> Sources:
-    """Exemplars in all positions, with everything that belongs to them. Values are as they were: a normal
-    that pointed to the right still does.
+    """Turn exemplars into all positions, with everything that belongs to them. Values are as they were: a
+    normal that pointed to the right still does.
     """
     if turns == "none":
         return sources

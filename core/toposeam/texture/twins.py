@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from toposeam.images import Mask
-from toposeam.texture.atlas import Atlas, Ints32
+from toposeam.texture.atlas import Atlas, Floats32, Ints32
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.search import box_sum
+from toposeam.texture.sites import PlaceGrid
 from toposeam.texture.turning import Turns, count_of, turned
 
 #: Share of a patch from which on it shows too much of that.
@@ -20,7 +20,7 @@ _MUCH = 0.02
 
 
 class Twins:
-    """Tells which places show what is near in another position.
+    """Exclude places that show what is near in another position.
 
     Parameters
     ----------
@@ -52,30 +52,20 @@ class Twins:
             self._original[place], self._position[place] = found, number % self._count
             self._where[number % self._count, found] = flat[place]
 
-    def blocked(
-        self, at: tuple[int, int], shape: tuple[int, int], margin: int, factor: int, size: tuple[int, ...]
-    ) -> Mask:
-        """Which places on the search's grid a patch must not be taken from, (n, m) bool.
-
-        Parameters
-        ----------
-        at, shape : (int, int)
-            The window on the canvas.
-        margin, factor : int
-            Of the grid.
-        size : (int, int)
-            n and m.
-        """
-        (top, left), (h, w) = at, shape
+    def factor(self, places: PlaceGrid) -> Floats32:
+        """Compute the factor on the error of places: (n, m) float32, inf where a patch must not be taken."""
+        step, size = places.step, places.size
+        (top, left), (h, w) = places.at, places.shape
         seen = self._canvas.read(top - h // 2, left - w // 2, 2 * h, 2 * w)
         seen = np.unique(seen[seen >= 0])
         original, position = self._original.ravel()[seen], self._position.ravel()[seen]
-        shown = np.zeros((-(-self._atlas.usable.shape[0] // factor), -(-self._atlas.width // factor)), bool)
+        shown = np.zeros((-(-self._atlas.usable.shape[0] // step), -(-self._atlas.width // step)), bool)
         for other in range(self._count):
             row, column = np.divmod(self._where[other, original[position != other]], self._atlas.width)
-            shown[row // factor, column // factor] = True
-        box = max(h // factor, 1), max(w // factor, 1)
-        share = box_sum(shown, box)[margin // factor :, margin // factor :][: size[0], : size[1]]
-        much: Mask = np.zeros(size, bool)
-        much[: share.shape[0], : share.shape[1]] = share > _MUCH * box[0] * box[1]
-        return much
+            shown[row // step, column // step] = True
+        first = places.first // step
+        box = max(h // step, 1), max(w // step, 1)
+        share = box_sum(shown, box)[first:, first:][: size[0], : size[1]]
+        found: Floats32 = np.ones(size, np.float32)
+        found[: share.shape[0], : share.shape[1]][share > _MUCH * box[0] * box[1]] = np.inf
+        return found

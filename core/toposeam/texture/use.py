@@ -1,4 +1,4 @@
-"""How often a canvas shows what, as places are judged by it."""
+"""Penalties by how often a canvas shows the pixels of exemplars."""
 
 from __future__ import annotations
 
@@ -9,19 +9,31 @@ from toposeam.texture.atlas import Atlas, Floats32, Ints32
 from toposeam.texture.canvas import IndexCanvas
 from toposeam.texture.kinds import Kinds
 from toposeam.texture.search import box_sum
+from toposeam.texture.sites import PlaceGrid
+
+#: Minimum share of the canvas that an exemplar counts as covering, so that ratios of shares stay bounded, and
+#: the power to which they are raised: steep, so that even unlike exemplars keep to their shares.
+_LEAST_SHARE, _STEEP = 0.02, 6
+#: Upper bound of the limit of use, which a canvas cannot reach.
+_UNLIMITED = 2**31 - 1
 
 
 class Use:
-    """Of the canvas as it is: what it says of places of one shape is kept, as all of a wave ask the same.
+    """Penalise pixels, and kinds of pixels, that show often already.
+
+    The factor is 1 + variety × (use / average use)², times that of the kinds. It is the same for all patches
+    of one shape until the canvas changes, so it is kept until :meth:`refresh`.
 
     Parameters
     ----------
     canvas : IndexCanvas
     atlas : Atlas
-    average, limit : (AH, 1) arrays, the limits int32
-        How often pixels should show, and may at most, by the atlas's row.
+    average : (AH, 1) float array
+        How often pixels should show, by the atlas's row.
+    most : float
+        Limit of use, in multiples of the average.
     variety : float
-        How much dearer a place is that shows as often as it should.
+        Strength.
     kinds : Kinds, optional
         What kinds of pixels there are, each to show on its share.
     """
@@ -31,48 +43,84 @@ class Use:
         canvas: IndexCanvas,
         atlas: Atlas,
         average: npt.NDArray[np.float64],
-        limit: Ints32,
+        most: float,
         variety: float,
         kinds: Kinds | None = None,
     ) -> None:
-        self._usage, self._average = canvas.usage.reshape(atlas.usable.shape), average
-        self._limit, self._variety, self._kinds = limit, variety, kinds
-        self._kept: dict[tuple[tuple[int, ...], ...], tuple[Floats32, Floats32 | None]] = {}
+        self._canvas, self._atlas, self._average = canvas, atlas, average
+        self._variety, self._kinds = variety, kinds
+        #: (AH, 1), how often pixels may show, by the atlas's row.
+        self.limit: Ints32 = np.clip(np.floor(most * average), 1, _UNLIMITED).astype(np.int32)
+        self._kept: dict[tuple[object, ...], tuple[Floats32, Floats32 | None]] = {}
 
-    def of_places(
-        self, shape: tuple[int, int], grid: tuple[int, int], size: tuple[int, ...]
-    ) -> tuple[Floats32, Floats32 | None]:
-        """How much dearer places are for showing often, themselves or their kind, and what share of their
-        pixels is used up, None where nothing is. Neither may be written to.
+    def refresh(self) -> None:
+        """Discard what was computed before the canvas changed."""
+        self._kept.clear()
 
-        Parameters
-        ----------
-        shape : (int, int)
-            Height and width of the patch.
-        grid : (int, int)
-            First row, and column, of the places, and how far they are apart.
-        size : (int, int)
-            How many rows and columns of places there are.
+    def factor(self, places: PlaceGrid) -> Floats32:
+        """Compute the factor on the error of places, (n, m) float32."""
+        return self._of(places)[0]
+
+    def used_up(self, places: PlaceGrid) -> Floats32 | None:
+        """Compute the share of each place's pixels that have reached their limit, (n, m) float32; None where
+        no pixel has.
         """
-        if (shape, grid, size) not in self._kept:
-            self._kept[shape, grid, size] = self._found(shape, grid, size)
-        return self._kept[shape, grid, size]
+        return self._of(places)[1]
 
-    def _found(
-        self, shape: tuple[int, int], grid: tuple[int, int], size: tuple[int, ...]
-    ) -> tuple[Floats32, Floats32 | None]:
-        pixels, on_grid = shape[0] * shape[1], (slice(grid[0], None, grid[1]),) * 2
-        average = (pixels * self._average[on_grid[0]][: size[0]]).astype(np.float32)
-        shown = box_sum(self._usage, shape)[on_grid][: size[0], : size[1]]
-        dearer: Floats32 = np.divide(shown, average, dtype=np.float32)
-        np.square(dearer, out=dearer)
-        dearer *= np.float32(self._variety)
-        dearer += np.float32(1)
+    def _of(self, places: PlaceGrid) -> tuple[Floats32, Floats32 | None]:
+        key = places.shape, places.first, places.step, places.size
+        if key not in self._kept:
+            self._kept[key] = self._computed(places)
+        return self._kept[key]
+
+    def _computed(self, places: PlaceGrid) -> tuple[Floats32, Floats32 | None]:
+        usage = self._canvas.usage.reshape(self._atlas.usable.shape)
+        shape, (n, m), grid = places.shape, places.size, slice(places.first, None, places.step)
+        pixels = shape[0] * shape[1]
+        average = (pixels * self._average[grid][:n]).astype(np.float32)
+        factor: Floats32 = np.divide(box_sum(usage, shape)[grid, grid][:n, :m], average, dtype=np.float32)
+        np.square(factor, out=factor)
+        factor *= np.float32(self._variety)
+        factor += np.float32(1)
         if self._kinds is not None:
-            dearer *= self._kinds.dearer(self._usage, self._variety, shape, grid, size)
-        over = self._usage >= self._limit
+            factor *= self._kinds.factor(places, usage, self._variety)
+        over = usage >= self.limit
         if not over.any():
-            return dearer, None
-        used_up: Floats32 = box_sum(over, shape)[on_grid][: size[0], : size[1]].astype(np.float32)
+            return factor, None
+        used_up: Floats32 = box_sum(over, shape)[grid, grid][:n, :m].astype(np.float32)
         used_up /= np.float32(pixels)
-        return dearer, used_up
+        return factor, used_up
+
+
+class Shares:
+    """Penalise exemplars that show on more than their share of the canvas.
+
+    Parameters
+    ----------
+    canvas : IndexCanvas
+    atlas : Atlas
+    shares : (E,) float array
+        Wanted shares of the exemplars, of sum 1.
+    """
+
+    def __init__(self, canvas: IndexCanvas, atlas: Atlas, shares: npt.NDArray[np.float64]) -> None:
+        self._canvas, self._atlas, self._shares = canvas, atlas, shares
+        self._owner = atlas.owner_of_rows
+
+    def factor(self, places: PlaceGrid) -> Floats32:
+        """Compute the factor on the error of places, (n, 1) float32."""
+        rows = self._canvas.usage.reshape(self._atlas.usable.shape).sum(axis=1)
+        shown = np.add.reduceat(rows, self._atlas.corners[:, 0])
+        part = shown / max(int(shown.sum()), 1)
+        often = ((part + _LEAST_SHARE) / (self._shares + _LEAST_SHARE)) ** _STEEP
+        factor: Floats32 = often[self._owner[places.axes[0]], np.newaxis].astype(np.float32)
+        return factor
+
+
+def average_use(atlas: Atlas, area: int, shares: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
+    """Compute how often a usable pixel shows on average, by the atlas's row: (AH, 1), 1 at least."""
+    usable = atlas.usable.sum(axis=1)
+    if shares is None:
+        return np.full((len(usable), 1), max(area / max(int(usable.sum()), 1), 1.0))
+    each = np.add.reduceat(usable, atlas.corners[:, 0])
+    return np.maximum(area * shares / np.maximum(each, 1), 1.0)[atlas.owner_of_rows, np.newaxis]

@@ -24,19 +24,20 @@ class Laying:
     """
 
     def __init__(self, placer: PatchPlacer, shape: tuple[int, int]) -> None:
-        self._placer, self._shape, self._use = placer, shape, placer.use()
+        self._placer, self._shape = placer, shape
+        placer.refresh()
         self._sites: dict[At, Site] = {}
 
     def offers(self, at: At) -> Offers | None:
-        """The best places for a window; None where nothing is empty."""
+        """Find the best places for a window; None where nothing is empty."""
         site = self._placer.site(*at, self._shape)
         if site is None:
             return None
         self._sites[at] = site
-        return self._placer.offers(site, self._use)
+        return self._placer.ranking.offers(site)
 
     def shows(self, at: At, place: At) -> Mask | None:
-        """Where the patch from a place shows."""
+        """Find where the patch from a place shows."""
         site = self._sites.pop(at, None) or self._placer.site(*at, self._shape)
         return None if site is None else self._placer.shows(site, self._placer.patch(place, self._shape))
 
@@ -44,7 +45,7 @@ class Laying:
 def lay_wave(
     placer: PatchPlacer, crew: Crew, kind: type, windows: Sequence[At], shape: tuple[int, int]
 ) -> list[bool]:
-    """Lay patches at the same time on windows that do not touch; whether each was laid.
+    """Lay patches at the same time on windows that do not touch; return whether each was laid.
 
     Places are picked in the windows' order as soon as they are known, and patches are painted in it when all
     are picked, whoever looks for them.
@@ -89,7 +90,7 @@ def lay_wave(
 
 
 def waves_of(rows: list[int], columns: list[int], width: int, length: int | None = None) -> list[list[At]]:
-    """Windows in raster order, those together that do not wait for one another.
+    """Group windows in raster order into waves of those that do not wait for one another.
 
     Parameters
     ----------

@@ -155,7 +155,7 @@ def test_what_would_join_two_copies_counts_as_both(sample):
             canvas.paint(0, left, itself[:24, left : left + 40], np.ones((24, 40), bool))
         options = LayOptions(copy_share=1.0)  # at most three patches of 24 × 24 px
         placer = PatchPlacer(atlas, features, canvas, options, np.random.default_rng(0), 40_000)
-        offers = placer.offers(placer.site(8, 36, (24, 24)))
+        offers = placer.ranking.offers(placer.site(8, 36, (24, 24)))
         found = list(zip(offers.rows.tolist(), offers.columns.tolist(), strict=True))
         assert ((row + 8, column + 36) in found) == allowed
 

@@ -10,10 +10,9 @@ from scipy import ndimage
 import toposeam as ts
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.canvas import IndexCanvas
-from toposeam.texture.closed_cuts import Patch, closed_cuts
 from toposeam.texture.crew import FORKS, Crew
 from toposeam.texture.exchange import Exchange
-from toposeam.texture.lay import PatchPlacer
+from toposeam.texture.lay import ClosedPatch, PatchPlacer
 from toposeam.texture.objects import Objects
 from toposeam.texture.replacing import FORBIDDEN, GROUND, MENDED, WHOLE, Replacing, ToReplace
 
@@ -136,10 +135,10 @@ def test_patches_that_do_not_touch_are_cut_together_as_each_alone():
         source = placer.patch(tuple(corner + rng.integers(0, 80, 2)), (height, width))
         before = canvas.read(top - 1, left - 1, height + 2, width + 2)
         one = {"source": source, "before": before, "must": must, "may": np.ones(must.shape, bool)}
-        patches.append(Patch(at=(top, left), joined=frozenset(), **one))
+        patches.append(ClosedPatch(at=(top, left), **one))
     same = patches[0].before[1:-1, 1:-1]
     patches.append(
-        Patch(
+        ClosedPatch(
             at=patches[0].at,
             **{
                 **one,
@@ -148,10 +147,9 @@ def test_patches_that_do_not_touch_are_cut_together_as_each_alone():
                 "before": patches[0].before,
                 "may": patches[0].may,
             },
-            joined=frozenset(),
         )
     )
-    together = closed_cuts(placer, patches)
+    together = placer.cut_closed(patches)
     for patch, shows in zip(patches, together, strict=True):
         padded = patch.before.copy()
         padded[1:-1, 1:-1][patch.must] = -1
@@ -160,7 +158,7 @@ def test_patches_that_do_not_touch_are_cut_together_as_each_alone():
         assert shows[patch.must].all()
         assert not shows.all()
     np.testing.assert_array_equal(together[-1], patches[0].must)
-    np.testing.assert_array_equal(closed_cuts(placer, patches[:1])[0], together[0])
+    np.testing.assert_array_equal(placer.cut_closed(patches[:1])[0], together[0])
 
 
 def test_whoever_replaces_objects_replaces_them_alike_and_changes_nothing():

@@ -6,6 +6,7 @@ import pytest
 import toposeam as ts
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.kinds import Kinds
+from toposeam.texture.sites import PlaceGrid
 
 SIDE, PATCH = 64, (16, 16)
 
@@ -21,7 +22,8 @@ def halves():
 def dearer(atlas, kinds, usage, variety=0.5):
     """How much dearer places are, those of the exemplar's own rows and columns."""
     count = SIDE - PATCH[0] + 1
-    return kinds.dearer(usage, variety, PATCH, (atlas.margin, 1), (count, count))
+    places = PlaceGrid((0, 0), PATCH, atlas.margin, 1, (count, count), ((0, PATCH[0]), (0, PATCH[1])))
+    return kinds.factor(places, usage, variety)
 
 
 def test_what_has_shown_on_its_share_is_no_dearer_than_anything_else():

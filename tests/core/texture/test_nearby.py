@@ -5,9 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from toposeam.texture.nearby import _REACH, Nearby
+from toposeam.texture.canvas import IndexCanvas
+from toposeam.texture.nearby import NEAR, Nearby
+from toposeam.texture.sites import PlaceGrid
 
 SIDE, SAMPLE = 30, 10
+EMPTY = ((0, 4), (0, 3))
 
 
 def counted(index, top, left, height, width, reach, wrap):
@@ -41,10 +44,13 @@ def test_what_shows_near_by_is_counted_also_across_a_border_that_continues(wrap,
     atlas = SimpleNamespace(
         shapes=np.array([[SAMPLE, SAMPLE]]), width=SAMPLE, usable=np.ones((SAMPLE, SAMPLE), bool)
     )
-    canvas = SimpleNamespace(index=index.astype(np.int32), shape=(SIDE, SIDE), wrap=wrap)
+    canvas = IndexCanvas((SIDE, SIDE), wrap, SAMPLE**2)
+    canvas.index[:] = index
     height, width = 4, 3
-    found = Nearby(atlas, canvas).share(top, left, height, width)
-    reach = round(_REACH * SAMPLE)
+    nearby, reach = Nearby(atlas, canvas, variety=0.5), round(NEAR * SAMPLE)
     expected = counted(index, top, left, height, width, reach, wrap)
-    np.testing.assert_allclose(found(0, 1, expected.shape), expected, atol=1e-6)
-    np.testing.assert_allclose(found(1, 2, (3, 3)), expected[1::2, 1::2][:3, :3], atol=1e-6)
+    every = PlaceGrid((top, left), (height, width), 0, 1, expected.shape, EMPTY)
+    np.testing.assert_allclose(nearby.share(every), expected, atol=1e-6)
+    np.testing.assert_allclose(nearby.factor(every), 1 + 0.5 * expected, atol=1e-6)
+    some = PlaceGrid((top, left), (height, width), 1, 2, (3, 3), EMPTY)
+    np.testing.assert_allclose(nearby.share(some), expected[1::2, 1::2][:3, :3], atol=1e-6)

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+import toposeam as ts
 from toposeam.texture.rendering import near_seams, render
 from toposeam.texture.search import reduced
 
@@ -60,3 +61,14 @@ def test_pixels_within_reach_of_a_seam_are_near_it_but_no_holes():
     index = np.array([[-1, 0, 1, 9, 10, 11, 12]], np.int32)
     (found,) = near_seams(index, 16, (False, False), 3)
     assert found.tolist() == [1, 2, 3, 4, 5]  # two farther on either side, but not in the hole
+
+
+def test_coordinates_alone_cut_other_pictures_alike(sample):
+    first, second = sample(2), sample(3)
+    made = ts.synthesize([first, second], 90, patch=32, tileable=True)
+    again = ts.apply_coordinates([first, second], made.source, made.exemplar, tileable=True)
+    np.testing.assert_array_equal(again, made.image)
+    with pytest.raises(ts.ImageError, match="point beyond"):
+        ts.apply_coordinates([first, second[:20]], made.source, made.exemplar)
+    with pytest.raises(ts.ImageError, match="row and column"):
+        ts.apply_coordinates(first, made.source[..., 0])

@@ -5,9 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from toposeam.texture.repeats import _REACH, Repeats
+from toposeam.texture.canvas import IndexCanvas
+from toposeam.texture.nearby import NEAR
+from toposeam.texture.repeats import Repeats
+from toposeam.texture.sites import PlaceGrid
 
 SIDE, SAMPLE = 30, 10
+EMPTY = ((0, 4), (0, 3))
 
 
 def counted(index, weight, top, left, height, width, reach, wrap):
@@ -41,10 +45,14 @@ def test_what_would_come_twice_near_by_is_counted_also_across_a_border_that_cont
     index = np.where(rng.random((SIDE, SIDE)) < 0.4, rng.integers(0, SAMPLE**2, (SIDE, SIDE)), -1)
     weight = rng.random((SAMPLE, SAMPLE)).astype(np.float32)
     atlas = SimpleNamespace(shapes=np.array([[SAMPLE, SAMPLE]]), width=SAMPLE)
-    canvas = SimpleNamespace(index=index.astype(np.int32), shape=(SIDE, SIDE), wrap=wrap)
+    canvas = IndexCanvas((SIDE, SIDE), wrap, SAMPLE**2)
+    canvas.index[:] = index
     height, width = 4, 3
-    found = Repeats(atlas, canvas, weight).share(top, left, height, width)
-    expected = counted(index, weight, top, left, height, width, round(_REACH * SAMPLE), wrap)
+    repeats = Repeats(atlas, canvas, weight, variety=0.5)
+    expected = counted(index, weight, top, left, height, width, round(NEAR * SAMPLE), wrap)
     assert expected.max() > 0
-    np.testing.assert_allclose(found(0, 0, 1, expected.shape), expected, atol=1e-5)
-    np.testing.assert_allclose(found(1, 1, 2, (3, 3)), expected[1::2, 1::2][:3, :3], atol=1e-5)
+    every = PlaceGrid((top, left), (height, width), 0, 1, expected.shape, EMPTY)
+    np.testing.assert_allclose(repeats.share(every), expected, atol=1e-5)
+    np.testing.assert_allclose(repeats.factor(every), 1 + expected, atol=1e-5)
+    some = PlaceGrid((top, left), (height, width), 1, 2, (3, 3), EMPTY)
+    np.testing.assert_allclose(repeats.share(some), expected[1::2, 1::2][:3, :3], atol=1e-5)

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import Seed, check_items, check_whole, options_from, seed_of
-from toposeam.errors import ImageError, OptionError
+from toposeam.errors import ImageError, OptionError, Term
 from toposeam.images import Image, Mask, as_array, full_scale
 from toposeam.texture.finish import finish, settings_of
 from toposeam.texture.holed import canvas_over, placer_over, read_holed
@@ -75,14 +75,25 @@ def make_tileable(
     """
     wraps = wraps_of(tileable)
     if not any(wraps):
-        raise OptionError(f"tileable is {tileable!r}, so nothing is to match; choose both, x or y")
+        raise OptionError(
+            "{parameter} is {value!r}, so nothing is to match; choose both, x or y",
+            kind="choice",
+            parameter=Term("tileable"),
+            value=tileable,
+            allowed=("both", "x", "y"),
+        )
     chosen = options_from(LayOptions, options, given, "make_tileable")
     seed, smooth = seed_of(seed), check_whole("smooth", smooth, 0, 8)
     maps = check_items("maps", maps, object, "a sequence of images, one a map")
     height, width = as_array(image).shape[:2]
     if min(height, width) < 2 * SMALLEST_TILE:
         raise ImageError(
-            f"the image is {width} × {height} px; to repeat it needs at least {2 * SMALLEST_TILE} px a side"
+            "{image} is {width} × {height} px; to repeat it needs at least {least} px a side",
+            kind="small",
+            least=2 * SMALLEST_TILE,
+            width=width,
+            height=height,
+            image=Term("image", "the image"),
         )
     reach = min(length for length, wrapping in zip((height, width), wraps, strict=True) if wrapping)
     band = int(np.clip(min(height, width) // 8, 4, 48)) if band is None else band
@@ -90,7 +101,16 @@ def make_tileable(
         band = check_whole("band", band, 4, reach // 4)
     except OptionError as error:
         raise OptionError(
-            f"band is {band!r}; for {width} × {height} px give a whole number from 4 to {reach // 4} px"
+            "{parameter} is {value!r}; for {width} × {height} px give a whole number from "
+            "{least} to {most} px",
+            kind="whole number",
+            parameter=Term("band"),
+            value=band,
+            allowed=error.allowed,
+            width=width,
+            height=height,
+            least=4,
+            most=reach // 4,
         ) from error
     border, near = np.zeros((height, width), bool), np.zeros((height, width), bool)
     for axis in (0, 1):
@@ -100,10 +120,16 @@ def make_tileable(
                 lines[:reach] = lines[-reach:] = True
     if alpha is not None and np.shape(alpha) == border.shape and not (border & (np.asarray(alpha) > 0)).any():
         if not np.any(np.asarray(alpha) > 0):
-            raise ImageError("image is transparent everywhere; give one that shows something")
+            raise ImageError(
+                "{array} is transparent everywhere; give one that shows something",
+                kind="transparent",
+                array=Term("image"),
+            )
         raise ImageError(
-            "the image is transparent all along its borders, so it repeats as it is; crop it to what it "
-            "shows first"
+            "{image} is transparent all along its borders, so it repeats as it is; crop it to"
+            " what it shows first",
+            kind="transparent borders",
+            image=Term("image", "the image"),
         )
     planes = [as_array(image), *(as_array(as_list(one, 1, "map")[0], "map") for one in maps)]
     white = [
@@ -124,8 +150,14 @@ def make_tileable(
         atlas, canvas = placer.atlas, placer.canvas
         if not placer.search.room(windows[0][2]).any():
             raise ImageError(
-                f"nowhere is the image opaque for a patch of {2 * band} × {2 * band} px, as a band of {band} "
-                f"px needs it; fill its holes first{', or use a narrower band' if band > 4 else ''}"
+                "nowhere is {image} opaque for a patch of {width} × {height} px, as a band of "
+                "{band} px needs it; fill its holes first{narrower}",
+                kind="no opaque room",
+                width=2 * band,
+                height=2 * band,
+                band=band,
+                narrower=", or use a narrower band" if band > 4 else "",
+                image=Term("image", "the image"),
             )
     else:
         atlas, canvas = canvas_over(sources, hole, ground, wraps, chosen.context)

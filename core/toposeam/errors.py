@@ -161,9 +161,9 @@ class TopoSeamError(Exception):
                 return Term("", names[value.name])
             return value
 
-        data = {name: Term("", text) for name, text in names.items()}
+        data: dict[str, Any] = {name: Term("", text) for name, text in names.items()}
         data |= {name: named(value) for name, value in self.data.items()}
-        return type(self)(*self.args, kind=self.kind, **data)
+        return type(self)(str(self.args[0]), kind=self.kind, **data)
 
     def __str__(self) -> str:
         return self.said()

@@ -165,8 +165,8 @@ def in_gimps_words(error: Mapping[str, Any]) -> str:
         ``message``, the engine's own sentence; and ``kind``, ``parameter`` and ``data``, a mapping of texts.
     """
     data = error.get("data") or {}
-    kind, parameter = error.get("kind"), error.get("parameter")
-    for key in (f"{kind} {parameter}", kind):
+    kind = str(error.get("kind"))
+    for key in (f"{kind} {error.get('parameter')}", kind):
         for text in _SENTENCES.get(key, ()):
             if all(field in data for _literal, field, _spec, _conversion in Formatter().parse(text) if field):
                 return text.format(**data)

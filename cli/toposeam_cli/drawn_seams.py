@@ -21,9 +21,9 @@ def given_seams(files: Sequence[Keyed], placed: PlacedPictures) -> dict[tuple[in
         try:
             drawing = ts.read_svg(file.path)
         except ts.PathError as error:
-            if str(file.path) in str(error):
+            if "file" in error.data:
                 raise
-            raise ts.PathError(f"'{file.path}': {error}") from error
+            raise error.within("'{file}': {error}", file=str(file.path)) from error
         if file.key is not None:
             first, colon, second = file.key.partition(":")
             if not colon:
@@ -56,8 +56,13 @@ def _by_name(path: Path, drawing: ts.SvgSeam, placed: PlacedPictures) -> dict[tu
     stranger = next((name for name in drawing.names if name not in pairs and name not in gone), None)
     if stranger is not None:
         raise ts.PathError(
-            f"'{path}': the path {stranger!r} names no pair; call it as {next(iter(pairs))!r}, or use "
-            f"--use-seam 0:1={path.name}"
+            "'{file}': the path {name!r} names no pair; call it as {example!r}, or use "
+            "--use-seam 0:1={file_name}",
+            kind="no pair",
+            file=str(path),
+            name=stranger,
+            example=next(iter(pairs)),
+            file_name=path.name,
         )
     found = {}
     for name in dict.fromkeys(name for name in drawing.names if name in pairs):

@@ -193,12 +193,12 @@ def composed_as(
         if files[0].suffix.lower() != ".ora":
             raise
         hint = "if TopoSeam wrote this file, hide the layers it cut and show its group originals"
-        raise ts.OverlapError(f"{error}; {hint}") from error
+        raise error.within("{error}; {hint}", hint=hint) from error
     except ts.PathError as error:
         one = find.use_seam[0].path if len(find.use_seam) == 1 else None
-        if one is None or str(one) in str(error):
+        if one is None or "file" in error.data:
             raise
-        raise ts.PathError(f"'{one}': {error}") from error
+        raise error.within("'{file}': {error}", file=str(one)) from error
 
 
 def _names(layers: Sequence[ts.Layer]) -> str:

@@ -140,7 +140,7 @@ class _Reading:
         """What is wrong with one of so many pictures, and that it can be left out if two others are left."""
         if self.skips is None or count <= 2:
             return error
-        return ts.ImageError(f"{error}; --skip-bad leaves out what cannot be read")
+        return error.within("{error}; --skip-bad leaves out what cannot be read")
 
 
 def _read(item: tuple[Path, int, Path | None]) -> Picture | ts.ImageError:

@@ -10,7 +10,7 @@ from types import ModuleType
 import click
 
 from toposeam_cli.later import loaded_later
-from toposeam_cli.wording import speaking
+from toposeam_cli.terms import speaking
 
 #: Each command and its first line of help, as its own text has it: loading the commands loads the numerics,
 #: which takes a second.

@@ -11,16 +11,18 @@ from typing import Any, SupportsFloat, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.errors import OptionError
+from toposeam.errors import Interval, OptionError, Term
 
 #: A whole number, a generator to draw one from, or None for a new one each time.
 Seed = int | np.random.Generator | None
 
 OptionsT = TypeVar("OptionsT")
+#: What the caller calls a value: its parameter's name.
+Name = str | Term
 
 
 def check_number(
-    name: str,
+    name: Name,
     value: Any,
     low: float = -math.inf,
     high: float = math.inf,
@@ -32,7 +34,7 @@ def check_number(
 
     Parameters
     ----------
-    name : str
+    name : str or Term
         What the caller calls it.
     value : object
         Anything; int, float and NumPy's scalars are numbers, bool and text are not.
@@ -69,10 +71,16 @@ def check_number(
     inside = low < number if above else low <= number
     if inside and number <= high and (infinite or math.isfinite(number)):
         return number
-    raise OptionError(f"{name} is {shown(value)}; it must be {_wanted('a number', low, high, above)}")
+    raise OptionError(
+        "{parameter} is {value!r}; it must be {allowed}",
+        kind="number",
+        parameter=term_of(name),
+        value=value,
+        allowed=Interval(low, high, above),
+    )
 
 
-def check_whole(name: str, value: Any, low: int, high: int | None = None) -> int:
+def check_whole(name: Name, value: Any, low: int, high: int | None = None) -> int:
     """A whole number in [low, high].
 
     Raises
@@ -93,8 +101,13 @@ def check_whole(name: str, value: Any, low: int, high: int | None = None) -> int
             number = None
     if number is not None and low <= number and (high is None or number <= high):
         return number
-    limit = math.inf if high is None else high
-    raise OptionError(f"{name} is {shown(value)}; it must be {_wanted('a whole number', low, limit, False)}")
+    raise OptionError(
+        "{parameter} is {value!r}; it must be {allowed}",
+        kind="whole number",
+        parameter=term_of(name),
+        value=value,
+        allowed=Interval(low, math.inf if high is None else high, noun="a whole number"),
+    )
 
 
 def check_range(low: float, high: float = math.inf, *, above: bool = False, **options: Any) -> None:
@@ -109,7 +122,7 @@ def check_range(low: float, high: float = math.inf, *, above: bool = False, **op
         check_number(name, value, low, high, above=above)
 
 
-def check_choice(name: str, value: Any, choices: Collection[Any]) -> None:
+def check_choice(name: Name, value: Any, choices: Collection[Any]) -> None:
     """Refuse what is not one of some choices.
 
     Raises
@@ -117,15 +130,21 @@ def check_choice(name: str, value: Any, choices: Collection[Any]) -> None:
     OptionError
     """
     if not isinstance(value, str | int | bool | None) or value not in choices:
-        raise OptionError(f"{name} is {shown(value)}; choose one of {', '.join(map(str, choices))}")
+        raise OptionError(
+            "{parameter} is {value!r}; choose one of {allowed}",
+            kind="choice",
+            parameter=term_of(name),
+            value=value,
+            allowed=tuple(choices),
+        )
 
 
-def check_kind(name: str, value: Any, kind: type | tuple[type, ...], wanted: str) -> None:
+def check_kind(name: Name, value: Any, kind: type | tuple[type, ...], wanted: str) -> None:
     """Refuse a value of another class.
 
     Parameters
     ----------
-    name : str
+    name : str or Term
         What the caller calls it.
     value : object
     kind : type or tuple of types
@@ -144,10 +163,10 @@ def check_kind(name: str, value: Any, kind: type | tuple[type, ...], wanted: str
     toposeam.errors.OptionError: motif is 'x'; pass a Motif
     """
     if not isinstance(value, kind):
-        raise OptionError(f"{name} is {shown(value)}; pass {wanted}")
+        raise unsuitable(name, value, wanted)
 
 
-def check_items(name: str, values: Any, kind: type | tuple[type, ...], wanted: str) -> tuple[Any, ...]:
+def check_items(name: Name, values: Any, kind: type | tuple[type, ...], wanted: str) -> tuple[Any, ...]:
     """The items of a sequence, all of one class.
 
     Raises
@@ -156,15 +175,37 @@ def check_items(name: str, values: Any, kind: type | tuple[type, ...], wanted: s
         Also when it is no sequence.
     """
     if isinstance(values, str | bytes) or (kind is not object and isinstance(values, kind)):
-        raise OptionError(f"{name} is {shown(values)}; pass {wanted}")
+        raise unsuitable(name, values, wanted)
     try:
         items = tuple(values)
     except TypeError as error:
-        raise OptionError(f"{name} is {shown(values)}; pass {wanted}") from error
+        raise unsuitable(name, values, wanted) from error
     for item in items:
         if not isinstance(item, kind):
-            raise OptionError(f"{name} holds {shown(item)}; pass {wanted}")
+            raise OptionError(
+                "{parameter} holds {value!r}; pass {allowed}",
+                kind="type",
+                parameter=term_of(name),
+                value=item,
+                allowed=wanted,
+            )
     return items
+
+
+def unsuitable(name: Name, value: Any, wanted: str) -> OptionError:
+    """The error about a value of the wrong kind, and what to pass instead."""
+    return OptionError(
+        "{parameter} is {value!r}; pass {allowed}",
+        kind="type",
+        parameter=term_of(name),
+        value=value,
+        allowed=wanted,
+    )
+
+
+def term_of(name: Name) -> Term:
+    """The parameter of a name."""
+    return name if isinstance(name, Term) else Term(name)
 
 
 def is_masked(values: Any) -> bool:
@@ -172,7 +213,7 @@ def is_masked(values: Any) -> bool:
     return type(values) is not np.ndarray and isinstance(values, np.ma.MaskedArray)
 
 
-def check_numbers(name: str, values: Any) -> npt.NDArray[np.float64]:
+def check_numbers(name: Name, values: Any) -> npt.NDArray[np.float64]:
     """An array of numbers, of any shape.
 
     Raises
@@ -181,17 +222,19 @@ def check_numbers(name: str, values: Any) -> npt.NDArray[np.float64]:
         For text, objects, lists of unequal lengths, and masked arrays.
     """
     if is_masked(values):
-        raise OptionError(f"{name} is a masked array; pass {name}.filled(…)")
+        raise OptionError(
+            "{parameter} is a masked array; pass {parameter}.filled(…)", kind="type", parameter=term_of(name)
+        )
     try:
         array = np.asarray(values)
         if array.dtype.kind in "biuf":
             return array.astype(np.float64)
     except (TypeError, ValueError, OverflowError):
         pass
-    raise OptionError(f"{name} is {shown(values)}; pass numbers")
+    raise unsuitable(name, values, "numbers")
 
 
-def check_whole_array(name: str, values: Any) -> npt.NDArray[np.integer[Any]]:
+def check_whole_array(name: Name, values: Any) -> npt.NDArray[np.integer[Any]]:
     """An array of whole numbers, of any shape.
 
     Raises
@@ -205,10 +248,10 @@ def check_whole_array(name: str, values: Any) -> npt.NDArray[np.integer[Any]]:
             return array
     except (TypeError, ValueError, OverflowError):
         pass
-    raise OptionError(f"{name} is {shown(values)}; pass whole numbers")
+    raise unsuitable(name, values, "whole numbers")
 
 
-def check_pair(name: str, value: Any, low: int, high: int | None = None) -> tuple[int, int]:
+def check_pair(name: Name, value: Any, low: int, high: int | None = None) -> tuple[int, int]:
     """Two whole numbers in [low, high].
 
     Raises
@@ -218,7 +261,7 @@ def check_pair(name: str, value: Any, low: int, high: int | None = None) -> tupl
     try:
         first, second = value
     except (TypeError, ValueError) as error:
-        raise OptionError(f"{name} is {shown(value)}; pass two whole numbers") from error
+        raise unsuitable(name, value, "two whole numbers") from error
     return check_whole(name, first, low, high), check_whole(name, second, low, high)
 
 
@@ -244,8 +287,8 @@ def seed_of(seed: Seed) -> int:
     try:
         return check_whole("seed", seed, 0)
     except OptionError as error:
-        raise OptionError(
-            f"seed is {shown(seed)}; pass a whole number from 0 on, a numpy.random.Generator, or None"
+        raise unsuitable(
+            "seed", seed, "a whole number from 0 on, a numpy.random.Generator, or None"
         ) from error
 
 
@@ -282,23 +325,3 @@ def options_from(
     if unknown:
         raise OptionError(f"{taker} does not know {', '.join(unknown)}; its options are {', '.join(known)}")
     return kind(**given)
-
-
-def _wanted(noun: str, low: float, high: float, above: bool) -> str:
-    if high < math.inf:
-        if low == -math.inf:
-            return f"{noun} of at most {high:g}"
-        return (
-            f"{noun} above {low:g} and at most {high:g}" if above else f"{noun} between {low:g} and {high:g}"
-        )
-    if low == -math.inf:
-        return noun
-    if above and low == 0:
-        return f"a positive {noun.removeprefix('a ')}"
-    return f"{noun} {'above' if above else 'of at least'} {low:g}"
-
-
-def shown(value: Any) -> str:
-    """What was received, on one line and not too long, for error texts."""
-    text = " ".join(repr(value).split())
-    return text if len(text) <= 60 else f"{text[:57]}…"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import check_number, is_masked
+from toposeam.checks import Name, check_number, is_masked, term_of
 from toposeam.errors import ImageError
 
 Image = npt.NDArray[Any]
@@ -68,14 +68,14 @@ class Windows(ABC):
         return whole if dtype is None else whole.astype(dtype)
 
 
-def as_array(image: Any, name: str = "image") -> Image:
+def as_array(image: Any, name: Name = "image") -> Image:
     """Pixels of an array, or of a PIL picture, as they are.
 
     Parameters
     ----------
     image : (H, W) or (H, W, C) array_like, or PIL.Image.Image
         Of PIL pictures those with a palette become RGB, or RGBA where colours are transparent.
-    name : str
+    name : str or Term
         What the caller calls this image; used in error texts.
 
     Returns
@@ -89,34 +89,53 @@ def as_array(image: Any, name: str = "image") -> Image:
     """
     if is_masked(image):
         raise ImageError(
-            f"{name} is a masked array; pass {name}.filled(0), and where it has pixels as a mask"
+            "{array} is a masked array; pass {array}.filled(0), and where it has pixels as a mask",
+            kind="array",
+            array=term_of(name),
         )
     if type(image).__module__.partition(".")[0] == "PIL" and image.mode in ("P", "PA", "CMYK", "YCbCr"):
         image = image.convert("RGBA" if image.mode == "PA" or "transparency" in image.info else "RGB")
     try:
         array = np.asarray(image)
     except ValueError as error:
-        raise ImageError(f"{name} is no array ({error}); pass an (H, W) or (H, W, C) one") from error
+        raise ImageError(
+            "{array} is no array ({reason}); pass an (H, W) or (H, W, C) one",
+            kind="array",
+            reason=str(error),
+            array=term_of(name),
+        ) from error
     if (
         array.dtype != bool
         and not np.issubdtype(array.dtype, np.integer)
         and not np.issubdtype(array.dtype, np.floating)
     ):
         raise ImageError(
-            f"{name} is of type {type(image).__name__} and dtype {array.dtype}; pass integers or floats"
+            "{array} is of type {type} and dtype {dtype}; pass integers or floats",
+            kind="dtype",
+            type=type(image).__name__,
+            dtype=str(array.dtype),
+            array=term_of(name),
         )
     if array.ndim not in (2, 3) or 0 in array.shape:
-        raise ImageError(f"{name} has shape {array.shape}; pass a non-empty (H, W) or (H, W, C) array")
+        raise ImageError(
+            "{array} has shape {shape!s}; pass a non-empty (H, W) or (H, W, C) array",
+            kind="shape",
+            shape=array.shape,
+            array=term_of(name),
+        )
     if array.ndim == 3 and array.shape[0] <= 4 and array.shape[2] > _MOST_CHANNELS:
         raise ImageError(
-            f"{name} has shape {array.shape}, which looks like (C, H, W); pass (H, W, C), as "
-            f"{name}.transpose(1, 2, 0) has it"
+            "{array} has shape {shape!s}, which looks like (C, H, W); pass (H, W, C), as "
+            "{array}.transpose(1, 2, 0) has it",
+            kind="shape",
+            shape=array.shape,
+            array=term_of(name),
         )
     return array
 
 
 def as_float(
-    image: npt.ArrayLike, name: str = "image", data_range: float | None = None
+    image: npt.ArrayLike, name: Name = "image", data_range: float | None = None
 ) -> npt.NDArray[np.float32]:
     """The image as float32 with a channel axis, its values divided by what counts as 1.
 
@@ -124,7 +143,7 @@ def as_float(
     ----------
     image : (H, W) or (H, W, C) array_like
         Bool, integer or float.
-    name : str
+    name : str or Term
         What the caller calls this image; used in error texts.
     data_range : float, optional
         The value that counts as 1. By default 255 for uint8, 65535 for uint16, and 1 for floats, which must
@@ -159,7 +178,7 @@ def as_float(
 
 
 def as_planes(
-    image: npt.ArrayLike, name: str = "image", data_range: float | None = None
+    image: npt.ArrayLike, name: Name = "image", data_range: float | None = None
 ) -> npt.NDArray[np.float32]:
     """What :func:`as_float` gives as (C, H, W): one channel after the other, which is reckoned with several
     times as fast.
@@ -188,13 +207,13 @@ def _scale(values: npt.NDArray[np.float32], dtype: np.dtype[Any], data_range: fl
         values /= np.float32(data_range)
 
 
-def check_values(array: Image, name: str = "image", data_range: float | None = None) -> None:
+def check_values(array: Image, name: Name = "image", data_range: float | None = None) -> None:
     """Refuse an image of which nobody can tell what counts as white, or whose values cannot be reckoned with.
 
     Parameters
     ----------
     array : (H, W) or (H, W, C) array
-    name : str
+    name : str or Term
         What the caller calls it.
     data_range : float, optional
         The value that counts as 1, as for :func:`as_float`.
@@ -223,22 +242,36 @@ data_range= which value is white
     if np.issubdtype(array.dtype, np.integer):
         if data_range is None and array.dtype not in (np.uint8, np.uint16):
             raise ImageError(
-                f"{name} has dtype {array.dtype} and values up to {array.max()}; pass uint8 or uint16, or "
-                "say with data_range= which value is white"
+                "{array} has dtype {dtype} and values up to {largest}; pass uint8 or uint16, or "
+                "say with data_range= which value is white",
+                kind="white",
+                dtype=str(array.dtype),
+                largest=array.max(),
+                array=term_of(name),
             )
         return
     low, high = float(array.min()), float(array.max())  # NaN if any is
     largest = max(-low, high) / (data_range or 1)
     if not math.isfinite(low + high):
         raise ImageError(
-            f"{name} has NaN or infinite values; replace them, or exclude those pixels with a mask"
+            "{array} has NaN or infinite values; replace them, or exclude those pixels with a mask",
+            kind="not finite",
+            array=term_of(name),
         )
     if largest > LARGEST:
-        raise ImageError(f"{name} has values beyond ±{LARGEST:g}; scale its range to [0, 1]")
+        raise ImageError(
+            "{array} has values beyond ±{limit:g}; scale its range to [0, 1]",
+            kind="white",
+            limit=LARGEST,
+            array=term_of(name),
+        )
     if data_range is None and largest > _NOMINAL:
         raise ImageError(
-            f"{name} is of floats up to {largest:g}, where 1 counts as white; say with data_range= which "
-            "value does (255? 1, for a wide range?)"
+            "{array} is of floats up to {largest:g}, where 1 counts as white; say with "
+            "data_range= which value does (255? 1, for a wide range?)",
+            kind="white",
+            largest=largest,
+            array=term_of(name),
         )
 
 
@@ -262,7 +295,7 @@ def in_dtype(values: npt.NDArray[np.floating[Any]], dtype: np.dtype[Any]) -> npt
     return values.astype(dtype, copy=False)
 
 
-def as_mask(mask: npt.ArrayLike, shape: tuple[int, ...], name: str) -> Mask:
+def as_mask(mask: npt.ArrayLike, shape: tuple[int, ...], name: Name) -> Mask:
     """The mask as a bool array of the given shape, (H, W) or (D, H, W), True where it is not zero.
 
     Raises
@@ -271,11 +304,19 @@ def as_mask(mask: npt.ArrayLike, shape: tuple[int, ...], name: str) -> Mask:
         When the shape differs, and for masked arrays.
     """
     if is_masked(mask):
-        raise ImageError(f"{name} is a masked array; pass {name}.filled(0)")
+        raise ImageError(
+            "{array} is a masked array; pass {array}.filled(0)", kind="array", array=term_of(name)
+        )
     try:
         array = np.asarray(mask)
     except ValueError as error:
-        raise ImageError(f"{name} is no array ({error}); pass one value per {unit_of(shape)}") from error
+        raise ImageError(
+            "{array} is no array ({reason}); pass one value per {unit}",
+            kind="array",
+            reason=str(error),
+            unit=unit_of(shape),
+            array=term_of(name),
+        ) from error
     check_shape(array, shape, name)
     return array if array.dtype == bool else array != 0
 
@@ -297,7 +338,7 @@ def box_of(mask: Mask, reach: int = 0) -> tuple[slice, slice]:
     return sides[0], sides[1]
 
 
-def check_shape(array: npt.NDArray[Any], shape: tuple[int, ...], name: str) -> None:
+def check_shape(array: npt.NDArray[Any], shape: tuple[int, ...], name: Name) -> None:
     """Refuse an array that has not one value per pixel of (H, W) images, or voxel of (D, H, W) volumes.
 
     Raises
@@ -305,9 +346,14 @@ def check_shape(array: npt.NDArray[Any], shape: tuple[int, ...], name: str) -> N
     ImageError
     """
     if array.shape != shape:
-        whole = "volumes" if len(shape) == 3 else "images"
         raise ImageError(
-            f"{name} has shape {array.shape}, the {whole} have {shape}; pass one value per {unit_of(shape)}"
+            "{array} has shape {shape!s}, the {whole} have {expected!s}; pass one value per {unit}",
+            kind="shape",
+            shape=array.shape,
+            whole="volumes" if len(shape) == 3 else "images",
+            expected=shape,
+            unit=unit_of(shape),
+            array=term_of(name),
         )
 
 
@@ -334,5 +380,9 @@ def widen(
     if cb == 1:
         return a, np.broadcast_to(b, (*b.shape[:2], ca))
     raise ImageError(
-        f"a has {ca} channels and b has {cb}; convert them to the same number, or one of them to gray"
+        "{a} has {channels_a} channels and {b} has {channels_b}; convert them to the same"
+        " number, or one of them to gray",
+        kind="channels",
+        channels_a=ca,
+        channels_b=cb,
     )

@@ -10,25 +10,35 @@ from toposeam.errors import TopoSeamError
 
 def sentence(error: BaseException) -> str:
     """What to tell the user about an error, on one line."""
+    return printable(str(as_told(error)))
+
+
+def as_told(error: BaseException) -> TopoSeamError:
+    """The error, or one of ours that tells the user about it.
+
+    Of these the kind is ``memory``, ``system`` or ``internal``; errors of click keep their sentence.
+    """
     if isinstance(error, TopoSeamError):
-        text = str(error)
-    elif callable(format_message := getattr(error, "format_message", None)):  # click's own errors
-        text = str(format_message())
-    elif isinstance(error, MemoryError):
-        text = "the pictures do not fit into memory; use smaller ones, or close other programs"
-    elif isinstance(error, OSError):
-        text = (
-            f"the system refused ({error.strerror or error}); free some space, or check the rights and "
-            "where the output goes"
+        return error
+    if callable(format_message := getattr(error, "format_message", None)):  # click's own errors
+        return TopoSeamError(str(format_message()))
+    if isinstance(error, MemoryError):
+        return TopoSeamError(
+            "the pictures do not fit into memory; use smaller ones, or close other programs", kind="memory"
         )
-    elif os.environ.get("TOPOSEAM_DEBUG"):
+    if isinstance(error, OSError):
+        return TopoSeamError(
+            "the system refused ({reason}); free some space, or check the rights and where the output goes",
+            kind="system",
+            reason=str(error.strerror or error),
+        )
+    if os.environ.get("TOPOSEAM_DEBUG"):
         raise error
-    else:
-        text = (
-            f"something went wrong inside TopoSeam ({type(error).__name__}: {error}); set "
-            "TOPOSEAM_DEBUG=1 for details and report it"
-        )
-    return printable(text)
+    return TopoSeamError(
+        "something went wrong inside TopoSeam ({what}); set TOPOSEAM_DEBUG=1 for details and report it",
+        kind="internal",
+        what=f"{type(error).__name__}: {error}",
+    )
 
 
 def printable(text: str) -> str:

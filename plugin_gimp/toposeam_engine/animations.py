@@ -23,7 +23,11 @@ def looped(job: EngineJob) -> ts.Loop:
     for raster in job.request["layers"]:
         image, alpha = colours_of(job, raster)
         if (alpha < alpha.max()).any() or not alpha.any():
-            raise ts.ImageError(f"the frame {raster['name']} is transparent in places; fill it first")
+            raise ts.ImageError(
+                "the frame {name} is transparent in places; fill it first",
+                kind="transparent frame",
+                name=str(raster["name"]),
+            )
         frames.append(np.asarray(image))
     clip = np.stack(frames)
     options = {name: value or None for name, value in job.options.items()}

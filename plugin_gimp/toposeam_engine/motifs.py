@@ -62,7 +62,10 @@ def repeated(job: EngineJob) -> tuple[list[npt.NDArray[Any]], str]:
     height, width = cells[0].shape
     if rows * columns * height * width > MAX_PATTERN:
         raise ts.OptionError(
-            f"the pattern would have {columns * width:,} × {rows * height:,} pixels; ask for fewer motifs"
+            "the pattern would have {width:,} × {height:,} pixels; ask for fewer motifs",
+            kind="too large",
+            width=columns * width,
+            height=rows * height,
         )
     laid = []
     for index, cell in enumerate(cells, start=1):

@@ -9,7 +9,8 @@ on stdout, one JSON object a line::
     {"event": "hello", "protocol": 2, "version": "0.2.0"}
     {"event": "progress", "share": 0.25}
     {"event": "alive"}                                  every few seconds, so that silence means trouble
-    {"event": "result", "result": {…}}                  or {"event": "error", "message": "what to do"}
+    {"event": "result", "result": {…}}                  or what went wrong:
+    {"event": "error", "message": "what to do", "kind": "apart", "parameter": null, "data": {"name": "sky"}}
 
 Called with ``-`` in place of a folder, and perhaps with what previews will be of, it loads its libraries and
 serves one request after another, as previews are: each is two lines on stdin, the folder's name and its
@@ -34,7 +35,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, TextIO
 
-from toposeam.sentence import sentence
+from toposeam.errors import Interval, Term, TopoSeamError
+from toposeam.sentence import as_told, printable
 
 #: Raised when requests or results change their meaning.
 PROTOCOL = 2
@@ -209,7 +211,7 @@ def main(arguments: list[str] | None = None) -> int:
         if waits:
             _load(arguments[1:])
     except Exception as error:
-        channel.send("error", message=sentence(error))
+        channel.send("error", **told(error))
         return 1
     threading.Thread(target=_beat, args=(channel,), daemon=True).start()
     if not waits:
@@ -240,10 +242,25 @@ def _answer(asker: Asker, channel: Channel, folder: Path, nonce: bytes | None) -
     except Exception as error:
         asker.join_if_gone()
         asker.waits_for(None)
-        channel.send("error", message=sentence(error))
+        channel.send("error", **told(error))
         return 1
     channel.send("result", result=result)
     return 0
+
+
+def told(error: BaseException) -> dict[str, Any]:
+    """What the asker hears about an error: the sentence; and kind, parameter and data for one of its own."""
+    ours = as_told(error)
+    data: dict[str, Any] = {}
+    for name, value in ours.data.items():
+        if isinstance(value, Interval):
+            data |= {"least": f"{value.low:g}", "most": f"{value.high:g}"}
+        elif isinstance(value, Term) and not value.name:
+            data["name"] = printable(str(value))
+        elif not isinstance(value, Term | TopoSeamError):
+            data[name] = printable(str(value))
+    message = ours.said(lambda term: "layers" if term.name == "patches" else None)
+    return {"message": printable(message), "kind": ours.kind, "parameter": ours.parameter, "data": data}
 
 
 def _check_folder(folder: Path, told: bytes) -> None:

@@ -311,7 +311,7 @@ def _listen(
         elif kind == "progress":
             progress(float(event["share"]))
         elif kind == "error":
-            raise _SaidError(in_gimps_words(str(event["message"])))
+            raise _SaidError(in_gimps_words(event))
         elif kind == "result":
             result: dict[str, Any] = event["result"]
             return result

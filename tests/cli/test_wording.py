@@ -1,6 +1,8 @@
 """What core says of its parameters reaches the user as the files and options they have written."""
 
+import ast
 import re
+from pathlib import Path
 
 import click
 import numpy as np
@@ -8,8 +10,9 @@ import pytest
 
 import toposeam as ts
 from toposeam_cli.pictures.picture import Picture, write_picture
-from toposeam_cli.wording import speaking
+from toposeam_cli.terms import speaking
 
+ROOT = Path(__file__).parents[2]
 #: What only who writes Python knows.
 PYTHON = re.compile(
     r"\b(?:map \d|patch [ab]\b|exemplar|array|dtype|max_megapixels|data_range|source_mask|mask_[ab])|\w=|'x'"
@@ -72,7 +75,10 @@ def some(folder, photographs):
         ("tile clear.png", "clear.png is transparent everywhere"),
         ("tile clear.png --size auto", "clear.png is transparent everywhere"),
         ("tile dot.png", "dot.png is 2 × 2 px; to repeat it needs at least 32 px a side"),
-        ("synth noise.png --size 64 --weights 1,1", "2 --weights for the picture and 0 further maps"),
+        (
+            "synth noise.png --size 64 --weights 1,1",
+            "2 --weights were given for the picture and 0 further maps",
+        ),
         ("synth noise.png more.png --size 64 --shares 1", "--shares has length 1 for 2 pictures"),
         ("synth noise.png more.png --size 64 --shares 1,0", "one of --shares is 0"),
         ("fill noise.png --mask black.png", "black.png is empty"),
@@ -94,7 +100,10 @@ def some(folder, photographs):
             "stitch noise.png more.png --overlap 40 --use-seam short.svg",
             "the path does not separate the pictures",
         ),
-        ("stitch noise.png more.png --overlap 40 --use-seam short.svg", ".png the path leaves its ground"),
+        (
+            "stitch noise.png more.png --overlap 40 --use-seam short.svg",
+            "of an edge of more.png the path leaves its ground",
+        ),
         ("motif --size 32 --strengths 2,1", "--strengths is"),
         ("loop noise.png", "noise.png holds one frame"),
     ],
@@ -134,3 +143,74 @@ def test_an_error_that_is_its_own_cause_is_told_once():
 
     with pytest.raises(ts.PathError, match="the path is bent"):
         speaking(command).main([], standalone_mode=False)
+
+
+def test_names_of_files_come_through_unharmed(toposeam, some):
+    noise = (some / "noise.png").read_bytes()
+    for name in ("patch 1.png", "patch b.png", "my patches.png", "{patch} map 1.png", "band is 1.png"):
+        (some / name).write_bytes(noise)
+    (some / "patch a.png").write_bytes((some / "more.png").read_bytes())
+    places = "--at", "0,0", "--at", "40,0", "--at", "500,0"
+    for name in ("patch b.png", "my patches.png", "{patch} map 1.png"):
+        ran = toposeam("stitch", "patch 1.png", "patch a.png", name, *places, "-o", "o.png")
+        ran.fails(f"Error: {name} (at 500,0): the pictures do not overlap")
+    (some / "plain band is 1.png").write_bytes((some / "plain.png").read_bytes())
+    toposeam("tile", "plain band is 1.png", "-o", "o.png").fails(
+        "Error: plain band is 1.png has one value everywhere"
+    )
+    toposeam("synth", "{patch} map 1.png", "--size", "64", "--also", "small.png", "-o", "o.png").fails(
+        "30 × 30 px, but {patch} map 1.png 80 × 60 px"
+    )
+
+
+def test_names_of_files_that_are_not_placed_come_through_unharmed(toposeam, some):
+    rng = np.random.default_rng(1)
+    for name in ("patch b.png", "my patches.png"):
+        write_picture(some / name, Picture(pixels=rng.integers(0, 256, (60, 80, 3)).astype(np.uint8)))
+    toposeam("stitch", "a.png", "patch b.png", "my patches.png", "-o", "o.png").fails(
+        "Error: patch b.png and my patches.png fit none of the other pictures"
+    )
+
+
+def test_values_come_through_unharmed(toposeam, some):
+    toposeam(
+        "synth", "noise.png", "--size", "64", "--patch", "9", "--overlap", "9", "-o", "{overlap}.png"
+    ).fails("--overlap is 9 with patches of 9 px")
+
+
+def test_nothing_searches_the_text_of_an_error():
+    for folder in ("cli", "plugin_gimp"):
+        for file in (ROOT / folder).rglob("*.py"):
+            tree = ast.parse(file.read_text(encoding="utf-8"))
+            for node in ast.walk(tree):
+                assert not _searches_an_error(node), f"{file}:{node.lineno}"
+    for file in ("cli/toposeam_cli/terms.py", "plugin_gimp/toposeam_gimp/sentences.py"):
+        assert "import re" not in (ROOT / file).read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("code", "searches"),
+    [
+        ("re.sub('patch', 'picture', str(error))", True),
+        ("_PATTERN.search(f'{error}')", True),
+        ("re.match(pattern, told['message'])", True),
+        ("re.match(pattern, path.name)", False),
+        ("found.split(str(error))", False),
+    ],
+)
+def test_what_searches_the_text_of_an_error_is_seen(code, searches):
+    assert any(map(_searches_an_error, ast.walk(ast.parse(code)))) == searches
+
+
+def _searches_an_error(node):
+    """Whether it is a call of a regular expression on an error's text."""
+    if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)):
+        return False
+    if node.func.attr not in {"match", "search", "fullmatch", "sub", "subn", "findall", "finditer"}:
+        return False
+    inside = [part for argument in node.args for part in ast.walk(argument)]
+    return any(
+        (isinstance(part, ast.Name) and part.id in {"error", "failure", "exception", "said", "sentence"})
+        or (isinstance(part, ast.Constant) and part.value == "message")
+        for part in inside
+    )

@@ -113,38 +113,57 @@ def test_what_an_option_depends_on_is_there(entry):
 
 
 @pytest.mark.parametrize(
-    ("said", "shown"),
+    ("kind", "parameter", "data", "shown"),
     [
         (
-            "right.png (at 441,0): the patches do not overlap: no pixel is covered by both; move one of them",
+            "apart",
+            None,
+            {"name": "right.png", "x": "441", "y": "0"},
             "“right.png” does not overlap the other layers; move it onto them.",
         ),
+        ("apart", None, {}, "The layers do not overlap; move one of them onto the other."),
         (
-            "nothing is left to copy from: the mask covers the whole picture; paint less",
+            "all to replace",
+            None,
+            {},
             "The selection covers the whole layer; select only what is to be replaced.",
         ),
         (
-            "the source is 96 × 80 px, smaller than a patch of 400 px; use a patch of 80 px or less",
+            "smaller than patch",
+            "patch",
+            {"width": "96", "height": "80", "patch": "400", "most": "80"},
             "The layer is 96 × 80 px, smaller than a patch of 400 px; use smaller patches.",
         ),
         (
-            "b fits none of the other pictures (it has nothing in common, 0.5 is needed); leave it out",
-            "“b” shows nothing that the other layers show too, so where it belongs cannot be found out. "
-            "Select the others without it, or lay it where it belongs and switch “Positions” back.",
+            "fits none",
+            None,
+            {"name": "{b} fit"},
+            "“{b} fit” shows nothing that the other layers show too, so where it belongs cannot be found "
+            "out. Select the others without it, or lay it where it belongs and switch “Positions” back.",
         ),
         (
-            "transition is 20 frames, and the clip has 12: end and beginning: use at most 6",
+            "long transition",
+            "transition",
+            {"transition": "20", "count": "12", "most": "6"},
             "The transition takes 20 of 12 frames; use 6 at most.",
         ),
         (
-            "1.png (at 20,0): no seam avoids the pixels you excluded: they block the overlap; leave it a way",
-            "The selection leaves the seam no way through the overlap; select more of it, from end to end.",
+            "whole number",
+            "patch",
+            {"least": "4", "value": "2"},
+            "The patches are too small; use patches of at least 4 px.",
         ),
-        ("something new; do this", "something new; do this"),
+        ("whole number", "band", {"least": "0"}, "something new; do this"),
+        ("new", None, {}, "something new; do this"),
     ],
 )
-def test_the_engines_sentences_are_said_in_gimps_words(said, shown):
-    assert sentences.in_gimps_words(said) == shown
+def test_the_engines_errors_are_said_in_gimps_words(kind, parameter, data, shown):
+    error = {"message": "something new; do this", "kind": kind, "parameter": parameter, "data": data}
+    assert sentences.in_gimps_words(error) == shown
+
+
+def test_an_error_without_a_kind_is_said_as_it_came():
+    assert sentences.in_gimps_words({"message": "something new; do this"}) == "something new; do this"
 
 
 def test_no_sentence_speaks_of_the_command_line():

@@ -2,7 +2,9 @@
 or of the command line.
 """
 
+import ast
 import gettext
+import itertools
 import re
 from importlib import import_module
 from pathlib import Path
@@ -10,11 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import toposeam
+import toposeam_engine
 import toposeam_gimp
 from toposeam.errors import TopoSeamError
 from toposeam.layers import align
-from toposeam.sentence import sentence
-from toposeam_engine.serving import OPERATIONS, EngineJob
+from toposeam_engine.serving import OPERATIONS, EngineJob, told
 from toposeam_gimp import sentences
 
 KOREAN = gettext.translation("toposeam_gimp", Path(toposeam_gimp.__file__).parent / "locale", ["ko"])
@@ -73,7 +76,7 @@ class Engine:
         try:
             work(job)
         except TopoSeamError as error:
-            return sentences.in_gimps_words(sentence(error))
+            return sentences.in_gimps_words(told(error))
         return None
 
 
@@ -139,7 +142,7 @@ def test_textures_of_all_sorts_of_layers(engine, operation, kind, selected):
 
 
 def test_even_what_should_not_happen_names_no_remedy_of_the_command_line():
-    shown = sentences.in_gimps_words(sentence(IndexError("index 3 is out of bounds")))
+    shown = sentences.in_gimps_words(told(IndexError("index 3 is out of bounds")))
     assert "IndexError: index 3 is out of bounds" in shown
     assert_gimps(shown)
 
@@ -148,11 +151,30 @@ def test_layers_that_repeat_themselves_are_named_in_gimps_words():
     found = {(i, j): (np.array([5.0 * (i == 0), 0]), 0.9, 10.0) for i, j in ((0, 1), (0, 2), (1, 2))}
     with pytest.raises(TopoSeamError, match="leave out aligning") as refused:
         align._agreed(["sky", "sea", "sand"], found | {(1, 2): (np.array([24.0, 0]), 0.9, 10.0)})
-    shown = sentences.in_gimps_words(sentence(refused.value))
+    shown = sentences.in_gimps_words(told(refused.value))
     assert "sea and sand match where the other layers do not place them" in shown
     assert_gimps(shown)
 
 
 def test_every_sentence_is_korean_too():
-    for _, text in sentences._SENTENCES:
+    for text in itertools.chain(*sentences._SENTENCES.values()):
         assert KOREAN.gettext(text) != text, text
+
+
+def test_every_kind_is_one_that_the_engine_knows():
+    raised = set()
+    for file in (
+        *Path(toposeam.__file__).parent.rglob("*.py"),
+        *Path(toposeam_engine.__file__).parent.glob("*.py"),
+    ):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                raised.add(node.value)
+    assert {kind.removeprefix("whole number ") for kind in sentences._SENTENCES} <= raised
+
+
+def test_names_of_layers_come_through_unharmed(engine):
+    names = ("a (at 1,2): the patches do not overlap", "{patches}", "sky fits none of the other pictures")
+    layers = [engine.layer("any", (300 * k, 0), name) for k, name in enumerate(names)]
+    shown = engine.says("stitch", {"layers": layers, "options": {}})
+    assert shown == f"“{names[1]}” does not overlap the other layers; move it onto them."

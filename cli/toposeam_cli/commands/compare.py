@@ -12,6 +12,7 @@ import numpy as np
 import toposeam as ts
 from toposeam_cli.options import FILE, placement
 from toposeam_cli.placing import PlacedPictures, arrange, read_avoid
+from toposeam_cli.terms import said
 from toposeam_cli.whereabouts import Where
 
 
@@ -63,11 +64,11 @@ def compare(
             stitched = ts.stitch(pair.layers, method=method, cost=cost, core=core, speck=speck, avoid=away)
             seam = stitched.seams[0]
         except ts.MissingPackageError as error:
-            row["note"] = str(error)
+            row["note"] = said(error)
         except ts.OverlapError as error:
             if method != "dp":
                 raise
-            row["note"] = str(error)
+            row["note"] = said(error)
         else:
             if optimum is None:
                 optimum = seam.cost / seam.optimum_ratio()

@@ -204,9 +204,15 @@ def _check_joined(
             f"the best correlation is {best[index]:.2f}" if best[index] > -1 else "it overlaps none of them"
         )
         raise OverlapError(
-            f"{layers[index].name} cannot be aligned: within {radius} px of where it was put it agrees with "
-            f"none of the others ({close}, {LEAST_CORRELATION:g} is needed); correct its position, search "
-            "farther, or leave out aligning"
+            "{name} cannot be aligned: within {radius} px of where it was put it agrees with "
+            "none of the others ({close}, {least:g} is needed); correct its position, search "
+            "farther, or leave out aligning",
+            kind="not aligned",
+            layers=(index,),
+            name=layers[index].name,
+            radius=radius,
+            close=close,
+            least=LEAST_CORRELATION,
         )
 
 
@@ -236,9 +242,12 @@ def _agreed(
     if vote.clear:
         return vote.places, {pair: found[pair] for pair in vote.kept}
     raise OverlapError(
-        f"{named_pairs(names, vote.wrong)} agree where the other layers do not place them, up to "
-        f"{max(vote.off.values()):.0f} px off, and too little else shows which is right: what repeats itself "
-        "agrees in several places; correct their positions and search less far, or leave out aligning"
+        "{names} agree where the other layers do not place them, up to {off} px off, and "
+        "too little else shows which is right: what repeats itself agrees in several "
+        "places; correct their positions and search less far, or leave out aligning",
+        kind="ambiguous",
+        names=named_pairs(names, vote.wrong),
+        off=f"{max(vote.off.values()):.0f}",
     )
 
 
@@ -353,7 +362,7 @@ def _content(layer: Layer, place: Box, box: Box, scale: int = 1) -> tuple[Floats
     known = cut(layer.covered, place, box)
     image: Image = cut(layer.image, place, box)
     image[~known] = 0
-    gray = as_float(image, layer.name, layer.data_range).mean(axis=2, dtype=np.float64)
+    gray = as_float(image, layer.title, layer.data_range).mean(axis=2, dtype=np.float64)
     if scale > 1:
         rows, columns = (size // scale * scale for size in gray.shape)
         blocks = (rows // scale, scale, columns // scale, scale)

@@ -26,7 +26,7 @@ import numpy.typing as npt
 import scipy
 
 from toposeam.checks import check_choice
-from toposeam.errors import OptionError
+from toposeam.errors import OptionError, Term
 from toposeam.images import Image, Mask, as_planes, box_of, full_scale, in_dtype
 from toposeam.layers.gradient import correction
 from toposeam.layers.layer import Box, Layer, cut
@@ -112,14 +112,31 @@ def check_blend(blend: str, width: float | None) -> None:
     if width is None:
         return
     if not isinstance(width, int | float | np.number):
-        raise OptionError(f"blend_width is of type {type(width).__name__}; choose 1 to {WIDEST:g} px")
+        raise OptionError(
+            "{parameter} is of type {type}; choose 1 to {most:g} px",
+            kind="number",
+            parameter=Term("blend_width"),
+            value=width,
+            type=type(width).__name__,
+            most=WIDEST,
+        )
     if blend in ("none", "soft"):
         raise OptionError(
-            f"blend {blend} has no width, but {width:g} px was given; leave it out, or choose feather, "
-            "multiband or gradient"
+            "{parameter} {value} has no width, but {width:g} px was given; leave it out, or "
+            "choose feather, multiband or gradient",
+            kind="conflict",
+            parameter=Term("blend"),
+            value=blend,
+            width=width,
         )
     if not 1 <= width <= WIDEST:
-        raise OptionError(f"blend_width is {width:g} px; choose 1 to {WIDEST:g}")
+        raise OptionError(
+            "{parameter} is {value:g} px; choose 1 to {most:g}",
+            kind="number",
+            parameter=Term("blend_width"),
+            value=width,
+            most=WIDEST,
+        )
 
 
 def reach_of(blend: Blend, width: float | None) -> float:
@@ -249,7 +266,7 @@ def _planes(placed: Placed, index: int, box: Box, channels: int) -> tuple[Floats
     inside = box.shared(place).moved(-place.top, -place.left)
     if not uniform(placed.covered[index], inside):  # beyond the layer it is 0
         image[~present] = 0
-    planes = as_planes(image, layer.name, layer.data_range)
+    planes = as_planes(image, layer.title, layer.data_range)
     return planes if len(planes) == channels else np.repeat(planes, channels, axis=0), present
 
 

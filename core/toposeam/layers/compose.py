@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import check_choice, check_whole, options_from
-from toposeam.errors import ImageError, OptionError
+from toposeam.errors import ImageError, OptionError, Term
 from toposeam.images import Mask, as_mask
 from toposeam.layers.blend import Blend, Placed, check_blend, reach_of
 from toposeam.layers.composition import Composition, Totals
@@ -134,7 +134,11 @@ def compose(
     given = {} if chosen is None else dataclasses.asdict(chosen)
     if wrap is not None:
         if factor is not None or away is not None or paths:
-            raise OptionError("wrap goes without weight, avoid and paths; leave them out")
+            raise OptionError(
+                "{wrap} goes without {weight}, {avoid} and {paths}; leave them out",
+                kind="conflict",
+                paths=Term("use_path", "paths"),
+            )
         search = _Search(method, given, max_rounds, progress, core, speck, match, executor)
         return _round(layers, check_whole("wrap", wrap, 2), search, channels, blend, blend_width)
     seam_of: Callable[[Pair, bool], Seam]

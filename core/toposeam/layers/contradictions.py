@@ -60,15 +60,29 @@ def without_contradictions(
     most = max(vote.off.values())
     if not elsewhere:
         raise OverlapError(
-            f"{named_pairs(names, vote.wrong)} do not fit where the other pictures place them: up to "
-            f"{most:.1f} px are left between them; a lens or perspective is not undone here: align them with "
-            "Hugin (pto_gen, cpfind, autooptimiser, nona), and join its pictures with toposeam enblend"
+            "{names} do not fit where the other pictures place them: up to {off} px are left "
+            "between them; a lens or perspective is not undone here: align them with Hugin "
+            "(pto_gen, cpfind, autooptimiser, nona), and join its pictures with toposeam "
+            "enblend",
+            kind="misfit",
+            names=named_pairs(names, vote.wrong),
+            off=f"{most:.1f}",
+            layers=_in(vote.wrong),
         )
     raise OverlapError(
-        f"{named_pairs(names, elsewhere)} match where the other pictures do not place them, up to "
-        f"{most:.0f} px off, and too little else shows which is right: what repeats itself matches in "
-        "several places; leave such pictures out, or say where the pictures lie"
+        "{names} match where the other pictures do not place them, up to {off} px off, "
+        "and too little else shows which is right: what repeats itself matches in several"
+        " places; leave such pictures out, or say where the pictures lie",
+        kind="ambiguous",
+        names=named_pairs(names, elsewhere),
+        off=f"{most:.0f}",
+        layers=_in(elsewhere),
     )
+
+
+def _in(pairs: Collection[Pair]) -> tuple[int, ...]:
+    """The pictures of some pairs."""
+    return tuple(sorted({index for pair in pairs for index in pair}))
 
 
 def _majority(count: int, matches: dict[Pair, Match], evidence: dict[Pair, float]) -> Floats:

@@ -42,7 +42,7 @@ def look_at(picture: Layer) -> Look:
     from skimage import feature
 
     known = picture.covered.copy()
-    gray = as_float(np.asarray(picture.image), picture.name, picture.data_range).mean(axis=2)
+    gray = as_float(np.asarray(picture.image), picture.title, picture.data_range).mean(axis=2)
     gray[~known] = 0
     weight = scipy.ndimage.gaussian_filter(known.astype(np.float32), _BLUR)
     slow = scipy.ndimage.gaussian_filter(gray, _BLUR) / np.maximum(weight, 1e-6)

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import check_items, check_kind, check_number, check_pair, shown
-from toposeam.errors import ImageError, OptionError
+from toposeam.checks import check_items, check_kind, check_number, check_pair
+from toposeam.errors import ImageError, OptionError, Term
 from toposeam.images import MAX_PIXELS, Image, Mask, Windows, as_array, as_mask, full_scale
 
 #: Largest canvas that is made without being asked to.
@@ -51,39 +51,57 @@ class Layer:
 
     def __post_init__(self) -> None:
         check_kind("name", self.name, str, "a text")
-        image = self.image if isinstance(self.image, Windows) else as_array(self.image, self.name)
+        image = self.image if isinstance(self.image, Windows) else as_array(self.image, self.title)
         if hasattr(self.image, "getbands") and image.ndim == 3 and image.shape[2] in (2, 4):  # of PIL
             if self.alpha is None:
                 object.__setattr__(self, "alpha", image[..., -1])
             image = image[..., 0] if image.shape[2] == 2 else image[..., :3]
         object.__setattr__(self, "image", image)
         if self.alpha is not None and not isinstance(self.alpha, Windows):
-            object.__setattr__(self, "alpha", as_array(self.alpha, f"the alpha of {self.name}"))
+            object.__setattr__(self, "alpha", as_array(self.alpha, Term("", f"the alpha of {self.name}")))
         if self.alpha is not None and self.alpha.shape != self.image.shape[:2]:
             raise ImageError(
-                f"{self.name}: alpha has shape {self.alpha.shape}, the image {self.image.shape[:2]}; pass "
-                "one value per pixel"
+                "{name}: alpha has shape {shape!s}, the image {expected!s}; pass one value per pixel",
+                kind="shape",
+                name=self.name,
+                shape=self.alpha.shape,
+                expected=self.image.shape[:2],
             )
         if self.alpha is not None and self.alpha.dtype != self.image.dtype:
             raise ImageError(
-                f"{self.name}: alpha is {self.alpha.dtype} and the image {self.image.dtype}; convert it"
+                "{name}: alpha is {dtype} and the image {expected}; convert it",
+                kind="dtype",
+                name=self.name,
+                dtype=str(self.alpha.dtype),
+                expected=str(self.image.dtype),
             )
         try:
             object.__setattr__(self, "at", check_pair("at", self.at, -FARTHEST, FARTHEST))
         except OptionError as error:
             raise OptionError(
-                f"{self.name}: at is {shown(self.at)}; give two whole numbers of px, x and y, not beyond ±2³¹"
+                "{name}: {parameter} is {value!r}; give two whole numbers of px, x and y, not beyond ±2³¹",
+                kind="whole number",
+                name=self.name,
+                parameter=Term("at", "at"),
+                value=self.at,
             ) from error
         for field in ("mask", "keep"):
             if getattr(self, field) is not None:
                 object.__setattr__(
-                    self, field, as_mask(getattr(self, field), self.image.shape[:2], f"{self.name}: {field}")
+                    self,
+                    field,
+                    as_mask(getattr(self, field), self.image.shape[:2], Term("", f"{self.name}: {field}")),
                 )
 
     def __repr__(self) -> str:
         height, width = self.image.shape[:2]
         where = f"{self.at[0]},{self.at[1]}"
         return f"Layer({self.name!r}, {width} × {height} px at {where}, {self.image.dtype})"
+
+    @property
+    def title(self) -> Term:
+        """The name, for error texts: nobody has another word for it."""
+        return Term("", self.name)
 
     @property
     def white(self) -> float:
@@ -212,11 +230,16 @@ def check_layers(layers: Sequence[Layer]) -> Sequence[Layer]:
     for index, layer in enumerate(given):
         if not isinstance(layer, Layer):
             raise OptionError(
-                f"layer {index} is of type {type(layer).__name__}; say where it lies, as "
-                "toposeam.Layer(image, at=(x, y))"
+                "layer {number} is of type {type}; say where it lies, as toposeam.Layer(image, at=(x, y))",
+                kind="type",
+                number=index,
+                layers=(index,),
+                type=type(layer).__name__,
             )
     if len(given) < 2:
-        raise OptionError(f"{len(given)} layer was given; pass a list of at least two")
+        raise OptionError(
+            "{count} layer was given; pass a list of at least two", kind="few layers", count=len(given)
+        )
     return given
 
 
@@ -241,8 +264,13 @@ def common_canvas(layers: Sequence[Layer], *, max_megapixels: float = MAX_MEGAPI
     height, width = extent.shape
     if height * width > max_megapixels * 1e6:
         raise OptionError(
-            f"the layers span {width} × {height} px, more than {max_megapixels:g} megapixels; check where "
-            f"they lie{_alone(layers, max_megapixels * 1e6)}"
+            "the layers span {width} × {height} px, more than {most:g} megapixels; "
+            "check where they lie{alone}",
+            kind="too large",
+            width=width,
+            height=height,
+            most=max_megapixels,
+            alone=_alone(layers, max_megapixels * 1e6),
         )
     return extent
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from toposeam.errors import OverlapError
 from toposeam.images import box_of
 from toposeam.layers.band import costs_at
 from toposeam.layers.composition import Totals
@@ -20,7 +19,7 @@ from toposeam.layers.rounds import Rounds
 from toposeam.layers.tasks import Executor, results
 from toposeam.optimize.history import Termination
 from toposeam.seam.overlap import FREE
-from toposeam.seam.problem import BLOCKED
+from toposeam.seam.problem import blocked
 from toposeam.seam.seam import Seam
 from toposeam.seam.solution import Solution
 from toposeam.seam.verdict import Verdict, verdict_of, worst_of
@@ -130,7 +129,7 @@ class Made:
         if np.isfinite(forbidden) and any(
             cost >= forbidden for _, cost, _ in self.measured(executor).values()
         ):
-            raise OverlapError(BLOCKED)
+            raise blocked()
 
     def totals(self, executor: Executor | None = None) -> Totals:
         """Of all seams, their pairs looked at where an executor does so."""

@@ -7,7 +7,7 @@ import re
 from typing import Any
 
 from toposeam.checks import check_choice, check_number
-from toposeam.errors import OptionError
+from toposeam.errors import OptionError, Term
 from toposeam.layers.layer import Layer
 from toposeam.seam.overlap import SIDES, Side
 
@@ -63,15 +63,26 @@ def shift(whole: int, other: int, overlap: float | str, side: Side) -> tuple[int
     """
     percent = _PERCENT.fullmatch(overlap) if isinstance(overlap, str) else None
     if isinstance(overlap, str) and (percent is None or float(percent[1]) > 100):
-        raise OptionError(f"overlap is {overlap!r}; give px, like 120, or a share, like '25%'")
+        raise OptionError(
+            "{parameter} is {value!r}; give px, like 120, or a share, like '25%'",
+            kind="number",
+            parameter=Term("overlap"),
+            value=overlap,
+        )
     length = round(
         whole * float(percent[1]) / 100 if percent is not None else check_number("overlap", overlap)
     )
     if not 0 < length <= min(whole, other) or (percent is None and length != overlap):
         raise OptionError(
-            f"overlap comes to {f'{overlap:.10g}' if percent is None else length} px, but across that side "
-            f"the first picture has {whole} px and the second {other} px; choose 1 to {min(whole, other)} px "
-            "in whole numbers"
+            "{parameter} comes to {length} px, but across that side the first picture has "
+            "{whole} px and the second {other} px; choose 1 to {most} px in whole numbers",
+            kind="number",
+            parameter=Term("overlap"),
+            value=overlap,
+            length=f"{overlap:.10g}" if percent is None else length,
+            whole=whole,
+            other=other,
+            most=min(whole, other),
         )
     along = whole - length if side in ("right", "bottom") else length - other
     return (along, 0) if side in ("right", "left") else (0, along)

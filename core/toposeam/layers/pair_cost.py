@@ -236,7 +236,7 @@ class LayerPairCost:
             image[top : top + len(seen), left : left + seen.shape[1]] = seen
         if not whole and not uniform(self._pictures.covered[index], inside):  # beyond the layer it is 0
             image[~present[::step, ::step]] = 0
-        return np.moveaxis(as_planes(image, layer.name, layer.data_range), 0, -1)
+        return np.moveaxis(as_planes(image, layer.title, layer.data_range), 0, -1)
 
 
 def _rows_of(box: Box, wanted: Mask) -> Iterator[Box]:

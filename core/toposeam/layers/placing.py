@@ -196,7 +196,22 @@ def _check_joined(pictures: Sequence[Layer], matches: dict[Pair, Match], best: F
         remedies.append(f"leave {_each(alone, 'it', 'them')} out, or say where the pictures lie")
     if others:
         remedies.append(f"join the {'two' if len(others) == 1 else len(others) + 1} groups apart")
-    raise OverlapError(f"{', and '.join(told)}; {'; '.join(remedies)}")
+    members = np.concatenate(lost).tolist()
+    if len(alone) == 1:
+        kind, data = "fits none", {"name": pictures[alone[0]].name}
+    elif len(alone):
+        kind, data = "fit none", {"names": _named(pictures, alone)}
+    else:
+        kind, data = "apart in groups", {"name": pictures[members[0]].name}
+        data["others"] = _named(pictures, np.array(members[1:]))
+    raise OverlapError(
+        "{what}; {remedies}",
+        kind=kind,
+        layers=tuple(sorted(members)),
+        what=", and ".join(told),
+        remedies="; ".join(remedies),
+        **data,
+    )
 
 
 def _check_exact(pictures: Sequence[Layer], doubts: Floats) -> None:
@@ -205,10 +220,15 @@ def _check_exact(pictures: Sequence[Layer], doubts: Floats) -> None:
     unsure = worst_first[doubts[worst_first] > LARGEST_DOUBT]
     if len(unsure):
         raise OverlapError(
-            f"{_named(pictures, unsure)} cannot be placed exactly: what "
-            f"{_each(unsure, 'it shares', 'they share')} with the others leaves "
-            f"{_each(unsure, '', 'up to ')}{doubts.max():.1f} px open; "
-            f"{_each(unsure, 'leave it out', 'let them overlap more')}, or say where the pictures lie"
+            "{name} cannot be placed exactly: what {shared} with the others leaves "
+            "{up_to}{off} px open; {remedy}, or say where the pictures lie",
+            kind="inexact",
+            layers=tuple(unsure.tolist()),
+            name=_named(pictures, unsure),
+            shared=_each(unsure, "it shares", "they share"),
+            up_to=_each(unsure, "", "up to "),
+            off=f"{doubts.max():.1f}",
+            remedy=_each(unsure, "leave it out", "let them overlap more"),
         )
 
 

@@ -282,14 +282,24 @@ def exclusive_covers(layers: Sequence[Layer], places: Sequence[Box], canvas: Ext
             continue
         kept = dense(covered[index]) & np.asarray(layer.keep)
         if not kept.any():
-            raise OptionError(f"{layer.name} is to be kept where it has no pixels; check its keep mask")
+            raise OptionError(
+                "{name} is to be kept where it has no pixels; check its keep mask",
+                kind="kept nowhere",
+                layers=(index,),
+                name=layer.name,
+            )
         before = keeper[place.slices]
         rivals = before[kept]
         if rivals.max() >= 0:
             rival = layers[int(rivals.max())].name
             count = np.count_nonzero(rivals >= 0)
             raise OptionError(
-                f"{rival} and {layer.name} are both to be kept at {count} pixels; keep only one of them there"
+                "{other} and {name} are both to be kept at {count} pixels; keep only one of them there",
+                kind="both kept",
+                layers=(int(rivals.max()), index),
+                other=rival,
+                name=layer.name,
+                count=count,
             )
         keeper[place.slices] = np.where(kept, np.int16(index), before)
 

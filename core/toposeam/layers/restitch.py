@@ -124,8 +124,13 @@ def _divide(
     height, width = canvas.shape
     if (drawing.width, drawing.height) != (width, height):
         raise PathError(
-            f"the path belongs to a canvas of {drawing.width:g} × {drawing.height:g} px, but the layers make "
-            f"one of {width} × {height}; place them as when it was exported"
+            "the path belongs to a canvas of {own_width:g} × {own_height:g} px, but the "
+            "layers make one of {width} × {height}; place them as when it was exported",
+            kind="other canvas",
+            own_width=drawing.width,
+            own_height=drawing.height,
+            width=width,
+            height=height,
         )
     lines = tuple(dataclasses.replace(line, points=line.points - shift) for line in drawing.polylines)
     there = SvgSeam(lines, part.shape[1], part.shape[0], None, drawing.names)
@@ -133,7 +138,7 @@ def _divide(
         joined = stitch(_with_kernel(both, there, part), use_path=there)
     except PathError as error:
         name = pair_name(*(layers[index].name for index in pair))
-        raise PathError(f"{name}: {error}" if len(layers) > 2 else str(error)) from error
+        raise (error.within("{name}: {error}", name=name) if len(layers) > 2 else error) from None
     box = canvas.place(Layer(joined.image, at=joined.origin))
     for index, mask in zip(pair, joined.masks, strict=True):
         label_map[box.slices][mask] = index

@@ -37,13 +37,18 @@ class Steps:
         self._on_canvas, self._options = on_canvas, options
         self.places = [canvas.place(layer) for layer in layers]
         self.covered = exclusive_covers(layers, self.places, canvas)
-        for layer, own in zip(layers, self.covered, strict=True):
+        for index, (layer, own) in enumerate(zip(layers, self.covered, strict=True)):
             if is_empty(own):
                 x, y = layer.at
                 raise OverlapError(
-                    f"{layer.name} (at {x},{y}): the patches do not overlap: no pixel of it shows, as it is "
-                    "transparent or masked everywhere, or others keep all of it; leave it out, or check what "
-                    "is transparent or masked"
+                    "{name} (at {x},{y}): the {patches} do not overlap: no pixel of it shows, as it "
+                    "is transparent or masked everywhere, or others keep all of it; leave it out, or "
+                    "check what is transparent or masked",
+                    kind="apart",
+                    layers=(index,),
+                    name=layer.name,
+                    x=x,
+                    y=y,
                 )
         self.label_map: LabelMap = new_map(canvas.shape, -1, np.int16)
 
@@ -71,8 +76,12 @@ class Steps:
                 seam = apply_paths(drawing, first, second, covers[0], covers[1], **common)
             else:
                 seam = find_seam(first, second, covers[0], covers[1], **common, **options)
-        except OverlapError as error:
-            raise OverlapError(f"{layer.name} (at {layer.at[0]},{layer.at[1]}): {error}") from error
+        except (OverlapError, PathError) as error:
+            named = error.naming(a=self._layers[0].name, b=layer.name)
+            if isinstance(error, PathError):
+                raise named from error
+            x, y = layer.at
+            raise named.within("{name} (at {x},{y}): {error}", name=layer.name, x=x, y=y) from error
         self._show(seam, box)
         return moved_seam(seam, box, self._canvas, self.label_map, index)
 
@@ -131,7 +140,10 @@ def divided(
     try:
         return steps.join(1, {}, drawing).labels
     except PathError as error:
-        raise PathError(f"between {layers[pair[0]].name} and {layers[pair[1]].name}: {error}") from error
+        first, second = (layers[index].name for index in pair)
+        raise error.within(
+            "between {first} and {second}: {error}", layers=pair, first=first, second=second
+        ) from error
 
 
 def order_of(layers: Sequence[Layer], places: Sequence[Box], covered: Sequence[Mask]) -> list[int]:
@@ -148,9 +160,14 @@ def order_of(layers: Sequence[Layer], places: Sequence[Box], covered: Sequence[M
             x, y = layers[waiting[0]].at
             hidden = any(each.alpha is not None or each.mask is not None for each in layers)
             raise OverlapError(
-                f"{layers[waiting[0]].name} (at {x},{y}): the patches do not overlap: no pixel of it is "
-                "covered by another one; move it, or check where they lie"
-                f"{' and what is transparent or masked' if hidden else ''}"
+                "{name} (at {x},{y}): the {patches} do not overlap: no pixel of it is covered by "
+                "another one; move it, or check where they lie{hidden}",
+                kind="apart",
+                layers=(waiting[0],),
+                name=layers[waiting[0]].name,
+                x=x,
+                y=y,
+                hidden=" and what is transparent or masked" if hidden else "",
             )
         waiting.remove(index)
         order.append(index)

@@ -134,7 +134,7 @@ def match_tones(
     check_executor(executor)
     for layer in layers:
         if not isinstance(layer.image, Windows):
-            check_values(layer.image, layer.name, layer.data_range)  # what is white is known
+            check_values(layer.image, layer.title, layer.data_range)  # what is white is known
     canvas = extent_of(layers)
     places = [canvas.place(layer) for layer in layers]
     floats = [layer for layer in layers if np.issubdtype(layer.image.dtype, np.floating)]

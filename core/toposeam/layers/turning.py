@@ -69,7 +69,7 @@ def placed(layer: Layer, *, at: tuple[float, float], turn: float = 0.0, scale: f
     inside = _inside(inverse, base, shape, (height, width))
     dtype = layer.image.dtype
     whole = np.asarray(layer.image)
-    check_values(whole, layer.name, layer.data_range)
+    check_values(whole, layer.title, layer.data_range)
     planes = whole.reshape(height, width, -1)
     image = np.zeros((*shape, planes.shape[2]), dtype)
     for channel in range(planes.shape[2]):

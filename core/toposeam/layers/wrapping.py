@@ -78,7 +78,11 @@ def turned(layer: Layer, period: int, start: int) -> Layer:
     x, y = layer.at
     if width > period:
         raise OptionError(
-            f"{layer.name} is {width} px wide, but the panorama {period} px; give a larger width"
+            "{name} is {width} px wide, but the panorama {period} px; give a larger width",
+            kind="number",
+            name=layer.name,
+            width=width,
+            period=period,
         )
     occupied = np.roll(_columns(layer, period), -start)
     used = np.flatnonzero(occupied)

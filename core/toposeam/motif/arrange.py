@@ -187,7 +187,11 @@ def arrange(
             f"{len(motifs) - 1}"
         )
     if grid.size * first.densities[0].size > MAX_PATTERN:
-        raise OptionError(f"the pattern would have {grid.size} motifs; ask for fewer or smaller ones")
+        raise OptionError(
+            "the pattern would have {count} motifs; ask for fewer or smaller ones",
+            kind="too large",
+            count=grid.size,
+        )
     layers = np.concatenate(
         [np.concatenate([motifs[index].densities for index in row], axis=2) for row in grid], axis=1
     )

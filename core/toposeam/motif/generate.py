@@ -20,8 +20,7 @@ from toposeam.checks import (
     check_whole,
     seed_of,
 )
-from toposeam.checks import shown as shown_value
-from toposeam.errors import OptionError
+from toposeam.errors import OptionError, Term
 from toposeam.heat.threads import one_thread
 from toposeam.motif.calming import calmed
 from toposeam.motif.conduction import nominal_conductivity
@@ -201,7 +200,12 @@ def random_recipe(
     inks = _inks(palette, layers, rng)
     low_and_high = check_numbers("strengths", strengths)
     if low_and_high.shape != (2,) or not 0 < low_and_high[0] <= low_and_high[1] < np.inf:
-        raise OptionError(f"strengths is {shown_value(strengths)}; give a low and a high one, both above 0")
+        raise OptionError(
+            "{parameter} is {value!r}; give a low and a high one, both above 0",
+            kind="number",
+            parameter=Term("strengths"),
+            value=strengths,
+        )
     low, high = low_and_high.tolist()
     check_range(-1, 1, base_strength=base_strength)
     check_choice("base_law", base_law, LAWS)
@@ -289,7 +293,12 @@ def _of_layer(value: Any, index: int, layers: int, name: str) -> Points | None:
         return items
     if len(items) != layers:
         raise OptionError(
-            f"{name} is given for {len(items)} layers, the motif has {layers}; give one for each"
+            "{parameter} is given for {count} layers, the motif has {wanted}; give one for each",
+            kind="count",
+            parameter=Term(name),
+            value=value,
+            count=len(items),
+            wanted=layers,
         )
     chosen: Points = items[index]
     return chosen
@@ -303,8 +312,13 @@ def _number(value: float | Sequence[float] | None, index: int, layers: int, draw
     values = list(value)  # type: ignore[arg-type]
     if len(values) != layers:
         raise OptionError(
-            f"{name} is given for {len(values)} layers, the motif has {layers}; give one number or one for "
-            "each"
+            "{parameter} is given for {count} layers, the motif has {wanted}; give one number"
+            " or one for each",
+            kind="count",
+            parameter=Term(name),
+            value=values,
+            count=len(values),
+            wanted=layers,
         )
     return check_number(name, values[index])
 
@@ -316,7 +330,12 @@ def _edge(value: str | Sequence[str] | None, index: int, layers: int, penalty: f
     values = check_items("edge", several, str, "a text, or one for each layer")
     if len(values) != layers:
         raise OptionError(
-            f"edge is given for {len(values)} layers, the motif has {layers}; give one, or one for each"
+            "{parameter} is given for {count} layers, the motif has {wanted}; give one, or one for each",
+            kind="count",
+            parameter=Term("edge"),
+            value=values,
+            count=len(values),
+            wanted=layers,
         )
     return str(values[index])
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from toposeam.checks import check_pair
 from toposeam.display import to_png
-from toposeam.errors import OptionError
+from toposeam.errors import OptionError, Term
 from toposeam.motif.edges import fineness, printed, shading
 from toposeam.motif.mixing import mix
 from toposeam.motif.svg import draw_svg
@@ -161,6 +161,11 @@ def checked_size(size: tuple[int, int]) -> tuple[int, int]:
     rows, columns = check_pair("size", size, 1)
     if rows * columns > MAX_PATTERN:
         raise OptionError(
-            f"size is {rows} × {columns}; give rows and columns of {MAX_PATTERN:,} pixels at most"
+            "{parameter} is {rows} × {columns}; give rows and columns of {most:,} pixels at most",
+            kind="too large",
+            parameter=Term("size"),
+            rows=rows,
+            columns=columns,
+            most=MAX_PATTERN,
         )
     return rows, columns

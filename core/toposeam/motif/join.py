@@ -26,7 +26,7 @@ import numpy.typing as npt
 
 from toposeam.checks import check_items, check_kind, check_range, check_whole
 from toposeam.display import to_png
-from toposeam.errors import OptionError
+from toposeam.errors import OptionError, Term
 from toposeam.motif.arrange import arrange
 from toposeam.motif.borders import BESIDE_STROKES, FADE, border_visibility, faded, with_mass
 from toposeam.motif.calming import calmed_row
@@ -273,7 +273,9 @@ def _weighted(points: tuple[Point, ...], share: float) -> tuple[Point, ...]:
 
 def _check(recipes: Sequence[Recipe], weight: float, stages: int, between: int, shared: int) -> None:
     if len(recipes) < 2:
-        raise OptionError(f"{len(recipes)} recipes were given; join at least two motifs")
+        raise OptionError(
+            "{count} recipes were given; join at least two motifs", kind="count", count=len(recipes)
+        )
     check_range(0, 1, weight=weight)  # 0: each on its own, 1: compound motifs only
     check_whole("stages", stages, 1, 10)
     check_whole("between", between, 1, 10)
@@ -281,7 +283,11 @@ def _check(recipes: Sequence[Recipe], weight: float, stages: int, between: int, 
     first = recipes[0]
     if first.repeat not in _JOINABLE:
         raise OptionError(
-            f"repeat is {first.repeat}; motifs that join each other must repeat by {' or '.join(_JOINABLE)}"
+            "{parameter} is {value}; motifs that join each other must repeat by {allowed}",
+            kind="choice",
+            parameter=Term("repeat"),
+            value=first.repeat,
+            allowed=" or ".join(_JOINABLE),
         )
     if first.size[1] % 2:
         raise OptionError(

@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import map_coordinates
 
-from toposeam.checks import check_choice, check_number, check_numbers, check_pair, shown
-from toposeam.errors import OptionError
+from toposeam.checks import check_choice, check_number, check_numbers, check_pair
+from toposeam.errors import OptionError, Term
 from toposeam.images import as_float
 from toposeam.motif.symmetry import GENERATORS, HEXAGONAL, check_repeat, operations
 
@@ -84,11 +84,23 @@ def kaleidoscope(
     height, width = picture.shape[:2]
     place = check_numbers("at", (width / 2, height / 2) if at is None else at)
     if place.shape != (2,):
-        raise OptionError(f"at is {shown(at)}; pass two numbers, x and y in px")
+        raise OptionError(
+            "{parameter} is {value!r}; pass two numbers, x and y in px",
+            kind="type",
+            parameter=Term("at"),
+            value=at,
+        )
     x, y = place.tolist()
     if not (0 <= x <= width and 0 <= y <= height):
         raise OptionError(
-            f"at is ({x:g}, {y:g}), outside the picture of {width} × {height} px; move it inside"
+            "{parameter} is ({x:g}, {y:g}), outside the picture of {width} × {height} px; move it inside",
+            kind="outside",
+            parameter=Term("at"),
+            value=at,
+            x=x,
+            y=y,
+            width=width,
+            height=height,
         )
     # Lattice coordinates to px, and back.
     hexagonal = repeat in HEXAGONAL

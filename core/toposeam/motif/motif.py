@@ -123,8 +123,10 @@ def _counts(motif: Motif, counts: Any, size: Any) -> tuple[int, int]:
     cell = check_pair("size", size, 1) if size is not None else motif.densities.shape[1:]
     if rows * columns * cell[0] * cell[1] > MAX_PATTERN:
         raise OptionError(
-            f"the pattern would have {rows * cell[0]:,} × {columns * cell[1]:,} pixels; ask for fewer or "
-            "smaller motifs"
+            "the pattern would have {height:,} × {width:,} pixels; ask for fewer or smaller motifs",
+            kind="too large",
+            height=rows * cell[0],
+            width=columns * cell[1],
         )
     return rows, columns
 

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from toposeam.checks import check_choice, check_number, check_pair, check_range, check_whole
 from toposeam.colours import LUMA
-from toposeam.errors import OptionError
+from toposeam.errors import OptionError, Term
 from toposeam.images import as_float, in_dtype
 from toposeam.motif.edges import EDGES
 from toposeam.motif.symmetry import check_repeat
@@ -69,11 +69,19 @@ class LayerRecipe:
         for name in ("sources", "sinks"):
             object.__setattr__(self, name, tuple(_numbers(point, 3, name) for point in getattr(self, name)))
         if not all(0 <= c <= 1 for c in self.ink):
-            raise OptionError(f"ink is {self.ink}; colours are three numbers from 0 to 1")
+            raise OptionError(
+                "{parameter} is {value!s}; colours are three numbers from 0 to 1",
+                kind="number",
+                parameter=Term("ink"),
+                value=self.ink,
+            )
         check_range(0, 1, ambient=self.ambient)
         if not 0 < check_number("mass", self.mass) < 1:
             raise OptionError(
-                f"mass is {self.mass}; it must lie between 0 and 1, both excluded (0.2 to 0.5 is usual)"
+                "{parameter} is {value}; it must lie between 0 and 1, both excluded (0.2 to 0.5 is usual)",
+                kind="number",
+                parameter=Term("mass"),
+                value=self.mass,
             )
         check_range(1, 10, penalty=self.penalty)  # 1 is ink wash
         check_choice("edge", self.edge, EDGES)
@@ -152,7 +160,12 @@ class Recipe:
         check_repeat(self.repeat, size)
         check_whole("seed", self.seed, 0)
         if not all(0 <= c <= 1 for c in self.paper):
-            raise OptionError(f"paper is {self.paper}; colours are three numbers from 0 to 1")
+            raise OptionError(
+                "{parameter} is {value!s}; colours are three numbers from 0 to 1",
+                kind="number",
+                parameter=Term("paper"),
+                value=self.paper,
+            )
         if not self.layers:
             raise OptionError("the recipe has no layers; give at least one")
         check_whole("iterations", self.iterations, 1, 10_000)

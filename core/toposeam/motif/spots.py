@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.errors import OptionError
+from toposeam.errors import OptionError, Term
 from toposeam.motif.recipe import Point
 from toposeam.motif.symmetry import onto_axes
 
@@ -44,10 +44,19 @@ def spots(
     count = drawn if value is None else value
     if isinstance(count, int | np.integer):
         if count < 1:
-            raise OptionError(f"{name} is {count}; a layer needs at least one, give a number from 1")
+            raise OptionError(
+                "{parameter} is {value}; a layer needs at least one, give a number from 1",
+                kind="whole number",
+                parameter=Term(name),
+                value=count,
+            )
         if count > _MAX_POINTS:
             raise OptionError(
-                f"{name} is {count}; so many leave no strokes between them, give {_MAX_POINTS} at most"
+                "{parameter} is {value}; so many leave no strokes between them, give {most} at most",
+                kind="whole number",
+                parameter=Term(name),
+                value=count,
+                most=_MAX_POINTS,
             )
         places = _spread(int(count), rng, aspect, shown)
         powers = rng.uniform(*strengths, int(count))

@@ -19,7 +19,7 @@ from scipy import ndimage
 
 from toposeam.checks import check_kind, check_range, check_whole, options_from
 from toposeam.colours import to_hex
-from toposeam.errors import OptionError
+from toposeam.errors import OptionError, Term
 from toposeam.motif.edges import SMOOTHING, fineness
 from toposeam.motif.tiling import extend, period, tile
 from toposeam.vector.contours import MARGIN_PX, contour_beyond
@@ -135,7 +135,12 @@ def draw_svg(
     chosen = options_from(SvgOptions, options, given, "a drawing")
     check_kind("motif", motif, Drawable, "a Motif")
     if not isinstance(counts, tuple | list) or len(counts) != 2:
-        raise OptionError(f"counts is {counts!r}; pass two numbers, rows and columns")
+        raise OptionError(
+            "{parameter} is {value!r}; pass two numbers, rows and columns",
+            kind="type",
+            parameter=Term("counts"),
+            value=counts,
+        )
     rows, columns = counts
     check_counts(counts)
     if note is not None:

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import check_choice
-from toposeam.errors import OptionError
+from toposeam.errors import OptionError, Term
 from toposeam.heat.plate_joints import Floats, Joint, Shift
 from toposeam.motif.tiling import shift_of
 
@@ -80,18 +80,37 @@ def check_repeat(repeat: str, shape: tuple[int, int]) -> None:
     elif shape[shift[0]] % shift[1].denominator:
         side, parts, name = shape[shift[0]], shift[1].denominator, ("height", "width")[shift[0]]
         raise OptionError(
-            f"repeat {repeat} needs a {name} that divides by {parts}, this one is {side}; "
-            f"use {-(-side // parts) * parts}"
+            "{parameter} {value} needs a {side} that divides by {parts}, this one is {length}; use {size}",
+            kind="size for rule",
+            side=name,
+            parts=parts,
+            length=side,
+            size=-(-side // parts) * parts,
+            parameter=Term("repeat"),
+            value=repeat,
         )
     if (repeat in _SQUARE or repeat in HEXAGONAL) and h != w:
         raise OptionError(
-            f"repeat {repeat} needs a square cell, this one is {h} × {w}; make both sides equal"
+            "{parameter} {value} needs a square cell, this one is {height} × {width}; make both sides equal",
+            kind="size for rule",
+            height=h,
+            width=w,
+            parameter=Term("repeat"),
+            value=repeat,
         )
     halves = [operation[2] for operation in GENERATORS.get(repeat, ())]
     odd = (any(t for t, _ in halves) and w % 2) or (any(u for _, u in halves) and h % 2)
     if odd or (repeat == "rotate" and (h % 2 or w % 2)):
         raise OptionError(
-            f"repeat {repeat} needs even sizes, this cell is {h} × {w}; use {h + h % 2} × {w + w % 2}"
+            "{parameter} {value} needs even sizes, this cell is {height} × {width}; use "
+            "{even_height} × {size}",
+            kind="odd size",
+            height=h,
+            width=w,
+            even_height=h + h % 2,
+            size=w + w % 2,
+            parameter=Term("repeat"),
+            value=repeat,
         )
 
 

@@ -30,7 +30,7 @@ import scipy
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from toposeam.errors import OptionError, PathError
+from toposeam.errors import OptionError, PathError, Term
 from toposeam.images import box_of
 from toposeam.seam.overlap import neighbours
 from toposeam.vector.polyline import Floats, Ints, Mask, Polyline
@@ -118,16 +118,18 @@ def labels_from_paths(paths: Iterable[Polyline], overlap: Mask, side: Bytes) -> 
     )
     within = np.pad(overlap[box], 1)
     outlines = [_outline(path) - np.array([box[1].start - 1, box[0].start - 1]) for path in paths]
-    shortage = ""
+    shortage = None
     for whole_box in (False, True):
         cut = _Cut([_extended(outline, within, whole_box) for outline in outlines], within.shape)
         shown, shortage = _shown(cut, ground)
-        if not shortage:
+        if shortage is None:
             labels[box] |= shown[1:-1, 1:-1]
             return labels
     raise PathError(
-        f"the path does not separate the patches: {shortage}; draw it right across the overlap, from end to "
-        "end, and round every place that only one patch covers"
+        "the path does not separate the {patches}: {shortage}; draw it right across the "
+        "overlap, from end to end, and round every place that only one {patch} covers",
+        kind="path not across",
+        shortage=shortage,
     )
 
 
@@ -253,8 +255,8 @@ def _crossings(
         yield j[kept], i[kept]
 
 
-def _shown(cut: _Cut, ground: Bytes) -> tuple[Mask, str]:
-    """Where ``b`` shows on free pixels, and what is wrong with it ("" when nothing is)."""
+def _shown(cut: _Cut, ground: Bytes) -> tuple[Mask, PathError | None]:
+    """Where ``b`` shows on free pixels, and what is wrong with it (None when nothing is)."""
     free = ground == _FREE
     flat_free, flat_ground = free.ravel(), ground.ravel()
     node, region, size = _regions(cut, free)
@@ -337,8 +339,8 @@ def _propagate(label: Mask, decided: Mask, first: Ints, second: Ints, size: Ints
         decided[towards] = True
 
 
-def _shortage(ground: Bytes, width: int, other: Ints, right: Mask) -> str:
-    """Which front is not separated, in words; `other` are the (flat) ground pixels of all contacts, `right`
+def _shortage(ground: Bytes, width: int, other: Ints, right: Mask) -> PathError | None:
+    """Which front is not separated; `other` are the (flat) ground pixels of all contacts, `right`
     whether each got its way.
     """
     for side, name in ((_A, "a"), (_B, "b")):
@@ -357,8 +359,11 @@ def _shortage(ground: Bytes, width: int, other: Ints, right: Mask) -> str:
         if failed.any():
             worst = int(np.argmax(np.where(failed, total - good, 0)))
             stretch = f"{total[worst] - good[worst]:.0f} of {total[worst]} px"
-            return (
-                f"along {stretch} of an edge of patch {name} the path leaves its ground on the other "
-                "patch's side"
+            return PathError(
+                "along {stretch} of an edge of {ground} the path leaves its ground on the other {patch}'s "
+                "side",
+                kind="path beside",
+                stretch=stretch,
+                ground=Term(name, f"patch {name}"),
             )
-    return ""
+    return None

@@ -47,8 +47,9 @@ def dp_labels(problem: SeamProblem) -> Mask:
                 labels[window] = result.T if transpose else result
                 return labels
     raise OverlapError(
-        "method dp handles only rectangular overlaps with the patches on opposite sides; use heat for this "
-        "shape"
+        "method dp handles only rectangular overlaps with the {patches} on opposite "
+        "sides; use heat for this shape",
+        kind="not side by side",
     )
 
 

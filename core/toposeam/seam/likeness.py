@@ -50,8 +50,12 @@ def seam_verdict(
     overlap = seam.problem.overlap
     if not a.shape[:2] == b.shape[:2] == overlap.canvas:
         raise OptionError(
-            f"a has shape {a.shape[:2]}, b {b.shape[:2]} and the seam's canvas {overlap.canvas}; "
-            "pass the pictures it was found in"
+            "{a} has shape {shape_a!s}, {b} {shape_b!s} and the seam's canvas {canvas!s}; "
+            "pass the pictures it was found in",
+            kind="shape",
+            shape_a=a.shape[:2],
+            shape_b=b.shape[:2],
+            canvas=overlap.canvas,
         )
     costs = costs_on(a, b, overlap, overlap.shared, overlap.shared, MatchCost(), None, data_range)
     return verdict_of(*SeamProblem(overlap, *costs).crossings(overlap.window(seam.labels).astype(bool)))

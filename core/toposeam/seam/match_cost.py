@@ -41,7 +41,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import check_choice, check_range
-from toposeam.errors import OptionError
+from toposeam.errors import OptionError, Term
 from toposeam.images import Mask
 from toposeam.seam.natural import LOOK, MOST, perceived
 from toposeam.seam.overlap import FREE, KEPT_PIXELS, KEPT_SHAPES, NONE, Overlap
@@ -126,13 +126,20 @@ def match_options(gradient: bool | None, cost: MatchCost | None, usual: Law = "n
         check_choice("gradient", gradient, (True, False))
         if cost is not None:
             raise OptionError(
-                "gradient and cost are both given; write MatchCost(law=…) and leave gradient out"
+                "{gradient} and {cost} are both given; write MatchCost(law=…) and leave {gradient} out",
+                kind="conflict",
             )
         return _USUAL["gradient" if gradient else "colour"]
     if cost is None:
         return _USUAL[usual]
     if not isinstance(cost, MatchCost):
-        raise OptionError(f"cost is of class {type(cost).__name__}; pass a MatchCost")
+        raise OptionError(
+            "{parameter} is of class {type}; pass a MatchCost",
+            kind="type",
+            parameter=Term("cost"),
+            value=cost,
+            type=type(cost).__name__,
+        )
     return cost
 
 
@@ -146,7 +153,11 @@ def check_no_reach(match: MatchCost, what: str) -> MatchCost:
     """
     if match.reach:
         raise OptionError(
-            f"cost has a reach of {match.reach:g} px, which {what} do not know; leave reach out of it"
+            "{parameter} has a reach of {value:g} px, which {what} do not know; leave reach out of it",
+            kind="conflict",
+            parameter=Term("cost"),
+            value=match.reach,
+            what=what,
         )
     return match
 

@@ -114,7 +114,9 @@ def side_by_side(shape: tuple[int, int], side: Side) -> Overlap:
     across = 1 if side in ("right", "left") else 0
     if shape[across] < 2:
         raise OverlapError(
-            f"the overlap is {shape[across]} px wide; a seam needs at least 2 px between the two patches"
+            "the overlap is {width} px wide; a seam needs at least 2 px between the two {patches}",
+            kind="narrow",
+            width=shape[across],
         )
     small = shape[0] * shape[1] <= KEPT_PIXELS
     return _kept_side_by_side(shape, side) if small else _side_by_side(shape, side)
@@ -191,8 +193,9 @@ def _between_masks(mask_a: Mask, mask_b: Mask, core: float, speck: float | None)
     shared = mask_a & mask_b
     if not shared.any():
         raise OverlapError(
-            "the patches do not overlap: no pixel is covered by both; move one of them, or check where they "
-            "lie"
+            "the {patches} do not overlap: no pixel is covered by both; move one of them, or "
+            "check where they lie",
+            kind="apart",
         )
     axes = range(shared.ndim)
     used = [np.flatnonzero(shared.any(axis=tuple(other for other in axes if other != axis))) for axis in axes]
@@ -206,8 +209,10 @@ def _between_masks(mask_a: Mask, mask_b: Mask, core: float, speck: float | None)
     overlap = Overlap(side, shared, start, frame.canvas)
     if not ((side[shared] == A).any() and (side[shared] == B).any()) and not (side == FREE).any():
         raise OverlapError(
-            "nothing divides the patches: wherever they overlap both cover the same ground, or one is too "
-            "thin to hold a seam; let one of them reach beyond the other, or lie well inside it"
+            "nothing divides the {patches}: wherever they overlap both cover the same ground,"
+            " or one is too thin to hold a seam; let one of them reach beyond the other, or "
+            "lie well inside it",
+            kind="nothing between",
         )
     return overlap
 

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import check_choice
-from toposeam.errors import ImageError, OptionError
+from toposeam.errors import ImageError, OptionError, Term
 from toposeam.heat.bricks import HIGH, LOW, along
 from toposeam.images import Image, Mask, as_array, as_float, as_mask, check_shape, unit_of, widen
 from toposeam.seam.match_cost import Floats32, Law, MatchCost, match_cost, match_options
@@ -53,7 +53,11 @@ def pose(
         check_choice("side", side, SIDES)
     if side is not None and masked:
         raise OptionError(
-            f"side is {side!r}, but masks say where each patch continues; leave one or the other out"
+            "{parameter} is {value!r}, but masks say where each {patch} continues; leave one "
+            "or the other out",
+            kind="conflict",
+            parameter=Term("side"),
+            value=side,
         )
     problem, only_b = seam_problem(
         a, b, mask_a, mask_b, side or "right", match, weight, avoid, core, speck, data_range
@@ -88,8 +92,11 @@ def seam_problem(
     shape_a, shape_b = a.shape[:2], b.shape[:2]
     if shape_a != shape_b:
         raise ImageError(
-            f"a has {shape_a} pixels and b has {shape_b}; put both on one canvas of the same size "
-            "(toposeam.stitch does)"
+            "{a} has {size_a!s} pixels and {b} has {size_b!s}; put both on one canvas of the "
+            "same size (toposeam.stitch does)",
+            kind="shape",
+            size_a=shape_a,
+            size_b=shape_b,
         )
     canvas = (int(shape_a[0]), int(shape_a[1]))
     overlap, on_a, on_b, only_b = placed(
@@ -256,12 +263,20 @@ def as_weights(weight: npt.ArrayLike, shape: tuple[int, ...]) -> npt.NDArray[np.
         array = np.asarray(weight, float)
     except (TypeError, ValueError) as error:
         raise ImageError(
-            f"weight cannot be read as numbers ({error}); pass one value per {unit_of(shape)}"
+            "{array} cannot be read as numbers ({reason}); pass one value per {unit}",
+            kind="array",
+            array=Term("weight"),
+            reason=str(error),
+            unit=unit_of(shape),
         ) from error
     check_shape(array, shape, "weight")
     if not (np.isfinite(array).all() and (array > 0).all()):
         what, where = ("surface", "voxels") if len(shape) == 3 else ("seam", "pixels")
         raise OptionError(
-            f"weight must be positive everywhere; to keep the {what} out of some {where} use avoid"
+            "{parameter} must be positive everywhere; to keep the {what} out of some {where} use {avoid}",
+            kind="number",
+            parameter=Term("weight"),
+            what=what,
+            where=where,
         )
     return array

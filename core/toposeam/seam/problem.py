@@ -36,11 +36,6 @@ from toposeam.seam.overlap import FREE, KEPT_PIXELS, KEPT_SHAPES, NONE, A, B, Ov
 #: The thesis's M_max: the cost of an interface where no seam may run, in units of the dearest ordinary one
 #: (at least 1).
 M_MAX = 1e6
-#: What is said where a seam would have to be forbidden.
-BLOCKED = (
-    "no seam avoids the pixels you excluded: they block the overlap from side to side; leave it a way through"
-)
-
 Indices = npt.NDArray[np.intp]
 
 
@@ -67,6 +62,15 @@ def geometry(right: Mask, down: Mask) -> tuple[Indices, Indices, Indices, Indice
     stride[len(row) :], along[len(row) :] = w, 1
     start = np.concatenate([row * (w + 1) + column + 1, (below + 1) * (w + 1) + beside])
     return first, first + stride, start, start + along
+
+
+def blocked() -> OverlapError:
+    """The error about a seam that would have to cut what is forbidden."""
+    return OverlapError(
+        "no seam avoids the pixels you excluded: they block the overlap from side to side; leave it a way "
+        "through",
+        kind="blocked",
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -274,7 +278,7 @@ class SeamProblem:
         OverlapError
         """
         if self.crossed(labels).max(initial=0.0) >= self.forbidden:
-            raise OverlapError(BLOCKED)
+            raise blocked()
 
     def on_canvas(self, labels: npt.NDArray[Any], only_b: Mask) -> npt.NDArray[Any]:
         """Window values spread to the canvas: those of the overlap from `labels`, elsewhere True (1) where

@@ -304,8 +304,13 @@ def apply_paths(
     height, width = problem.overlap.canvas
     if (drawing.width, drawing.height) != (width, height):
         raise PathError(
-            f"the path belongs to a canvas of {drawing.width:g} × {drawing.height:g} px, but the patches "
-            f"make one of {width} × {height}; place them as when it was exported"
+            "the path belongs to a canvas of {own_width:g} × {own_height:g} px, but the "
+            "{patches} make one of {width} × {height}; place them as when it was exported",
+            kind="other canvas",
+            own_width=drawing.width,
+            own_height=drawing.height,
+            width=width,
+            height=height,
         )
     top, left = problem.overlap.start
     lines = [

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from toposeam.checks import check_choice, check_range, check_whole
-from toposeam.errors import OptionError
+from toposeam.errors import OptionError, Term
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,12 +91,19 @@ class ThesisOptions:
         check_range(0, 1, above=True, least_density=self.least_density)
         if self.least_density ** max(self.penalty, self.first_penalty) < 1e-15:
             raise OptionError(
-                f"least_density is {self.least_density}; to the power of penalty {self.penalty:g} it must be "
-                "at least 1e-15"
+                "{parameter} is {value}; to the power of {penalty} {power:g} it must be at least 1e-15",
+                kind="number",
+                parameter=Term("least_density"),
+                value=self.least_density,
+                power=self.penalty,
             )
         if not self.least_density < self.start:
             raise OptionError(
-                f"start is {self.start} and least_density {self.least_density}; the start must be denser"
+                "{parameter} is {value} and {least_density} {least}; the start must be denser",
+                kind="number",
+                parameter=Term("start"),
+                value=self.start,
+                least=self.least_density,
             )
         for name in ("stages", "max_iterations", "first_iterations", "stage_iterations"):
             check_whole(name, getattr(self, name), 1)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from toposeam.checks import Seed, check_choice, check_whole
-from toposeam.errors import ImageError, OptionError
+from toposeam.errors import ImageError, OptionError, Term
 from toposeam.images import Mask, box_of
 from toposeam.texture.atlas import Atlas, Floats32
 from toposeam.texture.canvas import IndexCanvas
@@ -142,7 +142,12 @@ def fill(
     check_choice("by", by, BYS)
     check_choice("level", level, (True, False))
     if by == "shifts" and (patch is not None or overlap is not None):
-        raise OptionError("patch and overlap say how large patches are; leave them out with by='shifts'")
+        raise OptionError(
+            "{patch} and {overlap} say how large patches are; leave them out with {shifts}",
+            kind="conflict",
+            parameter=Term("patch" if overlap is None else "overlap"),
+            shifts=Term("by", value="shifts"),
+        )
     holed = read_holed(request, image, mask, source, avoid)
     if by == "auto":
         texture = patch is not None or overlap is not None
@@ -300,8 +305,13 @@ def _windows(
     height, width = (min(side, length) for length in canvas.shape)
     if large.any() and not _has_room(placer, (height, width)):
         raise ImageError(
-            f"no place outside the mask has room for a patch of {width} × {height} px; use "
-            f"{'smaller patches or ' if min(width, height) > SMALLEST_PATCH else ''}a smaller mask"
+            "no place outside {mask} has room for a patch of {width} × {height} px; use "
+            "{smaller}a smaller mask",
+            kind="no room",
+            mask=Term("mask", "the mask"),
+            width=width,
+            height=height,
+            smaller="smaller patches or " if min(width, height) > SMALLEST_PATCH else "",
         )
     while True:
         empty = (canvas.index < 0) & large

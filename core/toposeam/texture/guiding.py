@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import check_number
-from toposeam.errors import ImageError, OptionError
+from toposeam.errors import ImageError, OptionError, Term
 from toposeam.images import as_array, as_float
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.sites import Guide
@@ -34,15 +34,22 @@ def guide_of(
         return None
     if guide is None or guide_source is None:
         raise OptionError(
-            "guide and guide_source belong together: what is wanted, and what the source's pixels stand for; "
-            "give both"
+            "{guide} and {guide_source} belong together: what is wanted, and what the "
+            "source's pixels stand for; give both",
+            kind="conflict",
         )
     check_number("guide_weight", weight, 0, 1)
     target = _terms(guide, "guide")
     if target.shape[:2] != size:
         raise ImageError(
-            f"guide is {target.shape[1]} × {target.shape[0]} px, but the texture {size[1]} × {size[0]} px; "
-            "make them one size"
+            "{array} is {width} × {height} px, but the texture {other_width} × {other_height}"
+            " px; make them one size",
+            kind="other size",
+            array=Term("guide"),
+            width=target.shape[1],
+            height=target.shape[0],
+            other_width=size[1],
+            other_height=size[0],
         )
     stands: list[npt.NDArray[np.float32]] = []
     each = count_of(turns)
@@ -53,13 +60,22 @@ def guide_of(
         values = _terms(image, "guide_source")
         if values.shape[:2] != (height, width):
             raise ImageError(
-                f"guide_source is {values.shape[1]} × {values.shape[0]} px, but its source {width} × "
-                f"{height} px; make them one size"
+                "{array} is {width} × {height} px, but its source {other_width} × {other_height} "
+                "px; make them one size",
+                kind="other size",
+                array=Term("guide_source"),
+                width=values.shape[1],
+                height=values.shape[0],
+                other_width=width,
+                other_height=height,
             )
         if values.shape[2] != target.shape[2]:
             raise ImageError(
-                f"guide has {target.shape[2]} channels and guide_source {values.shape[2]}; convert both to "
-                "gray, or both to RGB"
+                "{guide} has {channels} channels and {guide_source} {other_channels}; convert "
+                "both to gray, or both to RGB",
+                kind="channels",
+                channels=target.shape[2],
+                other_channels=values.shape[2],
             )
         stands.append(values)
     plane = atlas.spread(turned(stands, turns))

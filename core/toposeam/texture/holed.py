@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.errors import ImageError
+from toposeam.errors import ImageError, Term
 from toposeam.images import Mask, as_array, as_mask
 from toposeam.texture.atlas import Atlas
 from toposeam.texture.canvas import IndexCanvas
@@ -82,18 +82,24 @@ def read_holed(
         copied = copied & ~as_mask(avoid, shape, "avoid")
     if not gone.any() and not empty:
         raise ImageError(
-            "the mask is empty, or the picture transparent there, so there is nothing to replace; paint what "
-            "has to go white"
+            "{mask} is empty, or the picture transparent there, so there is nothing to "
+            "replace; paint what has to go white",
+            kind="nothing to replace",
+            mask=Term("mask", "the mask"),
         )
     if (source is not None or avoid is not None) and not copied.any() and not gone.all():
         remedy = "more of what may" if source is not None else "less of what must not"
         raise ImageError(
-            "nothing is left to copy from: outside the mask nothing is allowed; paint "
-            f"{remedy} be copied white"
+            "nothing is left to copy from: outside {mask} nothing is allowed; paint {remedy} be copied white",
+            kind="nothing to copy",
+            mask=Term("mask", "the mask"),
+            remedy=remedy,
         )
     if not copied.any():
         raise ImageError(
-            "nothing is left to copy from: the mask covers the whole picture; paint only what has to go white"
+            "nothing is left to copy from: {mask} covers the whole picture; paint only what has to go white",
+            kind="all to replace",
+            mask=Term("mask", "the mask"),
         )
     if np.issubdtype(array.dtype, np.floating):  # whatever the hole holds
         array = np.where(gone[..., np.newaxis] if array.ndim == 3 else gone, 0, array).astype(array.dtype)

@@ -269,8 +269,11 @@ class PatchPlacer:
         rows, columns = np.nonzero(self.ranking.search.room(shape))
         if not len(rows):
             raise ImageError(
-                f"nowhere is the picture opaque and free for a patch of {shape[1]} × {shape[0]} px; fill its "
-                "holes first, or use smaller patches"
+                "nowhere is the picture opaque and free for a patch of {width} × {height} px; "
+                "fill its holes first, or use smaller patches",
+                kind="no opaque room",
+                width=shape[1],
+                height=shape[0],
             )
         pick = int(self.rng.integers(len(rows)))
         return int(rows[pick]), int(columns[pick])

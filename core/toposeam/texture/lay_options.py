@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from toposeam.checks import check_choice, check_number, check_whole
-from toposeam.errors import OptionError
+from toposeam.errors import OptionError, Term
 from toposeam.seam.find import METHODS, Method
 from toposeam.seam.match_cost import MatchCost, check_no_reach
 
@@ -64,7 +64,13 @@ class LayOptions:
         check_choice("method", self.method, METHODS)
         check_choice("close", self.close, (True, False))
         if self.cost is not None and not isinstance(self.cost, MatchCost):
-            raise OptionError(f"cost is of class {type(self.cost).__name__}; pass a MatchCost")
+            raise OptionError(
+                "{parameter} is of class {type}; pass a MatchCost",
+                kind="type",
+                parameter=Term("cost"),
+                value=self.cost,
+                type=type(self.cost).__name__,
+            )
         if self.cost is not None:
             check_no_reach(self.cost, "textures")
 

@@ -22,7 +22,7 @@ import numpy.typing as npt
 from scipy import sparse
 from scipy.sparse import linalg
 
-from toposeam.errors import ImageError
+from toposeam.errors import ImageError, Term
 from toposeam.images import Image, Mask, as_array, as_mask, check_values, full_scale, in_dtype
 from toposeam.texture.atlas import Atlas, Floats32, Ints32
 from toposeam.texture.joints import ROWS, joints
@@ -115,7 +115,11 @@ def flatten_light(
     shape = (array.shape[0], array.shape[1])
     where = np.ones(shape, bool) if source_mask is None else as_mask(source_mask, shape, "source_mask")
     if not where.any():
-        raise ImageError("source_mask is empty, so there is no light to find; paint it white somewhere")
+        raise ImageError(
+            "{mask} is empty, so there is no light to find; paint it white somewhere",
+            kind="nothing to sample",
+            mask=Term("source_mask"),
+        )
     gone = ~where if array.ndim == 2 else ~where[..., np.newaxis]
     check_values(np.where(gone, array.dtype.type(0), array), "image", data_range)
     values = np.where(gone & ~np.isfinite(array), 0.0, array.astype(np.float64))

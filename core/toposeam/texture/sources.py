@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import check_items, check_number
-from toposeam.errors import ImageError, OptionError
+from toposeam.checks import Name, check_items, check_number, term_of
+from toposeam.errors import ImageError, OptionError, Term
 from toposeam.images import Image, Mask, as_array, as_float, as_mask, full_scale
 from toposeam.texture.atlas import Floats32
 
@@ -21,6 +21,8 @@ DataRange = float | Sequence[float | None] | None
 UNSEEN_STEP = 0.004
 #: Rows of an exemplar that are looked at first.
 _EVERY = 64
+
+_ALPHA = Term("alpha")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -60,7 +62,7 @@ class Sources:
         return tuple((mask.shape[0], mask.shape[1]) for mask in self.usable)
 
 
-def as_list(images: Images | None, count: int, name: str) -> list[Any]:
+def as_list(images: Images | None, count: int, name: Name) -> list[Any]:
     """List one entry per exemplar: a lone array stands for the only exemplar.
 
     Raises
@@ -73,7 +75,11 @@ def as_list(images: Images | None, count: int, name: str) -> list[Any]:
     found: list[Any] = list(images) if isinstance(images, list | tuple) else [images]
     if len(found) != count:
         raise ImageError(
-            f"{name} has {len(found)} images for {count} exemplars; give one for each, in the same order"
+            "{array} has {given} images for {count} {exemplars}; give one for each, in the same order",
+            kind="count",
+            array=term_of(name),
+            given=len(found),
+            count=count,
         )
     return found
 
@@ -118,9 +124,11 @@ def read_sources(
     maps = check_items("maps", maps, object, "a sequence of images, one a map")
     several: list[Any] = list(source) if isinstance(source, list | tuple) else [source]
     if not several:
-        raise ImageError(f"{name} is an empty list; give at least one image")
+        raise ImageError(
+            "{array} is an empty list; give at least one image", kind="count", array=Term(name), count=0
+        )
     count = len(several)
-    names = [name if count == 1 else f"{name} {index + 1}" for index in range(count)]
+    names = [Term(name) if count == 1 else Term(name, f"{name} {k + 1}", k) for k in range(count)]
     pictures = [_picture(image, label) for image, label in zip(several, names, strict=True)]
     shapes = [picture.shape[:2] for picture in pictures]
     opacity = [None if a is None else as_array(a, "alpha") for a in as_list(alpha, count, "alpha")]
@@ -130,7 +138,7 @@ def read_sources(
     ]
     factors, white = _weights(weights, 1 + len(maps)), white_of(data_range, 1 + len(maps))
     planes, gray = [_alike(pictures, names)], [all(picture.ndim == 2 for picture in pictures)]
-    labels = ["", *(f"map {number}" for number in range(1, len(maps) + 1)), "alpha"]
+    labels = [Term(""), *(Term("maps", f"map {k + 1}", k) for k in range(len(maps))), _ALPHA]
     for label, given in zip(labels[1:], maps, strict=False):
         found = _map(as_list(given, count, label), label, pictures, names)
         planes.append(_alike(found, [label] * count))
@@ -189,38 +197,55 @@ def check_varied(sources: Sources, name: str = "source") -> None:
     seen = [values[usable] for values, usable in exemplars]
     if all(len(values) == 0 or (values == seen[0][:1]).all() for values in seen):
         raise ImageError(
-            f"{name} has one value everywhere, so there is nothing to make a texture of; give a picture with "
-            "some structure"
+            "{array} has one value everywhere, so there is nothing to make a texture of; give"
+            " a picture with some structure",
+            kind="plain",
+            array=Term(name),
         )
 
 
-def _picture(image: npt.ArrayLike, name: str) -> Image:
+def _picture(image: npt.ArrayLike, name: Term) -> Image:
     array = as_array(image, name)
     if array.ndim == 3 and array.shape[2] not in (1, 3):
         raise ImageError(
-            f"{name} has {array.shape[2]} channels; pass gray or RGB, and opacity apart as alpha"
+            "{array} has {channels} channels; pass gray or RGB, and opacity apart as {alpha}",
+            kind="channels",
+            array=name,
+            channels=array.shape[2],
         )
     return array
 
 
-def _map(images: list[Any], label: str, pictures: Sequence[Image], names: Sequence[str]) -> list[Image]:
+def _map(images: list[Any], label: Term, pictures: Sequence[Image], names: Sequence[Term]) -> list[Image]:
     """Check a map of each exemplar."""
     found = [_picture(image, label) for image in images]
     for image, picture, whose in zip(found, pictures, names, strict=True):
         if image.shape[:2] != picture.shape[:2]:
             raise ImageError(
-                f"{label} is {image.shape[1]} × {image.shape[0]} px, but {whose} {picture.shape[1]} × "
-                f"{picture.shape[0]} px; scale the maps to one size"
+                "{array} is {width} × {height} px, but {other} {other_width} × {other_height} px;"
+                " scale the maps to one size",
+                kind="other size",
+                array=label,
+                width=image.shape[1],
+                height=image.shape[0],
+                other=whose,
+                other_width=picture.shape[1],
+                other_height=picture.shape[0],
             )
     return found
 
 
-def _present(opacity: Image | None, picture: Image, label: str, *, transparent: bool) -> Mask:
+def _present(opacity: Image | None, picture: Image, label: Term, *, transparent: bool) -> Mask:
     """Find where an exemplar has pixels."""
     if opacity is not None and (opacity.shape != picture.shape[:2] or opacity.dtype != picture.dtype):
         raise ImageError(
-            f"alpha of {label} is {opacity.dtype} of shape {opacity.shape}; give {picture.dtype} of shape "
-            f"{picture.shape[:2]}"
+            "alpha of {array} is {dtype} of shape {shape!s}; give {wanted} of shape {expected!s}",
+            kind="shape",
+            array=label,
+            dtype=str(opacity.dtype),
+            shape=opacity.shape,
+            wanted=str(picture.dtype),
+            expected=picture.shape[:2],
         )
     if opacity is None or transparent:
         return np.ones(picture.shape[:2], bool)
@@ -232,22 +257,34 @@ def _check_usable(usable: Sequence[Mask], masks: Sequence[Mask | None], name: st
     if any(pixels.any() for pixels in usable):
         return
     if all(m is None for m in masks):
-        raise ImageError(f"{name} is transparent everywhere; give one that shows something")
+        raise ImageError(
+            "{array} is transparent everywhere; give one that shows something",
+            kind="transparent",
+            array=Term(name),
+        )
     if not any(m is not None and m.any() for m in masks):
-        raise ImageError(f"nothing of {name} may be sampled: its mask is empty; paint it white somewhere")
+        raise ImageError(
+            "nothing of {array} may be sampled: {mask} is empty; paint it white somewhere",
+            kind="nothing to sample",
+            array=Term(name),
+            mask=Term("source_mask", "its mask"),
+        )
     raise ImageError(
-        f"nothing of {name} may be sampled: wherever its mask is white it is transparent; paint white "
-        "what shows something"
+        "nothing of {array} may be sampled: wherever {mask} is white it is transparent; "
+        "paint white what shows something",
+        kind="nothing to sample",
+        array=Term(name),
+        mask=Term("source_mask", "its mask"),
     )
 
 
-def _features(planes: list[tuple[str, Floats32, float]], opacity: Image | None) -> Floats32:
+def _features(planes: list[tuple[Term, Floats32, float]], opacity: Image | None) -> Floats32:
     """Stack planes, each times the root of its weight; what cannot be seen is not compared."""
     share = None
     if opacity is not None:
         share = np.atleast_3d((opacity / full_scale(opacity.dtype)).astype(np.float32))
     for label, values, weight in planes:
-        if share is not None and label != "alpha":
+        if share is not None and label is not _ALPHA:
             values *= share
         if weight != 1:
             values *= np.float32(np.sqrt(weight))
@@ -259,11 +296,15 @@ def _where(present: Mask, values: Image) -> Image:
     return values if present.all() else np.where(present[..., np.newaxis], values, values.dtype.type(0))
 
 
-def _alike(images: Sequence[Image], names: Sequence[str]) -> tuple[npt.NDArray[Any], ...]:
+def _alike(images: Sequence[Image], names: Sequence[Term]) -> tuple[npt.NDArray[Any], ...]:
     """Give all a channel axis and equally many channels; gray ones are widened."""
     if len({image.dtype for image in images}) > 1:
-        kinds = ", ".join(f"{name}: {image.dtype}" for name, image in zip(names, images, strict=True))
-        raise ImageError(f"the exemplars differ in dtype ({kinds}); convert them to one")
+        raise ImageError(
+            "the {exemplars} differ in dtype ({arrays}: {dtypes}); convert them to one",
+            kind="dtype",
+            arrays=tuple(names),
+            dtypes=tuple(str(image.dtype) for image in images),
+        )
     widest = max(1 if image.ndim == 2 else image.shape[2] for image in images)
     deep = [image[..., np.newaxis] if image.ndim == 2 else image for image in images]
     return tuple(np.repeat(image, widest, axis=2) if image.shape[2] < widest else image for image in deep)
@@ -272,14 +313,24 @@ def _alike(images: Sequence[Image], names: Sequence[str]) -> tuple[npt.NDArray[A
 def _weights(weights: Sequence[float] | None, count: int) -> list[float]:
     if weights is None:
         return [1.0] * count
-    found = [check_number("one of the weights", weight, 0) for weight in _several(weights, "weights")]
+    found = [
+        check_number(Term("weights", "one of the weights", 0), weight, 0)
+        for weight in _several(weights, "weights")
+    ]
     if len(found) != count:
         raise OptionError(
-            f"{len(found)} weights were given for the picture and {count - 1} further maps; give one for each"
+            "{count} {weights} were given for the picture and {maps_count} further maps; give one for each",
+            kind="count",
+            parameter=Term("weights"),
+            count=len(found),
+            maps_count=count - 1,
         )
     if not any(found):
         raise OptionError(
-            f"the weights are {', '.join(f'{weight:g}' for weight in found)}; give at least one above 0"
+            "the {weights} are {value}; give at least one above 0",
+            kind="number",
+            parameter=Term("weights"),
+            value=tuple(f"{weight:g}" for weight in found),
         )
     return found
 
@@ -292,8 +343,11 @@ def white_of(data_range: DataRange, count: int) -> list[float | None]:
         given = _several(data_range, "data_range")
     if len(given) != count:
         raise OptionError(
-            f"data_range has {len(given)} values for the picture and {count - 1} further maps; give one for "
-            "each"
+            "{parameter} has {given} values for the picture and {maps_count} further maps; give one for each",
+            kind="count",
+            parameter=Term("data_range"),
+            given=len(given),
+            maps_count=count - 1,
         )
     return [None if one is None else check_number("data_range", one, 0, above=True) for one in given]
 
@@ -301,5 +355,10 @@ def white_of(data_range: DataRange, count: int) -> list[float | None]:
 def _several(values: Any, name: str) -> list[Any]:
     items = list(check_items(name, values, object, "a list with one number per map"))
     if any(isinstance(item, Sequence | np.ndarray) for item in items):
-        raise OptionError(f"{name} is a list of lists; pass a list with one number per map")
+        raise OptionError(
+            "{parameter} is a list of lists; pass a list with one number per map",
+            kind="type",
+            parameter=Term(name),
+            value=values,
+        )
     return items

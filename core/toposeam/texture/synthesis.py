@@ -16,7 +16,7 @@ from scipy import ndimage
 
 from toposeam.checks import check_choice, check_whole, check_whole_array
 from toposeam.display import to_png
-from toposeam.errors import ImageError
+from toposeam.errors import ImageError, Term
 from toposeam.images import Image, Mask, as_array
 from toposeam.saving import save
 from toposeam.sentence import counted
@@ -230,7 +230,11 @@ def apply_coordinates(
     deep = [image[..., np.newaxis] if image.ndim == 2 else image for image in found]
     for image in found if smooth else ():
         if np.issubdtype(image.dtype, np.floating) and not np.isfinite(image).all():
-            raise ImageError("an image has NaN or infinite values, which cannot be mixed; say smooth=0")
+            raise ImageError(
+                "an image has NaN or infinite values, which cannot be mixed; say {smooth}",
+                kind="not finite",
+                smooth=Term("smooth", value=0),
+            )
     made = render(
         atlas.index_of(number.astype(np.int16), place.astype(np.int32)),
         atlas.spread(deep),

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import Seed, check_choice, check_items, check_number, check_pair, check_whole
-from toposeam.errors import ImageError, OptionError
+from toposeam.errors import ImageError, OptionError, Term
 from toposeam.images import MAX_PIXELS
 from toposeam.texture.atlas import Atlas, Floats32
 from toposeam.texture.beginning import begun
@@ -205,14 +205,21 @@ def synthesize(
     )
     shape = shape_on(canvas, side, overlap)
     if not placer.ranking.search.room(shape).any():
-        where, remedy = (
-            ("in the mask", "a larger mask")
-            if source_mask is not None
-            else ("that shows", "an exemplar with fewer holes")
-        )
         smaller = "" if patch is None else "smaller patches or "
+        room = {"width": shape[1], "height": shape[0], "smaller": smaller}
+        if source_mask is not None:
+            raise ImageError(
+                "no place in {mask} has room for a patch of {width} × {height} px; use {smaller}a "
+                "larger mask",
+                kind="no room",
+                mask=Term("source_mask", "the mask"),
+                **room,
+            )
         raise ImageError(
-            f"no place {where} has room for a patch of {shape[1]} × {shape[0]} px; use {smaller}{remedy}"
+            "no place that shows has room for a patch of {width} × {height} px; use {smaller}an exemplar "
+            "with fewer holes",
+            kind="no opaque room",
+            **room,
         )
     count = patches_on(canvas, side, overlap)
     tries = round(chosen.mend * count)
@@ -252,9 +259,16 @@ def _exemplars(
     check_choice("transparent", transparent, (True, False))
     sources = request.read(source, mask, "source", transparent=transparent)
     if transparent and not sources.has_alpha:
-        raise OptionError("transparent is for samples with opacity, and these have none; leave it out")
+        raise OptionError(
+            "{transparent} is for samples with opacity, and these have none; leave it out",
+            kind="conflict",
+            parameter=Term("transparent"),
+        )
     if transparent and level:
-        raise OptionError("light is levelled between opaque patches only; leave out transparent, or level")
+        raise OptionError(
+            "light is levelled between opaque patches only; leave out {transparent}, or {level}",
+            kind="conflict",
+        )
     check_varied(sources)
     if level is None:  # what flattening leaves of slow light is levelled as well
         level = False if transparent or guided else level_for(sources)
@@ -297,8 +311,16 @@ def _shares(shares: Sequence[float] | None, count: int) -> list[float] | None:
         return None
     found = list(check_items("shares", shares, object, "a list with one number per exemplar"))
     if len(found) != count:
-        raise OptionError(f"shares has length {len(found)} for {count} exemplars; give one number for each")
-    return [check_number("one of the shares", share, 0, 1e6, above=True) for share in found]
+        raise OptionError(
+            "{parameter} has length {given} for {count} {exemplars}; give one number for each",
+            kind="count",
+            parameter=Term("shares"),
+            given=len(found),
+            count=count,
+        )
+    return [
+        check_number(Term("shares", "one of the shares", 0), share, 0, 1e6, above=True) for share in found
+    ]
 
 
 def check_patch(sources: Sources, patch: int | None, overlap: float | None) -> tuple[int, int]:
@@ -314,8 +336,12 @@ def check_patch(sources: Sources, patch: int | None, overlap: float | None) -> t
     height, width = max(sources.shapes, key=min)
     if min(height, width) < SMALLEST_PATCH:
         raise ImageError(
-            f"the source is {width} × {height} px; to copy patches from it needs at least {SMALLEST_PATCH} "
-            "px a side"
+            "{exemplar} is {width} × {height} px; to copy patches from it needs at least {least} px a side",
+            kind="small",
+            width=width,
+            height=height,
+            least=SMALLEST_PATCH,
+            exemplar=Term("exemplar", "the source"),
         )
     if patch is None:
         patch = patch_for(sources.features, sources.usable, sources.shapes)
@@ -328,13 +354,28 @@ def check_patch(sources: Sources, patch: int | None, overlap: float | None) -> t
         lap = check_whole("overlap", overlap, 2, patch - 1)
     except OptionError as error:
         raise OptionError(
-            f"overlap is {overlap!r} with patches of {patch} px; give a whole number from 2 to {patch - 1} "
-            "px, usually a quarter"
+            "{parameter} is {value!r} with patches of {patch} px; give a whole number from"
+            " {least} to {most} px, usually a quarter",
+            kind="whole number",
+            parameter=Term("overlap"),
+            value=overlap,
+            allowed=error.allowed,
+            patch=patch,
+            least=2,
+            most=patch - 1,
         ) from error
     if patch > min(height, width):
         raise ImageError(
-            f"the source is {width} × {height} px, smaller than a patch of {patch} px; use a patch of "
-            f"{min(height, width)} px or less"
+            "{exemplar} is {width} × {height} px, smaller than a patch of {patch} px; use "
+            "a patch of {most} px or less",
+            kind="smaller than patch",
+            parameter=Term("patch"),
+            value=patch,
+            width=width,
+            height=height,
+            patch=patch,
+            most=min(height, width),
+            exemplar=Term("exemplar", "the source"),
         )
     return patch, lap
 
@@ -346,12 +387,18 @@ def _size(size: int | tuple[int, int], max_megapixels: float) -> tuple[int, int]
         height, width = check_pair("size", given, 1)
     except OptionError as error:
         raise OptionError(
-            f"size is {' '.join(repr(size).split())[:60]}; give height and width as whole numbers of px, 1 "
-            "or more"
+            "{parameter} is {value!r}; give height and width as whole numbers of px, 1 or more",
+            kind="whole number",
+            parameter=Term("size"),
+            value=size,
         ) from error
     if height * width > max_megapixels * 1e6:
         raise OptionError(
-            f"a texture of {width} × {height} px has more than {max_megapixels:g} megapixels; make a smaller "
-            "one that repeats, and repeat it"
+            "a texture of {width} × {height} px has more than {most:g} megapixels; make a "
+            "smaller one that repeats, and repeat it",
+            kind="too large",
+            width=width,
+            height=height,
+            most=max_megapixels,
         )
     return height, width

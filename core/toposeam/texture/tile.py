@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import Seed, check_whole
-from toposeam.errors import ImageError, OptionError
+from toposeam.errors import ImageError, OptionError, Term
 from toposeam.images import Mask, as_array, full_scale
 from toposeam.texture.finish import finish
 from toposeam.texture.holed import read_holed
@@ -88,19 +88,36 @@ def make_tileable(
     )
     wraps, (height, width) = request.wraps, as_array(image).shape[:2]
     if not any(wraps):
-        raise OptionError(f"tileable is {tileable!r}, so nothing is to match; choose both, x or y")
+        raise OptionError(
+            "{parameter} is {value!r}, so nothing is to match; choose both, x or y",
+            kind="choice",
+            parameter=Term("tileable"),
+            value=tileable,
+            allowed=("both", "x", "y"),
+        )
     if min(height, width) < 2 * SMALLEST_TILE:
         raise ImageError(
-            f"the image is {width} × {height} px; to repeat it needs at least {2 * SMALLEST_TILE} px a side"
+            "{image} is {width} × {height} px; to repeat it needs at least {least} px a side",
+            kind="small",
+            least=2 * SMALLEST_TILE,
+            width=width,
+            height=height,
+            image=Term("image", "the image"),
         )
     band = _band(band, (height, width), wraps)
     border, near = (_borders((height, width), wraps, reach) for reach in (1, band))
     if alpha is not None and np.shape(alpha) == border.shape and not (border & (np.asarray(alpha) > 0)).any():
         if not np.any(np.asarray(alpha) > 0):
-            raise ImageError("image is transparent everywhere; give one that shows something")
+            raise ImageError(
+                "{array} is transparent everywhere; give one that shows something",
+                kind="transparent",
+                array=Term("image"),
+            )
         raise ImageError(
-            "the image is transparent all along its borders, so it repeats as it is; crop it to what it "
-            "shows first"
+            "{image} is transparent all along its borders, so it repeats as it is; crop it to"
+            " what it shows first",
+            kind="transparent borders",
+            image=Term("image", "the image"),
         )
     windows, hole = _along_borders((height, width), wraps, band, _steps(request, image))
     holed = read_holed(request, image, hole, empty=not windows)
@@ -111,8 +128,14 @@ def make_tileable(
         placer = holed.placer(request, atlas, canvas)
         if not placer.ranking.search.room(windows[0][2]).any():
             raise ImageError(
-                f"nowhere is the image opaque for a patch of {2 * band} × {2 * band} px, as a band of {band} "
-                f"px needs it; fill its holes first{', or use a narrower band' if band > 4 else ''}"
+                "nowhere is {image} opaque for a patch of {width} × {height} px, as a band of "
+                "{band} px needs it; fill its holes first{narrower}",
+                kind="no opaque room",
+                width=2 * band,
+                height=2 * band,
+                band=band,
+                narrower=", or use a narrower band" if band > 4 else "",
+                image=Term("image", "the image"),
             )
     for done, (top, left, shape) in enumerate(windows, start=1):
         rows, columns, _ = canvas.window(top, left, *shape)
@@ -138,7 +161,16 @@ def _band(band: int | None, size: tuple[int, int], wraps: tuple[bool, bool]) -> 
         return check_whole("band", band, 4, most)
     except OptionError as error:
         raise OptionError(
-            f"band is {band!r}; for {size[1]} × {size[0]} px give a whole number from 4 to {most} px"
+            "{parameter} is {value!r}; for {width} × {height} px give a whole number from "
+            "{least} to {most} px",
+            kind="whole number",
+            parameter=Term("band"),
+            value=band,
+            allowed=error.allowed,
+            width=size[1],
+            height=size[0],
+            least=4,
+            most=most,
         ) from error
 
 

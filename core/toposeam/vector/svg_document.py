@@ -34,7 +34,10 @@ def document_of(source: str | bytes | os.PathLike[str]) -> str | bytes:
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or str(error)
             raise PathError(
-                f"{os.fspath(source)[:200]!r} cannot be read ({reason}); check the name of the SVG file"
+                "{file} cannot be read ({reason}); check the name of the SVG file",
+                kind="unreadable",
+                file=repr(os.fspath(source)[:200]),
+                reason=reason,
             ) from error
     if len(document) > LARGEST_BYTES:
         raise PathError(

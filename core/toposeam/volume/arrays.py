@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import check_whole, is_masked
-from toposeam.errors import ImageError, OptionError
+from toposeam.errors import ImageError, OptionError, Term
 from toposeam.images import as_float
 
 Volume = npt.NDArray[Any]
@@ -43,24 +43,44 @@ def as_volume(volume: Any, name: str, channel_axis: int | None = None) -> Volume
     """
     if is_masked(volume):
         raise ImageError(
-            f"{name} is a masked array; pass {name}.filled(0), and where it has voxels as a mask"
+            "{array} is a masked array; pass {array}.filled(0), and where it has voxels as a mask",
+            kind="array",
+            array=Term(name),
         )
     try:
         array = np.asarray(volume)
     except ValueError as error:
-        raise ImageError(f"{name} is no array ({error}); pass (D, H, W) or (D, H, W, C)") from error
+        raise ImageError(
+            "{array} is no array ({reason}); pass (D, H, W) or (D, H, W, C)",
+            kind="array",
+            reason=str(error),
+            array=Term(name),
+        ) from error
     if array.dtype.kind not in "biuf":
         raise ImageError(
-            f"{name} is of type {type(volume).__name__} and dtype {array.dtype}; pass integers or floats"
+            "{array} is of type {type} and dtype {dtype}; pass integers or floats",
+            kind="dtype",
+            type=type(volume).__name__,
+            dtype=str(array.dtype),
+            array=Term(name),
         )
     if array.ndim not in (3, 4) or 0 in array.shape:
-        raise ImageError(f"{name} has shape {array.shape}; pass a non-empty (D, H, W) or (D, H, W, C) array")
+        raise ImageError(
+            "{array} has shape {shape!s}; pass a non-empty (D, H, W) or (D, H, W, C) array",
+            kind="shape",
+            shape=array.shape,
+            array=Term(name),
+        )
     if channel_axis is not None:
         check_whole("channel_axis", channel_axis, -array.ndim, array.ndim - 1)
         if array.ndim == 3:
             raise OptionError(
-                f"channel_axis is {channel_axis}, but {name} has shape {array.shape}, without channels; "
-                "leave it out"
+                "{parameter} is {value}, but {array} has shape {shape!s}, without channels; leave it out",
+                kind="shape",
+                parameter=Term("channel_axis"),
+                value=channel_axis,
+                shape=array.shape,
+                array=Term(name),
             )
         return np.moveaxis(array, channel_axis, -1)
     return array[..., np.newaxis] if array.ndim == 3 else array

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import is_masked
-from toposeam.errors import ImageError, MissingPackageError, OverlapError
+from toposeam.errors import ImageError, MissingPackageError, OverlapError, Term
 from toposeam.heat.bricks import HIGH, LOW, along
 from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
@@ -70,13 +70,27 @@ def lazily(stack: Any, name: str) -> Any:
         try:
             stack = np.asarray(stack)
         except (TypeError, ValueError, OverflowError) as error:
-            raise ImageError(f"{name} is no array of numbers; pass (D, H, W) or (D, H, W, C)") from error
+            raise ImageError(
+                "{array} is no array of numbers; pass (D, H, W) or (D, H, W, C)",
+                kind="array",
+                array=Term(name),
+            ) from error
     if is_masked(stack):
-        raise ImageError(f"{name} is a masked array; pass {name}.filled(0)")
+        raise ImageError("{array} is a masked array; pass {array}.filled(0)", kind="array", array=Term(name))
     if getattr(stack.dtype, "kind", "O") not in "biuf":
-        raise ImageError(f"{name} has dtype {stack.dtype}; pass integers or floats")
+        raise ImageError(
+            "{array} has dtype {dtype}; pass integers or floats",
+            kind="dtype",
+            dtype=str(stack.dtype),
+            array=Term(name),
+        )
     if stack.ndim not in (3, 4) or 0 in stack.shape:
-        raise ImageError(f"{name} has shape {stack.shape}; pass a non-empty (D, H, W) or (D, H, W, C) array")
+        raise ImageError(
+            "{array} has shape {shape!s}; pass a non-empty (D, H, W) or (D, H, W, C) array",
+            kind="shape",
+            shape=stack.shape,
+            array=Term(name),
+        )
     if hasattr(stack, "dask"):
         lazy = stack
     else:

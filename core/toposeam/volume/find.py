@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import check_choice, options_from
-from toposeam.errors import OptionError
+from toposeam.errors import OptionError, Term
 from toposeam.heat.threads import one_thread
 from toposeam.seam.graph_cut import least_cut
 from toposeam.seam.match_cost import MatchCost, check_no_reach, match_options
@@ -118,7 +118,10 @@ def find_surface(
         check_choice("axis", axis, (0, 1, 2))
     if axis is not None and masked:
         raise OptionError(
-            f"axis is {axis!r}, but masks say where each volume continues; leave one or the other out"
+            "{parameter} is {value!r}, but masks say where each volume continues; leave one or the other out",
+            kind="conflict",
+            parameter=Term("axis"),
+            value=axis,
         )
     if method != "heat" and (options is not None or given):
         raise OptionError(f"method {method} takes no options; leave {', '.join(given) or 'options'} out")

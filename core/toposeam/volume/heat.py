@@ -225,8 +225,9 @@ def _posed(problem: SurfaceProblem) -> tuple[VolumeLevel, Merged | None, tuple[F
     on_a, on_b = (np.bincount(group[at == own], minlength=count) > 0 for own in (A, B))
     if (on_a & on_b).any():
         raise OverlapError(
-            "no surface avoids the voxels you excluded: they block the overlap from side to side; leave it a "
-            "way through"
+            "no surface avoids the voxels you excluded: they block the overlap from side to "
+            "side; leave it a way through",
+            kind="blocked",
         )
     fixed, hot = fixed.copy(), hot.copy()
     decided = (on_a | on_b)[group]

@@ -137,9 +137,19 @@ def join_volumes(
         a, b = lazily(a, "a"), lazily(b, "b")
     one, other = (stack if lazy else as_volume(stack, name) for stack, name in ((a, "a"), (b, "b")))
     if one.dtype != other.dtype:
-        raise ImageError(f"a has dtype {one.dtype} and b has {other.dtype}; convert one of them")
+        raise ImageError(
+            "{a} has dtype {dtype_a} and {b} has {dtype_b}; convert one of them",
+            kind="dtype",
+            dtype_a=str(one.dtype),
+            dtype_b=str(other.dtype),
+        )
     if one.shape[3] != other.shape[3]:
-        raise ImageError(f"a has {one.shape[3]} channels and b has {other.shape[3]}; give both equally many")
+        raise ImageError(
+            "{a} has {channels_a} channels and {b} has {channels_b}; give both equally many",
+            kind="channels",
+            channels_a=one.shape[3],
+            channels_b=other.shape[3],
+        )
     match = check_no_reach(match_options(gradient, cost), "surfaces")
     places = placed(one.shape[:3], other.shape[:3], offset)
     settings: dict[str, Any] = {

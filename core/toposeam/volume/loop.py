@@ -13,7 +13,7 @@ from scipy import ndimage
 
 from toposeam.checks import Seed, check_choice, check_kind, check_pair, check_whole, seed_of
 from toposeam.display import to_png
-from toposeam.errors import ImageError, OptionError
+from toposeam.errors import ImageError, OptionError, Term
 from toposeam.heat.sweeps import Floats32
 from toposeam.heat.threads import one_thread
 from toposeam.images import MAX_PIXELS, Mask, as_mask
@@ -198,8 +198,12 @@ def loop(
             check_whole("grow", grow, 2 * transition, 10**7)
             if grow * clip[0].size > MAX_PIXELS:
                 raise OptionError(
-                    f"grow is {grow}, which makes more than {MAX_PIXELS // 10**6} million values of this "
-                    "clip; ask for fewer frames, or give a smaller clip"
+                    "{parameter} is {value}, which makes more than {most} million values of this "
+                    "clip; ask for fewer frames, or give a smaller clip",
+                    kind="too large",
+                    parameter=Term("grow"),
+                    value=grow,
+                    most=MAX_PIXELS // 10**6,
                 )
             found = good_jumps(small, transition, compared, match, spacing, _JUMPS)
             walk = closed_walk(found, transition, grow, np.random.default_rng(chosen))
@@ -250,8 +254,14 @@ def _transition(transition: int | None, count: int, length: int | tuple[int, int
     check_whole("transition", transition, 2)
     if 2 * transition > count:
         raise OptionError(
-            f"transition is {transition} frames, and the clip has {count}: end and beginning would be the "
-            f"same frames; use at most {count // 2}"
+            "{parameter} is {transition} frames, and the clip has {count}: end and beginning "
+            "would be the same frames; use at most {most}",
+            kind="long transition",
+            parameter=Term("transition"),
+            value=transition,
+            transition=transition,
+            count=count,
+            most=count // 2,
         )
     return transition
 
@@ -267,18 +277,33 @@ def _bounds(
     elif isinstance(length, tuple | list):
         lengths = check_pair("length", length, 1)
         if lengths[0] > lengths[1]:
-            raise OptionError(f"length is {length!r}; write the least number of frames first")
+            raise OptionError(
+                "{parameter} is {value!r}; write the least number of frames first",
+                kind="number",
+                parameter=Term("length"),
+                value=length,
+            )
     else:
         lengths = (check_whole("length", length, 1),) * 2
     if lengths[1] < transition or room < transition:
         raise OptionError(
-            f"a loop of at most {min(lengths[1], max(room, 0))} frames is shorter than its transition of "
-            f"{transition}; use a shorter transition, or a longer length"
+            "a loop of at most {most} frames is shorter than its transition of {transition}; "
+            "use a shorter transition, or a longer length",
+            kind="short loop",
+            most=min(lengths[1], max(room, 0)),
+            transition=transition,
         )
     if lengths[0] > room:
         raise OptionError(
-            f"the clip has {count} frames; from frame {first} on a loop of {lengths[0]} and a transition of "
-            f"{transition} do not fit: use a length of at most {room}, or a shorter transition"
+            "the clip has {count} frames; from frame {first} on a loop of {length} and a "
+            "transition of {transition} do not fit: use a length of at most {most}, or a "
+            "shorter transition",
+            kind="short clip",
+            count=count,
+            first=first,
+            length=lengths[0],
+            transition=transition,
+            most=room,
         )
     lengths = max(lengths[0], transition), min(lengths[1], room)
     return lengths, ((0, count) if start is None else (start, start))

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from toposeam.checks import check_whole
-from toposeam.errors import OptionError, OverlapError
+from toposeam.checks import check_whole, unsuitable
+from toposeam.errors import OverlapError, Term
 
 #: How far a stack may lie from another one, in voxels.
 _FARTHEST = 10**8
@@ -77,17 +77,23 @@ def placed(size_a: Sequence[int], size_b: Sequence[int], offset: Any) -> Places:
     try:
         steps = [check_whole("offset", step, -_FARTHEST, _FARTHEST) for step in offset]
     except TypeError as error:
-        raise OptionError(f"offset is {offset!r}; pass three whole numbers: z, y, x") from error
+        raise unsuitable("offset", offset, "three whole numbers: z, y, x") from error
     if len(steps) != 3:
-        raise OptionError(f"offset is {offset!r}; pass three whole numbers: z, y, x")
+        raise unsuitable("offset", offset, "three whole numbers: z, y, x")
     a = tuple(max(0, -step) for step in steps)
     b = tuple(max(0, step) for step in steps)
     places = Places(tuple(size_a), tuple(size_b), a, b)
     for axis, part in zip("zyx", places.overlap, strict=True):
         if part.stop <= part.start:
             raise OverlapError(
-                f"at offset {','.join(map(str, steps))} the stacks of {_shown(size_a)} and {_shown(size_b)} "
-                f"voxels do not overlap along {axis}; check the offset (z,y,x, in voxels)"
+                "at offset {value} the stacks of {size_a} and {size_b} voxels do not overlap "
+                "along {axis}; check the offset (z,y,x, in voxels)",
+                kind="apart",
+                parameter=Term("offset"),
+                value=",".join(map(str, steps)),
+                size_a=_shown(size_a),
+                size_b=_shown(size_b),
+                axis=axis,
             )
     return places
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import check_choice, check_number
-from toposeam.errors import ImageError, OptionError, OverlapError
+from toposeam.errors import ImageError, OptionError, OverlapError, Term
 from toposeam.heat.bricks import along
 from toposeam.heat.sweeps import Floats32
 from toposeam.images import Mask, as_mask
@@ -47,14 +47,20 @@ def surface_problem(
     canvas = volume_a.shape[:3]
     if canvas != volume_b.shape[:3]:
         raise ImageError(
-            f"a has {canvas} voxels and b has {volume_b.shape[:3]}; put both on one canvas of the same size "
-            "(toposeam.join_volumes does)"
+            "{a} has {size_a!s} voxels and {b} has {size_b!s}; put both on one canvas of the "
+            "same size (toposeam.join_volumes does)",
+            kind="shape",
+            size_a=canvas,
+            size_b=volume_b.shape[:3],
         )
     channels = {volume_a.shape[3], volume_b.shape[3]}
     if len(channels) > 1 and 1 not in channels:
         raise ImageError(
-            f"a has {volume_a.shape[3]} channels and b has {volume_b.shape[3]}; convert them to the same "
-            "number, or one of them to gray"
+            "{a} has {channels_a} channels and {b} has {channels_b}; convert them to the same"
+            " number, or one of them to gray",
+            kind="channels",
+            channels_a=volume_a.shape[3],
+            channels_b=volume_b.shape[3],
         )
     overlap, on_a, on_b, only_b = placed(
         canvas, mask_a, mask_b, core, speck, lambda: end_to_end(canvas, axis)
@@ -109,10 +115,19 @@ def face_areas(spacing: Sequence[float]) -> tuple[np.float32, ...]:
         lengths = [check_number("spacing", length, 0, above=True) for length in spacing]
     except TypeError as error:
         raise OptionError(
-            f"spacing is {spacing!r}; pass one length per axis, like (2.0, 0.5, 0.5)"
+            "{parameter} is {value!r}; pass one length per axis, like (2.0, 0.5, 0.5)",
+            kind="type",
+            parameter=Term("spacing"),
+            value=spacing,
         ) from error
     if len(lengths) != 3:
-        raise OptionError(f"spacing has {len(lengths)} lengths; pass three: depth, height, width of a voxel")
+        raise OptionError(
+            "{parameter} has {count} lengths; pass three: depth, height, width of a voxel",
+            kind="type",
+            parameter=Term("spacing"),
+            value=spacing,
+            count=len(lengths),
+        )
     side = float(np.prod(lengths)) ** (1 / 3)
     return tuple(np.float32(side / length) for length in lengths)
 

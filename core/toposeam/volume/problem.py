@@ -61,8 +61,9 @@ class SurfaceProblem:
             crossed = cost[full[along(axis, LOW)] != full[along(axis, HIGH)]]
             if crossed.max(initial=0.0) >= self.forbidden:
                 raise OverlapError(
-                    "no surface avoids the voxels you excluded: they block the overlap from side to side; "
-                    "leave it a way through"
+                    "no surface avoids the voxels you excluded: they block the overlap from side to "
+                    "side; leave it a way through",
+                    kind="blocked",
                 )
             total += float(crossed.sum(dtype=np.float64))
         return total

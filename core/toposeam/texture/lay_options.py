@@ -46,7 +46,7 @@ class LayOptions:
     #: repeat and it wanders, they are laid twice, so that it closes (:mod:`toposeam.texture.closing`).
     close: bool = True
     #: How the seam is found.
-    method: Method = "heat"
+    method: Method = "auto"
     cost: MatchCost | None = None
 
     def __post_init__(self) -> None:

@@ -14,7 +14,6 @@ from toposeam_cli.options import FILE, placement
 from toposeam_cli.placing import PlacedPictures, arrange, read_avoid
 from toposeam_cli.whereabouts import Where
 
-
 #: All but the one that takes one of the others.
 _COMPARED: tuple[ts.Method, ...] = tuple(method for method in ts.METHODS if method != "auto")
 

@@ -27,7 +27,7 @@ FLOW_PIXELS = 30_000
 PATH_PIXELS = 10_000_000
 
 
-class _TooLarge(Exception):
+class _TooLargeError(Exception):
     """More pixels that no path divides than a maximum flow is to cut."""
 
 
@@ -51,15 +51,15 @@ def best_path(problem: SeamProblem, progress: Callable[[float], None] | None = N
 
     def flow(problem: SeamProblem, pixels: Mask) -> Mask:
         if np.count_nonzero(pixels) > FLOW_PIXELS:
-            raise _TooLarge
+            raise _TooLargeError
         flows.append(pixels)
         return cut_by_flow(problem, pixels)
 
     try:
         if np.count_nonzero(problem.overlap.side == FREE) > PATH_PIXELS:
-            raise _TooLarge
+            raise _TooLargeError
         labels = exact_labels(problem, flow=flow)
-    except _TooLarge:
+    except _TooLargeError:
         with one_thread():
             return heat_path(problem, HeatOptions(), progress=progress)
     if progress is not None:

@@ -4,9 +4,10 @@ What coarse networks merged on the way to a seam never comes back by itself, and
 detours of ten to sixty pixels. So when heat has found where the seam runs, everything near it is open again,
 and near the other ways that heat was still free to take, and divided by its best cut. Where the seam leads
 from one gap to another that is a shortest path between corners (:mod:`toposeam.seam.exact`), which takes a
-small part of the time that the heat took. A seam that closes on itself is opened at one place after another: a line of pixels
-across it keeps what it shows, so that the seam passes there as before, and the rest is a path. Of overlaps
-that several seams divide each is opened alone, in a corridor so narrow that they do not meet.
+small part of the time that the heat took. A seam that closes on itself is opened at one place after another:
+a line of pixels across it keeps what it shows, so that the seam passes there as before, and the rest is a
+path. Of overlaps that several seams divide each is opened alone, in a corridor so narrow that they do not
+meet.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ from toposeam.heat.network import Floats, Ints, Network
 from toposeam.heat.primal_dual import PrimalDual
 from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
-from toposeam.optimize.history import Frame, Iteration, Termination
+from toposeam.optimize.history import Frame, Iteration
 from toposeam.seam.coarse import WHOLE_NODES, restrict
 from toposeam.seam.corridor import beside_seam, best_nearby, keeping
 from toposeam.seam.gathering import SOFT, gather_heat

@@ -63,8 +63,8 @@ class Seam:
     #: engines and ``prove=True`` give the least cost itself; heat gives the size of its flow where it solved
     #: the overlap whole (up to 30,000 px), and what every seam cuts, between fixed pixels, besides.
     bound: float = 0.0
-    #: The engine that found it: that of `method` or, of "auto", the one that ran: "shortest-path", "graph-cut"
-    #: (a maximum flow) or "heat". "path" is a seam that was given.
+    #: The engine that found it: the method that was asked for, or of "auto" the one that it took,
+    #: "shortest-path", "graph-cut" (a maximum flow) or "heat". "path" is a seam that was given.
     method: str
     #: One record per inner iteration; empty for direct methods.
     history: tuple[Iteration, ...] = ()

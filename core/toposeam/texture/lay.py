@@ -1,4 +1,4 @@
-"""Laying a patch: find where one fits, choose, cut it along the heat seam, paint it."""
+"""Laying a patch: find where one fits, choose, cut it along the best seam, paint it."""
 
 from __future__ import annotations
 

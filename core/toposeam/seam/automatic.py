@@ -22,7 +22,7 @@ from toposeam.seam.solution import Solution
 
 #: Up to this many free pixels that no path divides are cut by maximum flow.
 FLOW_PIXELS = 30_000
-#: Beyond this many free pixels a shortest path, which needs about 140 bytes for each, is sought in a corridor
+#: Beyond this many free pixels a shortest path, which needs about 100 bytes for each, is sought in a corridor
 #: only, which heat finds.
 PATH_PIXELS = 10_000_000
 

@@ -63,8 +63,8 @@ def ragged_masks(count: int) -> None:
     print(f"{'':<18}" + "".join(f"{head:>{len(head) + 2}}" for head in heads))
     proved = {"method": "thesis", "prove": True}
     rows: list[tuple[str, Callable[..., Any], int, dict[str, Any]]] = [
-        ("heat", ts.find_seam, 2, {}),
-        ("heat, proven", ts.find_seam, 2, {"prove": True}),
+        ("heat", ts.find_seam, 2, {"method": "heat"}),
+        ("heat, proven", ts.find_seam, 2, {"method": "heat", "prove": True}),
         ("thesis, proven", ts.find_seam, 2, proved),
         *((method, ts.find_seam, 2, {"method": method}) for method in METHODS[1:-1]),
         ("heat, surfaces", ts.find_surface, 3, {}),

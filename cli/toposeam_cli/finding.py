@@ -81,8 +81,9 @@ class SeamOptions:
     max_megapixels: float
     align: bool
     align_radius: int | None
-    method: ts.Method | None
+    method: ts.Method
     formulation: int | None
+    plain: bool
     match_tones: bool
     match_shading: bool
     blend: ts.Blend
@@ -108,7 +109,7 @@ def check_finding(find: SeamOptions, out: Outputs, dask: str | None) -> None:
             "--dask makes pictures window by window, which .ora, --blend gradient and --history do not; "
             "leave one of them out"
         )
-    iterates = not find.use_seam and find.method in (None, "heat", "thesis")
+    iterates = not find.use_seam and find.method in ("auto", "heat", "thesis")
     if out.history is not None:
         if not iterates:
             raise ts.OptionError(
@@ -116,8 +117,9 @@ def check_finding(find: SeamOptions, out: Outputs, dask: str | None) -> None:
                 "them or leave it out"
             )
         check_search(out.history.suffix)
-    if find.formulation is not None and (find.method != "thesis" or find.use_seam):
-        raise ts.OptionError("--formulation belongs to --method thesis; add that or leave it out")
+    for name, given in (("--formulation", find.formulation is not None), ("--plain", find.plain)):
+        if given and (find.method != "thesis" or find.use_seam):
+            raise ts.OptionError(f"{name} belongs to --method thesis; add that or leave it out")
     if find.align_radius is not None and not find.align:
         raise ts.OptionError("--align-radius belongs to --align; add that or leave it out")
 
@@ -168,11 +170,13 @@ def composed_as(
         As :func:`toposeam.compose` raises it, with the file that is meant.
     """
     options: dict[str, Any] = {} if find.formulation is None else {"formulation": find.formulation}
+    if find.plain:
+        options = {"options": ts.ThesisOptions.plain(**options)}
     try:
         with share_bar(f"joining {_names(job.layers)}", out.quiet) as progress:
             return ts.compose(
                 job.layers,
-                method=find.method or "heat",
+                method=find.method,
                 use_path=given_seams(find.use_seam, job),
                 record_frames=out.history is not None,
                 progress=progress,

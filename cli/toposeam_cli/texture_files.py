@@ -231,9 +231,9 @@ _SEARCH: tuple[Callable[[Any], Any], ...] = (
     click.option(
         "--method",
         type=click.Choice(ts.METHODS),
-        default="heat",
+        default="auto",
         show_default=True,
-        help="How seams are found.",
+        help="How seams are found; auto takes the exact solver that is fastest.",
     ),
 )
 

@@ -8,11 +8,13 @@ from toposeam_gimp.texts import _
 _METHOD = Option(
     name="method",
     label=_("_Method"),
-    default="heat",
+    default="auto",
     help=_(
-        "How the seam is found: by heat, by the dissertation's algorithm, or by one of the classical methods"
+        "How the seam is found: by the exact method that is fastest, by heat, by the dissertation's "
+        "algorithm, or by one of the classical methods"
     ),
     choices=(
+        ("auto", _("Automatic (exact and fastest)")),
         ("heat", _("Heat")),
         ("thesis", _("Heat, as in the dissertation (slow)")),
         ("shortest-path", _("Shortest path (exact)")),

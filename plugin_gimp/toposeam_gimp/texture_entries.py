@@ -41,7 +41,7 @@ TEXTURE_ENTRIES = (
         work="textures.synthesize",
         blurb=_("Grow a texture of any size from this layer, or from the selected part of it"),
         help=_(
-            "Patches of the layer are laid where they fit best and cut along seams found by heat. With a "
+            "Patches of the layer are laid where they fit best and cut along the best seams. With a "
             "selection, only what is selected is copied; it need not be a rectangle."
         ),
         options=(
@@ -77,7 +77,7 @@ TEXTURE_ENTRIES = (
         blurb=_("Make this layer, or the selected rectangle of it, repeat without a visible border"),
         help=_(
             "Only a band along the borders changes: patches of the picture itself are laid over them and cut "
-            "along seams found by heat. The result is a new layer. A selection must be a rectangle."
+            "along the best seams. The result is a new layer. A selection must be a rectangle."
         ),
         options=(
             Option(
@@ -108,8 +108,8 @@ TEXTURE_ENTRIES = (
         check="check_fill",
         blurb=_("Replace what is selected by what the rest of this layer, or another one, is like"),
         help=_(
-            "The hole is filled from outside inwards with patches of the layer, cut along seams found by "
-            "heat that may run through a band round the selection. The result is a new layer that covers "
+            "The hole is filled from outside inwards with patches of the layer, cut along the best "
+            "seams, which may run through a band round the selection. The result is a new layer that covers "
             "what was selected."
         ),
         options=(

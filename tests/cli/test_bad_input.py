@@ -183,7 +183,7 @@ USAGE = {
     "offset in words": ("stitch {a} {b} --offset left,top -o out.png", "like 120,-4"),
     "endless offset": ("stitch {a} {b} --offset 9999999999,0 -o out.png", "nine digits are the most"),
     "unknown side": ("stitch {a} {b} --overlap 20 --side middle -o out.png", "is not one of 'right'"),
-    "unknown method": ("stitch {a} {b} --overlap 20 --method magic -o out.png", "is not one of 'heat'"),
+    "unknown method": ("stitch {a} {b} --overlap 20 --method magic -o out.png", "is not one of 'auto'"),
     "core 0": ("stitch {a} {b} --overlap 20 --core 0 -o out.png", "not in the range"),
     "core 2": ("stitch {a} {b} --overlap 20 --core 2 -o out.png", "not in the range"),
     "core nan": ("stitch {a} {b} --overlap 20 --core nan -o out.png", "not a finite number"),

@@ -15,6 +15,9 @@ from toposeam_cli.placing import PlacedPictures, arrange, read_avoid
 from toposeam_cli.terms import said
 from toposeam_cli.whereabouts import Where
 
+#: All but the one that takes one of the others.
+_COMPARED: tuple[ts.Method, ...] = tuple(method for method in ts.METHODS if method != "auto")
+
 
 @click.command()
 @click.argument("first", metavar="A", type=FILE)
@@ -23,7 +26,7 @@ from toposeam_cli.whereabouts import Where
 @click.option(
     "--method",
     "methods",
-    type=click.Choice(ts.METHODS),
+    type=click.Choice(_COMPARED),
     multiple=True,
     help="Only this method; may be repeated.",
 )
@@ -58,7 +61,7 @@ def compare(
     canvases = _on_canvas(pair, pair.shape)
     rows: list[dict[str, Any]] = []
     optimum: float | None = None  # the same for every method, and slow to compute
-    for method in methods or ts.METHODS:
+    for method in methods or _COMPARED:
         row: dict[str, Any] = {"method": method}
         try:
             stitched = ts.stitch(pair.layers, method=method, cost=cost, core=core, speck=speck, avoid=away)

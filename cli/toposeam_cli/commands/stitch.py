@@ -114,11 +114,20 @@ from toposeam_cli.whereabouts import ORDERS, Where, width_round
     multiple=True,
     help="Where nothing but picture N may show: white.",
 )
-@click.option("--method", type=click.Choice(ts.METHODS), help="How seams are found; heat by default.")
+@click.option(
+    "--method",
+    type=click.Choice(ts.METHODS),
+    default="auto",
+    show_default=True,
+    help="How seams are found; auto takes the exact solver that is fastest.",
+)
 @click.option(
     "--formulation",
     type=click.IntRange(1, 2),
     help="With --method thesis: 1 (default), or 2 (unstable, see the docs).",
+)
+@click.option(
+    "--plain", is_flag=True, help="With --method thesis: its algorithms as they are written, without ours."
 )
 @click.option(
     "--match-tones", is_flag=True, help="First take exposure steps out: one gain per picture and channel."
@@ -175,8 +184,8 @@ from toposeam_cli.whereabouts import ORDERS, Where, width_round
 @click.option(
     "--history",
     type=OUTPUT,
-    help="For two pictures: also write how the heat converged: a figure (.png, .svg, .pdf), or "
-    "an animation (.gif, .webp).",
+    help="For two pictures: find the seam by heat, and also write how it converged: a figure (.png, .svg, "
+    ".pdf), or an animation (.gif, .webp).",
 )
 @click.option(
     "--json",
@@ -236,7 +245,7 @@ def _stitch(
         means = dataclasses.replace(means, workers=None)
     for reason in job.skipped:
         click.echo(f"left out: {reason}", err=True)
-    if len(job.layers) == 2 and find.use_seam and find.method is not None:
+    if len(job.layers) == 2 and find.use_seam and find.method != "auto":
         raise ts.OptionError("--method finds a seam and --use-seam gives it; leave one of them out")
     if len(job.layers) > 2 and out.history is not None:
         raise ts.OptionError(

@@ -37,7 +37,7 @@ from toposeam.layers.wrapping import (
     turned_potentials,
     unrolled,
 )
-from toposeam.seam.find import Method, method_options, usual_law
+from toposeam.seam.find import Method, method_for, method_options, usual_law
 from toposeam.seam.heat import HeatOptions
 from toposeam.seam.match_cost import MatchCost, match_options
 from toposeam.seam.overlap import check_core
@@ -53,7 +53,7 @@ MAX_ROUNDS = 10
 def compose(
     layers: Sequence[Layer],
     *,
-    method: Method = "heat",
+    method: Method = "auto",
     gradient: bool | None = None,
     cost: MatchCost | None = None,
     weight: npt.ArrayLike | None = None,
@@ -107,6 +107,14 @@ def compose(
     check_executor(executor)
     check_whole("max_rounds", max_rounds, 0)
     check_core(core, speck)
+    check_blend(blend, blend_width)
+    method = method_for(
+        method,
+        heats=record_frames
+        or bool(keywords)
+        or options is not None
+        or (blend == "soft" and len(layers) == 2),
+    )
     chosen = method_options(method, keywords) if options is None else options
     if options is not None:
         _check_options(method, options, keywords)
@@ -118,7 +126,6 @@ def compose(
         raise ImageError("the layers have different values of data_range; give them the same white")
     channels = channel_count(layers)
     paths = paths_by_pair(use_path, len(layers))
-    check_blend(blend, blend_width)
     if match.reach is None:
         match = dataclasses.replace(match, reach=reach_of(blend, blend_width))
     canvas = common_canvas(layers, max_megapixels=max_megapixels)

@@ -154,7 +154,7 @@ def pair_name(first: str, second: str) -> str:
 def stitch(
     layers: Sequence[Layer],
     *,
-    method: Method = "heat",
+    method: Method = "auto",
     gradient: bool | None = None,
     cost: MatchCost | None = None,
     weight: npt.ArrayLike | None = None,
@@ -187,8 +187,8 @@ def stitch(
         At least two, of one dtype; gray layers are widened to the others' channels.
     method, gradient, cost, options, **keywords
         As for :func:`toposeam.find_seam`; without `cost`, the blends "soft" and "multiband" set its `reach`
-        to how far they reach. Regions between more than two layers are no strips: `thesis` and
-        `dp` find the first seams and leave the swap rounds to `heat`.
+        to how far they reach. Of two layers the blend "soft" makes `auto` choose `heat`. Regions between more
+        than two layers are no strips: `thesis` and `dp` leave them to `auto`.
     weight : (H, W) array_like on the canvas, optional
         A positive factor on the cost of each pixel's interfaces.
     avoid : (H, W) array_like on the canvas, optional

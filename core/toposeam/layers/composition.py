@@ -59,7 +59,7 @@ class Totals:
     length: float
     cost: float
     seconds: float
-    #: Name of the method that found the first of them.
+    #: The engines that found them, as :attr:`Seam.method` has them, joined by "and".
     method: str
     #: That of the worst of them; None unless their match cost is that of the law "natural".
     verdict: Verdict | None = None
@@ -272,7 +272,7 @@ class Composition:
         >>> a, b = np.random.default_rng(0).random((2, 30, 40))
         >>> totals = ts.compose(ts.overlapping(a, b, overlap=10)).totals()
         >>> totals.method, totals.length >= 30
-        ('heat', True)
+        ('shortest-path', True)
         """
         if self._totals is not None:
             return self._totals(executor)
@@ -281,7 +281,7 @@ class Composition:
             length=sum(seam.length for seam in seams),
             cost=sum(seam.cost for seam in seams),
             seconds=sum(seam.seconds for seam in seams),
-            method=seams[0].method if seams else "",
+            method=" and ".join(sorted({seam.method for seam in seams})),
             verdict=worst_of(seam.verdict for _, seam in self.seams()),
         )
 

@@ -9,17 +9,13 @@ import numpy.typing as npt
 
 from toposeam.heat.network import Floats, Ints, Network
 from toposeam.images import Mask
-from toposeam.seam.coarse import PROVEN
+from toposeam.seam.automatic import FLOW_PIXELS
 from toposeam.seam.find import Method
 from toposeam.seam.flow import minimum_cut
 from toposeam.seam.gathering import Heat, gather_heat
 from toposeam.seam.graph_cut import least_cut
 from toposeam.seam.heat import HeatOptions
 from toposeam.seam.thesis_options import ThesisOptions
-
-#: Networks of up to so many nodes have their maximum flow sooner than heat gathers.
-_BY_FLOW = 30_000
-
 
 #: Decides a network: from conductors and costs to the nodes on the hot side, (n,) bool, and their potential.
 Decide = Callable[[Network, Floats], tuple[Mask, Floats]]
@@ -31,7 +27,7 @@ class Deciding:
     Parameters
     ----------
     method, options
-        As for :func:`toposeam.find_seam`.
+        As for :func:`toposeam.find_seam`; with `auto` heat finds potentials, by these options.
     forbidden : float
         Interfaces that cost as much or more are forbidden.
     """
@@ -44,8 +40,8 @@ class Deciding:
 
     @property
     def proves(self) -> bool:
-        """Whether heat is to gather until seams are proven, so that they may as well be found by paths."""
-        return isinstance(self.options, HeatOptions) and self.options.tolerance <= PROVEN
+        """Whether seams may as well be found by paths."""
+        return self.method == "auto"
 
     def __call__(self, network: Network, cost: Floats) -> tuple[Mask, Floats]:
         """By the method that was asked for: the nodes on the hot side, (n,) bool, and their potential."""
@@ -57,8 +53,8 @@ class Deciding:
         return hot, hot.astype(np.float64)
 
     def exactly(self, network: Network, cost: Floats) -> tuple[Mask, Floats]:
-        """The same where no potential is wanted: a maximum flow ends sooner than heat on small networks."""
-        if not isinstance(self.options, HeatOptions) or network.n > _BY_FLOW:
+        """The same where no potential is wanted: with `auto` a maximum flow of small networks."""
+        if self.method != "auto" or network.n > FLOW_PIXELS:
             return self(network, cost)
         hot = minimum_cut(network, self._bounded(cost))
         return hot, hot.astype(np.float64)

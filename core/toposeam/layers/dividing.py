@@ -80,16 +80,17 @@ def divided(division: Division) -> Divided | None:
     changed = np.flatnonzero(second != band.second) if gains else np.zeros(0, np.intp)
     values = np.where(second[changed], np.int16(pair[1]), np.int16(pair[0]))
     pixels = band.rows[changed], band.columns[changed]
-    return Divided(undescribed(heat), seconds, pixels, values, flows, potential)
+    return Divided(undescribed(heat, "heat"), seconds, pixels, values, flows, potential)
 
 
-def undescribed(heat: Heat | None) -> Solution:
-    """How a seam was found, by heat or without, but not what it is."""
+def undescribed(heat: Heat | None, engine: str) -> Solution:
+    """How a seam was found, and by which engine, but not what it is."""
     nothing = np.zeros((0, 0), bool)
     return Solution(
         labels=nothing,
         soft=nothing.astype(np.float32),
         contracted=True,
+        method=engine,
         history=() if heat is None else heat.history,
         termination=Termination.SINGLE_LINE if heat is None else heat.termination,
     )

@@ -111,12 +111,20 @@ class Made:
             _only_b=lambda: dense(label_map) == pair[1],
             cost=problem.cost(shown),
             history=solution.history,
-            method="path" if pair in self.given else self.moves.method,
+            method=self._engine(pair),
             termination=Termination.GIVEN if pair in self.given else solution.termination,
             seconds=self.moves.seconds.get(pair, 0.0),
             settings={**self.common, **self.moves.settings},
             problem=problem,
         )
+
+    def _engine(self, pair: Pair) -> str:
+        """What last divided two layers; expansions alone are maximum flows."""
+        if pair in self.given:
+            return "path"
+        if self.moves.method != "auto":
+            return self.moves.method
+        return (self.moves.solved[pair][1].method if pair in self.moves.solved else "") or "graph-cut"
 
     def check(self, executor: Executor | None = None) -> None:
         """Refuse seams that cut a forbidden interface.
@@ -138,7 +146,7 @@ class Made:
             length=float(sum(length for length, _, _ in found.values())),
             cost=sum(cost for _, cost, _ in found.values()),
             seconds=sum(self.moves.seconds.get(pair, 0.0) for pair in found),
-            method="path" if next(iter(found), None) in self.given else self.moves.method,
+            method=" and ".join(sorted({self._engine(pair) for pair in found})),
             verdict=worst_of(verdict for _, _, verdict in found.values())
             if self.common.get("law") == "natural"
             else None,

@@ -45,7 +45,7 @@ from toposeam.layers.receding import nearly, settle
 from toposeam.layers.starts import best_of_starts, joined
 from toposeam.layers.swapping import swap_all
 from toposeam.layers.tasks import Executor, on_boxes
-from toposeam.seam.find import Method, method_options, solve
+from toposeam.seam.find import Method, method_for, method_options, solve
 from toposeam.seam.heat import HeatOptions
 from toposeam.seam.overlap import FREE
 from toposeam.seam.solution import Solution
@@ -71,8 +71,8 @@ _DEARER, _ASKED = (0.08, 0.15), 0.1
 #: Cycles of expansions at most where three layers meet.
 _CYCLES = 3
 
-#: Methods that solve a region with unary costs; the others leave it to heat.
-_ANY_NETWORK: tuple[Method, ...] = ("heat", "shortest-path", "graph-cut")
+#: Methods that solve a region with unary costs; the others leave it to `auto`.
+_ANY_NETWORK: tuple[Method, ...] = ("auto", "heat", "shortest-path", "graph-cut")
 
 #: On canvases of up to so many pixels the label potentials of all seams are kept.
 KEPT_CANVAS = 1 << 25
@@ -109,9 +109,10 @@ class Rounds:
     ) -> None:
         self.steps = Progressed(None) if steps is None else steps
         self.labelling, self.label_map, self.near = labelling, label_map, near
-        self.method: Method = method if method in _ANY_NETWORK else "heat"
+        self.method: Method = method if method in _ANY_NETWORK else "auto"
+        # With `auto` divisions that show where seams are undecided, or whose potential is wanted, are heated.
         self._options: HeatOptions | ThesisOptions | None = method_options(
-            self.method, options if self.method == method else {}
+            "heat" if self.method == "auto" else self.method, options if self.method == method else {}
         )
         size = math.prod(labelling.canvas.shape)
         self._small = size * 4**finer <= _SMALL
@@ -122,10 +123,11 @@ class Rounds:
         if finer and isinstance(self._options, HeatOptions):
             tolerance = max(_ROUGH_SMALL if self._small else ROUGH, self._options.tolerance)
             self._options = dataclasses.replace(self._options, tolerance=tolerance)
-        self.settings = {} if self._options is None else dataclasses.asdict(self._options)
+        given = None if self.method == "auto" else self._options
+        self.settings = {} if given is None else dataclasses.asdict(given)
         #: Of each pair what was last solved; on large canvases without labels and potentials.
         self.solved: dict[Pair, tuple[Box, Solution]] = {}
-        self._keeps = keeps or size <= KEPT_CANVAS
+        self._keeps, self._wants_potentials = keeps or size <= KEPT_CANVAS, keeps
         #: Pixels beside flow that the heat had not decided, and where single layers nearly show.
         self.undecided: dict[tuple[int, ...], Pixels] = {}
         #: Layers that may recede along several others.
@@ -260,7 +262,9 @@ class Rounds:
         self.steps.one()
 
     def _solved_together(self, pair: Pair, choices: Choices, own: npt.NDArray[np.intp], took: float) -> None:
-        self.solved[pair] = Box(0, 0, 0, 0), undescribed(self.decide.heat)
+        by_paths = self._by_paths and self.decide.heat is None
+        engine = "shortest-path" if by_paths else "" if self.decide.heat is None else "heat"
+        self.solved[pair] = Box(0, 0, 0, 0), undescribed(self.decide.heat, engine)
         self.seconds[pair] = self.seconds.get(pair, 0.0) + took
         if self._undecided is None and self._keeps and not self._by_paths:
             rows, columns = np.divmod(own, choices.box.shape[1])
@@ -290,7 +294,9 @@ class Rounds:
             return
         problem = move.problem
         started = time.perf_counter()
-        solution = solve(problem, self.method, self._options)
+        wanted = self._undecided is not None or self._wants_potentials
+        method = method_for(self.method, heats=wanted)
+        solution = solve(problem, method, None if method == "auto" else self._options)
         self._remember(pair, move.box, dataclasses.replace(solution, soft=problem.complete(solution.soft)))
         self.seconds[pair] = self.seconds.get(pair, 0.0) + time.perf_counter() - started
         # What is fixed for want of ties costs nothing there, and no more than before.

@@ -10,7 +10,6 @@ on, or with their region between two flows. There the heat starts anew, and so o
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,9 +28,6 @@ WHOLE_NODES = 30_000
 
 #: Coarse networks up to this many free nodes are not made coarser still.
 COARSEST_NODES = 12_000
-
-#: In a network of so many nodes heat shows the way to a path between corners.
-ENOUGH_NODES = 10_000
 
 #: The heat of a coarse network has gathered enough when its best cut is proven within this share; steps at
 #: most.
@@ -70,36 +66,21 @@ class _Level:
     size: Floats
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Gathered:
-    """What coarse networks show of an (h, w) window."""
-
-    #: (h, w) bool: the best cut of the last of them.
-    labels: Mask
-    #: (n + 2,) bool: its nodes beside flow.
-    active: Mask
-    #: (n + 2,) int32: the region of the others; those of the terminals come last.
-    region: _Ints32
-    #: (h, w) int32: the node of every pixel, a terminal where it is not free.
-    node_of_pixel: _Ints32
-
-
-def gather(grid: CutGrid, watch: Callable[[PrimalDual], None] | None = None, early: bool = False) -> Gathered:
+def _gather(grid: CutGrid) -> tuple[Mask, _Ints32, _Ints32]:
     """Let heat gather on coarse networks, as :func:`restrict` describes it.
 
-    Parameters
-    ----------
-    grid : CutGrid
-        Its costs may be others than 0 where a pixel is not free.
-    watch : callable, optional
-        Called with every state of every network.
-    early : bool
-        End with the first network of so many nodes that it shows where the seam may run.
+    Returns
+    -------
+    active : (n + 2,) bool array
+        The nodes of the finest of them beside flow.
+    region : (n + 2,) int32 array
+        The region of the others; those of the terminals come last.
+    node_of_pixel : (h, w) int32 array
+        The node of every pixel, a terminal where it is not free.
     """
     below, count = merge_pixels(grid)
     size = _pixels_in(below, count)
     elements = _pixel_elements(grid, below, count)
-    del grid  # the largest of all arrays
     level = _quotient(count, *elements, size)
     del elements
     levels, parents = [level], [below]
@@ -126,16 +107,13 @@ def gather(grid: CutGrid, watch: Callable[[PrimalDual], None] | None = None, ear
         most = OPENED_NODES if len(levels) > 1 else OPENED_NODES_LAST
         level, parent = levels.pop(), parents.pop()
         children = np.bincount(parent.ravel(), minlength=level.n + 2).astype(np.float64)
-        active, region, hot = _decided(level, network, weight, node_of, children, most, watch)
-        if not levels or (early and level.n >= ENOUGH_NODES):
-            for finer in reversed(parents):
-                parent = parent[finer]
-            break
+        active, region = _decided(level, network, weight, node_of, children, most)
+        if not levels:
+            return active, region, parent
         node_of, n = _freed(active, region, parent)
         level = levels[-1]
         tail, head, (weight,) = _parallel(n, node_of[level.tail], node_of[level.head], level.weight)
         network = _network(n, tail, head)
-    return Gathered(hot[node_of][parent], active, region, parent)
 
 
 def restrict(grid: CutGrid) -> tuple[Network, Floats, Floats, _Ints32]:
@@ -167,8 +145,7 @@ def restrict(grid: CutGrid) -> tuple[Network, Floats, Floats, _Ints32]:
     node_of_pixel : (h, w) int32 array
         The node of every free pixel; that of the cold terminal elsewhere.
     """
-    gathered = gather(grid)
-    node_of, n = _freed(gathered.active, gathered.region, gathered.node_of_pixel)
+    node_of, n = _freed(*_gather(grid))
     tail, head, cost = _pixel_elements(grid, node_of, n)
     tail, head, (weight, multiplicity) = _parallel(n, tail, head, cost, np.ones_like(cost))
     return _network(n, tail, head), weight, multiplicity, node_of
@@ -246,8 +223,7 @@ def _decided(
     node_of: _Ints32,
     children: Floats,
     opened: float,
-    watch: Callable[[PrimalDual], None] | None,
-) -> tuple[Mask, _Ints32, Mask]:
+) -> tuple[Mask, _Ints32]:
     """Let heat gather on the restricted network of a level; at most `opened` nodes per interface of the seam
     are active.
 
@@ -257,13 +233,9 @@ def _decided(
         Nodes beside flow.
     region : (level.n + 2,) int array
         The region of every node that is not active; those of the terminals come last.
-    hot : (n + 2,) bool array
-        The best cut, for the nodes of the restricted network.
     """
     state = PrimalDual(network, weight)
     for left in reversed(range(STEPS + 1)):
-        if watch is not None:
-            watch(state)
         if state.best_cut()[0] <= (1 + GATHERED) * state.bound or not left:
             threshold, flux, strongest = _threshold(state, level, node_of, children, opened)
             region = _regions(network, flux <= threshold)
@@ -283,8 +255,7 @@ def _decided(
     # Only regions that keep a node are numbered.
     kept = np.zeros(int(region[-1]) + 1, bool)
     kept[region[~active]] = True
-    hot = state.potential > state.best_cut()[1]
-    return active, (np.cumsum(kept, dtype=np.int32) - 1)[region], hot
+    return active, (np.cumsum(kept, dtype=np.int32) - 1)[region]
 
 
 def _regions(network: Network, closed: Mask) -> _Ints32 | None:

@@ -13,7 +13,6 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from toposeam.heat.network import Floats
 from toposeam.seam.match_cost import Floats32
 
 #: Edges are laid out for so many corners at a time.
@@ -65,11 +64,9 @@ class CornerGraph(NamedTuple):
         )
         return cls(table, used, source, target, below.shape)
 
-    def cheapest_path(
-        self, limit: float = np.inf, distance: Floats | None = None
-    ) -> tuple[npt.NDArray[np.intp] | None, float]:
+    def cheapest_path(self, limit: float = np.inf) -> tuple[npt.NDArray[np.intp] | None, float]:
         """The corners of the cheapest path from one end to the other, flat indices, and its length; None
-        where there is none within the limit. `distance` gets how far each corner is from the first end.
+        where there is none within the limit.
         """
         length, before = dijkstra(self.edges, indices=self.source, return_predecessors=True, limit=limit)
         path = [self.target]
@@ -77,7 +74,4 @@ class CornerGraph(NamedTuple):
             if before[path[-1]] < 0:
                 return None, np.inf
             path.append(int(before[path[-1]]))
-        if distance is not None:
-            distance.fill(length[self.target])
-            distance.ravel()[self.corner] = np.minimum(length, length[self.target])
         return self.corner[path[::-1]], float(length[self.target])

@@ -4,11 +4,10 @@ What coarse networks merged on the way to a seam never comes back by itself, and
 detours of ten to sixty pixels. So when heat has found where the seam runs, everything near it is open again,
 and near the other ways that heat was still free to take, and divided by its best cut. Where the seam leads
 from one gap to another that is a shortest path between corners (:mod:`toposeam.seam.exact`), which takes a
-small part of the time that the heat took; there everything that the cheapest paths of a lattice of corners
-pass is open, too (:mod:`toposeam.seam.lattice`), for of ways that lead far from each other a coarse network
-may take the wrong one. A seam that closes on itself is opened at one place after another: a line of pixels
-across it keeps what it shows, so that the seam passes there as before, and the rest is a path. Of overlaps
-that several seams divide each is opened alone, in a corridor so narrow that they do not meet.
+small part of the time that the heat took. A seam that closes on itself is opened at one place after another:
+a line of pixels across it keeps what it shows, so that the seam passes there as before, and the rest is a
+path. Of overlaps that several seams divide each is opened alone, in a corridor so narrow that they do not
+meet.
 """
 
 from __future__ import annotations
@@ -27,11 +26,6 @@ from toposeam.seam.problem import SeamProblem
 
 #: So many cells on either side of what else heat was free to choose from are open, too.
 FLOW_CELLS = 3
-#: From so many free pixels on the corridor of a single path is half as wide, for the memory it takes, and of
-#: what the lattice shows less is open.
-_NARROW_PIXELS = 2_000_000
-#: So many cells for each that the lattice's cheapest path crosses; from that number of pixels on fewer.
-_LATTICE_CELLS, _FEWER_CELLS = 4 * SEAM_CELLS, 2 * SEAM_CELLS - 3
 #: At so many places a closed seam is opened in turn.
 _OPENINGS = 2
 #: Places at which that is tried each time; islands of a labelling have no way across.
@@ -40,9 +34,7 @@ _TRIES = 8
 _Box = tuple[slice, slice]
 
 
-def best_nearby(
-    problem: SeamProblem, labels: Mask, open_pixels: Mask | None = None, *, rough: bool = False
-) -> Mask:
+def best_nearby(problem: SeamProblem, labels: Mask, open_pixels: Mask) -> Mask:
     """The best labelling whose seam stays near a given one, or near other pixels; never a dearer one.
 
     Parameters
@@ -50,24 +42,18 @@ def best_nearby(
     problem : SeamProblem
         Without unary costs, which belong to no path.
     labels : (h, w) bool array
-    open_pixels : (h, w) bool array, optional
-    rough : bool
-        Where the seam is one path, look where the cheapest ones of a lattice pass, too.
+    open_pixels : (h, w) bool array
 
     Returns
     -------
     (h, w) bool array
     """
     best = problem.complete(labels).astype(bool, copy=False)
-    flows = None if open_pixels is None else grown(open_pixels, FLOW_CELLS)
+    flows = grown(open_pixels, FLOW_CELLS)
     for here, piece, _ in pieces(problem.overlap.side == FREE):
         seam = beside_seam(best[here], piece, problem.overlap.side[here] != NONE)
-        narrow = rough and np.count_nonzero(piece) > _NARROW_PIXELS
-        zone = grown(seam, SEAM_CELLS // 2 if narrow else SEAM_CELLS)
-        if flows is not None:
-            zone |= flows[here]
-        cells = 0 if not rough else _FEWER_CELLS if narrow else _LATTICE_CELLS
-        found = shortest_path(problem, here, piece, cut_cost(problem, here, piece, best[here]), zone, cells)
+        zone = grown(seam, SEAM_CELLS) | flows[here]
+        found = shortest_path(problem, here, piece, cut_cost(problem, here, piece, best[here]), zone)
         if found is None:
             found = _closed(problem, here, piece, best, zone)
         if found is not None:

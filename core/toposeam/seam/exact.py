@@ -17,11 +17,10 @@ import scipy
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from toposeam.heat.network import Floats, Ints
+from toposeam.heat.network import Ints
 from toposeam.images import Mask
 from toposeam.seam.corner_graph import CornerGraph
 from toposeam.seam.flow import minimum_cut
-from toposeam.seam.lattice import beside_cheap_paths
 from toposeam.seam.match_cost import Floats32
 from toposeam.seam.overlap import FREE, NONE, TOUCHING, A, B
 from toposeam.seam.problem import SeamProblem, geometry
@@ -34,7 +33,7 @@ _PAIRS: tuple[tuple[_Box, _Box], ...] = (np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-
 def exact_labels(
     problem: SeamProblem, most: float = np.inf, flow: Callable[[SeamProblem, Mask], Mask] | None = None
 ) -> Mask:
-    """The labelling of least cost.
+    """Find the labelling of least cost.
 
     Parameters
     ----------
@@ -68,8 +67,6 @@ def shortest_path(
     free: Mask,
     most: float = np.inf,
     zone: Mask | None = None,
-    rough: int = 0,
-    distance: Floats | None = None,
 ) -> Mask | None:
     """Labels of the free pixels of a box, cut by one shortest path between corners; None where the cut is not
     a single path.
@@ -85,11 +82,6 @@ def shortest_path(
         What some seam there is known to cost: none dearer is looked for.
     zone : (h, w) bool array, optional
         On the box: the seam runs beside these pixels only.
-    rough : int
-        The zone is wider by what the cheapest paths of a lattice pass: so many cells for each that the best
-        one crosses (:mod:`toposeam.seam.lattice`).
-    distance : (h + 1, w + 1) float64 array, optional
-        Gets how far each corner of the box is from one end of the seam, at most as far as the other end.
 
     Returns
     -------
@@ -124,7 +116,6 @@ def shortest_path(
         np.copyto(costs, cost, where=(free[s] | free[t]) & (cost > 0))
         costs[gap] = 0.0
     if zone is not None:
-        zone = zone | beside_cheap_paths(below, beside, ends, free, rough) if rough else zone
         for costs, gap, (s, t) in zip(layout, border.gaps, _PAIRS, strict=True):
             np.copyto(costs, np.float32(np.inf), where=~(zone[s] | zone[t] | gap))
     limit = min(most, border.to_b) * (1 + 1e-6)
@@ -133,7 +124,7 @@ def shortest_path(
     del below, beside, layout, costs
     if graph is None:
         return None
-    path, length = graph.cheapest_path(limit, distance)
+    path, length = graph.cheapest_path(limit)
     del graph
     if path is None:
         return None
@@ -143,54 +134,12 @@ def shortest_path(
     return None
 
 
-def laid_by_distances(problem: SeamProblem) -> tuple[Mask, Floats, float] | None:
-    """The best labelling of an overlap that one path divides, and a heat flow of its size, which proves it.
-
-    Distances from one end of the seam are a heat flow seen from the corners: across each interface as much
-    flows as its two corners differ in distance, never more than it costs, nothing is lost in a pixel, and
-    between the two sides in all as much as the best seam costs (Hassin 1981,
-    doi:10.1016/0020-0190(81)90120-4).
-
-    Returns
-    -------
-    labels : (h, w) bool array
-    flow : (E,) float64 array
-        Along every element of the pattern's network.
-    size : float
-        What of it arrives. None instead of all three where the cut is not one path.
-    """
-    side = problem.overlap.side
-    _, count = scipy.ndimage.label(side == FREE)
-    if count != 1 or problem.tied:
-        return None
-    distance = np.zeros((side.shape[0] + 1, side.shape[1] + 1))
-    whole = slice(0, side.shape[0]), slice(0, side.shape[1])
-    labels = shortest_path(problem, whole, side == FREE, distance=distance)
-    if labels is None:
-        return None
-    kept = problem.pattern
-    flow = distance.ravel()[kept.end] - distance.ravel()[kept.start]
-    np.negative(flow, out=flow, where=kept.end - kept.start == 1)
-    into = kept.network.terminal_elements[1]
-    size = float(flow[into] @ np.where(kept.network.head[into] == kept.network.n + 1, 1.0, -1.0))
-    return labels, flow * np.sign(size), abs(size)
-
-
 def cut_cost(problem: SeamProblem, box: _Box, free: Mask, labels: Mask) -> float:
     """What a labelling of a box costs beside its free pixels."""
     return sum(
         float(cost[(labels[s] != labels[t]) & (free[s] | free[t])].sum(dtype=np.float64))
         for cost, (s, t) in zip(_costs(problem, box), _PAIRS, strict=True)
     )
-
-
-def divided_by_paths(problem: SeamProblem) -> bool:
-    """Whether one path between corners divides each piece of what is free."""
-    for box, pixels, _ in pieces(problem.overlap.side == FREE):
-        border = border_of(problem, box, pixels)
-        if border.to_a and border.to_b and border.ends() is None:
-            return False
-    return True
 
 
 def pieces(free: Mask) -> Iterator[tuple[_Box, Mask, bool]]:

@@ -14,6 +14,7 @@ from toposeam.checks import check_choice, options_from
 from toposeam.errors import MissingPackageError, OptionError
 from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
+from toposeam.seam.automatic import best_path
 from toposeam.seam.dynamic_programming import dp_labels
 from toposeam.seam.exact import exact_labels, labels_of_nodes
 from toposeam.seam.graph_cut import graph_cut_labels, least_cut
@@ -26,7 +27,7 @@ from toposeam.seam.seam import Seam, seam_of
 from toposeam.seam.solution import Solution
 from toposeam.seam.thesis_options import ThesisOptions
 
-Method = Literal["heat", "thesis", "shortest-path", "dp", "graph-cut"]
+Method = Literal["auto", "heat", "thesis", "shortest-path", "dp", "graph-cut"]
 METHODS: tuple[Method, ...] = get_args(Method)
 
 
@@ -55,7 +56,7 @@ def find_seam(
     mask_b: npt.ArrayLike | None = None,
     *,
     side: Side | None = None,
-    method: Method = "heat",
+    method: Method = "auto",
     gradient: bool | None = None,
     cost: MatchCost | None = None,
     weight: npt.ArrayLike | None = None,
@@ -82,10 +83,11 @@ def find_seam(
     side : {"right", "left", "bottom", "top"}, optional
         Without masks: where ``b`` continues, by default to the right. The border column or row on ``a``'s
         side stays ``a``'s, the opposite one ``b``'s. Masks say it themselves: not both.
-    method : {"heat", "thesis", "shortest-path", "dp", "graph-cut"}
-        `heat` converges the flux of a conductor network; `thesis` follows Algorithms 1 and 2 of the thesis
-        with MMA; `shortest-path` is the exact optimum; `dp` the best seam that never turns back; `graph-cut`
-        needs PyMaxflow.
+    method : {"auto", "heat", "thesis", "shortest-path", "dp", "graph-cut"}
+        `auto` takes the exact solver that is fastest for the overlap (:mod:`toposeam.seam.automatic`), and
+        ``Seam.method`` says which; `heat` converges the flux of a conductor network; `thesis` follows
+        Algorithms 1 and 2 of the thesis with MMA; `shortest-path` is the exact optimum; `dp` the best seam
+        that never turns back; `graph-cut` needs PyMaxflow.
     gradient : bool, optional
         Short for the law "gradient" (2.4), or "colour" (3.22). Not together with `cost`.
     cost : MatchCost, optional
@@ -105,12 +107,13 @@ def find_seam(
     data_range : float, optional
         The value that counts as white, for integers other than uint8 and uint16 and for floats beyond [0, 1].
     options : HeatOptions or ThesisOptions, optional
-        How the method goes about it; its fields may be given as plain keywords instead.
+        How the method goes about it; its fields may be given as plain keywords instead. With `auto`, options
+        are those of `heat`, and choose it.
     prove : bool
         Also find out what the best seam costs, by shortest path where the seam is one, else by maximum flow
         (PyMaxflow's where it is installed), and say so in ``Seam.bound``. The seam stays the method's.
     record_frames : bool
-        Keep the densities of every iteration in ``Seam.frames``.
+        Keep the densities of every iteration in ``Seam.frames``. With `auto` that chooses `heat`.
     progress : callable, optional
         Called with the share of the work done, in [0, 1].
     **given
@@ -134,9 +137,10 @@ def find_seam(
     >>> seam.labels[:, 0].any(), seam.labels[:, -1].all()
     (np.False_, np.True_)
     """
-    chosen = method_options(method, given, options)
     for name, value in (("prove", prove), ("record_frames", record_frames)):
         check_choice(name, value, (True, False))
+    method = method_for(method, heats=record_frames or bool(given) or options is not None)
+    chosen = method_options(method, given, options)
     problem, only_b, settings = pose(
         a,
         b,
@@ -159,7 +163,12 @@ def find_seam(
     seconds = time.perf_counter() - started
     if prove:
         solution = dataclasses.replace(solution, bound=least_cost(problem, problem.total(solution.labels)))
-    return seam_of(problem, only_b, solution, method, settings, seconds)
+    return seam_of(problem, only_b, solution, solution.method or method, settings, seconds)
+
+
+def method_for(method: Method, *, heats: bool) -> Method:
+    """The method to take: `auto` is `heat` where something is asked for that only heat gives."""
+    return "heat" if method == "auto" and heats else method
 
 
 def usual_law(method: Method) -> Law:
@@ -187,7 +196,7 @@ def least_cost(problem: SeamProblem, known: float) -> float:
 def method_options(
     method: Method, given: Mapping[str, Any], options: HeatOptions | ThesisOptions | None = None
 ) -> HeatOptions | ThesisOptions | None:
-    """The checked options of a method, None for a direct one.
+    """The checked options of a method, None for a direct one, or for `auto`.
 
     Parameters
     ----------
@@ -222,6 +231,8 @@ def solve(
     progress: Callable[[float], None] | None = None,
 ) -> Solution:
     """The labels a method finds for a problem."""
+    if method == "auto":
+        return best_path(problem, progress)
     if method in _ITERATIVE:
         with one_thread():
             return _ITERATIVE[method][1](problem, options, record_frames=record_frames, progress=progress)

@@ -81,9 +81,7 @@ class CutGrid:
         return network, np.concatenate(weights).astype(np.float64), index
 
 
-def grid_from_sides(
-    side: npt.NDArray[np.uint8], right: Floats32, down: Floats32, copy: bool = True
-) -> CutGrid:
+def grid_from_sides(side: npt.NDArray[np.uint8], right: Floats32, down: Floats32) -> CutGrid:
     """The cut problem of an overlap.
 
     Parameters
@@ -92,8 +90,6 @@ def grid_from_sides(
         Of :mod:`toposeam.seam.overlap`; its outermost rows and columns are never free.
     right, down : float32 arrays
         Match cost of every interface, 0 where the seam cannot run.
-    copy : bool
-        Without, `right` and `down` are taken as they are: where a pixel is not free they are not 0.
     """
     free = side == FREE
     # Few pixels are beside what is decided: what stays zero of these arrays takes no memory.
@@ -108,8 +104,6 @@ def grid_from_sides(
             for ends, ground in ((cold, A), (hot, B)):
                 touching = tuple(index[beside == ground] for index in places)
                 ends[inner][touching] += cost[touching]
-    if not copy:
-        return CutGrid(right, down, cold, hot, free)
     both_right = free[:, 1:] & free[:, :-1]
     both_down = free[1:] & free[:-1]
     return CutGrid(

@@ -14,19 +14,12 @@ label map.
 steps on the potential and its dual flow together (:mod:`toposeam.heat.primal_dual`) are heat networks just as
 well, take six to ten of them, and prove how good the seam is: the flow bounds every seam's cost from below.
 
-*What need not be heated.* Where the seam leads from one gap to another, distances between corners are the
-largest flow (:func:`toposeam.seam.exact.laid_by_distances`). From 1,000 pixels on they are found sooner than
-heat gathers: the search starts at the potential and the flow they give, sees that nothing is left to gain,
-and ends. ``Seam.soft`` heats the overlap when it is read; whoever asks for frames, or for less than the usual
-proof, sees every step.
-
 *Large overlaps* start out contracted by what coarser networks show (:mod:`toposeam.seam.coarse`), and are
 opened again along the seam (:mod:`toposeam.seam.corridor`); a proof holds for the choices that are left.
 """
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -40,20 +33,15 @@ from toposeam.heat.network import Floats, Ints, Network
 from toposeam.heat.primal_dual import PrimalDual
 from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
-from toposeam.optimize.history import Frame, Iteration, Termination
-from toposeam.seam.coarse import PROVEN, WHOLE_NODES, gather, restrict
+from toposeam.optimize.history import Frame, Iteration
+from toposeam.seam.coarse import WHOLE_NODES, restrict
 from toposeam.seam.corridor import beside_seam, best_nearby, keeping
-from toposeam.seam.exact import divided_by_paths, laid_by_distances
-from toposeam.seam.gathering import FLUX_THRESHOLD, SOFT, gather_heat
-from toposeam.seam.grid import grid_from_sides, grown
+from toposeam.seam.gathering import SOFT, gather_heat
+from toposeam.seam.grid import grown
 from toposeam.seam.overlap import FREE, NONE
 from toposeam.seam.problem import SeamProblem
 from toposeam.seam.solution import Solution
 
-#: From this many free pixels on distances between corners are found sooner than heat gathers.
-DISTANCE_PIXELS = 1000
-#: A flow laid by them is right up to this share of its size.
-_LOST = 1e-9
 #: In large overlaps ``soft`` is sought within so many cells (of 8 px) of the seam, in steps at most.
 _SOFT_CELLS, _SOFT_STEPS = 4, 20
 
@@ -104,13 +92,6 @@ def heat_path(
         ``contracted``, the overlap was never heated whole, and :func:`potential_beside` has a better one. The
         last record of the history is the seam itself, all heat on one line.
     """
-    # Who asks for frames, or for a rough answer, wants to see the flows.
-    if not record_frames and options.tolerance <= PROVEN and not problem.tied and _by_path(problem):
-        known = (_along_path if _is_large(problem) else _known_at_once)(problem)
-        if known is not None:
-            if progress is not None:
-                progress(1.0)
-            return known
     large = _is_large(problem)
     network, cost, multiplicity, node_of_pixel = _network(problem)
     frames: list[Frame] = []
@@ -150,6 +131,7 @@ def heat_path(
     if progress is not None:
         progress(1.0)
     return Solution(
+        method="heat",
         bound=bound,
         labels=labels,
         soft=potential,
@@ -198,51 +180,6 @@ def potential_beside(problem: SeamProblem, labels: Mask) -> npt.NDArray[np.float
     return potential
 
 
-def _by_path(problem: SeamProblem) -> bool:
-    """Whether a path between corners ends sooner what the heat begins."""
-    free = int(np.count_nonzero(problem.overlap.side == FREE))
-    return free >= DISTANCE_PIXELS and divided_by_paths(problem)
-
-
-def _along_path(problem: SeamProblem) -> Solution:
-    """The best seam near the one that heat shows on coarse networks."""
-    history: list[Iteration] = []
-    labels = gather(
-        grid_from_sides(problem.overlap.side, problem.right, problem.down, copy=False),  # which is not kept
-        lambda state: history.append(_record(state)),
-        early=True,
-    ).labels
-    return _solved(problem, best_nearby(problem, labels, rough=True), tuple(history))
-
-
-def _known_at_once(problem: SeamProblem) -> Solution | None:
-    """The seam where the heat need not be found step by step: its flow, laid by distances between corners, is
-    the largest there is, and the potential that is 1 on ``b``'s side of the seam belongs to it. None where
-    the proof fails, or several pieces are free.
-    """
-    laid = laid_by_distances(problem)
-    if laid is None:
-        return None
-    labels, flow, size = laid
-    network, cost, hot = problem.network, problem.element_cost, labels.ravel()[problem.pattern.pixels]
-    jump = network.difference(np.append(hot, [0.0, 1.0]))
-    least = float(cost @ jump)
-    lost = float(np.abs(network.surplus(flow)).max())
-    overflow = float((np.abs(flow) - cost).max())
-    if max(lost, overflow, least - size) > _LOST * size:
-        return None
-    record = Iteration(
-        stage=1,
-        objective=least,
-        compliance=size,
-        bound=float("nan"),
-        n_flux=int(np.count_nonzero(jump)),
-        change=1.0,
-        unknowns=network.n,
-    )
-    return _solved(problem, labels, (record,), _bound(problem, labels, least, size))
-
-
 def _bound(problem: SeamProblem, labels: Mask, counted: float, proven: float) -> float:
     """What no labelling of the problem undercuts, from what is proven of its network.
 
@@ -250,43 +187,6 @@ def _bound(problem: SeamProblem, labels: Mask, counted: float, proven: float) ->
     what is fixed. One of them, and what of it the network has counted, tells how much.
     """
     return proven + problem.total(labels) - counted
-
-
-def _record(state: PrimalDual) -> Iteration:
-    """A step on a coarse network."""
-    flux = np.abs(state.jump)
-    return Iteration(
-        stage=1,
-        objective=float(state.cost @ flux),
-        compliance=state.bound,
-        bound=float("nan"),
-        n_flux=int(np.count_nonzero(flux > FLUX_THRESHOLD)),
-        change=1.0,
-        unknowns=state.network.n,
-    )
-
-
-def _solved(
-    problem: SeamProblem, labels: Mask, history: tuple[Iteration, ...], bound: float = 0.0
-) -> Solution:
-    """What a path between corners ended."""
-    least = problem.total(labels)
-    last = dataclasses.replace(
-        history[-1],
-        stage=2,
-        objective=least,
-        compliance=least,
-        n_flux=len(problem.crossed(labels)),
-        unknowns=0,
-    )
-    return Solution(
-        labels=labels,
-        soft=labels.astype(np.float32),
-        contracted=True,
-        history=(*history, last),
-        termination=Termination.SINGLE_LINE,
-        bound=bound,
-    )
 
 
 def _is_large(problem: SeamProblem) -> bool:

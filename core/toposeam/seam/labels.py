@@ -6,19 +6,17 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.images import Mask
+from toposeam.seam.automatic import FLOW_PIXELS
 from toposeam.seam.exact import cut_by_flow
 from toposeam.seam.find import Method, method_options, solve
 from toposeam.seam.heat import HeatOptions
-from toposeam.seam.kept_paths import cut_by_paths
 from toposeam.seam.match_cost import MatchCost, match_cost, match_options
 from toposeam.seam.overlap import FREE, between_masks
 from toposeam.seam.problem import SeamProblem
 from toposeam.seam.thesis_options import ThesisOptions
 
-#: Methods whose seam is the best one: on small overlaps a path, or a maximum flow, ends what heat begins.
-BEST: tuple[Method, ...] = ("heat", "shortest-path")
-#: Up to so many free pixels a maximum flow is found sooner than heat gathers.
-_BY_FLOW = 30_000
+#: Methods whose seam is the best one, by whichever engine.
+BEST: tuple[Method, ...] = ("auto", "shortest-path")
 
 MethodOptions = HeatOptions | ThesisOptions | None
 
@@ -33,7 +31,7 @@ def decided_by(problem: SeamProblem, method: Method, options: MethodOptions) -> 
         As for :func:`toposeam.seam.find.solve`.
     """
     free = problem.overlap.side == FREE
-    if method in BEST and np.count_nonzero(free) <= _BY_FLOW:
+    if method in BEST and np.count_nonzero(free) <= FLOW_PIXELS:
         return problem.complete(cut_by_flow(problem, free)).astype(bool, copy=False)
     return solve(problem, method, options).labels
 
@@ -43,7 +41,7 @@ def seam_labels(
     b: npt.NDArray[np.float32],
     mask_a: Mask,
     mask_b: Mask,
-    method: Method = "heat",
+    method: Method = "auto",
     cost: MatchCost | None = None,
     *,
     closed: bool = False,
@@ -84,8 +82,6 @@ def seam_labels(
     part_a[~on_a], part_b[~on_b] = 0, 0
     right, down = match_cost(part_a, part_b, overlap, on_a, on_b, match_options(None, cost, "gradient"))
     problem = SeamProblem(overlap, right, down)
-    labels = cut_by_paths(problem) if method in BEST and not closed else None
-    if labels is None:
-        labels = decided_by(problem, method, method_options(method, {}))
+    labels = decided_by(problem, method, method_options(method, {}))
     found: Mask = problem.on_canvas(labels, mask_b & ~mask_a)
     return found

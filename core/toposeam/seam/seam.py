@@ -60,10 +60,11 @@ class Seam:
     #: Σ M over the interfaces the seam cuts; comparable across methods for the same patches and cost options.
     cost: float
     #: A cost that no seam of this overlap can undercut, up to rounding; 0 where nothing is proven. Exact
-    #: methods and ``prove=True`` give the least cost itself; heat gives the size of its flow where it solved
+    #: engines and ``prove=True`` give the least cost itself; heat gives the size of its flow where it solved
     #: the overlap whole (up to 30,000 px), and what every seam cuts, between fixed pixels, besides.
     bound: float = 0.0
-    #: Name of the method that found it.
+    #: The engine that found it: the method that was asked for, or of "auto" the one that it took,
+    #: "shortest-path", "graph-cut" (a maximum flow) or "heat". "path" is a seam that was given.
     method: str
     #: One record per inner iteration; empty for direct methods.
     history: tuple[Iteration, ...] = ()
@@ -110,8 +111,9 @@ class Seam:
         """(H, W) float32 in [0, 1]: 0 where ``a`` shows, 1 where ``b`` shows, between them the label
         potential before the seam was decided.
 
-        Where heat had not to be found step by step it is solved when this is read first; on an overlap of
-        more than 30,000 px in a band of some thirty pixels on either side of the seam.
+        Where method "auto" took another engine the overlap is heated when this is read first; one of more
+        than 30,000 px, by heat, too, in a band of some thirty pixels on either side of the seam. Of the other
+        methods it is the labels.
         """
         return self.problem.on_canvas(potential_on_window(self), self.only_b).astype(np.float32, copy=False)
 

@@ -19,6 +19,8 @@ class Solution:
     soft: npt.NDArray[np.float32]
     #: Whether the overlap was not heated whole, so that `soft` says less than it could.
     contracted: bool = False
+    #: The engine that ran; empty where it is the method that was asked for.
+    method: str = ""
     history: tuple[Iteration, ...] = ()
     frames: tuple[Frame, ...] = ()
     termination: Termination = Termination.DIRECT

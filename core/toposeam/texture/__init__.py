@@ -1,1 +1,1 @@
-"""Textures laid from patches of samples, joined along heat seams: synthesis, tiles, filled holes."""
+"""Textures laid from patches of samples, joined along the best seams: synthesis, tiles, filled holes."""

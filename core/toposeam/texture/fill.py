@@ -76,7 +76,7 @@ def fill(
 ) -> Synthesis:
     """Replace part of a picture by what the rest of it is like.
 
-    A texture is continued by patches, from outside inwards, each cut along a heat seam. A photograph is
+    A texture is continued by patches, from outside inwards, each cut along the best seam. A photograph is
     stitched from copies of itself, each shifted as a whole (:mod:`toposeam.texture.shifts`), and levelled so
     that light runs on. Seams may run through a band round the hole.
 

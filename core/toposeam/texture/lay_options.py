@@ -45,7 +45,7 @@ class LayOptions:
     #: Whether ordered textures keep step with their order (:mod:`toposeam.texture.keeping_step`).
     close: bool = True
     #: How the seam is found.
-    method: Method = "heat"
+    method: Method = "auto"
     cost: MatchCost | None = None
 
     def __post_init__(self) -> None:

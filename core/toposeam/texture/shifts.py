@@ -1,5 +1,5 @@
 """A hole as a stitching problem: the layers are copies of the picture, each shifted as a whole; which shows
-where is found by expansion moves over heat seams, coarse to fine.
+where is found by expansion moves, each a minimum cut, coarse to fine.
 
 Every pixel of the hole, and of a band round it, gets one shift (a shift-map: Pritch et al. 2009,
 doi:10.1109/ICCV.2009.5459159); beyond, the picture shows itself, which is shift 0. A shift-map costs

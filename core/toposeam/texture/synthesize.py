@@ -69,7 +69,7 @@ def synthesize(
 ) -> Synthesis:
     """Grow a texture of any size from one or more samples.
 
-    Patches are laid in raster order, each where it fits best to what is there, and cut along heat seams.
+    Patches are laid in raster order, each where it fits best to what is there, and cut along the best seam.
 
     Parameters
     ----------

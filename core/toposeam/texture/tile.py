@@ -39,8 +39,8 @@ def make_tileable(
     """Make an existing picture repeat without a visible border.
 
     On the torus that the repeated picture is, patches of its own are laid over the lines where its borders
-    meet and cut along heat seams; only a band along the borders changes, and nothing where the picture goes
-    on across them as it is.
+    meet and cut along the best seam; only a band along the borders changes, and nothing where the picture
+    goes on across them as it is.
 
     Parameters
     ----------

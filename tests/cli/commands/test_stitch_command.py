@@ -153,8 +153,23 @@ def test_every_method_joins(folder, toposeam, method):
         pytest.importorskip("maxflow")
     ran = toposeam("stitch", *STRIP, "--method", method, "-o", "out.png", "--labels", "labels.png", "--json")
     assert (ran.code, ran.err) == (0, "")
-    assert json.loads(ran.out)["method"] == method
+    assert json.loads(ran.out)["method"] == ("shortest-path" if method == "auto" else method)
     assert_joined("out.png", "labels.png", "a.png", "b.png", (36, 0))
+
+
+def test_the_thesis_as_it_is_written(folder, toposeam):
+    line = ("stitch", *STRIP, "--method", "thesis", "-o", "out.png", "--seam", "seam.svg", "--force")
+    found = {}
+    for plain in ((), ("--plain",)):
+        ran = toposeam(*line, *plain)
+        assert (ran.code, ran.err) == (0, "")
+        found[plain] = ts.read_svg("seam.svg").metadata
+    assert found[()]["asymptotes"] == "curvature"
+    assert found["--plain",]["asymptotes"] == "moving"
+    assert found["--plain",]["first_penalty"] == 3
+    ran = toposeam("stitch", *STRIP, "--plain", "-o", "other.png")
+    assert ran.code != 0
+    assert "--plain belongs to --method thesis" in ran.err
 
 
 def test_the_thesis_has_two_formulations(folder, toposeam):
@@ -236,7 +251,7 @@ def test_a_seam_that_is_written_and_used_again_gives_the_same_bytes(folder, topo
     assert [line.points.tolist() for line in first.polylines] == [
         line.points.tolist() for line in again.polylines
     ]
-    assert first.metadata["method"] == "heat"
+    assert first.metadata["method"] == "shortest-path"
 
 
 def test_a_closed_seam_survives_the_round_trip(folder, toposeam, photographs):

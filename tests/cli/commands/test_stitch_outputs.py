@@ -132,14 +132,15 @@ def test_json_tells_what_was_found(folder, toposeam, method):
         iterates,
         not iterates,
     )
-    if method in ("shortest-path", "graph-cut"):
+    assert facts["method"] == ("shortest-path" if method == "auto" else method)
+    if method in ("auto", "shortest-path", "graph-cut"):
         assert facts["ratio"] == pytest.approx(1)
 
 
 def test_one_line_tells_a_person_what_was_made(folder, toposeam):
     ran = toposeam("stitch", *STRIP, "-o", "out.png")
     assert re.fullmatch(
-        r"out\.png: 92 × 40 px, seam of \d+ px by heat in \d+ iterations, cost [\d.]+, \d\.\d\d s: "
+        r"out\.png: 92 × 40 px, seam of \d+ px by shortest-path, cost [\d.]+, \d\.\d\d s: "
         r"(not to be seen|look at \d+,\d+)\n",
         ran.out,
     )

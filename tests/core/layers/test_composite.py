@@ -238,11 +238,20 @@ def test_the_method_and_its_options_are_handed_on(method):
     stitched = ts.stitch(layers, method=method, gradient=False)
     assert_whole(stitched, layers)
     # The regions of the rounds are no strips, and dp and thesis know nothing else.
-    assert {seam.method for seam in stitched.seams} == {
-        method if method in ("heat", "shortest-path") else "heat"
-    }
+    engines = {seam.method for seam in stitched.seams}
+    if method in ("heat", "shortest-path"):
+        assert engines == {method}
+    else:
+        assert engines <= {"shortest-path", "graph-cut", "heat"}
     assert stitched.seams[0].settings["law"] == "colour"
     assert ts.stitch(layers[:2], method=method).seams[0].method == method
+
+
+def test_soft_blending_of_two_layers_and_frames_are_heated():
+    layers = [crop(0, 0), crop(25, 0)]
+    assert ts.stitch(layers).seams[0].method == "shortest-path"
+    for options in ({"blend": "soft"}, {"record_frames": True}, {"tolerance": 0.01}):
+        assert ts.stitch(layers, **options).seams[0].method == "heat"
 
 
 def test_no_seam_touches_what_is_to_be_avoided():

@@ -84,7 +84,7 @@ ERRORS = {
     "method": (
         lambda: ts.stitch([crop(0, 0), crop(20, 0)], method="magic"),
         ts.OptionError,
-        "choose one of heat",
+        "choose one of auto",
     ),
     "option": (
         lambda: ts.stitch([crop(0, 0), crop(20, 0)], patience=3),

@@ -358,5 +358,5 @@ def test_what_nearly_shows_at_half_the_size_is_open_at_full_size():
 def test_expansions_by_flow_end_as_those_by_heat_do(monkeypatch):
     layers = pile(3, alike=True)
     by_flow = ts.stitch(layers).cost
-    monkeypatch.setattr("toposeam.layers.deciding._BY_FLOW", 0)
+    monkeypatch.setattr("toposeam.layers.deciding.FLOW_PIXELS", 0)
     assert ts.stitch(layers).cost == pytest.approx(by_flow, rel=5e-3)

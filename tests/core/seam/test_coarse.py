@@ -51,7 +51,7 @@ def test_seams_stay_single_lines_near_the_optimum(shape, crops):
     size = mask_a.shape if shape else (160, 40)
     ratios = []
     for seed in range(3):
-        seam = ts.find_seam(*crops(np.random.default_rng([4, seed]), *size), mask_a, mask_b)
+        seam = ts.find_seam(*crops(np.random.default_rng([4, seed]), *size), mask_a, mask_b, method="heat")
         assert seam.termination == ts.Termination.SINGLE_LINE
         ratios.append(seam.optimum_ratio())
     # At these limits the coarsest networks have fewer nodes than a seam has pixels; a few percent is what
@@ -64,9 +64,9 @@ def test_a_large_overlap_is_as_soft_as_one_that_is_solved_whole(shape, crops, mo
     mask_a, mask_b = SHAPES[shape]() if shape else (None, None)
     size = mask_a.shape if shape else (160, 40)
     a, b = crops(np.random.default_rng(5), *size)
-    whole = ts.find_seam(a, b, mask_a, mask_b)
+    whole = ts.find_seam(a, b, mask_a, mask_b, method="heat")
     monkeypatch.setattr(heat, "WHOLE_NODES", 400)
-    contracted = ts.find_seam(a, b, mask_a, mask_b)
+    contracted = ts.find_seam(a, b, mask_a, mask_b, method="heat")
     assert contracted.history[0].unknowns < whole.history[0].unknowns
     assert contracted.labels.tobytes() == whole.labels.tobytes()
     assert np.abs(whole.soft - contracted.soft).mean() < 0.3 * np.abs(whole.soft - whole.labels).mean()
@@ -83,7 +83,7 @@ def test_large_overlaps_of_every_topology(shape):
     masks = tuple(np.kron(mask, np.ones((7, 7), bool)) for mask in small) if shape else (None, None)
     grass = np.pad(data.grass(), ((0, 400), (0, 400)), mode="symmetric")
     a, b = grass[: 7 * height, : 7 * width], grass[90 : 90 + 7 * height, 200 : 200 + 7 * width]
-    seam = ts.find_seam(a, b, *masks)
+    seam = ts.find_seam(a, b, *masks, method="heat")
     assert seam.problem.grid.free.sum() > coarse.WHOLE_NODES
     assert seam.history[0].unknowns < seam.problem.grid.free.sum()
     best = ts.find_seam(a, b, *masks, method="graph-cut")
@@ -105,7 +105,7 @@ def test_the_match_cost_is_the_same_from_blocks_of_rows(crops, monkeypatch):
 def test_identical_pictures_of_a_large_overlap():
     # What is merged with a terminal is a node, too, whether free pixels of it are left or not.
     picture = np.random.default_rng(0).integers(0, 4, (300, 200, 3)).astype(np.uint8)
-    seam = ts.find_seam(picture, picture)
+    seam = ts.find_seam(picture, picture, method="heat")
     assert (np.diff(seam.labels.astype(int), axis=1) >= 0).all()
     assert seam.labels[:, -1].all()
     assert not seam.labels[:, 0].any()

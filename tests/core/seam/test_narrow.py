@@ -13,13 +13,13 @@ from narrow_cases import KINDS, at_border, least_by_flow, narrow, noisy, ragged
 import toposeam as ts
 
 GRAPH = ["graph-cut"] if importlib.util.find_spec("maxflow") else []
-EXACT = ["shortest-path", *GRAPH]
+EXACT = ["auto", "shortest-path", *GRAPH]
 
 
 @pytest.mark.parametrize("index", range(4 * 3 * len(KINDS)))
 def test_through_narrow_places_every_method_finds_the_best_seam(index):
     *given, options = narrow(index)
-    heat = ts.find_seam(*given, **options)
+    heat = ts.find_seam(*given, **options, method="heat")
     best = least_by_flow(heat.problem)
     assert heat.cost == pytest.approx(best, rel=1e-3)
     assert best * (1 - 1.1e-3) <= heat.bound <= best * (1 + 1e-5)
@@ -40,7 +40,7 @@ def test_in_a_row_of_pixels_every_method_finds_the_cheapest_of_all_places(method
 def test_what_is_proven_is_a_bound_of_what_a_seam_costs(index):
     """What is cut between fixed pixels belongs to both."""
     given = ragged(index)
-    heat = ts.find_seam(*given)
+    heat = ts.find_seam(*given, method="heat")
     best = least_by_flow(heat.problem)
     assert heat.optimum_ratio() == pytest.approx(heat.cost / best, rel=1e-5)
     assert heat.cost / heat.bound == pytest.approx(heat.optimum_ratio(), rel=1.1e-3)
@@ -52,7 +52,7 @@ def test_what_is_proven_is_a_bound_of_what_a_seam_costs(index):
 
 @pytest.mark.parametrize("frames", [False, True])
 def test_a_speck_far_from_the_seam_belongs_to_what_is_proven(frames):
-    """In an overlap of more than 1,000 pixels, where distances lay the flow, and where heat gathers."""
+    """Where a path is found, and where heat gathers."""
     a, b = np.random.default_rng(0).random((2, 60, 80, 3))
     on_a, on_b = np.zeros((2, 60, 80), bool)
     on_a[:, :60] = on_b[:, 20:] = on_b[5:10, 5:10] = True
@@ -67,7 +67,7 @@ def test_excluded_pixels_beside_what_is_fixed_belong_to_what_is_proven():
     a, b = np.random.default_rng(0).random((2, 12, 9))
     avoid = np.zeros((12, 9), bool)
     avoid[5, 2:8] = True
-    seam = ts.find_seam(a, b, avoid=avoid)
+    seam = ts.find_seam(a, b, avoid=avoid, method="heat")
     assert seam.cost / seam.bound == pytest.approx(seam.optimum_ratio(), rel=1.1e-3)
 
 

@@ -1,0 +1,73 @@
+"""Method `auto`: the exact solver that is fastest for the overlap at hand, and heat where none is.
+
+An overlap that one path between corners divides, like a strip or an L, is left to the shortest path
+(:mod:`toposeam.seam.exact`), which is exact and fastest at every size that was measured (docs/heat.md).
+Rings, islands and overlaps with several seams are left to a maximum flow (:mod:`toposeam.seam.flow`) up to
+:data:`FLOW_PIXELS`. Beyond, heat takes no longer, and its seam suffers from no rounded capacities.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from toposeam.heat.threads import one_thread
+from toposeam.images import Mask
+from toposeam.seam.exact import cut_by_flow, exact_labels
+from toposeam.seam.heat import HeatOptions, heat_path
+from toposeam.seam.overlap import FREE
+from toposeam.seam.problem import SeamProblem
+from toposeam.seam.solution import Solution
+
+#: Up to this many free pixels that no path divides are cut by maximum flow.
+FLOW_PIXELS = 30_000
+#: Beyond this many free pixels a shortest path, which needs about 100 bytes for each, is sought in a corridor
+#: only, which heat finds.
+PATH_PIXELS = 10_000_000
+
+
+class _TooLargeError(Exception):
+    """More pixels that no path divides than a maximum flow is to cut."""
+
+
+def best_path(problem: SeamProblem, progress: Callable[[float], None] | None = None) -> Solution:
+    """Find the best seam by the solver that suits the overlap.
+
+    Parameters
+    ----------
+    problem : SeamProblem
+    progress : callable, optional
+        Called with the share of the work done, in [0, 1].
+
+    Returns
+    -------
+    Solution
+        Its `method` is "shortest-path"; "graph-cut" where a maximum flow cut some of the overlap; or "heat".
+        Of the first two `bound` is the cost, and `contracted` is True: heat is led through the overlap when
+        somebody reads the label potential.
+    """
+    flows: list[Mask] = []
+
+    def flow(problem: SeamProblem, pixels: Mask) -> Mask:
+        if np.count_nonzero(pixels) > FLOW_PIXELS:
+            raise _TooLargeError
+        flows.append(pixels)
+        return cut_by_flow(problem, pixels)
+
+    try:
+        if np.count_nonzero(problem.overlap.side == FREE) > PATH_PIXELS:
+            raise _TooLargeError
+        labels = exact_labels(problem, flow=flow)
+    except _TooLargeError:
+        with one_thread():
+            return heat_path(problem, HeatOptions(), progress=progress)
+    if progress is not None:
+        progress(1.0)
+    return Solution(
+        labels=labels,
+        soft=labels.astype(np.float32),
+        contracted=True,
+        method="graph-cut" if flows else "shortest-path",
+        bound=problem.total(labels),
+    )

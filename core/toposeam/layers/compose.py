@@ -22,8 +22,9 @@ from toposeam.layers.made import Made
 from toposeam.layers.maps import blocks, cover_of, new_map
 from toposeam.layers.painting import LabelMap, channel_count
 from toposeam.layers.posing import CORE, exclusive_covers, pose_labelling
+from toposeam.layers.problem import Problem, State
 from toposeam.layers.progressed import Progressed
-from toposeam.layers.rounds import Problem, Report, State, find_potentials, refine
+from toposeam.layers.rounds import find_potentials, refine
 from toposeam.layers.search_options import Effort, SearchOptions, search_options
 from toposeam.layers.steps import Steps, divided, order_of, paths_by_pair
 from toposeam.layers.tasks import Executor, check_executor
@@ -35,8 +36,8 @@ from toposeam.layers.wrapping import (
     margin,
     round_canvas,
     turned,
+    turned_gathered,
     turned_map,
-    turned_potentials,
     unrolled,
 )
 from toposeam.seam.find import Method, method_options, usual_law
@@ -164,8 +165,8 @@ def compose(
         )
         order = order_of(layers, steps.places, steps.covered)
         search = _Search(method, given, thorough, max_rounds, progress, executor, core, speck, match)
-        state, report = minimise(search.problem(labelling), order, max_rounds, blend == "soft")
-        label_map, rounds = state.label_map, report.rounds
+        label_map, report = minimise(search.problem(labelling), order, max_rounds, blend == "soft")
+        rounds = report.rounds
         made = Made(labelling, label_map, report, list(paths), search.recorded())
         pairs = made.pairs
         made.check(executor)
@@ -236,19 +237,17 @@ def _round(
     labelling, parts, covered = posed(cut_at)
     order = order_of(parts, labelling.places, covered)
     soft = blend == "soft"
-    state, report = minimise(search.problem(labelling), order, search.rounds, soft)
-    potentials = [(report.potentials, cut_at)]
+    labels, report = minimise(search.problem(labelling), order, search.rounds, soft)
     start = cut_at - period // 2
-    labels = turned_map(state.label_map, period, start - cut_at, period)
+    labels = turned_map(labels, period, start - cut_at, period)
     problem, state = search.problem(posed(start)[0]), State(labels, band(frame.shape))
     refine(problem, state, search.rounds)
     if soft:
-        found = Report.of(problem)
-        find_potentials(problem, state, found)
-        potentials.append((found.potentials, start))
-    labels = turned_map(state.label_map, period, -start, period)
+        joint = find_potentials(problem, state)
+        gathered = turned_gathered([(report.gathered, cut_at), (joint, start)], period)
+        report = dataclasses.replace(report, gathered=gathered)
+    labels = turned_map(labels, period, -start, period)
     labelling, parts, covered = posed(0)
-    report.potentials = turned_potentials(potentials, period)
     made = Made(labelling, labels, report, [], search.recorded())
     flat = blend == "gradient"
     placed = (

@@ -22,11 +22,10 @@ import numpy as np
 from toposeam.layers.band import write_pixels
 from toposeam.layers.choices import Choices
 from toposeam.layers.maps import dense
+from toposeam.layers.painting import LabelMap
+from toposeam.layers.problem import Problem, Report, State
 from toposeam.layers.reduction import Tables, enlarged, halved, opened
 from toposeam.layers.rounds import (
-    Problem,
-    Report,
-    State,
     beside_seams,
     find_potentials,
     refine,
@@ -35,8 +34,8 @@ from toposeam.layers.rounds import (
 )
 
 
-def minimise(problem: Problem, order: Sequence[int], most: int, potentials: bool) -> tuple[State, Report]:
-    """Search the cheapest label map.
+def minimise(problem: Problem, order: Sequence[int], most: int, potentials: bool) -> tuple[LabelMap, Report]:
+    """Search the cheapest label map, (H, W) int16.
 
     Parameters
     ----------
@@ -49,26 +48,23 @@ def minimise(problem: Problem, order: Sequence[int], most: int, potentials: bool
         Whether the label potentials beside the seams are wanted.
     """
     started = time.perf_counter()
-    labelling, options, report = problem.labelling, problem.search, Report.of(problem)
+    labelling, options = problem.labelling, problem.search
     thorough = bool(most) and math.prod(labelling.canvas.shape) <= options.large_canvas
     weights = options.wandering if thorough else options.wandering[:1]
-    state, report.rounds = _from_coarse(problem, order, most, weights[0])
+    label_map, rounds = _from_coarse(problem, order, most, weights[0])
     for weight in weights[1:]:
-        other, rounds = _from_coarse(problem, order, most, weight)
-        report.rounds = max(report.rounds, rounds)
-        _fuse(problem, state, other)
+        other, number = _from_coarse(problem, order, most, weight)
+        rounds = max(rounds, number)
+        _fuse(problem, label_map, other)
     if len(weights) > 1:
-        refine(problem, state, most)
+        refine(problem, State(label_map, beside_seams(label_map, options.band)), most)
     if options.windows and thorough:
-        settle(problem, state)
-    if potentials:
-        state.near = None
-        find_potentials(problem, state, report)
-    report.seconds = time.perf_counter() - started
-    return state, report
+        settle(problem, label_map)
+    gathered = find_potentials(problem, State(label_map)) if potentials else {}
+    return label_map, Report(problem, rounds, time.perf_counter() - started, gathered)
 
 
-def _from_coarse(problem: Problem, order: Sequence[int], most: int, wandering: float) -> tuple[State, int]:
+def _from_coarse(problem: Problem, order: Sequence[int], most: int, wandering: float) -> tuple[LabelMap, int]:
     """The label map that costs reduced in one way lead to, and the number of rounds of expansions."""
     levels = _levels(problem, wandering)
     few = problem.search.near_ties
@@ -80,14 +76,16 @@ def _from_coarse(problem: Problem, order: Sequence[int], most: int, wandering: f
 
     level = levels.pop()
     state, number = search(level, order, most, ties=tied())
+    label_map, ties = state.label_map, state.ties
     while levels:
         level = levels.pop()
-        near, finer = beside_seams(state.label_map), level.labelling
-        for rows, columns in state.ties.values():
+        near, finer = beside_seams(label_map), level.labelling
+        for rows, columns in ties.values():
             write_pixels(near, rows, columns, np.ones(len(rows), bool))
-        state = State(enlarged(state.label_map, finer), opened(near, finer), state.ties)
-        refine(level, state, most, ties=tied(), everywhere=small and len(levels) == 1)
-    return state, number
+        label_map = enlarged(label_map, finer)
+        state = State(label_map, opened(near, finer), ties)
+        ties = refine(level, state, most, ties=tied(), everywhere=small and len(levels) == 1)
+    return label_map, number
 
 
 def _levels(problem: Problem, wandering: float) -> list[Problem]:
@@ -106,18 +104,17 @@ def _levels(problem: Problem, wandering: float) -> list[Problem]:
     return [problem, *(problem.reduced(level) for level in tables.kept(levels[1:]))]
 
 
-def _fuse(problem: Problem, state: State, other: State) -> None:
-    """Take another label map wherever it is cheaper in a whole patch of pixels in which the two differ, and
-    open the pixels beside the seams.
+def _fuse(problem: Problem, label_map: LabelMap, other: LabelMap) -> None:
+    """Take another label map, in place, wherever it is cheaper in a whole patch of pixels in which the two
+    differ.
 
     No interface touches two patches, or they would be one. So the cost of each does not depend on the choice
     for the others, and the cheaper one of each is the best of all mixtures of whole patches.
     """
     labelling = problem.labelling
-    one, two = dense(state.label_map), dense(other.label_map)
+    one, two = dense(label_map), dense(other)
     count, apart = len(labelling.places), one != two
     may = [((one == k) | (two == k)) & apart for k in range(count)]
     choices = Choices(labelling, labelling.canvas, one, may, range(count))
     choices.fuse(np.where(two < 0, np.int16(count), two).ravel())
-    state.label_map[:, :] = choices.label_map()
-    state.near = beside_seams(state.label_map, problem.search.band)
+    label_map[:, :] = choices.label_map()

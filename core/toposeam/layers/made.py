@@ -17,7 +17,7 @@ from toposeam.layers.labelling import Labelling, Pair, PairCost
 from toposeam.layers.layer import Box
 from toposeam.layers.maps import BLOCK, dense, part_of, several
 from toposeam.layers.painting import LabelMap
-from toposeam.layers.rounds import Report
+from toposeam.layers.problem import Report
 from toposeam.layers.tasks import Executor, results
 from toposeam.optimize.history import Termination
 from toposeam.seam.overlap import FREE
@@ -86,22 +86,23 @@ class Made:
         if seam is None:
             raise ValueError(f"layers {pair[0]} and {pair[1]} have nothing in common")
         problem, box, shown = seam.problem, seam.box, seam.labels == pair[1]
-        potential, kept = shown.astype(np.float32), self.report.potentials.get(pair)
+        heat = self.report.gathered.get(pair)
+        potential, kept = shown.astype(np.float32), None if heat is None else heat.potential
         if kept is not None:
             rows, columns, values = kept
             inside = (rows >= box.top) & (rows < box.bottom) & (columns >= box.left) & (columns < box.right)
             at = rows[inside] - box.top, columns[inside] - box.left
             free = problem.overlap.side[at] == FREE
             potential[at] = np.where(free, values[inside], potential[at])
-        history, termination = self.report.gathered.get(pair, ((), Termination.DIRECT))
+        history, termination = ((), Termination.DIRECT) if heat is None else (heat.history, heat.termination)
         label_map = self.label_map
         return Seam(
             _shown=shown,
-            _potential=None if kept is None and self.report.method == "heat" else potential,
+            _potential=None if kept is None and self.report.problem.method == "heat" else potential,
             _only_b=lambda: dense(label_map) == pair[1],
             cost=problem.cost(shown),
             history=history,
-            method="path" if pair in self.given else self.report.method,
+            method="path" if pair in self.given else self.report.problem.method,
             termination=Termination.GIVEN if pair in self.given else termination,
             seconds=self.report.seconds / len(self.pairs),
             settings={**self.common, **self.report.settings},
@@ -133,7 +134,7 @@ class Made:
             length=float(sum(length for length, _, _ in found.values())),
             cost=sum(cost for _, cost, _ in found.values()),
             seconds=self.report.seconds,
-            method="path" if next(iter(found), None) in self.given else self.report.method,
+            method="path" if next(iter(found), None) in self.given else self.report.problem.method,
             verdict=worst_of(verdict for _, _, verdict in found.values())
             if self.common.get("law") == "natural"
             else None,

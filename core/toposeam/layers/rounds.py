@@ -11,17 +11,15 @@ ones pair by pair (:mod:`toposeam.layers.band`). :mod:`toposeam.layers.levels` l
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
-from toposeam.layers.band import Divided, Division, Pixels, Potential, divided, write_pixels
+from toposeam.layers.band import Divided, Division, divided, write_pixels
 from toposeam.layers.choices import Choices
 from toposeam.layers.deciding import CutSolver
 from toposeam.layers.junctions import beside_steps, doubled_around, junctions, reached, square_dilation
@@ -30,107 +28,25 @@ from toposeam.layers.layer import Box
 from toposeam.layers.maps import blocks, dense, new_map, part_of, several
 from toposeam.layers.painting import LabelMap
 from toposeam.layers.parts import part_of_labelling
-from toposeam.layers.progressed import Progressed
-from toposeam.layers.search_options import SearchOptions
+from toposeam.layers.problem import Gathered, Problem, State, Ties
 from toposeam.layers.starts import best_of_starts, join
-from toposeam.layers.tasks import Executor, on_boxes
-from toposeam.optimize.history import Iteration, Termination
-from toposeam.seam.find import Method, method_options
+from toposeam.layers.tasks import on_boxes
 from toposeam.seam.heat import HeatOptions
-from toposeam.seam.thesis_options import ThesisOptions
 
-#: Methods that cut networks; for the others heat does.
-_ANY_NETWORK: tuple[Method, ...] = ("heat", "shortest-path", "graph-cut")
 #: How far beside seams the label potential is computed, px.
 _SOFT = 4
 #: Rounds of expansions at most in a window.
 _MOST = 100
 
 
-@dataclass(frozen=True, slots=True)
-class Problem:
-    """A labelling problem at one size, and how it is solved."""
-
-    labelling: Labelling
-    method: Method
-    options: HeatOptions | ThesisOptions | None
-    search: SearchOptions
-    executor: Executor | None
-    steps: Progressed
-
-    @classmethod
-    def of(
-        cls,
-        labelling: Labelling,
-        method: Method,
-        options: Mapping[str, Any],
-        search: SearchOptions,
-        executor: Executor | None = None,
-        steps: Progressed | None = None,
-    ) -> Problem:
-        """The problem at full size, by a method and its options as for :func:`toposeam.find_seam`."""
-        own: Method = method if method in _ANY_NETWORK else "heat"
-        chosen = method_options(own, dict(options) if own == method else {})
-        return cls(labelling, own, chosen, search, executor, steps or Progressed(None))
-
-    def reduced(self, labelling: Labelling) -> Problem:
-        """The same problem at a smaller size, where rough solutions will do."""
-        options = self.options
-        if isinstance(options, HeatOptions):
-            options = dataclasses.replace(options, tolerance=max(self.search.rough, options.tolerance))
-        return dataclasses.replace(self, labelling=labelling, options=options)
-
-    @property
-    def solver(self) -> CutSolver:
-        """Decides moves."""
-        return CutSolver(self.method, self.options, self.labelling.forbidden)
-
-    @property
-    def order(self) -> list[int]:
-        """The layers in the order of their places, in which they expand."""
-        places = self.labelling.places
-        return sorted(range(len(places)), key=lambda k: places[k])
-
-
-@dataclass(slots=True)
-class State:
-    """A label map that is improved in place."""
-
-    #: (H, W) int16.
-    label_map: LabelMap
-    #: (H, W) bool: the pixels that may change; None for all.
-    near: Mask | None = None
-    #: Of each layer rows and columns of the pixels, at half the size, where it nearly shows.
-    ties: dict[int, Pixels] = field(default_factory=dict)
-
-
-@dataclass(slots=True)
-class Report:
-    """How the seams of a label map were found."""
-
-    method: Method
-    settings: Mapping[str, Any]
-    rounds: int = 0
-    seconds: float = 0.0
-    #: Of pairs whose label potential is known: that of the pixels beside their seam, and how heat gathered.
-    potentials: dict[Pair, Potential] = field(default_factory=dict)
-    gathered: dict[Pair, tuple[tuple[Iteration, ...], Termination]] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, problem: Problem) -> Report:
-        """Nothing known yet."""
-        options = problem.options
-        return cls(problem.method, {} if options is None else dataclasses.asdict(options))
-
-
 def search(problem: Problem, order: Sequence[int], most: int, ties: bool) -> tuple[State, int]:
-    """The cheapest label map that expansions from several starts end in, and the number of their rounds; with
-    `most` 0 the layers are only joined in the given order. `ties` as for :func:`refine`.
+    """The cheapest label map that expansions from several starts end in, with its near ties if they are
+    wanted, and the number of rounds; with `most` 0 the layers are only joined in the given order.
     """
     labelling, canvas = problem.labelling, problem.labelling.canvas
-    state, solver = State(labelling.on_top()), problem.solver
+    label_map, solver = labelling.on_top(), problem.solver
     allowed = [labelling.allowed_in(k, canvas) for k in range(len(labelling.places))]
-    choices = Choices(labelling, canvas, dense(state.label_map), allowed, range(len(allowed)))
+    choices = Choices(labelling, canvas, dense(label_map), allowed, range(len(allowed)))
     number = 0
     with one_thread():
         if most:
@@ -138,16 +54,16 @@ def search(problem: Problem, order: Sequence[int], most: int, ties: bool) -> tup
             number = best_of_starts(choices, allowed, places, solver, most, problem.search, problem.steps)
         else:
             join(choices, allowed, order, solver)
-        if ties and most:
-            state.ties = _near_ties(problem, choices)
-    state.label_map[:, :] = choices.label_map()
-    return state, number
+        found = _near_ties(problem, choices) if ties and most else {}
+    label_map[:, :] = choices.label_map()
+    problem.steps.one()
+    return State(label_map, ties=found), number
 
 
 def refine(
     problem: Problem, state: State, most: int, *, ties: bool = False, everywhere: bool = False
-) -> None:
-    """Improve a label map among the pixels that may change.
+) -> Ties:
+    """Improve a label map among the pixels that may change; its near ties, if they are wanted.
 
     Parameters
     ----------
@@ -162,15 +78,15 @@ def refine(
     """
     if state.near is not None and math.prod(state.near.shape) <= problem.search.together:
         with one_thread():
-            _refine_together(problem, state, most, ties, everywhere)
+            found = _refine_together(problem, state, most, ties, everywhere)
         problem.steps.one()
-        return
+        return found
     for _ in _divided(problem, state, potential=False):
         pass
-    state.ties = {}
+    return {}
 
 
-def _refine_together(problem: Problem, state: State, most: int, ties: bool, everywhere: bool) -> None:
+def _refine_together(problem: Problem, state: State, most: int, ties: bool, everywhere: bool) -> Ties:
     """One cut of all pixels that two layers may show, and expansions where more may."""
     labelling, options, solver = problem.labelling, problem.search, problem.solver
     near, labels, count = dense(state.near), dense(state.label_map), len(labelling.places)
@@ -191,11 +107,12 @@ def _refine_together(problem: Problem, state: State, most: int, ties: bool, ever
     elif tangled.any():
         around = square_dilation(tangled, options.tangle).ravel()
         choices.run(solver, min(most, options.cycles), problem.order, within=around)
-    state.ties = _near_ties(problem, choices) if ties else {}
+    found = _near_ties(problem, choices) if ties else {}
     state.label_map[:, :] = choices.label_map()
+    return found
 
 
-def _near_ties(problem: Problem, choices: Choices) -> dict[int, Pixels]:
+def _near_ties(problem: Problem, choices: Choices) -> Ties:
     """Where each layer would show if the present seams cost more by a share."""
     width, dearer = choices.box.shape[1], problem.search.dearer
     turned = (choices.would_expand(k, problem.solver, dearer) for k in choices.layers)
@@ -218,16 +135,15 @@ def beside_seams(label_map: LabelMap, reach: int = 0) -> Mask:
     return wide
 
 
-def find_potentials(problem: Problem, state: State, report: Report) -> None:
-    """Gather heat along the seams, for their label potential; other methods have none."""
+def find_potentials(problem: Problem, state: State) -> dict[Pair, Gathered]:
+    """Gather heat along the seams, for their label potential beside them; other methods have none."""
     if not isinstance(problem.options, HeatOptions):
-        return
-    if state.near is None:
-        state.near = beside_seams(state.label_map, _SOFT)
-    for pair, found in _divided(problem, state, potential=True):
-        if found.potential is not None:
-            report.potentials[pair] = found.potential
-        report.gathered[pair] = found.history, found.termination
+        return {}
+    near = beside_seams(state.label_map, _SOFT) if state.near is None else state.near
+    return {
+        pair: Gathered(found.potential, found.history, found.termination)
+        for pair, found in _divided(problem, State(state.label_map, near), potential=True)
+    }
 
 
 def _divided(problem: Problem, state: State, *, potential: bool) -> Iterator[tuple[Pair, Divided]]:
@@ -258,20 +174,20 @@ def _part(
     return part_of_labelling(problem.labelling, box, pair), part_of(state.label_map, box), near
 
 
-def settle(problem: Problem, state: State) -> None:
+def settle(problem: Problem, label_map: LabelMap) -> None:
     """Expand in windows round all places where three layers meet, in which every pixel may change."""
     labelling = problem.labelling
-    windows = list(_windows(state.label_map, problem.search.window))
+    windows = list(_windows(label_map, problem.search.window))
 
     def item(k: int) -> _Window:
-        parts = labelling, state.label_map
+        parts = labelling, label_map
         if problem.executor is not None:
-            parts = _part(problem, state, windows[k])[:2]
+            parts = _part(problem, State(label_map), windows[k])[:2]
         return _Window(*parts, windows[k], problem.solver)
 
     for k, labels in on_boxes(problem.executor, _settled, item, windows):
         problem.steps.one()
-        state.label_map[windows[k].slices] = labels
+        label_map[windows[k].slices] = labels
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -189,6 +189,16 @@ class Division:
     potential: bool
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class SeamHeat:
+    """How heat gathered along a seam."""
+
+    #: The label potential of the pixels beside it.
+    potential: Potential
+    history: tuple[Iteration, ...]
+    termination: Termination
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Divided:
     """The cheapest seam among the open pixels of two layers."""
@@ -196,10 +206,8 @@ class Divided:
     #: Pixels that change, and the layers that show there from now on.
     pixels: Pixels
     values: npt.NDArray[np.int16]
-    #: Of all open pixels, where it is wanted, and how the heat gathered.
-    potential: Potential | None
-    history: tuple[Iteration, ...]
-    termination: Termination
+    #: Where the label potential is wanted.
+    heat: SeamHeat | None
 
 
 def divided(division: Division) -> Divided | None:
@@ -209,16 +217,14 @@ def divided(division: Division) -> Divided | None:
     if band is None:
         return None
     network, cost, chosen = band.network()
-    potential, termination = None, Termination.DIRECT
-    history: tuple[Iteration, ...] = ()
+    heat = None
     with one_thread():
         if division.potential:
-            heat = division.solver.heat(network, cost)
-            history, termination = heat.history, heat.termination
-            second = band.labels(chosen, heat.hot[:-2])
+            found = division.solver.heat(network, cost)
+            second = band.labels(chosen, found.hot[:-2])
             soft = second.astype(np.float32)
-            soft[chosen] = np.clip(heat.soft[:-2], 0.0, 1.0)
-            potential = band.rows, band.columns, soft
+            soft[chosen] = np.clip(found.soft[:-2], 0.0, 1.0)
+            heat = SeamHeat((band.rows, band.columns, soft), found.history, found.termination)
         else:
             second = band.labels(chosen, division.solver(network, cost) if network.n else np.zeros(0, bool))
     gains = band.total(second) < band.total(band.second) * (1 - LEAST_GAIN)
@@ -226,9 +232,7 @@ def divided(division: Division) -> Divided | None:
     return Divided(
         pixels=(band.rows[changed], band.columns[changed]),
         values=np.where(second[changed], np.int16(pair[1]), np.int16(pair[0])),
-        potential=potential,
-        history=history,
-        termination=termination,
+        heat=heat,
     )
 
 

@@ -8,14 +8,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from toposeam.images import Mask
-from toposeam.layers.band import Pixels, Potential
+from toposeam.layers.band import Pixels, SeamHeat
 from toposeam.layers.deciding import CutSolver
 from toposeam.layers.labelling import Labelling, Pair
 from toposeam.layers.painting import LabelMap
 from toposeam.layers.progressed import Progressed
 from toposeam.layers.search_options import SearchOptions
 from toposeam.layers.tasks import Executor
-from toposeam.optimize.history import Iteration, Termination
 from toposeam.seam.find import Method, method_options
 from toposeam.seam.heat import HeatOptions
 from toposeam.seam.thesis_options import ThesisOptions
@@ -85,16 +84,6 @@ class State:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Gathered:
-    """How heat gathered along a seam."""
-
-    #: The label potential of the pixels beside it.
-    potential: Potential | None
-    history: tuple[Iteration, ...]
-    termination: Termination
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Report:
     """How the seams of a label map were found."""
 
@@ -103,7 +92,7 @@ class Report:
     rounds: int
     seconds: float
     #: Of pairs whose label potential is known.
-    gathered: Mapping[Pair, Gathered] = field(default_factory=dict)
+    gathered: Mapping[Pair, SeamHeat] = field(default_factory=dict)
 
     @property
     def settings(self) -> dict[str, Any]:

@@ -19,7 +19,7 @@ import numpy as np
 
 from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
-from toposeam.layers.band import Divided, Division, divided, write_pixels
+from toposeam.layers.band import Divided, Division, SeamHeat, divided, write_pixels
 from toposeam.layers.choices import Choices
 from toposeam.layers.deciding import CutSolver
 from toposeam.layers.junctions import beside_steps, doubled_around, junctions, reached, square_dilation
@@ -28,7 +28,7 @@ from toposeam.layers.layer import Box
 from toposeam.layers.maps import blocks, dense, new_map, part_of, several
 from toposeam.layers.painting import LabelMap
 from toposeam.layers.parts import part_of_labelling
-from toposeam.layers.problem import Gathered, Problem, State, Ties
+from toposeam.layers.problem import Problem, State, Ties
 from toposeam.layers.starts import best_of_starts, join
 from toposeam.layers.tasks import on_boxes
 from toposeam.seam.heat import HeatOptions
@@ -135,15 +135,13 @@ def beside_seams(label_map: LabelMap, reach: int = 0) -> Mask:
     return wide
 
 
-def find_potentials(problem: Problem, state: State) -> dict[Pair, Gathered]:
+def find_potentials(problem: Problem, state: State) -> dict[Pair, SeamHeat]:
     """Gather heat along the seams, for their label potential beside them; other methods have none."""
     if not isinstance(problem.options, HeatOptions):
         return {}
     near = beside_seams(state.label_map, _SOFT) if state.near is None else state.near
-    return {
-        pair: Gathered(found.potential, found.history, found.termination)
-        for pair, found in _divided(problem, State(state.label_map, near), potential=True)
-    }
+    divisions = _divided(problem, State(state.label_map, near), potential=True)
+    return {pair: found.heat for pair, found in divisions if found.heat is not None}
 
 
 def _divided(problem: Problem, state: State, *, potential: bool) -> Iterator[tuple[Pair, Divided]]:

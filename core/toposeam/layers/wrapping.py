@@ -17,11 +17,11 @@ import numpy.typing as npt
 
 from toposeam.errors import OptionError
 from toposeam.images import Mask, Windows, full_scale
+from toposeam.layers.band import SeamHeat
 from toposeam.layers.labelling import Pair
 from toposeam.layers.layer import Box, Extent, Layer
 from toposeam.layers.maps import BLOCK, blocks, made_map
 from toposeam.layers.painting import LabelMap
-from toposeam.layers.problem import Gathered
 
 #: What adjoins at the cut is opened so far on either side, a share of the width.
 _BAND = 16
@@ -135,22 +135,21 @@ def turned_map(label_map: Any, period: int, start: int, width: int) -> LabelMap:
 
 
 def turned_gathered(
-    given: Sequence[tuple[Mapping[Pair, Gathered], int]], period: int
-) -> dict[Pair, Gathered]:
+    given: Sequence[tuple[Mapping[Pair, SeamHeat], int]], period: int
+) -> dict[Pair, SeamHeat]:
     """The heat along seams of canvases that begin at some columns of the round one, as on that; later label
     potentials count.
     """
-    found: dict[Pair, list[Gathered]] = {}
+    found: dict[Pair, list[SeamHeat]] = {}
     for gathered, start in given:
         for pair, heat in gathered.items():
-            if heat.potential is not None:
-                rows, columns, values = heat.potential
-                moved = rows, (columns + start) % period, values
-                found.setdefault(pair, []).append(dataclasses.replace(heat, potential=moved))
-    result: dict[Pair, Gathered] = {}
+            rows, columns, values = heat.potential
+            moved = rows, (columns + start) % period, values
+            found.setdefault(pair, []).append(dataclasses.replace(heat, potential=moved))
+    result: dict[Pair, SeamHeat] = {}
     for pair, parts in found.items():
-        potentials = [heat.potential for heat in parts if heat.potential is not None]
-        rows, columns, values = (np.concatenate(part) for part in zip(*potentials, strict=True))
+        potentials = zip(*(heat.potential for heat in parts), strict=True)
+        rows, columns, values = (np.concatenate(part) for part in potentials)
         result[pair] = dataclasses.replace(parts[0], potential=(rows, columns, values))
     return result
 

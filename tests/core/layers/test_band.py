@@ -64,7 +64,7 @@ def test_heat_and_flow_divide_a_band_alike_and_no_pixel_gains_by_changing(starte
         write_pixels(after, *found.pixels, found.values)
         assert (after[~near] == label_map[~near]).all()
         ends.append(labelling.total(after, labelling.canvas))
-        assert (found.potential is not None) == potential
+        assert (found.heat is not None) == potential
         rows, columns = np.nonzero(near & np.isin(after, pair))
         for y, x in zip(rows[::40], columns[::40], strict=True):
             other = after.copy()

@@ -37,7 +37,7 @@ class SearchOptions:
     shortest: int = 32
     #: The number of orders of the layers from which expansions start. Those of up to `stacked` pixels in all
     #: are expanded at once.
-    starts: int = 4
+    starts: int = 6
     stacked: int = 30_000
     #: At reduced sizes it is noted where each layer would show if the present seams cost more by the share
     #: `dearer`: there it may show at the next size. With at most so many pixels at half the size that is
@@ -56,7 +56,7 @@ class SearchOptions:
 
 
 FAST = SearchOptions()
-BEST = SearchOptions(wandering=(0.6, 0.9), windows=True, starts=6, cycles=3)
+BEST = SearchOptions(wandering=(0.6, 0.9), windows=True, cycles=3)
 
 
 def search_options(effort: Effort | SearchOptions | None, count: int) -> SearchOptions:

@@ -27,7 +27,6 @@ import stitching
 import toposeam as ts
 from placing import EXPOSURE, NOISE, PHOTOGRAPHS, photograph
 from stamp import stamp
-from toposeam.heat.network import Floats, Network
 from toposeam.layers.choices import Choices
 from toposeam.layers.posing import exclusive_covers, pose_labelling
 from toposeam.seam.graph_cut import least_cut
@@ -77,14 +76,9 @@ def frames(seed: int) -> list[ts.Layer]:
 
 def peer(layers: list[ts.Layer], rng: np.random.Generator) -> tuple[float, float, int]:
     """The cheapest end of α-expansion, the dearest one, and how many pixels have several layers."""
-
-    def decide(network: Network, cost: Floats) -> tuple[np.ndarray, np.ndarray]:
-        hot = least_cut(network, cost)
-        return hot, hot.astype(float)
-
     canvas = ts.common_canvas(layers)
     covered = exclusive_covers(layers, [canvas.place(layer) for layer in layers], canvas)
-    labelling = pose_labelling(layers, canvas, covered)
+    labelling = pose_labelling(layers, canvas, covered, match=ts.MatchCost(law="gradient"))
     count, box = len(layers), canvas.box
     allowed = [labelling.allowed_in(k, box) for k in range(count)]
     choices = Choices(labelling, box, labelling.on_top(), allowed, range(count))
@@ -94,18 +88,18 @@ def peer(layers: list[ts.Layer], rng: np.random.Generator) -> tuple[float, float
         choices.shows = np.full(choices.shows.shape, count, np.int16)
         for k in joined:
             choices.lay(k, allowed[k].ravel())
-            choices.expand(k, decide)
-        ends.append(finished(choices, decide, labelling))
+            choices.expand(k, least_cut)
+        ends.append(finished(choices, labelling))
     for top in (order, order[::-1], rng.permutation(count), rng.permutation(count)):
         choices.shows = np.full(choices.shows.shape, count, np.int16)
         for k in top:
             choices.shows[allowed[k].ravel()] = k
-        ends.append(finished(choices, decide, labelling))
+        ends.append(finished(choices, labelling))
     return min(ends), max(ends), int(choices.several.sum())
 
 
-def finished(choices: Choices, decide, labelling) -> float:
-    choices.run(decide, 100)
+def finished(choices: Choices, labelling) -> float:
+    choices.run(least_cut, 100)
     return labelling.total(choices.label_map(), labelling.canvas)
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 import toposeam as ts
+from toposeam.layers.search_options import Effort
 from toposeam.layers.tasks import Executor
 from toposeam_cli.composing import Outputs
 from toposeam_cli.drawn_seams import given_seams
@@ -82,6 +83,7 @@ class SeamOptions:
     align: bool
     align_radius: int | None
     method: ts.Method
+    effort: Effort | None
     formulation: int | None
     plain: bool
     match_tones: bool
@@ -177,6 +179,7 @@ def composed_as(
             return ts.compose(
                 job.layers,
                 method=find.method,
+                effort=find.effort,
                 use_path=given_seams(find.use_seam, job),
                 record_frames=out.history is not None,
                 progress=progress,

@@ -6,7 +6,7 @@ import dataclasses
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import click
 import numpy as np
@@ -15,6 +15,7 @@ from click.core import ParameterSource
 import toposeam as ts
 from toposeam.images import Windows
 from toposeam.layers.composite import stitched as ts_stitched
+from toposeam.layers.search_options import Effort
 from toposeam.seam.drawing import draw_seams
 from toposeam_cli.composing import Outputs, check_outputs, crop_of, cropped, write
 from toposeam_cli.files.writing import all_or_nothing
@@ -120,6 +121,12 @@ from toposeam_cli.whereabouts import ORDERS, Where, width_round
     default="auto",
     show_default=True,
     help="How seams are found; auto takes the exact solver that is fastest.",
+)
+@click.option(
+    "--effort",
+    type=click.Choice(get_args(Effort)),
+    help="Of the search for more than two pictures: fast by default up to 12, from there on best, which "
+    "takes 2 to 4 times as long.",
 )
 @click.option(
     "--formulation",

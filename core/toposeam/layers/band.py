@@ -1,9 +1,10 @@
-"""Two layers divided anew along a seam that is nearly known: the network of a few pixels.
+"""Two layers divided anew in the band of pixels beside their seam.
 
 Beside a seam of a few thousand pixels, in an overlap of millions, only a band may change. It is taken out as
 a list of pixels: each is a node, each interface it takes part in an element, and what shows around, be it one
 of the two layers or a third one, is a terminal it is tied to. Nothing as large as the overlap is computed;
-match costs are, tile by tile where the band passes.
+match costs are, tile by tile where the band passes. Bands that do not touch may be divided by other
+processes.
 """
 
 from __future__ import annotations
@@ -18,23 +19,29 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from toposeam.heat.network import Floats, Ints, Network
+from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
+from toposeam.layers.choices import LEAST_GAIN, Indices
+from toposeam.layers.deciding import CutSolver
 from toposeam.layers.labelling import Labelling, Pair, PairCost
 from toposeam.layers.layer import Box, cut
 from toposeam.layers.maps import TILE, uniform
 from toposeam.layers.painting import LabelMap
+from toposeam.optimize.history import Iteration, Termination
+
+#: Rows and columns of pixels of the canvas.
+Pixels = tuple[Indices, Indices]
+#: Rows and columns of pixels of the canvas, and their label potential.
+Potential = tuple[Indices, Indices, npt.NDArray[np.float32]]
 
 #: Side of the tiles in which costs are looked at, px.
 _TILE = 192
-
-Indices = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
 class Band:
     """Pixels that show one of two layers and may show the other."""
 
-    pair: Pair
     #: (n,) on the canvas.
     rows: Indices
     columns: Indices
@@ -44,9 +51,6 @@ class Band:
     tail: Ints
     head: Ints
     cost: Floats
-    #: (E,) flat index on the canvas of the pixel at the other end, where that is a terminal, else -1.
-    _beyond: Indices
-    _width: int
 
     @cached_property
     def _tied(self) -> tuple[Mask, Mask]:
@@ -94,17 +98,8 @@ class Band:
         ends = np.append(second, [False, True])
         return float(self.cost[ends[self.tail] != ends[self.head]].sum())
 
-    def across(self, values: Floats, step: float) -> tuple[Indices, Indices]:
-        """Rows and columns on the canvas of the pixels beside which values (n,) change by more."""
-        ends = np.append(values, [0.0, 1.0])
-        steep = np.abs(ends[self.tail] - ends[self.head]) > step
-        inner, outer = self.head[steep & (self._beyond < 0)], self._beyond[steep & (self._beyond >= 0)]
-        near = np.concatenate([self.tail[steep], inner])
-        rows, columns = np.divmod(outer, self._width)
-        return np.concatenate([self.rows[near], rows]), np.concatenate([self.columns[near], columns])
 
-
-def band_of(labelling: Labelling, label_map: LabelMap, pair: Pair, opened: Mask) -> Band | None:
+def band_of(labelling: Labelling, label_map: LabelMap, pair: Pair, opened: Mask | None) -> Band | None:
     """The opened pixels that show one of two layers and may show either; None where there are none.
 
     Parameters
@@ -112,7 +107,7 @@ def band_of(labelling: Labelling, label_map: LabelMap, pair: Pair, opened: Mask)
     labelling : Labelling
     label_map : (H, W) int16 array
     pair : (int, int)
-    opened : (H, W) bool array
+    opened : (H, W) bool array, or None for all pixels
     """
     cost = labelling.costs.get(pair)
     if cost is None:
@@ -122,7 +117,8 @@ def band_of(labelling: Labelling, label_map: LabelMap, pair: Pair, opened: Mask)
         return None
     box = inner.grown(1)
     width = box.shape[1]
-    rows, columns = np.divmod(np.flatnonzero(opened[inner.slices]), inner.shape[1])
+    open_ = np.ones(inner.shape, bool) if opened is None else opened[inner.slices]
+    rows, columns = np.divmod(np.flatnonzero(open_), inner.shape[1])
     labels = labelling.labels_in(label_map, box).ravel()
     at = (rows + 1) * width + columns + 1
     shows = labels.take(at)
@@ -144,19 +140,18 @@ def _joined(
     n, width = len(at), box.shape[1]
     node = np.full(labels.size, -1, np.int32)
     node[at] = np.arange(n, dtype=np.int32)
-    # Of each pair of layers: nodes, what they are joined to, the first pixel of the interface, its direction,
-    # and the pixel beyond where that is no node.
+    # Of each pair of layers: nodes, what they are joined to, the first pixel of the interface, its direction.
     found: dict[Pair, list[tuple[Indices, ...]]] = {pair: []}
 
-    def add(layers: Pair, own: Indices, head: Indices, first: Indices, axis: int, beyond: Indices) -> None:
+    def add(layers: Pair, own: Indices, head: Indices, first: Indices, axis: int) -> None:
         layers = min(layers), max(layers)
         if layers in labelling.costs:
-            found.setdefault(layers, []).append((own, head, first, np.full(len(own), axis), beyond))
+            found.setdefault(layers, []).append((own, head, first, np.full(len(own), axis)))
 
     for axis, step in ((1, 1), (0, width)):
         ends = node.take(at + step)
         both = np.flatnonzero(ends >= 0)
-        add(pair, both, ends[both].astype(np.intp), at[both], axis, np.full(len(both), -1))
+        add(pair, both, ends[both].astype(np.intp), at[both], axis)
         for beyond, first in ((at + step, at), (at - step, at - step)):
             outer = np.flatnonzero(node.take(beyond) < 0)
             shown = labels.take(beyond[outer])
@@ -168,19 +163,77 @@ def _joined(
                     else [((pair[k], other), 1 - k) for k in (0, 1)]
                 )
                 for layers, terminal in ties:
-                    add(layers, own, np.full(len(own), n + terminal), first[own], axis, beyond[own])
+                    add(layers, own, np.full(len(own), n + terminal), first[own], axis)
     parts = []
     for layers, lists in found.items():
-        tail, head, first, axis_of, beyond = (np.concatenate(part) for part in zip(*lists, strict=True))
+        tail, head, first, axis_of = (np.concatenate(part) for part in zip(*lists, strict=True))
         cost = costs_at(labelling.costs[layers], box, first, axis_of)
         known = np.flatnonzero(cost > 0)
-        parts.append((tail[known], head[known], beyond[known], cost[known]))
-    tail, head, beyond, cost = (np.concatenate(part) for part in zip(*parts, strict=True))
+        parts.append((tail[known], head[known], cost[known]))
+    tail, head, cost = (np.concatenate(part) for part in zip(*parts, strict=True))
     rows, columns = np.divmod(at, width)
-    canvas = labelling.canvas.shape[1]
-    far_rows, far_columns = np.divmod(beyond, width)
-    flat = np.where(beyond < 0, -1, (far_rows + box.top) * canvas + far_columns + box.left)
-    return Band(pair, rows + box.top, columns + box.left, second, tail, head, cost, flat, canvas)
+    return Band(rows + box.top, columns + box.left, second, tail, head, cost)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Division:
+    """Two layers to be divided anew, in this process or another one."""
+
+    labelling: Labelling
+    label_map: LabelMap
+    #: (H, W) bool: the pixels that may change; None for all.
+    near: Mask | None
+    pair: Pair
+    solver: CutSolver
+    #: Whether the label potential is wanted.
+    potential: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeamHeat:
+    """How heat gathered along a seam."""
+
+    #: The label potential of the pixels beside it.
+    potential: Potential
+    history: tuple[Iteration, ...]
+    termination: Termination
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Divided:
+    """The cheapest seam among the open pixels of two layers."""
+
+    #: Pixels that change, and the layers that show there from now on.
+    pixels: Pixels
+    values: npt.NDArray[np.int16]
+    #: Where the label potential is wanted.
+    heat: SeamHeat | None
+
+
+def divided(division: Division) -> Divided | None:
+    """Find the cheapest seam of two layers; None where no pixel is open."""
+    pair = division.pair
+    band = band_of(division.labelling, division.label_map, pair, division.near)
+    if band is None:
+        return None
+    network, cost, chosen = band.network()
+    heat = None
+    with one_thread():
+        if division.potential:
+            found = division.solver.heat(network, cost)
+            second = band.labels(chosen, found.hot[:-2])
+            soft = second.astype(np.float32)
+            soft[chosen] = np.clip(found.soft[:-2], 0.0, 1.0)
+            heat = SeamHeat((band.rows, band.columns, soft), found.history, found.termination)
+        else:
+            second = band.labels(chosen, division.solver(network, cost) if network.n else np.zeros(0, bool))
+    gains = band.total(second) < band.total(band.second) * (1 - LEAST_GAIN)
+    changed = np.flatnonzero(second != band.second) if gains else np.zeros(0, np.intp)
+    return Divided(
+        pixels=(band.rows[changed], band.columns[changed]),
+        values=np.where(second[changed], np.int16(pair[1]), np.int16(pair[0])),
+        heat=heat,
+    )
 
 
 def costs_at(cost: PairCost, box: Box, first: Indices, axis: Indices) -> Floats:

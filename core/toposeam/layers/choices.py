@@ -1,25 +1,22 @@
-"""Many layers on few pixels: moves on a list of those that may still change.
+"""Expansion moves of many layers on a list of the pixels that may still change.
 
-Where only some thousand pixels are open, on a canvas halved several times or round a place where three layers
-meet, building a move as a picture takes longer than deciding it. Here the open pixels are *nodes* and their
-interfaces *edges* of lists, and the cost of each edge for every two layers is looked up once. A move
-(:mod:`toposeam.layers.labelling` says which there are) is then some passes over these lists. What a connected
-piece of pixels does when it is asked for again, with the same beside it, is known: no piece is decided twice.
+On a canvas halved several times, or in a band beside the seams, some thousand pixels are open. They are
+*nodes*, their interfaces *edges* of lists, and the cost of each edge for every two layers is looked up once.
+A move (:mod:`toposeam.layers.labelling` says which there are) is then some passes over these lists and one
+minimum cut.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from toposeam.heat.network import Floats
 from toposeam.images import Mask, box_of
-from toposeam.layers.crossing import Beyond, crossed
-from toposeam.layers.deciding import Decide, decided, questions
+from toposeam.layers.deciding import Decide, decided
 from toposeam.layers.edges import EdgeCosts, Edges
 from toposeam.layers.labelling import Labelling
 from toposeam.layers.layer import Box
@@ -29,7 +26,7 @@ from toposeam.layers.pieces import pieces_of
 Indices = npt.NDArray[np.intp]
 
 #: A move counts when it lowers the cost of what it may change by this share.
-_LEAST_GAIN = 1e-7
+LEAST_GAIN = 1e-7
 #: Least cost of an interface, so that no pixel is without connection.
 _LEAST_LINK = 1e-6
 
@@ -73,45 +70,32 @@ class Choices:
         self.edges = Edges.beside(open_, known)
         seen = [(self.may[k] | (self.shows == k)).reshape(box.shape) for k in range(count)]
         self._costs = EdgeCosts(labelling, box, self.layers, seen, self.edges)
-        #: (h w,) label potential of the pixels that were last divided between two layers, else -1.
-        self.soft = np.full(len(self.shows), -1, np.float32)
         #: (h w,) bool: pixels of which no two are neighbours.
         self._white = _chessboard(box.shape)
-        #: Whether paths decide what one seam crosses, which tell no potential.
-        self.by_paths = False
         #: Pixels of one solution, of which several may be stacked.
         self._pixels = max(len(self.shows), 1)
         #: Of a layer the edges of pixels that may show it, and rows and columns that hold these.
         self._nearby: dict[int, tuple[Edges, tuple[slice, slice]]] = {}
-        #: What turned when a piece was asked for before, by all that decides it.
-        self._known: dict[tuple[int, bytes], npt.NDArray[np.intp]] = {}
 
     def stacked(self, shows: Sequence[npt.NDArray[np.int16]]) -> Choices:
         """Several solutions of the same problem, (h w,) each, one below the other, as one."""
-        result, width, times = self.copies(len(shows)), self.box.shape[1], len(shows)
-        count, pixels = len(self.layers), result._pixels
-        result.shows = np.full((times, pixels), count, np.int16)
-        result.shows[:, :-width] = shows
-        result.shows = result.shows.ravel()
+        (height, width), times, count = self.box.shape, len(shows), len(self.layers)
+        result, pixels = copy(self), (height + 1) * width  # a row without pixels keeps them apart
+        result.box, result._pixels, result._nearby = Box(0, 0, times * (height + 1), width), pixels, {}
+        result._white = _chessboard(result.box.shape)
+        stack = np.full((times, pixels), count, np.int16)
+        stack[:, :-width] = shows
+        result.shows = stack.ravel()
         result.may = np.tile(np.concatenate([self.may, np.zeros((count, width), bool)], axis=1), times)
         starts = np.arange(times)[:, None] * pixels
         p, q, column = self.edges
         result.edges = Edges((p + starts).ravel(), (q + starts).ravel(), np.tile(column, times))
         return result
 
-    def copies(self, times: int) -> Choices:
-        """Room for so many solutions of the same problem, one below the other."""
-        height, width = self.box.shape
-        result = copy(self)
-        result.box = Box(0, 0, times * (height + 1), width)
-        result._pixels = (height + 1) * width  # a row without pixels keeps them apart
-        result._nearby, result._known, result._white = {}, {}, _chessboard(result.box.shape)
-        return result
-
     def _narrowed(self, within: Mask) -> Choices:
         """The same, of which only some pixels, (h w,) bool, may change: what shows is the same array."""
         result = copy(self)
-        result.may, result._known, result._nearby = self.may & within, {}, {}
+        result.may, result._nearby = self.may & within, {}
         result.edges = self.edges.some(np.flatnonzero(within[self.edges.p] | within[self.edges.q]))
         return result
 
@@ -176,39 +160,14 @@ class Choices:
         may turn, i = j): s = 0, b = c = 3, so 3 |x_p - x_q| and no unary. Interface 3 (k is fixed): unary 3
         for p staying. The least is 1: both turn.
         """
-        shows, number = self.shows, len(self.layers) + 1
-        piece, count, edges, of_edge = self._open_to(k)
-        if not count:
-            return False
-        part = np.zeros(count + 1, np.intp)  # the first pixel of the solution in which a piece lies
-        if len(shows) > self._pixels:
-            part[of_edge] = edges.p
-            part -= part % self._pixels
-        told = edges.column * number**2 + (shows[edges.p] * np.intp(number) + shows[edges.q])
-        asked = questions(k, count, of_edge, told)
-        first = {key: which for which, key in reversed(list(enumerate(asked, 1))) if key not in self._known}
-        if first:
-            if len(first) < count:
-                new = np.zeros(count + 1, bool)
-                new[list(first.values())] = True
-                own = np.flatnonzero(new[of_edge])
-                pieces = np.where(new[piece], piece, 0), count
-                turned, gains = self.turned(k, *pieces, edges.some(own), decide)
-            else:
-                turned, gains = self.turned(k, piece, count, edges, decide)
-            of_node = piece[turned]
-            for key, which in first.items():
-                found = turned[of_node == which] if gains[which] else turned[:0]
-                self._known[key] = found - part[which]
-        changed = [self._known[key] + first for key, first in zip(asked, part[1:].tolist(), strict=True)]
-        turning = np.concatenate([np.zeros(0, np.intp), *changed])
-        shows[turning] = k
-        return len(turning) > 0
+        piece, turned, gains = self._turned(k, decide)
+        turned = turned[gains[piece[turned]]]
+        self.shows[turned] = k
+        return len(turned) > 0
 
     def would_expand(self, k: int, decide: Decide, dearer: float) -> Indices:
-        """The pixels that would turn to a layer if what there is cost more by a share."""
-        piece, count, edges, _ = self._open_to(k)
-        return self.turned(k, piece, count, edges, decide, dearer)[0] if count else np.zeros(0, np.intp)
+        """The pixels that would turn to a layer if the present interfaces cost more by a share."""
+        return self._turned(k, decide, dearer)[1]
 
     def _open_to(self, k: int) -> tuple[npt.NDArray[np.int32], int, Edges, npt.NDArray[np.int32]]:
         """The pieces of what may turn to a layer, numbered from 1 on, (h w,), and how many; the edges that
@@ -237,76 +196,53 @@ class Choices:
             self._nearby[k] = found, window
         return self._nearby[k]
 
-    def turned(
-        self,
-        to: int | npt.NDArray[np.int16],
-        piece: npt.NDArray[np.int32],
-        count: int,
-        edges: Edges,
-        decide: Decide,
-        dearer: float = 0.0,
-    ) -> tuple[Indices, Mask]:
-        """Which pixels of pieces turn to a layer, or each to one of its own, (h w,), if what there is cost
-        more by a share, by the edges that end in the pieces; and which of these gain by that as it is.
+    def _turned(
+        self, k: int, decide: Decide, dearer: float = 0.0
+    ) -> tuple[npt.NDArray[np.int32], Indices, Mask]:
+        """The piece of each pixel that may turn to a layer, (h w,), 0 for none; the pixels that turn if the
+        present interfaces cost more by a share; and of each piece whether that lowers its true cost.
         """
+        piece, count, edges, of_edge = self._open_to(k)
+        if not count:
+            return piece, np.zeros(0, np.intp), np.zeros(1, bool)
         p, q, at = edges
-        i, j, at_p, at_q = self.shows[p], self.shows[q], piece[p], piece[q]
-        ends: Any = (to, to) if isinstance(to, int) else (to[p], to[q])
-        to_p, to_q = ends
-        q_turns = self._costs.paid(i, to_q, at)
+        i, j, free_p, free_q = self.shows[p], self.shows[q], piece[p] > 0, piece[q] > 0
+        q_turns = self._costs.paid(i, k, at)
         # Most edges lie inside of what shows one layer: they cost nothing, and as much whichever end turns.
-        same = (i == j) & (to_p == to_q)
-        unlike = np.flatnonzero(~same)
-        stay, both_turn, p_turns = np.zeros(len(p)), np.zeros(len(p)), q_turns.copy()
-        j, column = j[unlike], at[unlike]
-        stay[unlike] = self._costs.paid(i[unlike], j, column)
-        p_turns[unlike] = self._costs.paid(to if isinstance(to, int) else to_p[unlike], j, column)
-        if not isinstance(to, int):
-            both_turn[unlike] = self._costs.paid(to_p[unlike], to_q[unlike], column)
-        nodes = np.flatnonzero(piece > 0)
+        unlike = np.flatnonzero(i != j)
+        stay, p_turns = np.zeros(len(p)), q_turns.copy()
+        stay[unlike] = self._costs.paid(i[unlike], j[unlike], at[unlike])
+        p_turns[unlike] = self._costs.paid(k, j[unlike], at[unlike])
+        nodes = np.flatnonzero(piece)
         number = np.empty(len(piece), np.intp)
         number[nodes] = np.arange(len(nodes))
-        both = (at_p > 0) & (at_q > 0)
-        pulled = np.flatnonzero(~(both & same))
-        c, b, s, d = p_turns[pulled], q_turns[pulled], stay[pulled] * (1 + dearer), both_turn[pulled]
-        inside, on_p, on_q = both[pulled], at_p[pulled] > 0, at_q[pulled] > 0
-        least = np.minimum(s, np.maximum(c + b - d, 0))
-        d = np.minimum(d, c + b - least)
+        both = free_p & free_q
+        pulled = np.flatnonzero(~both | (i != j))
+        c, b, s = p_turns[pulled], q_turns[pulled], stay[pulled] * (1 + dearer)
+        inside, on_p, on_q = both[pulled], free_p[pulled], free_q[pulled]
+        least = np.minimum(s, c + b)
         # What turning costs more than staying.
-        more_p = np.where(inside, (c - b + d - least) / 2, c - s)[on_p]
-        more_q = np.where(inside, (b - c + d - least) / 2, b - s)[on_q]
+        more_p = np.where(inside, (c - b - least) / 2, c - s)[on_p]
+        more_q = np.where(inside, (b - c - least) / 2, b - s)[on_q]
         unary: Floats = np.zeros(len(nodes))
         unary += np.bincount(number[p[pulled[on_p]]], more_p, len(nodes))
         unary += np.bincount(number[q[pulled[on_q]]], more_q, len(nodes))
         link = q_turns.copy()
-        link[pulled] = (c + b - d - least) / 2
+        link[pulled] = (c + b - least) / 2
         inner = np.flatnonzero(both)
-        turns, _ = decided(
-            piece[nodes],
-            self._white[nodes],
-            number[p[inner]],
-            number[q[inner]],
-            np.maximum(link[inner], _LEAST_LINK),
-            -unary,
-            decide,
-        )
-        turned = nodes[turns]
+        ends = number[p[inner]], number[q[inner]]
+        link = np.maximum(link[inner], _LEAST_LINK)
+        turned = nodes[decided(piece[nodes], self._white[nodes], *ends, link, -unary, decide)]
         turning = np.zeros(len(piece), bool)
         turning[turned] = True
-        one, other, now = turning[p], turning[q], stay.copy()
-        moved = np.flatnonzero(one | other)
-        one, other = one[moved], other[moved]
-        now[moved] = np.where(one, np.where(other, both_turn[moved], p_turns[moved]), q_turns[moved])
-        before, after = (
-            np.bincount(np.maximum(at_p[paid], at_q[paid]), values[paid], count + 1)
-            for values in (stay, now)
-            for paid in [np.flatnonzero(values)]
-        )
-        return turned, after < before * (1 - _LEAST_GAIN)
+        one, other = turning[p], turning[q]
+        now = np.select([one & other, one, other], [0.0, p_turns, q_turns], stay)
+        before, after = (np.bincount(of_edge, values, count + 1) for values in (stay, now))
+        return piece, turned, after < before * (1 - LEAST_GAIN)
 
     def fuse(self, other: npt.NDArray[np.int16]) -> None:
         """Take what another solution, (h w,), shows wherever that costs less, in each patch in which they
-        differ as a whole (:mod:`toposeam.layers.fusion`).
+        differ as a whole.
         """
         patch, count = pieces_of((self.shows != other).reshape(self.box.shape))
         patch = patch.ravel()
@@ -317,29 +253,17 @@ class Choices:
             np.bincount(at, self._costs.paid(shows[edges.p], shows[edges.q], edges.column), count + 1)
             for shows in (self.shows, other)
         )
-        self.shows = np.where((others < own)[patch], other, self.shows)
+        if (others < own).any():
+            self.shows = np.where((others < own)[patch], other, self.shows)
 
-    def swap(self, i: int, j: int, decide: Decide) -> bool:
-        """Divide anew what shows one of two layers and may show either; whether that gained something."""
-        free = self.may[i] & self.may[j] & ((self.shows == i) | (self.shows == j))
-        return self.divide(free, np.full(len(free), i, np.int16), np.full(len(free), j, np.int16), decide)
-
-    def steep(self, step: float) -> npt.NDArray[np.intp]:
-        """The pixels beside which the potential of the last division changes by more."""
-        one, other = self.soft[self.edges.p], self.soft[self.edges.q]
-        edges = np.flatnonzero((np.abs(one - other) > step) & (one >= 0) & (other >= 0))
-        return np.unique(np.concatenate([self.edges.p[edges], self.edges.q[edges]]))
-
-    def divide_all(
-        self, decide: Decide, candidates: Sequence[Mask]
-    ) -> tuple[Mask, npt.NDArray[np.int16], npt.NDArray[np.int16]]:
+    def divide_all(self, decide: Decide, candidates: Sequence[Mask]) -> Mask:
         """Divide anew all pixels for which two layers are candidates, as long as those beside them have no
-        others, together; (h w,) bool, which, and the positions of the two layers there.
+        others, together; (h w,) bool, which.
 
         `candidates` are (h, w) bool for each layer, and no more than those that may show.
         """
         may = np.array([mask.ravel() for mask in candidates])
-        free = (may.sum(axis=0, dtype=np.uint16) == 2) & (self.shows != len(self.layers))
+        free: Mask = (may.sum(axis=0, dtype=np.uint16) == 2) & (self.shows != len(self.layers))
         own = may[:, free]
         one, other = np.full((2, len(free)), -1, np.int16)
         one[free], other[free] = own.argmax(axis=0), len(own) - 1 - own[::-1].argmax(axis=0)
@@ -348,7 +272,7 @@ class Choices:
         unlike &= free[p] & free[q]
         free[p[unlike]] = free[q[unlike]] = False
         self.divide(free, one, other, decide)
-        return free, one, other
+        return free
 
     def divide(
         self, free: Mask, one: npt.NDArray[np.int16], other: npt.NDArray[np.int16], decide: Decide
@@ -375,19 +299,12 @@ class Choices:
         both = np.flatnonzero(free_p & free_q)
         link = self._costs.paid(one[p[both]], other[q[both]], edges[both])
         link, piece = np.maximum(link, _LEAST_LINK), pieces_of(free.reshape(self.box.shape))[0]
-        known = hot = np.zeros(len(free), bool)
-        if self.by_paths:
-            border = Beyond.of(at, out - at, beyond, (one[at], other[at]), costs)
-            hot, known = crossed(piece, (p[both], q[both]), link, border, shows == other)
-            unary[known[nodes]] = 0
         own, white = piece.ravel()[nodes], self._white[nodes]
         ends, now = (number[p[both]], number[q[both]]), shows[nodes] == other[nodes]
-        turned, soft = decided(own, white, *ends, link, unary, decide, now)
-        turned = np.where(known[nodes], hot[nodes], turned)
-        self.soft[nodes] = soft
+        turned = decided(own, white, *ends, link, unary, decide, now)
         before, old = self.total(edges), shows[nodes]
         shows[nodes] = np.where(turned, other[nodes], one[nodes])
-        if self.total(edges) < before * (1 - _LEAST_GAIN):
+        if self.total(edges) < before * (1 - LEAST_GAIN):
             return True
         shows[nodes] = old
         return False

@@ -17,12 +17,15 @@ from toposeam.layers.blend import Blend, Placed, check_blend, reach_of
 from toposeam.layers.composition import Composition, Totals
 from toposeam.layers.labelling import Labelling, Pair
 from toposeam.layers.layer import MAX_MEGAPIXELS, Box, Extent, Layer, check_layers, common_canvas, cut
-from toposeam.layers.levels import best_rounds
+from toposeam.layers.levels import minimise
 from toposeam.layers.made import Made
 from toposeam.layers.maps import blocks, cover_of, new_map
 from toposeam.layers.painting import LabelMap, channel_count
 from toposeam.layers.posing import CORE, exclusive_covers, pose_labelling
-from toposeam.layers.rounds import Rounds
+from toposeam.layers.problem import Problem, State
+from toposeam.layers.progressed import Progressed
+from toposeam.layers.rounds import find_potentials, refine
+from toposeam.layers.search_options import Effort, SearchOptions, search_options
 from toposeam.layers.steps import Steps, divided, order_of, paths_by_pair
 from toposeam.layers.tasks import Executor, check_executor
 from toposeam.layers.tones import match_tones as matched
@@ -33,8 +36,8 @@ from toposeam.layers.wrapping import (
     margin,
     round_canvas,
     turned,
+    turned_gathered,
     turned_map,
-    turned_potentials,
     unrolled,
 )
 from toposeam.seam.find import Method, method_for, method_options, usual_law
@@ -46,7 +49,7 @@ from toposeam.seam.seam import Seam
 from toposeam.seam.thesis_options import ThesisOptions
 from toposeam.vector.svg import SvgSeam
 
-#: Swap rounds at most; three are typical.
+#: Rounds of expansions at most; three are typical.
 MAX_ROUNDS = 10
 
 
@@ -66,6 +69,7 @@ def compose(
     match_shading: bool = False,
     use_path: SvgSeam | Mapping[Pair, SvgSeam] | None = None,
     max_rounds: int = MAX_ROUNDS,
+    effort: Effort | SearchOptions | None = None,
     options: HeatOptions | ThesisOptions | None = None,
     max_megapixels: float = MAX_MEGAPIXELS,
     wrap: int | None = None,
@@ -106,6 +110,7 @@ def compose(
     layers = check_layers(layers)
     check_executor(executor)
     check_whole("max_rounds", max_rounds, 0)
+    thorough = search_options(effort, len(layers))
     check_core(core, speck)
     check_blend(blend, blend_width)
     method = method_for(
@@ -146,7 +151,7 @@ def compose(
                 kind="conflict",
                 paths=Term("use_path", "paths"),
             )
-        search = _Search(method, given, max_rounds, progress, core, speck, match, executor)
+        search = _Search(method, given, thorough, max_rounds, progress, executor, core, speck, match)
         return _round(layers, check_whole("wrap", wrap, 2), search, channels, blend, blend_width)
     seam_of: Callable[[Pair, bool], Seam]
     totals: Callable[[Executor | None], Totals] | None = None
@@ -170,19 +175,11 @@ def compose(
             given=[(pair, divided(layers, canvas, pair, paths[pair], common)) for pair in paths],
         )
         order = order_of(layers, steps.places, steps.covered)
-        moves, rounds = best_rounds(
-            labelling,
-            order,
-            method,
-            given,
-            max_rounds,
-            progress,
-            blend == "soft",
-            executor,
-        )
-        label_map = moves.label_map
-        pairs = moves.pairs(potentials=blend == "soft")
-        made = Made(moves, list(paths), {"core": core, "speck": speck, **dataclasses.asdict(match)})
+        search = _Search(method, given, thorough, max_rounds, progress, executor, core, speck, match)
+        label_map, report = minimise(search.problem(labelling), order, max_rounds, blend == "soft")
+        rounds = report.rounds
+        made = Made(labelling, label_map, report, list(paths), search.recorded())
+        pairs = made.pairs
         made.check(executor)
         seam_of, totals = made, made.totals
     placed = Placed(layers=layers, places=steps.places, covered=steps.covered, label_map=label_map)
@@ -202,16 +199,26 @@ def compose(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Search:
-    """How seams are looked for."""
+    """How seams are searched."""
 
     method: Method
     options: dict[str, Any]
+    thorough: SearchOptions
     rounds: int
     progress: Callable[[float], None] | None
+    executor: Executor | None
     core: float | None
     speck: float | None
     match: MatchCost
-    executor: Executor | None
+
+    def problem(self, labelling: Labelling) -> Problem:
+        """A labelling as a problem to be solved."""
+        steps = Progressed(self.progress)
+        return Problem.of(labelling, self.method, self.options, self.thorough, self.executor, steps)
+
+    def recorded(self) -> dict[str, Any]:
+        """The settings that all seams have in common."""
+        return {"core": self.core, "speck": self.speck, **dataclasses.asdict(self.match)}
 
 
 def _round(
@@ -241,28 +248,18 @@ def _round(
     labelling, parts, covered = posed(cut_at)
     order = order_of(parts, labelling.places, covered)
     soft = blend == "soft"
-    moves, rounds = best_rounds(
-        labelling,
-        order,
-        search.method,
-        search.options,
-        search.rounds,
-        search.progress,
-        soft,
-        search.executor,
-    )
-    moves.pairs(potentials=soft)
-    potentials = [(moves.known_potentials(), cut_at)] if soft else []
+    labels, report = minimise(search.problem(labelling), order, search.rounds, soft)
     start = cut_at - period // 2
-    labels = turned_map(moves.label_map, period, start - cut_at, period)
-    moves = Rounds(posed(start)[0], labels, search.method, search.options, band(frame.shape), keeps=soft)
-    moves.refine(search.rounds, executor=search.executor)
+    labels = turned_map(labels, period, start - cut_at, period)
+    problem, state = search.problem(posed(start)[0]), State(labels, band(frame.shape))
+    refine(problem, state, search.rounds)
     if soft:
-        potentials.append((moves.known_potentials(), start))
-    labels = turned_map(moves.label_map, period, -start, period)
+        joint = find_potentials(problem, state)
+        gathered = turned_gathered([(report.gathered, cut_at), (joint, start)], period)
+        report = dataclasses.replace(report, gathered=gathered)
+    labels = turned_map(labels, period, -start, period)
     labelling, parts, covered = posed(0)
-    moves = Rounds(labelling, labels, search.method, search.options)
-    moves.potentials = turned_potentials(potentials, period)
+    made = Made(labelling, labels, report, [], search.recorded())
     flat = blend == "gradient"
     placed = (
         Placed(layers=parts, places=labelling.places, covered=covered, label_map=labels)
@@ -272,15 +269,13 @@ def _round(
     return Composition(
         layers=layers,
         canvas=canvas,
-        rounds=rounds,
-        pairs=tuple(moves.pairs()),
+        rounds=report.rounds,
+        pairs=tuple(made.pairs),
         _placed=placed,
         _channels=channels,
         _blend=blend,
         _blend_width=blend_width,
-        _seam=Made(
-            moves, [], {"core": search.core, "speck": search.speck, **dataclasses.asdict(search.match)}
-        ),
+        _seam=made,
         _begin=0 if flat else margin(period),
         _goes_round=True,
     )

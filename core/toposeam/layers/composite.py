@@ -21,6 +21,7 @@ from toposeam.layers.composition import Composition, Outline
 from toposeam.layers.labelling import Pair
 from toposeam.layers.layer import MAX_MEGAPIXELS, Layer
 from toposeam.layers.painting import LabelMap
+from toposeam.layers.search_options import Effort, SearchOptions
 from toposeam.saving import save
 from toposeam.seam.drawing import draw_seams
 from toposeam.seam.find import Method
@@ -58,7 +59,7 @@ class Stitched:
     pairs: tuple[Pair, ...]
     #: The layers' names.
     names: tuple[str, ...]
-    #: Swap rounds that were made, 0 for two layers.
+    #: Rounds of expansions that were made, 0 for two layers.
     rounds: int
     #: (x, y) of the canvas's upper left pixel in the layers' coordinates.
     origin: tuple[int, int]
@@ -167,6 +168,7 @@ def stitch(
     match_shading: bool = False,
     use_path: SvgSeam | Mapping[Pair, SvgSeam] | None = None,
     max_rounds: int = MAX_ROUNDS,
+    effort: Effort | SearchOptions | None = None,
     options: HeatOptions | ThesisOptions | None = None,
     max_megapixels: float = MAX_MEGAPIXELS,
     wrap: int | None = None,
@@ -176,9 +178,9 @@ def stitch(
 ) -> Stitched:
     """Join placed layers.
 
-    Two are joined along one seam. More are joined one after another, and laid on top of each other in several
-    orders of their places; from each of these starts, moves let one layer after another show more of itself,
-    until the total cost falls no longer, and the best of each end is taken (:mod:`toposeam.layers.rounds`).
+    Two are joined along one seam. More are laid on top of each other in several orders of their places; from
+    each of these starts, moves let one layer after another show more of itself, until the total cost falls no
+    longer, and the best of each end is taken (:mod:`toposeam.layers.rounds`).
     What shows where, and at what cost, is defined in :mod:`toposeam.layers.labelling`.
 
     Parameters
@@ -215,7 +217,12 @@ def stitch(
         Seams that were read from files, on the canvas: of the only two layers, or of pairs of layers by
         number.
     max_rounds : int
-        Rounds at most; 0 leaves the seams as they were found one after another.
+        Rounds of expansions at most; 0 leaves the seams as they were found one after another.
+    effort : {"fast", "best"}, optional
+        How thoroughly the seams of more than two layers are searched. By default "fast" up to 12 layers and
+        "best" from 13 on. "best" searches canvases of up to 4 megapixels twice, on costs reduced in two ways,
+        and once more at full size where three layers meet; it takes two to four times as long, and its seams
+        cost the same or less by up to some per cent.
     max_megapixels : float
         Refuse a larger canvas.
     wrap : int, optional
@@ -259,6 +266,7 @@ def stitch(
         match_shading=match_shading,
         use_path=use_path,
         max_rounds=max_rounds,
+        effort=effort,
         options=options,
         max_megapixels=max_megapixels,
         wrap=wrap,

@@ -98,7 +98,7 @@ class Composition:
     layers: Sequence[Layer]
     #: Where the canvas lies, and its size.
     canvas: Extent
-    #: Swap rounds that were made, 0 for two layers.
+    #: Rounds of expansions that were made, 0 for two layers.
     rounds: int
     #: Which two layers each seam divides, by number.
     pairs: tuple[Pair, ...]

@@ -1,8 +1,9 @@
-"""How moves are decided: by the method asked for or, where only labels are wanted, by maximum flows."""
+"""Minimum cuts by which moves are decided."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -17,47 +18,38 @@ from toposeam.seam.graph_cut import least_cut
 from toposeam.seam.heat import HeatOptions
 from toposeam.seam.thesis_options import ThesisOptions
 
-#: Decides a network: from conductors and costs to the nodes on the hot side, (n,) bool, and their potential.
-Decide = Callable[[Network, Floats], tuple[Mask, Floats]]
+#: Decides a network: from conductors and costs to the nodes on the hot side, (n,) bool.
+Decide = Callable[[Network, Floats], Mask]
 
 
-class Deciding:
-    """The cheapest cuts of networks, and what heat last did.
+@dataclass(frozen=True, slots=True)
+class CutSolver:
+    """Finds minimum cuts of networks.
 
     Parameters
     ----------
     method, options
-        As for :func:`toposeam.find_seam`; with `auto` heat finds potentials, by these options.
+        As for :func:`toposeam.find_seam`. With `auto` networks of up to 30,000 nodes are cut by maximum flow;
+        larger ones gather heat, which is sooner found there.
     forbidden : float
         Interfaces that cost as much or more are forbidden.
     """
 
-    def __init__(self, method: Method, options: HeatOptions | ThesisOptions | None, forbidden: float) -> None:
-        self.method: Method = method
-        self.options, self.forbidden = options, forbidden
-        #: How heat gathered when a cut was last found by it.
-        self.heat: Heat | None = None
+    method: Method
+    options: HeatOptions | ThesisOptions | None
+    forbidden: float
 
-    @property
-    def proves(self) -> bool:
-        """Whether seams may as well be found by paths."""
-        return self.method == "auto"
+    def __call__(self, network: Network, cost: Floats) -> Mask:
+        """(n,) bool: the nodes on the hot side of the cheapest cut."""
+        if self.method == "heat" or (self.method == "auto" and network.n > FLOW_PIXELS):
+            return self.heat(network, cost).hot[:-2]
+        cut = least_cut if self.method == "graph-cut" else minimum_cut
+        return cut(network, self._bounded(cost))
 
-    def __call__(self, network: Network, cost: Floats) -> tuple[Mask, Floats]:
-        """By the method that was asked for: the nodes on the hot side, (n,) bool, and their potential."""
-        cost = self._bounded(cost)
-        if isinstance(self.options, HeatOptions):
-            self.heat = gather_heat(network, cost, self.options.tolerance, self.options.max_iterations)
-            return self.heat.hot[:-2], np.clip(self.heat.soft[:-2], 0.0, 1.0)
-        hot = (least_cut if self.method == "graph-cut" else minimum_cut)(network, cost)
-        return hot, hot.astype(np.float64)
-
-    def exactly(self, network: Network, cost: Floats) -> tuple[Mask, Floats]:
-        """The same where no potential is wanted: with `auto` a maximum flow of small networks."""
-        if self.method != "auto" or network.n > FLOW_PIXELS:
-            return self(network, cost)
-        hot = minimum_cut(network, self._bounded(cost))
-        return hot, hot.astype(np.float64)
+    def heat(self, network: Network, cost: Floats) -> Heat:
+        """The heat of a network gathered along its cheapest cut."""
+        options = self.options if isinstance(self.options, HeatOptions) else HeatOptions()
+        return gather_heat(network, self._bounded(cost), options.tolerance, options.max_iterations)
 
     def _bounded(self, cost: Floats) -> Floats:
         """As much as all others together is forbidding enough."""
@@ -76,9 +68,9 @@ def decided(
     pull: Floats,
     decide: Decide,
     now: Mask | None = None,
-) -> tuple[Mask, Floats]:
-    """(n,) bool: which nodes end on the hot side, and their potential; `pull` is what not ending there costs
-    more. `component` is the connected one of each node, (n,), and of `white` nodes no two are linked.
+) -> Mask:
+    """(n,) bool: which nodes end on the hot side; `pull` is what not ending there costs more. `component` is
+    the connected one of each node, (n,), and of `white` nodes no two are linked.
     """
     tied = np.flatnonzero(pull)
     warm, cool = np.zeros((2, int(component.max()) + 1), bool)
@@ -87,12 +79,11 @@ def decided(
     result: Mask = warm[component]
     if now is not None:  # nothing pulls: all stays
         result = result | (now & ~(warm | cool)[component])
-    potential = result.astype(np.float64)
     open_ = (warm & cool)[component]
     chosen = np.flatnonzero(open_)
     size = len(chosen)
     if not size:
-        return result, potential
+        return result
     if size < len(open_):
         inner, order = np.flatnonzero(open_[tail]), np.cumsum(open_) - 1
         tail, head, link = order[tail[inner]], order[head[inner]], link[inner]
@@ -105,24 +96,5 @@ def decided(
         np.concatenate([head, np.where(strength > 0, size + 1, size)]),
         white,
     )
-    result[chosen], potential[chosen] = decide(network, np.concatenate([link, np.abs(strength)]))
-    return result, potential
-
-
-def questions(
-    k: int, count: int, piece: npt.NDArray[np.int32], told: npt.NDArray[np.intp]
-) -> list[tuple[int, bytes]]:
-    """Of each piece of what may turn to k all that decides whether it does.
-
-    Parameters
-    ----------
-    k, count : int
-        How many pieces there are, numbered from 1 on.
-    piece, told : (E,) int arrays
-        In which piece each edge ends, and what is told of it.
-    """
-    if count > 1:
-        told = told[np.argsort(piece.astype(np.int16) if count < 1 << 15 else piece, kind="stable")]
-    ends = np.cumsum(np.bincount(piece, minlength=count + 1))
-    bounds = zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True)
-    return [(k, told[first:last].tobytes()) for first, last in bounds]
+    result[chosen] = decide(network, np.concatenate([link, np.abs(strength)]))
+    return result

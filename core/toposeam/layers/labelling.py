@@ -6,25 +6,22 @@ being the match cost of these two (:mod:`toposeam.seam.match_cost`). For two lay
 problem. Which layers are allowed, and M_ij where not both layers have both pixels, is decided by
 :mod:`toposeam.layers.posing`.
 
-Two moves lower the cost (Boykov, Veksler and Zabih 2001, doi:10.1109/34.969114): a *swap* divides anew what
-shows one of two layers, an *expansion* lets one layer show more of itself. Both are seam problems with unary
-costs, :class:`toposeam.seam.problem.SeamProblem`.
+An *expansion* lowers the cost by letting one layer show more of itself (Boykov, Veksler and Zabih 2001,
+doi:10.1109/34.969114); a *swap* divides anew the pixels that show one of two layers. Both are minimum cuts.
 """
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
-from toposeam.images import Mask, box_of
+from toposeam.images import Mask
 from toposeam.layers.layer import Box, cut
 from toposeam.layers.maps import EDGES, blocks, new_map, several, uniform
 from toposeam.layers.painting import LabelMap
-from toposeam.layers.pieces import pieces_of
 from toposeam.seam.match_cost import Floats32
 from toposeam.seam.overlap import FREE, NONE, A, B, Overlap, neighbours
 from toposeam.seam.problem import SeamProblem
@@ -58,12 +55,12 @@ class PairCost(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Move:
-    """A change of a label map posed as a seam problem on a box of the canvas."""
+class PairSeam:
+    """A seam of a label map posed as a seam problem on a box of the canvas."""
 
     problem: SeamProblem
     box: Box
-    #: (h, w) int16, what shows now.
+    #: (h, w) int16, the layers that show.
     labels: LabelMap
 
 
@@ -157,34 +154,23 @@ class Labelling:
             label_map[box.slices] = labels
         return label_map
 
-    def swap(
-        self,
-        label_map: LabelMap,
-        pair: Pair,
-        *,
-        within: Box | None = None,
-        opened: Mask | None = None,
-        whole: bool = False,
-        beside: bool = False,
-    ) -> Move | None:
-        """What shows one of two layers, to be divided anew between them; ``b`` is the second.
+    def seam(
+        self, label_map: LabelMap, pair: Pair, *, within: Box | None = None, beside: bool = False
+    ) -> PairSeam | None:
+        """The seam between two layers, posed as a problem of which ``b`` is the second one.
 
         Parameters
         ----------
         label_map : (H, W) int16 array
         pair : (int, int)
         within : Box, optional
-            Change only pixels in its inside: its outermost pixels stay.
-        opened : (H, W) bool array, optional
-            Change only these.
-        whole : bool
-            Pose the problem on the whole box, as a description of the seam there is.
+            Pose it in this box only.
         beside : bool
-            With `whole`: only the costs beside that seam are needed.
+            Whether only the costs beside the seam are needed.
 
         Returns
         -------
-        Move, or None where there is nothing to decide
+        PairSeam, or None where the two share no pixel
         """
         cost = self.costs.get(pair)
         box = None if cost is None else cost.box if within is None else cost.box.shared(within)
@@ -192,49 +178,18 @@ class Labelling:
             return None
         labels = self.labels_in(label_map, box)
         first, second = labels == pair[0], labels == pair[1]
-        free = first | second
-        free &= self.allowed_in(pair[0], box) & self.allowed_in(pair[1], box)
-        if not whole:
-            box, inner = self._narrowed(free, box, opened, cost.box)
-            if box is None:
-                return None
-            free, labels, first, second = free[inner], labels[inner], first[inner], second[inner]
         inside = first | second
+        free = inside & self.allowed_in(pair[0], box) & self.allowed_in(pair[1], box)
         side = np.full(box.shape, NONE, np.uint8)
         side[first], side[second], side[free] = A, B, FREE
-        wanted = None if whole else free
-        if whole and beside:
-            wanted = neighbours(first) & second | neighbours(second) & first
+        wanted = neighbours(first) & second | neighbours(second) & first if beside else None
         right, down = cost.on(box, wanted)
         right[~(inside[:, 1:] & inside[:, :-1])] = 0
         down[~(inside[1:] & inside[:-1])] = 0
         unary = [self._beside(index, pair, labels, free, box) for index in pair]
         overlap = Overlap(side, cost.shared(box) & inside, (box.top, box.left), self.canvas.shape)
         problem = SeamProblem(overlap, right, down, self.forbidden, showing_a=unary[0], showing_b=unary[1])
-        return Move(problem if whole else _with_fixed(problem, second), box, labels)
-
-    def _narrowed(
-        self, free: Mask, box: Box, opened: Mask | None, limits: Box
-    ) -> tuple[Box | None, tuple[slice, slice]]:
-        """Restrict, in place, what is free; the box that holds it and one pixel around, and where that lies
-        in the given one.
-        """
-        if opened is not None:
-            free &= cut(opened, self.canvas, box)
-        edges = free[:1], free[:, :1], free[-1:], free[:, -1:]
-        for edge, own, limit in zip(edges, box, limits, strict=True):
-            if own != limit:
-                edge[:] = False
-        if not free.any():
-            return None, (slice(0), slice(0))
-        inner = box_of(free, 1)
-        narrow = Box(
-            box.top + inner[0].start,
-            box.left + inner[1].start,
-            box.top + inner[0].stop,
-            box.left + inner[1].stop,
-        )
-        return narrow, inner
+        return PairSeam(problem, box, labels)
 
     def _beside(self, index: int, pair: Pair, labels: LabelMap, free: Mask, box: Box) -> Floats32:
         """(h, w) unary cost of showing one layer of a pair at its free pixels: that of their interfaces with
@@ -282,24 +237,3 @@ class Labelling:
 def _labels_of(labels: LabelMap) -> list[int]:
     """The layers that show, in order."""
     return np.flatnonzero(np.bincount(labels.ravel() + 1)[1:]).tolist()
-
-
-def _with_fixed(problem: SeamProblem, second: Mask) -> SeamProblem:
-    """The problem with those free pixels fixed that nothing ties to one of the two sides: they cost nothing
-    there.
-    """
-    component, count = pieces_of(problem.overlap.side == FREE)
-    tied_a, tied_b = (
-        np.bincount(component[ties > 0], minlength=count + 1) > 0
-        for ties in (problem.grid.cold, problem.grid.hot)
-    )
-    if tied_a[1:].all() and tied_b[1:].all():
-        return problem
-    side = problem.overlap.side.copy()
-    untied = ~tied_a & ~tied_b
-    for label, chosen in (
-        (A, (tied_a & ~tied_b)[component] | (untied[component] & ~second)),
-        (B, (tied_b & ~tied_a)[component] | (untied[component] & second)),
-    ):
-        side[chosen & (component > 0)] = label
-    return dataclasses.replace(problem, overlap=dataclasses.replace(problem.overlap, side=side))

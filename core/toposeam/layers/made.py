@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,17 +12,16 @@ import numpy as np
 from toposeam.images import box_of
 from toposeam.layers.band import costs_at
 from toposeam.layers.composition import Totals
-from toposeam.layers.labelling import Pair, PairCost
+from toposeam.layers.labelling import Labelling, Pair, PairCost
 from toposeam.layers.layer import Box
 from toposeam.layers.maps import BLOCK, dense, part_of, several
 from toposeam.layers.painting import LabelMap
-from toposeam.layers.rounds import Rounds
+from toposeam.layers.problem import Report
 from toposeam.layers.tasks import Executor, results
 from toposeam.optimize.history import Termination
 from toposeam.seam.overlap import FREE
 from toposeam.seam.problem import blocked
 from toposeam.seam.seam import Seam
-from toposeam.seam.solution import Solution
 from toposeam.seam.verdict import Verdict, verdict_of, worst_of
 
 #: Beyond its box the problem of a seam keeps so many px, where boxes are large.
@@ -61,9 +61,11 @@ def _measured(between: _Between) -> tuple[int, float, Verdict]:
 
 @dataclass(frozen=True, eq=False)
 class Made:
-    """The seams of rounds."""
+    """The seams of a label map."""
 
-    moves: Rounds
+    labelling: Labelling
+    label_map: LabelMap
+    report: Report
     #: Pairs whose seam was not searched.
     given: Collection[Pair]
     #: Recorded with every seam.
@@ -71,7 +73,7 @@ class Made:
     _found: dict[Pair, tuple[int, float, Verdict]] = field(default_factory=dict)
 
     def __call__(self, pair: Pair, beside: bool) -> Seam:
-        """The seam between two layers of :meth:`Rounds.pairs` as they show now.
+        """The seam between two layers of :attr:`pairs`.
 
         Parameters
         ----------
@@ -79,52 +81,44 @@ class Made:
         beside : bool
             Whether costs are wanted beside the seam only.
         """
-        move = self.moves.labelling.swap(
-            self.moves.label_map, pair, within=self._seam_box(pair), whole=True, beside=beside
-        )
-        if move is None:
+        seam = self.labelling.seam(self.label_map, pair, within=self._seam_box(pair), beside=beside)
+        if seam is None:
             raise ValueError(f"layers {pair[0]} and {pair[1]} have nothing in common")
-        problem = move.problem
-        shown = move.labels == pair[1]
-        box, solution = self.moves.solved.get(
-            pair, (move.box, Solution(labels=shown, soft=shown.astype(np.float32)))
-        )
-        potential = shown.astype(np.float32)
-        free = problem.overlap.side == FREE
-        common = box.shared(move.box)
-        kept = self.moves.potentials.get(pair)
+        problem, box, shown = seam.problem, seam.box, seam.labels == pair[1]
+        heat = self.report.gathered.get(pair)
+        potential, kept = shown.astype(np.float32), None if heat is None else heat.potential
         if kept is not None:
             rows, columns, values = kept
-            inside = (rows >= move.box.top) & (rows < move.box.bottom)
-            inside &= (columns >= move.box.left) & (columns < move.box.right)
-            at = rows[inside] - move.box.top, columns[inside] - move.box.left
-            potential[at] = np.where(free[at], values[inside], potential[at])
-        elif all(common.shape):
-            here = common.within(move.box)
-            potential[here][free[here]] = np.asarray(solution.soft, np.float32)[common.within(box)][
-                free[here]
-            ]
-        label_map = self.moves.label_map
+            inside = (rows >= box.top) & (rows < box.bottom) & (columns >= box.left) & (columns < box.right)
+            at = rows[inside] - box.top, columns[inside] - box.left
+            free = problem.overlap.side[at] == FREE
+            potential[at] = np.where(free, values[inside], potential[at])
+        history, termination = ((), Termination.DIRECT) if heat is None else (heat.history, heat.termination)
+        label_map = self.label_map
         return Seam(
             _shown=shown,
-            _potential=None if solution.contracted and kept is None else potential,
+            _potential=None if kept is None and self.report.problem.method in ("auto", "heat") else potential,
             _only_b=lambda: dense(label_map) == pair[1],
             cost=problem.cost(shown),
-            history=solution.history,
+            history=history,
             method=self._engine(pair),
-            termination=Termination.GIVEN if pair in self.given else solution.termination,
-            seconds=self.moves.seconds.get(pair, 0.0),
-            settings={**self.common, **self.moves.settings},
+            termination=Termination.GIVEN if pair in self.given else termination,
+            seconds=self.report.seconds / len(self.pairs),
+            settings={**self.common, **self.report.settings},
             problem=problem,
         )
 
     def _engine(self, pair: Pair) -> str:
-        """What last divided two layers; expansions alone are maximum flows."""
+        """The engine that divided two layers: expansions are maximum flows where no method is named."""
         if pair in self.given:
             return "path"
-        if self.moves.method != "auto":
-            return self.moves.method
-        return (self.moves.solved[pair][1].method if pair in self.moves.solved else "") or "graph-cut"
+        method = self.report.problem.method
+        return method if method != "auto" else "heat" if pair in self.report.gathered else "graph-cut"
+
+    @cached_property
+    def pairs(self) -> list[Pair]:
+        """The pairs of layers that adjoin where both have pixels."""
+        return [pair for pair in self.labelling.adjoining(self.label_map) if pair in self.labelling.costs]
 
     def check(self, executor: Executor | None = None) -> None:
         """Refuse seams that cut a forbidden interface.
@@ -133,7 +127,7 @@ class Made:
         ------
         OverlapError
         """
-        forbidden = self.moves.labelling.forbidden
+        forbidden = self.labelling.forbidden
         if np.isfinite(forbidden) and any(
             cost >= forbidden for _, cost, _ in self.measured(executor).values()
         ):
@@ -145,7 +139,7 @@ class Made:
         return Totals(
             length=float(sum(length for length, _, _ in found.values())),
             cost=sum(cost for _, cost, _ in found.values()),
-            seconds=sum(self.moves.seconds.get(pair, 0.0) for pair in found),
+            seconds=self.report.seconds,
             method=" and ".join(sorted({self._engine(pair) for pair in found})),
             verdict=worst_of(verdict for _, _, verdict in found.values())
             if self.common.get("law") == "natural"
@@ -156,26 +150,24 @@ class Made:
         """How long each seam is, px, what it costs, and its verdict, without making it."""
         if self._found:
             return self._found
-        labelling = self.moves.labelling
-        pairs = [pair for pair in labelling.adjoining(self.moves.label_map) if pair in labelling.costs]
-        items = (self._between(pair, executor is not None) for pair in pairs)
-        self._found.update(zip(pairs, results(executor, _measured, items), strict=True))
+        items = (self._between(pair, executor is not None) for pair in self.pairs)
+        self._found.update(zip(self.pairs, results(executor, _measured, items), strict=True))
         return self._found
 
     def _between(self, pair: Pair, apart: bool) -> _Between:
         """What is measured of a seam, here or `apart` from what it is part of."""
-        cost, label_map = self.moves.labelling.costs[pair], self.moves.label_map
+        cost, label_map = self.labelling.costs[pair], self.label_map
         if apart:
             cost, label_map = cost.part(cost.box, {}), part_of(label_map, cost.box)
-        return _Between(pair, cost, self.moves.labelling.canvas, label_map)
+        return _Between(pair, cost, self.labelling.canvas, label_map)
 
     def _seam_box(self, pair: Pair) -> Box | None:
         """On large overlaps, the box of the seam and some pixels around it."""
-        cost = self.moves.labelling.costs.get(pair)
+        cost = self.labelling.costs.get(pair)
         if cost is None or cost.box.shape[0] * cost.box.shape[1] <= _LARGE_BOX:
             return None
-        inside = cost.box.shared(self.moves.labelling.canvas)
-        labels = self.moves.label_map[inside.slices]
+        inside = cost.box.shared(self.labelling.canvas)
+        labels = self.label_map[inside.slices]
         first, second = labels == pair[0], labels == pair[1]
         beside = np.zeros(labels.shape, bool)
         beside[:, 1:] |= (first[:, 1:] & second[:, :-1]) | (second[:, 1:] & first[:, :-1])

@@ -36,8 +36,6 @@ from toposeam.layers.tasks import Executor, results
 from toposeam.seam.match_cost import Floats32
 from toposeam.seam.reach import Reach
 
-#: w above; and others, with which other seams look cheapest.
-WANDERING, OTHERS = 0.6, (0.9, 0.3)
 #: Reduced rows that are made at once: of all of an overlap, and of a band.
 _ROWS, _WANTED_ROWS = 128, 64
 #: Pixels of all overlaps at all sizes whose costs are kept, 8 bytes each: those of a gigapixel at a quarter
@@ -45,7 +43,7 @@ _ROWS, _WANTED_ROWS = 128, 64
 KEPT_TOGETHER = 7 << 24
 
 
-def halved(labelling: Labelling, wandering: float = WANDERING) -> Labelling:
+def halved(labelling: Labelling, wandering: float) -> Labelling:
     """The problem at half the size, whose costs are computed where they are looked at.
 
     `wandering` is w above.

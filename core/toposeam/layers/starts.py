@@ -1,11 +1,9 @@
-"""Rounds of expansions from several starts.
+"""Expansions from several starts.
 
-The layers lie on top of each other, by rows and by columns of where they are, from either end, and in large
-problems are joined one after another in the given order and the opposite one. In small ones layers recede
-instead (:mod:`toposeam.layers.receding`), and the order in which they are given does not matter. On few
-pixels all starts are stacked and taken to their ends together, because what a small network costs is mostly
-what it costs to pose it. On more pixels, after one round of each, the cheapest two go on, and the others
-where these do not end alike. Wherever another end costs less than the cheapest one its patch is taken over.
+The layers lie on top of each other in the order of their places, each time with another one at the bottom. On
+few pixels all starts are stacked and expanded together, because a small network takes longer to build than
+to cut. On more pixels, after one round of each, the cheapest two go on, and the others only if these do not
+end alike. Wherever another end costs less than the cheapest one, it is taken over.
 """
 
 from __future__ import annotations
@@ -20,9 +18,8 @@ from toposeam.layers.deciding import Decide
 from toposeam.layers.layer import Box
 from toposeam.layers.painting import LabelMap
 from toposeam.layers.progressed import Progressed
+from toposeam.layers.search_options import SearchOptions
 
-#: Starts of up to so many pixels altogether are stacked.
-_STACKED = 30_000
 #: The best two starts end alike when their costs differ by less than this share: then no other goes on.
 _AGREED = 1e-4
 
@@ -31,23 +28,32 @@ def best_of_starts(
     choices: Choices,
     allowed: Sequence[Mask],
     boxes: Sequence[Box],
-    order: Sequence[int] | None,
     decide: Decide,
     most: int,
+    options: SearchOptions,
     steps: Progressed,
-) -> tuple[int, list[int]]:
-    """Let the choices show the best of what several starts end in, none of them joined where no order is
-    given; how many rounds that took, and the layers in the order of their places.
+) -> int:
+    """Let the choices show the best of what several starts end in; the number of rounds.
+
+    Parameters
+    ----------
+    choices : Choices
+    allowed : sequence of (h, w) bool arrays
+        Where each layer may show.
+    boxes : sequence of Box
+        Where each layer lies.
+    decide : callable
+    most : int
+        Rounds at most.
+    options : SearchOptions
+        How many starts there are, and up to how many pixels in all they are expanded together.
+    steps : Progressed
     """
-    count = len(boxes)
-    places = sorted(range(count), key=lambda k: boxes[k])
-    across = sorted(range(count), key=lambda k: boxes[k][1::-1])
-    piled = dict.fromkeys(map(tuple, (places, places[::-1], across, across[::-1])))
-    starts = [laid_on_top(allowed, start) for start in piled]
-    for one_way in () if order is None else (order, order[::-1]):
-        joined(choices, allowed, one_way, decide, steps)
-        starts.append(choices.shows)
-    if int(choices.several.sum()) * len(starts) <= _STACKED:
+    places = sorted(range(len(boxes)), key=lambda k: boxes[k])
+    count = min(len(places), options.starts)
+    bottoms = (len(places) * k // count for k in range(count))
+    starts = [laid_on_top(allowed, places[k:] + places[:k]) for k in bottoms]
+    if int(choices.several.sum()) * len(starts) <= options.stacked:
         stack = choices.stacked(starts)
         number = stack.run(decide, most, places)
         ends: list[tuple[float, int, LabelMap]] = []
@@ -60,7 +66,9 @@ def best_of_starts(
     choices.shows = ends[0][2]
     for _, _, other in ends[1:]:
         choices.fuse(other)
-    return number, places
+    if choices.shows is not ends[0][2]:  # the mixture of several ends may not be an end itself
+        number += choices.run(decide, most - number, places)
+    return number
 
 
 def _one_by_one(
@@ -71,7 +79,7 @@ def _one_by_one(
     most: int,
     steps: Progressed,
 ) -> tuple[int, list[tuple[float, int, LabelMap]]]:
-    """How many rounds were made, and of each start what its end costs, a number, and the end."""
+    """The number of rounds, and of each start the cost of its end, its number, and the end."""
     ends: list[tuple[float, int, LabelMap]] = []
     for choices.shows in starts:
         choices.run(decide, 1, places)
@@ -88,15 +96,12 @@ def _one_by_one(
     return number, ends
 
 
-def joined(
-    choices: Choices, allowed: Sequence[Mask], order: Sequence[int], decide: Decide, steps: Progressed
-) -> None:
-    """Lay the layers one after another, each joined to what is there along the best seam."""
+def join(choices: Choices, allowed: Sequence[Mask], order: Sequence[int], decide: Decide) -> None:
+    """Lay the layers one after another, each joined along the best seam to those before it."""
     choices.shows = np.full(choices.shows.shape, len(allowed), np.int16)
     for k in order:
         choices.lay(k, allowed[k].ravel())
         choices.expand(k, decide)
-        steps.one()
 
 
 def laid_on_top(allowed: Sequence[Mask], order: Sequence[int]) -> LabelMap:

@@ -9,7 +9,7 @@ both sides.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -17,13 +17,11 @@ import numpy.typing as npt
 
 from toposeam.errors import OptionError
 from toposeam.images import Mask, Windows, full_scale
+from toposeam.layers.band import SeamHeat
 from toposeam.layers.labelling import Pair
 from toposeam.layers.layer import Box, Extent, Layer
 from toposeam.layers.maps import BLOCK, blocks, made_map
 from toposeam.layers.painting import LabelMap
-
-#: Rows and columns of some pixels, and the label potential there.
-Known = tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], npt.NDArray[np.float32]]
 
 #: What adjoins at the cut is opened so far on either side, a share of the width.
 _BAND = 16
@@ -140,18 +138,23 @@ def turned_map(label_map: Any, period: int, start: int, width: int) -> LabelMap:
     return made_map((label_map.shape[0], width), np.int16, values)
 
 
-def turned_potentials(given: Sequence[tuple[dict[Pair, Known], int]], period: int) -> dict[Pair, Known]:
-    """Label potentials of canvases that begin at some columns of the round one, as on that; later ones
-    count.
+def turned_gathered(
+    given: Sequence[tuple[Mapping[Pair, SeamHeat], int]], period: int
+) -> dict[Pair, SeamHeat]:
+    """The heat along seams of canvases that begin at some columns of the round one, as on that; later label
+    potentials count.
     """
-    found: dict[Pair, list[Known]] = {}
-    for potentials, start in given:
-        for pair, (rows, columns, values) in potentials.items():
-            found.setdefault(pair, []).append((rows, (columns + start) % period, values))
-    result: dict[Pair, Known] = {}
+    found: dict[Pair, list[SeamHeat]] = {}
+    for gathered, start in given:
+        for pair, heat in gathered.items():
+            rows, columns, values = heat.potential
+            moved = rows, (columns + start) % period, values
+            found.setdefault(pair, []).append(dataclasses.replace(heat, potential=moved))
+    result: dict[Pair, SeamHeat] = {}
     for pair, parts in found.items():
-        rows, columns, values = (np.concatenate(part) for part in zip(*parts, strict=True))
-        result[pair] = rows, columns, values
+        potentials = zip(*(heat.potential for heat in parts), strict=True)
+        rows, columns, values = (np.concatenate(part) for part in potentials)
+        result[pair] = dataclasses.replace(parts[0], potential=(rows, columns, values))
     return result
 
 

@@ -167,7 +167,14 @@ def find_seam(
 
 
 def method_for(method: Method, *, heats: bool) -> Method:
-    """The method to take: `auto` is `heat` where something is asked for that only heat gives."""
+    """The method to take: `auto` is `heat` where something is asked for that only heat gives.
+
+    Raises
+    ------
+    OptionError
+        When there is no such method.
+    """
+    check_choice("method", method, METHODS)
     return "heat" if method == "auto" and heats else method
 
 

@@ -8,6 +8,7 @@ import pytest
 from three_pictures import AT, FILES, assert_joined, crop, shown
 
 import toposeam as ts
+from toposeam.layers import compose
 from toposeam_cli import placing
 from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
 
@@ -182,3 +183,15 @@ def test_a_picture_that_does_not_show_is_named_and_core_shows_it(across, toposea
     assert (ran.code, "does not show" in ran.err) == (0, False)
     assert (shown()[10:40, 30:70][most > 0] == 2).all()
     assert "does not show" not in toposeam(*line, "--quiet").err
+
+
+@pytest.mark.parametrize(("words", "effort"), [((), None), (("--effort", "best"), "best")])
+def test_effort_is_that_of_the_search(three, toposeam, monkeypatch, words, effort):
+    asked, usual = [], compose.search_options
+    monkeypatch.setattr(compose, "search_options", lambda *given: asked.append(given) or usual(*given))
+    assert toposeam("stitch", *FILES, *AT, "-o", "out.png", *words).code == 0
+    assert asked == [(effort, 3)]
+
+
+def test_an_effort_that_is_none_is_refused(three, toposeam):
+    toposeam("stitch", *FILES, *AT, "-o", "out.png", "--effort", "some").fails("--effort", code=2)

@@ -12,7 +12,7 @@ from three_pictures import AT, FILES, crop
 
 import toposeam as ts
 from stitching import PROFILE, names
-from toposeam.layers import composition, maps, pair_cost, reduction, rounds
+from toposeam.layers import composition, maps, pair_cost, reduction
 from toposeam_cli import large, placing
 from toposeam_cli.files import scratch
 from toposeam_cli.files.temporary import remove_stale
@@ -35,7 +35,6 @@ def stored(monkeypatch):
         (large, "BLOCK", 32),
         (pair_cost, "KEPT_PIXELS", 500),
         (reduction, "KEPT_TOGETHER", 500),
-        (rounds, "KEPT_CANVAS", 0),
     ):
         monkeypatch.setattr(module, name, value)
 

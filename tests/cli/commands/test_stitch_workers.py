@@ -13,7 +13,7 @@ import pytest
 from processes import descendants, living
 
 from stitching import make_six, names
-from toposeam.layers import rounds
+from toposeam.layers import search_options
 from toposeam_cli import placing
 from toposeam_cli.files.scratch import scratch
 from toposeam_cli.files.writing import OutputError
@@ -76,7 +76,7 @@ def test_places_are_found_by_workers(six, waiting, toposeam, caplog, where, does
     ("words", "does"),
     [
         (("turned.toml", "--blend", "soft"), {"_turned", "divided"}),
-        (("six.toml", "--avoid", "avoid.png", "--blend", "feather"), {"swapped"}),
+        (("six.toml", "--avoid", "avoid.png", "--blend", "feather"), {"divided"}),
         (("six.toml", "--wrap", 690, "--blend", "multiband"), {"divided"}),
     ],
     ids=["turned and soft", "avoid", "wrap"],
@@ -85,7 +85,8 @@ def test_everything_that_can_be_asked_is_done_by_workers(
     six, waiting, toposeam, caplog, monkeypatch, words, does
 ):
     """Pictures turned, overlaps divided, windows blended: none of it by the command itself."""
-    monkeypatch.setattr(rounds, "_TOGETHER", 0)  # small canvases are divided as large ones are
+    # Small canvases are divided as large ones are.
+    monkeypatch.setattr(search_options, "FAST", search_options.SearchOptions(together=0))
     layout = (six / "six.toml").read_text()
     (six / "turned.toml").write_text(layout.replace("at = [210, 0]", "at = [210, 0]\nturn = 0.7"))
     away = np.zeros((374, 720), np.uint8)

@@ -3,12 +3,12 @@ import pytest
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers.band import band_of, write_pixels
+from toposeam.layers.band import Division, band_of, divided, write_pixels
+from toposeam.layers.deciding import CutSolver
 from toposeam.layers.labelling import Labelling
 from toposeam.layers.layer import Box
 from toposeam.layers.maps import TileMap
 from toposeam.layers.posing import exclusive_covers, pose_labelling
-from toposeam.layers.rounds import Rounds
 from toposeam.seam.heat import HeatOptions
 
 
@@ -55,15 +55,22 @@ def test_a_band_costs_what_the_labelling_does(started, pair):
 
 
 @pytest.mark.parametrize("pair", [(0, 1), (0, 2), (1, 2)])
-def test_a_band_is_divided_as_well_as_the_whole_overlap_with_the_rest_fixed(started, pair):
+def test_heat_and_flow_divide_a_band_alike_and_no_pixel_gains_by_changing(started, pair):
     labelling, label_map, near = started
-    ends = []
-    options = HeatOptions(tolerance=1e-6)
-    for as_band in (True, False):
-        rounds = Rounds(labelling, label_map.copy(), "heat", {"tolerance": 1e-6}, near)
-        _ = rounds._divide([pair], options, None) if as_band else rounds.swap(pair)
-        assert (rounds.label_map[~near] == label_map[~near]).all()
-        ends.append(labelling.total(rounds.label_map, labelling.canvas))
+    solver, ends = CutSolver("heat", HeatOptions(tolerance=1e-6), labelling.forbidden), []
+    for potential in (True, False):
+        found = divided(Division(labelling, label_map, near, pair, solver, potential))
+        after = label_map.copy()
+        write_pixels(after, *found.pixels, found.values)
+        assert (after[~near] == label_map[~near]).all()
+        ends.append(labelling.total(after, labelling.canvas))
+        assert (found.heat is not None) == potential
+        rows, columns = np.nonzero(near & np.isin(after, pair))
+        for y, x in zip(rows[::40], columns[::40], strict=True):
+            other = after.copy()
+            other[y, x] = pair[int(after[y, x] == pair[0])]
+            if labelling.allowed_in(other[y, x], labelling.canvas)[y, x]:
+                assert labelling.total(other, labelling.canvas) >= ends[-1] * (1 - 1e-6)
     assert ends[0] < labelling.total(label_map, labelling.canvas)
     assert ends[0] == pytest.approx(ends[1], rel=1e-5)
 

@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 from alpha_expansion import Expansion
+from scipy import ndimage
 from skimage import data
 
 import toposeam as ts
@@ -17,15 +18,11 @@ from toposeam.layers.table_costs import TableCost
 from toposeam.seam.flow import minimum_cut
 from toposeam.seam.gathering import gather_heat
 
-
-def by_flow(network, cost):
-    hot = minimum_cut(network, cost)
-    return hot, hot.astype(float)
+by_flow = minimum_cut
 
 
 def by_heat(network, cost):
-    heat = gather_heat(network, cost, 1e-6, 100)
-    return heat.hot[:-2], np.clip(heat.soft[:-2], 0, 1)
+    return gather_heat(network, cost, 1e-6, 100).hot[:-2]
 
 
 def four(seed=0):
@@ -124,38 +121,56 @@ def test_all_seams_divided_together_gain_what_they_gain_one_by_one():
         square_dilation(label_map == k, 3) & labelling.allowed_in(k, labelling.canvas) for k in range(4)
     ]
     together = Choices(labelling, labelling.canvas, label_map, labels, range(4))
-    free, one, other = together.divide_all(by_heat, labels)
+    free = together.divide_all(by_heat, labels)
     apart = Choices(labelling, labelling.canvas, label_map, labels, range(4))
     for i, j in itertools.combinations(range(4), 2):
-        own = free & (one == i) & (other == j)
+        own = free & apart.may[i] & apart.may[j]
+        one, other = (np.full(len(own), k, np.int16) for k in (i, j))
         apart.divide(own, one, other, by_heat)
     assert together.total() == pytest.approx(apart.total(), rel=1e-5)
     assert together.total() < choices_of(labelling, label_map).total() - 1
-    assert ((together.soft >= 0) == free).all()
-    assert set(together.steep(0.5)) <= set(np.flatnonzero(free))
+    changed = together.label_map() != label_map
+    assert not (changed.ravel() & ~free).any()
 
 
-def test_what_was_decided_before_is_not_decided_again():
+def test_more_would_turn_the_more_the_present_seams_cost():
     labelling = four()
-    label_map = labelling.on_top()
-    choices = choices_of(labelling, label_map)
-    start, asked = choices.shows.copy(), []
+    choices = choices_of(labelling, labelling.on_top())
+    choices.run(by_flow, 100)
+    ended, sizes = choices.shows.copy(), []
+    for dearer in (0.0, 0.1, 0.4):
+        sizes.append(sum(len(choices.would_expand(k, by_flow, dearer)) for k in range(4)))
+        np.testing.assert_array_equal(choices.shows, ended)
+    assert sizes[0] < sizes[1] < sizes[2]
 
-    def counted(network, cost):
-        asked.append(network.n)
-        return by_flow(network, cost)
 
-    ends = []
-    for _ in range(2):
-        choices.shows = start.copy()
-        assert choices.expand(0, counted)
-        ends.append(choices.label_map())
-    assert len(asked) == 1
-    np.testing.assert_array_equal(*ends)
-    choices.shows = start.copy()
-    choices.shows[choices.may[1] & choices.may[0]] = 1  # other labels are another question
-    choices.expand(0, counted)
-    assert len(asked) == 2
+def with_spots(labelling, seed, count=7):
+    """A label map that shows another layer in some squares."""
+    rng = np.random.default_rng(seed)
+    result = labelling.on_top()
+    height, width = result.shape
+    for _ in range(count):
+        y, x, k = rng.integers(height), rng.integers(width), rng.integers(4)
+        part = np.s_[max(y - 6, 0) : y + 6, max(x - 6, 0) : x + 6]
+        allowed = labelling.allowed_in(k, labelling.canvas)[part]
+        result[part][allowed] = k
+    return result
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_two_solutions_are_fused_to_the_best_mixture_of_whole_patches(seed):
+    labelling = four()
+    one, other = with_spots(labelling, seed), with_spots(labelling, seed + 100)
+    patch, count = ndimage.label(one != other)
+    assert 2 <= count <= 14
+    costs = []
+    for chosen in itertools.product((False, True), repeat=count):
+        mixed = np.where(np.array([False, *chosen])[patch], other, one)
+        costs.append(labelling.total(mixed, labelling.canvas))
+    choices = choices_of(labelling, one)
+    choices.fuse(other.ravel())
+    assert labelling.total(choices.label_map(), labelling.canvas) == pytest.approx(min(costs), rel=1e-6)
+    assert min(costs) <= min(costs[0], costs[-1])
 
 
 def test_a_pixel_with_nothing_known_beside_it_stays():
@@ -217,7 +232,8 @@ def test_pixels_that_nothing_pulls_at_stay():
     labelling = Labelling(canvas, [canvas] * 2, allowed, {(0, 1): table})
     for label_map in np.array([[[0, 1, 0]], [[1, 1, 0]]], np.int16):
         choices = choices_of(labelling, label_map)
-        assert not choices.divide_all(by_flow, allowed)[0].all() or (choices.label_map() == label_map).all()
+        choices.divide_all(by_flow, allowed)
+        assert (choices.label_map() == label_map).all()
 
 
 @pytest.mark.parametrize("reach", [1, 2, 3, 4, 8])

@@ -6,7 +6,7 @@ from scipy import ndimage
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers import composition, made, maps, pair_cost, reduction, rounds
+from toposeam.layers import composition, made, maps, pair_cost, reduction
 from toposeam.layers.layer import Box
 from toposeam.layers.maps import TileMap, new_map, several, uniform
 
@@ -54,7 +54,6 @@ def sparse(monkeypatch):
     monkeypatch.setattr(maps, "TILE", 32)
     monkeypatch.setattr(maps, "BLOCK", 128)
     monkeypatch.setattr(pair_cost, "KEPT_PIXELS", 2000)
-    monkeypatch.setattr(rounds, "KEPT_CANVAS", 0)
 
 
 def test_a_tile_map_reads_and_writes_like_an_array(monkeypatch):
@@ -93,7 +92,6 @@ def test_a_map_of_a_gigapixel_is_small():
 def test_windows_of_layers_read_by_windows_are_the_picture_made_at_once(blend, alpha, sparse):
     with pytest.MonkeyPatch.context() as usual:
         usual.setattr(maps, "DENSE_PIXELS", 1 << 22)
-        usual.setattr(rounds, "KEPT_CANVAS", 1 << 22)
         whole = ts.stitch(layers(alpha=alpha), blend=blend, match_tones=True)
     given = layers(alpha=alpha, windows=True)
     composed = ts.compose(given, blend=blend, match_tones=True)

@@ -8,11 +8,12 @@ import pytest
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers import levels, maps, pair_cost, reduction
+from toposeam.layers import maps, pair_cost, reduction
 from toposeam.layers.labelling import Labelling
 from toposeam.layers.layer import Box, extent_of
 from toposeam.layers.posing import exclusive_covers, pose_labelling
-from toposeam.layers.rounds import Rounds
+from toposeam.layers.rounds import beside_seams
+from toposeam.layers.search_options import SearchOptions
 from toposeam.layers.table_costs import TableCost
 from toposeam.seam.reach import STEP, Reach
 
@@ -23,7 +24,7 @@ def posed(layers, **options):
     return pose_labelling(layers, canvas, covers, **options)
 
 
-def reduced(labelling, wandering=reduction.WANDERING):
+def reduced(labelling, wandering=0.6):
     """The problem at half the size, the costs of small overlaps kept."""
     tables = reduction.Tables(labelling.costs, 1, None, wandering)
     return tables.kept([reduction.halved(labelling, wandering)])[0]
@@ -142,12 +143,9 @@ def test_a_layer_that_reaches_out_by_one_pixel_keeps_no_core():
     assert posed([large, reaching]).allowed[0][10, 16]
 
 
-def test_pixels_beside_seams_and_beside_undecided_flow_are_opened():
-    labelling = row_of_four({(0, 1): 9, (0, 2): 1, (1, 2): 2})
-    rounds = Rounds(labelling, np.array([[0, 0, 0, 2]], np.int16), "heat", {})
-    assert rounds.beside_seams().tolist() == [[False, False, True, True]]
-    rounds.undecided[0, 1] = np.array([0]), np.array([0])  # rows and columns: what a coarser solution told
-    assert rounds.beside_seams().tolist() == [[True, False, True, True]]
+@pytest.mark.parametrize(("reach", "chosen"), [(0, [0, 0, 1, 1]), (1, [0, 1, 1, 1]), (2, [1, 1, 1, 1])])
+def test_pixels_beside_seams_are_opened(reach, chosen):
+    assert beside_seams(np.array([[0, 0, 0, 2]], np.int16), reach).tolist() == [list(map(bool, chosen))]
 
 
 def test_costs_of_a_band_are_those_of_the_whole(monkeypatch):
@@ -225,11 +223,10 @@ def test_costs_of_reduced_overlaps_are_kept_as_far_as_they_may(monkeypatch):
         for pair, cost in sparing.costs.items():
             for found, expected in zip(cost.on(cost.box), half.costs[pair].on(cost.box), strict=True):
                 np.testing.assert_array_equal(found, expected)
-    monkeypatch.setattr(levels, "WHOLE_PIXELS", 500)
-    spared = ts.stitch(layers)
+    search = SearchOptions(coarsest=500)
+    spared = ts.stitch(layers, effort=search)
     monkeypatch.undo()
-    monkeypatch.setattr(levels, "WHOLE_PIXELS", 500)
-    for mask, expected in zip(spared.masks, ts.stitch(layers).masks, strict=True):
+    for mask, expected in zip(spared.masks, ts.stitch(layers, effort=search).masks, strict=True):
         np.testing.assert_array_equal(mask, expected)
 
 
@@ -279,10 +276,10 @@ def test_tables_of_all_sizes_begin_at_once_the_smallest_of_what_may_be_kept(
     table, where = reduction._table, []
     monkeypatch.setattr(reduction, "_table", lambda cost: where.append(executor.at_work) or table(cost))
     fine = posed(layers, match=ts.MatchCost(reach=16))
-    tables = reduction.Tables(fine.costs, 3, executor, reduction.WANDERING)
+    tables = reduction.Tables(fine.costs, 3, executor, 0.6)
     sizes = [fine]
     for _ in range(3):
-        sizes.append(reduction.halved(sizes[-1]))
+        sizes.append(reduction.halved(sizes[-1], 0.6))
     kept = tables.kept(sizes[1:])
     assert executor.sizes == sorted(executor.sizes, reverse=True)
     assert len(executor.sizes) == len(fine.costs)
@@ -351,17 +348,16 @@ def test_two_that_only_just_overlap_still_meet_at_every_size(left):
 
 @pytest.mark.medium
 @pytest.mark.parametrize("left", [118, 124])
-def test_a_seam_along_a_sliver_is_found_as_at_full_size(left, monkeypatch):
+def test_a_seam_along_a_sliver_is_found_as_at_full_size(left):
     quick = ts.stitch(sliver(left))
-    monkeypatch.setattr(levels, "WHOLE_PIXELS", 10**9)
-    whole = ts.stitch(sliver(left))
+    whole = ts.stitch(sliver(left), effort=SearchOptions(coarsest=10**9))
     beside = whole.masks[1][:, : 240 - 1] & whole.masks[2][:, 1:]
     assert beside.sum() > 60  # it runs along the sliver
     assert quick.cost <= 1.01 * whole.cost
 
 
 @pytest.mark.medium
-def test_expansions_over_all_pixels_follow_at_half_the_size_of_all_that_is_reduced_once(monkeypatch):
+def test_expansions_over_all_pixels_follow_at_half_the_size_of_small_problems():
     """Of these pixels 10,036 have several layers at half the size, and 40,664 at full size."""
     rng = np.random.default_rng(7)
     photograph = data.coffee()[54:334, 29:369]
@@ -372,15 +368,14 @@ def test_expansions_over_all_pixels_follow_at_half_the_size_of_all_that_is_reduc
         crop = photograph[y : y + height, x : x + width] * (1 + rng.uniform(-0.1, 0.1))
         crop = np.clip(np.rint(crop + rng.integers(-3, 4, crop.shape)), 0, 255)
         layers.append(ts.Layer(crop.astype(np.uint8), at=(x, y), name=f"{x},{y}"))
-    assert 40_000 < posed(layers).contested(10**9) <= levels._ONCE
+    assert 40_000 < posed(layers).contested(10**9) <= SearchOptions().small
     quick = ts.stitch(layers, gradient=True).cost
-    monkeypatch.setattr(levels, "WHOLE_PIXELS", 10**9)
-    assert quick <= 1.005 * ts.stitch(layers, gradient=True).cost
+    assert quick <= 1.005 * ts.stitch(layers, gradient=True, effort=SearchOptions(coarsest=10**9)).cost
 
 
 @pytest.mark.medium
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_reduced_first_ends_within_two_percent_of_all_at_once(seed, monkeypatch):
+def test_reduced_first_ends_within_two_percent_of_all_at_once(seed):
     rng = np.random.default_rng(seed)
     photograph = (data.coffee(), data.astronaut(), data.chelsea())[seed][:290, :440]
     layers = []
@@ -390,5 +385,4 @@ def test_reduced_first_ends_within_two_percent_of_all_at_once(seed, monkeypatch)
             crop = crop + rng.integers(-9, 10, crop.shape) + rng.integers(-12, 12)
             layers.append(ts.Layer(np.clip(crop, 0, 255).astype(np.uint8), at=(x, y), name=f"{x},{y}"))
     quick = ts.stitch(layers).cost
-    monkeypatch.setattr(levels, "WHOLE_PIXELS", 10**9)
-    assert quick <= 1.02 * ts.stitch(layers).cost
+    assert quick <= 1.02 * ts.stitch(layers, effort=SearchOptions(coarsest=10**9)).cost

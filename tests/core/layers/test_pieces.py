@@ -6,7 +6,7 @@ from scipy import ndimage
 
 import toposeam as ts
 from toposeam.layers.choices import Choices
-from toposeam.layers.deciding import Deciding
+from toposeam.layers.deciding import CutSolver
 from toposeam.layers.pieces import pieces_of
 from toposeam.layers.posing import exclusive_covers, pose_labelling
 
@@ -43,7 +43,7 @@ def test_moves_within_nothing_change_nothing():
     allowed = [labelling.allowed_in(k, canvas.box) for k in range(2)]
     choices = Choices(labelling, canvas.box, labelling.on_top(), allowed, range(2))
     before = choices.shows.copy()
-    decide = Deciding("heat", None, labelling.forbidden).exactly
+    decide = CutSolver("heat", None, labelling.forbidden)
     choices.run(decide, 2, within=np.zeros(before.size, bool))
     np.testing.assert_array_equal(choices.shows, before)
     choices.run(decide, 2, within=np.ones(before.size, bool))

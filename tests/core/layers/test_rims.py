@@ -88,7 +88,7 @@ def test_what_is_allowed_is_the_same_as_when_all_pixels_are_looked_at(monkeypatc
         labelling = posing.pose_labelling(layers, canvas, posing.exclusive_covers(layers, places, canvas))
         found = [dense(mask) for mask in labelling.allowed]
         for _ in range(3):
-            labelling = reduction.halved(labelling)
+            labelling = reduction.halved(labelling, 0.6)
             found += [dense(mask) for mask in labelling.allowed]
         return found
 

@@ -1,5 +1,8 @@
 """Many layers: total cost against α-expansion, and what holds of every labelling."""
 
+import itertools
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from alpha_expansion import Expansion
@@ -8,15 +11,17 @@ from hypothesis import strategies as st
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers import levels
 from toposeam.layers.blend import reach_of
+from toposeam.layers.choices import Choices
 from toposeam.layers.junctions import beside_steps, junctions
 from toposeam.layers.layer import Box
-from toposeam.layers.levels import best_rounds
+from toposeam.layers.levels import minimise
 from toposeam.layers.made import Made
-from toposeam.layers.meeting import settle_all
 from toposeam.layers.posing import exclusive_covers, pose_labelling
-from toposeam.layers.rounds import Rounds
+from toposeam.layers.problem import Problem, State
+from toposeam.layers.rounds import refine, settle
+from toposeam.layers.search_options import BEST, BEST_FROM, FAST, SearchOptions, search_options
+from toposeam.seam.flow import minimum_cut
 
 PHOTOGRAPHS = (data.coffee(), data.chelsea(), data.astronaut(), data.rocket())
 
@@ -83,24 +88,67 @@ def test_the_order_does_not_matter(seed):
     assert max(costs) <= 1.002 * min(costs)
 
 
-def test_large_problems_are_settled_where_layers_meet(monkeypatch):
-    monkeypatch.setattr(levels, "_TRIED", 2_000)
-    labelling, changed = labelling_of(pile(5, alike=True), ts.MatchCost(law="gradient")), []
+def problem_of(labelling, search=FAST, executor=None):
+    return Problem.of(labelling, "heat", {}, search, executor)
 
-    def noted(rounds, executor):
-        before = rounds.label_map.copy()
-        settle_all(rounds, executor)
-        changed.append(rounds.label_map != before)
 
-    monkeypatch.setattr(levels, "settle_all", noted)
-    rounds, _ = best_rounds(labelling, range(len(labelling.places)), "heat", {}, 20, potentials=True)
-    assert changed[0].any()
-    known = [at for rows, columns, _ in rounds.potentials.values() for at in zip(rows, columns, strict=True)]
-    assert known
-    assert not any(changed[0][at] for at in known)  # what heat said of other labels is forgotten
-    settled = labelling.total(rounds.label_map, labelling.canvas)
-    settle_all(rounds, None)
-    assert labelling.total(rounds.label_map, labelling.canvas) == settled
+@pytest.mark.medium
+@pytest.mark.parametrize("seed", [3, 5])
+def test_best_costs_no_more_than_fast_and_what_it_ends_in_gains_nothing_in_any_window(seed):
+    labelling = labelling_of(pile(seed, alike=True), ts.MatchCost(law="gradient"))
+    totals = {}
+    for search in (FAST, BEST):
+        found, report = minimise(problem_of(labelling, search), range(len(labelling.places)), 20, False)
+        totals[search] = labelling.total(found, labelling.canvas)
+        assert 1 <= report.rounds <= 20
+    assert totals[BEST] <= totals[FAST]
+    before = found.copy()
+    settle(problem_of(labelling, BEST), found)
+    np.testing.assert_array_equal(found, before)
+
+
+def test_windows_are_settled_alike_by_other_processes():
+    labelling = labelling_of(pile(5, alike=True))
+    ends = []
+    with ThreadPoolExecutor(2) as executor:
+        for one in (None, executor):
+            ends.append(labelling.on_top())
+            settle(problem_of(labelling, BEST, one), ends[-1])
+    np.testing.assert_array_equal(*ends)
+    assert labelling.total(ends[0], labelling.canvas) < labelling.total(labelling.on_top(), labelling.canvas)
+
+
+def test_effort_goes_by_the_number_of_layers_and_can_be_chosen():
+    assert search_options(None, BEST_FROM - 1) == search_options("fast", BEST_FROM) == FAST
+    assert search_options(None, BEST_FROM) == search_options("best", 3) == BEST
+    assert search_options(SearchOptions(band=4), 30) == SearchOptions(band=4)
+    with pytest.raises(ts.OptionError, match="effort"):
+        ts.stitch(three(), effort="some")
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_pile_whose_best_seams_few_starts_lead_to(seed):
+    """Three crops of a cat. The second one has to leave a hundred rows to the two others at once."""
+    rng = np.random.default_rng(seed)
+    layers = []
+    for (x, y, width, height), gain in zip(
+        ((116, 22, 189, 164), (32, 85, 212, 134), (47, 9, 180, 142)),
+        ((1.025, 1.026, 1.037), (0.976, 0.965, 0.968), (0.986, 0.981, 0.996)),
+        strict=True,
+    ):
+        crop = data.chelsea()[8 + y : 8 + y + height, 38 + x : 38 + x + width] * gain
+        image = np.clip(np.rint(crop + rng.normal(0, 1.5, crop.shape)), 0, 255).astype(np.uint8)
+        layers.append(ts.Layer(image, at=(x, y)))
+    labelling, ends = labelling_of(layers), []
+    allowed = [labelling.allowed_in(k, labelling.canvas) for k in range(3)]
+    for order in itertools.permutations(range(3)):
+        shows = np.full(labelling.canvas.shape, -1, np.int16)
+        for k in order:
+            shows[allowed[k]] = k
+        choices = Choices(labelling, labelling.canvas, shows, allowed, range(3))
+        choices.run(minimum_cut, 100)
+        ends.append(choices.total())
+    assert ts.stitch(layers).cost <= 1.02 * min(ends)
 
 
 @pytest.mark.medium
@@ -306,12 +354,17 @@ def test_beside_a_step_are_both_pixels_of_a_pair_that_differs_by_more(step, colu
         assert found.sum() == 3 * len(columns)
 
 
-def test_rounds_divide_pairs_anew_and_keep_how_sure_they_were():
-    layers = pile(1, alike=True)
-    moves, rounds = best_rounds(labelling_of(layers), range(len(layers)), "heat", {}, 3, None)
-    assert 1 <= rounds <= 3
-    assert moves.solved
-    assert all(0 <= first < second < len(layers) for first, second in moves.solved)
+def test_potentials_are_known_beside_every_seam_where_they_are_asked_for():
+    labelling = labelling_of(pile(1, alike=True))
+    for wanted in (True, False):
+        found, report = minimise(problem_of(labelling), range(len(labelling.places)), 3, wanted)
+        pairs = {pair for pair in labelling.adjoining(found) if pair in labelling.costs}
+        assert set(report.gathered) == (pairs if wanted else set())
+        for (_, second), heat in report.gathered.items():
+            rows, columns, soft = heat.potential
+            shown = found[rows, columns] == second
+            assert 0 <= soft.min() <= soft.max() <= 1
+            assert soft[shown].mean() > soft[~shown].mean() + 0.5
 
 
 def test_where_three_layers_meet_is_solved_once_more_and_where_two_do_is_not():
@@ -324,33 +377,27 @@ def test_where_three_layers_meet_is_solved_once_more_and_where_two_do_is_not():
     assert junctions(labels, 24) == []
 
 
-def test_afield_also_pixels_that_are_not_open_change():
+@pytest.mark.parametrize("everywhere", [False, True])
+def test_near_ties_are_looked_for_among_the_open_pixels_or_all(everywhere):
     labelling = labelling_of(pile(1, alike=True))
-    costs = []
-    for asked in (None, ()):
-        shows = labelling.on_top()
-        rounds = Rounds(labelling, shows, "heat", {}, np.zeros(shows.shape, bool))
-        rounds.refine(5, asked=asked)
-        costs.append(labelling.total(shows, labelling.canvas))
-        told = set() if asked is None else {(k,) for k in range(len(labelling.places))}
-        assert set(rounds.undecided) == told
-    assert costs[0] == labelling.total(labelling.on_top(), labelling.canvas)
-    assert costs[1] < 0.9 * costs[0]
+    shows, before = labelling.on_top(), labelling.total(labelling.on_top(), labelling.canvas)
+    state = State(shows, np.zeros(shows.shape, bool))
+    ties = refine(problem_of(labelling), state, 5, ties=True, everywhere=everywhere)
+    found = sum(len(rows) for rows, _ in ties.values())
+    assert set(ties) == set(range(len(labelling.places)))
+    assert (found > 0) == everywhere
+    after = labelling.total(shows, labelling.canvas)
+    assert after < 0.9 * before if everywhere else after == before
 
 
-def test_what_nearly_shows_at_half_the_size_is_open_at_full_size():
+def test_what_nearly_shows_at_half_the_size_may_show_at_full_size():
     labelling = labelling_of(pile(1, alike=True))
     canvas = labelling.canvas
+    everywhere = np.nonzero(np.ones((canvas.shape[0] // 2, canvas.shape[1] // 2)))
     costs = []
-    for hints in (
-        {},
-        {
-            (k,): np.nonzero(np.ones((canvas.shape[0] // 2, canvas.shape[1] // 2)))
-            for k in range(len(labelling.places))
-        },
-    ):
+    for ties in ({}, dict.fromkeys(range(len(labelling.places)), everywhere)):
         shows = labelling.on_top()
-        Rounds(labelling, shows, "heat", {}, np.zeros(shows.shape, bool)).refine(5, hints)
+        refine(problem_of(labelling), State(shows, np.zeros(shows.shape, bool), ties), 5)
         costs.append(labelling.total(shows, canvas))
     assert costs[1] < 0.9 * costs[0]
 

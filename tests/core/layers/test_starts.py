@@ -1,10 +1,13 @@
-"""From where rounds of expansions start."""
+"""The starts of expansions, and their ends."""
+
+import itertools
 
 import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.layers import rounds, starts
+from toposeam.layers import starts
+from toposeam.layers.search_options import SearchOptions
 
 
 def four(seed=3):
@@ -14,25 +17,24 @@ def four(seed=3):
     return [ts.Layer(whole[y : y + 50, x : x + 50], at=(x, y)) for x, y in places]
 
 
-@pytest.mark.parametrize(("small", "expected"), [(1 << 19, set()), (0, {(2, 0, 3, 1), (1, 3, 0, 2)})])
-def test_only_large_piles_are_joined_in_their_order(monkeypatch, small, expected):
-    orders = set()
-    usual = starts.joined
+@pytest.mark.parametrize(("most", "expected"), [(6, {0, 1, 2, 3}), (2, {2, 3}), (1, {2})])
+def test_each_start_has_another_layer_at_the_bottom(monkeypatch, most, expected):
+    bottoms, usual = set(), starts.laid_on_top
 
-    def watched(choices, allowed, order, decide, steps):
-        orders.add(tuple(order))
-        usual(choices, allowed, order, decide, steps)
+    def watched(allowed, order):
+        bottoms.add(order[0])
+        return usual(allowed, order)
 
-    monkeypatch.setattr(starts, "joined", watched)
-    monkeypatch.setattr(rounds, "_SMALL", small)
-    monkeypatch.setattr("toposeam.layers.compose.order_of", lambda *_: [2, 0, 3, 1])
-    ts.stitch(four())
-    assert orders == expected
+    monkeypatch.setattr(starts, "laid_on_top", watched)
+    ts.stitch(four(), effort=SearchOptions(starts=most))
+    assert bottoms == expected
 
 
-def test_the_order_of_a_small_pile_does_not_change_what_it_costs():
-    layers = four()
+@pytest.mark.parametrize("stacked", [0, 10**6])
+def test_the_order_of_a_small_pile_does_not_change_what_it_costs(stacked):
+    layers, search = four(), SearchOptions(stacked=stacked)
     costs = [
-        ts.stitch([layers[k] for k in order]).cost for order in ((0, 1, 2, 3), (2, 0, 3, 1), (3, 2, 1, 0))
+        ts.stitch([layers[k] for k in order], effort=search).cost
+        for order in itertools.islice(itertools.permutations(range(4)), 0, 24, 9)
     ]
     assert costs == pytest.approx(costs[:1] * 3, rel=1e-3)

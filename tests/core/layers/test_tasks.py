@@ -10,10 +10,11 @@ import pytest
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.layers import composition, levels, maps, pair_cost, pairing, reduction, rounds, tones, wrapping
+from toposeam.layers import composition, maps, pair_cost, pairing, reduction, search_options, tones, wrapping
 from toposeam.layers.align import correlations
 from toposeam.layers.layer import Box
 from toposeam.layers.maps import TileMap, part_of
+from toposeam.layers.search_options import SearchOptions
 from toposeam.layers.tasks import groups, results
 
 
@@ -66,8 +67,8 @@ def large(monkeypatch):
                 monkeypatch.setattr(module, name, 3000)
     for module in (maps, composition, wrapping):
         monkeypatch.setattr(module, "BLOCK", 128)
-    monkeypatch.setattr(levels, "WHOLE_PIXELS", 2000)
-    monkeypatch.setattr(rounds, "_TOGETHER", 2000)
+    monkeypatch.setattr(search_options, "FAST", SearchOptions(coarsest=2000, together=2000))
+    monkeypatch.setattr(search_options, "BEST", replace(search_options.BEST, coarsest=2000, together=2000))
     monkeypatch.setattr(tones, "_SAMPLE", 2000)
 
 
@@ -141,6 +142,7 @@ def same(layers, executor, **options):
         ({"match_tones": True, "blend": "multiband", "blend_width": 8}, True),
         ({"match_shading": True, "blend": "feather"}, True),
         ({"blend": "soft"}, False),
+        ({"effort": "best"}, False),
         ({"method": "shortest-path"}, True),
         ({"avoid": AVOID, "blend": "soft"}, False),
         ({"avoid": AVOID, "weight": 1.0 + AVOID[::-1]}, True),
@@ -152,6 +154,7 @@ def same(layers, executor, **options):
         "tones and multiband",
         "shading and feather",
         "soft",
+        "best",
         "shortest path",
         "avoid",
         "avoid and weight",

@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: browser test-gimp-all help demo test test-lowest docs quick release gimp test-gimp gimp-figures bench-gimp translations plugin-zip check check-deep lint format bench bench-all figures clean
+.PHONY: browser test-gimp-all help demo test test-lowest docs quick release gimp test-gimp gimp-figures bench-gimp translations plugin-zip check check-deep lint format bench bench-all guard figures clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
@@ -98,6 +98,9 @@ bench-all: bench  ## and textures, plates, stitching, batches and pattern books 
 	$(BIN)/python benchmarks/stitching.py
 	$(BIN)/python benchmarks/batch.py
 	$(BIN)/python benchmarks/book.py
+
+guard: $(READY)  ## costs and times of seams, piles, textures, holes, volumes and motifs against the best known
+	$(BIN)/python benchmarks/guard.py
 
 figures: $(READY)  ## the documents' pictures, but those of GIMP, into docs/figures
 	$(BIN)/python docs/make_figures.py

@@ -23,9 +23,9 @@ def stamp() -> str:
     return f"{date.today()}: {made}; {', '.join(versions)}; {platform.machine()}\n"
 
 
-def commit() -> str:
+def commit(folder: Path = Path(__file__).parent) -> str:
     """The commit, with a plus sign if the checkout has changes beyond it."""
-    command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--abbrev=8", "--dirty=+"]
+    command = ["git", "-C", str(folder), "describe", "--always", "--abbrev=8", "--dirty=+"]
     try:
         return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
     except (OSError, subprocess.CalledProcessError):

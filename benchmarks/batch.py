@@ -19,7 +19,7 @@ from skimage import data
 
 from stamp import stamp
 from toposeam_cli.jobs.runner import Job, run
-from toposeam_cli.pictures.picture import Picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, write_picture
 
 SIZE, OVERLAP = (160, 160), 40
 ROUNDS = 3

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from stamp import stamp
-from toposeam_cli.pictures.picture import Picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, write_picture
 
 
 def theme(path: Path) -> None:

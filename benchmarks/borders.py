@@ -18,7 +18,7 @@ import numpy as np
 
 import toposeam as ts
 from stamp import stamp
-from toposeam.motif.tiling import period
+from toposeam.motif.symmetry.tiling import period
 from written import write_table
 
 

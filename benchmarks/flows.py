@@ -21,7 +21,7 @@ import toposeam as ts
 from stamp import stamp
 from stitching import make_set
 from texture_samples import samples
-from toposeam.seam import flow
+from toposeam.seam.exact import maximum_flow as flow
 
 TIMES = 3
 

@@ -27,8 +27,8 @@ import toposeam as ts
 from stamp import stamp
 from toposeam_engine.previews import preview
 from toposeam_engine.serving import EngineJob
-from toposeam_gimp.procedures import PROCEDURES
-from toposeam_gimp.rehearsal import Rehearsal
+from toposeam_gimp.dialogs.rehearsal import Rehearsal
+from toposeam_gimp.entries.table import PROCEDURES
 
 WIDTH, HEIGHT, OVERLAP = 4000, 3000, 1000
 

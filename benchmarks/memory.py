@@ -15,7 +15,7 @@ import numpy as np
 
 from measured import toposeam
 from stamp import stamp
-from toposeam_cli.pictures.picture import Picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, write_picture
 
 
 def main(side: int, overlap: int, options: list[str]) -> None:

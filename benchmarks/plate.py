@@ -36,8 +36,8 @@ from scipy.sparse.linalg import spsolve  # noqa: E402
 import toposeam as ts  # noqa: E402
 from stamp import stamp  # noqa: E402
 from toposeam.heat.plate import CONDUCTION, Plate  # noqa: E402
-from toposeam.motif.conduction import VOID  # noqa: E402
-from toposeam.motif.layer import ENERGY, THINNEST, TOLERANCE, optimise_layer, problem_at  # noqa: E402
+from toposeam.motif.optimise.conduction import VOID  # noqa: E402
+from toposeam.motif.optimise.layer import ENERGY, THINNEST, TOLERANCE, optimise_layer, problem_at  # noqa: E402
 from toposeam.optimize.oc import OCOptions, oc_step  # noqa: E402
 from written import write_table  # noqa: E402
 

@@ -27,9 +27,9 @@ import stitching
 import toposeam as ts
 from piles import frames, large_pile
 from stamp import stamp
-from toposeam.layers.choices import Choices
-from toposeam.layers.posing import exclusive_covers, pose_labelling
-from toposeam.seam.graph_cut import least_cut
+from toposeam.layers.labelling.posing import exclusive_covers, pose_labelling
+from toposeam.layers.search.expansion_moves import Choices
+from toposeam.seam.exact.graph_cut import least_cut
 
 LEAST_PIXELS = 100_000
 

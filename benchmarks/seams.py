@@ -45,16 +45,16 @@ import toposeam as ts
 from seam_pairs import IRREGULAR, Labels, Picture, pair
 from stamp import stamp
 from toposeam.heat.threads import one_thread
-from toposeam.seam import corner_graph
 from toposeam.seam.dynamic_programming import dp_labels
-from toposeam.seam.exact import exact_labels
-from toposeam.seam.graph_cut import graph_cut_labels
-from toposeam.seam.heat import HeatOptions, heat_path
-from toposeam.seam.overlap import FREE
-from toposeam.seam.posing import seam_problem
-from toposeam.seam.problem import SeamProblem
-from toposeam.seam.thesis import thesis_path
-from toposeam.seam.thesis_options import ThesisOptions
+from toposeam.seam.exact import corner_graph
+from toposeam.seam.exact.graph_cut import graph_cut_labels
+from toposeam.seam.exact.optimum import exact_labels
+from toposeam.seam.heat.method import HeatOptions, heat_path
+from toposeam.seam.problem.overlap import FREE
+from toposeam.seam.problem.posing import seam_problem
+from toposeam.seam.problem.seam_problem import SeamProblem
+from toposeam.seam.thesis.method import thesis_path
+from toposeam.seam.thesis.options import ThesisOptions
 
 SIZES = ("80x20", "160x40", "320x80", "640x160", "1000x250", "2000x500", "4000x1000")
 #: Overlaps from this many px on have their memory measured; in smaller ones it is the interpreter's.

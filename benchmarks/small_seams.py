@@ -22,8 +22,9 @@ import toposeam as ts
 from seam_pairs import PHOTOGRAPHS, crops
 from stamp import stamp
 from toposeam.heat.threads import one_thread
-from toposeam.seam import overlap, problem
-from toposeam.seam.graph_cut import graph_cut_labels
+from toposeam.seam.exact.graph_cut import graph_cut_labels
+from toposeam.seam.problem import overlap
+from toposeam.seam.problem import seam_problem as problem
 
 Masks = tuple[npt.NDArray[np.bool_] | None, npt.NDArray[np.bool_] | None]
 

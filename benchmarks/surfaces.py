@@ -33,9 +33,9 @@ from scipy import ndimage
 
 import toposeam as ts
 from toposeam.heat.threads import one_thread
-from toposeam.volume.heat import SurfaceOptions, heat_surface
-from toposeam.volume.posing import surface_problem
-from toposeam.volume.problem import SurfaceProblem
+from toposeam.volume.heat.method import SurfaceOptions, heat_surface
+from toposeam.volume.problem.posing import surface_problem
+from toposeam.volume.problem.surface_problem import SurfaceProblem
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "samples"))
 import clips

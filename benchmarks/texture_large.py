@@ -26,15 +26,15 @@ import skimage.data
 from PIL import Image
 
 from stamp import stamp
-from toposeam_cli.main import main as command
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.app.main import main as command
+from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 
 STARS = Path(__file__).resolve().parent.parent / "samples" / "stars.png"
 SIDE = 2048
 COPIED = """
 import sys
 from pathlib import Path
-from toposeam_cli.pictures.picture import read_picture, write_picture
+from toposeam_cli.media.pictures.picture import read_picture, write_picture
 write_picture(Path(sys.argv[2]), read_picture(Path(sys.argv[1])), force=True)
 """
 GROWN_SAMPLES = (

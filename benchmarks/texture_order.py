@@ -24,7 +24,7 @@ import toposeam as ts
 from stamp import stamp
 from texture import gray
 from texture_samples import samples
-from toposeam.texture.order import Order, find_order
+from toposeam.texture.periodicity.period import Order, find_order
 
 #: Bins of a period of the mean cell, and phases of it that are compared.
 BINS, PHASES = 24, 8

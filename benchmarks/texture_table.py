@@ -37,7 +37,7 @@ from stamp import stamp
 from texture import gmic, gray, swd8, wrap
 from texture_order import broken
 from texture_samples import SIDE, Sample, samples
-from toposeam.texture.order import find_order
+from toposeam.texture.periodicity.period import find_order
 
 SIZE, PATCH, OVERLAP, SEEDS = 512, 40, 10, (1, 2, 3)
 #: Of a smooth sample the periods below so many px hold at most this share of the variance.

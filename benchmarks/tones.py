@@ -28,7 +28,7 @@ from skimage import color, data, feature, io, measure, transform
 
 import toposeam as ts
 from stamp import stamp
-from toposeam.layers.light import decoded, encoded
+from toposeam.layers.exposure.linear_light import decoded, encoded
 
 try:
     import cv2

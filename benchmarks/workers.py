@@ -59,7 +59,7 @@ COMMAND = """
 import logging, sys
 logging.getLogger("toposeam_cli.jobs.crew").setLevel(logging.DEBUG)
 logging.getLogger("toposeam_cli.jobs.crew").addHandler(logging.FileHandler(sys.argv.pop(1), "w"))
-from toposeam_cli.main import main
+from toposeam_cli.app.main import main
 main()
 """
 COUNTED = "TOPOSEAM_COUNTED"
@@ -76,7 +76,7 @@ def dask_setup(worker: Any) -> None:
 
     from toposeam_cli.jobs import crew
     from toposeam_cli.jobs.handing import Handing
-    from toposeam_cli.pictures.raw import Stored
+    from toposeam_cli.media.pictures.raw import Stored
 
     counted: Counter[str] = Counter()
     current = [""]

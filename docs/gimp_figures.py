@@ -23,7 +23,7 @@ sys.path[:0] = [str(HERE.parent / "tests" / "gimp"), str(HERE.parent / "plugin_g
 from clips import flames  # noqa: E402
 from running import Gimp, Screen, find_gimp  # noqa: E402
 
-from toposeam_gimp.procedures import PROCEDURES  # noqa: E402
+from toposeam_gimp.entries.table import PROCEDURES  # noqa: E402
 
 RGB = "R'G'B'A u8"
 pyvips.cache_set_max(0)  # files are photographed over and over under one name

@@ -56,7 +56,7 @@ SCRIPTS: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
     "gimp_figures.py": (
         ("gimp-*",),
         ("seam", "texture", "tile", "motif"),
-        ("plugin_gimp/toposeam_gimp/procedures.py", "plugin_gimp/toposeam_gimp/texts.py"),
+        ("plugin_gimp/toposeam_gimp/entries/table.py", "plugin_gimp/toposeam_gimp/texts.py"),
     ),
     "../benchmarks/seams.py": (("fig-3.27*",), (), ()),
 }

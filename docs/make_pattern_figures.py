@@ -19,13 +19,13 @@ from scipy import ndimage
 
 import toposeam as ts
 from toposeam.motif.book import SEASONS, book_recipe
+from toposeam.motif.ink.sampling import resample
+from toposeam.motif.ink.svg import draw_svg
 from toposeam.motif.kinds import Kind, measure
-from toposeam.motif.recipe import unpack_base
-from toposeam.motif.sampling import resample
-from toposeam.motif.svg import draw_svg
-from toposeam.motif.tiling import period
-from toposeam_cli.figures.products import draw_product, pattern_px
-from toposeam_cli.pictures.libvips import load_vips
+from toposeam.motif.recipe.recipe import unpack_base
+from toposeam.motif.symmetry.tiling import period
+from toposeam_cli.media.pictures.libvips import load_vips
+from toposeam_cli.motifs.products import draw_product, pattern_px
 
 DOCS = Path(__file__).resolve().parent
 FIGURES = DOCS / "figures"

@@ -12,7 +12,7 @@ from make_pattern_figures import _DARK, _PAPER, THEME, font, save
 from PIL import Image, ImageDraw, ImageOps
 
 from toposeam.motif.kinds import Kind
-from toposeam_cli.main import main as toposeam
+from toposeam_cli.app.main import main as toposeam
 
 #: Patterns of the book, and elements of their sides.
 _PATTERNS, _ELEMENTS = 400, 512

@@ -8,7 +8,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 import toposeam as ts
-from toposeam.seam.drawing import draw_seams
+from toposeam.seam.result.drawing import draw_seams
 
 HERE = Path(__file__).resolve().parent
 PAPER = (243, 242, 238)

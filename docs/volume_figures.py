@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw
 import toposeam as ts
 from toposeam.heat.bricks import HIGH, LOW, along
 from toposeam.heat.grid_flow import GridFlow
-from toposeam.seam.overlap import A, B
+from toposeam.seam.problem.overlap import A, B
 
 HERE = Path(__file__).resolve().parent
 FIGURES = HERE / "figures"

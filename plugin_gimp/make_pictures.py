@@ -11,8 +11,8 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 import toposeam as ts
-from toposeam.motif.symmetry import HEXAGONAL, operations
-from toposeam.motif.tiling import period, shift_of
+from toposeam.motif.symmetry.rules import HEXAGONAL, operations
+from toposeam.motif.symmetry.tiling import period, shift_of
 
 FOLDER = Path(__file__).parent / "toposeam_gimp" / "pictures"
 #: Px a side, twice what is shown on an ordinary screen; drawn larger, for smooth edges.

@@ -12,7 +12,7 @@ from pathlib import Path
 import click
 import pytest
 
-from toposeam_cli.main import main
+from toposeam_cli.app.main import main
 
 HERE = Path(__file__).parents[1]
 DOCUMENTS = sorted(

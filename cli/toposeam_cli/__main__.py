@@ -16,7 +16,7 @@ def start() -> None:
     """Run the command line and end the process."""
     if signal.getsignal(signal.SIGINT) == signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # while the libraries load it ends us without a word
-    from toposeam_cli.main import main
+    from toposeam_cli.app.main import main
 
     if signal.getsignal(signal.SIGINT) == signal.SIG_DFL:
         signal.signal(signal.SIGINT, signal.default_int_handler)

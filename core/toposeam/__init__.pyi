@@ -9,63 +9,63 @@ from .errors import (
     TopoSeamError,
 )
 from .images import MAX_PIXELS, Windows
-from .layers.align import Aligned, align, correlations
-from .layers.blend import BLENDS, Blend
-from .layers.compose import compose
-from .layers.composite import Stitched, pair_name, stitch
-from .layers.composition import Composition
-from .layers.layer import Layer, common_canvas
-from .layers.overlapping import overlapping
-from .layers.placing import Placement, find_places
-from .layers.restitch import restitch
-from .layers.tones import match_tones
-from .layers.turning import placed
+from .layers.blending.blend import BLENDS, Blend
+from .layers.canvas.layer import Layer, common_canvas
+from .layers.canvas.resampling import placed
+from .layers.canvas.side_by_side import overlapping
+from .layers.composite.compose import compose
+from .layers.composite.composition import Composition
+from .layers.composite.restitch import restitch
+from .layers.composite.stitch import Stitched, pair_name, stitch
+from .layers.exposure.gains import match_tones
+from .layers.registration.align import Aligned, align, correlations
+from .layers.registration.find_places import Placement, find_places
 from .motif.arrange import Arrangement, arrange, random_arrangement
-from .motif.borders import border_visibility
-from .motif.edges import EDGES
 from .motif.generate import generate_motif, random_recipe
+from .motif.ink.palettes import PALETTES, Palette, palette
+from .motif.ink.stroke_edges import EDGES
+from .motif.ink.svg import SvgOptions, draw_svg
 from .motif.join import JoinedMotifs, border_mismatch, join_motifs
-from .motif.kaleidoscope import kaleidoscope
-from .motif.layer import Step
 from .motif.motif import Motif, repeat, repeat_densities
-from .motif.palettes import PALETTES, Palette, palette
-from .motif.recipe import LayerRecipe, Recipe
-from .motif.simplify import simplify
-from .motif.svg import SvgOptions, draw_svg
-from .motif.symmetry import REPEATS
-from .motif.vary import vary
+from .motif.optimise.layer import Step
+from .motif.recipe.recipe import LayerRecipe, Recipe
+from .motif.recipe.simplify import simplify
+from .motif.recipe.vary import vary
+from .motif.symmetry.borders import border_visibility
+from .motif.symmetry.kaleidoscope import kaleidoscope
+from .motif.symmetry.rules import REPEATS
 from .optimize.history import Frame, Iteration, Termination
 from .path.gather import PathIteration, PathOptions
 from .path.plan import PlannedPath, path_cost, plan_path
-from .seam.drawing import draw_seams
 from .seam.find import METHODS, Method, find_seam
-from .seam.heat import HeatOptions
-from .seam.likeness import seam_verdict
-from .seam.match_cost import LAWS, Law, MatchCost
-from .seam.overlap import SIDES, Side
-from .seam.seam import Seam, apply_paths
-from .seam.thesis_options import ThesisOptions
-from .seam.verdict import Verdict
+from .seam.heat.method import HeatOptions
+from .seam.problem.match_cost import LAWS, Law, MatchCost
+from .seam.problem.overlap import SIDES, Side
+from .seam.result.drawing import draw_seams
+from .seam.result.likeness import seam_verdict
+from .seam.result.seam import Seam, apply_paths
+from .seam.result.verdict import Verdict
+from .seam.thesis.options import ThesisOptions
 from .solid.generate import Solid, generate_solid
+from .texture.canvas.synthesis import Synthesis, apply_coordinates
+from .texture.canvas.tileable import TILEABLE, Tileable
+from .texture.exemplar.scale import natural_patch
+from .texture.exemplar.turns import TURNS, Turns
 from .texture.fill import BYS, By, fill
-from .texture.keeping_step import closing_size
-from .texture.lay_options import LayOptions
-from .texture.light import flatten_light
-from .texture.scale import natural_patch
-from .texture.synthesis import Synthesis, apply_coordinates
+from .texture.light.slow_light import flatten_light
+from .texture.periodicity.phase import closing_size
+from .texture.placement.options import LayOptions
 from .texture.synthesize import synthesize
 from .texture.tile import make_tileable
-from .texture.tileable import TILEABLE, Tileable
-from .texture.turning import TURNS, Turns
 from .vector.polyline import Polyline
 from .vector.smooth import SmoothPath, smooth_path
 from .vector.svg import SvgSeam, read_svg
+from .volume.clip.loop import Loop, loop
+from .volume.clip.period import Jump
 from .volume.find import SURFACE_METHODS, SurfaceMethod, find_surface
-from .volume.heat import SurfaceOptions
+from .volume.heat.method import SurfaceOptions
 from .volume.join import JoinedVolume, join_volumes
-from .volume.loop import Loop, loop
 from .volume.mesh import Mesh
-from .volume.period import Jump
 from .volume.surface import Surface
 
 __version__: str

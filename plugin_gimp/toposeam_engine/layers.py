@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 import toposeam as ts
 from toposeam.images import Image, Mask, full_scale
-from toposeam.layers.layer import Extent
+from toposeam.layers.canvas.layer import Extent
 from toposeam_engine.serving import EngineJob
 
 

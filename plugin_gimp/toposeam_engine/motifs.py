@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 import toposeam as ts
 from toposeam.colours import to_hex
-from toposeam.motif.inked import MAX_PATTERN
-from toposeam.motif.tiling import tile
+from toposeam.motif.ink.printing import MAX_PATTERN
+from toposeam.motif.symmetry.tiling import tile
 from toposeam_engine.serving import EngineJob
 
 

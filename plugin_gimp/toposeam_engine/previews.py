@@ -17,7 +17,7 @@ import numpy as np
 import toposeam as ts
 from toposeam.colours import parse_colour
 from toposeam.images import Image
-from toposeam.motif.mixing import mix
+from toposeam.motif.ink.mixing import mix
 from toposeam_engine import animations, motifs, seams, textures
 from toposeam_engine.layers import layers_of, with_alpha
 from toposeam_engine.serving import EngineJob

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 import toposeam as ts
-from toposeam.layers.layer import Extent
+from toposeam.layers.canvas.layer import Extent
 from toposeam.vector.svg import SvgSeam
 from toposeam_engine.layers import changes_of, layers_of, masks_of, selected_on, with_alpha
 from toposeam_engine.serving import EngineJob

@@ -10,13 +10,13 @@ from typing import Any
 
 from gi.repository import Gimp, GLib, GObject
 
-from toposeam_gimp.call import Call
-from toposeam_gimp.choosing import UnclearError
-from toposeam_gimp.engine import EngineError
-from toposeam_gimp.entries import Option, Procedure
-from toposeam_gimp.folder import FolderError, is_full
-from toposeam_gimp.layers import RefusedError
-from toposeam_gimp.procedures import PROCEDURES
+from toposeam_gimp.engine.call import Call
+from toposeam_gimp.engine.folder import FolderError, is_full
+from toposeam_gimp.engine.process import EngineError
+from toposeam_gimp.entries.entry import Option, Procedure
+from toposeam_gimp.entries.table import PROCEDURES
+from toposeam_gimp.image.layers import RefusedError
+from toposeam_gimp.image.path_choice import UnclearError
 from toposeam_gimp.texts import _
 
 _MENU = "<Image>/Filters/TopoSeam"
@@ -89,7 +89,7 @@ def _run(
         asks = run_mode == Gimp.RunMode.INTERACTIVE and entry.options
         name, function = entry.work.split(".")
         if asks and entry.check:
-            getattr(import_module(f"toposeam_gimp.{name}"), entry.check)(image, drawables)
+            getattr(import_module(f"toposeam_gimp.actions.{name}"), entry.check)(image, drawables)
         if asks and not _ask_user(procedure, config, entry, image, drawables):
             return procedure.new_return_values(Gimp.PDBStatusType.CANCEL, None)
         options = {option.name: config.get_property(option.name) for option in entry.options}
@@ -104,7 +104,7 @@ def _run(
             entry=entry,
             interactive=run_mode == Gimp.RunMode.INTERACTIVE,
         )
-        layer = getattr(import_module(f"toposeam_gimp.{name}"), function)(call)
+        layer = getattr(import_module(f"toposeam_gimp.actions.{name}"), function)(call)
         Gimp.displays_flush()
         if call.interactive and call.remarks:
             Gimp.message("\n".join(call.remarks))
@@ -143,7 +143,7 @@ def _ask_user(
     image: Gimp.Image | None,
     drawables: list[Gimp.Drawable],
 ) -> bool:
-    from toposeam_gimp.dialog import Dialog
+    from toposeam_gimp.dialogs.dialog import Dialog
 
     return Dialog(procedure, config, entry, image, drawables).run()
 

@@ -8,8 +8,8 @@ import numpy as np
 from click.testing import CliRunner
 from hypothesis import HealthCheck, settings
 
-from toposeam_cli.main import main
-from toposeam_cli.pictures.picture import Picture
+from toposeam_cli.app.main import main
+from toposeam_cli.media.pictures.picture import Picture
 
 FULL = {"uint8": 255, "uint16": 65535, "float32": 1.0}
 

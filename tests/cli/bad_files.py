@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import tifffile
 
-from toposeam_cli.pictures.picture import Picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, write_picture
 
 IN = "--overlap 20 -o out.png"  # where nothing is wrong with the placement and the output
 

@@ -14,8 +14,8 @@ from engine_requests import Request
 from skimage import data
 from three_pictures import three  # noqa: F401 - a fixture of more than one file
 
-from toposeam_cli.main import main
-from toposeam_cli.pictures.picture import Picture, write_picture
+from toposeam_cli.app.main import main
+from toposeam_cli.media.pictures.picture import Picture, write_picture
 
 #: Size of both photographs, and where B lies in A.
 SIZE, OFFSET = (40, 56), (36, 0)

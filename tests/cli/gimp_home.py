@@ -2,7 +2,7 @@
 
 from click.testing import CliRunner
 
-from toposeam_cli.main import main
+from toposeam_cli.app.main import main
 
 
 def run(*arguments, code=0):

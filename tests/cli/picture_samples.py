@@ -10,7 +10,7 @@ import tifffile
 from PIL import Image, ImageCms
 
 from toposeam.errors import ImageError
-from toposeam_cli.pictures.picture import read_picture
+from toposeam_cli.media.pictures.picture import read_picture
 
 SRGB = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
 

@@ -4,7 +4,7 @@ import numpy as np
 from PIL import ImageCms
 from scipy import ndimage
 
-from toposeam_cli.pictures.picture import Picture, match_pictures, read_picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, match_pictures, read_picture, write_picture
 
 PROFILE = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
 

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from toposeam_cli.main import main
-from toposeam_cli.pictures.picture import Picture, match_pictures, read_picture, write_picture
+from toposeam_cli.app.main import main
+from toposeam_cli.media.pictures.picture import Picture, match_pictures, read_picture, write_picture
 
 
 def encoded(suffix):

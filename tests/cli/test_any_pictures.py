@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import toposeam as ts
-from toposeam_cli.pictures.picture import Picture, match_pictures, read_picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, match_pictures, read_picture, write_picture
 
 # The thesis's own takes a second each time, and auto takes one of the others.
 METHODS = [method for method in ts.METHODS if method not in ("auto", "thesis")]

@@ -7,7 +7,7 @@ import pytest
 import tifffile
 from skimage import data
 
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 
 PLACES = {"a": (0, 0), "b": (200, 4), "c": (30, 170), "d": (215, 160)}
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import toposeam as ts
-from toposeam_cli.enblend_line import (
+from toposeam_cli.stitching.enblend_line import (
     CanvasFrame,
     blend_width,
     compression_of,

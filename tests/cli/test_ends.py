@@ -16,7 +16,7 @@ import pytest
 from processes import descendants, living
 
 from toposeam_cli.__main__ import _flushed
-from toposeam_cli.pictures.picture import Picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, write_picture
 
 pytestmark = pytest.mark.usefixtures("hangups_arrive")
 QUIET = ("Traceback", "resource_tracker", "Exception ignored", "something went wrong", "leaked")
@@ -106,7 +106,8 @@ def test_ctrl_c_again_and_again_is_one_ctrl_c(many, delay, what):
 
 def test_one_more_ctrl_c_after_all_is_tidied_away_says_nothing(monkeypatch):
     """As it comes in the very moment before signals are ignored."""
-    from toposeam_cli import __main__, main
+    from toposeam_cli import __main__
+    from toposeam_cli.app import main
 
     def stop(prog_name):
         raise KeyboardInterrupt

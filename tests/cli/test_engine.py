@@ -9,7 +9,7 @@ from scipy import ndimage
 
 import toposeam as ts
 from toposeam_cli.commands.stitch import stitch
-from toposeam_gimp.seam_entries import SEAM_ENTRIES
+from toposeam_gimp.entries.seams import SEAM_ENTRIES
 
 
 @pytest.mark.parametrize("ask", ["ask", "ask_process"])

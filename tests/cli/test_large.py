@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from toposeam_cli.large import _marks
+from toposeam_cli.stitching.windowed_output import _marks
 
 
 def test_a_seam_is_drawn_three_px_wide_on_small_pictures_with_a_margin_of_one_on_either_side():

@@ -14,9 +14,9 @@ from html import escape
 import numpy as np
 import pytest
 
-from toposeam_cli.pictures.openraster import read_ora
-from toposeam_cli.pictures.picture import Picture, write_picture
-from toposeam_cli.pictures.recipe import read_settings, to_xmp
+from toposeam_cli.media.pictures.openraster import read_ora
+from toposeam_cli.media.pictures.picture import Picture, write_picture
+from toposeam_cli.motifs.recipe_files import read_settings, to_xmp
 
 #: The most memory of a command that refuses, MiB: the libraries take 70 to 90 of it. It takes a second, also
 #: of the libraries; what would take longer has to do with pixels, and shows in the memory.

@@ -14,7 +14,7 @@ from bad_files import IN, arguments, snapshot
 from PIL import Image
 
 from toposeam_cli.files import writing as output
-from toposeam_cli.pictures.picture import Picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, write_picture
 
 pytestmark = pytest.mark.usefixtures("hangups_arrive")
 
@@ -57,7 +57,7 @@ def test_a_mistake_of_ours_asks_for_a_report(toposeam, inputs, here, monkeypatch
 def test_debugging_shows_where(started, inputs, here):
     code = (
         "import toposeam\ntoposeam.compose = lambda *a, **o: 1 / 0\n"
-        "from toposeam_cli.main import main\nmain()"
+        "from toposeam_cli.app.main import main\nmain()"
     )
     line = arguments("{a} {b} " + IN, inputs)
     done = subprocess.run(
@@ -152,8 +152,8 @@ def test_a_reader_that_leaves_early_is_no_error_of_ours(process, inputs, here):
 @pytest.mark.parametrize("moment", ["import", "read", "search", "figure", "write", "rename"])
 def test_ctrl_c_at_any_moment_leaves_nothing_half_written(toposeam, inputs, here, monkeypatch, moment):
     target = {
-        "import": ("toposeam_cli.registry.import_module",),
-        "read": ("toposeam_cli.placing.read_picture",),
+        "import": ("toposeam_cli.app.registry.import_module",),
+        "read": ("toposeam_cli.stitching.inputs.read_picture",),
         "search": ("toposeam.compose",),
         "figure": ("toposeam_cli.figures.history.history_figure",),
         "write": (output.os, "fsync"),

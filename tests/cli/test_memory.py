@@ -7,9 +7,9 @@ import sys
 import numpy as np
 import pytest
 
-from toposeam_cli.pictures import libvips, tiff_stream
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
-from toposeam_cli.pictures.raw import Stored
+from toposeam_cli.media.pictures import libvips, tiff_stream
+from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.media.pictures.raw import Stored
 
 SIDE, OVERLAP = 3000, 300
 #: What a process has before it reads anything: the interpreter, NumPy, SciPy and libvips.
@@ -111,8 +111,8 @@ WRITES = """
 import resource, sys
 from pathlib import Path
 import numpy as np
-from toposeam_cli.pictures.picture import Picture, write_picture
-from toposeam_cli.pictures.raw import Stored
+from toposeam_cli.media.pictures.picture import Picture, write_picture
+from toposeam_cli.media.pictures.raw import Stored
 def peak(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
 folder, height = Path(sys.argv[1]), int(sys.argv[2])
 with (folder / "raw").open("wb") as file:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from toposeam_cli.enblend_line import files_of
+from toposeam_cli.stitching.enblend_line import files_of
 
 
 @pytest.mark.parametrize("place", ["pipe.toml", "/dev/zero", "/dev/null", "."])

@@ -9,11 +9,11 @@ from scipy import ndimage
 from skimage import data
 
 import toposeam as ts
-from toposeam.layers.cropping import largest_full
-from toposeam_cli.options import Length
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
-from toposeam_cli.placing import arrange
-from toposeam_cli.whereabouts import Where
+from toposeam.layers.canvas.largest_rectangle import largest_full
+from toposeam_cli.app.options import Length
+from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.stitching.inputs import arrange
+from toposeam_cli.stitching.positions import Where
 
 RNG = np.random.default_rng(5)
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from bad_files import snapshot
 
-from toposeam_cli.pictures.picture import Picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, write_picture
 
 UNPRIVILEGED = ("setpriv", "--bounding-set", "-dac_override,-dac_read_search,-fowner")
 READ, WRITE = "your right to read it", "ermission denied); choose another"

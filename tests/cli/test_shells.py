@@ -8,10 +8,10 @@ import sys
 
 import pytest
 
-from toposeam_cli import registry
-from toposeam_cli.main import main
-from toposeam_cli.registry import COMMANDS
-from toposeam_cli.shells import manual
+from toposeam_cli.app import registry
+from toposeam_cli.app.main import main
+from toposeam_cli.app.registry import COMMANDS
+from toposeam_cli.app.shells import manual
 
 
 def asked(words, current):
@@ -19,7 +19,7 @@ def asked(words, current):
     environment = {"_TOPOSEAM_COMPLETE": "powershell_complete", "COMP_WORDS": words}
     if current:  # PowerShell takes what is empty out of the environment
         environment["COMP_CWORD"] = current
-    code = "import sys; sys.argv = ['toposeam']; from toposeam_cli.main import main; main()"
+    code = "import sys; sys.argv = ['toposeam']; from toposeam_cli.app.main import main; main()"
     done = subprocess.run(
         [sys.executable, "-c", code],
         env=os.environ | environment,

@@ -32,7 +32,7 @@ def test_the_shell_is_told_commands_options_and_choices(started):
             "COMP_CWORD": str(len(words.split(" ")) - 1),
         }
         # Completion goes by the name of the program.
-        code = "import sys; sys.argv = ['toposeam']; from toposeam_cli.main import main; main()"
+        code = "import sys; sys.argv = ['toposeam']; from toposeam_cli.app.main import main; main()"
         done = subprocess.run(
             [sys.executable, "-c", code], env=os.environ | env, capture_output=True, text=True, check=False
         )

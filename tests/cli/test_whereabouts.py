@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam_cli.options import Length
-from toposeam_cli.pictures.picture import Picture
-from toposeam_cli.whereabouts import ORDERS, Where, places_of
+from toposeam_cli.app.options import Length
+from toposeam_cli.media.pictures.picture import Picture
+from toposeam_cli.stitching.positions import ORDERS, Where, places_of
 
 #: Three columns and two rows of pictures of 10 × 8 px that overlap by 3 px.
 CELLS = {"a": (0, 0), "b": (7, 0), "c": (14, 0), "d": (0, 5), "e": (7, 5), "f": (14, 5)}

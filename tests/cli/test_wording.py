@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam_cli.pictures.picture import Picture, write_picture
-from toposeam_cli.terms import speaking
+from toposeam_cli.app.terms import speaking
+from toposeam_cli.media.pictures.picture import Picture, write_picture
 
 ROOT = Path(__file__).parents[2]
 #: What only who writes Python knows.
@@ -184,7 +184,7 @@ def test_nothing_searches_the_text_of_an_error():
             tree = ast.parse(file.read_text(encoding="utf-8"))
             for node in ast.walk(tree):
                 assert not _searches_an_error(node), f"{file}:{node.lineno}"
-    for file in ("cli/toposeam_cli/terms.py", "plugin_gimp/toposeam_gimp/sentences.py"):
+    for file in ("cli/toposeam_cli/app/terms.py", "plugin_gimp/toposeam_gimp/sentences.py"):
         assert "import re" not in (ROOT / file).read_text(encoding="utf-8")
 
 

@@ -20,9 +20,9 @@ from click.testing import CliRunner
 from PIL import Image
 from watched import LARGEST_BYTES, LONGEST_S, WORDS, TooLong, gone_bad, plain_png, tell, watched
 
-from toposeam_cli import registry
-from toposeam_cli.main import main
-from toposeam_cli.options import is_output
+from toposeam_cli.app import registry
+from toposeam_cli.app.main import main
+from toposeam_cli.app.options import is_output
 
 #: By what a type of parameter is called: values that are likely to be right.
 LIKELY = {

@@ -4,7 +4,7 @@ import pytest
 from pictures import photograph, write_png
 from running import needs_gimp
 
-from toposeam_gimp.procedures import PROCEDURES
+from toposeam_gimp.entries.table import PROCEDURES
 
 needs_gimp()
 

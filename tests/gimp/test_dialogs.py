@@ -12,7 +12,7 @@ from pictures import write_png
 from PIL import Image
 from running import Gimp, Screen, find_gimp, needs_gimp
 
-from toposeam_gimp.procedures import PROCEDURES
+from toposeam_gimp.entries.table import PROCEDURES
 
 needs_gimp()
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from running import CHECKOUT, Gimp, Screen, find_gimp, needs_gimp
 
-from toposeam_gimp.procedures import PROCEDURES
+from toposeam_gimp.entries.table import PROCEDURES
 
 needs_gimp()
 
@@ -22,8 +22,8 @@ import gi
 for name in ("Gtk", "GimpUi"):
     gi.require_version(name, "3.0")
 from gi.repository import GLib, Gtk
-from toposeam_gimp import dialog as module
-from toposeam_gimp.procedures import PROCEDURES
+from toposeam_gimp.dialogs import dialog as module
+from toposeam_gimp.entries.table import PROCEDURES
 
 entry = PROCEDURES[procedure]
 config = Gimp.get_pdb().lookup_procedure(procedure).create_config()

@@ -14,7 +14,9 @@ import pytest
 
 import toposeam as ts
 from toposeam_engine.serving import PROTOCOL
-from toposeam_gimp import engine, folder, rehearsal
+from toposeam_gimp.dialogs import rehearsal
+from toposeam_gimp.engine import folder
+from toposeam_gimp.engine import process as engine
 
 GREETING = f'{{"event": "hello", "protocol": {PROTOCOL}, "version": "{ts.__version__}"}}'
 

@@ -4,7 +4,8 @@ from itertools import pairwise
 
 import pytest
 
-from toposeam_gimp import choosing, curves
+from toposeam_gimp.image import curves
+from toposeam_gimp.image import path_choice as choosing
 
 
 def test_a_line_becomes_a_stroke_of_straight_pieces():

@@ -16,11 +16,14 @@ from PIL import Image
 
 import toposeam as ts
 import toposeam_gimp
-from toposeam.motif.edges import EDGES
+from toposeam.motif.ink.stroke_edges import EDGES
 from toposeam_engine.serving import MARKER, OPERATIONS, PROTOCOL
-from toposeam_gimp import engine, folder, help_page, sentences
-from toposeam_gimp.call import Call
-from toposeam_gimp.procedures import PROCEDURES
+from toposeam_gimp import sentences
+from toposeam_gimp.engine import folder
+from toposeam_gimp.engine import process as engine
+from toposeam_gimp.engine.call import Call
+from toposeam_gimp.entries import help_page
+from toposeam_gimp.entries.table import PROCEDURES
 
 PLUG_IN = Path(toposeam_gimp.__file__).parent
 KOREAN = gettext.translation("toposeam_gimp", PLUG_IN / "locale", ["ko"])

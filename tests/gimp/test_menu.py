@@ -9,7 +9,7 @@ from inside import succeeded
 from running import needs_gimp
 
 import toposeam_gimp
-from toposeam_gimp.procedures import PROCEDURES
+from toposeam_gimp.entries.table import PROCEDURES
 
 needs_gimp()
 

@@ -16,7 +16,7 @@ import toposeam
 import toposeam_engine
 import toposeam_gimp
 from toposeam.errors import TopoSeamError
-from toposeam.layers import align
+from toposeam.layers.registration import align
 from toposeam_engine.serving import OPERATIONS, EngineJob, told
 from toposeam_gimp import sentences
 

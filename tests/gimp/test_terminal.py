@@ -11,7 +11,7 @@ from pictures import photograph, write_png
 from PIL import Image
 from running import CHECKOUT, find_gimp, needs_gimp
 
-from toposeam_gimp.procedures import PROCEDURES
+from toposeam_gimp.entries.table import PROCEDURES
 
 needs_gimp()
 

@@ -15,8 +15,8 @@ from typing import Any
 import click
 
 from toposeam.errors import OptionError
+from toposeam_cli.app.options import is_input, is_path
 from toposeam_cli.files.tables import read_table
-from toposeam_cli.options import is_input, is_path
 
 #: Stands for what the wildcards of the patterns match.
 NAME = "{name}"

@@ -9,8 +9,8 @@ from typing import Any
 
 import click
 
-from toposeam_cli import registry
-from toposeam_cli.options import is_output
+from toposeam_cli.app import registry
+from toposeam_cli.app.options import is_output
 
 
 def run_command(command: str, words: Sequence[str], manner: Sequence[str] = ()) -> Any:

@@ -13,14 +13,14 @@ from typing import Any
 import click
 
 from toposeam.errors import OptionError, TopoSeamError
+from toposeam_cli.app.options import FILE, force_option, is_input, is_output, jobs_option, quiet_option
+from toposeam_cli.app.progress import progress_bar
 from toposeam_cli.batch.entries import NAME, Entry, expand, parse_patterns, read_entries, to_words
 from toposeam_cli.batch.running import commands_with_outputs
 from toposeam_cli.files.interruption import Terminated
 from toposeam_cli.files.writing import check_output
 from toposeam_cli.jobs.journal import Journal
 from toposeam_cli.jobs.runner import Job, check, finished, run
-from toposeam_cli.options import FILE, force_option, is_input, is_output, jobs_option, quiet_option
-from toposeam_cli.progress import progress_bar
 
 #: Options that say how a command does its work, not what it makes.
 _MANNER = ("force", "quiet")
@@ -181,7 +181,7 @@ def _job(entry: Entry, settings: Mapping[str, Any], name: str | None, found: str
 def _named_in(path: Path) -> tuple[Path, ...]:
     """The files that a layout names."""
     if path.suffix.lower() in (".toml", ".json"):
-        from toposeam_cli.pictures.layout import read_layout
+        from toposeam_cli.media.pictures.layout import read_layout
 
         with suppress(
             TopoSeamError

@@ -18,15 +18,15 @@ import click
 import toposeam as ts
 from toposeam.motif.book import BESIDE, FINISH, SEASONS, book_recipe, choose
 from toposeam.motif.kinds import Kind
-from toposeam_cli.book.patterns import ROW
+from toposeam_cli.app.options import FILE, FiniteRange, PaperLengthType, jobs_option, quiet_option
+from toposeam_cli.app.progress import progress_bar
 from toposeam_cli.files.interruption import Terminated
 from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_output
 from toposeam_cli.jobs.journal import Journal
 from toposeam_cli.jobs.runner import Job, run
-from toposeam_cli.options import FILE, FiniteRange, PaperLengthType, jobs_option, quiet_option
-from toposeam_cli.pictures.printing import Print
-from toposeam_cli.pictures.theme import read_theme
-from toposeam_cli.progress import progress_bar
+from toposeam_cli.motifs.book.patterns import ROW
+from toposeam_cli.motifs.printing import Print
+from toposeam_cli.motifs.themes import read_theme
 
 Row = dict[str, Any]
 
@@ -135,7 +135,7 @@ def book(
         products = [
             (row, product) for row, product in chosen if (folder / _product_path(row, product)).exists()
         ]
-        from toposeam_cli.book.html import to_html
+        from toposeam_cli.motifs.book.html import to_html
 
         shown = [(row, product, _product_path(row, product)) for row, product in products]
         pages: dict[str, str | bytes] = {
@@ -143,7 +143,7 @@ def book(
             "book.html": to_html(name, rows, shown),
         }
         if not no_pdf:
-            from toposeam_cli.book.pdf import to_pdf
+            from toposeam_cli.motifs.book.pdf import to_pdf
 
             pages["book.pdf"] = to_pdf(name, folder, rows, products)
         with Journal(journal) as table:
@@ -225,7 +225,7 @@ def _pattern_jobs(
         jobs.append(
             Job(
                 f"pattern {index:04d}",
-                "toposeam_cli.book.patterns:draw_pattern",
+                "toposeam_cli.motifs.book.patterns:draw_pattern",
                 arguments,
                 outputs=(motif, swatch),
                 inputs=(theme,),
@@ -253,7 +253,7 @@ def _product_jobs(chosen: Sequence[tuple[Row, str]], folder: Path, force: bool) 
         jobs.append(
             Job(
                 f"{product} {row['season']}",
-                "toposeam_cli.book.patterns:draw_on_product",
+                "toposeam_cli.motifs.book.patterns:draw_on_product",
                 arguments,
                 outputs=(output,),
                 inputs=(motif,) if second is None else (motif, second),

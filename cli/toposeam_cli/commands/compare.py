@@ -10,10 +10,10 @@ import click
 import numpy as np
 
 import toposeam as ts
-from toposeam_cli.options import FILE, placement
-from toposeam_cli.placing import PlacedPictures, arrange, read_avoid
-from toposeam_cli.terms import said
-from toposeam_cli.whereabouts import Where
+from toposeam_cli.app.options import FILE, placement
+from toposeam_cli.app.terms import said
+from toposeam_cli.stitching.inputs import PlacedPictures, arrange, read_avoid
+from toposeam_cli.stitching.positions import Where
 
 #: All but the one that takes one of the others.
 _COMPARED: tuple[ts.Method, ...] = tuple(method for method in ts.METHODS if method != "auto")

@@ -11,9 +11,14 @@ import click
 import numpy as np
 
 import toposeam as ts
-from toposeam.layers.compose import shown_as
-from toposeam_cli.composing import Outputs
-from toposeam_cli.enblend_line import (
+from toposeam.layers.composite.compose import shown_as
+from toposeam_cli.app.options import OUTPUT
+from toposeam_cli.app.progress import share_bar
+from toposeam_cli.files.scratch import scratch
+from toposeam_cli.files.writing import all_or_nothing, check_output
+from toposeam_cli.media.pictures.masks import read_white
+from toposeam_cli.media.pictures.picture import Picture, write_picture
+from toposeam_cli.stitching.enblend_line import (
     VERSION,
     CanvasFrame,
     blend_width,
@@ -24,17 +29,12 @@ from toposeam_cli.enblend_line import (
     understood,
     wrap_of,
 )
-from toposeam_cli.files.scratch import scratch
-from toposeam_cli.files.writing import all_or_nothing, check_output
-from toposeam_cli.framed import Framed
-from toposeam_cli.large import make, write_large
-from toposeam_cli.options import OUTPUT
-from toposeam_cli.pictures.masks import read_white
-from toposeam_cli.pictures.picture import Picture, write_picture
-from toposeam_cli.placing import PlacedPictures, arrange
-from toposeam_cli.progress import share_bar
-from toposeam_cli.report import hidden
-from toposeam_cli.whereabouts import Where
+from toposeam_cli.stitching.hugin_crop import Framed
+from toposeam_cli.stitching.inputs import PlacedPictures, arrange
+from toposeam_cli.stitching.outputs import Outputs
+from toposeam_cli.stitching.positions import Where
+from toposeam_cli.stitching.report import hidden
+from toposeam_cli.stitching.windowed_output import make, write_large
 
 #: A result of more pixels is refused, as by ``stitch --max-megapixels``; a panorama has a frame.
 _MAX_MEGAPIXELS = 4000.0

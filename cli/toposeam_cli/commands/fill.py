@@ -8,10 +8,10 @@ import click
 
 import toposeam as ts
 from toposeam.sentence import counted
-from toposeam_cli.options import FILE, OUTPUT
-from toposeam_cli.pictures.masks import read_white
-from toposeam_cli.progress import share_bar
-from toposeam_cli.texture_files import (
+from toposeam_cli.app.options import FILE, OUTPUT
+from toposeam_cli.app.progress import share_bar
+from toposeam_cli.media.pictures.masks import read_white
+from toposeam_cli.textures.options import (
     Patches,
     Results,
     Search,

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from toposeam.errors import OptionError
+from toposeam_cli.app.options import FILE
 from toposeam_cli.gimp.doctor import examine
 from toposeam_cli.gimp.environment import check_python, is_temporary, make_environment, usual_folder
 from toposeam_cli.gimp.folders import (
@@ -19,7 +20,6 @@ from toposeam_cli.gimp.folders import (
     profiles,
     uninstall_from,
 )
-from toposeam_cli.options import FILE
 
 _VERSION = click.option(
     "--gimp-version", metavar="3.x", help="Only this version's profile; made if it is not there yet."

@@ -11,13 +11,13 @@ import click
 import numpy as np
 
 import toposeam as ts
-from toposeam.motif.inked import MAX_PATTERN
+from toposeam.motif.ink.printing import MAX_PATTERN
+from toposeam_cli.app.options import FILE, OUTPUT, FiniteRange, PairType, force_option, quiet_option
+from toposeam_cli.app.progress import share_bar
 from toposeam_cli.files.writing import check_output
-from toposeam_cli.options import FILE, OUTPUT, FiniteRange, PairType, force_option, quiet_option
-from toposeam_cli.pictures.printing import SUFFIXES, ink_names
-from toposeam_cli.pictures.recipe import read_recipe
-from toposeam_cli.print_options import PrintOptions, check_print, print_options, write_print
-from toposeam_cli.progress import share_bar
+from toposeam_cli.motifs.print_options import PrintOptions, check_print, print_options, write_print
+from toposeam_cli.motifs.printing import SUFFIXES, ink_names
+from toposeam_cli.motifs.recipe_files import read_recipe
 
 
 @click.command()

@@ -12,13 +12,13 @@ import click
 
 import toposeam as ts
 from toposeam.sentence import counted
-from toposeam_cli.clips.clip import Clip, check_pixels
-from toposeam_cli.clips.reading import read_clip
-from toposeam_cli.clips.writing import check_clip_output, folder_for, write_clip
+from toposeam_cli.app.options import FILE, OUTPUT, FiniteRange, force_option, quiet_option
+from toposeam_cli.app.progress import share_bar
 from toposeam_cli.files.writing import all_or_nothing, check_output, replacing
-from toposeam_cli.options import FILE, OUTPUT, FiniteRange, force_option, quiet_option
-from toposeam_cli.pictures.masks import read_white
-from toposeam_cli.progress import share_bar
+from toposeam_cli.media.clips.clip import Clip, check_pixels
+from toposeam_cli.media.clips.reading import read_clip
+from toposeam_cli.media.clips.writing import check_clip_output, folder_for, write_clip
+from toposeam_cli.media.pictures.masks import read_white
 
 
 @dataclass(frozen=True, slots=True)

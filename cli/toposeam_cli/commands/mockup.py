@@ -8,18 +8,18 @@ import click
 import numpy as np
 
 import toposeam as ts
-from toposeam.motif.edges import EDGES
-from toposeam.motif.tiling import period, tile
-from toposeam_cli.book.patterns import draw_on_product, shown_at
-from toposeam_cli.figures.products import PRODUCTS, draw_product
-from toposeam_cli.figures.products import product as product_named
+from toposeam.motif.ink.stroke_edges import EDGES
+from toposeam.motif.symmetry.tiling import period, tile
+from toposeam_cli.app.options import FILE, OUTPUT, FiniteRange, PaperLengthType, force_option, quiet_option
 from toposeam_cli.files.writing import check_output
-from toposeam_cli.options import FILE, OUTPUT, FiniteRange, PaperLengthType, force_option, quiet_option
-from toposeam_cli.pictures.colour import to_depth, widen
-from toposeam_cli.pictures.limits import MAX_MOTIF, read_within
-from toposeam_cli.pictures.picture import write_picture
-from toposeam_cli.pictures.recipe import read_settings
-from toposeam_cli.print_options import RepeatType, check_laid
+from toposeam_cli.media.pictures.colour import to_depth, widen
+from toposeam_cli.media.pictures.limits import MAX_MOTIF, read_within
+from toposeam_cli.media.pictures.picture import write_picture
+from toposeam_cli.motifs.book.patterns import draw_on_product, shown_at
+from toposeam_cli.motifs.print_options import RepeatType, check_laid
+from toposeam_cli.motifs.products import PRODUCTS, draw_product
+from toposeam_cli.motifs.products import product as product_named
+from toposeam_cli.motifs.recipe_files import read_settings
 
 
 @click.command()

@@ -10,12 +10,20 @@ from typing import Any
 import click
 
 import toposeam as ts
-from toposeam.motif.palettes import Palette
+from toposeam.motif.ink.palettes import Palette
+from toposeam_cli.app.options import OUTPUT, PairType, force_option, quiet_option
+from toposeam_cli.app.progress import share_bar
 from toposeam_cli.files.writing import atomic_write, check_output, replacing
-from toposeam_cli.motif_options import Beginning, Wanted, beginning_options, recipe_options
-from toposeam_cli.options import OUTPUT, PairType, force_option, quiet_option
-from toposeam_cli.pictures.printing import SUFFIXES, Print, describe, ink_names, sheet_coverage
-from toposeam_cli.pictures.recipe import (
+from toposeam_cli.motifs.options import Beginning, Wanted, beginning_options, recipe_options
+from toposeam_cli.motifs.print_options import (
+    PrintOptions,
+    check_print,
+    print_options,
+    renamed,
+    write_print,
+)
+from toposeam_cli.motifs.printing import SUFFIXES, Print, describe, ink_names, sheet_coverage
+from toposeam_cli.motifs.recipe_files import (
     read_recipe,
     read_settings,
     read_toml,
@@ -23,15 +31,7 @@ from toposeam_cli.pictures.recipe import (
     recipe_on_page,
     to_toml,
 )
-from toposeam_cli.pictures.theme import read_colours, read_theme
-from toposeam_cli.print_options import (
-    PrintOptions,
-    check_print,
-    print_options,
-    renamed,
-    write_print,
-)
-from toposeam_cli.progress import share_bar
+from toposeam_cli.motifs.themes import read_colours, read_theme
 
 #: What may be changed in a recipe that is given: options of a random one that are fields of `Recipe`, or of
 #: each of its layers.
@@ -197,7 +197,7 @@ def _explore(
         raise ts.OptionError(
             f"{counts[0]} × {counts[1]} motifs are too many to choose from; ask for 200 at most"
         )
-    from toposeam_cli.book.exploring import explore_page
+    from toposeam_cli.motifs.book.exploring import explore_page
 
     first = int(wanted.pop("seed", 0))
     begun = _begun(beginning)
@@ -346,7 +346,7 @@ def _changed(recipe: ts.Recipe, given: dict[str, Any], amount: float | None) -> 
     if "size" in given:
         given["size"] = given["size"][::-1]
     if "base" in given:
-        from toposeam.motif.recipe import pack_base
+        from toposeam.motif.recipe.recipe import pack_base
 
         given = {"base_strength": recipe.base_strength or 0.7, **given, "base": pack_base(given["base"])}
     return dataclasses.replace(recipe, layers=tuple(ts.LayerRecipe(**layer) for layer in layers), **given)

@@ -10,17 +10,16 @@ import click
 import numpy as np
 
 import toposeam as ts
-from toposeam.motif.inked import MAX_PATTERN
-from toposeam.motif.kaleidoscope import GROUPS
-from toposeam.motif.tiling import tile
+from toposeam.motif.ink.printing import MAX_PATTERN
+from toposeam.motif.symmetry.kaleidoscope import GROUPS
+from toposeam.motif.symmetry.tiling import tile
+from toposeam_cli.app.options import FILE, OUTPUT, OffsetType, PairType, force_option, quiet_option
+from toposeam_cli.app.progress import share_bar
 from toposeam_cli.files.writing import check_output
-from toposeam_cli.options import FILE, OUTPUT, OffsetType, PairType, force_option, quiet_option
-from toposeam_cli.pictures.colour import to_depth
-from toposeam_cli.pictures.limits import MAX_MOTIF, read_within
-from toposeam_cli.pictures.picture import Picture, write_picture
-from toposeam_cli.pictures.printing import SUFFIXES, Print, describe, ink_names, sheet_coverage
-from toposeam_cli.pictures.recipe import read_recipe, read_settings, to_xmp
-from toposeam_cli.print_options import (
+from toposeam_cli.media.pictures.colour import to_depth
+from toposeam_cli.media.pictures.limits import MAX_MOTIF, read_within
+from toposeam_cli.media.pictures.picture import Picture, write_picture
+from toposeam_cli.motifs.print_options import (
     PrintOptions,
     RepeatType,
     check_laid,
@@ -28,7 +27,8 @@ from toposeam_cli.print_options import (
     print_options,
     write_print,
 )
-from toposeam_cli.progress import share_bar
+from toposeam_cli.motifs.printing import SUFFIXES, Print, describe, ink_names, sheet_coverage
+from toposeam_cli.motifs.recipe_files import read_recipe, read_settings, to_xmp
 
 
 @click.command()

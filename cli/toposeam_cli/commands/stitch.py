@@ -14,25 +14,10 @@ from click.core import ParameterSource
 
 import toposeam as ts
 from toposeam.images import Windows
-from toposeam.layers.composite import stitched as ts_stitched
-from toposeam.layers.search_options import Effort
-from toposeam.seam.drawing import draw_seams
-from toposeam_cli.composing import Outputs, check_outputs, crop_of, cropped, write
-from toposeam_cli.files.writing import all_or_nothing
-from toposeam_cli.finding import (
-    Means,
-    SeamOptions,
-    by_windows,
-    check_finding,
-    composed_as,
-    correlations,
-    means_of,
-    shared_work,
-    strangers,
-)
-from toposeam_cli.jobs.crew import processes_of
-from toposeam_cli.large import describe_totals, make, summary_of_large, write_large
-from toposeam_cli.options import (
+from toposeam.layers.composite.stitch import stitched as ts_stitched
+from toposeam.layers.search.options import Effort
+from toposeam.seam.result.drawing import draw_seams
+from toposeam_cli.app.options import (
     FILE,
     OUTPUT,
     FiniteRange,
@@ -44,11 +29,26 @@ from toposeam_cli.options import (
     quiet_option,
     taken,
 )
-from toposeam_cli.pictures.picture import COMPRESSIONS
-from toposeam_cli.placing import PlacedPictures, arrange, saved_layout
-from toposeam_cli.progress import share_bar
-from toposeam_cli.report import describe, hidden, is_read, summary_of_all, told_of
-from toposeam_cli.whereabouts import ORDERS, Where, width_round
+from toposeam_cli.app.progress import share_bar
+from toposeam_cli.files.writing import all_or_nothing
+from toposeam_cli.jobs.crew import processes_of
+from toposeam_cli.media.pictures.picture import COMPRESSIONS
+from toposeam_cli.stitching.inputs import PlacedPictures, arrange, saved_layout
+from toposeam_cli.stitching.outputs import Outputs, check_outputs, crop_of, cropped, write
+from toposeam_cli.stitching.positions import ORDERS, Where, width_round
+from toposeam_cli.stitching.report import describe, hidden, is_read, summary_of_all, told_of
+from toposeam_cli.stitching.search_options import (
+    Means,
+    SeamOptions,
+    by_windows,
+    check_finding,
+    composed_as,
+    correlations,
+    means_of,
+    shared_work,
+    strangers,
+)
+from toposeam_cli.stitching.windowed_output import describe_totals, make, summary_of_large, write_large
 
 
 @click.command()
@@ -292,7 +292,7 @@ def _stitch(
     if out.save_layout is not None:
         documents.append((out.save_layout, saved_layout(job, out.save_layout.parent).encode()))
     if out.report is not None:
-        from toposeam_cli.seam_page import Joined, seam_page
+        from toposeam_cli.stitching.seam_page import Joined, seam_page
 
         page = Joined(
             title=out.output.name,
@@ -346,7 +346,7 @@ def _stitch_large(
         if out.save_layout is not None:
             documents.append((out.save_layout, saved_layout(job, out.save_layout.parent).encode()))
         if out.report is not None:
-            from toposeam_cli.seam_page import Joined, seam_page
+            from toposeam_cli.stitching.seam_page import Joined, seam_page
 
             page = Joined(
                 title=out.output.name,
@@ -379,8 +379,8 @@ def _stitch_large(
 
 def _stitch_clips(files: list[Path], given: dict[str, Any]) -> dict[str, Any]:
     """Join two clips; of the other options none means anything for them."""
-    from toposeam_cli.clips.joining import ClipJob, join_clips
-    from toposeam_cli.clips.reading import OneFrameError
+    from toposeam_cli.media.clips.joining import ClipJob, join_clips
+    from toposeam_cli.media.clips.reading import OneFrameError
 
     context = click.get_current_context()
     meant = {"first", "second", "output", "offset", "law", "max_megapixels", "force", "quiet"}

@@ -14,7 +14,7 @@ import numpy as np
 import toposeam as ts
 from toposeam.images import full_scale
 from toposeam.sentence import counted
-from toposeam_cli.options import (
+from toposeam_cli.app.options import (
     FILE,
     OUTPUT,
     AutoSize,
@@ -23,10 +23,10 @@ from toposeam_cli.options import (
     grouped,
     refuse_besides,
 )
-from toposeam_cli.pictures.masks import read_white
-from toposeam_cli.pictures.picture import Picture, check_size, read_picture, write_picture
-from toposeam_cli.progress import share_bar
-from toposeam_cli.texture_files import (
+from toposeam_cli.app.progress import share_bar
+from toposeam_cli.media.pictures.masks import read_white
+from toposeam_cli.media.pictures.picture import Picture, check_size, read_picture, write_picture
+from toposeam_cli.textures.options import (
     Destinations,
     Patches,
     Results,

@@ -9,10 +9,10 @@ import click
 
 import toposeam as ts
 from toposeam.sentence import counted
-from toposeam_cli.options import FILE, OUTPUT
-from toposeam_cli.pictures.picture import Picture
-from toposeam_cli.progress import share_bar
-from toposeam_cli.texture_files import (
+from toposeam_cli.app.options import FILE, OUTPUT
+from toposeam_cli.app.progress import share_bar
+from toposeam_cli.media.pictures.picture import Picture
+from toposeam_cli.textures.options import (
     Results,
     Search,
     map_outputs,

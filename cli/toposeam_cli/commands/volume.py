@@ -10,13 +10,13 @@ import click
 import numpy as np
 
 import toposeam as ts
+from toposeam_cli.app.options import FILE, OUTPUT, FiniteRange, force_option, quiet_option
+from toposeam_cli.app.progress import share_bar
 from toposeam_cli.files.temporary import claimed_folder, temporary_beside
 from toposeam_cli.files.writing import all_or_nothing, check_output, replacing
-from toposeam_cli.options import FILE, OUTPUT, FiniteRange, force_option, quiet_option
-from toposeam_cli.progress import share_bar
-from toposeam_cli.stacks.reading import read_stack
-from toposeam_cli.stacks.stack import Stack, common_spacing
-from toposeam_cli.stacks.writing import check_stack_output, write_stack
+from toposeam_cli.media.stacks.reading import read_stack
+from toposeam_cli.media.stacks.stack import Stack, common_spacing
+from toposeam_cli.media.stacks.writing import check_stack_output, write_stack
 
 #: Overlaps of more voxels are joined by blocks.
 _WHOLE = 20_000_000

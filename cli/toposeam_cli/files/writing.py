@@ -26,7 +26,7 @@ from toposeam_cli.files.temporary import (
     tidy_once,
 )
 
-#: The extensions :func:`toposeam_cli.pictures.picture.write_picture` writes.
+#: The extensions :func:`toposeam_cli.media.pictures.picture.write_picture` writes.
 PICTURE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp")
 
 

@@ -140,7 +140,8 @@ def _folder(profile: Profile) -> Iterator[Finding]:
 
 def _engine(profile: Profile) -> Iterator[Finding]:
     """Join two tiny pictures with the engine that the plug-in would use."""
-    from toposeam_gimp import engine, folder
+    from toposeam_gimp.engine import folder
+    from toposeam_gimp.engine import process as engine
 
     try:
         python = json.loads((profile.plug_in / "engine.json").read_text(encoding="utf-8"))["python"]

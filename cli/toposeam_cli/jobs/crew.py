@@ -1,7 +1,7 @@
 """Independent parts of one piece of work, on processes of this machine or on Dask.
 
-:class:`TaskCrew` is what :mod:`toposeam.layers.tasks` calls an executor. Workers start when there is
-something for them to do; what one that died had begun is done again.
+:class:`TaskCrew` is what :mod:`toposeam.layers.execution.tasks` calls an executor. Workers start when there
+is something for them to do; what one that died had begun is done again.
 """
 
 from __future__ import annotations
@@ -136,7 +136,7 @@ class TaskCrew:
     def stream(
         self, function: Callable[[Any], Any], ready: Callable[[], tuple[int, Any] | None], /
     ) -> Iterator[tuple[int, Any]]:
-        """Results as they come, as :class:`toposeam.layers.tasks.Streaming` has them.
+        """Results as they come, as :class:`toposeam.layers.execution.tasks.Streaming` has them.
 
         Raises
         ------

@@ -12,7 +12,7 @@ reads and makes::
         print(outcome.job.name, outcome.status, outcome.message, outcome.result)
 
 The function writes its outputs itself, with :func:`toposeam_cli.files.writing.atomic_write` or
-:func:`toposeam_cli.pictures.picture.write_picture`, so that they appear complete or not at all.
+:func:`toposeam_cli.media.pictures.picture.write_picture`, so that they appear complete or not at all.
 """
 
 from __future__ import annotations

@@ -13,10 +13,10 @@ from scipy.ndimage import gaussian_filter1d
 
 from toposeam.checks import Seed, check_items, check_pair, check_whole, check_whole_array, seed_of
 from toposeam.errors import OptionError
-from toposeam.motif.edges import EDGES, fineness, printed, shading
-from toposeam.motif.inked import MAX_PATTERN, Inked
+from toposeam.motif.ink.printing import MAX_PATTERN, Inked
+from toposeam.motif.ink.sampling import resample
+from toposeam.motif.ink.stroke_edges import EDGES, fineness, printed, shading
 from toposeam.motif.motif import Motif
-from toposeam.motif.sampling import resample
 
 #: Standard deviation of the blur by which prints that end differently go over into each other, as a share of
 #: the cell's side.

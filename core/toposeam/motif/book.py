@@ -11,11 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from toposeam.checks import check_whole
-from toposeam.motif.conduction import nominal_conductivity
 from toposeam.motif.generate import random_recipe
+from toposeam.motif.ink.palettes import Palette, palette
 from toposeam.motif.kinds import Kind
-from toposeam.motif.palettes import Palette, palette
-from toposeam.motif.recipe import Recipe, pack_base, unpack_base
+from toposeam.motif.optimise.conduction import nominal_conductivity
+from toposeam.motif.recipe.recipe import Recipe, pack_base, unpack_base
 
 #: The four palettes that divide a book.
 SEASONS = ("spring", "summer", "fall", "winter")

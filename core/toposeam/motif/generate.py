@@ -22,15 +22,15 @@ from toposeam.checks import (
 )
 from toposeam.errors import OptionError, Term
 from toposeam.heat.threads import one_thread
-from toposeam.motif.calming import calmed
-from toposeam.motif.conduction import nominal_conductivity
-from toposeam.motif.hexagonal import tile_size, to_tile
-from toposeam.motif.layer import Step, optimise_layer, plan
+from toposeam.motif.border_smoothing import calmed
+from toposeam.motif.ink.palettes import PALETTES, Palette, palette
 from toposeam.motif.motif import Motif
-from toposeam.motif.palettes import PALETTES, Palette, palette
-from toposeam.motif.recipe import LARGEST, LAWS, SMALLEST, LayerRecipe, Recipe, pack_base, unpack_base
-from toposeam.motif.spots import Points, placed_around, spots
-from toposeam.motif.symmetry import HEXAGONAL, check_repeat
+from toposeam.motif.optimise.conduction import nominal_conductivity
+from toposeam.motif.optimise.hexagonal_lattice import tile_size, to_tile
+from toposeam.motif.optimise.layer import Step, optimise_layer, plan
+from toposeam.motif.optimise.spots import Points, placed_around, spots
+from toposeam.motif.recipe.recipe import LARGEST, LAWS, SMALLEST, LayerRecipe, Recipe, pack_base, unpack_base
+from toposeam.motif.symmetry.rules import HEXAGONAL, check_repeat
 
 #: Share of random layers that are ink wash.
 _WASH = 0.15

@@ -28,13 +28,13 @@ from toposeam.checks import check_items, check_kind, check_range, check_whole
 from toposeam.display import to_png
 from toposeam.errors import OptionError, Term
 from toposeam.motif.arrange import arrange
-from toposeam.motif.borders import BESIDE_STROKES, FADE, border_visibility, faded, with_mass
-from toposeam.motif.calming import calmed_row
-from toposeam.motif.compound import JoinOptions, Member, generate_row
+from toposeam.motif.border_smoothing import calmed_row
 from toposeam.motif.generate import make_motif
-from toposeam.motif.layer import plan
 from toposeam.motif.motif import Motif
-from toposeam.motif.recipe import LayerRecipe, Point, Recipe
+from toposeam.motif.optimise.compound import JoinOptions, Member, generate_row
+from toposeam.motif.optimise.layer import plan
+from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe
+from toposeam.motif.symmetry.borders import BESIDE_STROKES, FADE, border_visibility, faded, with_mass
 
 #: Rules under which a motif joins itself on all four sides by translation.
 _JOINABLE = ("translate", "p1")

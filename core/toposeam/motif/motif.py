@@ -11,13 +11,13 @@ import numpy.typing as npt
 
 from toposeam.checks import check_kind, check_pair
 from toposeam.errors import OptionError
-from toposeam.motif.hexagonal import to_tile
-from toposeam.motif.inked import MAX_PATTERN, Inked
-from toposeam.motif.layer import Step
-from toposeam.motif.mixing import mix
-from toposeam.motif.recipe import Recipe
-from toposeam.motif.sampling import resample
-from toposeam.motif.tiling import tile
+from toposeam.motif.ink.mixing import mix
+from toposeam.motif.ink.printing import MAX_PATTERN, Inked
+from toposeam.motif.ink.sampling import resample
+from toposeam.motif.optimise.hexagonal_lattice import to_tile
+from toposeam.motif.optimise.layer import Step
+from toposeam.motif.recipe.recipe import Recipe
+from toposeam.motif.symmetry.tiling import tile
 from toposeam.sentence import counted
 
 

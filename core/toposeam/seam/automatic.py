@@ -1,9 +1,10 @@
 """Method `auto`: the exact solver that is fastest for the overlap at hand, and heat where none is.
 
 An overlap that one path between corners divides, like a strip or an L, is left to the shortest path
-(:mod:`toposeam.seam.exact`), which is exact and fastest at every size that was measured (docs/heat.md).
-Rings, islands and overlaps with several seams are left to a maximum flow (:mod:`toposeam.seam.flow`) up to
-:data:`FLOW_PIXELS`. Beyond, heat takes no longer, and its seam suffers from no rounded capacities.
+(:mod:`toposeam.seam.exact.optimum`), which is exact and fastest at every size that was measured
+(docs/heat.md). Rings, islands and overlaps with several seams are left to a maximum flow
+(:mod:`toposeam.seam.exact.maximum_flow`) up to :data:`FLOW_PIXELS`. Beyond, heat takes no longer, and its
+seam suffers from no rounded capacities.
 """
 
 from __future__ import annotations
@@ -14,11 +15,11 @@ import numpy as np
 
 from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
-from toposeam.seam.exact import cut_by_flow, exact_labels
-from toposeam.seam.heat import HeatOptions, heat_path
-from toposeam.seam.overlap import FREE
-from toposeam.seam.problem import SeamProblem
-from toposeam.seam.solution import Solution
+from toposeam.seam.exact.optimum import cut_by_flow, exact_labels
+from toposeam.seam.heat.method import HeatOptions, heat_path
+from toposeam.seam.problem.overlap import FREE
+from toposeam.seam.problem.seam_problem import SeamProblem
+from toposeam.seam.problem.solution import Solution
 
 #: Up to this many free pixels that no path divides are cut by maximum flow.
 FLOW_PIXELS = 30_000

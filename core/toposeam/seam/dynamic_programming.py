@@ -9,8 +9,8 @@ import numpy as np
 from toposeam.errors import OverlapError
 from toposeam.heat.network import Floats, Ints
 from toposeam.images import Mask
-from toposeam.seam.overlap import FREE, A, B
-from toposeam.seam.problem import SeamProblem
+from toposeam.seam.problem.overlap import FREE, A, B
+from toposeam.seam.problem.seam_problem import SeamProblem
 
 
 def dp_labels(problem: SeamProblem) -> Mask:

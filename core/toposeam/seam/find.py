@@ -16,23 +16,23 @@ from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
 from toposeam.seam.automatic import best_path
 from toposeam.seam.dynamic_programming import dp_labels
-from toposeam.seam.exact import exact_labels, labels_of_nodes
-from toposeam.seam.graph_cut import graph_cut_labels, least_cut
-from toposeam.seam.heat import HeatOptions, heat_path
-from toposeam.seam.match_cost import Law, MatchCost
-from toposeam.seam.overlap import Side
-from toposeam.seam.posing import pose
-from toposeam.seam.problem import SeamProblem
-from toposeam.seam.seam import Seam, seam_of
-from toposeam.seam.solution import Solution
-from toposeam.seam.thesis_options import ThesisOptions
+from toposeam.seam.exact.graph_cut import graph_cut_labels, least_cut
+from toposeam.seam.exact.optimum import exact_labels, labels_of_nodes
+from toposeam.seam.heat.method import HeatOptions, heat_path
+from toposeam.seam.problem.match_cost import Law, MatchCost
+from toposeam.seam.problem.overlap import Side
+from toposeam.seam.problem.posing import pose
+from toposeam.seam.problem.seam_problem import SeamProblem
+from toposeam.seam.problem.solution import Solution
+from toposeam.seam.result.seam import Seam, seam_of
+from toposeam.seam.thesis.options import ThesisOptions
 
 Method = Literal["auto", "heat", "thesis", "shortest-path", "dp", "graph-cut"]
 METHODS: tuple[Method, ...] = get_args(Method)
 
 
 def _thesis_path(*args: Any, **keywords: Any) -> Solution:
-    from toposeam.seam.thesis import thesis_path  # which few ask for, and loads MMA
+    from toposeam.seam.thesis.method import thesis_path  # which few ask for, and loads MMA
 
     return thesis_path(*args, **keywords)
 
@@ -99,7 +99,7 @@ def find_seam(
     core : float in (0, 1]
         For a patch that lies inside the other, the share of its depth, from its middle outwards, that must
         show: 1 is all of it but its border, where the seam must run, and 0.05 hardly more than its middle
-        (:mod:`toposeam.seam.overlap`).
+        (:mod:`toposeam.seam.problem.overlap`).
     speck : float, optional
         A piece inside the other that cannot show so many connected pixels need not show at all, unless the
         patch has hardly anything else; by default 64, or 0.05 % of the patch's own if that is more. 0 lets
@@ -186,7 +186,8 @@ def usual_law(method: Method) -> Law:
 def least_cost(problem: SeamProblem, known: float) -> float:
     """What the best labelling costs, where one of some cost is known.
 
-    Capacities of maximum flows are rounded (:func:`toposeam.seam.flow.minimum_cut`); PyMaxflow's are not.
+    Capacities of maximum flows are rounded (:func:`toposeam.seam.exact.maximum_flow.minimum_cut`);
+    PyMaxflow's are not.
     """
 
     def flow(problem: SeamProblem, pixels: Mask) -> Mask:

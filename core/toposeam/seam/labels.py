@@ -7,13 +7,13 @@ import numpy.typing as npt
 
 from toposeam.images import Mask
 from toposeam.seam.automatic import FLOW_PIXELS
-from toposeam.seam.exact import cut_by_flow
+from toposeam.seam.exact.optimum import cut_by_flow
 from toposeam.seam.find import Method, method_options, solve
-from toposeam.seam.heat import HeatOptions
-from toposeam.seam.match_cost import MatchCost, match_cost, match_options
-from toposeam.seam.overlap import FREE, between_masks
-from toposeam.seam.problem import SeamProblem
-from toposeam.seam.thesis_options import ThesisOptions
+from toposeam.seam.heat.method import HeatOptions
+from toposeam.seam.problem.match_cost import MatchCost, match_cost, match_options
+from toposeam.seam.problem.overlap import FREE, between_masks
+from toposeam.seam.problem.seam_problem import SeamProblem
+from toposeam.seam.thesis.options import ThesisOptions
 
 #: Methods whose seam is the best one, by whichever engine.
 BEST: tuple[Method, ...] = ("auto", "shortest-path")

@@ -26,10 +26,10 @@ from toposeam.errors import OptionError
 from toposeam.heat.block import Block
 from toposeam.heat.conjugate import Floats
 from toposeam.heat.threads import one_thread
-from toposeam.motif.conduction import VOID, power
-from toposeam.motif.layer import THINNEST, TOLERANCE
-from toposeam.motif.recipe import LayerRecipe, Point, Recipe
-from toposeam.motif.symmetry import GENERATORS, Symmetry, symmetry
+from toposeam.motif.optimise.conduction import VOID, power
+from toposeam.motif.optimise.layer import THINNEST, TOLERANCE
+from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe
+from toposeam.motif.symmetry.rules import GENERATORS, Symmetry, symmetry
 from toposeam.optimize.oc import OCOptions, oc_step
 from toposeam.volume.mesh import Mesh, closed_mesh
 

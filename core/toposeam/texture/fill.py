@@ -14,27 +14,27 @@ from scipy import ndimage
 from toposeam.checks import Seed, check_choice, check_whole
 from toposeam.errors import ImageError, OptionError, Term
 from toposeam.images import Mask, box_of
-from toposeam.texture.atlas import Atlas, Floats32
-from toposeam.texture.canvas import IndexCanvas
-from toposeam.texture.finish import finish
-from toposeam.texture.holed import Holed, read_holed
-from toposeam.texture.homogeneity import is_texture
-from toposeam.texture.keeping_step import Phase
-from toposeam.texture.lay import PatchPlacer
-from toposeam.texture.lay_options import LayOptions
-from toposeam.texture.levelling import levelled
-from toposeam.texture.offsets import candidate_shifts
-from toposeam.texture.order import find_order
-from toposeam.texture.rendering import Lift
-from toposeam.texture.request import TextureRequest
-from toposeam.texture.scale import SMALLEST_PATCH
-from toposeam.texture.search import box_sum
-from toposeam.texture.shift_moves import Ground
-from toposeam.texture.shifts import shift_map
-from toposeam.texture.sources import DataRange, Images
-from toposeam.texture.synthesis import Synthesis
+from toposeam.texture.assemble_result import finish
+from toposeam.texture.canvas.index_canvas import IndexCanvas
+from toposeam.texture.canvas.progress import stage
+from toposeam.texture.canvas.rendering import Lift
+from toposeam.texture.canvas.synthesis import Synthesis
+from toposeam.texture.exemplar.atlas import Atlas, Floats32
+from toposeam.texture.exemplar.patch_search import box_sum
+from toposeam.texture.exemplar.scale import SMALLEST_PATCH
+from toposeam.texture.exemplar.sources import DataRange, Images
+from toposeam.texture.holes.hole_window import Holed, read_holed
+from toposeam.texture.holes.homogeneity import is_texture
+from toposeam.texture.holes.shift_candidates import candidate_shifts
+from toposeam.texture.holes.shift_map import shift_map
+from toposeam.texture.holes.shift_map_moves import Ground
+from toposeam.texture.light.levelling import levelled
+from toposeam.texture.periodicity.period import find_order
+from toposeam.texture.periodicity.phase import Phase
+from toposeam.texture.placement.options import LayOptions
+from toposeam.texture.placement.patch_placer import PatchPlacer
+from toposeam.texture.placement.request import TextureRequest
 from toposeam.texture.synthesize import check_patch
-from toposeam.texture.telling import stage
 
 #: A hole with its band that fits a patch this many times the usual one is filled by one patch, along a closed
 #: seam.
@@ -77,8 +77,8 @@ def fill(
     """Replace part of a picture by what the rest of it is like.
 
     A texture is continued by patches, from outside inwards, each cut along the best seam. A photograph is
-    stitched from copies of itself, each shifted as a whole (:mod:`toposeam.texture.shifts`), and levelled so
-    that light runs on. Seams may run through a band round the hole.
+    stitched from copies of itself, each shifted as a whole (:mod:`toposeam.texture.holes.shift_map`), and
+    levelled so that light runs on. Seams may run through a band round the hole.
 
     Parameters
     ----------

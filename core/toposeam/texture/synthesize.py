@@ -12,29 +12,29 @@ import numpy.typing as npt
 from toposeam.checks import Seed, check_choice, check_items, check_number, check_pair, check_whole
 from toposeam.errors import ImageError, OptionError, Term
 from toposeam.images import MAX_PIXELS
-from toposeam.texture.atlas import Atlas, Floats32
-from toposeam.texture.beginning import begun
-from toposeam.texture.canvas import IndexCanvas
-from toposeam.texture.crew import MAX_PROCESSES, Crew
-from toposeam.texture.easing import EasedLight, Level, level_for
-from toposeam.texture.exchange import MOST, Exchange
-from toposeam.texture.finish import finish
-from toposeam.texture.guiding import guide_of
-from toposeam.texture.keeping_step import Phase
-from toposeam.texture.lay import PatchPlacer
-from toposeam.texture.lay_options import LayOptions
-from toposeam.texture.light import CopyLight, flattened, levelled_copies, without_light
-from toposeam.texture.mend import mend
-from toposeam.texture.narrow import widened
-from toposeam.texture.order import STRETCH, find_order
-from toposeam.texture.raster import lay_all, patches_on, shape_on
-from toposeam.texture.request import TextureRequest
-from toposeam.texture.scale import SMALLEST_PATCH, patch_for
-from toposeam.texture.sources import DataRange, Images, Sources, check_varied
-from toposeam.texture.synthesis import Synthesis
-from toposeam.texture.telling import Previews, stage, together
-from toposeam.texture.tileable import Tileable
-from toposeam.texture.turning import TURNS, Turns, count_of, turned_sources
+from toposeam.texture.assemble_result import finish
+from toposeam.texture.canvas.index_canvas import IndexCanvas
+from toposeam.texture.canvas.progress import Previews, stage, together
+from toposeam.texture.canvas.synthesis import Synthesis
+from toposeam.texture.canvas.tileable import Tileable
+from toposeam.texture.exemplar.atlas import Atlas, Floats32
+from toposeam.texture.exemplar.mirror_narrow import widened
+from toposeam.texture.exemplar.scale import SMALLEST_PATCH, patch_for
+from toposeam.texture.exemplar.sources import DataRange, Images, Sources, check_varied
+from toposeam.texture.exemplar.turns import TURNS, Turns, count_of, turned_sources
+from toposeam.texture.guide import guide_of
+from toposeam.texture.light.seam_easing import EasedLight, Level, level_for
+from toposeam.texture.light.slow_light import CopyLight, flattened, levelled_copies, without_light
+from toposeam.texture.periodicity.period import STRETCH, find_order
+from toposeam.texture.periodicity.phase import Phase
+from toposeam.texture.placement.options import LayOptions
+from toposeam.texture.placement.patch_placer import PatchPlacer
+from toposeam.texture.placement.request import TextureRequest
+from toposeam.texture.repair.mend import mend
+from toposeam.texture.repair.object_assignment import MOST, Exchange
+from toposeam.texture.scheduling.process_pool import MAX_PROCESSES, Crew
+from toposeam.texture.scheduling.raster import lay_all, patches_on, shape_on
+from toposeam.texture.tile_origin import begun
 
 
 def synthesize(
@@ -87,7 +87,7 @@ def synthesize(
         The same seed gives the same bytes; the result keeps it.
     tileable : {"both", "x", "y", "none"} or bool
         On which axes the texture continues at the opposite border. Without a guide it begins there at a line
-        that shows little (:mod:`toposeam.texture.beginning`).
+        that shows little (:mod:`toposeam.texture.tile_origin`).
     turns : {"none", "mirror", "quarters", "all"}
         Whether patches are also taken from the exemplars mirrored left to right, turned by quarters, or both:
         for gravel and leaves, which have no upper side. The light turns with them; values do not, so that
@@ -124,10 +124,11 @@ def synthesize(
     flatten : bool
         Take slow light out of the exemplars first (:func:`toposeam.flatten_light`); not out of maps.
     level : bool or "steps", optional
-        Whether light is levelled between patches (:mod:`toposeam.texture.light`), which changes colours a
-        little, or steps at seams are eased into both sides only (:mod:`toposeam.texture.easing`). By default,
-        where no guide is given, light where the exemplars have slow light or are fibres, steps where they are
-        smooth. Maps never are: for exemplars whose values are no colours, say False.
+        Whether light is levelled between patches (:mod:`toposeam.texture.light.slow_light`), which changes
+        colours a little, or steps at seams are eased into both sides only
+        (:mod:`toposeam.texture.light.seam_easing`). By default, where no guide is given, light where the
+        exemplars have slow light or are fibres, steps where they are smooth. Maps never are: for exemplars
+        whose values are no colours, say False.
     max_megapixels : float
         Refuse a larger texture.
     processes : int

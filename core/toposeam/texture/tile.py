@@ -11,14 +11,14 @@ import numpy.typing as npt
 from toposeam.checks import Seed, check_whole
 from toposeam.errors import ImageError, OptionError, Term
 from toposeam.images import Mask, as_array, full_scale
-from toposeam.texture.finish import finish
-from toposeam.texture.holed import read_holed
-from toposeam.texture.lay_options import LayOptions
-from toposeam.texture.raster import SMALLEST_TILE
-from toposeam.texture.request import TextureRequest
-from toposeam.texture.sources import UNSEEN_STEP, DataRange, Images, as_list, check_varied
-from toposeam.texture.synthesis import Synthesis
-from toposeam.texture.tileable import Tileable
+from toposeam.texture.assemble_result import finish
+from toposeam.texture.canvas.synthesis import Synthesis
+from toposeam.texture.canvas.tileable import Tileable
+from toposeam.texture.exemplar.sources import UNSEEN_STEP, DataRange, Images, as_list, check_varied
+from toposeam.texture.holes.hole_window import read_holed
+from toposeam.texture.placement.options import LayOptions
+from toposeam.texture.placement.request import TextureRequest
+from toposeam.texture.scheduling.raster import SMALLEST_TILE
 
 
 def make_tileable(

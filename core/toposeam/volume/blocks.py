@@ -24,19 +24,19 @@ from toposeam.errors import ImageError, MissingPackageError, OverlapError, Term
 from toposeam.heat.bricks import HIGH, LOW, along
 from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
-from toposeam.seam.match_cost import MatchCost
-from toposeam.seam.overlap import FREE, A, B, Overlap
-from toposeam.volume.block_surface import (
+from toposeam.seam.problem.match_cost import MatchCost
+from toposeam.seam.problem.overlap import FREE, A, B, Overlap
+from toposeam.volume.heat.block_surface import (
     COARSE_SHARE,
     block_costs,
     block_sides,
     coarse_labels,
     coarse_span,
 )
-from toposeam.volume.heat import SurfaceOptions, heat_surface, spread
-from toposeam.volume.levels import refined
-from toposeam.volume.placing import Places
-from toposeam.volume.problem import SurfaceProblem
+from toposeam.volume.heat.levels import refined
+from toposeam.volume.heat.method import SurfaceOptions, heat_surface, spread
+from toposeam.volume.problem.canvas import Places
+from toposeam.volume.problem.surface_problem import SurfaceProblem
 
 #: Side of a block, in voxels.
 BLOCK = 160

@@ -13,12 +13,12 @@ import numpy.typing as npt
 from toposeam.checks import check_choice, options_from
 from toposeam.errors import OptionError, Term
 from toposeam.heat.threads import one_thread
-from toposeam.seam.graph_cut import least_cut
-from toposeam.seam.match_cost import MatchCost, check_no_reach, match_options
-from toposeam.seam.solution import Solution
-from toposeam.volume.heat import SurfaceOptions, heat_surface
-from toposeam.volume.posing import surface_problem
-from toposeam.volume.problem import SurfaceProblem
+from toposeam.seam.exact.graph_cut import least_cut
+from toposeam.seam.problem.match_cost import MatchCost, check_no_reach, match_options
+from toposeam.seam.problem.solution import Solution
+from toposeam.volume.heat.method import SurfaceOptions, heat_surface
+from toposeam.volume.problem.posing import surface_problem
+from toposeam.volume.problem.surface_problem import SurfaceProblem
 from toposeam.volume.surface import Surface
 
 SurfaceMethod = Literal["heat", "graph-cut"]
@@ -76,7 +76,7 @@ def find_surface(
     core : float in (0, 1]
         For a volume that lies inside the other, the share of its depth, from its middle outwards, that must
         show: 1 is all of it but its border, where the surface must run, and 0.05 hardly more than its middle
-        (:mod:`toposeam.seam.overlap`).
+        (:mod:`toposeam.seam.problem.overlap`).
     speck : float, optional
         A piece inside the other that cannot show so many connected voxels need not show at all, unless the
         volume has hardly anything else; by default 64, or 0.05 % of the volume's own if that is more. 0 lets

@@ -14,12 +14,12 @@ from toposeam.checks import check_number, check_numbers, check_whole
 from toposeam.display import to_png
 from toposeam.errors import ImageError
 from toposeam.images import Mask
-from toposeam.seam.match_cost import MatchCost, check_no_reach, match_options
-from toposeam.volume.arrays import Volume, as_volume
+from toposeam.seam.problem.match_cost import MatchCost, check_no_reach, match_options
 from toposeam.volume.find import find_surface
-from toposeam.volume.heat import SurfaceOptions
+from toposeam.volume.heat.method import SurfaceOptions
 from toposeam.volume.mesh import Mesh, mesh_of
-from toposeam.volume.placing import Places, placed
+from toposeam.volume.problem.arrays import Volume, as_volume
+from toposeam.volume.problem.canvas import Places, placed
 from toposeam.volume.surface import Surface
 
 

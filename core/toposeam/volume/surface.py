@@ -14,9 +14,9 @@ from toposeam.checks import check_number
 from toposeam.display import to_png
 from toposeam.images import Mask
 from toposeam.optimize.history import Iteration, Termination
-from toposeam.seam.graph_cut import least_cut
+from toposeam.seam.exact.graph_cut import least_cut
 from toposeam.volume.mesh import Mesh, mesh_of
-from toposeam.volume.problem import SurfaceProblem
+from toposeam.volume.problem.surface_problem import SurfaceProblem
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

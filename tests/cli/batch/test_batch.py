@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from processes import descendants, living
 
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 
 PATTERNS = ("left_*.png", "right_*.png", "--overlap", "20", "-o", "out/{name}.png")
 

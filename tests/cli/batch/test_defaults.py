@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from toposeam_cli.pictures.picture import Picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, write_picture
 
 JOBS = """
 [defaults]

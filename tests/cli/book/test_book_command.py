@@ -16,10 +16,10 @@ from toposeam.colours import parse_colour
 from toposeam.errors import OptionError
 from toposeam.motif.book import SEASONS, book_recipe
 from toposeam.motif.kinds import CLEAR, Kind, measure
-from toposeam_cli.figures import products
-from toposeam_cli.figures.products import PRODUCTS, draw_product, product
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
-from toposeam_cli.pictures.recipe import read_recipe
+from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.motifs import products
+from toposeam_cli.motifs.products import PRODUCTS, draw_product, product
+from toposeam_cli.motifs.recipe_files import read_recipe
 
 SMALL = ("-n", "4", "--size", "32", "-q")
 

@@ -4,7 +4,7 @@ import re
 
 from toposeam.motif.book import SEASONS
 from toposeam.motif.kinds import Kind
-from toposeam_cli.book.html import to_html
+from toposeam_cli.motifs.book.html import to_html
 
 
 def test_the_table_counts_the_patterns_of_every_kind_and_season():

@@ -8,8 +8,8 @@ from PIL import ImageFont
 
 from toposeam.motif.book import SEASONS
 from toposeam.motif.kinds import Kind
-from toposeam_cli.book import pdf
-from toposeam_cli.pictures.picture import Picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, write_picture
+from toposeam_cli.motifs.book import pdf
 
 #: px of A4 at 300 dpi.
 WIDTH, HEIGHT = 2480, 3508

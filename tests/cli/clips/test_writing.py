@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from toposeam_cli.clips.writing import _palette
+from toposeam_cli.media.clips.writing import _palette
 
 
 @pytest.mark.parametrize("count", [1, 40])

@@ -12,7 +12,7 @@ import tifffile
 from scipy import ndimage
 
 from stitching import names
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 
 WIDTH, HEIGHT = 360, 180
 

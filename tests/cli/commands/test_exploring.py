@@ -8,7 +8,7 @@ from html import unescape
 import pytest
 
 import toposeam as ts
-from toposeam_cli.pictures.recipe import read_toml, recipe_from_table, to_toml
+from toposeam_cli.motifs.recipe_files import read_toml, recipe_from_table, to_toml
 
 SMALL = ("--size", "24", "--layers", "1", "--iterations", "3")
 BROWSER = next((found for name in ("chromium", "google-chrome") if (found := shutil.which(name))), None)

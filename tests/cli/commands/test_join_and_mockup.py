@@ -7,8 +7,8 @@ import pytest
 from scipy.ndimage import zoom
 
 import toposeam as ts
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
-from toposeam_cli.pictures.recipe import read_recipe
+from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.motifs.recipe_files import read_recipe
 
 SMALL = ("--size", "24", "--layers", "2", "--iterations", "5")
 
@@ -18,7 +18,7 @@ def motifs(tmp_path_factory):
     """A folder with two motifs of other colours, one of three layers, and a narrow picture."""
     from click.testing import CliRunner
 
-    from toposeam_cli.main import main
+    from toposeam_cli.app.main import main
 
     folder = tmp_path_factory.mktemp("motifs")
     for name, options in (

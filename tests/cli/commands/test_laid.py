@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from toposeam_cli.pictures.picture import Picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, write_picture
 
 
 @pytest.mark.parametrize("rule", ["p2", "pmm", "cm", "p4m", "p6"])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from three_pictures import FILES, PLACES, assert_joined
 
-from toposeam_cli.pictures.picture import Picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, write_picture
 
 LAYOUT = """
 [[layer]]

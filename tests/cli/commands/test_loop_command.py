@@ -9,8 +9,8 @@ import pytest
 from PIL import Image
 from scipy import ndimage
 
-from toposeam_cli.clips.reading import read_clip
-from toposeam_cli.pictures.picture import read_picture
+from toposeam_cli.media.clips.reading import read_clip
+from toposeam_cli.media.pictures.picture import read_picture
 
 
 def frames(count=24, size=(32, 40)):

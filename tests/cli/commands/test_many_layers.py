@@ -8,9 +8,9 @@ import pytest
 from three_pictures import AT, FILES, assert_joined, crop, shown
 
 import toposeam as ts
-from toposeam.layers import compose
-from toposeam_cli import placing
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+from toposeam.layers.composite import compose
+from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.stitching import inputs as placing
 
 
 def test_three_pictures_at_given_places(three, toposeam):

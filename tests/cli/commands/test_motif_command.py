@@ -7,8 +7,8 @@ import pytest
 import pyvips
 
 import toposeam as ts
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
-from toposeam_cli.pictures.recipe import read_recipe, to_toml
+from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.motifs.recipe_files import read_recipe, to_toml
 
 SMALL = ("--size", "32", "--layers", "2", "--iterations", "6")
 

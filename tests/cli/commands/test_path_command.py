@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from PIL import Image
 
 import toposeam as ts
 from stitching import STRIP, assert_joined, shown
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 
 #: Placements of B, which has the size of A, and what they make of the overlap.
 PLACEMENTS = {

@@ -12,13 +12,17 @@ from three_pictures import AT, FILES, crop
 
 import toposeam as ts
 from stitching import PROFILE, names
-from toposeam.layers import composition, maps, pair_cost, reduction
-from toposeam_cli import large, placing
+from toposeam.layers.canvas import tile_map as maps
+from toposeam.layers.composite import composition
+from toposeam.layers.labelling import pair_cost
+from toposeam.layers.search import cost_coarsening as reduction
 from toposeam_cli.files import scratch
 from toposeam_cli.files.temporary import remove_stale
-from toposeam_cli.pictures import picture as picture_files
-from toposeam_cli.pictures import stored as stored_pictures
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.media.pictures import picture as picture_files
+from toposeam_cli.media.pictures import stored as stored_pictures
+from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.stitching import inputs as placing
+from toposeam_cli.stitching import windowed_output as large
 
 
 @pytest.fixture

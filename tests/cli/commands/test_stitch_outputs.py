@@ -8,7 +8,7 @@ import pytest
 
 import toposeam as ts
 from stitching import STRIP, assert_joined, names, shown
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 
 
 def test_the_overlay_marks_the_seam_and_nothing_else(folder, toposeam):

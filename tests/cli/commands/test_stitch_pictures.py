@@ -6,7 +6,7 @@ import tifffile
 from PIL import Image
 
 from stitching import PROFILE, STRIP, assert_joined, names, shown
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 
 
 @pytest.mark.parametrize("suffix", [".png", ".tif"])

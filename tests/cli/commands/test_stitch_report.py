@@ -8,7 +8,7 @@ import pytest
 from three_pictures import AT, FILES
 
 from stitching import names
-from toposeam_cli import placing
+from toposeam_cli.stitching import inputs as placing
 
 BROWSER = next((found for name in ("chromium", "google-chrome") if (found := shutil.which(name))), None)
 

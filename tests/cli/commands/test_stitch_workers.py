@@ -13,13 +13,13 @@ import pytest
 from processes import descendants, living
 
 from stitching import make_six, names
-from toposeam.layers import search_options
-from toposeam_cli import placing
+from toposeam.layers.search import options as search_options
 from toposeam_cli.files.scratch import scratch
 from toposeam_cli.files.writing import OutputError
 from toposeam_cli.jobs import crew as crews
 from toposeam_cli.jobs.crew import WorkersDiedError, crew, processes_of
-from toposeam_cli.pictures.picture import Picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, write_picture
+from toposeam_cli.stitching import inputs as placing
 
 WORDS = ("stitch", "six.toml", "--match-tones", "--blend", "multiband", "--max-megapixels", 2000)
 

@@ -9,7 +9,7 @@ import pytest
 from processes import living
 from skimage import data
 
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 
 ASKED = ("--size", "90x70", "--patch", "32")
 

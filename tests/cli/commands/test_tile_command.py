@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from skimage import data
 
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 
 
 @pytest.fixture(autouse=True)

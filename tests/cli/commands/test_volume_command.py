@@ -50,7 +50,7 @@ def save(path, stack, **options):
 
 
 def read(path):
-    from toposeam_cli.stacks.reading import read_stack
+    from toposeam_cli.media.stacks.reading import read_stack
 
     stack = read_stack(path)
     return np.asarray(stack.voxels), stack.spacing
@@ -79,7 +79,7 @@ def test_stacks_of_every_kind_are_joined_and_keep_depth_and_voxel_size(toposeam,
 
 @pytest.mark.parametrize("suffix", [".ome.tif", ".tif", ".npy"])
 def test_stacks_are_opened_not_loaded(tmp_path, suffix):
-    from toposeam_cli.stacks.reading import read_stack
+    from toposeam_cli.media.stacks.reading import read_stack
 
     _, a, _ = stacks()
     voxels = read_stack(save(tmp_path / f"a{suffix}", a)).voxels
@@ -298,7 +298,7 @@ def test_a_zarr_may_replace_its_own_input(toposeam, tmp_path):
 
 def test_a_second_try_of_a_killed_job_finds_its_zarr(tmp_path):
     from toposeam_cli.files.writing import all_or_nothing
-    from toposeam_cli.stacks.writing import write_stack
+    from toposeam_cli.media.stacks.writing import write_stack
 
     whole = stacks(np.uint8)[0]
     write_stack(tmp_path / "j.zarr", whole, None)

@@ -23,7 +23,7 @@ from toposeam_cli.files.interruption import (
 from toposeam_cli.files.temporary import claimed_folder, lock, remove_stale, remove_unfinished
 from toposeam_cli.files.writing import all_or_nothing, atomic_write, replacing
 from toposeam_cli.jobs.workers import Task, answer
-from toposeam_cli.pictures.libvips import evaluate, load_vips
+from toposeam_cli.media.pictures.libvips import evaluate, load_vips
 
 pytestmark = pytest.mark.usefixtures("hangups_arrive")
 SIGNALS = [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, Terminated), (signal.SIGHUP, Terminated)]

@@ -11,7 +11,7 @@ import toposeam_cli.files.temporary as temporary_files
 from toposeam_cli.files.temporary import remove_stale
 from toposeam_cli.files.writing import all_or_nothing, atomic_write, replacing
 from toposeam_cli.gimp import environment, programs
-from toposeam_gimp import engine
+from toposeam_gimp.engine import process as engine
 
 SAMPLES = Path(__file__).parents[3] / "samples"
 

@@ -258,7 +258,7 @@ def test_the_zip_has_one_folder_whose_main_file_is_executable(tmp_path):
         rights = {entry.filename: entry.external_attr >> 16 for entry in archive.infolist()}
     assert {name.split("/")[0] for name in rights} == {"toposeam_gimp"}
     assert rights["toposeam_gimp/toposeam_gimp.py"] == 0o755
-    assert rights["toposeam_gimp/seams.py"] == 0o644
+    assert rights["toposeam_gimp/actions/seams.py"] == 0o644
     assert rights["toposeam_gimp/pictures/rule-p4m.png"] == 0o644
     assert not any(name.endswith((".pyc", "engine.json")) for name in rights)
 

@@ -13,13 +13,13 @@ from picture_samples import smooth
 from PIL import Image
 
 from toposeam_cli.files.writing import PICTURE_SUFFIXES
-from toposeam_cli.pictures import picture as picture_module
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
-from toposeam_cli.pictures.recipe import to_xmp
+from toposeam_cli.media.pictures import picture as picture_module
+from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.motifs.recipe_files import to_xmp
 
 
 def test_importing_the_module_does_not_load_libvips():
-    code = "import sys, toposeam_cli.pictures.picture; sys.exit('pyvips' in sys.modules)"
+    code = "import sys, toposeam_cli.media.pictures.picture; sys.exit('pyvips' in sys.modules)"
     assert (
         subprocess.run(
             [sys.executable, "-c", code], env=dict(os.environ, PYTHONPATH=os.pathsep.join(sys.path))

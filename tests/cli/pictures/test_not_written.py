@@ -11,10 +11,10 @@ from PIL import Image
 from toposeam.errors import ImageError, OptionError
 from toposeam_cli.files.scratch import scratch
 from toposeam_cli.files.writing import PICTURE_SUFFIXES, OutputError
-from toposeam_cli.pictures import picture
-from toposeam_cli.pictures.deep_zoom import write_deep_zoom
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
-from toposeam_cli.pictures.stored import read_stored
+from toposeam_cli.media.pictures import picture
+from toposeam_cli.media.pictures.deep_zoom import write_deep_zoom
+from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.media.pictures.stored import read_stored
 
 
 def test_too_large_for_the_format_ends_in_one_sentence(tmp_path):

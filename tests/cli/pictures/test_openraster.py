@@ -8,8 +8,8 @@ import pytest
 from PIL import Image
 from three_pictures import AT, FILES, PLACES, assert_joined, crop, shown
 
-from toposeam_cli.pictures.openraster import read_ora
-from toposeam_cli.pictures.picture import read_picture
+from toposeam_cli.media.pictures.openraster import read_ora
+from toposeam_cli.media.pictures.picture import read_picture
 
 
 def png(pixels):
@@ -225,7 +225,7 @@ def test_an_openraster_file_stands_alone(three, toposeam):
 
 
 def test_a_later_output_that_fails_takes_the_earlier_ones_back(three, toposeam, monkeypatch):
-    from toposeam_cli import composing as module
+    from toposeam_cli.stitching import outputs as module
 
     def fail(*arguments):
         raise OSError(28, "No space left on device")

@@ -3,7 +3,7 @@
 import pytest
 
 import toposeam as ts
-from toposeam_cli.pictures.printing import Print
+from toposeam_cli.motifs.printing import Print
 
 
 @pytest.mark.parametrize("counts", [(391, 1000), (1000, 391)])

@@ -11,8 +11,8 @@ from PIL import Image, ImageOps
 
 import toposeam as ts
 from toposeam.errors import ImageError
-from toposeam_cli.pictures.masks import read_white
-from toposeam_cli.pictures.picture import Picture, read_picture, read_strips, write_picture
+from toposeam_cli.media.pictures.masks import read_white
+from toposeam_cli.media.pictures.picture import Picture, read_picture, read_strips, write_picture
 
 CMYK = pyvips.Image.profile_load("cmyk")
 

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from picture_samples import fails, png_file, refusal, sample, smooth
 from PIL import Image
 
-from toposeam_cli.pictures import decode
-from toposeam_cli.pictures.picture import read_picture
+from toposeam_cli.media.pictures import decode
+from toposeam_cli.media.pictures.picture import read_picture
 
 
 def test_missing_folder_empty_and_foreign_files_end_in_one_sentence(tmp_path):

@@ -9,7 +9,7 @@ from picture_samples import DEPTHS, GRAY22, OTHER_SRGB, P3, SRGB, fails, gray_pr
 from PIL import Image, ImageCms
 
 from toposeam.errors import ImageError
-from toposeam_cli.pictures.picture import Picture, match_pictures
+from toposeam_cli.media.pictures.picture import Picture, match_pictures
 
 
 def test_gray_is_widened_and_the_deepest_depth_wins():

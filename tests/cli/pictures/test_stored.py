@@ -10,9 +10,9 @@ import pyvips
 
 from toposeam import ImageError
 from toposeam_cli.files.scratch import scratch
-from toposeam_cli.pictures import decode, picture, stored
-from toposeam_cli.pictures.picture import Picture, match_pictures, read_picture, write_picture
-from toposeam_cli.pictures.stored import read_stored, store
+from toposeam_cli.media.pictures import decode, picture, stored
+from toposeam_cli.media.pictures.picture import Picture, match_pictures, read_picture, write_picture
+from toposeam_cli.media.pictures.stored import read_stored, store
 
 HEIGHT, WIDTH = 61, 43
 
@@ -151,8 +151,8 @@ def test_depths_and_channels_are_matched_by_rows(tmp_path, monkeypatch):
 PEAK = """
 import resource, sys
 from pathlib import Path
-from toposeam_cli.pictures.stored import read_stored
-from toposeam_cli.pictures.libvips import load_vips
+from toposeam_cli.media.pictures.stored import read_stored
+from toposeam_cli.media.pictures.libvips import load_vips
 load_vips()
 peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 before = peak()

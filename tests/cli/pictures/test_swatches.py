@@ -4,7 +4,7 @@ import struct
 
 import numpy as np
 
-from toposeam_cli.pictures.swatches import read_swatches
+from toposeam_cli.motifs.swatches import read_swatches
 
 
 def ase(*swatches):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from toposeam.errors import ImageError, OptionError
-from toposeam_cli.pictures.picture import Picture, write_picture
-from toposeam_cli.pictures.theme import read_colours, read_theme
+from toposeam_cli.media.pictures.picture import Picture, write_picture
+from toposeam_cli.motifs.themes import read_colours, read_theme
 
 
 def test_a_palette_has_paper_and_one_ink_at_least():

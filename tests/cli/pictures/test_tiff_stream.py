@@ -6,9 +6,9 @@ import tifffile
 
 from toposeam.images import Windows
 from toposeam_cli.files.writing import OutputError
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
-from toposeam_cli.pictures.raw import Coming, Stored
-from toposeam_cli.pictures.tiff_stream import TiffStream
+from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.media.pictures.raw import Coming, Stored
+from toposeam_cli.media.pictures.tiff_stream import TiffStream
 
 
 class Held(Windows):

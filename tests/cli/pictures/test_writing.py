@@ -7,8 +7,8 @@ from picture_samples import DEPTHS, GRAY22, P3, SRGB, fails, names, sample, smoo
 from PIL import Image
 
 from toposeam_cli.files.writing import PICTURE_SUFFIXES
-from toposeam_cli.pictures import picture as picture_module
-from toposeam_cli.pictures.picture import Picture, read_picture, write_picture
+from toposeam_cli.media.pictures import picture as picture_module
+from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 
 
 @pytest.mark.parametrize(("n_channels", "has_alpha"), [(1, False), (1, True), (3, False), (3, True)])

@@ -9,8 +9,10 @@ from skimage import data, feature
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import toposeam as ts
-from toposeam.layers import adjustment, pairing, placing
-from toposeam.layers.features import Look, look_at, shared_features
+from toposeam.layers.registration import find_places as placing
+from toposeam.layers.registration import pair_matching as pairing
+from toposeam.layers.registration import pose_graph as adjustment
+from toposeam.layers.registration.features import Look, look_at, shared_features
 
 WHOLE = data.camera()[120:220, 100:360]
 

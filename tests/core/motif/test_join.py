@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.motif.compound import _interpolate
+from toposeam.motif.optimise.compound import _interpolate
 
 SIZE = 48
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.motif.spots import _spread
-from toposeam.motif.symmetry import HEXAGONAL
+from toposeam.motif.optimise.spots import _spread
+from toposeam.motif.symmetry.rules import HEXAGONAL
 
 QUICK = {"size": 48, "layers": 2, "iterations": 6}
 

@@ -10,7 +10,8 @@ from scipy import ndimage
 
 import toposeam as ts
 from toposeam.heat import elimination, network
-from toposeam.seam import overlap, problem
+from toposeam.seam.problem import overlap
+from toposeam.seam.problem import seam_problem as problem
 
 
 def ell(size=40, width=10):

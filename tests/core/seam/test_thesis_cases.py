@@ -11,7 +11,7 @@ import pytest
 from thesis_cases import ell, random_colours, toy, zigzag
 
 import toposeam as ts
-from toposeam.seam.thesis_options import ThesisOptions
+from toposeam.seam.thesis.options import ThesisOptions
 
 BOTH = pytest.mark.parametrize("method", ["heat", "thesis"])
 

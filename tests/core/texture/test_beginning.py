@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import toposeam as ts
-from toposeam.texture.beginning import begun, line_steps
+from toposeam.texture.tile_origin import begun, line_steps
 
 
 def stripes(period=16, width=3):

@@ -3,7 +3,7 @@ import pytest
 
 import toposeam as ts
 from toposeam.texture.fill import _grouped
-from toposeam.texture.lay import PatchPlacer
+from toposeam.texture.placement.patch_placer import PatchPlacer
 
 
 @pytest.mark.parametrize("shape", ["small", "large", "at the corner", "two"])
@@ -202,7 +202,7 @@ def test_a_large_hole_is_filled_from_where_most_is_known():
             return super().lay(top, left, shape, may_show)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("toposeam.texture.holed.PatchPlacer", Watching)
+        patch.setattr("toposeam.texture.holes.hole_window.PatchPlacer", Watching)
         ts.fill(image, hole, patch=24, band=4)
     # At a corner of what is left, a window centred on its first pixel is three quarters known; in the middle
     # of an edge, where a hole filled row by row would go on, it is half known.

@@ -9,12 +9,12 @@ from PIL import Image
 from scipy import ndimage
 
 import toposeam as ts
-from toposeam.seam.overlap import Overlap
-from toposeam.volume.block_surface import coarse_span
+from toposeam.seam.problem.overlap import Overlap
 from toposeam.volume.blocks import _even
-from toposeam.volume.placing import placed
-from toposeam.volume.posing import surface_problem
-from toposeam.volume.problem import SurfaceProblem
+from toposeam.volume.heat.block_surface import coarse_span
+from toposeam.volume.problem.canvas import placed
+from toposeam.volume.problem.posing import surface_problem
+from toposeam.volume.problem.surface_problem import SurfaceProblem
 
 array = pytest.importorskip("dask.array")
 
@@ -72,7 +72,7 @@ def test_blocks_find_nearly_the_surface_of_the_whole():
 
 @pytest.mark.medium
 def test_coarse_voxels_and_a_second_round_hardly_cost_anything(monkeypatch):
-    monkeypatch.setattr("toposeam.volume.block_surface._COARSE", 8000)
+    monkeypatch.setattr("toposeam.volume.heat.block_surface._COARSE", 8000)
     a, b, offset = stacks(seed=1)
     assert coarse_span((30, 40, 24)) == (2, 2, 1)
     whole = ts.join_volumes(a, b, offset=offset)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from toposeam.volume.posing import _shares
+from toposeam.volume.problem.posing import _shares
 
 
 def test_what_an_array_holds_where_it_has_no_voxels_does_not_count():

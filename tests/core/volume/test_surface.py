@@ -8,10 +8,10 @@ import toposeam as ts
 from toposeam.heat.bricks import along
 from toposeam.heat.grid_flow import GridFlow
 from toposeam.heat.sweeps import Part
-from toposeam.seam.overlap import A, B
-from toposeam.volume.heat import SurfaceOptions, heat_surface
-from toposeam.volume.levels import VolumeLevel, coarser, refined, refined_filling
-from toposeam.volume.posing import end_to_end, face_areas, surface_problem
+from toposeam.seam.problem.overlap import A, B
+from toposeam.volume.heat.levels import VolumeLevel, coarser, refined, refined_filling
+from toposeam.volume.heat.method import SurfaceOptions, heat_surface
+from toposeam.volume.problem.posing import end_to_end, face_areas, surface_problem
 
 pytest.importorskip("maxflow")
 
@@ -92,9 +92,9 @@ def test_a_slab_that_is_too_thin_grows(monkeypatch):
         solution, _ = heat_surface(problem, SurfaceOptions(whole=0))
         return problem.cost(solution.labels) / problem.cost(best.labels)
 
-    monkeypatch.setattr("toposeam.volume.heat._REACH", 2)
+    monkeypatch.setattr("toposeam.volume.heat.method._REACH", 2)
     grown = ratio()
-    monkeypatch.setattr("toposeam.volume.heat._GROWTHS", 0)
+    monkeypatch.setattr("toposeam.volume.heat.method._GROWTHS", 0)
     assert grown < ratio() - 1e-3
     assert grown < 1 + 1e-3
 

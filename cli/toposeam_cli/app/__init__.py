@@ -1,0 +1,1 @@
+"""The command itself: its commands, options, progress and shells."""

@@ -1,0 +1,114 @@
+"""The ``toposeam`` command: its commands, and the one place where errors become sentences and exit codes."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from typing import Any
+
+import click
+from click.shell_completion import CompletionItem, get_completion_class
+
+from toposeam.sentence import sentence
+from toposeam_cli.app import shells
+from toposeam_cli.app.registry import COMMANDS, CONTEXT, load
+from toposeam_cli.files.interruption import terminations_raised
+
+
+class Commands(click.Group):
+    """Turns what goes wrong into one sentence on stderr and a non-zero exit code."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """The names of all commands."""
+        return sorted({*COMMANDS, *super().list_commands(ctx)})
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command of that name, imported only when it is wanted: Ctrl-C may come while the
+        numerics load.
+        """
+        return load(cmd_name) if cmd_name in COMMANDS else super().get_command(ctx, cmd_name)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands with their first lines, without importing any."""
+        width = formatter.width - 6 - max(map(len, self.list_commands(ctx)))
+        with formatter.section("Commands"):
+            formatter.write_dl(
+                [(name, _first_line(name, self.commands, width)) for name in self.list_commands(ctx)]
+            )
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """The commands that begin so, without importing any, and the options."""
+        found = [
+            CompletionItem(name, help=_first_line(name, self.commands, 60))
+            for name in self.list_commands(ctx)
+            if name.startswith(incomplete)
+        ]
+        return found + click.Command.shell_complete(self, ctx, incomplete)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the chosen command."""
+        _never_fail_to_print()
+        try:
+            with terminations_raised():
+                return super().invoke(ctx)
+        except KeyboardInterrupt:
+            click.echo("Interrupted; no file was left unfinished.", err=True)
+            ctx.exit(130)
+        except click.MissingParameter as error:  # which lists choices in lines of their own
+            text = " ".join(error.format_message().split())
+            raise click.UsageError(text, ctx=error.ctx) from error
+        except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
+            raise
+        except Exception as error:
+            raise click.ClickException(sentence(error)) from error
+
+
+def _first_line(name: str, loaded: Mapping[str, click.Command], width: int) -> str:
+    """What a command does, in a width."""
+    command = loaded[name] if name in loaded else click.Command(name, help=COMMANDS[name])
+    return command.get_short_help_str(width)
+
+
+def _never_fail_to_print() -> None:
+    """Let a terminal or pipe that lacks a character, be it in a file name, show an escape instead."""
+    for stream in (sys.stdout, sys.stderr):
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None and stream.errors == "strict":
+            reconfigure(errors="backslashreplace")
+
+
+@click.group(cls=Commands, context_settings=CONTEXT)
+@click.version_option(package_name="toposeam", prog_name="toposeam")
+def main() -> None:
+    """Join images along seams that heat finds."""
+
+
+@main.command()
+@click.argument("shell", type=click.Choice(["bash", "zsh", "fish", "powershell"]))
+def completion(shell: str) -> None:
+    """Print the completion script for a shell.
+
+    \b
+    toposeam completion bash > ~/.local/share/bash-completion/completions/toposeam
+    toposeam completion powershell >> $PROFILE
+    """  # noqa: D301 - click wants the character
+    kind = get_completion_class(shell)
+    if kind is None:
+        raise click.ClickException(f"there is no completion for {shell}; use bash, zsh or fish")
+    try:
+        script = kind(main, {}, "toposeam", "_TOPOSEAM_COMPLETE").source()
+    except RuntimeError as error:
+        raise click.ClickException(f"completion for {shell}: {error}") from error
+    click.echo(script)
+
+
+@main.command()
+def manual() -> None:
+    """Print the manual page.
+
+    \b
+    toposeam manual > ~/.local/share/man/man1/toposeam.1
+    """  # noqa: D301 - click wants the character
+    from importlib.metadata import version
+
+    click.echo(shells.manual(main, "toposeam", version("toposeam")), nl=False)

@@ -1,0 +1,198 @@
+"""Clips read from files and folders."""
+
+from __future__ import annotations
+
+import re
+import struct
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.errors import ImageError, MissingPackageError
+from toposeam_cli.media.clips.clip import DEFAULT_RATE, Clip, check_pixels, evenly
+from toposeam_cli.media.pictures.picture import read_picture
+
+#: Pictures that may hold several frames, read by Pillow.
+ANIMATED = (".gif", ".webp", ".png", ".apng")
+#: What a folder of frames is searched for.
+FRAMES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp")
+#: What FFmpeg may take a video for: containers that hold it. Playlists (HLS, concat, DASH) name other files.
+_CONTAINERS = (
+    "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,mpegvideo,flv,asf,ogg,gif,apng,mjpeg,m4v,h264,hevc,"
+    "av1,obu,ivf,nut,mxf,dv,rm,wtv,yuv4mpegpipe"
+)
+
+_Frame = npt.NDArray[np.uint8]
+
+
+class OneFrameError(ImageError):
+    """A picture where a clip was wanted."""
+
+
+def read_clip(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
+    """Read a video, an animated picture, or a folder of frames.
+
+    Parameters
+    ----------
+    path : Path
+    rate : Fraction, optional
+        Frames a second; of clips at another or an uneven rate the frame is taken that is shown at each
+        moment.
+    max_pixels : int
+        Frames times width times height above which the clip is refused.
+
+    Raises
+    ------
+    OneFrameError
+        For a picture that does not move.
+    ImageError
+        If there is no such file, or it is no clip, damaged, cut short or too large, or its frames are of
+        unlike size or follow each other unevenly.
+    MissingPackageError
+        For videos, without PyAV.
+    """
+    if path.is_dir():
+        return _read_folder(path, rate, max_pixels)
+    if not path.exists():
+        raise ImageError(f"there is no file '{path}'; check the name")
+    if path.suffix.lower() in ANIMATED:
+        return _read_animated(path, rate, max_pixels)
+    return _read_video(path, rate, max_pixels)
+
+
+def _read_folder(folder: Path, rate: Fraction | None, max_pixels: int) -> Clip:
+    files = sorted(
+        (
+            file
+            for file in folder.iterdir()
+            if file.suffix.lower() in FRAMES and not file.name.startswith(".")
+        ),
+        key=_in_order,
+    )
+    if not files:
+        raise ImageError(f"the folder '{folder}' holds no frames; put {', '.join(FRAMES)} files there")
+    frames: list[Any] = []
+    for file in files:
+        picture = read_picture(file, max_pixels // len(files) or 1)
+        pixels = picture.pixels
+        if pixels.dtype not in (np.uint8, np.uint16):
+            raise ImageError(f"{file} has floating point pixels; save the frames with 8 or 16 bits")
+        if picture.alpha is not None:
+            rgb = np.repeat(pixels[..., None], 3, axis=2) if pixels.ndim == 2 else pixels
+            pixels = np.concatenate([rgb, picture.alpha[..., None]], axis=2)
+        frames.append(pixels)
+        first = frames[0]
+        if pixels.shape != first.shape or pixels.dtype != first.dtype:
+            raise ImageError(
+                f"{file.name} is {_shown(pixels)}, and {files[0].name} is {_shown(first)}; make all frames "
+                "of one size, depth and number of channels"
+            )
+    return Clip(frames=np.stack(frames), rate=rate or DEFAULT_RATE)
+
+
+def _in_order(file: Path) -> list[Any]:
+    """2.png before 10.png."""
+    return [(1, int(word), "") if word.isdigit() else (0, 0, word) for word in re.split(r"(\d+)", file.name)]
+
+
+def _shown(pixels: npt.NDArray[Any]) -> str:
+    channels = pixels.shape[2] if pixels.ndim == 3 else 1
+    return f"{pixels.shape[1]} × {pixels.shape[0]} px with {channels} × {8 * pixels.dtype.itemsize} bits"
+
+
+def _read_animated(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
+    from PIL import Image, ImageSequence, UnidentifiedImageError
+
+    frames: list[_Frame] = []
+    starts: list[Fraction] = []
+    at = Fraction(0)
+    try:
+        with Image.open(path) as picture:
+            count = getattr(picture, "n_frames", 1)
+            check_pixels(str(path), count, (picture.height, picture.width), max_pixels)
+            if count < 2:
+                raise OneFrameError(f"{path} holds one frame; a clip needs several")
+            wide = picture.mode in ("RGBA", "LA", "PA") or "transparency" in picture.info
+            for frame in ImageSequence.Iterator(picture):
+                pixels = np.asarray(frame.convert("RGBA" if wide else "RGB"))
+                starts.append(at)  # how long it is shown is known only now
+                shown = Fraction(round(1000 * float(frame.info.get("duration", 0) or 100)), 1_000_000)
+                at += shown
+                frames.append(pixels)
+    except Image.DecompressionBombError as error:
+        raise ImageError(
+            f"{path} has more pixels than any animation that is read; make it smaller first"
+        ) from error
+    except UnidentifiedImageError as error:
+        raise ImageError(f"{path} is no picture that can be read; save it again") from error
+    except (OSError, SyntaxError, EOFError, ValueError, IndexError, struct.error) as error:
+        if isinstance(error, ImageError):
+            raise
+        raise ImageError(f"{path} is damaged or cut short ({error}); copy or save it again") from error
+    if len(frames) < 2:
+        raise OneFrameError(f"{path} holds one frame; a clip needs several")
+    if wide and all((frame[..., 3] == 255).all() for frame in frames):
+        frames = [np.ascontiguousarray(frame[..., :3]) for frame in frames]
+    stacked, even = evenly(frames, starts, shown, rate, str(path), max_pixels)
+    return Clip(frames=stacked, rate=even)
+
+
+def _read_video(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
+    try:
+        import av
+    except ImportError as error:
+        raise MissingPackageError(
+            f"reading {path} needs PyAV; install it with: pip install 'toposeam[video]', or give a GIF, "
+            "WebP, APNG or a folder of frames"
+        ) from error
+    frames: list[_Frame] = []
+    starts: list[Fraction] = []
+    try:
+        with av.open(str(path), options={"format_whitelist": _CONTAINERS}) as container:
+            if not container.streams.video:
+                raise ImageError(f"{path} holds no pictures; give a video")
+            stream = container.streams.video[0]
+            if stream.codec_context is None:
+                raise ImageError(f"{path} is coded in a way that FFmpeg does not know; convert it to H.264")
+            stream.thread_type = "AUTO"
+            expected = stream.frames
+            last = 1 / stream.average_rate if stream.average_rate else Fraction(1, 25)
+            check_pixels(str(path), max(expected, 1), (stream.height, stream.width), max_pixels)
+            for frame in container.decode(stream):
+                frames.append(_upright(frame))
+                starts.append(Fraction(frame.pts or 0) * (frame.time_base or 1))
+                check_pixels(str(path), len(frames), (frame.height, frame.width), max_pixels)
+            sound = bool(container.streams.audio)
+    except (av.FFmpegError, OSError) as error:
+        if isinstance(error, ImageError):
+            raise
+        raise ImageError(
+            f"{path} cannot be read as a video ({getattr(error, 'strerror', None) or error}): it is damaged, "
+            "cut short, or of another kind; copy or convert it again"
+        ) from error
+    if not frames:
+        raise ImageError(f"{path} holds no frames; convert it again")
+    if len(frames) < 0.9 * expected:
+        raise ImageError(
+            f"{path} is cut short: {len(frames)} of {expected} frames can be read; copy it again"
+        )
+    order = sorted(range(len(frames)), key=starts.__getitem__)
+    stacked, even = evenly(
+        [frames[index] for index in order],
+        [starts[index] for index in order],
+        last,
+        rate,
+        str(path),
+        max_pixels,
+    )
+    return Clip(frames=stacked, rate=even, sound=sound)
+
+
+def _upright(frame: Any) -> _Frame:
+    """The pixels of a frame, turned as the camera was held."""
+    pixels: _Frame = frame.to_ndarray(format="rgb24")
+    turns = round((getattr(frame, "rotation", 0) or 0) / 90) % 4
+    return np.ascontiguousarray(np.rot90(pixels, turns))

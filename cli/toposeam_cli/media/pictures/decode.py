@@ -1,0 +1,271 @@
+"""An image file to one array of gray or RGB, upright; every unusable file ends in one sentence."""
+
+import os
+import re
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from toposeam.errors import ImageError
+from toposeam_cli.media.pictures.colour import DEPTHS, INTENT
+from toposeam_cli.media.pictures.libvips import VipsImage, evaluate, load_vips, reason
+
+#: libvips loaders that decode pictures; it also reads tables, drawings and its own dumps.
+_PICTURE_LOADERS = {"png", "jpeg", "tiff", "webp", "gif", "heif", "jxl", "jp2k", "ppm", "openexr"}
+
+#: Pixels per mm that mean "not stated": every writer that has to put something puts 72 per inch.
+UNSTATED_RESOLUTION = 72 / 25.4
+
+#: How the entry of EXIF begins that states the horizontal resolution, in either byte order; libvips makes one
+#: up where there is none.
+_X_RESOLUTION = (b"\x1a\x01\x05\0", b"\x01\x1a\0\x05")
+
+_BLOCKS = ("icc-profile", "exif", "xmp")
+
+#: Strips are of about so many bytes.
+STRIP_BYTES = 1 << 20
+_DTYPES = {
+    name: np.dtype(kind)
+    for name, kind in {
+        "uchar": np.uint8,
+        "char": np.int8,
+        "ushort": np.uint16,
+        "short": np.int16,
+        "uint": np.uint32,
+        "int": np.int32,
+        "float": np.float32,
+        "complex": np.complex64,
+        "double": np.float64,
+        "dpcomplex": np.complex128,
+    }.items()
+}
+
+#: The XML namespace of a recipe in an XMP packet: it tells how this very picture was made, so that no other
+#: inherits it.
+RECIPE_NAMESPACE = "urn:x-toposeam:1.0:"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Decoding:
+    """What a file holds, its pixels not yet read."""
+
+    #: Gray or RGB, upright; read from top to bottom.
+    image: VipsImage
+    #: The profile of its pixels, not yet compared with its channels.
+    icc: bytes | None
+    #: Horizontal and vertical, in pixels per mm.
+    resolution: tuple[float, float] | None
+    #: As :class:`toposeam_cli.media.pictures.picture.Picture` has them.
+    exif: bytes | None
+    xmp: bytes | None
+
+    def values(self) -> np.ndarray:
+        """All pixels, once: an (H, W) or (H, W, C) ndarray with the channels that the file has once its
+        colours are gray or RGB, alpha last; of one of the depths a picture can have.
+        """
+        return _known_depth(evaluate(self.image, self.image.numpy))
+
+    def strips(self) -> Iterator[np.ndarray]:
+        """The same, a few rows after the other."""
+        image = self.image
+        width, height, bands, dtype = image.width, image.height, image.bands, _DTYPES[image.format]
+        rows = max(1, STRIP_BYTES // (width * bands * dtype.itemsize))
+        region = load_vips().Region.new(image)
+        for top in range(0, height, rows):
+            fetch = partial(region.fetch, 0, top, width, min(rows, height - top))
+            yield _known_depth(np.frombuffer(evaluate(image, fetch), dtype).reshape(-1, width, bands))
+
+
+@contextmanager
+def decoding(path: Path, max_pixels: int) -> Iterator[Decoding]:
+    """The picture in a file, to be decoded within the block; the rules are those of
+    :func:`toposeam_cli.media.pictures.picture.read_picture`.
+
+    Raises
+    ------
+    ImageError
+        If there is no such file, or it is no picture, damaged, cut short or larger than `max_pixels`, or a
+        TIFF of several pages.
+    """
+    check_input(path)
+    vips = load_vips()
+    try:
+        image = vips.Image.new_from_source(
+            vips.Source.new_from_file(os.fsencode(path)), "", access="sequential", fail_on="error"
+        )
+        _check_header(path, image, max_pixels)
+        _check_pages(path, image)
+        resolution = _resolution(image)
+        orientation = image.get("orientation") if "orientation" in image.get_fields() else 1
+        if orientation != 1:
+            image = evaluate(image, image.copy_memory).autorot()  # turning needs the last rows first
+        if orientation in (5, 6, 7, 8) and resolution is not None:
+            resolution = resolution[::-1]  # turned by 90 degrees
+        image = _gray_or_rgb(image)
+        fields = set(image.get_fields())
+        if not any(name.startswith("exif-ifd") for name in fields):
+            fields.discard("exif-data")  # damaged
+        icc, exif, xmp = (image.get(f"{name}-data") if f"{name}-data" in fields else None for name in _BLOCKS)
+        yield Decoding(image, icc, resolution, exif, _xmp(xmp))
+    except vips.Error as error:
+        if "samples out of range" in reason(error):
+            raise ImageError(
+                f"cannot read '{path}': its samples are of a kind libvips does not read, like 64-bit floats; "
+                "export it again with 32 bits"
+            ) from error
+        raise ImageError(
+            f"cannot read '{path}' ({reason(error)}): it is no picture, damaged or of a kind libvips does "
+            "not know; export it again as PNG or TIFF"
+        ) from error
+
+
+def refuse_large(path: Path, width: int, height: int, max_pixels: int, raisable: bool = True) -> None:
+    """Refuse a picture with more pixels than that; `raisable` says whether ``--max-megapixels`` allows more.
+
+    Raises
+    ------
+    ImageError
+    """
+    if width * height > max_pixels:
+        remedy = "raise --max-megapixels if the file is trusted" if raisable else "make it smaller first"
+        raise ImageError(
+            f"'{path}' is {width} x {height} pixels, more than the {max_pixels / 1e6:g} megapixels allowed; "
+            f"{remedy}"
+        )
+
+
+def size_of(path: Path) -> tuple[int, int]:
+    """Width and height of the picture in a file, in px, as its header has them.
+
+    Raises
+    ------
+    ImageError
+        If there is no such file, or it is no picture.
+    """
+    check_input(path)
+    vips = load_vips()
+    try:
+        image = vips.Image.new_from_source(vips.Source.new_from_file(os.fsencode(path)), "")
+    except vips.Error as error:
+        raise ImageError(
+            f"cannot read '{path}' ({reason(error)}): it is no picture, damaged or of a kind libvips does "
+            "not know; export it again as PNG or TIFF"
+        ) from error
+    return image.width, image.height
+
+
+def check_input(path: Path) -> None:
+    """Refuse what is no file with something in it, or none that may be read.
+
+    Raises
+    ------
+    ImageError
+    """
+    try:
+        mode = path.stat().st_mode
+        if stat.S_ISDIR(mode):
+            raise ImageError(f"'{path}' is a folder; name a picture inside it")
+        if not stat.S_ISREG(mode):
+            raise ImageError(f"'{path}' is not a regular file; save the picture to disk first")
+        with path.open("rb") as file:
+            if not file.read(1):
+                raise ImageError(f"'{path}' is empty; export the picture again")
+    except ImageError:
+        raise
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise ImageError(f"there is no file '{path}'; check its name and folder") from error
+    except (OSError, ValueError) as error:
+        raise ImageError(
+            f"cannot read '{path}' ({getattr(error, 'strerror', None) or error}); check its name and your "
+            "right to read it"
+        ) from error
+
+
+def _check_header(path: Path, image: VipsImage, max_pixels: int) -> None:
+    loader = image.get("vips-loader").split("load")[0]
+    if loader not in _PICTURE_LOADERS:
+        raise ImageError(
+            f"'{path}' is {loader.upper()}, not a picture made of pixels; export it as PNG or TIFF"
+        )
+    refuse_large(path, image.width, image.height, max_pixels)
+
+
+def _check_pages(path: Path, image: VipsImage) -> None:
+    """Refuse a TIFF file of several pictures: a scan of pages, or a stack. Smaller pages are previews of the
+    first one, and of an animation the first frame is taken.
+    """
+    if not image.get("vips-loader").startswith("tiff") or image.get("n-pages") == 1:
+        return
+    vips = load_vips()
+    second = vips.Image.new_from_source(vips.Source.new_from_file(os.fsencode(path)), "", page=1)
+    if (second.width, second.height) == (image.width, image.height):
+        raise ImageError(
+            f"'{path}' holds {image.get('n-pages')} pages; save the one that is meant as a file of its own, "
+            "or join whole stacks with toposeam volume"
+        )
+
+
+def _resolution(image: VipsImage) -> tuple[float, float] | None:
+    fields = image.get_fields()
+    resolution = None
+    if (
+        image.xres == image.yres == 1
+        and "exif-data" in fields
+        and any(tag in image.get("exif-data") for tag in _X_RESOLUTION)
+    ):
+        # WebP states it nowhere else, and libvips leaves it there.
+        unit_mm = (
+            10.0
+            if image.get_typeof("exif-ifd0-ResolutionUnit")
+            and image.get("exif-ifd0-ResolutionUnit").startswith("3")
+            else 25.4
+        )
+        try:
+            x, y = (
+                float(Fraction(image.get(f"exif-ifd0-{axis}Resolution").split()[0])) / unit_mm
+                for axis in "XY"
+            )
+        except (ValueError, IndexError, ZeroDivisionError):
+            return None
+        resolution = (x, y)
+    elif "resolution-unit" in fields or image.get("vips-loader").startswith("png"):
+        resolution = (image.xres, image.yres)
+    if resolution is None or not all(0 < value < 1e5 for value in resolution):  # 0, infinite or absurd
+        return None
+    if all(abs(value - UNSTATED_RESOLUTION) < 2e-3 for value in resolution):
+        return None
+    return resolution
+
+
+def _xmp(packet: bytes | None) -> bytes | None:
+    """An XMP packet for a picture that stands upright, and is not what a recipe of ours made."""
+    if packet is None or RECIPE_NAMESPACE.encode() in packet:
+        return None
+    return re.sub(rb"""(tiff:Orientation\s*(?:=\s*["']|>)\s*)[2-8]""", rb"\g<1>1", packet)
+
+
+def _gray_or_rgb(image: VipsImage) -> VipsImage:
+    """Convert what is neither gray nor RGB; a last band of alpha stays."""
+    if image.interpretation in ("lab", "labs"):
+        return image.colourspace("rgb16")
+    if image.interpretation != "cmyk":
+        return image
+    colour = image.extract_band(0, n=image.bands - 1) if image.hasalpha() else image
+    depth = 8 if image.format == "uchar" else 16
+    colour = colour.icc_transform("srgb", embedded=True, input_profile="cmyk", depth=depth, **INTENT)
+    return colour.bandjoin(image.extract_band(image.bands - 1)) if image.hasalpha() else colour
+
+
+def _known_depth(values: np.ndarray) -> np.ndarray:
+    if values.dtype in DEPTHS or np.iscomplexobj(values):
+        return values
+    if np.issubdtype(values.dtype, np.integer):
+        values = values / np.iinfo(values.dtype).max
+    with np.errstate(over="ignore"):  # too large for a float is infinite, which Picture refuses
+        return values.astype(np.float32)

@@ -1,0 +1,395 @@
+"""Pictures read from files, matched and written; beside `decode`, the only place that knows file formats.
+
+What survives from input to output: 8 and 16 bits per channel and 32-bit float, gray or RGB, alpha, the colour
+profile byte for byte, the resolution, the orientation, which is applied to the pixels, and EXIF and XMP as
+far as libvips has a place for them in the format: no EXIF in TIFF, no blocks above 60 kB in JPEG. The
+thumbnail does not: it shows the source, not what was made of it.
+"""
+
+import math
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toposeam.errors import ImageError
+from toposeam.images import full_scale
+from toposeam_cli.files.writing import OutputError, check_output, replacing
+from toposeam_cli.media.pictures.colour import DEPTHS, convert_profile, fits_profile, to_depth
+from toposeam_cli.media.pictures.decode import UNSTATED_RESOLUTION, Decoding, decoding
+from toposeam_cli.media.pictures.libvips import (
+    VipsImage,
+    channels,
+    evaluate,
+    load_vips,
+    reason,
+    to_vips,
+    with_profile,
+)
+
+#: Pictures with more pixels are refused unless the user asks: 500 megapixels are 3 GB as 16-bit RGB.
+MAX_PIXELS = 500_000_000
+
+#: A classic TIFF ends at 4 GiB, and what does not compress may grow.
+_BIGTIFF_BYTES = 3_500_000_000
+
+#: A JPEG's codes are fitted to it, which saves a tenth of the file, up to so many pixels: all of its
+#: coefficients have to be in memory for that.
+_CODED_PIXELS = 64_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Format:
+    """What a file format can hold, and how we write it."""
+
+    saver: str  #: The libvips operation.
+    depths: tuple[np.dtype, ...]  #: Shallowest first.
+    max_side: int = 100_000_000  #: px; libvips' own bound where the format has none.
+    has_alpha: bool = True
+    has_gray: bool = True
+    options: dict[str, Any] = field(default_factory=dict)  #: Of the saver.
+
+
+_PNG = _Format(saver="pngsave", depths=DEPTHS[:2], options={"compression": 6, "filter": "all"})
+_TIFF = _Format(saver="tiffsave", depths=DEPTHS, options={"compression": "deflate"})
+_JPEG = _Format(
+    saver="jpegsave",
+    depths=DEPTHS[:1],
+    max_side=65_500,
+    has_alpha=False,
+    options={"Q": 95, "subsample_mode": "off"},
+)
+# Lossy WebP always halves the colour's resolution, so seams would show; `exact` keeps the colour of
+# transparent pixels.
+_WEBP = _Format(
+    saver="webpsave",
+    depths=DEPTHS[:1],
+    max_side=16_383,
+    has_gray=False,
+    options={"lossless": True, "exact": True, "effort": 2},
+)
+
+#: How TIFF files may be compressed.
+COMPRESSIONS = ("deflate", "lzw", "none")
+
+_FORMATS = {".png": _PNG, ".tif": _TIFF, ".tiff": _TIFF, ".jpg": _JPEG, ".jpeg": _JPEG, ".webp": _WEBP}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Picture:
+    """A picture in memory, upright, its alpha apart and not multiplied in.
+
+    Derive one from another with :func:`dataclasses.replace`, which keeps profile, resolution and metadata.
+    """
+
+    #: (H, W) gray or (H, W, 3) RGB ndarray: uint8, uint16, or finite float32 with 1.0 as white.
+    pixels: np.ndarray
+    #: (H, W) ndarray of the same dtype, from 0 to full scale; None if every pixel is opaque by nature.
+    alpha: np.ndarray | None = None
+    #: The ICC profile of `pixels`; None means sRGB.
+    icc: bytes | None = None
+    #: (horizontal, vertical) in pixels per mm; None if unknown.
+    resolution: tuple[float, float] | None = None
+    #: Blocks of metadata. Of what EXIF says the orientation is ignored, and size and resolution are those of
+    #: the pixels.
+    exif: bytes | None = None
+    xmp: bytes | None = None
+    #: The file it came from, for messages.
+    source: Path | None = None
+
+    def __post_init__(self) -> None:
+        name = f"'{self.source}'" if self.source else "the picture"
+        shape, dtype = self.pixels.shape, self.pixels.dtype
+        if not (len(shape) == 2 or (len(shape) == 3 and shape[2] == 3)) or 0 in shape:
+            raise ImageError(f"{name} has shape {shape}; give gray (H, W) or RGB (H, W, 3) pixels")
+        if dtype not in DEPTHS:
+            raise ImageError(f"{name} has {dtype} pixels; convert them to uint8, uint16 or float32")
+        if self.alpha is not None and (self.alpha.shape != shape[:2] or self.alpha.dtype != dtype):
+            raise ImageError(
+                f"{name} has {self.alpha.dtype} alpha of shape {self.alpha.shape}; give {dtype} of shape "
+                f"{shape[:2]}"
+            )
+        if dtype == np.float32 and not all(
+            np.isfinite(values).all()
+            for values in (self.pixels, self.alpha)
+            if isinstance(values, np.ndarray)
+        ):
+            raise ImageError(f"{name} contains NaN or infinite values; replace them with numbers first")
+        if self.resolution is not None and not all(0 < value < np.inf for value in self.resolution):
+            raise ImageError(
+                f"{name} has resolution {self.resolution}; give two positive numbers of pixels per mm, or "
+                "None"
+            )
+
+    def covered(self) -> np.ndarray:
+        """(H, W) bool, True where the picture has pixels: alpha above 0."""
+        return np.ones(self.pixels.shape[:2], bool) if self.alpha is None else self.alpha > 0
+
+
+#: What becomes of a picture that has to be converted: given that, and what converts it, or some rows of it.
+Keep = Callable[[Picture, Callable[[Picture], Picture]], Picture]
+
+
+def read_picture(path: str | Path, max_pixels: int = MAX_PIXELS) -> Picture:
+    """Read an image file as gray or RGB, upright.
+
+    Palettes and single bits become 8-bit RGB and gray; CMYK becomes sRGB through its embedded profile, or a
+    typical press profile without one; LAB becomes 16-bit sRGB. 8 and 16 bits and 32-bit floats stay as they
+    are. Other depths become float32: integers are divided by their largest value (so signed ones cover [-1,
+    1]), doubles are rounded. Of several frames the first is read. A profile that does not fit the channels
+    is ignored.
+
+    Parameters
+    ----------
+    path : str or Path
+        PNG, TIFF, JPEG, WebP, GIF, and what else this libvips decodes.
+    max_pixels : int
+        Width times height above which the file is refused before it is decoded.
+
+    Returns
+    -------
+    Picture
+
+    Raises
+    ------
+    ImageError
+        If there is no such file, or it is no picture, damaged, cut short or too large, or a TIFF of pages.
+    """
+    path = Path(path)
+    with decoding(path, max_pixels) as file:
+        return _decoded(path, file, file.values())
+
+
+def read_strips(path: Path, max_pixels: int = MAX_PIXELS) -> Iterator[Picture]:
+    """What :func:`read_picture` reads, a few rows after the other."""
+    with decoding(path, max_pixels) as file:
+        for values in file.strips():
+            yield _decoded(path, file, values)
+
+
+def _decoded(path: Path, file: Decoding, values: np.ndarray) -> Picture:
+    pixels, alpha = _split_alpha(path, values)
+    icc = file.icc if fits_profile(file.icc, channels(pixels)) else None
+    return Picture(
+        pixels=pixels,
+        alpha=alpha,
+        icc=icc,
+        resolution=file.resolution,
+        exif=file.exif,
+        xmp=file.xmp,
+        source=path,
+    )
+
+
+def check_size(path: Path, width: int, height: int) -> None:
+    """Refuse, before it is computed, a picture that a file of that extension cannot hold.
+
+    Raises
+    ------
+    ImageError
+    """
+    kind = _FORMATS.get(path.suffix.lower())
+    if kind is not None and max(height, width) > kind.max_side:
+        raise ImageError(
+            f"'{path}' would be {width} x {height} pixels, but {path.suffix} ends at {kind.max_side} a side; "
+            "write .png or .tif instead"
+        )
+
+
+def write_picture(
+    path: str | Path,
+    picture: Picture,
+    force: bool = False,
+    *,
+    quality: int | None = None,
+    compression: str | None = None,
+    pyramid: bool = False,
+    keep: Keep | None = None,
+) -> None:
+    """Write a picture in the format its extension names, completely or not at all.
+
+    - ``.png``: 8 or 16 bits; float is clipped to [0, 1] and rounded to 16 bits.
+    - ``.tif``, ``.tiff``: 8 or 16 bits or float, deflate compression, BigTIFF above 3.5 GB.
+    - ``.jpg``, ``.jpeg``: rounded to 8 bits, quality 95 without colour subsampling; full alpha is
+      dropped, any other refused.
+    - ``.webp``: rounded to 8 bits, RGB, lossless.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file to be written.
+    picture : Picture
+        A picture without resolution is written as 72 per inch, the customary "unknown".
+    force : bool
+        Whether an existing file may be replaced.
+    quality : int, optional
+        Of JPEG, 1 to 100; 95 by default.
+    compression : str, optional
+        Of TIFF, one of `COMPRESSIONS`; deflate by default.
+    pyramid : bool
+        Of TIFF: in tiles, with the picture at half the size, a quarter and so on behind it.
+    keep : callable, optional
+        What becomes of a picture that the format cannot hold as it is; see :func:`match_pictures`.
+
+    Raises
+    ------
+    OptionError
+        If the file cannot go there; see :func:`toposeam_cli.files.writing.check_output`.
+    ImageError
+        If the format cannot hold the picture: too large, or transparent for JPEG.
+    OutputError
+        If writing fails; an existing file is then still there, unchanged.
+    """
+    path = check_output(path, force)
+    kind = _FORMATS[path.suffix.lower()]
+    picture = _fit(path, picture, kind, keep)
+    options = dict(kind.options)
+    if kind is _TIFF:
+        bands = channels(picture.pixels) + (picture.alpha is not None)
+        size = math.prod(picture.pixels.shape[:2]) * bands * picture.pixels.dtype.itemsize
+        options["bigtiff"] = size > (_BIGTIFF_BYTES // 2 if pyramid else _BIGTIFF_BYTES)
+        if pyramid:
+            options |= {"pyramid": True, "tile": True, "tile_width": 256, "tile_height": 256}
+        options["compression"] = compression or "deflate"
+        # The floating point predictor packs better, but many readers lack it.
+        options["predictor"] = "none" if picture.pixels.dtype == np.float32 else "horizontal"
+    if kind is _JPEG:
+        options["optimize_coding"] = math.prod(picture.pixels.shape[:2]) <= _CODED_PIXELS
+        options["Q"] = quality or options["Q"]
+    vips = load_vips()
+    image = vips_image(picture)
+    with replacing(path, force) as temporary:
+        try:
+            evaluate(image, lambda: getattr(image, kind.saver)(os.fsencode(temporary), **options))
+        except vips.Error as error:
+            raise OutputError(
+                f"cannot write '{path}' ({reason(error)}); free some space or choose another folder"
+            ) from error
+
+
+def encode_png(picture: Picture) -> bytes:
+    """The bytes of the PNG that :func:`write_picture` would write."""
+    image = vips_image(_fit(Path("picture.png"), picture, _PNG))
+    content: bytes = evaluate(image, lambda: image.pngsave_buffer(**_PNG.options))
+    return content
+
+
+def match_pictures(
+    pictures: Sequence[Picture],
+    keep: Keep | None = None,
+) -> list[Picture]:
+    """Give pictures the same channels, depth and colour profile, so that their pixels can be compared.
+
+    - Gray next to RGB becomes RGB.
+    - All take the deepest depth among them: uint8, then uint16, then float32; alpha too.
+    - All take the profile of the first picture, or of the first RGB picture where a gray one leads. A picture
+      without profile is sRGB (gray: with sRGB's tone curve). Profiles that differ only in spelling change no
+      pixel.
+
+    Parameters
+    ----------
+    pictures : sequence of Picture
+        Of any sizes.
+    keep : callable, optional
+        What becomes of a picture that has to be converted, before the next one is; left out, it is converted
+        in memory.
+
+    Returns
+    -------
+    list of Picture
+        In the same order, with alpha, size and resolution as they were.
+
+    Raises
+    ------
+    ImageError
+        If a profile cannot be applied; see :func:`toposeam_cli.media.pictures.colour.convert_profile`.
+    """
+    if not pictures:
+        return []
+    n_channels = max(channels(picture.pixels) for picture in pictures)
+    dtype = max((picture.pixels.dtype for picture in pictures), key=DEPTHS.index)
+    icc = next(picture.icc for picture in pictures if channels(picture.pixels) == n_channels)
+    return [_as(picture, dtype, icc, n_channels, keep) for picture in pictures]
+
+
+def in_eight_bits(picture: Picture, keep: Keep | None = None) -> Picture:
+    """The picture with uint8 pixels, rounded."""
+    return _as(picture, np.dtype(np.uint8), picture.icc, channels(picture.pixels), keep)
+
+
+def _as(picture: Picture, dtype: np.dtype, icc: bytes | None, n_channels: int, keep: Keep | None) -> Picture:
+    if (picture.pixels.dtype, picture.icc, channels(picture.pixels)) == (dtype, icc, n_channels):
+        return picture
+    convert = partial(_convert, dtype=dtype, icc=icc, n_channels=n_channels)
+    return convert(picture) if keep is None else keep(picture, convert)
+
+
+def _convert(picture: Picture, dtype: np.dtype, icc: bytes | None, n_channels: int) -> Picture:
+    try:
+        pixels = convert_profile(to_depth(np.asarray(picture.pixels), dtype), picture.icc, icc, n_channels)
+    except ImageError as error:
+        raise ImageError(f"'{picture.source}': {error}" if picture.source else str(error)) from error
+    alpha = None if picture.alpha is None else to_depth(np.asarray(picture.alpha), dtype)
+    return replace(picture, pixels=pixels, alpha=alpha, icc=icc)
+
+
+def _split_alpha(path: Path, values: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+    values = np.atleast_3d(values)
+    n_channels = values.shape[2]
+    if n_channels not in (1, 2, 3, 4):
+        raise ImageError(
+            f"'{path}' has {n_channels} channels; export it as gray or RGB, with at most one alpha channel"
+        )
+    n_colours = 1 if n_channels < 3 else 3
+    pixels = values
+    if n_colours < n_channels:  # one channel after the other, which takes a quarter of the time
+        pixels = np.empty((*values.shape[:2], n_colours), values.dtype)
+        for channel in range(n_colours):
+            pixels[:, :, channel] = values[:, :, channel]
+    alpha = None if n_colours == n_channels else np.ascontiguousarray(values[:, :, -1])
+    if alpha is not None and alpha.dtype == np.float32:
+        np.clip(alpha, 0, 1, out=alpha)
+    return (pixels[:, :, 0] if n_colours == 1 else pixels), alpha
+
+
+def _fit(path: Path, picture: Picture, kind: _Format, keep: Keep | None = None) -> Picture:
+    """Reduce a picture to what the format can hold, or refuse."""
+    height, width = picture.pixels.shape[:2]
+    check_size(path, width, height)
+    dtype = picture.pixels.dtype
+    alpha = picture.alpha
+    if alpha is not None and not kind.has_alpha:
+        if (alpha < full_scale(dtype)).any():
+            raise ImageError(
+                f"'{path}' cannot be written: the picture is partly transparent, which {path.suffix} cannot "
+                "hold; use .png or .tif"
+            )
+        picture = replace(picture, alpha=None)
+    dtype = dtype if dtype in kind.depths else kind.depths[-1]
+    if channels(picture.pixels) == 1 and fits_profile(picture.icc, 1) and not kind.has_gray:
+        return _as(picture, dtype, None, 3, keep)
+    return _as(picture, dtype, picture.icc, channels(picture.pixels), keep)
+
+
+def vips_image(picture: Picture) -> VipsImage:
+    """The picture as libvips writes it, with its metadata."""
+    image = to_vips(picture.pixels)
+    if picture.alpha is not None:
+        image = image.bandjoin(to_vips(picture.alpha))
+    image = image.copy()
+    for name, value in (("exif-data", picture.exif), ("xmp-data", picture.xmp)):
+        if value:  # libvips cannot write empty ones
+            image.set_type(load_vips().GValue.blob_type, name, value)
+    # libvips has read the EXIF block: what it says of the source's size, resolution and orientation is
+    # replaced, its thumbnail removed.
+    image.set_type(load_vips().GValue.gint_type, "orientation", 1)
+    for name in image.get_fields():
+        if name == "jpeg-thumbnail-data" or name.startswith("exif-ifd1-"):
+            image.remove(name)
+    x, y = picture.resolution or (UNSTATED_RESOLUTION, UNSTATED_RESOLUTION)
+    image = image.copy(xres=x, yres=y)
+    return image if picture.icc is None else with_profile(image, picture.icc)

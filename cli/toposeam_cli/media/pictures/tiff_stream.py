@@ -1,0 +1,125 @@
+"""What libvips reads pixels through that lie in files of ours, or are still to come: a TIFF file that is
+nowhere, made strip by strip while it is read.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import struct
+from typing import Any
+
+from toposeam.images import Windows
+from toposeam_cli.media.pictures.tiff_place import KINDS
+
+#: Rows of a strip.
+_ROWS = 16
+#: Of the kinds of numbers, those written here.
+_SHORT, _LONG, _LONG8 = 3, 4, 16
+#: What `SampleFormat` calls values that are no whole numbers, and `PhotometricInterpretation` gray and RGB.
+_FLOAT, _GRAY, _RGB = 3, 1, 2
+#: Bytes of BigTIFF's own beginning, of an entry of its directory, and of what stands around those.
+_BEGINS, _ENTRY, _AROUND = 16, 20, 16
+
+
+class TiffStream(io.RawIOBase):
+    """The bytes of an uncompressed BigTIFF file of an image, which is read a strip at a time.
+
+    Parameters
+    ----------
+    pixels : Windows
+        (H, W) or (H, W, 3) of uint8, uint16 or float32.
+
+    Examples
+    --------
+    >>> import tifffile
+    >>> import numpy as np
+    >>> class Ramp(Windows):
+    ...     def read(self, rows, columns):
+    ...         return np.add.outer(np.r_[rows], np.r_[columns]).astype(self.dtype)
+    >>> tifffile.imread(TiffStream(Ramp((50, 70), np.uint16)))[49, 66:].tolist()
+    [115, 116, 117, 118]
+    """
+
+    def __init__(self, pixels: Windows) -> None:
+        self._pixels, self._at = pixels, 0
+        height, width = pixels.shape[:2]
+        line = width * math.prod(pixels.shape[2:]) * pixels.dtype.itemsize
+        self._strip = _ROWS * line
+        self._head = _head(pixels, line)
+        self._size = len(self._head) + height * line
+        self._kept: tuple[int, bytes] = -1, b""
+
+    def readable(self) -> bool:
+        """Yes."""
+        return True
+
+    def seekable(self) -> bool:
+        """Yes."""
+        return True
+
+    def tell(self) -> int:
+        """The byte that is read next."""
+        return self._at
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        """Go to a byte: of the file, from here, or from its end."""
+        self._at = max(0, offset + (0, self._at, self._size)[whence])
+        return self._at
+
+    def readinto(self, buffer: Any) -> int:
+        """Fill a buffer as far as the file goes; how many bytes that are."""
+        buffer, filled = memoryview(buffer).cast("B"), 0
+        while filled < len(buffer) and self._at < self._size:
+            if self._at < len(self._head):
+                source, start = self._head, self._at
+            else:
+                number, start = divmod(self._at - len(self._head), self._strip)
+                source = self._bytes(number)
+            found = memoryview(source)[start : start + len(buffer) - filled]
+            buffer[filled : filled + len(found)] = found
+            filled += len(found)
+            self._at += len(found)
+        return filled
+
+    def _bytes(self, number: int) -> bytes:
+        """A strip, kept until another one is asked for."""
+        if self._kept[0] != number:
+            height, width = self._pixels.shape[:2]
+            rows = slice(number * _ROWS, min((number + 1) * _ROWS, height))
+            values = self._pixels.read(rows, slice(0, width))
+            self._kept = number, values.astype(values.dtype.newbyteorder("<"), copy=False).tobytes()
+        return self._kept[1]
+
+
+def _head(pixels: Windows, line: int) -> bytes:
+    """All that stands before the pixels, of so many bytes a row: header, directory, long values."""
+    height, width = pixels.shape[:2]
+    bands = math.prod(pixels.shape[2:])
+    starts = range(0, height, _ROWS)
+    sizes = [min(_ROWS, height - start) * line for start in starts]
+    tags = {
+        256: (_LONG, [width]),
+        257: (_LONG, [height]),
+        258: (_SHORT, [8 * pixels.dtype.itemsize] * bands),
+        259: (_SHORT, [1]),  # not compressed
+        262: (_SHORT, [_GRAY if bands == 1 else _RGB]),
+        273: (_LONG8, [start * line for start in starts]),
+        277: (_SHORT, [bands]),
+        278: (_LONG, [_ROWS]),
+        279: (_LONG8, sizes),
+        339: (_SHORT, [_FLOAT if pixels.dtype.kind == "f" else 1] * bands),
+    }
+    lengths = {tag: len(values) * struct.calcsize("<" + KINDS[kind]) for tag, (kind, values) in tags.items()}
+    at = _BEGINS + len(tags) * _ENTRY + _AROUND
+    begin = at + sum(length for length in lengths.values() if length > 8)
+    tags[273] = _LONG8, [begin + start for start in tags[273][1]]
+    entries, behind = [], []
+    for tag, (kind, values) in tags.items():
+        told = struct.pack(f"<{len(values)}{KINDS[kind]}", *values)
+        if len(told) > 8:
+            behind.append(told)
+            told, at = struct.pack("<Q", at), at + len(told)
+        entries.append(struct.pack("<HHQ8s", tag, kind, len(values), told))
+    first = struct.pack("<2sHHHQ", b"II", 43, 8, 0, _BEGINS)
+    return b"".join([first, struct.pack("<Q", len(tags)), *entries, bytes(8), *behind])

@@ -1,0 +1,1 @@
+"""Options, pattern books and products that the motif commands share."""

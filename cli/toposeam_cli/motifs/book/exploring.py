@@ -1,0 +1,60 @@
+"""A page of motifs to choose from: click to keep, copy or save the recipe, and go on from there."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Callable, Sequence
+from html import escape
+from importlib.resources import files
+
+import numpy as np
+
+import toposeam as ts
+from toposeam.motif.symmetry.tiling import period
+from toposeam.sentence import counted
+from toposeam_cli.media.pictures.colour import to_depth
+from toposeam_cli.media.pictures.libvips import to_vips
+from toposeam_cli.motifs.recipe_files import to_toml
+
+#: Width of a motif's pattern on the page, px.
+_SHOWN_PX = 360
+
+
+def explore_page(recipes: Sequence[ts.Recipe], columns: int, progress: Callable[[float], None] | None) -> str:
+    """The page as one .html file.
+
+    Parameters
+    ----------
+    recipes : sequence of Recipe
+    columns : int
+    progress : callable or None
+        Called with the share done.
+    """
+    cards = []
+    for number, recipe in enumerate(recipes, 1):
+        made = ts.generate_motif(recipe)
+        picture = to_depth(_swatch(made), np.dtype(np.uint8))
+        data = base64.b64encode(to_vips(picture).pngsave_buffer(compression=9)).decode("ascii")
+        words = f"{recipe.repeat}, seed {recipe.seed}, {counted(len(recipe.layers), 'ink')}"
+        cards.append(
+            f'<button class="card" aria-pressed="false" data-number="{number}"><img alt="motif {number}" '
+            f'src="data:image/png;base64,{data}"><span>{number} · {escape(words)}</span></button>'
+        )
+        if progress is not None:
+            progress(number / len(recipes))
+    texts = json.dumps([to_toml(recipe) for recipe in recipes]).replace("</", "<\\/")
+    page = files("toposeam_cli.motifs.book").joinpath("explore.html").read_text("utf-8")
+    return (
+        page.replace("{{columns}}", str(columns))
+        .replace("{{cards}}", "\n".join(cards))
+        .replace("{{recipes}}", texts)
+    )
+
+
+def _swatch(made: ts.Motif) -> np.ndarray:
+    rows, columns = made.densities.shape[1:]
+    counts = tuple(max(2, many) for many in period(made.repeat))
+    across = _SHOWN_PX // counts[1]
+    image = ts.repeat(made, (counts[0], counts[1]), size=(max(1, round(across * rows / columns)), across))
+    return np.ascontiguousarray(image[:_SHOWN_PX])

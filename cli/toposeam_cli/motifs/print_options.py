@@ -1,0 +1,192 @@
+"""What ``motif``, ``repeat`` and ``join`` have in common: how inks go to paper, and the writing."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+import toposeam as ts
+from toposeam.motif.ink.mixing import mix
+from toposeam.motif.ink.printing import Inked
+from toposeam.motif.symmetry.kaleidoscope import GROUPS
+from toposeam.motif.symmetry.tiling import shift_of
+from toposeam_cli.app.options import FiniteRange, PaperLengthType
+from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_output
+from toposeam_cli.media.pictures.picture import write_picture
+from toposeam_cli.motifs.printing import Print, plate_path, printable, separation
+from toposeam_cli.motifs.recipe_files import read_recipe
+
+
+class RepeatType(click.Choice[str]):
+    """A rule of repetition; ``drop`` and ``brick`` may have a share behind them."""
+
+    name = "RULE"
+
+    def __init__(self) -> None:
+        super().__init__(ts.REPEATS)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Parse the text."""
+        text = " ".join(str(value).split())
+        return text if shift_of(text) is not None else super().convert(value, param, ctx)
+
+
+def check_laid(path: Path, rule: str, instead: str) -> None:
+    """Refuse to lay a picture by a wallpaper group that it was not made for: its copies would be the same as
+    those of any other group.
+
+    Parameters
+    ----------
+    path : Path
+    rule : str
+    instead : str
+        What else can be done, for the error's text.
+
+    Raises
+    ------
+    OptionError
+    """
+    if rule not in GROUPS or rule == "p1":
+        return
+    try:
+        made = read_recipe(path).repeat
+    except ts.TopoSeamError:
+        made = None
+    if made != rule:
+        raise ts.OptionError(
+            f"{path.name} was not made for {rule}, so its copies side by side would not show that; {instead}"
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PrintOptions:
+    """What was asked for; None where nothing was."""
+
+    width_mm: float | None = None
+    dpi: float | None = None
+    levels: int | None = None
+    transparent: bool | None = None
+    separations: bool = False
+
+    def over(self, before: Mapping[str, Any], **others: Any) -> Print:
+        """A way to print: how a file was printed before, with what was asked for now over it."""
+        asked = {option.name: getattr(self, option.name) for option in fields(self)} | others
+        del asked["separations"]
+        return Print(**(dict(before) | {name: value for name, value in asked.items() if value is not None}))
+
+
+def print_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options of `PrintOptions`, which come as one value, ``ink``."""
+
+    @functools.wraps(command)
+    def grouped(*arguments: Any, **given: Any) -> Any:
+        ink = {option.name: given.pop(option.name) for option in fields(PrintOptions)}
+        ink["transparent"] = ink["transparent"] or None
+        return command(*arguments, ink=PrintOptions(**ink), **given)
+
+    for option in reversed(
+        (
+            click.option(
+                "--motif-width",
+                "width_mm",
+                type=PaperLengthType(),
+                help="Width of one motif on paper: 80mm, 8cm or 3in.",
+            ),
+            click.option(
+                "--dpi",
+                type=FiniteRange(1, 10_000),
+                help="Resolution, pixels per inch.  [default: 300 with --motif-width]",
+            ),
+            click.option(
+                "--levels",
+                type=click.IntRange(1, 64),
+                help="For .svg: steps from paper to full ink.  [default: 12]",
+            ),
+            click.option("--transparent", is_flag=True, help="Leave the paper out."),
+            click.option(
+                "--separations",
+                is_flag=True,
+                help="Beside it a gray picture of each ink, black where it is full: NAME.1-INK.tif.",
+            ),
+        )
+    ):
+        grouped = option(grouped)
+    return grouped
+
+
+def check_print(output: Path, names: tuple[str, ...], ink: PrintOptions, force: bool) -> None:
+    """Refuse before any work what cannot be written."""
+    if ink.separations:
+        if output.suffix.lower() == ".svg":
+            raise ts.OptionError(
+                "an .svg has each ink as a layer of its own already; leave --separations out, or write a .tif"
+            )
+        for number, name in enumerate(names, 1):
+            check_output(plate_path(output, number, name), force)
+
+
+def write_print(
+    output: Path,
+    made: Inked,
+    coverage: Callable[[], np.ndarray],
+    paper: Print,
+    ink: PrintOptions,
+    force: bool,
+    note: Mapping[str, Any] | None = None,
+) -> str:
+    """Write a drawing, or a picture and its separations; says how large it is.
+
+    Parameters
+    ----------
+    output : Path
+        .svg, or a picture.
+    made : Inked
+    coverage : callable
+        The (n_L, H, W) share of ink of the picture.
+    paper : Print
+    ink : PrintOptions
+    force : bool
+    note : mapping, optional
+        What is written into the file beside what makes it again.
+    """
+    settings = {**paper.note(), **(note or {}), **made.record}
+    if output.suffix.lower() == ".svg":
+        options = ts.SvgOptions(levels=paper.levels, width_mm=paper.width_mm, transparent=paper.transparent)
+        document = ts.draw_svg(made, paper.counts, options=options, note={**paper.note(), **(note or {})})
+        atomic_write(output, document, force)
+        return f"{len(document) / 1e6:.1f} MB"
+    layers = coverage()
+    alpha = 1.0 - np.prod(1.0 - layers, axis=0, dtype=np.float32) if paper.transparent else None
+    image = mix(layers, made.inks, np.ones(3) if paper.transparent else made.paper)
+    with all_or_nothing():
+        write_picture(output, printable(image, paper.resolution, settings, alpha), force)
+        if ink.separations:
+            for number, (layer, name) in enumerate(zip(layers, made.names, strict=True), 1):
+                plate = separation(layer, paper.resolution, {**settings, "separation": name})
+                write_picture(plate_path(output, number, name), plate, force)
+    return f"{image.shape[1]} × {image.shape[0]} px"
+
+
+def renamed(recipe: ts.Recipe, names: str | None, edges: str | None) -> ts.Recipe:
+    """A recipe whose inks have other names and edges: one for all, or one for each with commas between."""
+    layers = recipe.layers
+    if names is not None:
+        words = _words(names, len(layers), "--spot-names")
+        layers = tuple(replace(layer, name=word) for layer, word in zip(layers, words, strict=True))
+    if edges is not None:
+        words = _words(edges if "," in edges else ",".join([edges] * len(layers)), len(layers), "--edge")
+        layers = tuple(replace(layer, edge=word) for layer, word in zip(layers, words, strict=True))
+    return replace(recipe, layers=layers)
+
+
+def _words(text: str, count: int, option: str) -> list[str]:
+    words = [word.strip() for word in text.split(",")]
+    if len(words) != count:
+        raise ts.OptionError(f"{option} has {len(words)} words for {count} inks; give one for each, like a,b")
+    return words

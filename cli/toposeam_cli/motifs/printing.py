@@ -1,0 +1,167 @@
+"""How a motif goes to paper: rows and columns, size, resolution, and the recipe that is written into the
+file.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import toposeam as ts
+from toposeam.motif.ink.printing import MAX_PATTERN
+from toposeam.motif.ink.svg import check_counts
+from toposeam.motif.optimise.hexagonal_lattice import tile_size
+from toposeam.motif.symmetry.rules import HEXAGONAL
+from toposeam.sentence import counted
+from toposeam_cli.media.pictures.colour import to_depth
+from toposeam_cli.media.pictures.libvips import load_vips
+from toposeam_cli.media.pictures.picture import Picture
+from toposeam_cli.motifs.recipe_files import to_xmp
+
+#: What a motif can be written as.
+SUFFIXES = (".png", ".tif", ".tiff", ".svg")
+#: Resolution of a motif whose width on paper is given, without --dpi.
+_DPI = 300.0
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class Print:
+    """How a motif goes to paper; kept beside the recipe."""
+
+    #: Rows and columns of motifs.
+    counts: tuple[int, int] = (1, 1)
+    #: Width and height of the whole picture, px.
+    pixels: tuple[int, int] | None = None
+    #: Width of one motif, mm.
+    width_mm: float | None = None
+    dpi: float | None = None
+    #: Steps from paper to full ink in a drawing.
+    levels: int = 12
+    #: Whether the paper is left out.
+    transparent: bool = False
+
+    @property
+    def resolution(self) -> float | None:
+        """Pixels per inch, None if nothing asks for any."""
+        return _DPI if self.dpi is None and self.width_mm is not None and self.pixels is None else self.dpi
+
+    def laid(self, recipe: ts.Recipe) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Rows and columns of motifs that are laid, and rows and columns of px of one, which keeps its shape.
+
+        Where the size of the whole picture is given, as many columns as `counts` says fill its width, and
+        what is too much below is cut.
+        """
+        height, width = tile_size(recipe.size[0]) if recipe.repeat in HEXAGONAL else recipe.size
+        if self.pixels is not None:
+            across = math.ceil(self.pixels[0] / self.counts[1])
+        elif self.width_mm is not None and self.resolution is not None:
+            across = max(1, round(self.width_mm / 25.4 * self.resolution))
+        else:
+            across = width
+        size = max(1, round(across * height / width)), across
+        rows = self.counts[0] if self.pixels is None else math.ceil(self.pixels[1] / size[0])
+        return (rows, self.counts[1]), size
+
+    def check(self, recipe: ts.Recipe, drawn: bool) -> None:
+        """Refuse sheets that are too large, before any work."""
+        if drawn:
+            check_counts(self.counts)
+            return
+        (rows, columns), (height, width) = self.laid(recipe)
+        if rows * columns * height * width > MAX_PATTERN:
+            raise ts.OptionError(
+                f"the picture would have {columns * width:,} × {rows * height:,} px, and at most "
+                f"{MAX_PATTERN:,} in all can be made; ask for fewer or smaller motifs, or a .svg"
+            )
+
+    def note(self) -> dict[str, Any]:
+        """What is written into the file."""
+        return {"print": dataclasses.asdict(self)}
+
+    @staticmethod
+    def read(settings: Mapping[str, Any]) -> dict[str, Any]:
+        """The values in a file's settings, those that are damaged left out."""
+        found = settings.get("print")
+        if not isinstance(found, dict):
+            return {}
+        kept: dict[str, Any] = {}
+        for name in ("counts", "pixels"):
+            pair = found.get(name)
+            if (
+                isinstance(pair, list)
+                and len(pair) == 2
+                and all(isinstance(side, int) and 0 < side < 10**6 for side in pair)
+            ):
+                kept[name] = tuple(pair)
+        for name in ("width_mm", "dpi", "levels"):
+            value = found.get(name)
+            if isinstance(value, int | float) and 0 < value < 10**5:
+                kept[name] = value
+        if found.get("transparent") is True:
+            kept["transparent"] = True
+        return kept
+
+
+def sheet_coverage(made: ts.Motif, paper: Print) -> np.ndarray:
+    """The share of each ink on a sheet of a motif, (n_L, H, W)."""
+    counts, cell = paper.laid(made.recipe)
+    layers = ts.repeat_densities(made, counts, size=cell)
+    return layers if paper.pixels is None else layers[:, : paper.pixels[1], : paper.pixels[0]]
+
+
+def ink_names(recipe: ts.Recipe) -> tuple[str, ...]:
+    """What the inks of a motif are called."""
+    return tuple(layer.name or f"ink {number}" for number, layer in enumerate(recipe.layers, 1))
+
+
+def describe(made: ts.Motif, counts: tuple[int, int]) -> str:
+    """One line about a motif for people."""
+    many = "" if counts == (1, 1) else f"{counts[1]} × {counts[0]} motifs, "
+    return f"{many}{counted(len(made.inks), 'ink')}, repeats by {made.repeat}, seed {made.recipe.seed}"
+
+
+def per_mm(dpi: float | None) -> tuple[float, float] | None:
+    """A resolution as pictures hold it, pixels per mm across and down."""
+    return None if dpi is None else (dpi / 25.4, dpi / 25.4)
+
+
+def printable(
+    image: np.ndarray, dpi: float | None, settings: Mapping[str, Any], alpha: np.ndarray | None = None
+) -> Picture:
+    """A picture in sRGB with its resolution and recipe.
+
+    With an `alpha`, `image` is what it looks like on white; the colours are those of the inks alone.
+    """
+    if alpha is not None:
+        ink = (image - (1.0 - alpha[..., np.newaxis])) / np.maximum(alpha[..., np.newaxis], 1e-6)
+        image = np.where(alpha[..., np.newaxis] > 0, np.clip(ink, 0.0, 1.0), 1.0).astype(np.float32)
+    return Picture(
+        pixels=to_depth(np.ascontiguousarray(image), np.dtype(np.uint8)),
+        alpha=None if alpha is None else to_depth(alpha.astype(np.float32), np.dtype(np.uint8)),
+        icc=bytes(load_vips().Image.profile_load("srgb")),
+        resolution=per_mm(dpi),
+        xmp=to_xmp(settings),
+    )
+
+
+def separation(coverage: np.ndarray, dpi: float | None, settings: Mapping[str, Any]) -> Picture:
+    """One ink as a gray picture: black where it is full, white where there is none. It has no colour profile,
+    since its numbers are shares of ink.
+    """
+    return Picture(
+        pixels=to_depth(np.ascontiguousarray(1.0 - coverage, dtype=np.float32), np.dtype(np.uint8)),
+        resolution=per_mm(dpi),
+        xmp=to_xmp(settings),
+    )
+
+
+def plate_path(output: Path, number: int, name: str) -> Path:
+    """Where one ink's separation goes: beside the picture, with the ink's number and name."""
+    word = "-".join(re.findall(r"\w+", name)) or "ink"
+    return output.with_name(f"{output.stem}.{number}-{word}{output.suffix}")

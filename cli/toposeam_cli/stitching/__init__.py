@@ -1,0 +1,1 @@
+"""Stitching of files: inputs, positions, options of the search, outputs."""

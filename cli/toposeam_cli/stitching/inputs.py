@@ -1,0 +1,392 @@
+"""From files and where they lie to layers on one canvas."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext, suppress
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+import toposeam as ts
+from toposeam.images import full_scale
+from toposeam.layers.execution.tasks import Executor, results
+from toposeam.layers.registration.find_places import LEAST_CORRELATION, found_places
+from toposeam_cli.app.options import Keyed
+from toposeam_cli.files.scratch import Scratch
+from toposeam_cli.media.pictures.decode import size_of
+from toposeam_cli.media.pictures.layout import LayoutLayer, layout_text, read_layout
+from toposeam_cli.media.pictures.limits import check_together
+from toposeam_cli.media.pictures.masks import read_white
+from toposeam_cli.media.pictures.openraster import read_ora
+from toposeam_cli.media.pictures.picture import Picture, match_pictures, read_picture
+from toposeam_cli.media.pictures.stored import read_stored, store
+from toposeam_cli.stitching.positions import Where, places_of
+from toposeam_cli.stitching.resample import placed_layers
+
+_LAYOUTS = (".toml", ".json")
+#: Pictures with more pixels together wait in files.
+STORED_PIXELS = 64_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlacedPictures:
+    """Pictures of one depth and colour space, placed."""
+
+    pictures: tuple[Picture, ...]
+    layers: tuple[ts.Layer, ...]
+    #: The files, where each picture is one.
+    files: tuple[Path, ...] = ()
+    #: What was found, where nobody said where the pictures lie.
+    placement: ts.Placement | None = None
+    #: Whether the pixels wait in files.
+    stored: bool = False
+    #: Pictures that could not be read, each with the reason.
+    skipped: tuple[str, ...] = ()
+    #: Which of the given pictures each layer is, where some were left out, and what those are called.
+    numbers: tuple[int, ...] = ()
+    lost: tuple[str, ...] = ()
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width of the canvas."""
+        return ts.common_canvas(self.layers).shape
+
+    def number(self, key: str) -> int | None:
+        """The layer that is meant by a number, counted from 0 among the given ones, or by a name; None for
+        one that was left out.
+
+        Raises
+        ------
+        OptionError
+            When there is none, or more than one.
+        """
+        names = [layer.name for layer in self.layers]
+        if names.count(key) == 1:
+            return names.index(key)
+        count = len(names) + len(self.lost)
+        if key.isdecimal() and int(key) < count:
+            numbers = self.numbers or tuple(range(count))
+            return numbers.index(int(key)) if int(key) in numbers else None
+        if key in self.lost:
+            return None
+        raise ts.OptionError(
+            f"{key!r} is no picture of this job; use a number from 0 to {count - 1}, or one of "
+            f"{', '.join(dict.fromkeys(names))}"
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Source:
+    picture: Picture
+    at: tuple[float, float] | None
+    name: str
+    mask: Path | None = None
+    keep: Path | None = None
+    turn: float = 0.0
+    scale: float = 1.0
+    file: Path | None = None
+
+
+@dataclass(slots=True, kw_only=True)
+class _Reading:
+    """Pictures read one after another; with `skips` those that cannot be are left out, and noted."""
+
+    limit: int
+    #: Where pixels wait, unless they do in memory; what decodes several pictures at a time, then.
+    scratch: Scratch | None
+    #: None where nobody can ask for it.
+    skips: bool | None
+    executor: Executor | None
+    #: Whether that may be on other machines.
+    elsewhere: bool = False
+    reasons: list[str] = field(default_factory=list)
+    #: Of those that were read, which of the given ones they are; the names of the others.
+    numbers: list[int] = field(default_factory=list)
+    lost: list[str] = field(default_factory=list)
+
+    def read(self, files: Sequence[Path], names: Sequence[str]) -> Iterator[tuple[int, Picture]]:
+        """Each picture with its number."""
+        if not self.skips:
+            try:
+                check_together(files, self.limit)
+            except ts.ImageError as error:
+                raise self._with_remedy(error, len(files)) from None
+        scratch = self.scratch
+        items = (
+            (
+                path.absolute() if self.elsewhere else path,
+                self.limit,
+                None if scratch is None else scratch.new(),
+            )
+            for path in files
+        )
+        pictures = results(None if scratch is None else self.executor, _read, items)
+        with nullcontext() if scratch is None else scratch.failures_told():
+            for number, (picture, name) in enumerate(zip(pictures, names, strict=True)):
+                if isinstance(picture, ts.ImageError):
+                    if not self.skips:
+                        raise self._with_remedy(picture, len(files))
+                    self.reasons.append(str(picture))
+                    self.lost.append(name)
+                    continue
+                self.numbers.append(number)
+                yield number, picture
+
+    def _with_remedy(self, error: ts.ImageError, count: int) -> ts.ImageError:
+        """What is wrong with one of so many pictures, and that it can be left out if two others are left."""
+        if self.skips is None or count <= 2:
+            return error
+        return error.within("{error}; --skip-bad leaves out what cannot be read")
+
+
+def _read(item: tuple[Path, int, Path | None]) -> Picture | ts.ImageError:
+    """A picture of at most so many pixels, which may wait in a file, or why it cannot be used."""
+    path, limit, waits = item
+    try:
+        if waits is not None:
+            return read_stored(path, limit, waits)
+        picture = read_picture(path, max_pixels=limit)
+    except ts.ImageError as error:
+        return error
+    if picture.alpha is not None and picture.alpha.min() == full_scale(picture.alpha.dtype):
+        picture = replace(picture, alpha=None)  # it says nothing
+    return picture
+
+
+def arrange(
+    files: Sequence[Path],
+    where: Where,
+    *,
+    masks: Sequence[Keyed] = (),
+    keeps: Sequence[Keyed] = (),
+    max_megapixels: float,
+    skip_bad: bool | None = None,
+    progress: Callable[[float], None] | None = None,
+    scratch: Scratch | None = None,
+    alone: bool = False,
+    executor: Executor | None = None,
+    stores: bool = False,
+) -> PlacedPictures:
+    """Read pictures, or the layers of one OpenRaster file or layout, and place them.
+
+    With `scratch` the pixels of many pictures, or if it `stores` of all, wait there instead of in memory, and
+    an executor may decode several pictures at a time. One picture `alone` may be
+    given, and pictures of which nobody says where they lie then lie at 0,0.
+
+    Raises
+    ------
+    OptionError
+        When places are missing, or given twice.
+    ImageError
+        When a file cannot be used.
+    OverlapError
+        When two pictures share no pixel.
+    """
+    limit = round(max_megapixels * 1e6)
+    kept = scratch if scratch is not None and (stores or _many(files)) else None
+    keep = None if kept is None else partial(store, scratch=kept)
+    reading = _Reading(limit=limit, scratch=kept, skips=skip_bad, executor=executor, elsewhere=stores)
+    sources = _sources(files, where, reading, 1 if alone else 2)
+    pictures = match_pictures([source.picture for source in sources], keep)
+    layers = [
+        ts.Layer(
+            picture.pixels,
+            alpha=picture.alpha,
+            name=source.name,
+            data_range=1.0 if picture.pixels.dtype.kind == "f" else None,
+        )
+        for source, picture in zip(sources, pictures, strict=True)
+    ]
+    named = PlacedPictures(
+        pictures=(), layers=tuple(layers), numbers=tuple(reading.numbers), lost=tuple(reading.lost)
+    )
+    layers = _masked(named, sources, masks, keeps, limit)
+    if sources[0].at is not None:
+        places: list[tuple[float, float]] | None = [source.at or (0, 0) for source in sources]
+    else:
+        numbers = reading.numbers if reading.lost else None
+        places = places_of(
+            [source.file or Path() for source in sources], pictures, where, numbers, len(files)
+        )
+        if places is None and alone:
+            places = [(0, 0) for _ in sources]
+    placement = None
+    if places is None:
+        place = partial(placed_layers, scratch=kept, executor=executor)
+        found = None if kept is None else executor
+        placement = found_places(layers, LEAST_CORRELATION, progress, found, place)
+        layers = list(placement.layers)
+    else:
+        turns, scales = ([getattr(source, name) for source in sources] for name in ("turn", "scale"))
+        layers = placed_layers(layers, places, turns, scales, kept, executor)
+    if len(layers) == 2 and not alone:
+        _check_touching(*layers)
+    upright = [
+        picture if layer.image is picture.pixels else replace(picture, pixels=layer.image, alpha=layer.alpha)
+        for picture, layer in zip(pictures, layers, strict=True)
+    ]
+    return replace(
+        named,
+        pictures=tuple(upright),
+        layers=tuple(layers),
+        files=tuple(source.file for source in sources if source.file is not None),
+        placement=placement,
+        skipped=tuple(reading.reasons),
+        stored=kept is not None,
+    )
+
+
+def _many(files: Sequence[Path]) -> bool:
+    """Whether the pictures have so many pixels that they had better not wait in memory."""
+    if len(files) == 1 and files[0].suffix.lower() == ".ora":
+        return False
+    if len(files) == 1 and files[0].suffix.lower() in _LAYOUTS:
+        files = [layer.file for layer in read_layout(files[0])]
+    total = 0
+    for path in files:
+        with suppress(ts.ImageError):  # whoever reads it says what is wrong
+            width, height = size_of(path)
+            total += width * height
+    return total > STORED_PIXELS
+
+
+def _masked(
+    named: PlacedPictures,
+    sources: Sequence[_Source],
+    masks: Sequence[Keyed],
+    keeps: Sequence[Keyed],
+    limit: int,
+) -> list[ts.Layer]:
+    """The layers with where each may show, and where nothing else may."""
+    layers = named.layers
+    wanted: dict[str, dict[int, Path]] = {"mask": {}, "keep": {}}
+    for kind, keyed in (("mask", masks), ("keep", keeps)):
+        wanted[kind] = {
+            index: path for index, source in enumerate(sources) if (path := getattr(source, kind)) is not None
+        }
+        for option in keyed:
+            number = named.number(option.key or "")
+            if number is not None:
+                wanted[kind][number] = option.path
+
+    def white(kind: str, index: int) -> npt.NDArray[np.bool_] | None:
+        path = wanted[kind].get(index)
+        return None if path is None else _white(path, layers[index], limit)
+
+    return [
+        replace(layer, mask=white("mask", index), keep=white("keep", index))
+        for index, layer in enumerate(layers)
+    ]
+
+
+def saved_layout(job: PlacedPictures, folder: Path) -> str:
+    """Where the pictures lie, as a layout in that folder.
+
+    Raises
+    ------
+    OptionError
+        When they are no files of their own.
+    """
+    if len(job.files) != len(job.layers):
+        raise ts.OptionError("--save-layout names files, but layers of an .ora file have none; leave it out")
+    found, layers = job.placement, []
+    for index, (file, layer) in enumerate(zip(job.files, job.layers, strict=True)):
+        turn, scale = (0.0, 1.0) if found is None else (float(found.turns[index]), float(found.scales[index]))
+        at: tuple[float, float] = layer.at
+        if found is not None and (turn != 0 or scale != 1):
+            at = float(found.places[index][0]), float(found.places[index][1])
+        layers.append(LayoutLayer(file=file, at=at, name=layer.name, turn=turn, scale=scale))
+    return layout_text(folder, layers)
+
+
+def read_avoid(path: Path, shape: tuple[int, int], max_megapixels: float) -> npt.NDArray[np.bool_]:
+    """Where the seams must not run: the white of a picture of the canvas's size."""
+    return read_white(path, shape, "the canvas", round(max_megapixels * 1e6))
+
+
+def _sources(
+    files: Sequence[Path],
+    where: Where,
+    reading: _Reading,
+    least: int,
+) -> list[_Source]:
+    """The pictures; `at` is set when the file itself says where they lie."""
+    kind = files[0].suffix.lower()
+    if len(files) == 1 and kind in (".ora", *_LAYOUTS):
+        if where.at or where.offset is not None or where.overlap is not None or where.arranged:
+            raise ts.OptionError(
+                f"'{files[0]}' says itself where its pictures lie; leave --at, --offset and --overlap out"
+            )
+        if kind == ".ora":
+            sources = [
+                _Source(picture=layer.picture, at=layer.at, name=layer.name)
+                for layer in read_ora(files[0], reading.limit)
+            ]
+        else:
+            placed = read_layout(files[0])
+            read = reading.read([layer.file for layer in placed], [layer.name for layer in placed])
+            sources = [
+                _Source(
+                    picture=picture,
+                    at=placed[number].at,
+                    name=placed[number].name,
+                    mask=placed[number].mask,
+                    keep=placed[number].keep,
+                    turn=placed[number].turn,
+                    scale=placed[number].scale,
+                    file=placed[number].file,
+                )
+                for number, picture in read
+            ]
+        _check_enough(reading, len(sources), 2)
+        if len(sources) < 2:
+            raise ts.OptionError(
+                f"'{files[0]}' has {'one' if sources else 'no'} visible layer; joining needs at least two, "
+                "so add or show some"
+            )
+        return sources
+    if len(files) == 1 and files[0].is_dir():
+        raise ts.OptionError(f"'{files[0]}' is a folder; give the pictures in it, like {files[0]}/*.jpg")
+    if len(files) < least:
+        raise ts.OptionError(
+            f"'{files[0]}' is only one picture; give at least two, an OpenRaster file (.ora) or a layout "
+            "(.toml, .json)"
+        )
+    for path in files:
+        if path.suffix.lower() == ".ora":
+            raise ts.OptionError(
+                f"'{path}' holds layers of its own; give it alone, or export its layers as pictures"
+            )
+        if path.suffix.lower() in _LAYOUTS:
+            raise ts.OptionError(f"'{path}' is a layout; give it alone, and name all pictures in it")
+    sources = [
+        _Source(picture=picture, at=None, name=files[number].name, file=files[number])
+        for number, picture in reading.read(files, [path.name for path in files])
+    ]
+    _check_enough(reading, len(sources), least)
+    return sources
+
+
+def _check_enough(reading: _Reading, count: int, least: int) -> None:
+    """Refuse what so many pictures were left out of that too few are left."""
+    if reading.lost and count < least:
+        given = count + len(reading.lost)
+        raise ts.ImageError(f"only {count} of {given} pictures can be read: {reading.reasons[0]}")
+
+
+def _check_touching(a: ts.Layer, b: ts.Layer) -> None:
+    x, y = b.at[0] - a.at[0], b.at[1] - a.at[1]
+    height, width = a.image.shape[:2]
+    if x >= width or y >= height or x + b.image.shape[1] <= 0 or y + b.image.shape[0] <= 0:
+        raise ts.OverlapError(
+            f"{b.name} at {x},{y} lies beside {a.name}, which is {width} × {height} px; choose an offset at "
+            "which they overlap"
+        )
+
+
+def _white(path: Path, layer: ts.Layer, limit: int) -> npt.NDArray[np.bool_]:
+    return read_white(path, (layer.image.shape[0], layer.image.shape[1]), layer.name, limit)

@@ -1,0 +1,184 @@
+"""Where pictures lie: what the command line says about it, or TIFF files do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import toposeam as ts
+from toposeam_cli.app.options import Length
+from toposeam_cli.media.pictures.picture import Picture
+from toposeam_cli.media.pictures.tiff_place import FARTHEST, tiff_canvas, tiff_place
+
+#: How pictures of a grid follow each other.
+ORDERS = ("rows", "columns", "snake-rows", "snake-columns")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Where:
+    """What the command line says about the places of pictures."""
+
+    at: Sequence[tuple[int, int]] = ()
+    offset: tuple[int, int] | None = None
+    overlap: Length | None = None
+    side: ts.Side | None = None
+    grid: tuple[int, int] | None = None  #: Columns and rows.
+    row: bool = False
+    column: bool = False
+    order: str | None = None
+
+    @property
+    def arranged(self) -> bool:
+        """Whether the pictures follow each other in a grid, a row or a column."""
+        return self.grid is not None or self.row or self.column
+
+
+def places_of(
+    files: Sequence[Path],
+    pictures: Sequence[Picture],
+    where: Where,
+    numbers: Sequence[int] | None = None,
+    count: int | None = None,
+) -> list[tuple[float, float]] | None:
+    """Where the pictures lie, None where nobody says it.
+
+    Parameters
+    ----------
+    files, pictures : sequence
+    where : Where
+    numbers : sequence of int, optional
+        Which of those that the command line speaks of they are, where some could not be read.
+    count : int, optional
+        How many it speaks of.
+    """
+    count = len(files) if count is None or numbers is None else count
+    numbers = range(count) if numbers is None else numbers
+    ways = {
+        "--at": bool(where.at),
+        "--offset": where.offset is not None,
+        "--grid": where.grid is not None,
+        "--row": where.row,
+        "--column": where.column,
+        "--overlap": where.overlap is not None and not where.arranged,
+    }
+    given = [name for name, used in ways.items() if used]
+    if len(given) > 1:
+        raise ts.OptionError(f"{' and '.join(given)} both say where the pictures lie; leave one of them out")
+    if where.order is not None and where.grid is None:
+        raise ts.OptionError("--order belongs to --grid; add that or leave it out")
+    if where.side is not None and (where.overlap is None or where.arranged):
+        raise ts.OptionError(
+            "--side belongs to --overlap of two pictures; leave it out, or give that instead"
+        )
+    if where.arranged:
+        return _in_grid(pictures, where, given[0], numbers, count)
+    if where.overlap is not None and count > 2:
+        raise ts.OptionError(
+            "--overlap alone is for two pictures; give --at X,Y for each, or add --grid, --row or --column"
+        )
+    if where.at:
+        if len(where.at) != count:
+            raise ts.OptionError(
+                f"--at is given {'once' if len(where.at) == 1 else f'{len(where.at)} times'} for {count} "
+                "pictures; give it once for each, in their order"
+            )
+        return [where.at[number] for number in numbers]
+    if where.offset is not None and len(where.offset) != 2:
+        raise ts.OptionError("--offset T,X,Y is for two clips, with toposeam stitch; write X,Y")
+    if where.offset is not None:
+        if count > 2:
+            raise ts.OptionError("--offset is for two pictures; give --at X,Y for each instead")
+        return [(0, 0), where.offset]
+    if where.overlap is not None:
+        return [(0, 0), _shifted(pictures[0], pictures[1], where.overlap, where.side or "right")]
+    return _of_tiffs(files, pictures)
+
+
+def width_round(wrap: int | None, files: Sequence[Path]) -> int | None:
+    """How wide a panorama is that goes round; 0 means as the first file says.
+
+    Raises
+    ------
+    OptionError
+        When it does not say it.
+    """
+    if wrap != 0:
+        return wrap
+    canvas = tiff_canvas(files[0])
+    if canvas is None:
+        raise ts.OptionError(f"'{files[0]}' does not say how wide the panorama is; give it, like --wrap 8000")
+    return canvas[0]
+
+
+def _of_tiffs(files: Sequence[Path], pictures: Sequence[Picture]) -> list[tuple[float, float]] | None:
+    """The places that all of some TIFF files state; None where one does not, or where all opaque ones would
+    lie on each other.
+
+    Raises
+    ------
+    OptionError
+        When one lies too far away.
+    """
+    places = [tiff_place(path) for path in files]
+    known = [place for place in places if place is not None]
+    if len(known) < len(places):
+        return None
+    for path, (x, y) in zip(files, known, strict=True):
+        if max(abs(x), abs(y)) > FARTHEST:
+            raise ts.OptionError(
+                f"'{path}' says that it lies at {x},{y}, which is too far away; export it again, or say "
+                "where the pictures lie"
+            )
+    if len(set(known)) == 1 and any(picture.alpha is None for picture in pictures):
+        return None
+    return list(known)
+
+
+def _in_grid(
+    pictures: Sequence[Picture], where: Where, way: str, numbers: Sequence[int], count: int
+) -> list[tuple[float, float]]:
+    """Places row by row, each picture overlapping the one before it, and each row the one above; one that is
+    missing is as large as the first.
+    """
+    if where.overlap is None:
+        raise ts.OptionError(f"{way} needs to know how far the pictures overlap; add --overlap, like 25%")
+    columns, rows = where.grid or ((count, 1) if where.row else (1, count))
+    if columns * rows != count:
+        raise ts.OptionError(
+            f"--grid {columns}x{rows} has {columns * rows} places for {count} pictures; say its columns "
+            "and rows"
+        )
+    order = where.order or "rows"
+    cells = []
+    for index in range(count):
+        down, along = divmod(index, columns if "rows" in order else rows)
+        if order.startswith("snake") and down % 2:
+            along = (columns if "rows" in order else rows) - 1 - along
+        cells.append((down, along) if "rows" in order else (along, down))
+    shapes = {number: picture.pixels.shape for number, picture in zip(numbers, pictures, strict=True)}
+    sizes = {cell: shapes.get(index, pictures[0].pixels.shape) for index, cell in enumerate(cells)}
+    found: dict[tuple[int, int], tuple[int, int]] = {}
+    for row in range(rows):
+        for column in range(columns):
+            x = y = 0
+            if column:
+                before = row, column - 1
+                x = found[before][0] + sizes[before][1] - where.overlap.pixels(sizes[before][1])
+                y = found[before][1]
+            if row:
+                above = row - 1, column
+                y = found[above][1] + sizes[above][0] - where.overlap.pixels(sizes[above][0])
+            found[row, column] = x, y
+    return [found[cells[number]] for number in numbers]
+
+
+def _shifted(a: Picture, b: Picture, overlap: Length | None, side: ts.Side) -> tuple[int, int]:
+    """The offset at which B overlaps A by a length at one side of A; the pictures are aligned at the top or
+    left.
+    """
+    if overlap is None:
+        raise ts.OptionError("--overlap is missing")
+    length = f"{overlap.value}%" if overlap.percent else overlap.value
+    first, second = (ts.Layer(image=picture.pixels, name=name) for picture, name in ((a, "A"), (b, "B")))
+    return ts.overlapping(first, second, overlap=length, side=side)[1].at

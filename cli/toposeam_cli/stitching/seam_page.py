@@ -1,0 +1,152 @@
+"""A composite with its seams as one HTML page that needs nothing else."""
+
+from __future__ import annotations
+
+import base64
+import io
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from importlib.resources import files
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+import toposeam as ts
+from toposeam.images import full_scale
+from toposeam.sentence import counted
+
+#: The pictures in the page are reduced to so many px a side.
+_LARGEST = 1600
+
+Pair = tuple[int, int]
+
+
+class Drawn(Protocol):
+    """A seam, or its outline."""
+
+    @property
+    def paths(self) -> Sequence[ts.Polyline]:
+        """Its lines."""
+
+    @property
+    def cost(self) -> float:
+        """Its match cost."""
+
+    @property
+    def length(self) -> float:
+        """Of all its lines, px."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Joined:
+    """What a page is made of."""
+
+    title: str
+    layers: Sequence[ts.Layer]
+    #: (x, y) of the canvas's upper left pixel in the layers' coordinates.
+    origin: tuple[int, int]
+    #: Arrays, or what reads like them.
+    image: Any
+    alpha: Any
+    seams: Sequence[tuple[Pair, Drawn]]
+    #: Pixels that each layer shows.
+    shown: Sequence[int]
+    correlations: Mapping[Pair, float]
+    #: (x, y) of the picture's upper left pixel on the canvas, where it was cropped.
+    corner: tuple[int, int] = (0, 0)
+
+
+def seam_page(joined: Joined) -> str:
+    """The page."""
+    height, width = joined.image.shape[:2]
+    step = max(1, -(-max(height, width) // _LARGEST))
+    every = slice(0, None, step)
+    after = _bytes(joined.image[every, every])
+    opaque = None if joined.alpha is None else _bytes(joined.alpha[every, every])
+    before, seen = _laid(joined, step)
+    names = [layer.name for layer in joined.layers]
+    rows, paths = [], []
+    for number, ((i, j), seam) in enumerate(joined.seams):
+        correlation = joined.correlations.get((i, j))
+        cells = [
+            f"{names[i]} : {names[j]}",
+            f"{seam.cost:.4g}",
+            f"{seam.cost / max(seam.length, 1):.3f}",
+            f"{seam.length:.0f}",
+            "" if correlation is None else f"{correlation:.2f}",
+        ]
+        rows.append(_row(cells, f' data-seam="{number}"'))
+        lines = " ".join(_path(line) for line in seam.paths)
+        paths.append(f'<path data-seam="{number}" d="{lines}"><title>{escape(cells[0])}</title></path>')
+    total = max(sum(joined.shown), 1)
+    shares = [f"{shown / total:.1%}" if shown else "nowhere" for shown in joined.shown]
+    pile = [
+        _row([name, f"{index}", f"{layer.at[0]},{layer.at[1]}", share], "")
+        for index, (name, layer, share) in enumerate(zip(names, joined.layers, shares, strict=True))
+    ]
+    cost = sum(seam.cost for _, seam in joined.seams)
+    places = {
+        "title": escape(joined.title),
+        "summary": f"{len(names)} pictures, {counted(len(rows), 'seam')} of cost {cost:.4g}, {width} × "
+        f"{height} px.",
+        "before": _data(before, seen),
+        "after": _data(after, opaque),
+        "left": str(joined.corner[0]),
+        "top": str(joined.corner[1]),
+        "width": str(width),
+        "height": str(height),
+        "paths": "\n".join(paths),
+        "seams": "\n".join(rows),
+        "pile": "\n".join(pile),
+    }
+    page = files("toposeam_cli.stitching").joinpath("seams.html").read_text("utf-8")
+    return re.sub(r"\{\{(\w+)\}\}", lambda place: places[place[1]], page)
+
+
+def _laid(joined: Joined, step: int) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
+    """The layers on each other, later ones on top, and where there is any."""
+    height, width = (-(-side // step) for side in joined.image.shape[:2])
+    image, alpha = np.zeros((height, width, 3), np.uint8), np.zeros((height, width), np.uint8)
+    for layer in joined.layers:
+        left, top = (layer.at[axis] - joined.origin[axis] - joined.corner[axis] for axis in (0, 1))
+        first = max(-(-top // step), 0), max(-(-left // step), 0)
+        key = tuple(
+            slice(number * step - start, None, step) for number, start in zip(first, (top, left), strict=True)
+        )
+        part = _bytes(layer.image[key])[: height - first[0], : width - first[1]]
+        here = np.s_[first[0] : first[0] + part.shape[0], first[1] : first[1] + part.shape[1]]
+        covered = np.ones(part.shape[:2], bool)
+        if layer.alpha is not None:
+            covered = layer.alpha[key][: part.shape[0], : part.shape[1]] > 0
+        image[here][covered] = (part if part.ndim == 3 else part[..., np.newaxis])[covered]
+        alpha[here][covered] = 255
+    return image, alpha
+
+
+def _bytes(values: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
+    share = values / float(full_scale(values.dtype)) * 255
+    return np.clip(np.rint(share), 0, 255).astype(np.uint8)
+
+
+def _data(image: npt.NDArray[np.uint8], alpha: npt.NDArray[np.uint8] | None) -> str:
+    """A picture as the address of itself: JPEG where it is opaque, else WebP."""
+    from PIL import Image
+
+    colour = image if image.ndim == 3 else np.repeat(image[..., np.newaxis], 3, axis=2)
+    opaque = alpha is None or bool((alpha == 255).all())
+    content, kind = io.BytesIO(), "jpeg" if opaque else "webp"
+    whole = colour if alpha is None or opaque else np.dstack([colour, alpha])
+    Image.fromarray(whole).save(content, kind, quality=88)
+    return f"data:image/{kind};base64,{base64.b64encode(content.getvalue()).decode()}"
+
+
+def _path(line: ts.Polyline) -> str:
+    points = line.simplified(0.75).outline
+    return "M" + " L".join(f"{x:g} {y:g}" for x, y in points.tolist())
+
+
+def _row(cells: Sequence[str], more: str) -> str:
+    return f"<tr{more}>{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>"

@@ -1,0 +1,212 @@
+"""How seams are to be found: the options that say so, what they mean together, and the call they become."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import click
+
+import toposeam as ts
+from toposeam.layers.execution.tasks import Executor
+from toposeam.layers.search.options import Effort
+from toposeam_cli.app.options import Keyed
+from toposeam_cli.app.progress import share_bar
+from toposeam_cli.figures.search import check_search
+from toposeam_cli.files.scratch import Scratch, scratch
+from toposeam_cli.jobs.crew import crew
+from toposeam_cli.stitching.inputs import PlacedPictures, read_avoid
+from toposeam_cli.stitching.outputs import Outputs
+from toposeam_cli.stitching.seam_files import given_seams
+
+#: Below this correlation two pictures hardly show the same.
+_STRANGE = 0.1
+
+
+def shared_work(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options that say who does the work."""
+    for option in (
+        click.option(
+            "--dask",
+            metavar="ADDRESS|local",
+            help="Work on the workers of a Dask scheduler, or on a Dask cluster made of -j processes.",
+        ),
+        click.option(
+            "-j",
+            "--jobs",
+            "processes",
+            type=click.IntRange(1, 256),
+            help="Processes; the cores by default. Pictures of 64 megapixels or less in all take one.",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+@dataclass(frozen=True, slots=True)
+class Means:
+    """Where pixels wait, and who does what can be done at once."""
+
+    store: Scratch
+    workers: Executor | None
+    #: Whether pixels wait in files however few they are.
+    stores: bool
+
+
+@contextmanager
+def means_of(folder: Path, files: Sequence[Path], processes: int, dask: str | None) -> Iterator[Means]:
+    """What the options give, for the time of a block; pixels wait in a folder.
+
+    Raises
+    ------
+    OptionError
+        When there is no such cluster, or its workers do not see the files.
+    """
+    with scratch(folder) as store, crew(processes, dask, store) as workers:
+        if dask is not None and workers is not None:
+            workers.check(store.new(), files)
+        yield Means(store, workers, dask is not None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeamOptions:
+    """How seams are found, and what happens across them."""
+
+    avoid: Path | None
+    law: ts.Law | None
+    core: float | None
+    speck: int | None
+    max_megapixels: float
+    align: bool
+    align_radius: int | None
+    method: ts.Method
+    effort: Effort | None
+    formulation: int | None
+    plain: bool
+    match_tones: bool
+    match_shading: bool
+    blend: ts.Blend
+    blend_width: float | None
+    use_seam: tuple[Keyed, ...]
+    wrap: int | None
+
+
+def by_windows(out: Outputs, find: SeamOptions) -> bool:
+    """Whether the result can be made window by window."""
+    return out.output.suffix.lower() != ".ora" and find.blend != "gradient" and out.history is None
+
+
+def check_finding(find: SeamOptions, out: Outputs, dask: str | None) -> None:
+    """Refuse options that mean nothing together.
+
+    Raises
+    ------
+    OptionError
+    """
+    if dask is not None and not by_windows(out, find):
+        raise ts.OptionError(
+            "--dask makes pictures window by window, which .ora, --blend gradient and --history do not; "
+            "leave one of them out"
+        )
+    iterates = not find.use_seam and find.method in ("auto", "heat", "thesis")
+    if out.history is not None:
+        if not iterates:
+            raise ts.OptionError(
+                "--history shows iterations, and only the methods heat and thesis iterate; choose one of "
+                "them or leave it out"
+            )
+        check_search(out.history.suffix)
+    for name, given in (("--formulation", find.formulation is not None), ("--plain", find.plain)):
+        if given and (find.method != "thesis" or find.use_seam):
+            raise ts.OptionError(f"{name} belongs to --method thesis; add that or leave it out")
+    if find.align_radius is not None and not find.align:
+        raise ts.OptionError("--align-radius belongs to --align; add that or leave it out")
+
+
+def correlations(job: PlacedPictures, executor: Executor | None = None) -> dict[tuple[int, int], float]:
+    """How much each two layers that overlap look alike there, -1 to 1."""
+    if job.placement is not None:
+        return job.placement.correlations
+    return ts.correlations(job.layers, executor=executor)
+
+
+def strangers(job: PlacedPictures, wrap: int | None = None, executor: Executor | None = None) -> list[str]:
+    """A sentence for each two pictures that hardly show the same where they overlap, if `wrap` is given also
+    all the way round, or that match elsewhere.
+    """
+    if job.placement is not None:
+        return [
+            f"{job.layers[i].name} and {job.layers[j].name} match where the other pictures do not place "
+            "them; this match was left out"
+            for i, j in job.placement.outvoted
+        ]
+    layers, count = list(job.layers), len(job.layers)
+    if wrap is not None:
+        right = max(layer.at[0] + layer.image.shape[1] for layer in layers)
+        again = [index for index, layer in enumerate(layers) if layer.at[0] + wrap < right]
+        layers += [replace(layers[k], at=(layers[k].at[0] + wrap, layers[k].at[1])) for k in again]
+    return [
+        f"{layers[i].name} and {layers[j].name} hardly show the same where they overlap"
+        f"{'' if j < count else ' all the way round'} (correlation {value:.2f}); check where they lie"
+        f"{'' if j < count else ' and how wide --wrap is'}"
+        for (i, j), value in ts.correlations(layers, executor=executor).items()
+        if value < _STRANGE and i < count
+    ]
+
+
+def composed_as(
+    job: PlacedPictures,
+    find: SeamOptions,
+    out: Outputs,
+    files: Sequence[Path],
+    executor: Executor | None = None,
+) -> ts.Composition:
+    """Join the layers along seams.
+
+    Raises
+    ------
+    TopoSeamError
+        As :func:`toposeam.compose` raises it, with the file that is meant.
+    """
+    options: dict[str, Any] = {} if find.formulation is None else {"formulation": find.formulation}
+    if find.plain:
+        options = {"options": ts.ThesisOptions.plain(**options)}
+    try:
+        with share_bar(f"joining {_names(job.layers)}", out.quiet) as progress:
+            return ts.compose(
+                job.layers,
+                method=find.method,
+                effort=find.effort,
+                use_path=given_seams(find.use_seam, job),
+                record_frames=out.history is not None,
+                progress=progress,
+                executor=executor,
+                cost=None if find.law is None else ts.MatchCost(law=find.law),
+                core=find.core,
+                speck=find.speck,
+                match_tones=find.match_tones,
+                match_shading=find.match_shading,
+                wrap=find.wrap,
+                blend=find.blend,
+                blend_width=find.blend_width,
+                max_megapixels=max(find.max_megapixels, ts.MAX_PIXELS / 1e6),
+                avoid=None if find.avoid is None else read_avoid(find.avoid, job.shape, find.max_megapixels),
+                **options,
+            )
+    except ts.OverlapError as error:
+        if files[0].suffix.lower() != ".ora":
+            raise
+        hint = "if TopoSeam wrote this file, hide the layers it cut and show its group originals"
+        raise error.within("{error}; {hint}", hint=hint) from error
+    except ts.PathError as error:
+        one = find.use_seam[0].path if len(find.use_seam) == 1 else None
+        if one is None or "file" in error.data:
+            raise
+        raise error.within("'{file}': {error}", file=str(one)) from error
+
+
+def _names(layers: Sequence[ts.Layer]) -> str:
+    return f"{layers[0].name} and {layers[1].name}" if len(layers) == 2 else f"{len(layers)} pictures"

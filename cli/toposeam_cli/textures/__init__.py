@@ -1,0 +1,1 @@
+"""Options and files that the texture commands share."""

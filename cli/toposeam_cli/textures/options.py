@@ -1,0 +1,372 @@
+"""What ``synth``, ``tile`` and ``fill`` share: their options, and the files that belong to a texture."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+import numpy.typing as npt
+
+import toposeam as ts
+from toposeam_cli.app.options import (
+    FILE,
+    MEGAPIXELS,
+    OUTPUT,
+    FiniteRange,
+    Length,
+    LengthType,
+    force_option,
+    grouped,
+    quiet_option,
+    refuse_besides,
+)
+from toposeam_cli.files.writing import all_or_nothing, atomic_write, check_output
+from toposeam_cli.media.pictures.picture import Picture, match_pictures, read_picture, write_picture
+
+
+class PatchType(click.ParamType):  # type: ignore[type-arg]
+    """A number of pixels, or ``auto`` (None in Python)."""
+
+    name = "N|auto"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int | None:
+        """Parse the text."""
+        if value == "auto":
+            return None
+        if isinstance(value, str) and not re.fullmatch(r"\d{1,9}", value):
+            self.fail(f"{value!r} is not a patch size; write pixels, like 40, or auto", param, ctx)
+        return int(value)
+
+
+class WeightsType(click.ParamType):  # type: ignore[type-arg]
+    """Numbers separated by commas."""
+
+    name = "W,W,…"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, ...]:
+        """Parse the text."""
+        if isinstance(value, tuple):
+            return value
+        try:
+            return tuple(float(part) for part in value.split(","))
+        except ValueError:
+            self.fail(f"{value!r} is not a list of weights; write numbers, like 1,0.5", param, ctx)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Patches:
+    """How large patches are, and how far they overlap."""
+
+    patch: int | None
+    overlap: Length | None
+
+    def keywords(self) -> dict[str, Any]:
+        """What ``synthesize`` and ``fill`` are told.
+
+        Raises
+        ------
+        OptionError
+            For an overlap of 100 %.
+        """
+        overlap: float | None = None
+        if self.overlap is not None:
+            if self.overlap.percent and self.overlap.value >= 100:
+                raise ts.OptionError("overlap is 100%; of a patch give less, usually 25%")
+            overlap = self.overlap.value / 100 if self.overlap.percent else int(self.overlap.value)
+        return {"patch": self.patch, "overlap": overlap}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Search:
+    """How patches are chosen, cut and mixed."""
+
+    also: tuple[Path, ...]
+    weights: tuple[float, ...] | None
+    seed: int
+    smooth: int
+    tolerance: float
+    candidates: int
+    context: int
+    most: float
+    variety: float
+    method: ts.Method
+
+    def keywords(self, varied: bool = False) -> dict[str, Any]:
+        """What ``synthesize``, ``make_tileable`` and ``fill`` are told alike; where one number says how
+        varied a texture is, the options that it stands for must not be given.
+        """
+        lay = ("tolerance", "candidates", "context", "most", "variety", "method")
+        if varied:
+            every = {str(option.name) for option in click.get_current_context().command.params}
+            refuse_besides("--variation", every - set(lay[:2] + lay[3:5]), "it stands for that as well")
+            return {
+                "weights": self.weights,
+                "seed": self.seed,
+                "smooth": self.smooth,
+                "context": self.context,
+                "method": self.method,
+            }
+        return {
+            "weights": self.weights,
+            "seed": self.seed,
+            "smooth": self.smooth,
+            "options": ts.LayOptions(**{name: getattr(self, name) for name in lay}),
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Results:
+    """What else is written, and how."""
+
+    seams: Path | None
+    labels: Path | None
+    coordinates: Path | None
+    max_megapixels: float
+    force: bool
+    quiet: bool
+
+    def destinations(
+        self, output: Path, maps: tuple[Path, ...] = (), preview: Path | None = None
+    ) -> Destinations:
+        """Where everything goes, checked."""
+        return Destinations(
+            output=output,
+            maps=maps,
+            seams=self.seams,
+            labels=self.labels,
+            coordinates=self.coordinates,
+            preview=preview,
+            force=self.force,
+        )
+
+    @property
+    def max_pixels(self) -> int:
+        """Of any picture that is read."""
+        return round(self.max_megapixels * 1e6)
+
+
+_PATCHES: tuple[Callable[[Any], Any], ...] = (
+    click.option(
+        "--patch",
+        type=PatchType(),
+        default="auto",
+        show_default=True,
+        help="Side of a patch, px; auto: by the picture's own scale.",
+    ),
+    click.option(
+        "--overlap", type=LengthType(), help="How far patches overlap, px or % of the patch; 25% by default."
+    ),
+)
+
+_SEARCH: tuple[Callable[[Any], Any], ...] = (
+    click.option(
+        "--also",
+        type=FILE,
+        multiple=True,
+        help="A further map of the same size (normals, roughness …), cut alike into OUTPUT_NAME; may be "
+        "repeated.",
+    ),
+    click.option(
+        "--weights",
+        type=WeightsType(),
+        help="How much the picture and each map count in the search; 1 each by default.",
+    ),
+    click.option(
+        "--seed",
+        type=click.IntRange(min=0),
+        default=0,
+        show_default=True,
+        help="The same seed makes the same picture.",
+    ),
+    click.option(
+        "--smooth",
+        type=click.IntRange(0, 8),
+        default=1,
+        show_default=True,
+        help="Mix patches over this many px beside seams.",
+    ),
+    click.option(
+        "--tolerance",
+        type=FiniteRange(0, 10),
+        default=0.1,
+        show_default=True,
+        help="How much worse than the best a patch may fit to be drawn as well.",
+    ),
+    click.option(
+        "--candidates",
+        type=click.IntRange(1, 1000),
+        default=8,
+        show_default=True,
+        help="How many places are compared for each patch.",
+    ),
+    click.option(
+        "--context",
+        type=click.IntRange(0, 64),
+        default=8,
+        show_default=True,
+        help="px round a patch in which it has to fit too.",
+    ),
+    click.option(
+        "--most",
+        type=FiniteRange(min=1),
+        default=2.5,
+        show_default=True,
+        help="No pixel shows more often than this many times the average.",
+    ),
+    click.option(
+        "--variety",
+        type=FiniteRange(0, 100),
+        default=0.5,
+        show_default=True,
+        help="How strongly places that show often already are avoided.",
+    ),
+    click.option(
+        "--method",
+        type=click.Choice(ts.METHODS),
+        default="auto",
+        show_default=True,
+        help="How seams are found; auto takes the exact solver that is fastest.",
+    ),
+)
+
+_RESULTS: tuple[Callable[[Any], Any], ...] = (
+    click.option("--seams", type=OUTPUT, help="Also write the seams as SVG."),
+    click.option("--labels", type=OUTPUT, help="Also write the patches' numbers, a 16-bit gray picture."),
+    click.option(
+        "--coordinates",
+        type=OUTPUT,
+        help="Also write where each pixel came from, a 16-bit picture: red column, green row, blue exemplar.",
+    ),
+    click.option(
+        "--max-megapixels",
+        type=MEGAPIXELS,
+        default=64.0,
+        show_default=True,
+        help="Refuse larger pictures; the search for patches takes about 30 bytes a pixel.",
+    ),
+    force_option,
+    quiet_option,
+)
+
+
+#: Add the options that say how large patches are (``patches``), how they are chosen (``search``), and what
+#: else is written (``results``).
+patch_options = grouped("patches", Patches, _PATCHES)
+search_options = grouped("search", Search, _SEARCH)
+result_options = grouped("results", Results, _RESULTS)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Destinations:
+    """Where a texture and all that belongs to it goes."""
+
+    output: Path
+    #: One per further map.
+    maps: tuple[Path, ...] = ()
+    seams: Path | None = None
+    labels: Path | None = None
+    coordinates: Path | None = None
+    preview: Path | None = None
+    force: bool = False
+
+    def __post_init__(self) -> None:
+        pictures = [path for path in (self.output, *self.maps, self.preview) if path is not None]
+        for path in pictures:
+            check_output(path, self.force)
+        for numbers in (self.labels, self.coordinates):
+            if numbers is not None:
+                check_output(numbers, self.force, (".png", ".tif", ".tiff"))  # 16 bits without loss
+                pictures.append(numbers)
+        if self.seams is not None:
+            check_output(self.seams, self.force, (".svg",))
+            pictures.append(self.seams)
+        if len({path.resolve() for path in pictures}) < len(pictures):
+            raise ts.OptionError("two outputs have the same name; give each a name of its own")
+
+    @all_or_nothing()
+    def write(self, made: ts.Synthesis, picture: Picture, maps: Sequence[Picture]) -> None:
+        """Write everything that was asked for, or nothing.
+
+        Parameters
+        ----------
+        made : Synthesis
+        picture : Picture
+            Whose profile and resolution the result takes.
+        maps : sequence of Picture
+            Likewise, per further map.
+        """
+        document = None if self.seams is None else made.to_svg()
+        write_picture(
+            self.output, dataclasses.replace(picture, pixels=made.image, alpha=made.alpha), self.force
+        )
+        for path, values, owner in zip(self.maps, made.maps, maps, strict=True):
+            write_picture(path, dataclasses.replace(owner, pixels=values, alpha=None), self.force)
+        if self.seams is not None and document is not None:
+            atomic_write(self.seams, document, self.force)
+        if self.labels is not None:
+            write_picture(self.labels, Picture(pixels=(made.labels % 65536).astype(np.uint16)), self.force)
+        if self.coordinates is not None:
+            write_picture(self.coordinates, Picture(pixels=coordinate_picture(made)), self.force)
+        if self.preview is not None:
+            pixels = np.tile(made.image, (3, 3, 1)[: made.image.ndim])
+            alpha = None if made.alpha is None else np.tile(made.alpha, (3, 3))
+            write_picture(self.preview, dataclasses.replace(picture, pixels=pixels, alpha=alpha), self.force)
+
+
+def coordinate_picture(made: ts.Synthesis) -> npt.NDArray[np.uint16]:
+    """(H, W, 3) column, row and exemplar of every pixel's source."""
+    return np.concatenate([made.source[..., ::-1], made.exemplar[..., np.newaxis]], axis=2).astype(np.uint16)
+
+
+def map_outputs(output: Path, also: Sequence[Path]) -> tuple[Path, ...]:
+    """Where further maps go: beside the output, the map's own name appended to the output's."""
+    return tuple(output.with_name(f"{output.stem}_{path.stem}{output.suffix}") for path in also)
+
+
+def read_sources(paths: Sequence[Path], max_megapixels: float) -> list[Picture]:
+    """Exemplars of one depth and colour space."""
+    return match_pictures([read_picture(path, max_pixels=round(max_megapixels * 1e6)) for path in paths])
+
+
+def read_maps(also: Sequence[Path], count: int, max_megapixels: float) -> list[list[Picture]]:
+    """Further maps, each a list with one picture per exemplar.
+
+    Raises
+    ------
+    OptionError
+        When there are not as many of them as exemplars, or a multiple.
+    """
+    if len(also) % count:
+        raise ts.OptionError(
+            f"--also was given {len(also)} times for {count} sources; give each map once for every source, "
+            "in their order"
+        )
+    return [read_sources(also[first : first + count], max_megapixels) for first in range(0, len(also), count)]
+
+
+def alphas(pictures: Sequence[Picture]) -> list[Any] | None:
+    """Opacity per picture, or None where all are opaque."""
+    return (
+        None
+        if all(picture.alpha is None for picture in pictures)
+        else [picture.alpha for picture in pictures]
+    )
+
+
+def read_one(image: Path, search: Search, results: Results) -> tuple[Picture, list[Picture]]:
+    """One picture and its further maps."""
+    maps = read_maps(search.also, 1, results.max_megapixels)
+    return read_sources([image], results.max_megapixels)[0], [given[0] for given in maps]
+
+
+def white_of(*pictures: Picture) -> list[float | None]:
+    """What counts as white in each map: 1 in files of floats, whose lights may go beyond it."""
+    return [1.0 if np.issubdtype(one.pixels.dtype, np.floating) else None for one in pictures]

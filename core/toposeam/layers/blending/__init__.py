@@ -1,0 +1,1 @@
+"""Blend across seams: feather, multiband, gradient domain."""

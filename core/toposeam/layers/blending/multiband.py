@@ -1,0 +1,135 @@
+"""Multiband blending: coarse shades mixed over a wide band, fine detail over a narrow one.
+
+Each layer is taken apart into a Laplacian pyramid, its mask into a Gaussian one; the bands are mixed by the
+masks of their own level and put together again (Burt and Adelson 1983, doi:10.1145/245.247).
+
+Pyramids are linear, so that the mixture is the hard cut plus the mixture of what each layer differs from it.
+These differences are 0 where the layer shows, and nearly constant where only the exposure differs: where a
+layer has no pixels its difference, unlike the layer itself, can be continued without inventing anything.
+Known pixels are averaged down the pyramid, and going up again what is missing is filled in from the next
+coarser level: what a level says beyond that is its band, 0 where nothing is known.
+
+At full size each pixel is that of the layer that shows, whose difference is 0 there. So the finest band needs
+no sums, and all mixing is done at half the size and less, of all layers together.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.images import Mask
+from toposeam.layers.canvas.layer import Box
+from toposeam.seam.problem.pyramid import expand, expand_part, gaussian, in_runs, reduce
+
+Floats32 = npt.NDArray[np.float32]
+
+#: Weight of bands that were made up, and what keeps sums of weights from being 0.
+_MADE_UP, _LEAST = np.float32(1e-3), np.float32(1e-9)
+#: Of how little is known at least, lest it be divided by 0.
+_KNOWN = np.float32(1e-3)
+#: So far from what is known, px, a reduced pixel may know something of it.
+_AROUND = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Contribution:
+    """A layer as far as it matters to a tile."""
+
+    #: Where it lies on the tile; all edges are even.
+    box: Box
+    #: (C, h, w) float32, its colours minus those of the hard cut; 0 where they are not known.
+    difference: Floats32
+    #: (h, w) bool, where the difference is known, and where the layer shows.
+    known: Mask
+    shows: Mask
+
+
+class Mixture:
+    """What the mixture of some layers differs from their hard cut.
+
+    Parameters
+    ----------
+    parts : sequence of Contribution
+        Nowhere do two of them show.
+    shape : (int, int)
+        Height and width of the tile, multiples of 2 ** levels px.
+    levels : int
+        Halvings of the resolution, at least one. The coarsest band is mixed over about 2 ** levels px on
+        either side of the seam.
+    settled : float
+        Pixels of which the layer that shows has all but this share of the coarsest band do not change.
+    """
+
+    def __init__(
+        self, parts: Sequence[Contribution], shape: tuple[int, int], levels: int, settled: float
+    ) -> None:
+        self._parts = parts
+        count, channels = len(parts), len(parts[0].difference)
+        half = shape[0] // 2, shape[1] // 2
+        # Of each layer its difference, where that is known, and where it shows.
+        reduced = np.zeros((count, channels + 2, *half), np.float32)
+        whole = Box(0, 0, *shape)
+        for target, part in zip(reduced, parts, strict=True):
+            around = part.box.grown(_AROUND).shared(whole)
+            at, inside = around.halved().slices, part.box.within(around)
+            planes = *part.difference, part.known, part.shows
+            for run in in_runs(len(planes), math.prod(around.shape)):  # all at once would need more memory
+                wide = np.zeros((run.stop - run.start, *around.shape), np.float32)
+                for plane, values in zip(wide, planes[run], strict=True):
+                    plane[inside] = values
+                target[run, *at] = reduce(wide)
+        #: (K, C, h / 2, w / 2), each layer's difference, and (C, h / 2, w / 2), the mixture of all.
+        self._layers, self._mixed, share = _mixed(reduced, levels)
+        for _ in range(levels - 1):
+            share = expand(share)
+        self._changes = share < (1 - settled) * share.sum(axis=0)
+
+    def onto(self, colours: Floats32) -> Mask:
+        """Add it to (C, H, W) colours in place; (H, W) bool, which pixels count as changed."""
+        changed = np.zeros(colours.shape[1:], bool)
+        for part, layer, changes in zip(self._parts, self._layers, self._changes, strict=True):
+            here, reduced = part.box.slices, part.box.halved()
+            if not changes[reduced.slices].any():
+                continue
+            wide = reduced.grown(1).shared(Box(0, 0, *changes.shape))
+            more = self._mixed[:, *wide.slices] - layer[:, *wide.slices]
+            rows, columns = (slice(2 * side.start, 2 * side.stop) for side in reduced.within(wide))
+            more = expand_part(more, rows, columns)
+            more *= part.shows
+            colours[:, *here] += more
+            changed[here] |= part.shows & changes[reduced.slices].repeat(2, axis=0).repeat(2, axis=1)
+        return changed
+
+
+def _mixed(reduced: Floats32, levels: int) -> tuple[Floats32, Floats32, Floats32]:
+    """All bands but the finest, from the coarsest to that of half the size: of each layer, and mixed; and how
+    much of the coarsest pixels each shows.
+    """
+    count, channels = len(reduced), reduced.shape[1] - 2
+    pyramid = gaussian(reduced.reshape(-1, *reduced.shape[2:]), levels - 1)
+    layers = mixed = np.zeros(0, np.float32)
+    for every in reversed(pyramid):
+        planes = every.reshape(count, -1, *every.shape[1:])
+        weight, mask = planes[:, -2], planes[:, -1]
+        band = planes[:, :channels]
+        band /= np.maximum(weight, _KNOWN)[:, np.newaxis]
+        # What was made up counts next to nothing, unless nobody knows better.
+        part = mask * np.maximum(2 * weight - 1, _MADE_UP)
+        part /= part.sum(axis=0) + _LEAST
+        if not layers.size:
+            layers, mixed = band, (band * part[:, np.newaxis]).sum(axis=0)
+            continue
+        finer = expand(np.concatenate([layers.reshape(-1, *layers.shape[2:]), mixed]))
+        coarser, mixed = finer[:-channels].reshape(band.shape), finer[-channels:]
+        band -= coarser
+        # Averages of few pixels give way to the coarser level.
+        band *= np.minimum(weight, 1)[:, np.newaxis]
+        mixed += (band * part[:, np.newaxis]).sum(axis=0)
+        band += coarser
+        layers = band
+    return layers, mixed, pyramid[-1][channels + 1 :: channels + 2]

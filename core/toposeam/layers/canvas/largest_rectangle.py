@@ -1,0 +1,76 @@
+"""The largest rectangle of a composite without a hole."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toposeam.images import Mask
+from toposeam.layers.canvas.layer import Box
+from toposeam.layers.canvas.tile_map import any_of, dense
+
+#: Looked at in so many blocks a side, then grown to the pixel.
+_BLOCKS = 400
+
+
+def largest_full(mask: Mask) -> Box | None:
+    """The largest rectangle in which a mask is True everywhere; None where it is nowhere.
+
+    On large masks it is the largest one of whole blocks, grown on each side as far as it goes.
+
+    Parameters
+    ----------
+    mask : (H, W) bool array
+
+    Examples
+    --------
+    >>> mask = np.ones((5, 7), bool); mask[0, 0] = mask[4] = False
+    >>> largest_full(mask)
+    Box(top=0, left=1, bottom=4, right=7)
+    """
+    height, width = mask.shape
+    block = max(1, -(-max(height, width) // _BLOCKS))
+    rows, columns = height // block, width // block
+    full = np.zeros((rows, columns), bool)
+    for row in range(rows):
+        strip = mask[row * block : (row + 1) * block, : columns * block]
+        full[row] = strip.reshape(block, columns, block).all(axis=(0, 2))
+    box = _largest(full)
+    if box is None:
+        return None if block == 1 or not any_of(mask) else _around_a_pixel(dense(mask))
+    return _grown(mask, Box(*(block * edge for edge in box)))
+
+
+def _largest(full: Mask) -> Box | None:
+    """By the heights of columns above each row, and a stack of those that still grow."""
+    best, area = None, 0
+    heights = np.zeros(full.shape[1] + 1, int)
+    for row, line in enumerate(full):
+        heights[:-1] = np.where(line, heights[:-1] + 1, 0)
+        stack: list[tuple[int, int]] = []
+        for column, height in enumerate(heights.tolist()):
+            start = column
+            while stack and stack[-1][1] >= height:
+                start, tall = stack.pop()
+                if tall * (column - start) > area:
+                    area, best = tall * (column - start), Box(row + 1 - tall, start, row + 1, column)
+            stack.append((start, height))
+    return best
+
+
+def _around_a_pixel(mask: Mask) -> Box:
+    row, column = np.argwhere(mask)[0]
+    return _grown(mask, Box(int(row), int(column), int(row) + 1, int(column) + 1))
+
+
+def _grown(mask: Mask, box: Box) -> Box:
+    height, width = mask.shape
+    top, left, bottom, right = box
+    while top > 0 and mask[top - 1 : top, left:right].all():
+        top -= 1
+    while bottom < height and mask[bottom : bottom + 1, left:right].all():
+        bottom += 1
+    while left > 0 and mask[top:bottom, left - 1 : left].all():
+        left -= 1
+    while right < width and mask[top:bottom, right : right + 1].all():
+        right += 1
+    return Box(top, left, bottom, right)

@@ -1,0 +1,1 @@
+"""Run independent tasks here, in processes or on a cluster, and report progress."""

@@ -1,0 +1,1 @@
+"""Match exposure: gains per layer and channel, and shading."""

@@ -1,0 +1,321 @@
+"""A labelling problem posed: placed layers in; what is allowed where, and the costs, out.
+
+The rules of :mod:`toposeam.seam.problem.overlap`, whose `at_its_end` and `cores` state them for one patch,
+for many layers:
+
+- A layer does not show at its own end, where it has pixels but not the neighbour that another layer has,
+  unless all layers there end.
+- A connected piece of a layer that lies wholly inside one other layer keeps its *core*, the inner half of its
+  depth. One that only several others together cover may show nowhere, unless ``core`` is given, the share of
+  its depth, which all pieces without a pixel to themselves then keep. Specks keep none. Where cores of
+  several layers meet these are to be chosen from, except that one that lies wholly in another has its place
+  alone, of two that are equal the later layer's.
+- Where only one of two neighbours is covered by both layers, its values count twice; where neither is,
+  nothing is known and their interface costs 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.errors import OptionError
+from toposeam.images import Mask, box_of
+from toposeam.layers.canvas.border_bands import full_within, rimmed
+from toposeam.layers.canvas.connected_components import pieces_of
+from toposeam.layers.canvas.layer import Box, Extent, Layer, cut
+from toposeam.layers.canvas.tile_map import (
+    all_of,
+    blocks,
+    cover_of,
+    dense,
+    ground,
+    made_map,
+    new_map,
+    uniform,
+)
+from toposeam.layers.labelling.pair_cost import FORBIDDEN, LayerPairCost, Pictures, both_have
+from toposeam.layers.labelling.problem import Labelling, Pair, PairCost
+from toposeam.seam.problem.match_cost import MatchCost
+from toposeam.seam.problem.overlap import at_its_end, cores
+
+#: The share of its depth that a layer inside another one keeps if nothing else is said.
+CORE = 0.5
+
+_T = TypeVar("_T")
+
+
+def pose_labelling(
+    layers: Sequence[Layer],
+    extent: Extent,
+    covered: Sequence[Mask],
+    *,
+    core: float | None = None,
+    speck: float | None = None,
+    match: MatchCost | None = None,
+    weight: npt.NDArray[Any] | None = None,
+    avoid: Mask | None = None,
+    given: Sequence[tuple[Pair, Mask]] = (),
+) -> Labelling:
+    """The labelling problem of placed layers.
+
+    Parameters
+    ----------
+    layers : sequence of Layer
+    extent : Extent
+        Their canvas.
+    covered : sequence of (h, w) bool arrays
+        Per layer, on its place, where it has pixels it may show (:func:`exclusive_covers`).
+    core, speck
+        As for :func:`toposeam.stitch`.
+    match
+        As for :func:`toposeam.find_seam`.
+    weight, avoid : (H, W) array, optional
+        As for :func:`toposeam.find_seam`, on the canvas.
+    given : sequence of ((int, int), (H, W) bool array)
+        Seams that are known: two layers, and where the second one shows beside the first.
+    """
+    places = [extent.place(layer) for layer in layers]
+    allowed = _away_from_ends(places, covered)
+    _keep_cores(extent.box, places, covered, allowed, core, speck)
+    for pair, labels in given:
+        _divide(places, allowed, pair, labels)
+    match = MatchCost() if match is None else match
+    pictures = Pictures(layers, places, covered, allowed, match, weight, avoid, extent.box)
+    costs: dict[Pair, PairCost] = {}
+    for i in range(len(layers)):
+        for j in range(i + 1, len(layers)):
+            if meets(places, covered, i, j):
+                costs[i, j] = LayerPairCost((i, j), pictures)
+    forbidden = float("inf") if avoid is None else FORBIDDEN
+    return Labelling(extent.box, places, allowed, costs, forbidden)
+
+
+def meets(places: Sequence[Box], covered: Sequence[Mask], i: int, j: int) -> bool:
+    """Whether two layers share a pixel."""
+    return any(both_have(places, covered, i, j, box).any() for box in blocks(places[i].shared(places[j])))
+
+
+def _away_from_ends(places: Sequence[Box], covered: Sequence[Mask]) -> list[Mask]:
+    inner = [_without_ends(index, places, covered) for index in range(len(places))]
+
+    def allowed(index: int, box: Box) -> Mask | bool:
+        """Where all layers end, they are allowed to."""
+        if uniform(inner[index], box):
+            return True
+        place = places[index]
+        away, cover = inner[index][box.slices], covered[index][box.slices]
+        if (away == cover).all():
+            return away
+        on_canvas = box.moved(*place[:2])
+        return np.where(ground(places, inner, on_canvas), away, cover)
+
+    return [
+        rimmed(place.shape, full_within(inner[index]), partial(allowed, index))
+        for index, place in enumerate(places)
+    ]
+
+
+def _without_ends(index: int, places: Sequence[Box], covered: Sequence[Mask]) -> Mask:
+    place, cover = places[index], covered[index]
+    whole = Box(0, 0, *place.shape)
+    full = full_within(cover)
+
+    def values(box: Box) -> Mask | bool:
+        around = box.grown(1)
+        if around.shared(whole) == around and uniform(cover, around):
+            return True
+        around = around.moved(*place[:2])
+        here = cut(cover, place, around)
+        away: Mask = (here & ~at_its_end(here, ground(places, covered, around)))[1:-1, 1:-1]
+        return away
+
+    return rimmed(place.shape, None if full is None else full.grown(-1), values)
+
+
+def _keep_cores(
+    canvas: Box,
+    places: Sequence[Box],
+    covered: Sequence[Mask],
+    allowed: list[Mask],
+    core: float | None,
+    speck: float | None,
+) -> None:
+    """Leave, in place, where there are cores no layers to choose from but those whose cores these are."""
+    found = [_cores_of(index, places, covered, allowed[index], core, speck) for index in range(len(places))]
+    there = [own for own in found if own is not None]
+    if not there:
+        return
+    cored = new_map(canvas.shape, False, bool)
+    for one in there:
+        cored[one.box.slices] = cored[one.box.slices] | (one.piece[:, :] > 0)
+    for mask, place, own in zip(allowed, places, found, strict=True):
+        kept = None if own is None else own.without(there)
+        for box in blocks(place):
+            if uniform(cored, box) is not np.False_:
+                at, free = box.within(place), ~cored[box.slices]
+                if own is not None and kept is not None:
+                    free |= cut(kept, own.box, box)
+                mask[at] = mask[at] & free
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Cores:
+    """What a layer keeps."""
+
+    index: int
+    #: On the canvas, and the number of the connected piece of each of its pixels, (h, w) int32.
+    box: Box
+    piece: npt.NDArray[np.int32]
+    #: (n + 1,) how many pixels each has.
+    size: npt.NDArray[np.intp]
+
+    def without(self, others: Sequence[_Cores]) -> Mask:
+        """(h, w) bool: all but what others keep that lies in it."""
+        kept: Mask = new_map(self.box.shape, False, bool)
+        kept[:, :] = self.piece[:, :] > 0
+        for other in others:
+            inner = other.lying_in(self)
+            if inner.any():
+                common = self.box.shared(other.box)
+                at = common.within(self.box)
+                kept[at] = kept[at] & ~inner[other.piece[common.within(other.box)]]
+        return kept
+
+    def lying_in(self, other: _Cores) -> npt.NDArray[np.bool_]:
+        """(n + 1,) bool: which pieces another layer's hold; of two that are equal the later one lies in the
+        other.
+        """
+        common, none = self.box.shared(other.box), np.zeros(len(self.size), bool)
+        if self.index == other.index or not all(common.shape) or (len(none) == 2 and common != self.box):
+            return none
+        own, theirs = self.piece[common.within(self.box)], other.piece[common.within(other.box)]
+        held = own[theirs > 0]
+        holder = np.zeros(len(none), np.int32)
+        holder[held] = theirs[theirs > 0]
+        inside: npt.NDArray[np.bool_] = np.bincount(held, minlength=len(none)) == self.size
+        if self.index < other.index:
+            inside &= self.size < other.size[holder]
+        inside[0] = False
+        return inside
+
+
+def _cores_of(
+    index: int,
+    places: Sequence[Box],
+    covered: Sequence[Mask],
+    allowed: Mask,
+    core: float | None,
+    speck: float | None,
+) -> _Cores | None:
+    """The cores of those pieces of a layer that lie inside another one, or, with `core`, inside others."""
+    place = places[index]
+    whole = all_of(covered[index])  # one piece
+    if whole and core is None and not any(place.shared(other) == place for other in _but(index, places)):
+        return None
+    if whole and core is not None and any((_depth(places, covered, box) == 1).any() for box in blocks(place)):
+        return None
+    cover = dense(covered[index])
+    piece, count = (cover.astype(np.int32), 1) if whole else pieces_of(cover)
+    size, inside = np.bincount(piece.ravel(), minlength=count + 1), np.zeros(count + 1, bool)
+    if core is None:
+        for other, theirs in zip(_but(index, places), _but(index, covered), strict=True):
+            common = place.shared(other)
+            held = piece[common.within(place)][cut(theirs, other, common)] if all(common.shape) else piece[:0]
+            inside |= np.bincount(held.ravel(), minlength=count + 1) == size
+    else:
+        inside |= np.bincount(piece[_depth(places, covered, place) > 1], minlength=count + 1) == size
+    inside[0] = False
+    if not inside.any():
+        return None
+    share, own = CORE if core is None else core, int(size[1:].sum())
+    middle = cores(cover, piece, inside, share, speck, own) & dense(allowed)
+    if not middle.any():
+        return None
+    rows, columns = box_of(middle)
+    piece, count = pieces_of(middle[rows, columns])
+    numbers: npt.NDArray[np.int32] = new_map(piece.shape, 0, np.int32)
+    numbers[:, :] = piece
+    box = Box(rows.start, columns.start, rows.stop, columns.stop).moved(*place[:2])
+    return _Cores(index, box, numbers, np.bincount(piece.ravel(), minlength=count + 1))
+
+
+def _but(index: int, values: Sequence[_T]) -> Sequence[_T]:
+    """All but one."""
+    return [*values[:index], *values[index + 1 :]]
+
+
+def _depth(places: Sequence[Box], covered: Sequence[Mask], box: Box) -> npt.NDArray[np.uint16]:
+    """(h, w): how many layers have pixels in a box of the canvas."""
+    depth = np.zeros(box.shape, np.uint16)
+    for place, cover in zip(places, covered, strict=True):
+        common = place.shared(box)
+        if all(common.shape):
+            depth[common.within(box)] += cut(cover, place, common)
+    return depth
+
+
+def _divide(places: Sequence[Box], allowed: list[Mask], pair: Pair, labels: Mask) -> None:
+    """Forbid each of two layers what a given seam leaves to the other; `labels` on the canvas, True for the
+    second layer.
+    """
+    common = places[pair[0]].shared(places[pair[1]])
+    if not all(common.shape):
+        return
+    second = labels[common.slices]
+    for index, other, shows in ((*pair, ~second), (*pair[::-1], second)):
+        at, there = common.within(places[index]), common.within(places[other])
+        taken = shows & allowed[other][there] & allowed[index][at]
+        allowed[other][there] = allowed[other][there] & ~taken
+
+
+def exclusive_covers(layers: Sequence[Layer], places: Sequence[Box], canvas: Extent) -> list[Mask]:
+    """Per layer, on its place, where it has pixels that may show and no other layer must be kept.
+
+    Raises
+    ------
+    OptionError
+        When two layers must both be kept at a pixel, or one is to be kept nowhere that it has pixels.
+    """
+    covered = [cover_of(layer) for layer in layers]
+    if all(layer.keep is None for layer in layers):
+        return covered
+    keeper = new_map(canvas.shape, -1, np.int16)
+    for index, (layer, place) in enumerate(zip(layers, places, strict=True)):
+        if layer.keep is None:
+            continue
+        kept = dense(covered[index]) & np.asarray(layer.keep)
+        if not kept.any():
+            raise OptionError(
+                "{name} is to be kept where it has no pixels; check its keep mask",
+                kind="kept nowhere",
+                layers=(index,),
+                name=layer.name,
+            )
+        before = keeper[place.slices]
+        rivals = before[kept]
+        if rivals.max() >= 0:
+            rival = layers[int(rivals.max())].name
+            count = np.count_nonzero(rivals >= 0)
+            raise OptionError(
+                "{other} and {name} are both to be kept at {count} pixels; keep only one of them there",
+                kind="both kept",
+                layers=(int(rivals.max()), index),
+                other=rival,
+                name=layer.name,
+                count=count,
+            )
+        keeper[place.slices] = np.where(kept, np.int16(index), before)
+
+    def exclusive(index: int, box: Box) -> Mask:
+        place = places[index]
+        keeps = keeper[box.moved(*place[:2]).slices]
+        result: Mask = covered[index][box.slices] & ((keeps < 0) | (keeps == index))
+        return result
+
+    return [made_map(place.shape, bool, partial(exclusive, index)) for index, place in enumerate(places)]

@@ -1,0 +1,239 @@
+"""Which layer shows at every pixel: what is allowed, and what it costs where two layers adjoin.
+
+A *label map* gives each covered pixel of the canvas the number of one layer that is allowed there, -1 where
+no layer has pixels. It costs Σ M_ij(p, q) over neighbours p and q that show different layers i and j, M_ij
+being the match cost of these two (:mod:`toposeam.seam.problem.match_cost`). For two layers that is the seam
+problem. Which layers are allowed, and M_ij where not both layers have both pixels, is decided by
+:mod:`toposeam.layers.labelling.posing`.
+
+An *expansion* lowers the cost by letting one layer show more of itself (Boykov, Veksler and Zabih 2001,
+doi:10.1109/34.969114); a *swap* divides anew the pixels that show one of two layers. Both are minimum cuts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from toposeam.images import Mask
+from toposeam.layers.canvas.layer import Box, cut
+from toposeam.layers.canvas.painting import LabelMap
+from toposeam.layers.canvas.tile_map import EDGES, blocks, new_map, several, uniform
+from toposeam.seam.problem.match_cost import Floats32
+from toposeam.seam.problem.overlap import FREE, NONE, A, B, Overlap, neighbours
+from toposeam.seam.problem.seam_problem import SeamProblem
+
+_NEIGHBOURS: Any = (np.s_[:, :-1], np.s_[:-1]), (np.s_[:, 1:], np.s_[1:])  # each pixel's right and lower one
+
+#: Two layers by their numbers, the lower one first.
+Pair = tuple[int, int]
+
+
+class PairCost(Protocol):
+    """The match cost of two layers wherever both have pixels."""
+
+    @property
+    def box(self) -> Box:
+        """What their places have in common, and one pixel around."""
+        ...
+
+    def on(self, box: Box, beside: Mask | None = None) -> tuple[Floats32, Floats32]:
+        """Costs of the interfaces to the right, (h, w - 1), and below, (h - 1, w), in any box; 0 where they
+        are not known, and perhaps also where neither pixel is one of those that are asked for.
+        """
+        ...
+
+    def shared(self, box: Box) -> Mask:
+        """(h, w) bool, where both layers have pixels."""
+        ...
+
+    def part(self, box: Box, seen: dict[int, Any]) -> PairCost:
+        """The same cost as far as a box is concerned; in `seen` is what several costs have in common."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PairSeam:
+    """A seam of a label map posed as a seam problem on a box of the canvas."""
+
+    problem: SeamProblem
+    box: Box
+    #: (h, w) int16, the layers that show.
+    labels: LabelMap
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Labelling:
+    """The problem of choosing a layer at every pixel, at full size or reduced.
+
+    Parameters
+    ----------
+    canvas : Box
+    places : sequence of Box
+        Where each layer lies on the canvas.
+    allowed : sequence of (h, w) bool arrays
+        Per layer, on its place, where it is one of those to be chosen from.
+    costs : mapping from pairs of layers to PairCost
+        Those that share a pixel.
+    forbidden : float
+        Interfaces that cost as much or more are forbidden.
+    """
+
+    canvas: Box
+    places: Sequence[Box]
+    allowed: Sequence[Mask]
+    costs: Mapping[Pair, PairCost]
+    forbidden: float = float("inf")
+
+    def allowed_in(self, index: int, box: Box) -> Mask:
+        """(h, w) bool: where a layer is allowed in a box."""
+        return cut(self.allowed[index], self.places[index], box)
+
+    def labels_in(self, label_map: LabelMap, box: Box) -> LabelMap:
+        """A copy of the label map in a box, -1 off the canvas."""
+        return cut(label_map, self.canvas, box, fill=-1)
+
+    def contested(self, enough: int) -> int:
+        """How many pixels have several layers to choose from; counted no further than `enough`."""
+        count = 0
+        for box in blocks(self.canvas):
+            number = np.zeros(box.shape, np.uint8)
+            for _, common, allowed in self._allowed_on(box):
+                number[common.within(box)] += allowed
+            count += int(np.count_nonzero(number > 1))
+            if count >= enough:
+                break
+        return count
+
+    def make_allowed(self, label_map: LabelMap) -> None:
+        """Give pixels whose layer is not allowed there to one that is and shows beside them, or to the first
+        one that is, or to none, in place.
+        """
+        for box in blocks(self.canvas, EDGES):
+            layer = uniform(label_map, box)
+            if layer is not None and layer >= 0 and box.shared(self.places[layer]) == box:
+                inside = box.moved(-self.places[layer].top, -self.places[layer].left)
+                if uniform(self.allowed[layer], inside):
+                    continue
+            labels = label_map[box.slices].copy()
+            right = np.zeros(box.shape, bool)
+            choices = list(self._allowed_on(box))
+            for index, common, allowed in choices:
+                here = common.within(box)
+                right[here] |= (labels[here] == index) & allowed
+            if right.all():
+                continue
+            around = self.labels_in(label_map, box.grown(1))
+            for nearby in (True, False):
+                for index, common, allowed in choices:
+                    here = common.within(box)
+                    wrong = allowed & ~right[here]
+                    if nearby and wrong.any():
+                        wrong &= neighbours(around == index)[1:-1, 1:-1][here]
+                    labels[here][wrong] = index
+                    right[here] |= wrong
+            labels[~right] = -1
+            label_map[box.slices] = labels
+
+    def _allowed_on(self, box: Box) -> Iterator[tuple[int, Box, Mask]]:
+        """The layers that lie on a box, what each has in common with it, and where it is allowed there."""
+        for index, place in enumerate(self.places):
+            common = place.shared(box)
+            if all(common.shape):
+                yield index, common, cut(self.allowed[index], place, common)
+
+    def on_top(self) -> LabelMap:
+        """The label map in which each pixel shows the last layer that is allowed there."""
+        label_map: LabelMap = new_map(self.canvas.shape, -1, np.int16)
+        for box in blocks(self.canvas):
+            labels = np.full(box.shape, -1, np.int16)
+            for index, common, allowed in self._allowed_on(box):
+                labels[common.within(box)][allowed] = index
+            label_map[box.slices] = labels
+        return label_map
+
+    def seam(
+        self, label_map: LabelMap, pair: Pair, *, within: Box | None = None, beside: bool = False
+    ) -> PairSeam | None:
+        """The seam between two layers, posed as a problem of which ``b`` is the second one.
+
+        Parameters
+        ----------
+        label_map : (H, W) int16 array
+        pair : (int, int)
+        within : Box, optional
+            Pose it in this box only.
+        beside : bool
+            Whether only the costs beside the seam are needed.
+
+        Returns
+        -------
+        PairSeam, or None where the two share no pixel
+        """
+        cost = self.costs.get(pair)
+        box = None if cost is None else cost.box if within is None else cost.box.shared(within)
+        if cost is None or box is None or min(box.shape) < 2:
+            return None
+        labels = self.labels_in(label_map, box)
+        first, second = labels == pair[0], labels == pair[1]
+        inside = first | second
+        free = inside & self.allowed_in(pair[0], box) & self.allowed_in(pair[1], box)
+        side = np.full(box.shape, NONE, np.uint8)
+        side[first], side[second], side[free] = A, B, FREE
+        wanted = neighbours(first) & second | neighbours(second) & first if beside else None
+        right, down = cost.on(box, wanted)
+        right[~(inside[:, 1:] & inside[:, :-1])] = 0
+        down[~(inside[1:] & inside[:-1])] = 0
+        unary = [self._beside(index, pair, labels, free, box) for index in pair]
+        overlap = Overlap(side, cost.shared(box) & inside, (box.top, box.left), self.canvas.shape)
+        problem = SeamProblem(overlap, right, down, self.forbidden, showing_a=unary[0], showing_b=unary[1])
+        return PairSeam(problem, box, labels)
+
+    def _beside(self, index: int, pair: Pair, labels: LabelMap, free: Mask, box: Box) -> Floats32:
+        """(h, w) unary cost of showing one layer of a pair at its free pixels: that of their interfaces with
+        other layers.
+        """
+        total = np.zeros(box.shape, np.float32)
+        for other in _labels_of(labels):
+            cost = self.costs.get((min(index, other), max(index, other))) if other not in pair else None
+            if cost is None:
+                continue
+            theirs = labels == other
+            touching = free & neighbours(theirs)
+            if not touching.any():
+                continue
+            for values, s, t in zip(cost.on(box, touching), *_NEIGHBOURS, strict=True):
+                for here, there in ((s, t), (t, s)):
+                    ends = free[here] & theirs[there]
+                    total[here][ends] += values[ends]
+        return total
+
+    def total(self, labels: LabelMap, box: Box) -> float:
+        """Σ M of a label map in a box."""
+        total = 0.0
+        for i, j in self.adjoining(labels):
+            cost = self.costs.get((i, j))
+            for values, s, t in zip(cost.on(box), *_NEIGHBOURS, strict=True) if cost is not None else ():
+                border = ((labels[s] == i) & (labels[t] == j)) | ((labels[s] == j) & (labels[t] == i))
+                total += float(values[border].sum(dtype=np.float64))
+        return total
+
+    def adjoining(self, labels: LabelMap) -> list[Pair]:
+        """The pairs of layers that show side by side somewhere, in order."""
+        count = len(self.places)
+        beside = np.zeros((count + 1) ** 2, bool)  # by the lower number and the higher; -1 comes last
+        for box in several(labels, Box(0, 0, *labels.shape)):
+            part = labels[box.slices]
+            for s, t in ((part[:, :-1], part[:, 1:]), (part[:-1], part[1:])):
+                border = s != t
+                p, q = s[border] % (count + 1), t[border] % (count + 1)
+                beside[np.minimum(p, q).astype(np.intp) * (count + 1) + np.maximum(p, q)] = True
+        firsts, seconds = np.nonzero(beside.reshape(count + 1, count + 1)[:, :count])
+        return list(zip(firsts.tolist(), seconds.tolist(), strict=True))
+
+
+def _labels_of(labels: LabelMap) -> list[int]:
+    """The layers that show, in order."""
+    return np.flatnonzero(np.bincount(labels.ravel() + 1)[1:]).tolist()

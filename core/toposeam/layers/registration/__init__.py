@@ -1,0 +1,1 @@
+"""Find where pictures belong: features, pairs, a pose graph."""

@@ -1,0 +1,96 @@
+"""Pictures as they are recognised: detail without slow light, and SIFT features of a reduced copy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import scipy
+
+from toposeam.images import Mask, as_float
+from toposeam.layers.canvas.layer import Layer
+
+Floats = npt.NDArray[np.float64]
+
+_REDUCED_PIXELS = 200_000
+_CONTRAST = 0.004  # of features, three times as faint as usual
+_BLUR = 8.0  # px; slower changes are exposure, not content
+_CLEARLY = 0.85  # distance of a feature that matches, by that of the next one
+_LEAST_CORNER = 0.1  # least of how much a patch changes along its straightest direction, by that across it
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Look:
+    """A picture as it is compared: gray without slow changes, and what is seen of it reduced."""
+
+    detail: npt.NDArray[np.float32]
+    known: Mask
+    scale: int
+    keypoints: Floats  #: (K, 2) x and y at full size
+    descriptors: npt.NDArray[Any] | None
+
+    def __post_init__(self) -> None:
+        for values in (self.detail, self.known, self.descriptors):
+            if values is not None:
+                values.setflags(write=False)  # as those of costs
+
+
+def look_at(picture: Layer) -> Look:
+    """Detail and features of a picture."""
+    from skimage import feature
+
+    known = picture.covered.copy()
+    gray = as_float(np.asarray(picture.image), picture.title, picture.data_range).mean(axis=2)
+    gray[~known] = 0
+    weight = scipy.ndimage.gaussian_filter(known.astype(np.float32), _BLUR)
+    slow = scipy.ndimage.gaussian_filter(gray, _BLUR) / np.maximum(weight, 1e-6)
+    detail = np.where(known, gray - slow, np.float32(0)).astype(np.float32)
+    scale = max(1, int(np.ceil(np.sqrt(gray.size / _REDUCED_PIXELS))))
+    rows, columns = (size // scale * scale for size in gray.shape)
+    small = gray[:rows, :columns].reshape(rows // scale, scale, columns // scale, scale).mean(axis=(1, 3))
+    sift: Any = feature.SIFT(c_dog=_CONTRAST)  # type: ignore[no-untyped-call]
+    try:
+        sift.detect_and_extract(small)
+    except (RuntimeError, IndexError, ValueError):  # nothing to be found, or too small to look for anything
+        return Look(detail, known, scale, np.zeros((0, 2)), None)
+    points = (sift.keypoints[:, ::-1] + 0.5) * scale - 0.5
+    return Look(detail, known, scale, points.astype(float), sift.descriptors)
+
+
+def shared_features(a: Look, b: Look) -> npt.NDArray[np.intp]:
+    """Numbers of the features that are each other's nearest and clearly nearer than the next one.
+
+    Returns
+    -------
+    (N, 2) int array
+        In `a` and in `b`.
+    """
+    if a.descriptors is None or b.descriptors is None:
+        return np.zeros((0, 2), np.intp)
+    # Whole numbers up to 128 · 255² are exact in float32, so this is what skimage.feature.match_descriptors
+    # gives, in a tenth of its time.
+    first, second = (look.descriptors.astype(np.float32) for look in (a, b))  # type: ignore[union-attr]
+    lengths = np.square(first).sum(axis=1)[:, np.newaxis] + np.square(second).sum(axis=1)
+    distance = lengths - 2 * (first @ second.T)
+    near = distance.argmin(axis=1)
+    mine = np.arange(len(first))
+    mutual = mine == distance.argmin(axis=0)[near]
+    least = distance[mine, near]
+    distance[mine, near] = np.inf
+    next_one = np.maximum(distance.min(axis=1), np.finfo(float).eps ** 2) if len(second) > 1 else np.inf
+    clear = np.sqrt(least.astype(float)) / np.sqrt(next_one) < _CLEARLY
+    chosen = mutual & clear
+    return np.stack([mine[chosen], near[chosen]], axis=1)
+
+
+def cornered(patch: npt.NDArray[np.float32]) -> bool:
+    """Whether a patch can be told from itself moved in any direction: straight edges alone cannot."""
+    smooth = scipy.ndimage.gaussian_filter(patch, 1.5)
+    down, right = np.gradient(smooth)
+    tensor = np.array(
+        [[np.sum(down * down), np.sum(down * right)], [np.sum(down * right), np.sum(right * right)]]
+    )
+    least, most = np.linalg.eigvalsh(tensor)
+    return bool(least > _LEAST_CORNER * most)

@@ -1,0 +1,1 @@
+"""Minimise the cost of a labelling: expansion moves, coarse to fine."""

@@ -1,0 +1,275 @@
+"""Two layers divided anew in the band of pixels beside their seam.
+
+Beside a seam of a few thousand pixels, in an overlap of millions, only a band may change. It is taken out as
+a list of pixels: each is a node, each interface it takes part in an element, and what shows around, be it one
+of the two layers or a third one, is a terminal it is tied to. Nothing as large as the overlap is computed;
+match costs are, tile by tile where the band passes. Bands that do not touch may be divided by other
+processes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from toposeam.heat.network import Floats, Ints, Network
+from toposeam.heat.threads import one_thread
+from toposeam.images import Mask
+from toposeam.layers.canvas.layer import Box, cut
+from toposeam.layers.canvas.painting import LabelMap
+from toposeam.layers.canvas.tile_map import TILE, uniform
+from toposeam.layers.labelling.problem import Labelling, Pair, PairCost
+from toposeam.layers.search.cut_solver import CutSolver
+from toposeam.layers.search.expansion_moves import LEAST_GAIN, Indices
+from toposeam.optimize.history import Iteration, Termination
+
+#: Rows and columns of pixels of the canvas.
+Pixels = tuple[Indices, Indices]
+#: Rows and columns of pixels of the canvas, and their label potential.
+Potential = tuple[Indices, Indices, npt.NDArray[np.float32]]
+
+#: Side of the tiles in which costs are looked at, px.
+_TILE = 192
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """Pixels that show one of two layers and may show the other."""
+
+    #: (n,) on the canvas.
+    rows: Indices
+    columns: Indices
+    #: (n,) bool, which of them show the second layer now.
+    second: Mask
+    #: (E,) elements: the nodes they join, n for what shows the first layer, n + 1 for the second.
+    tail: Ints
+    head: Ints
+    cost: Floats
+
+    @cached_property
+    def _tied(self) -> tuple[Mask, Mask]:
+        """(n,) bool: which nodes are joined to something that shows the first layer, and the second."""
+        n = len(self.rows)
+        inner = self.head < n
+        graph = coo_array(
+            (np.ones(np.count_nonzero(inner), np.int8), (self.tail[inner], self.head[inner])), shape=(n, n)
+        )
+        count, component = connected_components(graph, directed=False)
+        first, second = (
+            np.bincount(component[self.tail[self.head == terminal]], minlength=count)[component] > 0
+            for terminal in (n, n + 1)
+        )
+        return first, second
+
+    def network(self) -> tuple[Network, Floats, Indices]:
+        """Those nodes that both sides pull at, the cost of the elements they take part in, and which they
+        are; what only one side pulls at goes to it (:meth:`labels`).
+        """
+        first, second = self._tied
+        open_ = first & second
+        chosen = np.flatnonzero(open_)
+        size = len(chosen)
+        number = np.full(len(self.rows) + 2, -1, np.intp)
+        number[chosen] = np.arange(size)
+        number[-2:] = size, size + 1
+        own = open_[self.tail]  # a component is open as a whole
+        chessboard = (self.rows[chosen] + self.columns[chosen]) % 2 == 0
+        return (
+            Network(size, number[self.tail[own]], number[self.head[own]], chessboard),
+            self.cost[own],
+            chosen,
+        )
+
+    def labels(self, chosen: Indices, hot: Mask) -> Mask:
+        """(n,) bool, which pixels show the second layer when some nodes are hot."""
+        first, second = self._tied
+        result: Mask = np.where(first, False, np.where(second, True, self.second))
+        result[chosen] = hot
+        return result
+
+    def total(self, second: Mask) -> float:
+        """Σ M over the interfaces that a division of the pixels cuts."""
+        ends = np.append(second, [False, True])
+        return float(self.cost[ends[self.tail] != ends[self.head]].sum())
+
+
+def band_of(labelling: Labelling, label_map: LabelMap, pair: Pair, opened: Mask | None) -> Band | None:
+    """The opened pixels that show one of two layers and may show either; None where there are none.
+
+    Parameters
+    ----------
+    labelling : Labelling
+    label_map : (H, W) int16 array
+    pair : (int, int)
+    opened : (H, W) bool array, or None for all pixels
+    """
+    cost = labelling.costs.get(pair)
+    if cost is None:
+        return None
+    inner = cost.box.grown(-1).shared(labelling.canvas)
+    if not all(inner.shape):
+        return None
+    box = inner.grown(1)
+    width = box.shape[1]
+    open_ = np.ones(inner.shape, bool) if opened is None else opened[inner.slices]
+    rows, columns = np.divmod(np.flatnonzero(open_), inner.shape[1])
+    labels = labelling.labels_in(label_map, box).ravel()
+    at = (rows + 1) * width + columns + 1
+    shows = labels.take(at)
+    chosen = (shows == pair[0]) | (shows == pair[1])
+    for index in pair:
+        place = labelling.places[index]
+        if uniform(labelling.allowed[index], inner.moved(-place.top, -place.left)) is None:
+            chosen &= cut(labelling.allowed[index], place, inner)[rows, columns]
+    rows, columns, at, shows = rows[chosen], columns[chosen], at[chosen], shows[chosen]
+    if not len(at):
+        return None
+    return _joined(labelling, pair, box, labels, at, shows == pair[1])
+
+
+def _joined(
+    labelling: Labelling, pair: Pair, box: Box, labels: npt.NDArray[np.int16], at: Indices, second: Mask
+) -> Band:
+    """The band of some pixels of a box, given by flat indices."""
+    n, width = len(at), box.shape[1]
+    node = np.full(labels.size, -1, np.int32)
+    node[at] = np.arange(n, dtype=np.int32)
+    # Of each pair of layers: nodes, what they are joined to, the first pixel of the interface, its direction.
+    found: dict[Pair, list[tuple[Indices, ...]]] = {pair: []}
+
+    def add(layers: Pair, own: Indices, head: Indices, first: Indices, axis: int) -> None:
+        layers = min(layers), max(layers)
+        if layers in labelling.costs:
+            found.setdefault(layers, []).append((own, head, first, np.full(len(own), axis)))
+
+    for axis, step in ((1, 1), (0, width)):
+        ends = node.take(at + step)
+        both = np.flatnonzero(ends >= 0)
+        add(pair, both, ends[both].astype(np.intp), at[both], axis)
+        for beyond, first in ((at + step, at), (at - step, at - step)):
+            outer = np.flatnonzero(node.take(beyond) < 0)
+            shown = labels.take(beyond[outer])
+            for other in np.flatnonzero(np.bincount(shown + 1)[1:]).tolist():
+                own = outer[shown == other]
+                ties = (
+                    [(pair, pair.index(other))]
+                    if other in pair
+                    else [((pair[k], other), 1 - k) for k in (0, 1)]
+                )
+                for layers, terminal in ties:
+                    add(layers, own, np.full(len(own), n + terminal), first[own], axis)
+    parts = []
+    for layers, lists in found.items():
+        tail, head, first, axis_of = (np.concatenate(part) for part in zip(*lists, strict=True))
+        cost = costs_at(labelling.costs[layers], box, first, axis_of)
+        known = np.flatnonzero(cost > 0)
+        parts.append((tail[known], head[known], cost[known]))
+    tail, head, cost = (np.concatenate(part) for part in zip(*parts, strict=True))
+    rows, columns = np.divmod(at, width)
+    return Band(rows + box.top, columns + box.left, second, tail, head, cost)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Division:
+    """Two layers to be divided anew, in this process or another one."""
+
+    labelling: Labelling
+    label_map: LabelMap
+    #: (H, W) bool: the pixels that may change; None for all.
+    near: Mask | None
+    pair: Pair
+    solver: CutSolver
+    #: Whether the label potential is wanted.
+    potential: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeamHeat:
+    """How heat gathered along a seam."""
+
+    #: The label potential of the pixels beside it.
+    potential: Potential
+    history: tuple[Iteration, ...]
+    termination: Termination
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Divided:
+    """The cheapest seam among the open pixels of two layers."""
+
+    #: Pixels that change, and the layers that show there from now on.
+    pixels: Pixels
+    values: npt.NDArray[np.int16]
+    #: Where the label potential is wanted.
+    heat: SeamHeat | None
+
+
+def divided(division: Division) -> Divided | None:
+    """Find the cheapest seam of two layers; None where no pixel is open."""
+    pair = division.pair
+    band = band_of(division.labelling, division.label_map, pair, division.near)
+    if band is None:
+        return None
+    network, cost, chosen = band.network()
+    heat = None
+    with one_thread():
+        if division.potential:
+            found = division.solver.heat(network, cost)
+            second = band.labels(chosen, found.hot[:-2])
+            soft = second.astype(np.float32)
+            soft[chosen] = np.clip(found.soft[:-2], 0.0, 1.0)
+            heat = SeamHeat((band.rows, band.columns, soft), found.history, found.termination)
+        else:
+            second = band.labels(chosen, division.solver(network, cost) if network.n else np.zeros(0, bool))
+    gains = band.total(second) < band.total(band.second) * (1 - LEAST_GAIN)
+    changed = np.flatnonzero(second != band.second) if gains else np.zeros(0, np.intp)
+    return Divided(
+        pixels=(band.rows[changed], band.columns[changed]),
+        values=np.where(second[changed], np.int16(pair[1]), np.int16(pair[0])),
+        heat=heat,
+    )
+
+
+def costs_at(cost: PairCost, box: Box, first: Indices, axis: Indices) -> Floats:
+    """The costs of some interfaces, each given by the flat index in a box of its left (axis 1) or upper pixel
+    (axis 0).
+    """
+    result = np.zeros(len(first))
+    rows, columns = np.divmod(first, box.shape[1])
+    for part in _by_tile(rows, columns, _TILE):
+        r, c, along = rows[part], columns[part], axis[part]
+        top, left, bottom, right = int(r.min()), int(c.min()), int(r.max()) + 2, int(c.max()) + 2
+        across, down = cost.on(Box(top, left, bottom, right).moved(box.top, box.left))
+        for values, chosen in ((across, along == 1), (down, along == 0)):
+            result[part[chosen]] = values[r[chosen] - top, c[chosen] - left]
+    return result
+
+
+def _by_tile(rows: Indices, columns: Indices, side: int) -> list[Indices]:
+    """Which pixels lie in each tile."""
+    if not len(rows):
+        return []
+    key = rows // side * (int(columns.max()) // side + 1) + columns // side
+    order = np.argsort(key, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(key[order])) + 1)
+
+
+def write_pixels(
+    label_map: npt.NDArray[Any], rows: Indices, columns: Indices, values: npt.NDArray[Any]
+) -> None:
+    """Change some pixels of a map in place."""
+    if isinstance(label_map, np.ndarray):
+        label_map[rows, columns] = values
+        return
+    for part in _by_tile(rows, columns, TILE):
+        r, c = rows[part], columns[part]
+        tile = Box(int(r.min()), int(c.min()), int(r.max()) + 1, int(c.max()) + 1)
+        labels = label_map[tile.slices]
+        labels[r - tile.top, c - tile.left] = values[part]
+        label_map[tile.slices] = labels

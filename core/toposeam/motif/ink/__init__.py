@@ -1,0 +1,1 @@
+"""From densities to prints: edges of strokes, inks, colours, vectors."""

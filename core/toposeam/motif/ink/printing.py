@@ -1,0 +1,171 @@
+"""What layers of ink on paper have in common: how they are printed, mixed and drawn."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.checks import check_pair
+from toposeam.display import to_png
+from toposeam.errors import OptionError, Term
+from toposeam.motif.ink.mixing import mix
+from toposeam.motif.ink.stroke_edges import fineness, printed, shading
+from toposeam.motif.ink.svg import draw_svg
+from toposeam.saving import save
+
+#: Patterns with more pixels are refused.
+MAX_PATTERN = 400_000_000
+
+
+class Inked(ABC):
+    """Densities of inks on a cell that repeats; subclasses say what else they are."""
+
+    __slots__ = ()
+
+    #: (n_L, H, W) float32 in [0, 1], as the optimisation left them.
+    densities: npt.NDArray[np.float32]
+    #: (n_L, 3) sRGB in [0, 1].
+    inks: npt.NDArray[np.float64]
+    #: (3,) sRGB in [0, 1].
+    paper: npt.NDArray[np.float64]
+    #: The rule it repeats by, one of `REPEATS`.
+    repeat: str
+
+    @property
+    @abstractmethod
+    def edges(self) -> tuple[str, ...]:
+        """How the strokes of each layer end in print, of `EDGES`."""
+
+    @property
+    @abstractmethod
+    def names(self) -> tuple[str, ...]:
+        """What each ink is called."""
+
+    @property
+    @abstractmethod
+    def record(self) -> Mapping[str, Any]:
+        """What makes it again, for files; anything JSON can hold."""
+
+    @abstractmethod
+    def sampled(self, layer: int, size: tuple[int, int]) -> npt.NDArray[np.float32]:
+        """One layer's density, smoothly interpolated to (rows, columns)."""
+
+    def ends(self, layer: int) -> tuple[float, np.float32]:
+        """The density at which a layer's strokes end in print, and the factor of those inside."""
+        fine = fineness((self.densities.shape[1], self.densities.shape[2]))
+        size = fine * self.densities.shape[1], fine * self.densities.shape[2]
+        return shading(map(self.sampled, [layer], [size]), self.edges[layer], self.repeat, fine)
+
+    def resampled(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
+        """The densities on another number of elements, (n_L, H', W') float32, smoothly interpolated. What is
+        printed of them is `coverage`.
+
+        Parameters
+        ----------
+        size : (rows, columns), optional
+
+        Raises
+        ------
+        OptionError
+        """
+        if size is None or size == self.densities.shape[1:]:
+            return self.densities
+        size = checked_size(size)
+        return np.stack([self.sampled(index, size) for index in range(len(self.inks))])
+
+    def coverage(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
+        """How much ink of each layer is printed, (n_L, H', W') float32 in [0, 1].
+
+        Strokes end as `edges` says; see :mod:`toposeam.motif.ink.stroke_edges`.
+
+        Parameters
+        ----------
+        size : (rows, columns), optional
+            Any; the cell's own without it.
+
+        Raises
+        ------
+        OptionError
+        """
+        elements = self.densities.shape[1], self.densities.shape[2]
+        if size is None or size == elements:
+            return self._own_coverage()
+        return self._covered(checked_size(size))
+
+    def _own_coverage(self) -> npt.NDArray[np.float32]:
+        return self._covered((self.densities.shape[1], self.densities.shape[2]))
+
+    def _covered(self, size: tuple[int, int]) -> npt.NDArray[np.float32]:
+        elements = self.densities.shape[1], self.densities.shape[2]
+        return np.stack(
+            [
+                printed(partial(self.sampled, index), edge, self.repeat, elements, size, self.ends(index))
+                for index, edge in enumerate(self.edges)
+            ]
+        )
+
+    def image(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
+        """The print in colour.
+
+        Parameters
+        ----------
+        size : (rows, columns), optional
+            Any; the cell's own without it.
+
+        Returns
+        -------
+        (H, W, 3) float32 array in [0, 1]
+        """
+        return mix(self.coverage(size), self.inks, self.paper)
+
+    def to_svg(self, path: str | Path | None = None, *, counts: tuple[float, float] = (1, 1)) -> str:
+        """The print as an SVG document; as a file too if a path is given.
+
+        Parameters
+        ----------
+        path : str or Path, optional
+            Written whole or not at all.
+        counts : (rows, columns)
+            How many of it are shown, see :func:`draw_svg`.
+
+        Returns
+        -------
+        str
+
+        Raises
+        ------
+        OptionError, OSError
+        """
+        document = draw_svg(self, counts)
+        if path is not None:
+            save(path, document)
+        return document
+
+    def _repr_png_(self) -> bytes:
+        return to_png(self.image())
+
+
+def checked_size(size: tuple[int, int]) -> tuple[int, int]:
+    """(rows, columns) of a print.
+
+    Raises
+    ------
+    OptionError
+    """
+    rows, columns = check_pair("size", size, 1)
+    if rows * columns > MAX_PATTERN:
+        raise OptionError(
+            "{parameter} is {rows} × {columns}; give rows and columns of {most:,} pixels at most",
+            kind="too large",
+            parameter=Term("size"),
+            rows=rows,
+            columns=columns,
+            most=MAX_PATTERN,
+        )
+    return rows, columns

@@ -1,0 +1,50 @@
+"""Densities at any size: smooth enlargement, area means when reduced, both aware of the pattern's
+neighbours.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import affine_transform, uniform_filter1d
+
+from toposeam.motif.symmetry.tiling import extend
+
+#: Elements of the neighbours that a cubic spline feels.
+_MARGIN = 12
+
+
+def resample(field: npt.NDArray[np.floating], repeat: str, size: tuple[int, int]) -> npt.NDArray[np.float32]:
+    """A density, (h, w), on another number of elements.
+
+    Enlarging interpolates by cubic splines; where an axis shrinks, it is first averaged over the width of the
+    new elements.
+    """
+    h, w = field.shape
+    if (h, w) == size:
+        return field.astype(np.float32)
+    scale = h / size[0], w / size[1]
+    margin = _MARGIN + int(np.ceil(max(scale)))
+    wide = extend(field, repeat, margin).astype(np.float64)
+    for axis in (0, 1):
+        if scale[axis] > 1:
+            wide = _box(wide, scale[axis], axis)
+    offset = [margin + 0.5 * s - 0.5 for s in scale]
+    result: npt.NDArray[np.float32] = affine_transform(
+        wide, scale, offset, output_shape=size, order=3, mode="nearest", output=np.float32
+    )
+    np.clip(result, 0.0, 1.0, out=result)
+    return result
+
+
+def _box(field: npt.NDArray[np.float64], width: float, axis: int) -> npt.NDArray[np.float64]:
+    """Mean over a window of any width, as a blend of the two nearest odd whole widths."""
+    low = max(1, int((width - 1) // 2) * 2 + 1)
+    share = (width - low) / 2
+    narrow: npt.NDArray[np.float64] = uniform_filter1d(field, low, axis=axis, mode="nearest")
+    if share == 0:
+        return narrow
+    blend: npt.NDArray[np.float64] = (1 - share) * narrow + share * uniform_filter1d(
+        field, low + 2, axis=axis, mode="nearest"
+    )
+    return blend

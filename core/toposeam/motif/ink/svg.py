@@ -1,0 +1,269 @@
+"""A motif as vector graphics: contours of every layer, multiplied onto the paper, repeated by a pattern.
+
+Each layer is a group that is blended by multiplication; within it areas of higher density lie on those of
+lower density in ordinary opaque colours, so that only the groups need blending and editors show layers that
+can be recoloured one by one.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from html import escape
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from toposeam.checks import check_kind, check_range, check_whole, options_from
+from toposeam.colours import to_hex
+from toposeam.errors import OptionError, Term
+from toposeam.motif.ink.stroke_edges import SMOOTHING, fineness
+from toposeam.motif.symmetry.tiling import extend, period, tile
+from toposeam.vector.contours import MARGIN_PX, contour_beyond
+
+Floats = npt.NDArray[np.float64]
+
+#: Documents of more characters are refused: no editor would open them.
+LARGEST_CHARACTERS = 60_000_000
+
+
+@runtime_checkable
+class Drawable(Protocol):
+    """What is drawn: a :class:`toposeam.motif.ink.printing.Inked`."""
+
+    @property
+    def densities(self) -> npt.NDArray[np.float32]:
+        """(n_L, H, W)."""
+
+    @property
+    def inks(self) -> Floats:
+        """(n_L, 3) sRGB."""
+
+    @property
+    def paper(self) -> Floats:
+        """(3,) sRGB."""
+
+    @property
+    def repeat(self) -> str:
+        """The rule it repeats by."""
+
+    @property
+    def edges(self) -> tuple[str, ...]:
+        """How strokes end."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What the inks are called."""
+
+    @property
+    def record(self) -> Mapping[str, Any]:
+        """What makes it again."""
+
+    def ends(self, layer: int) -> tuple[float, np.float32]:
+        """The density at which a layer's strokes end in print, and the factor of those inside."""
+
+    def resampled(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
+        """The densities at another size."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SvgOptions:
+    """How a motif is drawn.
+
+    Examples
+    --------
+    >>> import toposeam as ts
+    >>> motif = ts.generate_motif(16, layers=1, seed=1, iterations=3)
+    >>> 'width="80mm"' in ts.draw_svg(motif, options=ts.SvgOptions(width_mm=80))
+    True
+    """
+
+    #: Steps between paper and full ink; more show ink wash more smoothly.
+    levels: int = 12
+    #: Width of one motif on paper, mm; None lets an element of the densities be one px.
+    width_mm: float | None = None
+    #: Whether the paper is left out, so that what lies below shows.
+    transparent: bool = False
+
+    def __post_init__(self) -> None:
+        check_whole("levels", self.levels, 1, 64)
+        if self.width_mm is not None:
+            check_range(0, 1e5, above=True, width_mm=self.width_mm)
+
+
+def draw_svg(
+    motif: Drawable,
+    counts: tuple[float, float] = (1, 1),
+    *,
+    options: SvgOptions | None = None,
+    note: Mapping[str, Any] | None = None,
+    **given: Any,
+) -> str:
+    """A motif, or a sheet of it, as an SVG document.
+
+    Parameters
+    ----------
+    motif : Motif or Arrangement
+    counts : (rows, columns)
+        How many motifs the document shows, whole numbers or not. One is drawn directly; more are a
+        ``<pattern>``, arranged by the motif's rule.
+    options : SvgOptions
+    note : mapping, optional
+        What is written into ``<metadata>`` beside the recipe; anything JSON can hold.
+    **given
+        The options as plain keywords instead.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    OptionError
+        For impossible counts, or a document beyond `LARGEST_CHARACTERS`.
+
+    Examples
+    --------
+    >>> import toposeam as ts
+    >>> motif = ts.generate_motif(16, layers=1, seed=1, iterations=3)
+    >>> "<svg" in ts.draw_svg(motif, (2, 2), width_mm=80)
+    True
+    """
+    chosen = options_from(SvgOptions, options, given, "a drawing")
+    check_kind("motif", motif, Drawable, "a Motif")
+    if not isinstance(counts, tuple | list) or len(counts) != 2:
+        raise OptionError(
+            "{parameter} is {value!r}; pass two numbers, rows and columns",
+            kind="type",
+            parameter=Term("counts"),
+            value=counts,
+        )
+    rows, columns = counts
+    check_counts(counts)
+    if note is not None:
+        check_kind("note", note, Mapping, "a mapping of what JSON can hold")
+    height, width = motif.densities.shape[1:]
+    # What a pattern repeats by translation: with mirrored, turned or shifted neighbours several motifs.
+    single = (rows, columns) == (1, 1)
+    down, across = (1, 1) if single else period(motif.repeat)
+    rule = motif.repeat if (down, across) == (1, 1) else "translate"
+    groups = []
+    fine = fineness((height, width))
+    densities = motif.resampled((fine * height, fine * width))
+    layers = zip(densities, motif.inks, motif.edges, motif.names, strict=True)
+    for number, (density, ink, edge, name) in enumerate(layers, 1):
+        cell = tile(density, motif.repeat, (down, across))
+        bands = _Bands(edge, motif.ends(number - 1), chosen.levels)
+        groups += _layer(cell, rule, ink, (number, name), bands, fine)
+    unit, scale = ("", 1.0) if chosen.width_mm is None else ("mm", chosen.width_mm / width)
+    size_x, size_y = width * columns, height * rows
+    settings = {**(note or {}), **motif.record}
+    margin = MARGIN_PX
+    ground = (
+        ""
+        if chosen.transparent
+        else (
+            f'<rect x="{-margin}" y="{-margin}" width="{across * width + 2 * margin}" '
+            f'height="{down * height + 2 * margin}" fill="{to_hex(motif.paper)}"/>'
+        )
+    )
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        '<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape"'
+        f' width="{_number(size_x * scale)}{unit}" height="{_number(size_y * scale)}{unit}"'
+        f' viewBox="0 0 {_number(size_x)} {_number(size_y)}">',
+        f'<metadata id="toposeam">{escape(json.dumps(settings, allow_nan=False), quote=False)}</metadata>',
+    ]
+    if single:
+        lines += [ground, *groups]
+    else:
+        lines += [
+            "<defs>",
+            f'<pattern id="motif" width="{across * width}" height="{down * height}" '
+            'patternUnits="userSpaceOnUse">',
+            ground,
+            *groups,
+            "</pattern>",
+            "</defs>",
+            f'<rect width="{_number(size_x)}" height="{_number(size_y)}" fill="url(#motif)"/>',
+        ]
+    document = "\n".join([*lines, "</svg>", ""])
+    if len(document) > LARGEST_CHARACTERS:
+        raise OptionError(
+            f"the drawing would take {len(document) / 1e6:.0f} MB, more than editors open; use fewer levels "
+            "or a smaller size"
+        )
+    return document
+
+
+def check_counts(counts: tuple[float, float]) -> None:
+    """Refuse a sheet of no or too many motifs.
+
+    Raises
+    ------
+    OptionError
+    """
+    rows, columns = counts
+    check_range(0, 10_000, above=True, rows=rows, columns=columns)
+
+
+class _Bands:
+    """The levels whose contours are drawn, and what is printed above each."""
+
+    def __init__(self, edge: str, ends: tuple[float, np.float32], levels: int) -> None:
+        self.gain = np.float32(1.0)
+        self.edge = edge
+        self.thresholds = (np.arange(levels) + 0.5) / levels
+        if edge == "soft":
+            return
+        at, self.gain = ends
+        self.thresholds = np.array([at]) if edge == "crisp" else np.append(at, self.thresholds / self.gain)
+        self.thresholds = self.thresholds[self.thresholds >= at]
+
+    def tones(self, smooth: Floats) -> Floats:
+        """What is printed between the levels: the mean there, so that the whole keeps its tone."""
+        many = len(self.thresholds) + 1
+        if self.edge == "crisp":
+            return np.array([0.0, 1.0])
+        inside = np.clip(smooth * self.gain, 0.0, 1.0).ravel()
+        band = np.digitize(smooth.ravel(), self.thresholds)
+        count = np.bincount(band, minlength=many)
+        mean = np.bincount(band, inside, many) / np.maximum(count, 1)
+        tones: Floats = np.where(count > 0, mean, np.arange(many) / (many - 1))
+        if self.edge == "ink":
+            tones[0] = 0.0
+        return tones
+
+
+def _layer(
+    density: npt.NDArray[np.float32], rule: str, ink: Floats, name: tuple[int, str], bands: _Bands, fine: int
+) -> list[str]:
+    """One ink's group. Levels lie half-way between the densities whose colours they part."""
+    blur = int(np.ceil(4 * SMOOTHING * fine))
+    wide = extend(density, rule, MARGIN_PX + blur).astype(np.float64)
+    inner = slice(blur, len(wide) - blur), slice(blur, wide.shape[1] - blur)
+    smooth = ndimage.gaussian_filter(wide, SMOOTHING * fine)[inner]
+    typical = bands.tones(smooth[MARGIN_PX:-MARGIN_PX, MARGIN_PX:-MARGIN_PX])
+    lines = [
+        f'<g id="ink-{name[0]}" inkscape:groupmode="layer" inkscape:label="{escape(name[1])}" '
+        'style="mix-blend-mode:multiply">'
+    ]
+    if typical[0] > 0:  # the thin haze where no contour is
+        across, down = (size // fine + MARGIN_PX for size in (smooth.shape[1], smooth.shape[0]))
+        colour = to_hex(1.0 - typical[0] * (1.0 - ink))
+        lines.append(
+            f'<rect x="{-MARGIN_PX}" y="{-MARGIN_PX}" width="{across}" height="{down}" fill="{colour}"/>'
+        )
+    for level, threshold in enumerate(bands.thresholds, 1):
+        data = contour_beyond(smooth, float(threshold)).data(1 / fine)
+        if data:
+            colour = to_hex(1.0 - typical[level] * (1.0 - ink))
+            lines.append(f'<path fill="{colour}" fill-rule="evenodd" d="{data}"/>')
+    return [*lines, "</g>"]
+
+
+def _number(value: float) -> str:
+    return f"{value:.6g}" if value < 1e5 else f"{value:.0f}"

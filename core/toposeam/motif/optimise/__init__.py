@@ -1,0 +1,1 @@
+"""Optimise layers of a motif: heat conduction, optimality criteria, compounds."""

@@ -1,0 +1,263 @@
+"""A row of motifs optimised together with their compounds (thesis 4.10, 4.11)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.heat.plate import Plate, Temperature
+from toposeam.heat.plate_joints import Floats
+from toposeam.heat.threads import one_thread
+from toposeam.motif.ink.sampling import resample
+from toposeam.motif.optimise.conduction import LayerProblem
+from toposeam.motif.optimise.layer import (
+    ENERGY,
+    THINNEST,
+    TOLERANCE,
+    Step,
+    carry,
+    finer_temperature,
+    plan,
+    problem_at,
+    update,
+)
+from toposeam.motif.recipe.recipe import LayerRecipe, Recipe
+from toposeam.motif.symmetry.mirrors import Mirrors, mirrors
+from toposeam.motif.symmetry.rules import joint, symmetry
+from toposeam.optimize.oc import OCOptions
+
+#: How a compound repeats, in which two motifs alternate in both directions.
+_EXCHANGE = "brick"
+
+
+@dataclass(frozen=True)
+class JoinOptions:
+    """What all stages of a row have in common: w of (4.10), the ring's width, who is told."""
+
+    weight: float
+    shared: int
+    report: Callable[[], None]
+
+
+class Member:
+    """One motif of a row: fixed once it has densities."""
+
+    def __init__(self, recipe: Recipe, densities: list[npt.NDArray[np.float32]] | None, stage: int) -> None:
+        self.recipe, self.densities, self.stage = recipe, densities, stage
+        self.history: list[tuple[Step, ...]] = []
+
+
+class _Plate:
+    """A plate in the objective, the members whose designs lie on it side by side, and its weight."""
+
+    def __init__(self, problem: LayerProblem, members: tuple[int, ...], weight: float) -> None:
+        self.problem, self.members, self.weight = problem, members, weight
+        self.temperature: Floats | None = None
+
+    def _penalty(self, penalties: list[float]) -> Floats | float:
+        own = [penalties[member] for member in self.members]
+        if len(set(own)) == 1:
+            return own[0]
+        h, w = self.problem.plate.shape
+        return np.tile(np.repeat(own, w // len(own)), (h, 1))
+
+    def _design(self, designs: list[Floats]) -> Floats:
+        return np.concatenate([designs[member] for member in self.members], axis=1)
+
+    def solve(self, designs: list[Floats], penalties: list[float]) -> Temperature:
+        """The steady state, started from the one before."""
+        k = self.problem.conductivity(self._design(designs), self._penalty(penalties))
+        state = self.problem.plate.solve(k, self.temperature, tolerance=TOLERANCE, energy=ENERGY)
+        self.temperature = state.nodes
+        return state
+
+    def slopes(self, designs: list[Floats], penalties: list[float], state: Temperature) -> list[Floats]:
+        """The weighted filtered sensitivity of each member."""
+        design = self._design(designs)
+        slope = self.weight * self.problem.filtered(
+            design, self.problem.sensitivity(design, self._penalty(penalties), state.energy)
+        )
+        return np.split(slope, len(self.members), axis=1)
+
+
+def generate_row(row: list[Member], options: JoinOptions) -> None:
+    """Fill in the members without densities, next to those that have some."""
+    new = [index for index, member in enumerate(row) if member.densities is None]
+    pairs = list(combinations(new, 2))
+    if len(new) < len(row):
+        pairs = [(a, a + 1) for a in range(len(row) - 1) if a in new or a + 1 in new]
+    with one_thread():
+        layers = [_optimise(row, pairs, layer, options) for layer in range(len(row[0].recipe.layers))]
+    for index in new:
+        row[index].densities = [designs[index].astype(np.float32) for designs, _ in layers]
+        row[index].history = [tuple(steps[index]) for _, steps in layers]
+
+
+def _optimise(
+    row: list[Member], pairs: list[tuple[int, int]], layer: int, options: JoinOptions
+) -> tuple[list[Floats], list[list[Step]]]:
+    """One layer of all members; fixed ones come back as they are, with no steps.
+
+    A worked example: of two new motifs A and B with w = 0.3 there are three plates, A and B of weight 0.7 and
+    the compound AB of weight 0.3, twice as wide. An iteration
+
+    1. solves all three for their temperatures. AB's plate lies over the designs of A and B side by side;
+    2. takes ∂Π/∂ρ on each. AB's is cut in its two halves, and A's slope is 0.7 times its own plus 0.3
+       times the left half, which is the derivative of (4.10);
+    3. moves A, then B, by an OC step under a mass bound each (4.11), with as much mass in each row near the
+       border as in those beyond, as at mirrors;
+    4. where a ring is shared, replaces the ring of both by the mean of their rings, and takes the step
+       again with the ring held, so that the mass still meets its bound.
+
+    In a later stage A and B are fixed and C lies between them: the plates are C, AC and CB, and only C moves.
+    """
+    recipes = [member.recipe for member in row]
+    layers = [recipe.layers[layer] for recipe in recipes]
+    new = [index for index, member in enumerate(row) if member.densities is None]
+    penalties = [part.penalty for part in layers]
+    steps: list[list[Step]] = [[] for _ in row]
+    designs: list[Floats] = []
+    temperatures: list[Floats | None] = []
+    for shape, count in plan(recipes[0]):
+        problems = [problem_at(part, recipe, shape) for part, recipe in zip(layers, recipes, strict=True)]
+        plates = [_Plate(problems[index], (index,), 1.0 - options.weight) for index in new]
+        plates += [_Plate(_compound(problems[a], problems[b]), (a, b), options.weight) for a, b in pairs]
+        plates = [plate for plate in plates if plate.weight > 0]
+        for plate, nodes in zip(plates, temperatures, strict=False):
+            plate.temperature = None if nodes is None else finer_temperature(nodes, plate.problem.plate.shape)
+        carried: list[Floats] | list[None] = designs or [None] * len(row)
+        designs = [
+            _start(member, layer, problem, coarse)
+            for member, problem, coarse in zip(row, problems, carried, strict=True)
+        ]
+        if not temperatures and len(new) < len(row):
+            _interpolate(designs, new, [part.mass for part in layers])
+        width = max(1, round(options.shared * shape[0] / recipes[0].size[0])) if options.shared else 0
+        ring = _Ring(shape, width, designs, new)
+        border = mirrors(recipes[0].repeat, shape, options.weight > 0)
+        for _ in range(count):
+            slopes, found = _slopes(plates, designs, penalties)
+            for index in new:
+                steps[index].append(replace(found[index], mass=float(designs[index].mean())))
+            _move(designs, slopes, new, border, layers, recipes[0].move, ring)
+            options.report()
+        temperatures = [plate.temperature for plate in plates]
+    return designs, steps
+
+
+def _slopes(
+    plates: list[_Plate], designs: list[Floats], penalties: list[float]
+) -> tuple[list[Floats], list[Step]]:
+    """The derivative of (4.10) by every member's design, and what the iteration found for each."""
+    slopes = [np.zeros(design.shape) for design in designs]
+    steps = [Step(rows=len(design), compliance=0.0, mass=0.0, solver=0) for design in designs]
+    for plate in plates:
+        state = plate.solve(designs, penalties)
+        for member, part in zip(plate.members, plate.slopes(designs, penalties, state), strict=True):
+            slopes[member] += part
+            before = steps[member]
+            steps[member] = replace(
+                before,
+                compliance=before.compliance + float(plate.weight * state.compliance),
+                solver=max(before.solver, state.iterations),
+            )
+    return slopes, steps
+
+
+def _move(
+    designs: list[Floats],
+    slopes: list[Floats],
+    new: list[int],
+    border: Mirrors,
+    layers: list[LayerRecipe],
+    limit: float,
+    ring: _Ring,
+) -> None:
+    """The next design of every new member, in place."""
+    bounds = OCOptions(move=limit)
+
+    def proposed(lower: Floats | float = THINNEST, upper: Floats | float = 1.0) -> dict[int, Floats]:
+        found = {}
+        for index in new:
+            before, mass = designs[index], layers[index].mass
+            step = update(before, slopes[index], border.symmetry, mass, bounds, lower, upper)
+            lowest, highest = np.maximum(before - limit, lower), np.minimum(before + limit, upper)
+            found[index] = border.held(step, mass, lowest, highest)
+        return found
+
+    found = proposed()
+    if ring.width:
+        ring.share(found)
+        found = proposed(*ring.limits())
+    for index in new:
+        designs[index] = found[index]
+
+
+def _interpolate(designs: list[Floats], new: list[int], masses: list[float]) -> None:
+    """Start new members as blends of their fixed neighbours, so that strokes which both have on the border
+    stay.
+    """
+    fixed = [index for index in range(len(designs)) if index not in new]
+    for index in new:
+        left = max(i for i in fixed if i < index)
+        right = min(i for i in fixed if i > index)
+        share = (index - left) / (right - left)
+        blend = (1 - share) * designs[left] + share * designs[right]
+        designs[index] = np.clip(blend * (masses[index] / blend.mean()), THINNEST, 1.0)
+
+
+class _Ring:
+    """The outermost elements of a cell, which all members share: where one has ink there, all have."""
+
+    def __init__(self, shape: tuple[int, int], width: int, designs: list[Floats], new: list[int]) -> None:
+        self.width = min(width, min(shape) // 4)
+        self._inside = np.zeros(shape, bool)
+        self._inside[self.width : shape[0] - self.width, self.width : shape[1] - self.width] = True
+        fixed = [design for index, design in enumerate(designs) if index not in new]
+        self._fixed = np.mean(fixed, axis=0) if fixed else None
+        self._values = np.zeros(shape)
+        if self.width:
+            self.share({index: designs[index] for index in new})
+            for index in new:
+                designs[index] = np.where(self._inside, designs[index], self._values)
+
+    def share(self, designs: dict[int, Floats]) -> None:
+        """Take what the fixed members have there, or the mean of what new ones would have."""
+        if self.width:
+            self._values = np.mean(list(designs.values()), axis=0) if self._fixed is None else self._fixed
+
+    def limits(self) -> tuple[Floats, Floats]:
+        """Bounds on the densities that hold the ring where it is."""
+        return np.where(self._inside, THINNEST, self._values), np.where(self._inside, 1.0, self._values)
+
+
+def _start(member: Member, layer: int, problem: LayerProblem, coarse: Floats | None) -> Floats:
+    """A member's design on a plate: the fixed one, that of the coarser plate, or an even one."""
+    recipe, shape = member.recipe, problem.plate.shape
+    if member.densities is not None:
+        return np.clip(
+            resample(member.densities[layer], recipe.repeat, shape).astype(np.float64), THINNEST, 1.0
+        )
+    if coarse is None:
+        return np.full(shape, recipe.layers[layer].mass)
+    return carry(coarse, problem, recipe.layers[layer].mass)
+
+
+def _compound(a: LayerProblem, b: LayerProblem) -> LayerProblem:
+    """Two motifs side by side on one plate, alternating in both directions (Figure 4.5)."""
+    plate = Plate(
+        np.concatenate([a.plate.heat, b.plate.heat], axis=1),
+        np.concatenate([a.plate.convection, b.plate.convection], axis=1),
+        joint(_EXCHANGE),
+    )
+    return LayerProblem(
+        plate,
+        np.concatenate([a.nominal, b.nominal], axis=1),
+        symmetry(_EXCHANGE, plate.shape),
+        _EXCHANGE,
+        a.radius,
+    )

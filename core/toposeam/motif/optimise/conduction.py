@@ -1,0 +1,207 @@
+r"""One colour layer as a problem of heat conduction: its loads, its conductivities and their derivatives.
+
+The conductivity of an element is k_e (ε + (1 - ε) ρ_e^p), with ε = 10⁻³ so that heat leaves every element by
+some way, and
+
+.. math:: \partial\Pi / \partial\rho_e = -p\,\rho_e^{p-1} (1-ε) k_e\,\theta_e^T \mathbf K^0 \theta_e.
+
+A filter against checkerboards replaces the sensitivities by a weighted mean of ρ ∂Π/∂ρ over the
+neighbourhood, divided by ρ (Sigmund 2001, doi:10.1007/s001580050176); its weights fall linearly with the
+distance down and across. Neighbours beyond the border are those of the pattern.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import correlate1d
+
+from toposeam.heat.plate import Plate
+from toposeam.heat.plate_joints import Floats
+from toposeam.motif.ink.sampling import resample
+from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe, unpack_base
+from toposeam.motif.symmetry.rules import Symmetry, joint, symmetry
+from toposeam.motif.symmetry.tiling import extend, shift_of
+
+#: Conductivity of an empty element as a share of a full one's.
+VOID = 1e-3
+#: Radius of a source or a sink as a share of the cell's shorter side.
+SPOT = 0.012
+#: Nominal conductivity where a base image of full strength blocks the way.
+_BLOCKED = 0.02
+#: Least radius of the filter at full size, in elements.
+_SMOOTH = 1.5
+#: Convection of all sinks together, relative to the conductivity.
+_CONVECTION = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class LayerProblem:
+    """A layer's plate at one size."""
+
+    plate: Plate
+    #: Nominal conductivity k_e, (h, w).
+    nominal: Floats
+    symmetry: Symmetry
+    repeat: str
+    #: The filter's radius, in elements.
+    radius: float
+
+    @classmethod
+    def at(cls, layer: LayerRecipe, recipe: Recipe, shape: tuple[int, int]) -> LayerProblem:
+        """The layer of a recipe on a plate of the given shape."""
+        orbits = symmetry(recipe.repeat, shape)
+        spots = (_spots(points, shape, recipe.repeat) for points in (layer.sources, layer.sinks))
+        nominal = cls.nominal_of(recipe.base, recipe.base_strength, recipe.base_law, recipe.repeat, shape)
+        plate = Plate(*cls.loads(layer, orbits, nominal, *spots), joint(recipe.repeat))
+        return cls(plate, nominal, orbits, recipe.repeat, filter_radius(recipe, shape))
+
+    @classmethod
+    @lru_cache(maxsize=4)
+    def nominal_of(cls, base: str, strength: float, law: str, repeat: str, shape: tuple[int, int]) -> Floats:
+        """k_e of a packed base image, equal along the orbits; all layers share it, and it is read-only."""
+        brightness = None if not base else cls.shown(unpack_base(base), shape)
+        nominal = symmetry(repeat, shape).mean(nominal_conductivity(brightness, strength, shape, law))
+        nominal.flags.writeable = False
+        return nominal
+
+    @staticmethod
+    def shown(brightness: npt.NDArray[np.float32], shape: tuple[int, int]) -> npt.NDArray[np.floating]:
+        """A base image on the cell's elements."""
+        return resample(brightness, "none", shape)
+
+    @staticmethod
+    def loads(
+        layer: LayerRecipe, orbits: Symmetry, nominal: Floats, sources: Floats, sinks: Floats
+    ) -> tuple[Floats, Floats]:
+        """Heat, one in all, and convection, both equal along the orbits. Ambient heat goes where heat is
+        conducted.
+        """
+        heat = (1.0 - layer.ambient) * sources + layer.ambient * nominal / nominal.sum()
+        return orbits.mean(heat), orbits.mean(_CONVECTION * sinks)
+
+    def conductivity(self, density: Floats, penalty: Floats | float) -> Floats:
+        """k_e (ε + (1 - ε) ρ^p)."""
+        k: Floats = power(density, penalty)
+        k *= 1.0 - VOID
+        k += VOID
+        k *= self.nominal
+        return k
+
+    def sensitivity(self, density: Floats, penalty: Floats | float, energy: Floats) -> Floats:
+        """∂Π/∂ρ, not filtered."""
+        slope: Floats = power(density, penalty - 1.0)
+        slope *= -(1.0 - VOID) * penalty
+        slope *= self.nominal
+        slope *= energy
+        return slope
+
+    def filtered(self, density: Floats, sensitivity: Floats) -> Floats:
+        """The filtered sensitivities."""
+        reach = math.ceil(self.radius) - 1
+        if reach < 1:
+            return sensitivity
+        weights = self.radius - np.abs(np.arange(-reach, reach + 1))
+        wide = extend(density * sensitivity, self.repeat, reach)
+        for axis in (0, 1):
+            wide = correlate1d(wide, weights / weights.sum(), axis=axis, mode="nearest")
+        result: Floats = wide[reach:-reach, reach:-reach] / density
+        return result
+
+    def finer(self, density: Floats, shape: tuple[int, int]) -> Floats:
+        """Densities on a plate of twice the size."""
+        return resample(density, self.repeat, shape).astype(np.float64)
+
+
+def filter_radius(recipe: Recipe, shape: tuple[int, int]) -> float:
+    """The filter's radius on a plate, in elements; at full size wide enough to smooth the strokes' edges."""
+    radius = recipe.filter_radius * min(shape) / 100
+    return max(radius, _SMOOTH) if radius > 0 and shape == recipe.size else radius
+
+
+def nominal_conductivity(
+    brightness: npt.NDArray[np.floating] | None,
+    strength: float,
+    shape: tuple[int, int],
+    law: str = "contrast",
+) -> Floats:
+    """k_e, 1 where a base image is brightest (or darkest, for strengths below 0).
+
+    By the law "contrast" it falls geometrically from there; at strength ±1 the other end of what the image
+    has conducts a fiftieth. By "brightness" it is proportional to the brightness, black conducting as little
+    as void (thesis 4.2); strengths below 1 mix that with an even 1. At 0 the image does not matter.
+    """
+    if brightness is None:
+        return np.ones(shape)
+    if law == "brightness":
+        light = np.clip(brightness.astype(np.float64) if strength > 0 else 1.0 - brightness, VOID, 1.0)
+        mixed: Floats = (1.0 - abs(strength)) + abs(strength) * light
+        return mixed
+    dark, bright = float(brightness.min()), float(brightness.max())
+    shown = (brightness.astype(np.float64) - dark) / max(bright - dark, 1e-6)
+    nominal: Floats = _BLOCKED ** (abs(strength) * (1.0 - shown if strength > 0 else shown))
+    return nominal
+
+
+def power(density: Floats, exponent: Floats | float) -> Floats:
+    """ρ^p, the small whole p without a logarithm."""
+    if np.ndim(exponent):
+        varied: Floats = density**exponent
+        return varied
+    if exponent == 0.0:
+        return np.ones_like(density)
+    if exponent == 1.0:
+        return density.copy()
+    if exponent == 2.0:
+        return np.square(density)
+    if exponent == 3.0:
+        return np.square(density) * density
+    result: Floats = density**exponent
+    return result
+
+
+def _spots(points: tuple[Point, ...], shape: tuple[int, int], repeat: str) -> Floats:
+    """Discs around points with the given relative strengths, one in all."""
+    h, w = shape
+    radius = max(SPOT * min(h, w), 0.75)
+    field = np.zeros(shape)
+    reach = (radius + 1) / min(h, w)
+    y, x = np.arange(h) + 0.5, np.arange(w) + 0.5
+    for px, py, strength in points:
+        spot = np.zeros(shape)
+        for row, column in _copies(repeat):
+            place = _copy(px, py, repeat, row, column)
+            if not all(-reach < along < 1 + reach for along in place):
+                continue
+            down, across = np.abs(y - place[1] * h), np.abs(x - place[0] * w)
+            near = np.ix_(down < radius + 0.5, across < radius + 0.5)
+            disc = radius + 0.5 - np.hypot(down[near[0]], across[near[1]])
+            spot[near] = np.maximum(spot[near], np.clip(disc, 0.0, 1.0))
+        field += spot * (strength / spot.sum())
+    total = field.sum()
+    return field / total if total > 0 else field
+
+
+def _copies(repeat: str) -> list[tuple[int, int]]:
+    """The cells that a spot near the border may reach into: those of a torus."""
+    if repeat in ("none", "reflect", "rotate"):
+        return [(0, 0)]
+    reach = (-2, -1, 0, 1, 2) if shift_of(repeat) else (-1, 0, 1)
+    return [(row, column) for row in reach for column in reach]
+
+
+def _copy(x: float, y: float, repeat: str, row: int, column: int) -> tuple[float, float]:
+    """Where a place lies in another row and column of cells."""
+    shift = shift_of(repeat)
+    if shift is None:
+        return x + column, y + row
+    axis, share = shift
+    return (
+        (x + column + row * float(share), y + row)
+        if axis == 1
+        else (x + column, y + row + column * float(share))
+    )

@@ -1,0 +1,147 @@
+"""Layers on a hexagonal lattice: densities at the nodes of a sheared cell, and the rectangular tile they are
+printed from.
+
+The lattice vectors are (1, 0) and (-1/2, √3/2) cells. A rectangle of 1 × √3 cells holds two cells and repeats
+by translation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import map_coordinates, spline_filter, uniform_filter1d
+
+from toposeam.heat.plate_joints import Floats
+from toposeam.heat.plate_triangles import TrianglePlate
+from toposeam.motif.optimise.conduction import SPOT, VOID, LayerProblem, filter_radius, power
+from toposeam.motif.recipe.recipe import LayerRecipe, Point, Recipe
+from toposeam.motif.symmetry.rules import symmetry
+
+#: Neighbouring lattice points, the nearest of which may lie across the cell's border.
+_AROUND = [(u, v) for u in (-1, 0, 1) for v in (-1, 0, 1)]
+#: Side of the square round a lattice point on which a base image is shown, in cells.
+_BASE_WIDTH = 1.0
+
+
+def tile_size(cells: int) -> tuple[int, int]:
+    """Rows and columns of the rectangular tile of a cell with that many elements along its sides."""
+    return round(cells * np.sqrt(3.0)), cells
+
+
+@dataclass(frozen=True, eq=False)
+class HexagonalProblem(LayerProblem):
+    """A layer whose densities belong to nodes; a triangle's is the mean of its corners'."""
+
+    @classmethod
+    def at(cls, layer: LayerRecipe, recipe: Recipe, shape: tuple[int, int]) -> LayerProblem:
+        """The layer of a recipe on a cell of the given shape."""
+        orbits = symmetry(recipe.repeat, shape)
+        nominal = cls.nominal_of(recipe.base, recipe.base_strength, recipe.base_law, recipe.repeat, shape)
+        plate = TrianglePlate(
+            *cls.loads(layer, orbits, nominal, _spots(layer.sources, shape), _spots(layer.sinks, shape))
+        )
+        return cls(plate, _at_triangles(nominal), orbits, recipe.repeat, filter_radius(recipe, shape))
+
+    @staticmethod
+    def shown(brightness: npt.NDArray[np.float32], shape: tuple[int, int]) -> npt.NDArray[np.floating]:
+        """A base image round every lattice point."""
+        return _shown_round_lattice_points(brightness, shape)
+
+    def conductivity(self, density: Floats, penalty: Floats | float) -> Floats:
+        """Of every triangle, (2, h, w)."""
+        return super().conductivity(_at_triangles(density), penalty)
+
+    def sensitivity(self, density: Floats, penalty: Floats | float, energy: Floats) -> Floats:
+        """∂Π/∂ρ of every node: a third of that of each of its six triangles."""
+        slope = power(_at_triangles(density), penalty - 1.0)
+        slope *= -(1.0 - VOID) * penalty / 3
+        slope *= self.nominal
+        slope *= energy
+        first, second = slope
+        both = first + second
+        nodes: Floats = both + np.roll(both, (1, 1), (0, 1)) + np.roll(first, 1, 1) + np.roll(second, 1, 0)
+        return nodes
+
+    def finer(self, density: Floats, shape: tuple[int, int]) -> Floats:
+        """Densities of the nodes of a lattice of twice as many."""
+        v, u = np.meshgrid(np.arange(shape[0]) / 2, np.arange(shape[1]) / 2, indexing="ij")
+        fine: Floats = map_coordinates(density, [v, u], order=3, mode="grid-wrap")
+        return fine
+
+
+def _at_triangles(nodes: Floats) -> Floats:
+    """Mean of the corners of the first and the second triangle of every rhombus."""
+    right, below, opposite = np.roll(nodes, -1, 1), np.roll(nodes, -1, 0), np.roll(nodes, (-1, -1), (0, 1))
+    return np.stack([nodes + right + opposite, nodes + below + opposite]) / 3
+
+
+def _spots(points: tuple[Point, ...], shape: tuple[int, int]) -> Floats:
+    """As `LayerProblem`'s, in the lattice's metric."""
+    side = shape[0]
+    radius = max(SPOT * side, 0.75)
+    field = np.zeros(shape)
+    v, u = np.meshgrid(np.arange(side), np.arange(side), indexing="ij")
+    for x, y, strength in points:
+        gap = np.full(shape, np.inf)
+        for i, j in _AROUND:
+            du, dv = u - (x + i) * side, v - (y + j) * side
+            np.minimum(gap, du * du + dv * dv - du * dv, out=gap)
+        spot = np.clip(radius + 0.5 - np.sqrt(gap), 0.0, 1.0)
+        field += spot * (strength / spot.sum())
+    total = field.sum()
+    return field / total if total > 0 else field
+
+
+def _shown_round_lattice_points(brightness: npt.NDArray[np.float32], shape: tuple[int, int]) -> Floats:
+    """A picture upright round every lattice point, its longer side one cell long."""
+    side = shape[0]
+    v, u = np.meshgrid(np.arange(side) / side, np.arange(side) / side, indexing="ij")
+    x, y, gap = np.zeros(shape), np.zeros(shape), np.full(shape, np.inf)
+    for i, j in _AROUND:
+        px, py = (u + i) - (v + j) / 2, (v + j) * np.sqrt(0.75)
+        nearer = np.hypot(px, py) < gap
+        gap[nearer] = np.hypot(px, py)[nearer]
+        x[nearer], y[nearer] = px[nearer], py[nearer]
+    rows, columns = brightness.shape
+    scale = max(rows, columns) / _BASE_WIDTH
+    shown: Floats = map_coordinates(
+        brightness.astype(np.float64),
+        [y * scale + rows / 2, x * scale + columns / 2],
+        order=1,
+        mode="nearest",
+    )
+    return shown
+
+
+def to_tile(lattice: npt.NDArray[np.floating], repeat: str, size: tuple[int, int]) -> npt.NDArray[np.float32]:
+    """A rectangular tile, (rows, columns) float32, of densities at a lattice's nodes.
+
+    Cubic splines along the lattice vectors, averaged over the turns by 120°: with that the interpolated
+    picture has the whole symmetry of the group. On 2n × 2n pixels every node of an n × n lattice is the
+    centre of one: node (u, v) in row v and column 2u - v.
+    """
+    side = lattice.shape[0]
+    field = lattice.astype(np.float64)
+    shrink = max(side / size[1], np.sqrt(3.0) * side / size[0])
+    if shrink > 1:
+        width = 2 * round(shrink / 2) + 1
+        for axis in (0, 1):
+            field = uniform_filter1d(field, width, axis=axis, mode="wrap")
+        field = symmetry(repeat, lattice.shape).mean(field)
+    coefficients = spline_filter(field, order=3, mode="grid-wrap")
+    v = 2 * side * ((np.arange(size[0]) + 0.5) / size[0] - 0.25 / side)
+    x = side * ((np.arange(size[1]) + 0.5) / size[1] - 0.25 / side)
+    result = np.zeros(size)
+    rows = max(1, 1_000_000 // size[1])  # in strips, so that the coordinates stay small
+    for start in range(0, size[0], rows):
+        b = v[start : start + rows, np.newaxis]
+        a = x + b / 2
+        b = np.broadcast_to(b, a.shape)
+        for _ in range(3):
+            result[start : start + rows] += map_coordinates(
+                coefficients, [b, a], order=3, mode="grid-wrap", prefilter=False
+            )
+            a, b = -b, a - b
+    return np.clip(result / 3, 0.0, 1.0).astype(np.float32)

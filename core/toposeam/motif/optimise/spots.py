@@ -1,0 +1,118 @@
+"""Sources and sinks: where they lie, given or drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.errors import OptionError, Term
+from toposeam.motif.recipe.recipe import Point
+from toposeam.motif.symmetry.rules import onto_axes
+
+#: How far apart random spots keep, as a share of what an even spread allows.
+_APART = 0.7
+
+#: Random spots keep this far from the border, as a share of the cell: their strokes are the thickest.
+_MARGIN = 0.06
+
+#: Random spots of one layer are at most so many: placing them takes the square of their number.
+_MAX_POINTS = 200
+
+Points = int | Sequence[Sequence[float]]
+
+
+def spots(
+    value: Points | None,
+    rng: np.random.Generator,
+    drawn: int,
+    strengths: tuple[float, float],
+    aspect: float,
+    name: str,
+    repeat: str,
+    shown: npt.NDArray[np.float64] | None,
+) -> tuple[Point, ...]:
+    """A layer's sources or sinks: those given, or so many at random places with random strengths.
+
+    Half of the random ones lie on the axes of the repetition, where it has any.
+
+    Raises
+    ------
+    OptionError
+    """
+    count = drawn if value is None else value
+    if isinstance(count, int | np.integer):
+        if count < 1:
+            raise OptionError(
+                "{parameter} is {value}; a layer needs at least one, give a number from 1",
+                kind="whole number",
+                parameter=Term(name),
+                value=count,
+            )
+        if count > _MAX_POINTS:
+            raise OptionError(
+                "{parameter} is {value}; so many leave no strokes between them, give {most} at most",
+                kind="whole number",
+                parameter=Term(name),
+                value=count,
+                most=_MAX_POINTS,
+            )
+        places = _spread(int(count), rng, aspect, shown)
+        powers = rng.uniform(*strengths, int(count))
+        for index in range((int(count) + 1) // 2):
+            places[index] = onto_axes(places[index], repeat, rng)
+        return tuple((float(x), float(y), float(s)) for (x, y), s in zip(places, powers, strict=True))
+    try:
+        array = np.asarray(count, np.float64)
+    except (TypeError, ValueError):
+        array = np.zeros(0)
+    if array.ndim != 2 or array.shape[1] not in (2, 3) or len(array) == 0:
+        raise OptionError(f"{name} must be a number or a list of (x, y) or (x, y, strength), one at least")
+    if array.shape[1] == 2:
+        array = np.column_stack([array, np.ones(len(array))])
+    return tuple((float(x), float(y), float(s)) for x, y, s in array)
+
+
+def _spread(
+    count: int, rng: np.random.Generator, aspect: float, shown: npt.NDArray[np.float64] | None
+) -> npt.NDArray[np.float64]:
+    """Random places that keep apart, also across the border, and out of the parts that a base image
+    blocks.
+    """
+    places: list[npt.NDArray[np.float64]] = []
+    apart = _APART * np.sqrt(aspect / count)
+    for _ in range(count):
+        for attempt in range(30):
+            place = rng.uniform(_MARGIN, 1 - _MARGIN, 2)
+            gaps = [np.abs(place - other) for other in places]
+            wrapped = [np.hypot(min(g[0], 1 - g[0]) * aspect, min(g[1], 1 - g[1])) for g in gaps]
+            if (
+                shown is not None
+                and rng.random() > shown[int(place[1] * shown.shape[0]), int(place[0] * shown.shape[1])]
+            ):
+                continue
+            if all(gap >= apart * (1 - attempt / 30) for gap in wrapped):
+                break
+        places.append(place)
+    return np.array(places)
+
+
+def placed_around(
+    sources: tuple[Point, ...],
+    sinks: tuple[Point, ...],
+    distance: float,
+    rng: np.random.Generator,
+    shape: tuple[int, int],
+) -> tuple[Point, ...]:
+    """The sinks, moved to the given distance from the sources in turn."""
+    side = min(shape)
+    moved = []
+    for index, (*_, strength) in enumerate(sinks):
+        x, y, _ = sources[index % len(sources)]
+        angle = rng.uniform(0, 2 * np.pi)
+        along = distance * side * np.array([np.cos(angle) / shape[1], np.sin(angle) / shape[0]])
+        place = np.array([x, y]) + along
+        place = np.where((place < 0) | (place > 1), np.array([x, y]) - along, place)
+        moved.append((float(np.clip(place[0], 0, 1)), float(np.clip(place[1], 0, 1)), strength))
+    return tuple(moved)

@@ -1,0 +1,1 @@
+"""Recipes of motifs, simplified and varied."""

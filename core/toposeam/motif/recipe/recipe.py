@@ -1,0 +1,281 @@
+"""Everything a motif is made from, as plain values: the same recipe makes the same bytes again."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import dataclasses
+import math
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.checks import check_choice, check_number, check_pair, check_range, check_whole
+from toposeam.colours import LUMA
+from toposeam.errors import OptionError, Term
+from toposeam.images import as_float, in_dtype
+from toposeam.motif.ink.stroke_edges import EDGES
+from toposeam.motif.symmetry.rules import check_repeat
+
+#: x and y in [0, 1] of the cell, and a strength.
+Point = tuple[float, float, float]
+Colour = tuple[float, float, float]
+#: Smallest and largest cell, in elements.
+SMALLEST, LARGEST = 8, 8192
+#: How a base image's brightness becomes conductivity: falling geometrically from its brightest part, or in
+#: proportion to it, as in the thesis.
+LAWS = ("contrast", "brightness")
+Kind = TypeVar("Kind")
+#: A base image is kept at most this large.
+_BASE_SIZE = 256
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LayerRecipe:
+    """One colour: where its heat comes from and goes, and how it flows.
+
+    Examples
+    --------
+    >>> import toposeam as ts
+    >>> recipe = ts.random_recipe(16, layers=2, seed=1)
+    >>> 0 < recipe.layers[0].mass < 1
+    True
+    """
+
+    #: sRGB in [0, 1].
+    ink: Colour
+    #: Where heat is generated; strengths are relative.
+    sources: tuple[Point, ...]
+    #: Where heat leaves by convection; strengths are relative.
+    sinks: tuple[Point, ...]
+    #: Share of the heat that is generated everywhere (of a base image: where it conducts), 0 to 1. It makes
+    #: strokes branch.
+    ambient: float = 0.0
+    #: Allowed mass (4.4): the mean density.
+    mass: float = 0.3
+    #: Penalty exponent p: 1 for ink wash, 3 for distinct strokes.
+    penalty: float = 3.0
+    #: How its strokes end in print, one of `EDGES`.
+    edge: str = "soft"
+    #: What the ink is called, such as a spot colour's name; empty for none.
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "ink", _numbers(self.ink, 3, "ink"))
+        for name in ("sources", "sinks"):
+            object.__setattr__(self, name, tuple(_numbers(point, 3, name) for point in getattr(self, name)))
+        if not all(0 <= c <= 1 for c in self.ink):
+            raise OptionError(
+                "{parameter} is {value!s}; colours are three numbers from 0 to 1",
+                kind="number",
+                parameter=Term("ink"),
+                value=self.ink,
+            )
+        check_range(0, 1, ambient=self.ambient)
+        if not 0 < check_number("mass", self.mass) < 1:
+            raise OptionError(
+                "{parameter} is {value}; it must lie between 0 and 1, both excluded (0.2 to 0.5 is usual)",
+                kind="number",
+                parameter=Term("mass"),
+                value=self.mass,
+            )
+        check_range(1, 10, penalty=self.penalty)  # 1 is ink wash
+        check_choice("edge", self.edge, EDGES)
+        if not isinstance(self.name, str) or len(self.name) > 100 or not self.name.isprintable():
+            raise OptionError(f"the ink's name is {self.name!r}; use up to 100 printable characters")
+        if not any(s > 0 for *_, s in self.sources) and self.ambient == 0:
+            raise OptionError(
+                "a layer has no heat source; give at least one source a strength above 0, or set ambient "
+                "above 0"
+            )
+        if not any(s > 0 for *_, s in self.sinks):
+            raise OptionError("a layer has no heat sink; give at least one sink a strength above 0")
+        for name in ("sources", "sinks"):
+            for x, y, strength in getattr(self, name):
+                if not (0 <= x <= 1 and 0 <= y <= 1 and strength >= 0):
+                    raise OptionError(
+                        f"{name} has ({x:g}, {y:g}, {strength:g}); x and y must lie in 0 to 1 and strengths "
+                        "not be negative"
+                    )
+        places = {(x, y) for x, y, s in (*self.sources, *self.sinks) if s > 0}
+        if self.ambient == 0 and len(places) < 2:
+            raise OptionError(
+                "a layer's sources and sinks all lie on one point, so no heat flows; move them apart"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Recipe:
+    """A motif's parameters.
+
+    Examples
+    --------
+    >>> import toposeam as ts
+    >>> recipe = ts.random_recipe(16, layers=2, seed=1)
+    >>> ts.Recipe.from_dict(recipe.to_dict()) == recipe
+    True
+    """
+
+    #: Rows and columns of the cell; for a hexagonal group, elements along its two sides.
+    size: tuple[int, int]
+    #: The rule it repeats by, one of `REPEATS`.
+    repeat: str = "none"
+    #: The seed its random choices came from; kept for the record.
+    seed: int = 0
+    #: sRGB in [0, 1].
+    paper: Colour = (1.0, 1.0, 1.0)
+    layers: tuple[LayerRecipe, ...] = ()
+    #: Iterations; strokes become more distinct with each.
+    iterations: int = 40
+    #: Largest change of a density in one iteration.
+    move: float = 0.2
+    #: Radius of the filter against checkerboards, in hundredths of the cell's shorter side; 0 for none.
+    filter_radius: float = 0.5
+    #: Most iterations on coarser plates, the last ones at full size.
+    coarse: bool = True
+    #: Brightness of a base image, packed by `pack_base`; empty for none.
+    base: str = ""
+    #: How strongly the base image shows, -1 to 1: strokes keep to its bright parts, or below 0 to its dark
+    #: ones.
+    base_strength: float = 0.0
+    #: How its brightness becomes conductivity, one of `LAWS`.
+    base_law: str = "contrast"
+
+    def __repr__(self) -> str:
+        rows, columns = self.size
+        return (
+            f"Recipe({len(self.layers)} inks on {rows} × {columns} elements, repeat={self.repeat!r}, "
+            f"seed={self.seed})"
+        )
+
+    def __post_init__(self) -> None:
+        size = check_pair("size", self.size, SMALLEST, LARGEST)
+        object.__setattr__(self, "size", size)
+        object.__setattr__(self, "layers", tuple(self.layers))
+        object.__setattr__(self, "paper", _numbers(self.paper, 3, "paper"))
+        check_repeat(self.repeat, size)
+        check_whole("seed", self.seed, 0)
+        if not all(0 <= c <= 1 for c in self.paper):
+            raise OptionError(
+                "{parameter} is {value!s}; colours are three numbers from 0 to 1",
+                kind="number",
+                parameter=Term("paper"),
+                value=self.paper,
+            )
+        if not self.layers:
+            raise OptionError("the recipe has no layers; give at least one")
+        check_whole("iterations", self.iterations, 1, 10_000)
+        check_range(0, 1, above=True, move=self.move)
+        check_range(0, 10, filter_radius=self.filter_radius)  # hundredths of the cell
+        check_range(-1, 1, base_strength=self.base_strength)
+        check_choice("base_law", self.base_law, LAWS)
+        if not isinstance(self.coarse, bool) or not isinstance(self.base, str):
+            raise OptionError("coarse must be True or False, and base the text of pack_base, or empty")
+        if self.base:
+            unpack_base(self.base)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain lists, numbers and strings, ready for JSON or TOML."""
+        record = dataclasses.asdict(self)
+        record["layers"] = [
+            {name: _plain(value) for name, value in layer.items()} for layer in record["layers"]
+        ]
+        return {name: _plain(value) for name, value in record.items()}
+
+    @classmethod
+    def from_dict(cls, record: Mapping[str, Any]) -> Recipe:
+        """The recipe of `to_dict`.
+
+        Raises
+        ------
+        OptionError
+            For unknown names, missing or unusable values.
+        """
+        values = dict(record)
+        layers = values.pop("layers", ())
+        try:
+            return _build(cls, {**values, "layers": tuple(_build(LayerRecipe, layer) for layer in layers)})
+        except (TypeError, ValueError, AttributeError) as error:
+            if isinstance(error, OptionError):
+                raise
+            raise OptionError(
+                f"the recipe cannot be read ({error}); compare it with one that toposeam wrote"
+            ) from error
+
+
+def _build(kind: type[Kind], values: Mapping[str, Any]) -> Kind:
+    known = {field.name for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
+    unknown = [name for name in values if name not in known]
+    if unknown:
+        raise OptionError(
+            f"the recipe has an unknown entry {unknown[0]!r}; known are {', '.join(sorted(known))}"
+        )
+    return kind(**values)
+
+
+def _plain(value: Any) -> Any:
+    return (
+        [_plain(item) for item in value]
+        if isinstance(value, tuple | list) and not isinstance(value, str)
+        else value
+    )
+
+
+def _numbers(values: Any, count: int, name: str) -> tuple[float, ...]:
+    try:
+        result = tuple(float(value) for value in values)
+    except (TypeError, ValueError):
+        result = ()
+    if len(result) != count or not all(math.isfinite(value) for value in result):
+        raise OptionError(f"{name} has {values!r}; give {count} numbers")
+    return result
+
+
+def pack_base(image: npt.ArrayLike) -> str:
+    """The brightness of a picture as text, at most 256 elements long, 8 bits each.
+
+    Raises
+    ------
+    ImageError
+        For pictures that cannot be used.
+    """
+    array = as_float(image, "the base image")
+    if array.shape[2] in (2, 4):  # on white where it is transparent
+        alpha = np.clip(array[..., -1:], 0.0, 1.0)
+        array = array[..., :-1] * alpha + (1.0 - alpha)
+    gray = array @ LUMA.astype(np.float32) if array.shape[2] == 3 else array.mean(axis=2)
+    step = max(1.0, max(gray.shape) / _BASE_SIZE)
+    if step > 1:
+        from toposeam.motif.ink.sampling import resample
+
+        gray = resample(
+            np.clip(gray, 0.0, 1.0),
+            "none",
+            (max(1, round(gray.shape[0] / step)), max(1, round(gray.shape[1] / step))),
+        )
+    levels = in_dtype(gray * 255, np.dtype(np.uint8))
+    return f"{levels.shape[0]}x{levels.shape[1]}:" + base64.b85encode(
+        zlib.compress(levels.tobytes(), 9)
+    ).decode("ascii")
+
+
+def unpack_base(text: str) -> npt.NDArray[np.float32]:
+    """The brightness in [0, 1] that `pack_base` wrote.
+
+    Raises
+    ------
+    OptionError
+    """
+    try:
+        shape, _, data = text.partition(":")
+        rows, columns = (int(side) for side in shape.split("x"))
+        if not (0 < rows <= _BASE_SIZE and 0 < columns <= _BASE_SIZE):
+            raise ValueError("size")
+        raw = zlib.decompressobj().decompress(base64.b85decode(data), rows * columns + 1)
+        return np.frombuffer(raw, np.uint8).reshape(rows, columns).astype(np.float32) / np.float32(255)
+    except (ValueError, zlib.error, binascii.Error) as error:
+        raise OptionError("the recipe's base image is damaged; give the picture again") from error

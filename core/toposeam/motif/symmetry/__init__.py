@@ -1,0 +1,1 @@
+"""Rules of repetition: wallpaper groups, tilings, mirrors, borders."""

@@ -1,0 +1,150 @@
+r"""Any picture as a cell of any wallpaper group, as a kaleidoscope shows it.
+
+Of every point of the plane and its images under the group the one nearest to a chosen centre is looked up in
+the picture. The points that are their own nearest form the Dirichlet domain of the centre; the picture shows
+undistorted there, and its copies lie all round. Domains meet at mirrors wherever the group has some; at other
+borders, where unlike parts of the picture meet, points that are nearly as near count too, by
+
+.. math:: w_i = \exp\left(-(d_i - d_{min}) / f\right)
+
+over a feather of f, so that no border is hard and the pattern still has the whole group.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import map_coordinates
+
+from toposeam.checks import check_choice, check_number, check_numbers, check_pair
+from toposeam.errors import OptionError, Term
+from toposeam.images import as_float
+from toposeam.motif.symmetry.rules import GENERATORS, HEXAGONAL, check_repeat, operations
+
+Floats = npt.NDArray[np.float64]
+
+#: The groups a kaleidoscope can show.
+GROUPS = (*GENERATORS, *HEXAGONAL)
+#: The domain's centre in the cell: a point that no operation of any group leaves where it is.
+_CENTRE = (0.29, 0.17)
+#: Neighbouring cells whose copies may be nearest.
+_AROUND = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+#: Copies farther behind than so many feathers do not count.
+_REACH = 6.0
+#: Pixels that are worked on at once.
+_STRIP_PX = 200_000
+
+
+def kaleidoscope(
+    image: npt.ArrayLike,
+    repeat: str,
+    cell: tuple[int, int],
+    *,
+    at: tuple[float, float] | None = None,
+    feather: float = 0.01,
+) -> npt.NDArray[np.float32]:
+    """A cell that repeats by a wallpaper group, made of a picture.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, C) array_like
+    repeat : str
+        One of the wallpaper groups, "p1" to "p6m".
+    cell : (rows, columns)
+        Of the cell, px of the picture. A hexagonal group takes its columns, and has √3 times as many rows.
+    at : (x, y), optional
+        What is in the middle of the domain, px; the middle of the picture without it.
+    feather : float
+        Width over which unlike parts mix, as a share of the cell's shorter side, 0 to 0.5.
+
+    Returns
+    -------
+    (rows, columns) or (rows, columns, C) float32 array in [0, 1]
+        It repeats by translation: ``tile`` it as it is.
+
+    Raises
+    ------
+    OptionError, ImageError
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> cell = kaleidoscope(rng.random((40, 60)), "p4m", (16, 16))
+    >>> bool(np.allclose(cell, cell.T) and np.allclose(cell, cell[::-1]))
+    True
+    """
+    picture = as_float(image)
+    check_choice("repeat", repeat, GROUPS)
+    rows, columns = check_pair("cell", cell, 2)
+    if repeat in HEXAGONAL:
+        rows = round(columns * np.sqrt(3.0))
+    else:
+        check_repeat(repeat, (rows, columns))
+    soft = check_number("feather", feather, 0, 0.5) * min(rows, columns)
+    height, width = picture.shape[:2]
+    place = check_numbers("at", (width / 2, height / 2) if at is None else at)
+    if place.shape != (2,):
+        raise OptionError(
+            "{parameter} is {value!r}; pass two numbers, x and y in px",
+            kind="type",
+            parameter=Term("at"),
+            value=at,
+        )
+    x, y = place.tolist()
+    if not (0 <= x <= width and 0 <= y <= height):
+        raise OptionError(
+            "{parameter} is ({x:g}, {y:g}), outside the picture of {width} × {height} px; move it inside",
+            kind="outside",
+            parameter=Term("at"),
+            value=at,
+            x=x,
+            y=y,
+            width=width,
+            height=height,
+        )
+    # Lattice coordinates to px, and back.
+    hexagonal = repeat in HEXAGONAL
+    basis = np.array(
+        [[columns, -columns / 2], [0, columns * np.sqrt(0.75)]] if hexagonal else np.diag((columns, rows))
+    )
+    inverse = np.linalg.inv(basis)
+    result = np.empty((rows * columns, picture.shape[2]), np.float32)
+    for start in range(0, rows * columns, _STRIP_PX):
+        flat = np.arange(start, min(start + _STRIP_PX, rows * columns))
+        place = np.stack([flat % columns + 0.5, flat // columns + 0.5])
+        away = _copies(inverse @ place, repeat, basis)
+        result[flat] = _seen(picture, away, np.array([x, y]), soft)
+    shaped = result.reshape(rows, columns, -1)
+    return shaped[..., 0] if np.ndim(image) == 2 else shaped
+
+
+def _copies(place: Floats, repeat: str, basis: Floats) -> Floats:
+    """Where the images of points lie from the centre, px: (copies, 2, N), the nearest of every operation."""
+    centre = np.array(_CENTRE)[:, np.newaxis]
+    found = []
+    for (a, b), (c, d), (t, u) in operations(repeat):
+        image = np.array([[a, b], [c, d]]) @ place + np.array([[t / 2], [u / 2]]) - centre
+        image -= np.rint(image)
+        found += [basis @ (image + np.array([[i], [j]])) for i, j in _AROUND]
+    return np.stack(found)
+
+
+def _seen(picture: npt.NDArray[np.float32], away: Floats, at: Floats, soft: float) -> npt.NDArray[np.float32]:
+    """What the copies show, mixed where several are as near: (N, C)."""
+    distance = np.hypot(away[:, 0], away[:, 1])
+    behind = distance - distance.min(axis=0)
+    if soft > 0:
+        weight = np.where(behind < _REACH * soft, np.exp(-behind / soft), 0.0)
+    else:
+        weight = (behind < 1e-9).astype(float)
+    weight /= weight.sum(axis=0)
+    colour = np.zeros((away.shape[2], picture.shape[2]), np.float32)
+    for copy, share in zip(away, weight, strict=True):
+        used = np.flatnonzero(share)
+        if not len(used):
+            continue
+        where = [copy[1, used] + at[1] - 0.5, copy[0, used] + at[0] - 0.5]
+        for channel in range(picture.shape[2]):
+            values = map_coordinates(picture[..., channel], where, order=1, mode="reflect")
+            colour[used, channel] += values * share[used]
+    return colour

@@ -1,0 +1,1 @@
+"""Exact engines: shortest paths between corners and maximum flows."""

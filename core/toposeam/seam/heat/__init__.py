@@ -1,0 +1,1 @@
+"""The heat method: Newton steps on a conductor network, coarse to fine."""

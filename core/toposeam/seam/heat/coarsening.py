@@ -1,0 +1,301 @@
+"""From coarse to fine: which pixels of a large overlap the seam can still choose between.
+
+A large network is shrunk by merging every node with the neighbour it is most expensive to divide from, again
+and again, as multilevel graph partitioning does (Karypis and Kumar 1998, doi:10.1137/S1064827595287997). A
+seam hardly ever wants those interfaces, and the costs of all the others stay exact, so the coarse problem is
+the fine one with bad choices removed. A few heat steps on the coarsest network show where heat flows at all.
+On the next finer one only the nodes beside such flow are free; the others stay merged with the side they lie
+on, or with their region between two flows. There the heat starts anew, and so on down to the pixels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_array
+
+from toposeam.errors import SolverError
+from toposeam.heat.network import Floats, Ints, Network
+from toposeam.heat.primal_dual import PrimalDual
+from toposeam.images import Mask
+from toposeam.seam.heat.heavy_edge_matching import merge_nodes, merge_pixels
+from toposeam.seam.problem.grid import CutGrid
+
+#: Overlaps with up to this many free pixels are solved whole.
+WHOLE_NODES = 30_000
+
+#: Coarse networks up to this many free nodes are not made coarser still.
+COARSEST_NODES = 12_000
+
+#: The heat of a coarse network has gathered enough when its best cut is proven within this share; steps at
+#: most.
+GATHERED = 0.1
+STEPS = 10
+#: Nor are further steps made beyond this.
+PROVEN = 1e-3
+
+#: At most so many nodes of a coarse network per interface of the seam are taken apart on the next finer
+#: level, and fewer when that is the pixels, which can only decide details ...
+OPENED_NODES = 64
+OPENED_NODES_LAST = 16
+#: ... those beside the strongest flux, but none with less than this.
+OPEN_FLUX = 0.005
+
+
+#: Elements are put in order so many at a time.
+_BLOCK = 1 << 16
+#: Pixels are counted so many at a time, for numpy counts 64-bit integers only.
+_COUNTED = 1 << 20
+
+_Ints32 = npt.NDArray[np.int32]
+_Floats32 = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Level:
+    """One network of the hierarchy; node n is the cold terminal and n + 1 the hot one."""
+
+    n: int
+    tail: _Ints32
+    head: _Ints32
+    #: (E,) cost of dividing the two nodes of each element.
+    weight: Floats
+    #: (n + 2,) pixels per node.
+    size: Floats
+
+
+def _gather(grid: CutGrid) -> tuple[Mask, _Ints32, _Ints32]:
+    """Let heat gather on coarse networks, as :func:`restrict` describes it.
+
+    Returns
+    -------
+    active : (n + 2,) bool array
+        The nodes of the finest of them beside flow.
+    region : (n + 2,) int32 array
+        The region of the others; those of the terminals come last.
+    node_of_pixel : (h, w) int32 array
+        The node of every pixel, a terminal where it is not free.
+    """
+    below, count = merge_pixels(grid)
+    size = _pixels_in(below, count)
+    elements = _pixel_elements(grid, below, count)
+    level = _quotient(count, *elements, size)
+    del elements
+    levels, parents = [level], [below]
+    while level.n > COARSEST_NODES:
+        parent = merge_nodes(level.n, level.tail, level.head, level.weight, level.size)
+        coarser = _quotient(
+            int(parent[-1]) - 1,
+            parent[level.tail],
+            parent[level.head],
+            level.weight,
+            np.bincount(parent, level.size, int(parent[-1]) + 1).astype(np.float64, copy=False),
+        )
+        if coarser.n > 0.8 * level.n or coarser.n == 0:
+            break
+        levels.append(coarser)
+        parents.append(parent)
+        level = coarser
+    network, weight, node_of = (
+        _network(level.n, level.tail, level.head),
+        level.weight,
+        np.arange(level.n + 2, dtype=np.int32),
+    )
+    while True:
+        most = OPENED_NODES if len(levels) > 1 else OPENED_NODES_LAST
+        level, parent = levels.pop(), parents.pop()
+        children = np.bincount(parent.ravel(), minlength=level.n + 2).astype(np.float64)
+        active, region = _decided(level, network, weight, node_of, children, most)
+        if not levels:
+            return active, region, parent
+        node_of, n = _freed(active, region, parent)
+        level = levels[-1]
+        tail, head, (weight,) = _parallel(n, node_of[level.tail], node_of[level.head], level.weight)
+        network = _network(n, tail, head)
+
+
+def restrict(grid: CutGrid) -> tuple[Network, Floats, Floats, _Ints32]:
+    """The network of the free pixels without those that coarser networks show to be decided.
+
+    *A worked example.* One row of eight free pixels between ground of a alone and of b alone. Interfaces
+    cost ::
+
+        a 9 p0 9 p1 5 p2 9 p3 1 p4 9 p5 5 p6 9 p7 9 b
+
+    Each pixel merges with the neighbour it costs most to divide from: four pairs, and between them only what
+    they have to pay, 9 | 5 | 1 | 5 | 9. There most of the heat's difference falls at the 1. The two pairs
+    beside it are opened (were five pixels the most, per interface of the seam); the outer ones lie on the
+    cold and on the hot side of that flow, and become part of these terminals. Left are the pixels p2 to p5 ::
+
+        cold 5 p2 9 p3 1 p4 9 p5 5 hot
+
+    with the same costs as before: whatever is chosen among them costs what it costs on the whole row.
+
+    Parameters
+    ----------
+    grid : CutGrid
+
+    Returns
+    -------
+    network : Network
+    weight, multiplicity : (E,) float64 arrays
+        Summed cost and number of the interfaces that each element stands for.
+    node_of_pixel : (h, w) int32 array
+        The node of every free pixel; that of the cold terminal elsewhere.
+    """
+    node_of, n = _freed(*_gather(grid))
+    tail, head, cost = _pixel_elements(grid, node_of, n)
+    tail, head, (weight, multiplicity) = _parallel(n, tail, head, cost, np.ones_like(cost))
+    return _network(n, tail, head), weight, multiplicity, node_of
+
+
+def _network(n: int, tail: _Ints32, head: _Ints32) -> Network:
+    return Network(
+        n, tail.astype(np.intp), head.astype(np.intp)
+    )  # numpy uses 64-bit indices without converting them every time
+
+
+def _pixel_elements(grid: CutGrid, group: _Ints32, n: int) -> tuple[_Ints32, _Ints32, _Floats32]:
+    """The interfaces between n groups of pixels and the two terminals: two nodes each, and the cost."""
+    pairs = ((grid.right, group[:, :-1], group[:, 1:]), (grid.down, group[:-1], group[1:]))
+    divided = [(one != other) & (cost > 0) for cost, one, other in pairs]
+    divided[0] &= grid.free[:, :-1] & grid.free[:, 1:]
+    divided[1] &= grid.free[:-1] & grid.free[1:]
+    crossings = [int(np.count_nonzero(mask)) for mask in divided]
+    terminals = ((n, grid.cold, np.flatnonzero(grid.cold)), (n + 1, grid.hot, np.flatnonzero(grid.hot)))
+    count = sum(crossings) + sum(len(touching) for _, _, touching in terminals)
+    tail, head, weight = np.empty(count, np.int32), np.empty(count, np.int32), np.empty(count, np.float32)
+    start = 0
+    for mask, crossed, (cost, one, other) in zip(divided, crossings, pairs, strict=True):
+        part = slice(start, start := start + crossed)
+        tail[part], head[part], weight[part] = one[mask], other[mask], cost[mask]
+    for terminal, ends, touching in terminals:
+        part = slice(start, start := start + len(touching))
+        tail[part], head[part], weight[part] = group.ravel()[touching], terminal, ends.ravel()[touching]
+    return tail, head, weight
+
+
+def _parallel(
+    n: int, one: _Ints32, other: _Ints32, *values: npt.NDArray[np.floating]
+) -> tuple[_Ints32, _Ints32, list[Floats]]:
+    """Elements between n nodes and two terminals, parallel ones added up; those within a node or between the
+    terminals are left out. `one` and `other` are written to.
+    """
+    low, high = one, other
+    for start in range(0, len(one), _BLOCK):
+        part = slice(start, start + _BLOCK)
+        least = np.minimum(one[part], other[part])
+        np.maximum(one[part], other[part], out=high[part])
+        low[part] = least
+    alive = (low != high) & (low < n)
+    if not alive.all():
+        low, high, values = low[alive], high[alive], tuple(value[alive] for value in values)
+    del alive
+    sums = []
+    for value in values:
+        table = coo_array((value, (low, high)), shape=(n + 2, n + 2)).tocsc().tocsr()
+        sums.append(table.data.astype(np.float64))
+    tail = np.repeat(np.arange(n + 2, dtype=np.int32), np.diff(table.indptr))
+    return tail, table.indices, sums
+
+
+def _quotient(n: int, one: Ints, other: Ints, weight: npt.NDArray[np.floating], size: Floats) -> _Level:
+    """The level of n groups of nodes, and the terminals; elements are written to."""
+    tail, head, (weight,) = _parallel(n, one, other, weight)
+    return _Level(n, tail, head, weight, size)
+
+
+def _pixels_in(group: _Ints32, n: int) -> Floats:
+    """(n + 2,) pixels of each group, none of the terminals."""
+    size = np.zeros(n + 2, np.intp)
+    for start in range(0, group.size, _COUNTED):
+        size += np.bincount(group.ravel()[start : start + _COUNTED], minlength=n + 2)
+    size[n:] = 0
+    return size.astype(np.float64)
+
+
+def _decided(
+    level: _Level,
+    network: Network,
+    weight: Floats,
+    node_of: _Ints32,
+    children: Floats,
+    opened: float,
+) -> tuple[Mask, _Ints32]:
+    """Let heat gather on the restricted network of a level; at most `opened` nodes per interface of the seam
+    are active.
+
+    Returns
+    -------
+    active : (level.n + 2,) bool array
+        Nodes beside flow.
+    region : (level.n + 2,) int array
+        The region of every node that is not active; those of the terminals come last.
+    """
+    state = PrimalDual(network, weight)
+    for left in reversed(range(STEPS + 1)):
+        if state.best_cut()[0] <= (1 + GATHERED) * state.bound or not left:
+            threshold, flux, strongest = _threshold(state, level, node_of, children, opened)
+            region = _regions(network, flux <= threshold)
+            if region is not None or state.best_cut()[0] <= (1 + PROVEN) * state.bound or not left:
+                break
+        try:
+            state.step()
+        except SolverError:
+            threshold, flux, strongest = _threshold(state, level, node_of, children, opened)
+            region = None
+            break
+    while region is None:  # more is opened than was wanted
+        threshold /= 2
+        region = _regions(network, flux <= threshold)
+    region = region[node_of]
+    active = strongest > threshold
+    # Only regions that keep a node are numbered.
+    kept = np.zeros(int(region[-1]) + 1, bool)
+    kept[region[~active]] = True
+    return active, (np.cumsum(kept, dtype=np.int32) - 1)[region]
+
+
+def _regions(network: Network, closed: Mask) -> _Ints32 | None:
+    """The region of every node once some elements are closed; None where that joins the two sides, because so
+    many faint flows lead from one to the other.
+    """
+    try:
+        return network.components(closed).astype(np.int32, copy=False)
+    except SolverError:
+        return None
+
+
+def _threshold(
+    state: PrimalDual, level: _Level, node_of: _Ints32, children: Floats, opened: float
+) -> tuple[float, Floats, Floats]:
+    """The flux above which nodes are opened; that of every element of the restricted network, and the
+    strongest beside every node of the level.
+    """
+    potential = np.clip(state.potential, 0.0, 1.0)
+    at = potential[node_of]
+    jump = np.abs(at.take(level.tail) - at.take(level.head))
+    strongest = np.zeros(level.n + 2)
+    for here in (level.tail, level.head):
+        np.maximum.at(strongest, here, jump)
+    strongest[level.n :] = 0.0
+    found = np.flatnonzero(strongest > OPEN_FLUX)
+    found = found[np.argsort(-strongest[found], kind="stable")]
+    # The sum of the jumps is the number of interfaces in a cut at a random threshold.
+    most = int(np.searchsorted(np.cumsum(children[found]), opened * float(jump.sum())))
+    threshold = float(strongest[found[most]]) if most < len(found) else OPEN_FLUX
+    return threshold, state.network.difference(potential), strongest
+
+
+def _freed(active: Mask, region: _Ints32, parent: _Ints32) -> tuple[_Ints32, int]:
+    """The node of everything on the finer level, in the shape of `parent`: what is freed, each alone, then
+    regions, then terminals.
+    """
+    free = active[parent]
+    node = np.cumsum(free, dtype=np.int32).reshape(free.shape)
+    count = int(node.ravel()[-1])
+    node -= 1
+    np.copyto(node, (region + np.int32(count))[parent], where=~free)
+    return node, count + int(region[-1]) - 1

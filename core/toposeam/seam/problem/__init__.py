@@ -1,0 +1,1 @@
+"""The seam problem: overlap, match cost and the grid of interfaces."""

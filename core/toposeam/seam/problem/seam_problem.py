@@ -1,0 +1,311 @@
+"""A seam problem ready to be solved: the overlap, its match cost, and the same interfaces seen from pixels
+and from corners.
+
+One drawing of all numbering, for a window of h × w pixels. Pixel (y, x) has flat index y w + x; corner (y,
+x), the upper left corner of that pixel, has flat index y (w + 1) + x. ``right[y, x]`` belongs to the
+interface of pixels (y, x) and (y, x + 1), ``down[y, x]`` to that of (y, x) and (y + 1, x)::
+
+    corner (y, x) ───────── corner (y, x+1) ───────── corner (y, x+2)
+         │                        │                        │
+         │     pixel (y, x)    right[y, x]  pixel (y, x+1) │
+         │                        │                        │
+         ├────── down[y, x] ──────┼───── down[y, x+1] ─────┤
+         │                        │                        │
+         │    pixel (y+1, x)      │    pixel (y+1, x+1)    │
+
+So every interface joins two pixels, and two corners. Heat that flows between corners along interfaces is, by
+planar duality, the jump of a potential between pixels across them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.errors import OverlapError
+from toposeam.heat.network import Ints, Network
+from toposeam.images import Mask
+from toposeam.seam.problem.grid import CutGrid, grid_from_sides
+from toposeam.seam.problem.match_cost import Floats32
+from toposeam.seam.problem.overlap import FREE, KEPT_PIXELS, KEPT_SHAPES, NONE, A, B, Overlap, neighbours
+
+#: The thesis's M_max: the cost of an interface where no seam may run, in units of the dearest ordinary one
+#: (at least 1).
+M_MAX = 1e6
+Indices = npt.NDArray[np.intp]
+
+
+def geometry(right: Mask, down: Mask) -> tuple[Indices, Indices, Indices, Indices]:
+    """Which pixels and which corners the chosen interfaces join, those of `right` first.
+
+    Parameters
+    ----------
+    right : (h, w - 1) bool array
+    down : (h - 1, w) bool array
+
+    Returns
+    -------
+    first, second : (E,) int arrays
+        Flat index of the left or upper pixel, and of the right or lower one.
+    start, end : (E,) int arrays
+        Flat index of the upper or left corner, and of the lower or right one.
+    """
+    w = down.shape[1]
+    row, column = np.nonzero(right)
+    below, beside = np.nonzero(down)
+    first = np.concatenate([row * w + column, below * w + beside])
+    stride, along = np.ones(len(first), np.intp), np.full(len(first), w + 1, np.intp)
+    stride[len(row) :], along[len(row) :] = w, 1
+    start = np.concatenate([row * (w + 1) + column + 1, (below + 1) * (w + 1) + beside])
+    return first, first + stride, start, start + along
+
+
+def blocked() -> OverlapError:
+    """The error about a seam that would have to cut what is forbidden."""
+    return OverlapError(
+        "no seam avoids the pixels you excluded: they block the overlap from side to side; leave it a way "
+        "through",
+        kind="blocked",
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pattern:
+    """What problems have in common whose overlaps have one shape. No array of it may be written to."""
+
+    first: Indices  #: (E,) as of :func:`geometry`, for the interfaces a seam may use
+    second: Indices
+    start: Indices
+    end: Indices
+    place: Indices  #: (E,) where their costs lie in ``right`` followed by ``down``
+    pixels: Indices  #: (n,) flat index of each free pixel
+    # : nodes are the free pixels, terminals what shows ``a`` (cold) and ``b`` (hot), elements the interfaces
+    network: Network
+
+
+def _pattern(side: npt.NDArray[np.uint8], right: Mask, down: Mask) -> Pattern:
+    """The pattern of a window with the given sides, where `right` and `down` tell which interfaces have a
+    cost.
+    """
+    free = side == FREE
+    right, down = right & (free[:, 1:] | free[:, :-1]), down & (free[1:] | free[:-1])
+    first, second, start, end = geometry(right, down)
+    pixels = np.flatnonzero(free)
+    n = len(pixels)
+    node: Ints = np.where(side.ravel() == B, n + 1, n).astype(
+        np.intp if side.size <= KEPT_PIXELS else np.int32
+    )
+    node[pixels] = np.arange(n)
+    row, column = np.divmod(pixels, side.shape[1])
+    network = Network(n, node[first], node[second], (row + column) % 2 == 0)
+    return Pattern(
+        first,
+        second,
+        start,
+        end,
+        np.flatnonzero(np.concatenate([right.ravel(), down.ravel()])),
+        pixels,
+        network,
+    )
+
+
+@lru_cache(maxsize=KEPT_SHAPES)
+def _kept_pattern(shape: tuple[int, int], side: bytes, right: bytes, down: bytes) -> Pattern:
+    h, w = shape
+    return _pattern(
+        np.frombuffer(side, np.uint8).reshape(h, w),
+        np.frombuffer(right, bool).reshape(h, w - 1),
+        np.frombuffer(down, bool).reshape(h - 1, w),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Interfaces:
+    """The interfaces a seam may use, (E,) arrays each; at least one of the two pixels is free."""
+
+    first: npt.NDArray[np.intp]  #: flat index of the left or upper pixel
+    second: npt.NDArray[np.intp]  #: flat index of the right or lower pixel
+    start: npt.NDArray[np.intp]  #: flat index of the upper or left corner
+    end: npt.NDArray[np.intp]  #: flat index of the lower or right corner
+    cost: npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SeamProblem:
+    """An overlap with the match cost of its interfaces.
+
+    Parameters
+    ----------
+    overlap : Overlap
+    right : (h, w - 1) float32 array
+    down : (h - 1, w) float32 array
+        Match cost of each interface, 0 where the seam cannot run.
+    forbidden : float
+        Interfaces that cost as much or more are forbidden.
+    showing_a, showing_b : (h, w) float32 arrays, optional
+        Unary cost of each free pixel when it shows ``a`` (``b``): its interfaces with layers that are not
+        part of the problem.
+
+    Examples
+    --------
+    One row of four pixels, the outer two fixed; the seam may run left, in the middle or right of the two free
+    ones, for 3, 1 or 2:
+
+    >>> side = np.full((3, 6), NONE, np.uint8)
+    >>> side[1, 1:5] = A, FREE, FREE, B
+    >>> right, down = np.zeros((3, 5), np.float32), np.zeros((2, 6), np.float32)
+    >>> right[1, 1:4] = 3, 1, 2
+    >>> problem = SeamProblem(Overlap(side, side != NONE, (-1, -1), (1, 4)), right, down)
+    >>> labels = np.zeros((3, 6), bool)
+    >>> labels[1, 3] = True  # the second free pixel shows b
+    >>> problem.cost(labels), problem.cost(~labels)  # the first one instead: all three are cut
+    (1.0, 6.0)
+    """
+
+    overlap: Overlap
+    right: Floats32
+    down: Floats32
+    forbidden: float = float("inf")
+    showing_a: Floats32 | None = None
+    showing_b: Floats32 | None = None
+
+    @property
+    def tied(self) -> bool:
+        """Whether free pixels also lie beside layers that are not part of the problem."""
+        return self.showing_a is not None
+
+    @cached_property
+    def grid(self) -> CutGrid:
+        """The free pixels as a cut problem."""
+        grid = grid_from_sides(self.overlap.side, self.right, self.down)
+        if self.showing_a is None or self.showing_b is None:
+            return grid
+        return replace(grid, hot=grid.hot + self.showing_a, cold=grid.cold + self.showing_b)
+
+    @cached_property
+    def pattern(self) -> Pattern:
+        """What this problem has in common with others of its shape; small ones share it."""
+        side, right, down = self.overlap.side, self.right > 0, self.down > 0
+        if side.size > KEPT_PIXELS:
+            return _pattern(side, right, down)
+        return _kept_pattern((side.shape[0], side.shape[1]), side.tobytes(), right.tobytes(), down.tobytes())
+
+    @property
+    def _interface_cost(self) -> npt.NDArray[np.float64]:
+        return np.concatenate([self.right.ravel(), self.down.ravel()])[self.pattern.place].astype(np.float64)
+
+    @cached_property
+    def _ties(self) -> tuple[Indices, npt.NDArray[np.float64], Indices]:
+        """What free pixels cost beside layers that are not part of the problem: node, cost, and the terminal
+        of the side it speaks for.
+        """
+        if self.showing_a is None or self.showing_b is None:
+            return np.zeros(0, np.intp), np.zeros(0), np.zeros(0, np.intp)
+        n = len(self.pattern.pixels)
+        costs = [
+            values.ravel()[self.pattern.pixels].astype(np.float64)
+            for values in (self.showing_b, self.showing_a)
+        ]
+        nodes = [np.flatnonzero(cost > 0) for cost in costs]
+        terminals = np.repeat([n, n + 1], [len(node) for node in nodes])
+        return (
+            np.concatenate(nodes),
+            np.concatenate([cost[node] for cost, node in zip(costs, nodes, strict=True)]),
+            terminals,
+        )
+
+    @cached_property
+    def element_cost(self) -> npt.NDArray[np.float64]:
+        """(E,) float64: the cost of each interface of the pattern, then of each tie to a terminal."""
+        return np.concatenate([self._interface_cost, self._ties[1]])
+
+    @property
+    def network(self) -> Network:
+        """The pattern's network, whose solutions depend on nothing that was solved before; with ties, another
+        one.
+        """
+        kept = self.pattern.network
+        nodes, _, terminals = self._ties
+        if len(nodes):
+            return Network(
+                kept.n, np.concatenate([kept.tail, nodes]), np.concatenate([kept.head, terminals]), kept.apart
+            )
+        return kept if kept.repeatable else replace(kept)
+
+    @property
+    def interfaces(self) -> Interfaces:
+        """Every interface with a cost and at least one free pixel."""
+        kept = self.pattern
+        return Interfaces(kept.first, kept.second, kept.start, kept.end, self._interface_cost)
+
+    def crossed(self, labels: Mask) -> Floats32:
+        """Cost of every interface that an (h, w) bool labelling cuts."""
+        full = self.complete(labels)
+        return np.concatenate([self.right[full[:, 1:] != full[:, :-1]], self.down[full[1:] != full[:-1]]])
+
+    def crossings(self, labels: Mask) -> tuple[Floats32, Indices, Indices]:
+        """Find the interfaces that an (h, w) bool labelling cuts: their costs, and the (x, y) on the canvas
+        of the left or upper one of their two pixels.
+        """
+        full = self.complete(labels)
+        found = []
+        for costs, cut in ((self.right, full[:, 1:] != full[:, :-1]), (self.down, full[1:] != full[:-1])):
+            y, x = np.nonzero(cut & (costs > 0))
+            found.append((costs[y, x], x + self.overlap.start[1], y + self.overlap.start[0]))
+        cost, x, y = (np.concatenate(part) for part in zip(*found, strict=True))
+        return cost, x, y
+
+    def cost(self, labels: Mask) -> float:
+        """Σ M over the interfaces that an (h, w) bool labelling cuts."""
+        return float(self.crossed(labels).sum(dtype=np.float64))
+
+    def total(self, labels: Mask) -> float:
+        """:meth:`cost`, and what free pixels cost beside layers that are not part of the problem."""
+        if self.showing_a is None or self.showing_b is None:
+            return self.cost(labels)
+        beside = np.where(labels, self.showing_b, self.showing_a)[self.overlap.side == FREE]
+        return self.cost(labels) + float(beside.sum(dtype=np.float64))
+
+    def check(self, labels: Mask) -> None:
+        """Refuse a labelling that cuts a forbidden interface.
+
+        Raises
+        ------
+        OverlapError
+        """
+        if self.crossed(labels).max(initial=0.0) >= self.forbidden:
+            raise blocked()
+
+    def on_canvas(self, labels: npt.NDArray[Any], only_b: Mask) -> npt.NDArray[Any]:
+        """Window values spread to the canvas: those of the overlap from `labels`, elsewhere True (1) where
+        only ``b`` has pixels.
+
+        Parameters
+        ----------
+        labels : (h, w) array
+        only_b : (H, W) bool array
+        """
+        result = only_b.astype(labels.dtype)
+        on_canvas, on_window = self.overlap.inside
+        shared = self.overlap.shared[on_window]
+        result[on_canvas][shared] = self.complete(labels)[on_window][shared]
+        return result
+
+    def complete(self, labels: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """The labelling with every pixel that is not free set to its side (`NONE` counts as ``a``)."""
+        side = self.overlap.side
+        return np.where(side == FREE, labels, (side == B).astype(labels.dtype))
+
+    @property
+    def seam_ground(self) -> Mask:
+        """(h, w) bool: pixels between which a seam is drawn: the overlap, and the ground beside places where
+        it is one pixel wide.
+        """
+        side, shared = self.overlap.side, self.overlap.shared
+        narrow = (side == FREE) & neighbours((side == A) & ~shared) & neighbours((side == B) & ~shared)
+        ground: Mask = shared | (neighbours(narrow) & (side != NONE))
+        return ground

@@ -1,0 +1,1 @@
+"""The seam found: apply, draw, judge."""

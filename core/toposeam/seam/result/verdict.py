@@ -1,0 +1,103 @@
+"""How likely a seam is to be seen, and where: a number for scripts that make many joins, and for people.
+
+Along the seam the costs of the law "natural" (:mod:`toposeam.seam.problem.natural`) are averaged over squares
+of 16 px. Of a mean cost c per interface, which is V² of one pixel plus V² of the other, the likeness is::
+
+    1 / (1 + c / 18)
+
+1 where both pictures show the same, ½ where each of the two pixels differs by three times what is just seen,
+near 0 where something is cut in two.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+#: Side of the squares over which costs are averaged, px.
+_SQUARE = 16
+#: The mean cost at which the likeness is one half.
+_HALF = 18.0
+#: The share of a seam that is its worst part.
+_WORST = 0.1
+#: From this likeness of the worst tenth on a seam is called not to be seen.
+UNSEEN = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """How like the two pictures are along a seam.
+
+    Examples
+    --------
+    >>> str(Verdict(mean=0.97, worst=0.91, where=(12, 40))), str(Verdict(mean=0.8, worst=0.2, where=(12, 40)))
+    ('not to be seen', 'look at 12,40')
+    """
+
+    #: Mean likeness of all interfaces, in [0, 1]; 1 where no seam is.
+    mean: float
+    #: That of the worst tenth.
+    worst: float
+    #: (x, y) on the canvas, px: the middle of the worst square.
+    where: tuple[int, int] | None
+
+    @property
+    def unseen(self) -> bool:
+        """Whether its worst tenth is likely not to be noticed either."""
+        return self.worst >= UNSEEN
+
+    def __str__(self) -> str:
+        if self.unseen or self.where is None:
+            return "not to be seen"
+        return f"look at {self.where[0]},{self.where[1]}"
+
+    def summary(self) -> dict[str, Any]:
+        """The verdict as JSON has it: likeness, worst_likeness, look_at."""
+        return {
+            "likeness": round(self.mean, 4),
+            "worst_likeness": round(self.worst, 4),
+            "look_at": None if self.unseen or self.where is None else list(self.where),
+        }
+
+
+def verdict_of(
+    cost: npt.NDArray[np.floating[Any]], x: npt.NDArray[np.integer[Any]], y: npt.NDArray[np.integer[Any]]
+) -> Verdict:
+    """Judge a seam by what each of its interfaces costs by the law "natural".
+
+    Parameters
+    ----------
+    cost : (n,) float array
+    x, y : (n,) int arrays
+        Where the interfaces lie on the canvas, px.
+
+    Returns
+    -------
+    Verdict
+    """
+    if not len(cost):
+        return Verdict(mean=1.0, worst=1.0, where=None)
+    _, square = np.unique(np.stack([y // _SQUARE, x // _SQUARE]), axis=1, return_inverse=True)
+    square = square.ravel()
+    count = np.bincount(square)
+    likeness = 1 / (1 + np.bincount(square, cost) / count / _HALF)
+    order = np.argsort(likeness)
+    share = np.cumsum(count[order]) / len(cost)
+    worst = order[: int(np.searchsorted(share, _WORST)) + 1]
+    there = square == order[0]
+    return Verdict(
+        mean=float(np.average(likeness, weights=count)),
+        worst=float(np.average(likeness[worst], weights=count[worst])),
+        where=(round(float(x[there].mean())), round(float(y[there].mean()))),
+    )
+
+
+def worst_of(verdicts: Iterable[Verdict | None]) -> Verdict | None:
+    """Choose the one whose worst part is least like; None where one is missing, or there are none."""
+    found = list(verdicts)
+    known = [verdict for verdict in found if verdict is not None]
+    return min(known, key=lambda verdict: verdict.worst) if known and len(known) == len(found) else None

@@ -1,0 +1,1 @@
+"""The thesis's method: SIMP and MMA on the ground structure."""

@@ -1,0 +1,83 @@
+"""From a canvas to what the caller gets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.images import box_of, full_scale
+from toposeam.texture.canvas.index_canvas import IndexCanvas
+from toposeam.texture.canvas.rendering import Lift, near_seams, render, render_seen
+from toposeam.texture.canvas.synthesis import Synthesis
+from toposeam.texture.exemplar.atlas import Atlas, Ints32
+from toposeam.texture.exemplar.sources import Sources
+
+
+def finish(
+    sources: Sources,
+    atlas: Atlas,
+    canvas: IndexCanvas,
+    patch: tuple[int, int],
+    settings: dict[str, Any],
+    smooth: int,
+    changed: npt.NDArray[np.bool_] | None = None,
+    lift: Callable[[int], Lift] | None = None,
+    windows: Sequence[tuple[int, int, tuple[int, int]]] | None = None,
+) -> Synthesis:
+    """Render every map from what the canvas shows; the first one, the picture, may be given light, channel by
+    channel. Of a picture that was given only what changed is drawn anew, in the box round it or in windows.
+    """
+    made: list[npt.NDArray[Any]] = []
+    for images, gray in zip(sources.planes, sources.gray, strict=True):
+        plane = atlas.spread(images)
+
+        def drawn(
+            index: Ints32, wrap: tuple[bool, bool], plane: npt.NDArray[Any] = plane
+        ) -> npt.NDArray[Any]:
+            if sources.transparent and sources.has_alpha and len(made) + 1 < len(sources.planes):
+                opacity = atlas.spread(sources.planes[-1])
+                return render_seen(index, plane, opacity, atlas.usable, wrap, smooth)
+            if lift is None or made:
+                return render(index, plane, atlas.usable, wrap, smooth)
+            picture = np.empty((*index.shape, plane.shape[2]), plane.dtype)
+            near = near_seams(index, atlas.width, wrap, smooth) if smooth else []
+            for channel in range(plane.shape[2]):
+                one = np.s_[..., channel : channel + 1]
+                picture[one] = render(index, plane[one], atlas.usable, wrap, smooth, lift(channel), near)
+            return picture
+
+        if changed is None:
+            picture = drawn(canvas.index, canvas.wrap)
+        elif windows is None:
+            box, picture = box_of(changed, smooth + 1), images[0].copy()
+            np.copyto(
+                picture[box], drawn(canvas.index[box], canvas.wrap), where=changed[box][..., np.newaxis]
+            )
+        else:
+            picture, reach = images[0].copy(), smooth + 1
+            for top, left, (h, w) in windows:
+                wide = canvas.read(top - reach, left - reach, h + 2 * reach, w + 2 * reach)
+                part = drawn(wide, (False, False))[reach:-reach, reach:-reach]
+                rows, columns, _ = canvas.window(top, left, h, w)
+                y, x = np.nonzero(changed[rows, columns])
+                picture[rows[y, 0], columns[0, x]] = part[y, x]
+        made.append(picture[..., 0] if gray else picture)
+    alpha = made.pop() if sources.has_alpha else None
+    if alpha is None and canvas.ground is not None:
+        alpha = canvas.ground * full_scale(made[0].dtype)
+    return Synthesis(
+        image=made[0],
+        alpha=alpha,
+        maps=tuple(made[1:]),
+        labels=canvas.copy_labels(),
+        index=canvas.index,
+        wraps=canvas.wrap,
+        patch=patch,
+        settings=settings,
+        smooth=smooth,
+        changed=changed,
+        atlas=atlas,
+    )

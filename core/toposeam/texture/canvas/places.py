@@ -1,0 +1,120 @@
+"""The window of the canvas on which a patch is laid, the places it may come from, and penalties on them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from toposeam.images import Mask
+from toposeam.texture.exemplar.atlas import Floats32, Ints32
+from toposeam.texture.exemplar.patch_search import Ints
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Guide:
+    """What a texture should look like, patch by patch."""
+
+    #: (AH, AW, G) float32, what each pixel of the atlas stands for.
+    source: Floats32
+    #: (H, W, G) float32, what is wanted on the canvas.
+    target: Floats32
+    #: Its share in the choice, in [0, 1]; the rest is the overlap's.
+    weight: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Site:
+    """A window of the canvas before a patch is laid there."""
+
+    #: First row and column on the canvas, height and width.
+    at: tuple[int, int]
+    shape: tuple[int, int]
+    #: What the canvas shows there and in the margin round it, flat indices; -1 where empty.
+    known: Ints32
+    #: How much each of these pixels counts, float32.
+    weight: Floats32
+    #: (h, w) bool: where the patch may show.
+    covers: Mask
+
+    @classmethod
+    def of(
+        cls,
+        at: tuple[int, int],
+        shape: tuple[int, int],
+        known: Ints32,
+        counts: Mask,
+        covers: Mask,
+        context: float,
+    ) -> Site:
+        """Make a window in which some (h, w) pixels count, and those of the margin that are known
+        count less.
+        """
+        m, (h, w) = (known.shape[0] - shape[0]) // 2, shape
+        weight = np.where(known >= 0, np.float32(context), np.float32(0))
+        weight[m : m + h, m : m + w] = counts
+        return cls(at=at, shape=shape, known=known, weight=weight, covers=covers)
+
+
+@dataclass(frozen=True, slots=True)
+class PlaceGrid:
+    """The grid of places on the atlas from which a patch may be taken, and the window that it is for."""
+
+    #: First row and column of the window on the canvas, its height and width.
+    at: tuple[int, int]
+    shape: tuple[int, int]
+    #: First row, and column, of the places; px between neighbours; how many rows and columns there are.
+    first: int
+    step: int
+    size: tuple[int, int]
+    #: Rows and columns of the box round the window's empty pixels.
+    empty: tuple[tuple[int, int], tuple[int, int]]
+
+    @property
+    def axes(self) -> tuple[Ints, Ints]:
+        """Rows (n,) and columns (m,) of the places."""
+        n, m = self.size
+        return self.first + self.step * np.arange(n), self.first + self.step * np.arange(m)
+
+    def from_blocks(self, values: Floats32, block: int, offset: tuple[int, int] = (0, 0)) -> Floats32:
+        """Sample an array with one value per block × block pixels of the atlas at every place: (n, m).
+
+        Parameters
+        ----------
+        values : (BH, BW) float32 array
+        block : int
+            Side of a block, px.
+        offset : (int, int)
+            Rows and columns, px, from each place to where it is sampled.
+        """
+        rows, columns = (
+            np.minimum((line + off) // block, limit - 1)
+            for line, off, limit in zip(self.axes, offset, values.shape, strict=True)
+        )
+        found: Floats32 = values.take(rows, axis=0).take(columns, axis=1)
+        return found
+
+
+class Penalty(Protocol):
+    """A reason to avoid some of the places."""
+
+    def factor(self, places: PlaceGrid) -> Floats32:
+        """Compute the factor on the error of each place: (n, m) or (n, 1) float32, inf for places that are
+        excluded.
+        """
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Offers:
+    """The best places for a patch in a window, as the canvas was when they were looked for."""
+
+    #: (n,) atlas row and column of the patch's first pixel, and how badly it fits there; none where any place
+    #: is as good.
+    rows: Ints
+    columns: Ints
+    errors: Floats32
+    #: How many pixels of the window are empty.
+    new: int
+    #: The place at which a patch would continue each copy that the window shows, and that copy's first patch.
+    continued: list[tuple[int, int, int]]

@@ -1,0 +1,1 @@
+"""Exemplars, the atlas they lie on, and the search for patches in it."""

@@ -1,0 +1,364 @@
+"""Exemplars as a caller gives them: one or several, each with any number of maps, opacity and a mask."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.checks import Name, check_items, check_number, term_of
+from toposeam.errors import ImageError, OptionError, Term
+from toposeam.images import Image, Mask, as_array, as_float, as_mask, full_scale
+from toposeam.texture.exemplar.atlas import Floats32
+
+Images = npt.ArrayLike | Sequence[npt.ArrayLike]
+#: What counts as white in the picture, or in the picture and each of its maps.
+DataRange = float | Sequence[float | None] | None
+#: What differs by less than this share of white is not seen: one of 8 bits' levels.
+UNSEEN_STEP = 0.004
+#: Rows of an exemplar that are looked at first.
+_EVERY = 64
+
+_ALPHA = Term("alpha")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sources:
+    """Exemplars, checked.
+
+    Parameters
+    ----------
+    planes : tuple of tuples
+        Per map (the picture itself first, then further maps, then opacity if there is any), one (H, W, C)
+        array per exemplar.
+    gray : tuple of bool
+        Per map, whether it came without a channel axis.
+    features : tuple of (H, W, F) float32 arrays
+        Per exemplar, the channels of all maps times the root of the map's weight.
+    present : tuple of (H, W) bool arrays
+        Where the exemplar has pixels.
+    usable : tuple of (H, W) bool arrays
+        Where it may be copied.
+    has_alpha : bool
+        Whether the last plane is opacity.
+    transparent : bool
+        Whether places without opacity are present.
+    """
+
+    planes: tuple[tuple[npt.NDArray[Any], ...], ...]
+    gray: tuple[bool, ...]
+    features: tuple[Floats32, ...]
+    present: tuple[Mask, ...]
+    usable: tuple[Mask, ...]
+    has_alpha: bool
+    transparent: bool = False
+
+    @property
+    def shapes(self) -> tuple[tuple[int, int], ...]:
+        """Height and width of each exemplar."""
+        return tuple((mask.shape[0], mask.shape[1]) for mask in self.usable)
+
+
+def as_list(images: Images | None, count: int, name: Name) -> list[Any]:
+    """List one entry per exemplar: a lone array stands for the only exemplar.
+
+    Raises
+    ------
+    ImageError
+        When there are not as many as exemplars.
+    """
+    if images is None:
+        return [None] * count
+    found: list[Any] = list(images) if isinstance(images, list | tuple) else [images]
+    if len(found) != count:
+        raise ImageError(
+            "{array} has {given} images for {count} {exemplars}; give one for each, in the same order",
+            kind="count",
+            array=term_of(name),
+            given=len(found),
+            count=count,
+        )
+    return found
+
+
+def read_sources(
+    source: Images,
+    *,
+    alpha: Images | None = None,
+    mask: Images | None = None,
+    maps: Sequence[Images] = (),
+    weights: Sequence[float] | None = None,
+    data_range: DataRange = None,
+    name: str = "source",
+    transparent: bool = False,
+) -> Sources:
+    """Check exemplars and all that belongs to them.
+
+    Parameters
+    ----------
+    source : (H, W[, C]) array_like, or a list of such
+    alpha, mask : (H, W) array_like, or a list with one (or None) per exemplar
+        Opacity, and where to sample; by default where the opacity is above 0.
+    maps : sequence
+        Further maps of the same exemplars, each an array or a list with one per exemplar.
+    weights : sequence of float, optional
+        How much the picture and each further map count in the search; 1 each by default.
+    data_range : float, or sequence of float or None, optional
+        The value that counts as white (:func:`toposeam.images.as_float`) in the picture, or in the picture
+        and each further map.
+    name : str
+        What the caller calls the exemplars, for messages.
+    transparent : bool
+        Whether opacity is part of the picture, so that places without any are copied like others.
+
+    Raises
+    ------
+    ImageError
+        For images that cannot be used, or unlike sizes.
+    OptionError
+        For weights that do not fit.
+    """
+    maps = check_items("maps", maps, object, "a sequence of images, one a map")
+    several: list[Any] = list(source) if isinstance(source, list | tuple) else [source]
+    if not several:
+        raise ImageError(
+            "{array} is an empty list; give at least one image", kind="count", array=Term(name), count=0
+        )
+    count = len(several)
+    names = [Term(name) if count == 1 else Term(name, f"{name} {k + 1}", k) for k in range(count)]
+    pictures = [_picture(image, label) for image, label in zip(several, names, strict=True)]
+    shapes = [picture.shape[:2] for picture in pictures]
+    opacity = [None if a is None else as_array(a, "alpha") for a in as_list(alpha, count, "alpha")]
+    masks = [
+        None if m is None else as_mask(m, shape, "mask")
+        for m, shape in zip(as_list(mask, count, "mask"), shapes, strict=True)
+    ]
+    factors, white = _weights(weights, 1 + len(maps)), white_of(data_range, 1 + len(maps))
+    planes, gray = [_alike(pictures, names)], [all(picture.ndim == 2 for picture in pictures)]
+    labels = [Term(""), *(Term("maps", f"map {k + 1}", k) for k in range(len(maps))), _ALPHA]
+    for label, given in zip(labels[1:], maps, strict=False):
+        found = _map(as_list(given, count, label), label, pictures, names)
+        planes.append(_alike(found, [label] * count))
+        gray.append(all(image.ndim == 2 for image in found))
+    present = [
+        _present(a, picture, label, transparent=transparent)
+        for a, picture, label in zip(opacity, planes[0], names, strict=True)
+    ]
+    usable = [there if m is None else there & m for there, m in zip(present, masks, strict=True)]
+    _check_usable(usable, masks, name)
+    has_alpha = any(
+        a is not None and (a[pixels] < full_scale(a.dtype)).any()
+        for a, pixels in zip(opacity, usable, strict=True)
+    )
+    if has_alpha:
+        opaque = full_scale(planes[0][0].dtype)
+        full = [
+            np.full(shape, opaque, planes[0][0].dtype) if a is None else a
+            for a, shape in zip(opacity, shapes, strict=True)
+        ]
+        planes.append(tuple(one[..., np.newaxis] for one in full))
+        gray.append(True)
+        factors, white = [*factors, 1.0], [*white, float(opaque)]
+    features = []
+    for exemplar, there in enumerate(present):
+        labels[0] = names[exemplar]
+        values = [
+            (label, as_float(_where(there, plane[exemplar]), label, one), factor)
+            for label, plane, factor, one in zip(labels, planes, factors, white, strict=False)
+            if factor > 0
+        ]
+        features.append(_features(values, opacity[exemplar] if transparent else None))
+    return Sources(
+        planes=tuple(planes),
+        gray=tuple(gray),
+        features=tuple(features),
+        present=tuple(present),
+        usable=tuple(usable),
+        has_alpha=has_alpha,
+        transparent=transparent,
+    )
+
+
+def check_varied(sources: Sources, name: str = "source") -> None:
+    """Refuse exemplars of one flat colour, from which every texture is that colour.
+
+    Raises
+    ------
+    ImageError
+    """
+    exemplars = list(zip(sources.features, sources.usable, strict=True))
+    # Nearly always a few rows show it.
+    some = [values[::_EVERY][usable[::_EVERY]] for values, usable in exemplars]
+    if any(len(values) and (values != values[:1]).any() for values in some):
+        return
+    seen = [values[usable] for values, usable in exemplars]
+    if all(len(values) == 0 or (values == seen[0][:1]).all() for values in seen):
+        raise ImageError(
+            "{array} has one value everywhere, so there is nothing to make a texture of; give"
+            " a picture with some structure",
+            kind="plain",
+            array=Term(name),
+        )
+
+
+def _picture(image: npt.ArrayLike, name: Term) -> Image:
+    array = as_array(image, name)
+    if array.ndim == 3 and array.shape[2] not in (1, 3):
+        raise ImageError(
+            "{array} has {channels} channels; pass gray or RGB, and opacity apart as {alpha}",
+            kind="channels",
+            array=name,
+            channels=array.shape[2],
+        )
+    return array
+
+
+def _map(images: list[Any], label: Term, pictures: Sequence[Image], names: Sequence[Term]) -> list[Image]:
+    """Check a map of each exemplar."""
+    found = [_picture(image, label) for image in images]
+    for image, picture, whose in zip(found, pictures, names, strict=True):
+        if image.shape[:2] != picture.shape[:2]:
+            raise ImageError(
+                "{array} is {width} × {height} px, but {other} {other_width} × {other_height} px;"
+                " scale the maps to one size",
+                kind="other size",
+                array=label,
+                width=image.shape[1],
+                height=image.shape[0],
+                other=whose,
+                other_width=picture.shape[1],
+                other_height=picture.shape[0],
+            )
+    return found
+
+
+def _present(opacity: Image | None, picture: Image, label: Term, *, transparent: bool) -> Mask:
+    """Find where an exemplar has pixels."""
+    if opacity is not None and (opacity.shape != picture.shape[:2] or opacity.dtype != picture.dtype):
+        raise ImageError(
+            "alpha of {array} is {dtype} of shape {shape!s}; give {wanted} of shape {expected!s}",
+            kind="shape",
+            array=label,
+            dtype=str(opacity.dtype),
+            shape=opacity.shape,
+            wanted=str(picture.dtype),
+            expected=picture.shape[:2],
+        )
+    if opacity is None or transparent:
+        return np.ones(picture.shape[:2], bool)
+    return np.asarray(opacity > 0)
+
+
+def _check_usable(usable: Sequence[Mask], masks: Sequence[Mask | None], name: str) -> None:
+    """Refuse exemplars of which nothing may be copied."""
+    if any(pixels.any() for pixels in usable):
+        return
+    if all(m is None for m in masks):
+        raise ImageError(
+            "{array} is transparent everywhere; give one that shows something",
+            kind="transparent",
+            array=Term(name),
+        )
+    if not any(m is not None and m.any() for m in masks):
+        raise ImageError(
+            "nothing of {array} may be sampled: {mask} is empty; paint it white somewhere",
+            kind="nothing to sample",
+            array=Term(name),
+            mask=Term("source_mask", "its mask"),
+        )
+    raise ImageError(
+        "nothing of {array} may be sampled: wherever {mask} is white it is transparent; "
+        "paint white what shows something",
+        kind="nothing to sample",
+        array=Term(name),
+        mask=Term("source_mask", "its mask"),
+    )
+
+
+def _features(planes: list[tuple[Term, Floats32, float]], opacity: Image | None) -> Floats32:
+    """Stack planes, each times the root of its weight; what cannot be seen is not compared."""
+    share = None
+    if opacity is not None:
+        share = np.atleast_3d((opacity / full_scale(opacity.dtype)).astype(np.float32))
+    for label, values, weight in planes:
+        if share is not None and label is not _ALPHA:
+            values *= share
+        if weight != 1:
+            values *= np.float32(np.sqrt(weight))
+    return planes[0][1] if len(planes) == 1 else np.concatenate([values for _, values, _ in planes], axis=2)
+
+
+def _where(present: Mask, values: Image) -> Image:
+    """Set an exemplar's values to 0 where it has no pixels."""
+    return values if present.all() else np.where(present[..., np.newaxis], values, values.dtype.type(0))
+
+
+def _alike(images: Sequence[Image], names: Sequence[Term]) -> tuple[npt.NDArray[Any], ...]:
+    """Give all a channel axis and equally many channels; gray ones are widened."""
+    if len({image.dtype for image in images}) > 1:
+        raise ImageError(
+            "the {exemplars} differ in dtype ({arrays}: {dtypes}); convert them to one",
+            kind="dtype",
+            arrays=tuple(names),
+            dtypes=tuple(str(image.dtype) for image in images),
+        )
+    widest = max(1 if image.ndim == 2 else image.shape[2] for image in images)
+    deep = [image[..., np.newaxis] if image.ndim == 2 else image for image in images]
+    return tuple(np.repeat(image, widest, axis=2) if image.shape[2] < widest else image for image in deep)
+
+
+def _weights(weights: Sequence[float] | None, count: int) -> list[float]:
+    if weights is None:
+        return [1.0] * count
+    found = [
+        check_number(Term("weights", "one of the weights", 0), weight, 0)
+        for weight in _several(weights, "weights")
+    ]
+    if len(found) != count:
+        raise OptionError(
+            "{count} {weights} were given for the picture and {maps_count} further maps; give one for each",
+            kind="count",
+            parameter=Term("weights"),
+            count=len(found),
+            maps_count=count - 1,
+        )
+    if not any(found):
+        raise OptionError(
+            "the {weights} are {value}; give at least one above 0",
+            kind="number",
+            parameter=Term("weights"),
+            value=tuple(f"{weight:g}" for weight in found),
+        )
+    return found
+
+
+def white_of(data_range: DataRange, count: int) -> list[float | None]:
+    """List what counts as white in the picture and in each of the maps; None where its dtype says it."""
+    if data_range is None or not isinstance(data_range, Sequence | np.ndarray):
+        given: list[Any] = [data_range] + [None] * (count - 1)
+    else:
+        given = _several(data_range, "data_range")
+    if len(given) != count:
+        raise OptionError(
+            "{parameter} has {given} values for the picture and {maps_count} further maps; give one for each",
+            kind="count",
+            parameter=Term("data_range"),
+            given=len(given),
+            maps_count=count - 1,
+        )
+    return [None if one is None else check_number("data_range", one, 0, above=True) for one in given]
+
+
+def _several(values: Any, name: str) -> list[Any]:
+    items = list(check_items(name, values, object, "a list with one number per map"))
+    if any(isinstance(item, Sequence | np.ndarray) for item in items):
+        raise OptionError(
+            "{parameter} is a list of lists; pass a list with one number per map",
+            kind="type",
+            parameter=Term(name),
+            value=values,
+        )
+    return items

@@ -1,0 +1,1 @@
+"""Fill holes of photographs by shift-maps."""

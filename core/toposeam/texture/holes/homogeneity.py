@@ -1,0 +1,53 @@
+"""Whether what surrounds a hole is a texture, alike everywhere, or a photograph of several things."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy import ndimage
+
+from toposeam.images import Mask, box_of
+from toposeam.texture.exemplar.atlas import Floats32
+
+#: Reach of a hole's surroundings, in radii of a disc of its area, and at least, px.
+_RADII, _LEAST = 2.0, 64
+#: Sides of the blocks that are compared, px.
+_SMALL, _LARGE = 24, 48
+#: Share of the variance that lies between the blocks' means from which on it is no texture, and the variation
+#: of the blocks' contrast. Of 19 textures and 11 photographs (benchmarks/texture_samples.py, texture_fill.py)
+#: no texture without slow light or lone objects has more, and every photograph of several things has.
+_MEANS, _CONTRASTS = 0.2, 0.3
+
+
+def is_texture(features: Floats32, hole: Mask, known: Mask) -> bool:
+    """Tell whether a picture is alike everywhere round a hole.
+
+    Parameters
+    ----------
+    features : (H, W, F) float32 array
+    hole, known : (H, W) bool array
+        What has to go, and where there are values.
+    """
+    radius = float(np.sqrt(np.count_nonzero(hole) / np.pi))
+    reach = max(_RADII * radius, _LEAST)
+    box = box_of(hole, math.ceil(reach))
+    features, hole, known = features[box], hole[box], known[box]
+    near = (ndimage.distance_transform_edt(~hole) <= reach) & known & ~hole
+    if not near.any():
+        return True
+    side = int(np.clip(radius, _SMALL, _LARGE))
+    rows, columns = (np.flatnonzero(near.any(axis=axis)) for axis in (1, 0))
+    means, contrasts = [], []
+    for top in range(int(rows[0]), int(rows[-1]) + 1, side // 2):
+        for left in range(int(columns[0]), int(columns[-1]) + 1, side // 2):
+            block = np.s_[top : top + side, left : left + side]
+            if 2 * np.count_nonzero(near[block]) >= side * side:
+                values = features[block][near[block]]
+                means.append(values.mean(axis=0))
+                contrasts.append(float(values.std(axis=0).mean()))
+    whole = float(features[near].var(axis=0).sum())
+    if len(means) < 4 or whole == 0 or not any(contrasts):
+        return True
+    between = float(np.var(means, axis=0).sum()) / whole
+    return between < _MEANS and float(np.std(contrasts) / np.mean(contrasts)) < _CONTRASTS

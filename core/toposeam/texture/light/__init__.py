@@ -1,0 +1,1 @@
+"""Slow light of exemplars: removed, levelled, eased at seams."""

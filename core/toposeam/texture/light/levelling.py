@@ -1,0 +1,214 @@
+"""Values continued into a region as a membrane, and copies levelled to one another and to what surrounds
+them.
+
+A region of copies keeps the gradients of each copy, takes the mean of both sides' gradients across a seam,
+and has the picture's values where it ends: a Poisson equation (Pérez et al. 2003,
+doi:10.1145/882262.882269). What it adds to the copies is smooth within each of them, so detail stays. Where
+two copies differ by more than light does, nothing is levelled across their seam: it is an edge, and its
+difference would bleed into both.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage, sparse
+from scipy.sparse import linalg
+
+from toposeam.images import Mask
+from toposeam.texture.exemplar.atlas import Floats32
+
+#: Systems of up to this many unknowns are factorised; larger ones are iterated.
+_DIRECT = 60_000
+_SYMMETRIC: Any = {
+    "permc_spec": "MMD_AT_PLUS_A",
+    "diag_pivot_thresh": 0.0,
+    "options": {"SymmetricMode": True},
+}
+#: Side of the blocks that are one unknown of the coarse system, px; the residual's share that is left; steps.
+_BLOCK, _TOLERANCE, _MOST_STEPS = 8, 5e-4, 200
+#: A difference across a seam, in shares of white, that is levelled with half the weight.
+_LIGHT = 0.1
+
+_NEIGHBOURS: Any = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))
+
+Steps = list[tuple[Floats32, Floats32]]
+Ints32 = npt.NDArray[np.int32]
+Floats = npt.NDArray[np.float64]
+
+
+def membrane(values: Floats32, region: Mask) -> Floats32:
+    """Continue values into a region from its border, as smoothly as a membrane.
+
+    Parameters
+    ----------
+    values : (H, W, F) float32 array
+        Whatever in the region.
+    region : (H, W) bool array
+
+    Returns
+    -------
+    (H, W, F) float32 array
+        `values` outside of the region.
+    """
+    result = values.copy()
+    factor = 1
+    while np.count_nonzero(region) / factor**2 > 4000:
+        factor *= 2
+    if factor > 1:  # it is smooth: what a smaller picture says is enough
+        h, w = (-(-length // factor) for length in region.shape)
+        rows, columns = (
+            np.minimum(factor * np.arange(n) + factor // 2, length - 1)
+            for n, length in zip((h, w), region.shape, strict=True)
+        )
+        at = np.ix_(rows, columns)
+        small = membrane(values[at], region[at])
+        scaled = [
+            ndimage.zoom(small[..., c], factor, order=1, grid_mode=True, mode="nearest")
+            for c in range(values.shape[2])
+        ]
+        grown = np.stack(scaled, axis=2)[: region.shape[0], : region.shape[1]]
+        np.copyto(result, grown, where=region[..., np.newaxis])
+        return result
+    if region.all() or not region.any():
+        return result
+    steps = [
+        (np.zeros(region[s].shape + values.shape[2:], np.float32), np.ones(region[s].shape, np.float32))
+        for s, _ in _NEIGHBOURS
+    ]
+    result[region] = _poisson(values, region, steps)
+    return result
+
+
+def levelled(
+    plane: npt.NDArray[Any], usable: Mask, index: Ints32, region: Mask, white: float = 1.0
+) -> Floats32:
+    """Compute what has to be added to the copies in a region so that they fit each other and what surrounds
+    them.
+
+    Parameters
+    ----------
+    plane : (AH, AW, C) array
+        The picture that was copied from, on its atlas.
+    usable : (AH, AW) bool array
+        Where it has a value.
+    index : (H, W) int32 array
+        Flat index into the plane of what shows at each pixel.
+    region : (H, W) bool array
+        What may change.
+    white : float
+        The range of the picture's values.
+
+    Returns
+    -------
+    (H, W, C) float32 array
+        0 outside of the region.
+    """
+    valid, stride = usable.ravel(), plane.shape[1]
+    copied_from = plane.reshape(-1, plane.shape[2])
+
+    def values(index: Ints32) -> Floats32:
+        return copied_from.take(index, axis=0).astype(np.float32, copy=False)
+
+    result = np.zeros((*index.shape, plane.shape[2]), np.float32)
+    if not region.any():
+        return result
+    rows, columns = (np.flatnonzero(region.any(axis=axis)) for axis in (1, 0))
+    box = np.s_[
+        max(int(rows[0]) - 1, 0) : int(rows[-1]) + 2, max(int(columns[0]) - 1, 0) : int(columns[-1]) + 2
+    ]
+    part, inside = index[box], region[box] & (index[box] >= 0)
+    steps: Steps = []
+    for (s, t), step in zip(_NEIGHBOURS, (1, stride), strict=True):
+        p, q = np.maximum(part[s], 0), np.maximum(part[t], 0)
+        ahead, behind = np.minimum(p + step, len(valid) - 1), np.maximum(q - step, 0)
+        known_p = (valid[p] & valid[ahead] & (part[s] >= 0))[..., np.newaxis]
+        known_q = (valid[q] & valid[behind] & (part[t] >= 0))[..., np.newaxis]
+        count = np.maximum(known_p.astype(np.float32) + known_q, 1)
+        at_p, at_q, at_ahead, at_behind = values(p), values(q), values(ahead), values(behind)
+        mean = ((at_ahead - at_p) * known_p + (at_q - at_behind) * known_q) / count
+        apart = (np.abs(at_ahead - at_q) * known_p + np.abs(at_p - at_behind) * known_q) / count
+        weight = 1 / (1 + (apart.max(axis=2) / (_LIGHT * white)) ** 4)
+        weight[(part[s] < 0) | (part[t] < 0)] = 0
+        steps.append((mean, weight.astype(np.float32)))
+    copied = np.where(part[..., np.newaxis] >= 0, values(np.maximum(part, 0)), np.float32(0))
+    if inside.any():
+        result[box][inside] = _poisson(copied, inside, steps) - copied[inside]
+    return result
+
+
+def _poisson(values: Floats32, region: Mask, steps: Steps) -> Floats32:
+    """Compute the values in a region whose steps are nearest to given ones.
+
+    Parameters
+    ----------
+    values : (H, W, F) array
+        What stands outside of the region.
+    region : (H, W) bool array
+    steps : list of two pairs
+        The wanted step from each pixel to its right, and to its lower neighbour, and its weight.
+
+    Returns
+    -------
+    (n, F) float32 array
+        Per pixel of the region, in raster order.
+    """
+    number = np.full(region.shape, -1, np.intp)
+    n = int(region.sum())
+    number[region] = np.arange(n)
+    # What nothing holds keeps its value.
+    diagonal = np.full(n, 1e-6)
+    wanted = 1e-6 * values[region].astype(np.float64)
+    tails, heads, weights = [], [], []
+    for (s, t), (step, weight) in zip(_NEIGHBOURS, steps, strict=True):
+        for first, second, sign in ((s, t, -1.0), (t, s, 1.0)):
+            inner = region[first] & (weight > 0)
+            here, there, share = number[first][inner], number[second][inner], weight[inner].astype(np.float64)
+            diagonal += np.bincount(here, share, n)
+            wanted[here] += sign * share[:, np.newaxis] * step[inner]
+            outside = there < 0
+            wanted[here[outside]] += share[outside, np.newaxis] * values[second][inner][outside]
+            tails.append(here[~outside])
+            heads.append(there[~outside])
+            weights.append(-share[~outside])
+    tail, head = np.concatenate(tails), np.concatenate(heads)
+    matrix = sparse.csc_matrix((np.concatenate(weights), (tail, head)), (n, n)) + sparse.diags(diagonal)
+    matrix = sparse.csc_matrix(matrix)
+    if n <= _DIRECT:
+        solved = linalg.splu(matrix, **_SYMMETRIC).solve(wanted)
+    else:
+        solved = _iterated(sparse.csr_matrix(matrix), wanted, values[region].astype(np.float64), region)
+    result: Floats32 = solved.astype(np.float32)
+    return result
+
+
+def _iterated(matrix: sparse.csr_matrix, wanted: Floats, start: Floats, region: Mask) -> Floats32:
+    """Solve by conjugate gradients for all channels at once, with a coarse system to carry what is far: one
+    unknown for each block of pixels.
+    """
+    side = max(_BLOCK, round(np.sqrt(len(wanted) / _DIRECT)))
+    rows, columns = np.nonzero(region)
+    _, block = np.unique(rows // side * region.shape[1] + columns // side, return_inverse=True)
+    gathered = sparse.csr_matrix((np.ones(len(block)), (block, np.arange(len(block)))))
+    coarse = linalg.splu(sparse.csc_matrix(gathered @ matrix @ gathered.T), **_SYMMETRIC)
+    spread, diagonal = sparse.csr_matrix(gathered.T), matrix.diagonal()[:, np.newaxis]
+    found, rest = start.astype(np.float32), (wanted - matrix @ start).astype(np.float32)
+    single, share = matrix.astype(np.float32), (1 / diagonal).astype(np.float32)
+    goal = _TOLERANCE * np.sqrt(np.square(wanted).sum(axis=0))
+    way, before = np.zeros_like(rest), np.ones(rest.shape[1])
+    for _ in range(_MOST_STEPS):
+        if (np.sqrt(np.square(rest).sum(axis=0, dtype=float)) <= goal).all():
+            break
+        towards = share * rest + (spread @ coarse.solve(gathered @ rest.astype(float))).astype(np.float32)
+        energy = np.einsum("ij,ij->j", rest, towards, dtype=float)
+        way = towards + (energy / before).astype(np.float32) * way
+        along = single @ way
+        step = (energy / np.maximum(np.einsum("ij,ij->j", way, along, dtype=float), 1e-300)).astype(
+            np.float32
+        )
+        found += step * way
+        rest -= step * along
+        before = np.maximum(energy, 1e-300)
+    return found

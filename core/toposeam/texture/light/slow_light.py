@@ -1,0 +1,385 @@
+"""Slow light: how much of it a sample has, taken out of it, and levelled between patches.
+
+*Levelling.* Patches of a sample that is brighter on one side than on the other do not fit by their light even
+where their structure fits. So structure is compared without light, and each copy gets a light of its own
+that multiplies every channel: in logarithms a plane, an offset and two slopes, in the copy's own coordinates
+in the sample. These make neighbours agree along their seams in the least-squares sense and, as far as that
+leaves it open, take the sample's slope out. The error of a logarithm is that of the value over the value, so
+joints weigh by the square of their brightness: else shadows, which end sharply on one side only, would tell
+how bright their neighbours are, and light would drift from one side of a texture to the other.
+
+*Flattening.* A quadratic surface through the sample's values is its light; each channel is divided by it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+from scipy.sparse import linalg
+
+from toposeam.errors import ImageError, Term
+from toposeam.images import Image, Mask, as_array, as_mask, check_values, full_scale, in_dtype
+from toposeam.texture.canvas.copy_borders import ROWS, joints
+from toposeam.texture.exemplar.atlas import Atlas, Floats32, Ints32
+from toposeam.texture.exemplar.sources import Images, as_list
+
+#: Share of a sample's variance that a quadratic surface explains, from which on its light counts as slow.
+_SLOW = 0.1
+#: A difference across a seam, in shares of white, that counts half.
+_LIGHT = 0.15
+#: What an offset, and a slope across the whole sample, counts against the seams of the copy: what seams leave
+#: of a step is carried on over a few patches, not over the whole texture.
+_OFFSET, _SLOPE = 0.1, 0.2
+#: Added to values, in shares of white, before their logarithm is taken.
+_BLACK = 0.05
+#: Approximate number of pixels of a texture that tell how bright it is.
+_LOOKED_AT = 1 << 13
+#: Light is nowhere taken to be darker than this share of its mean.
+_DARKEST = 0.1
+
+Floats = npt.NDArray[np.float64]
+
+
+def has_slow_light(features: Floats32, usable: Mask) -> bool:
+    """Tell whether light changes slowly over a sample.
+
+    Parameters
+    ----------
+    features : (H, W, F) float32 array
+    usable : (H, W) bool array
+    """
+    if not usable.any():
+        return False
+    values = features[usable].astype(np.float64)
+    values -= values[0]  # or rounding would decide of what is nearly alike everywhere
+    basis = _terms(usable.shape)[usable]
+    along, mean = basis.T @ values, values.mean(axis=0)
+    none = len(values) * float(np.square(mean).sum())
+    whole = float(np.square(values).sum()) - none
+    # What a least-squares surface leaves is orthogonal to it.
+    return whole > 0 and float((_fitted(basis, along) * along).sum()) - none >= _SLOW * whole
+
+
+def without_light(features: Floats32, present: Mask, copied: Mask) -> Floats32:
+    """Take slow light out of features, about their mean: what structure is compared by.
+
+    The light is that of what is copied; what lies beside it is only compared.
+    """
+    even = features - _surface(features, copied) + features[copied].mean(axis=0)
+    result: Floats32 = np.where(present[..., np.newaxis], even, 0).astype(np.float32)
+    return result
+
+
+def flatten_light(
+    image: npt.ArrayLike,
+    *,
+    source_mask: npt.ArrayLike | None = None,
+    data_range: float | None = None,
+) -> Image:
+    """Take slow light out of a sample.
+
+    Each channel is divided by the quadratic surface that fits it best, and keeps its mean.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, C) array_like
+        Colours; for normals or heights it makes no sense.
+    source_mask : (H, W) array_like, optional
+        Where it has values that count.
+    data_range : float, optional
+        The value that counts as white, as for :func:`toposeam.synthesize`.
+
+    Returns
+    -------
+    (H, W) or (H, W, C) array of the image's dtype
+        Of integers none below 0 or beyond white.
+
+    Raises
+    ------
+    ImageError
+        For images or masks that cannot be used; where `data_range` is needed.
+
+    Examples
+    --------
+    >>> import numpy as np, toposeam as ts
+    >>> slope = np.tile(np.linspace(60, 180, 64).astype(np.uint8), (64, 1))
+    >>> int(np.ptp(ts.flatten_light(slope))) <= 4
+    True
+    """
+    array = as_array(image)
+    shape = (array.shape[0], array.shape[1])
+    where = np.ones(shape, bool) if source_mask is None else as_mask(source_mask, shape, "source_mask")
+    if not where.any():
+        raise ImageError(
+            "{mask} is empty, so there is no light to find; paint it white somewhere",
+            kind="nothing to sample",
+            mask=Term("source_mask"),
+        )
+    gone = ~where if array.ndim == 2 else ~where[..., np.newaxis]
+    check_values(np.where(gone, array.dtype.type(0), array), "image", data_range)
+    values = np.where(gone & ~np.isfinite(array), 0.0, array.astype(np.float64))
+    deep = values[..., np.newaxis] if values.ndim == 2 else values
+    light = _surface(deep, where)
+    mean = deep[where].mean(axis=0)
+    flat = deep * mean / np.maximum(light, np.maximum(_DARKEST * np.abs(mean), 1e-12))
+    flat = flat[..., 0] if values.ndim == 2 else flat
+    if np.issubdtype(array.dtype, np.integer):
+        flat = np.clip(flat, 0, float(data_range or full_scale(array.dtype)))
+    return in_dtype(flat, array.dtype)
+
+
+def flattened(source: Images, mask: Images | None, white: float | None) -> list[Any]:
+    """Take slow light out of several samples, white being one value."""
+    several: list[Any] = list(source) if isinstance(source, list | tuple) else [source]
+    masks = as_list(mask, len(several), "source_mask")
+    return [
+        flatten_light(image, source_mask=where, data_range=white)
+        for image, where in zip(several, masks, strict=True)
+    ]
+
+
+def _surface(values: npt.NDArray[Any], where: Mask) -> Floats:
+    """Fit a quadratic surface to some pixels, (H, W, C)."""
+    basis = _terms(where.shape)
+    some = basis[where]
+    result: Floats = basis @ _fitted(some, some.T @ values[where])
+    return result
+
+
+def _terms(shape: tuple[int, ...]) -> Floats:
+    """Compute the terms of a quadratic surface, (H, W, 6)."""
+    y, x = (np.linspace(-1, 1, length) for length in shape)
+    y, x = y[:, np.newaxis], x[np.newaxis]
+    return np.stack([np.ones(shape), y + 0 * x, x + 0 * y, y * x, y * y + 0 * x, x * x + 0 * y], axis=2)
+
+
+def _fitted(basis: Floats, along: Floats) -> Floats:
+    """Compute the least-squares factors of (n, 6) terms, (6, C), from what values (n, C) have along each."""
+    return np.asarray(np.linalg.lstsq(basis.T @ basis, along, rcond=None)[0], np.float64)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CopyLight:
+    """The light that copies are given. It multiplies a value above `floor`, and its logarithm is a plane in
+    the copy's own coordinates in the exemplar.
+    """
+
+    atlas: Atlas
+    coefficients: Floats  #: (P, 3, C), of each patch: in the exemplar's middle, slopes; or P = 0
+    floor: np.float32
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, plane: Floats32, atlas: Atlas) -> CopyLight:
+        """Leave the copies of a sample (AH, AW, C) as they are."""
+        low, high = (float(limit(plane[atlas.copied])) for limit in (np.min, np.max))
+        none = np.empty((0, 3, plane.shape[2]))
+        return cls(atlas=atlas, coefficients=none, floor=np.float32(0), low=low, high=high)
+
+    def gain(self, index: Ints32, labels: Ints32, channels: slice = slice(None)) -> Floats32:
+        """Compute the gain (…, C) at pixels, given by what shows there and the number of the patch."""
+        chosen = range(self.coefficients.shape[2])[channels]
+        result = np.ones((*index.shape, len(chosen)), np.float32)
+        if len(self.coefficients):
+            (down, right), numbers = _places(self.atlas, np.maximum(index, 0)), np.maximum(labels, 0)
+            for place, channel in enumerate(chosen):
+                even, lower, further = np.ascontiguousarray(self.coefficients[..., channel].T)
+                light = even.take(numbers)
+                light += lower.take(numbers) * down
+                light += further.take(numbers) * right
+                np.exp(light, out=light)
+                result[..., place] = light
+        return result
+
+    def offset(self, gain: Floats32) -> Floats32:
+        """Compute what is added to a value that has been multiplied by a gain."""
+        result: Floats32 = (gain - 1) * self.floor
+        return result
+
+
+def levelled_copies(
+    plane: Floats32,
+    even: Floats32,
+    atlas: Atlas,
+    index: Ints32,
+    labels: Ints32,
+    copies: Ints32,
+    wraps: tuple[bool, bool],
+) -> CopyLight:
+    """Compute the light to be given to the copies of a texture so that it agrees.
+
+    Parameters
+    ----------
+    plane : (AH, AW, C) float32 array
+        The sample.
+    even : (AH, AW, F) float32 array
+        The same without its slow light, 1 being white: where copies differ in this, they have an edge that is
+        no matter of light.
+    atlas : Atlas
+    index, labels : (H, W) int32 arrays
+        What shows at each pixel, and the number of the patch.
+    copies : (P,) int32 array
+        The first patch of the copy that each patch belongs to.
+    wraps : (bool, bool)
+        Whether rows and columns continue at the opposite border.
+
+    Returns
+    -------
+    CopyLight
+    """
+    given, level = plane.reshape(-1, plane.shape[2]), even.reshape(-1, even.shape[2])
+    white, usable = float(np.abs(plane[atlas.copied]).max()) or 1.0, atlas.usable.ravel()
+    flat = np.log(np.maximum(given, 0) / white + _BLACK)  # light multiplies
+    certain = np.square(np.exp(flat).mean(axis=1))
+    certain /= certain[atlas.copied.ravel()].mean()
+    parts = []
+    for first, second, step in joints(index, atlas.width, wraps):
+        a, b = (copies[labels.take(place)] for place in (first, second))
+        two = np.flatnonzero(a != b)
+        a, b, p, q = a[two], b[two], index.take(first[two]), index.take(second[two])
+        ahead, behind = np.minimum(p + step, len(flat) - 1), np.maximum(q - step, 0)
+        known = np.stack([usable[behind], usable[ahead]], axis=1).astype(np.float32)
+        apart = (flat[p] - flat[behind]) * known[:, :1] + (flat[ahead] - flat[q]) * known[:, 1:]
+        apart /= np.maximum(known.sum(axis=1, keepdims=True), 1)
+        off = np.maximum(
+            np.abs(level[p] - level[behind]) * known[:, :1], np.abs(level[ahead] - level[q]) * known[:, 1:]
+        )
+        weight = known.any(axis=1) / (1 + (off.max(axis=1, initial=0) / _LIGHT) ** 4)
+        weight *= np.minimum(certain[p], certain[q])
+        terms = np.concatenate([_coordinates(atlas, p), -_coordinates(atlas, q)], axis=1)
+        parts.append(_pairs(a, b, terms, apart, weight))
+    matrix, wanted = _equations(parts, _even(flat, atlas, index, labels, copies))
+    solved = linalg.splu(matrix).solve(wanted) if len(copies) else wanted
+    light = dataclasses.replace(
+        CopyLight.of(plane, atlas),
+        coefficients=solved.reshape(len(copies), 3, -1)[copies],
+        floor=np.float32(_BLACK * white),
+    )
+    return _as_bright(light, plane, index, labels) if len(copies) else light
+
+
+def _as_bright(light: CopyLight, plane: Floats32, index: Ints32, labels: Ints32) -> CopyLight:
+    """Shift the light so that the values of the texture are nearest to those of its exemplars, each to that
+    of its rank; agreement along seams leaves that open.
+    """
+    atlas, step = light.atlas, max(1, round((index.size / _LOOKED_AT) ** 0.5))
+    index, labels = index[::step, ::step], labels[::step, ::step]
+    shown = index >= 0
+    index, labels = index[shown], labels[shown]
+    exemplar, _ = atlas.locate(index)
+    wanted = []
+    for number, count in enumerate(np.bincount(exemplar, minlength=len(atlas.places)).tolist()):
+        place = atlas.places[number]
+        values = plane[place][atlas.copied[place]]
+        wanted.append(values[np.linspace(0, len(values) - 1, count).astype(np.intp)])
+    given = np.sort(np.concatenate(wanted) + light.floor, axis=0)
+    made = plane.reshape(-1, plane.shape[2]).take(index, axis=0) + light.floor
+    made = np.sort(made * light.gain(index, labels), axis=0)
+    coefficients = light.coefficients.copy()
+    for channel in range(plane.shape[2]):
+        # The factor that makes the sum of |given - factor * made| least is a weighted median.
+        weight = np.maximum(made[:, channel], np.float32(1e-9))
+        ratio = np.maximum(given[:, channel], np.float32(1e-9)) / weight
+        order = np.argsort(ratio)
+        middle = np.searchsorted(
+            np.cumsum(weight[order], dtype=np.float64), 0.5 * weight.sum(dtype=np.float64)
+        )
+        coefficients[:, 0, channel] += np.log(float(ratio[order[middle]]))
+    return dataclasses.replace(light, coefficients=coefficients)
+
+
+def _pairs(
+    a: Ints32, b: Ints32, terms: Floats, apart: npt.NDArray[Any], weight: npt.NDArray[Any]
+) -> tuple[npt.NDArray[np.intp], Floats, Floats, Floats]:
+    """Sum what joints ask of the copies that meet there, by pairs of copies.
+
+    Parameters
+    ----------
+    a, b : (n,) int32 arrays
+        The two copies.
+    terms : (n, 6) array
+        What multiplies their coefficients in the difference of their light.
+    apart : (n, C) array
+        How much brighter the first copy is.
+    weight : (n,) array
+
+    Returns
+    -------
+    tuple
+        (m, 2) copies; their (m, 6, 6) part of the normal equations and (m, 6, C) of the right side; the (m,)
+        weight of their joints.
+    """
+    keys, at = np.unique(a.astype(np.intp) << 32 | b, return_inverse=True)
+    found, count = np.stack([keys >> 32, keys & 0xFFFFFFFF], axis=1), len(keys)
+
+    def summed(values: npt.NDArray[Any]) -> Floats:
+        result: npt.NDArray[Any] = np.bincount(at, weight * values, count)
+        return result
+
+    matrix: Floats = np.empty((count, 6, 6))
+    wanted: Floats = np.empty((count, 6, apart.shape[1]))
+    for k in range(6):
+        for m in range(k, 6):
+            matrix[:, k, m] = matrix[:, m, k] = summed(terms[:, k] * terms[:, m])
+        for channel in range(apart.shape[1]):
+            wanted[:, k, channel] = -summed(terms[:, k] * apart[:, channel])
+    return found, matrix, wanted, summed(np.ones(len(at)))
+
+
+def _equations(
+    parts: list[tuple[npt.NDArray[np.intp], Floats, Floats, Floats]], even: Floats
+) -> tuple[sparse.csc_matrix, Floats]:
+    """Assemble the normal equations for three coefficients of each copy, which tend to given ones,
+    (P, 3, C).
+    """
+    size = 3 * len(even)
+    pairs, matrices, wishes, weights = (np.concatenate(part) for part in zip(*parts, strict=True))
+    line = (3 * pairs[:, :, np.newaxis] + np.arange(3)).reshape(-1, 6)
+    rows, columns = np.broadcast_arrays(line[:, :, np.newaxis], line[:, np.newaxis])
+    matrix = sparse.csc_matrix((matrices.ravel(), (rows.ravel(), columns.ravel())), (size, size))
+    wanted = np.zeros((size, even.shape[2]))
+    np.add.at(wanted, line, wishes)
+    known = 1 + np.bincount(pairs.ravel(), weights.repeat(2), len(even))
+    least = np.stack([_OFFSET * known, _SLOPE * known, _SLOPE * known], axis=1).ravel()
+    wanted += least[:, np.newaxis] * even.reshape(size, -1)
+    return sparse.csc_matrix(matrix + sparse.diags(least)), wanted
+
+
+def _even(flat: Floats32, atlas: Atlas, index: Ints32, labels: Ints32, copies: Ints32) -> Floats:
+    """Compute the coefficients that would take the slopes of its exemplar's light out of each copy."""
+    slopes = []
+    for place in atlas.places:
+        inside = np.zeros(atlas.copied.shape, bool)
+        inside[place] = atlas.copied[place]
+        at = np.flatnonzero(inside)
+        basis = _coordinates(atlas, at.astype(np.int32))
+        found = np.linalg.lstsq(basis.T @ basis, basis.T @ flat[at], rcond=None)[0]
+        slopes.append(np.concatenate([np.zeros((1, found.shape[1])), -found[1:]]))
+    exemplar = np.zeros(len(copies), np.intp)
+    for first in range(0, len(index) if len(slopes) > 1 else 0, ROWS):
+        rows = slice(first, first + ROWS)
+        shown = labels[rows] >= 0
+        exemplar[copies[labels[rows][shown]]] = atlas.locate(index[rows][shown])[0]
+    result: Floats = np.stack(slopes)[exemplar]
+    return result
+
+
+def _coordinates(atlas: Atlas, index: Ints32) -> Floats:
+    """Compute (…, 3): 1, and row and column in the exemplar from -1 to 1."""
+    return np.stack([np.ones(index.shape), *_places(atlas, index)], axis=-1)
+
+
+def _places(atlas: Atlas, index: Ints32) -> tuple[Floats, Floats]:
+    """Compute row and column in the exemplar, from -1 to 1 each."""
+    owner, half = atlas.owner_of_rows, atlas.shapes / 2
+    row, column = np.divmod(index, np.int32(atlas.width))
+    rows = np.arange(len(owner)) - atlas.corners[owner, 0]
+    down = (rows / half[owner, 0] - 1).take(row)
+    right = (column - atlas.corners[0, 1]) / half[owner, 1].take(row) - 1
+    return down, right

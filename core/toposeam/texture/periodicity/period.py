@@ -1,0 +1,230 @@
+"""The order of a texture: the lattice on which it repeats itself, and the sizes on which that lattice closes.
+
+What repeats by two vectors (bricks, hexagons, threads) or along one direction only (lines of text, courses of
+stones) shows in the autocorrelation: it is high at every sum of the vectors. An order is kept as its
+reciprocal vectors k, in cycles per pixel: a shift d leaves the order in step when d · k is whole for each.
+A texture that repeats after (H, W) px keeps step across its border when H k_y and W k_x are whole.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.fft as sf
+from scipy import ndimage
+
+from toposeam.images import Mask
+from toposeam.texture.exemplar.atlas import Floats32
+from toposeam.texture.exemplar.scale import autocorrelation
+from toposeam.texture.exemplar.sources import UNSEEN_STEP
+from toposeam.texture.periodicity.lattice_fit import Floats, finest_lattice, mean_on
+
+#: Mean correlation with itself on the lattice from which on a texture counts as ordered, by two vectors and
+#: along one direction.
+ORDERED, ORDERED_LINES = 0.25, 0.15
+#: Largest correlation half-way between two lattice points, as a share of that on them: little less than that
+#: where the threads of one direction are pale; along stripes and courses it is as high everywhere.
+_BETWEEN = 0.9
+#: Lines that keep step correlate with the next ones at least this much of how they do with themselves; and
+#: lattices as much far away as near by. What does not is ordered by eye, but wanders.
+_KEPT = 0.85
+#: Largest stretch of an order so that it closes, as a share, and the stretch that is not seen. Lines that are
+#: bent a little where patches meet look better than such as break; beyond, hexagons get borders twice.
+STRETCH, UNSEEN = 0.12, 0.005
+#: Of larger exemplars, px a side, the middle tells the order.
+_LOOKED_AT = 512
+#: Side of a box, px: three of them, one after the other, blur like a Gaussian of 23.5 px, and what is slower
+#: is light.
+_SLOW = 47
+#: Waves whose directions are tried, and by how many degrees these are turned to be exact.
+_WAVES, _TURNS = 6, (np.arange(-3, 3.1, 0.5), np.array([-0.25, 0.25]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Order:
+    """On which lattice a texture repeats itself."""
+
+    #: (n, 2) reciprocal vectors (y, x), cycles per px; n is 1 or 2.
+    reciprocal: Floats
+    #: Mean autocorrelation on the lattice.
+    strength: float
+
+    @property
+    def periods(self) -> Floats:
+        """(n, 2) shifts (y, x) in px that leave the order in step."""
+        return np.asarray(np.linalg.pinv(self.reciprocal).T)
+
+    def fitted(self, size: tuple[int, int], wraps: tuple[bool, bool]) -> tuple[Floats, float]:
+        """Find the reciprocal vectors nearest to these that close on a size, and the stretch that this needs,
+        as a share.
+        """
+        length = np.asarray(size, float)
+        whole = np.rint(self.reciprocal * length) / length
+        closed = np.where(wraps, whole, self.reciprocal)
+        return closed, float(
+            (np.linalg.norm(closed - self.reciprocal, axis=1) / np.linalg.norm(self.reciprocal, axis=1)).max()
+        )
+
+    def closing_size(
+        self, size: tuple[int, int], wraps: tuple[bool, bool], within: bool = False
+    ) -> tuple[int, int]:
+        """Find the size nearest to one wished for, or within it, on which the order nearly closes
+        by itself.
+        """
+        if self.fitted(size, wraps)[1] <= UNSEEN:
+            return size
+        finest = float(np.linalg.norm(self.reciprocal, axis=1).max())
+        height, width = (
+            _closing(cycles, finest, length, within) if wrapping else length
+            for cycles, length, wrapping in zip(self.reciprocal.T, size, wraps, strict=True)
+        )
+        return height, width
+
+    def better_size(self, size: tuple[int, int], wraps: tuple[bool, bool]) -> tuple[int, int] | None:
+        """Find the size nearest to one at which the order is stretched by half of it or less; None where
+        there is none, or nobody sees that it is stretched.
+        """
+        found = self.closing_size(size, wraps)
+        stretch = self.fitted(size, wraps)[1]
+        return found if stretch > UNSEEN and self.fitted(found, wraps)[1] <= stretch / 2 else None
+
+
+def _closing(cycles: Floats, finest: float, length: int, within: bool) -> int:
+    """Find the length nearest to one at which every count of cycles is nearly whole; stretch is measured on
+    the finest period.
+    """
+    if float(np.abs(cycles).max()) * length < 0.5:
+        return length
+    steep = np.abs(cycles)[np.abs(cycles) >= finest / 4]
+    reach = max(math.ceil(1 / steep.min(initial=finest)), length // 20)
+    lengths = np.arange(max(length - reach, 1), length + (0 if within else reach) + 1)
+    count = lengths[:, np.newaxis] * cycles
+    stretch = (np.abs(count - np.rint(count)) / lengths[:, np.newaxis]).max(axis=1) / finest
+    return int(lengths[(stretch / UNSEEN + np.abs(lengths - length) / reach).argmin()])
+
+
+def looked_at(shape: tuple[int, ...]) -> tuple[slice, ...]:
+    """Select the rows and columns that tell the order of an exemplar: all of it, or the middle of a large
+    one.
+    """
+    return tuple(
+        slice(max(length - _LOOKED_AT, 0) // 2, (length + min(length, _LOOKED_AT)) // 2) for length in shape
+    )
+
+
+def find_order(features: Floats32, usable: Mask) -> Order | None:
+    """Find the order of a texture, None where there is none, or nothing to be seen but slow light.
+
+    Parameters
+    ----------
+    features : (H, W, F) float32 array
+    usable : (H, W) bool array
+    """
+    middle = looked_at(usable.shape)
+    if not usable[middle].any():
+        return None
+    detail = _detail(features[middle])
+    if float(np.square(detail).mean(axis=(0, 1)).max()) < UNSEEN_STEP**2:
+        return None
+    near = autocorrelation(detail, usable[middle], tapered=True).astype(np.float64)
+    height, width = (length // 2 for length in near.shape)
+    distance = np.hypot(*np.ogrid[-height : height + 1, -width : width + 1])
+    rings = distance.astype(np.intp).ravel()
+    ring = np.bincount(rings, near.ravel()) / np.maximum(np.bincount(rings), 1)
+    ends = np.flatnonzero(ring[: min(height, width)] < 0.05)
+    if not len(ends):
+        return None
+    element = max(int(ends[0]), 4)
+    smooth = ndimage.gaussian_filter(near, 1.0)
+    # The mean on a lattice is no higher than the highest value beyond the shortest vector.
+    highest = float(smooth[distance >= 0.6 * element].max(initial=0))
+    if highest < ORDERED_LINES:
+        return None
+    lattice = finest_lattice(smooth, element) if highest >= ORDERED else None
+    if lattice is not None:
+        strength = mean_on(smooth, lattice)
+        far = mean_on(smooth, lattice, beyond=0.4)
+        between = max(mean_on(smooth, lattice, half) for half in lattice / 2)
+        if strength >= ORDERED and between <= _BETWEEN * strength and far >= _KEPT * strength:
+            return Order(np.asarray(np.linalg.inv(lattice).T, np.float64), strength)
+    return _lines(smooth, element)
+
+
+def _detail(features: Floats32) -> Floats32:
+    """Take slow light out of features."""
+    slow = features
+    for axis in (0, 1) * 3:
+        slow = ndimage.uniform_filter1d(slow, _SLOW, axis)
+    return features - slow
+
+
+def _lines(smooth: Floats, element: int) -> Order | None:
+    """Find the order of a texture that repeats across one direction only: the direction and the period at
+    which the mean autocorrelation along lines rises and falls most regularly.
+    """
+    best, angle, period = 0.0, 0.0, 0.0
+    for turns in (_directions(smooth), *map(np.deg2rad, _TURNS)):
+        for turn in np.unique(turns + angle):  # harmonics have one direction
+            score, length = _rhythm(_profile(smooth, turn), element)
+            if score > best:
+                best, angle, period = score, float(turn), length
+        if best < 0.5 * ORDERED_LINES:
+            return None
+    return Order(np.array([[np.sin(angle), np.cos(angle)]]) / period, best) if best >= ORDERED_LINES else None
+
+
+def _directions(smooth: Floats) -> Floats:
+    """Find the angles of the strongest waves in the autocorrelation."""
+    window = np.outer(*[np.hanning(length) for length in smooth.shape])
+    power = np.abs(sf.rfft2((smooth - smooth.mean()) * window))
+    power[np.hypot(*np.ogrid[: power.shape[0], : power.shape[1]]) < 2] = 0
+    tops = np.argwhere((ndimage.maximum_filter(power, 3, mode="wrap") == power) & (power > 0))
+    tops = tops[np.argsort(-power[tuple(tops.T)], kind="stable")[:_WAVES]]
+    y, x = sf.fftfreq(smooth.shape[0])[tops[:, 0]], sf.rfftfreq(smooth.shape[1])[tops[:, 1]]
+    return np.asarray(np.arctan2(y, x))
+
+
+def _profile(smooth: Floats, angle: float) -> Floats:
+    """Average the autocorrelation along lines, as far as it is known, by their distance from 0 in px; the
+    angle is the normal's.
+    """
+    middle = [length // 2 for length in smooth.shape]
+    reach = int(0.9 * min(middle))
+    normal = np.array([np.sin(angle), np.cos(angle)])
+    line, away = np.arange(-reach, reach + 1, 2.0), np.arange(0, reach)[:, np.newaxis]
+    at = np.empty((2, len(away), len(line)))
+    known = np.ones(at.shape[1:], bool)
+    for axis, along in enumerate((normal[1], -normal[0])):
+        np.add(away * normal[axis], line * along, out=at[axis])
+        known &= np.abs(at[axis]) <= middle[axis]
+        at[axis] += middle[axis]
+    values = ndimage.map_coordinates(smooth, at, order=1, mode="nearest")
+    return np.asarray((values * known).sum(axis=1) / known.sum(axis=1))
+
+
+def _rhythm(profile: Floats, element: int) -> tuple[float, float]:
+    """Compute how much higher a profile is at multiples of a period than half-way between them, for the
+    period (px) at which that is most; the shortest of those that do about as well.
+    """
+    periods = np.arange(max(0.7 * element, 4.0), 0.5 * len(profile), 0.25)
+    if not len(periods):
+        return 0.0, 1.0
+    distance = np.arange(len(profile))
+    counts = (distance[-1] / periods).astype(int)
+    starts = np.cumsum(counts) - counts
+    multiples = (np.arange(counts.sum()) - starts.repeat(counts) + 1) * periods.repeat(counts)
+    on, off = (np.interp(multiples - away, distance, profile) for away in (0, (periods / 2).repeat(counts)))
+    regular = np.minimum.reduceat(on, starts) >= _KEPT * profile[0]
+    scores = np.zeros(len(periods))
+    for number in np.flatnonzero(regular).tolist():
+        part = slice(int(starts[number]), int(starts[number] + counts[number]))
+        high, low = on[part].mean(), off[part].mean()
+        scores[number] = min(high, 0.5 * (high - low))
+    if scores.max() <= 0:
+        return 0.0, 1.0
+    tops = np.flatnonzero(scores >= 0.9 * scores.max())
+    first = tops[: 1 + int(np.flatnonzero(np.diff(tops, append=len(scores) + 2) > 1)[0])]
+    best = int(first[scores[first].argmax()])
+    return float(scores[best]), float(periods[best])

@@ -1,0 +1,1 @@
+"""Choose and lay patches: distances, penalties, cuts."""

@@ -1,0 +1,126 @@
+"""Penalties by how often a canvas shows the pixels of exemplars."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.texture.canvas.index_canvas import IndexCanvas
+from toposeam.texture.canvas.places import PlaceGrid
+from toposeam.texture.exemplar.atlas import Atlas, Floats32, Ints32
+from toposeam.texture.exemplar.patch_search import box_sum
+from toposeam.texture.placement.feature_shares import Kinds
+
+#: Minimum share of the canvas that an exemplar counts as covering, so that ratios of shares stay bounded, and
+#: the power to which they are raised: steep, so that even unlike exemplars keep to their shares.
+_LEAST_SHARE, _STEEP = 0.02, 6
+#: Upper bound of the limit of use, which a canvas cannot reach.
+_UNLIMITED = 2**31 - 1
+
+
+class Use:
+    """Penalise pixels, and kinds of pixels, that show often already.
+
+    The factor is 1 + variety × (use / average use)², times that of the kinds. It is the same for all patches
+    of one shape until the canvas changes, so it is kept until :meth:`refresh`.
+
+    Parameters
+    ----------
+    canvas : IndexCanvas
+    atlas : Atlas
+    average : (AH, 1) float array
+        How often pixels should show, by the atlas's row.
+    most : float
+        Limit of use, in multiples of the average.
+    variety : float
+        Strength.
+    kinds : Kinds, optional
+        What kinds of pixels there are, each to show on its share.
+    """
+
+    def __init__(
+        self,
+        canvas: IndexCanvas,
+        atlas: Atlas,
+        average: npt.NDArray[np.float64],
+        most: float,
+        variety: float,
+        kinds: Kinds | None = None,
+    ) -> None:
+        self._canvas, self._atlas, self._average = canvas, atlas, average
+        self._variety, self._kinds = variety, kinds
+        #: (AH, 1), how often pixels may show, by the atlas's row.
+        self.limit: Ints32 = np.clip(np.floor(most * average), 1, _UNLIMITED).astype(np.int32)
+        self._kept: dict[tuple[object, ...], tuple[Floats32, Floats32 | None]] = {}
+
+    def refresh(self) -> None:
+        """Discard what was computed before the canvas changed."""
+        self._kept.clear()
+
+    def factor(self, places: PlaceGrid) -> Floats32:
+        """Compute the factor on the error of places, (n, m) float32."""
+        return self._of(places)[0]
+
+    def used_up(self, places: PlaceGrid) -> Floats32 | None:
+        """Compute the share of each place's pixels that have reached their limit, (n, m) float32; None where
+        no pixel has.
+        """
+        return self._of(places)[1]
+
+    def _of(self, places: PlaceGrid) -> tuple[Floats32, Floats32 | None]:
+        key = places.shape, places.first, places.step, places.size
+        if key not in self._kept:
+            self._kept[key] = self._computed(places)
+        return self._kept[key]
+
+    def _computed(self, places: PlaceGrid) -> tuple[Floats32, Floats32 | None]:
+        usage = self._canvas.usage.reshape(self._atlas.usable.shape)
+        shape, (n, m), grid = places.shape, places.size, slice(places.first, None, places.step)
+        pixels = shape[0] * shape[1]
+        average = (pixels * self._average[grid][:n]).astype(np.float32)
+        factor: Floats32 = np.divide(box_sum(usage, shape)[grid, grid][:n, :m], average, dtype=np.float32)
+        np.square(factor, out=factor)
+        factor *= np.float32(self._variety)
+        factor += np.float32(1)
+        if self._kinds is not None:
+            factor *= self._kinds.factor(places, usage, self._variety)
+        over = usage >= self.limit
+        if not over.any():
+            return factor, None
+        used_up: Floats32 = box_sum(over, shape)[grid, grid][:n, :m].astype(np.float32)
+        used_up /= np.float32(pixels)
+        return factor, used_up
+
+
+class Shares:
+    """Penalise exemplars that show on more than their share of the canvas.
+
+    Parameters
+    ----------
+    canvas : IndexCanvas
+    atlas : Atlas
+    shares : (E,) float array
+        Wanted shares of the exemplars, of sum 1.
+    """
+
+    def __init__(self, canvas: IndexCanvas, atlas: Atlas, shares: npt.NDArray[np.float64]) -> None:
+        self._canvas, self._atlas, self._shares = canvas, atlas, shares
+        self._owner = atlas.owner_of_rows
+
+    def factor(self, places: PlaceGrid) -> Floats32:
+        """Compute the factor on the error of places, (n, 1) float32."""
+        rows = self._canvas.usage.reshape(self._atlas.usable.shape).sum(axis=1)
+        shown = np.add.reduceat(rows, self._atlas.corners[:, 0])
+        part = shown / max(int(shown.sum()), 1)
+        often = ((part + _LEAST_SHARE) / (self._shares + _LEAST_SHARE)) ** _STEEP
+        factor: Floats32 = often[self._owner[places.axes[0]], np.newaxis].astype(np.float32)
+        return factor
+
+
+def average_use(atlas: Atlas, area: int, shares: npt.NDArray[np.float64] | None) -> npt.NDArray[np.float64]:
+    """Compute how often a usable pixel shows on average, by the atlas's row: (AH, 1), 1 at least."""
+    usable = atlas.usable.sum(axis=1)
+    if shares is None:
+        return np.full((len(usable), 1), max(area / max(int(usable.sum()), 1), 1.0))
+    each = np.add.reduceat(usable, atlas.corners[:, 0])
+    return np.maximum(area * shares / np.maximum(each, 1), 1.0)[atlas.owner_of_rows, np.newaxis]

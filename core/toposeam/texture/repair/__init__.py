@@ -1,0 +1,1 @@
+"""Repair a finished texture: bad seams and cut objects."""

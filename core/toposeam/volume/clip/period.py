@@ -1,0 +1,178 @@
+"""Where a clip comes back: pairs of moments between which it can go over without being noticed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from toposeam.heat.sweeps import Floats32
+from toposeam.images import Mask
+from toposeam.seam.problem.match_cost import MatchCost
+from toposeam.volume.heat.method import SurfaceOptions, heat_surface
+from toposeam.volume.problem.arrays import Volume, as_shares
+from toposeam.volume.problem.posing import surface_problem
+
+#: Moments are compared on frames reduced to about so many pixels, fewer in long clips: every moment is
+#: compared with every other one.
+_PIXELS = 1500
+_COMPARED = 4e8
+#: So many of the best pairs are joined by a surface, on the small frames, and compared by its cost.
+_FINALISTS = 8
+#: Of loops whose cost is within this share of the least the longest is taken.
+_AS_GOOD = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Jump:
+    """A change from one moment of a clip to another one.
+
+    Examples
+    --------
+    >>> import toposeam as ts
+    >>> ts.Jump(leaves=30, enters=6, cost=0.5).period
+    24
+    """
+
+    #: First frames of the two stretches that overlap: the clip is left somewhere in `leaves`,
+    #: ``leaves + 1`` …, and goes on in `enters`, ``enters + 1`` …
+    leaves: int
+    enters: int
+    #: What the change costs on the small frames, per pixel.
+    cost: float
+
+    @property
+    def period(self) -> int:
+        """How many frames repeat when this is the only jump."""
+        return self.leaves - self.enters
+
+
+def small_frames(frames: Volume, data_range: float | None) -> Floats32:
+    """(T, h, w, C) frames, area means over squares of pixels."""
+    height, width = frames.shape[1:3]
+    pixels = min(_PIXELS, max(100.0, _COMPARED / len(frames) ** 2))
+    side = max(1, int(np.ceil(np.sqrt(height * width / pixels))))
+    side = min(side, height, width)
+    rows, columns = height // side, width // side
+    result = np.empty((len(frames), rows, columns, frames.shape[3]), np.float32)
+    for index in range(len(frames)):
+        shares = as_shares(frames[index : index + 1], "frames", data_range)[0]
+        squares = shares[: rows * side, : columns * side].reshape(rows, side, columns, side, -1)
+        result[index] = squares.mean(axis=(1, 3))
+    return result
+
+
+def small_mask(mask: Mask, shape: tuple[int, int]) -> Mask:
+    """A mask on small frames: True where most of a square is."""
+    side = mask.shape[0] // shape[0]
+    squares = mask[: shape[0] * side, : shape[1] * side].reshape(shape[0], side, shape[1], side)
+    most: Mask = squares.mean(axis=(1, 3)) > 0.5
+    return most
+
+
+def changes(small: Floats32, lag: int, transition: int, moving: Mask) -> npt.NDArray[np.float64]:
+    """How much it shows at least to change, within a transition, from ``t + lag`` to ``t`` (or, the same,
+    from ``t`` to ``t + lag``), for every first moment ``t`` of one.
+
+    Every pixel changes when it shows least: the least of two successive differences, a surface's cost along
+    time, is taken pixel by pixel.
+
+    Returns
+    -------
+    (T - lag - transition + 1,) float64 array
+    """
+    difference = np.linalg.norm(small[lag:] - small[: len(small) - lag], axis=3)[:, moving]
+    pairs = difference[1:] + difference[:-1]
+    count = len(pairs) - (transition - 1) + 1
+    if count <= 0:
+        return np.zeros(0)
+    least = ndimage.minimum_filter1d(pairs, transition - 1, axis=0, origin=-((transition - 1) // 2))[:count]
+    scores: npt.NDArray[np.float64] = least.mean(axis=1, dtype=np.float64)
+    return scores
+
+
+def best_jump(
+    small: Floats32,
+    transition: int,
+    lengths: tuple[int, int],
+    starts: tuple[int, int],
+    moving: Mask,
+    cost: MatchCost,
+    spacing: Sequence[float],
+) -> Jump:
+    """The jump back by which a clip is best made to repeat.
+
+    Parameters
+    ----------
+    small : (T, h, w, C) float32 array
+    transition : int
+        Frames in which to change.
+    lengths, starts : (int, int)
+        Least and greatest period, and first frame, allowed; at least one such pair must fit the clip.
+    moving : (h, w) bool array
+        Pixels that count.
+    cost : MatchCost
+    spacing : three floats
+        As for :func:`toposeam.volume.clip.loop.loop`.
+    """
+    found: list[Jump] = []
+    for period in range(lengths[0], lengths[1] + 1):
+        scores = changes(small, period, transition, moving)[starts[0] : starts[1] + 1]
+        found += [
+            Jump(starts[0] + at + period, starts[0] + at, float(score)) for at, score in enumerate(scores)
+        ]
+    finalists = _apart(found, _FINALISTS, max(1, transition // 4))
+    joined = [joined_small(small, jump, transition, moving, cost, spacing) for jump in finalists]
+    least = min(jump.cost for jump in joined)
+    return max((jump for jump in joined if jump.cost <= (1 + _AS_GOOD) * least), key=lambda jump: jump.period)
+
+
+def joined_small(
+    small: Floats32, jump: Jump, transition: int, moving: Mask, cost: MatchCost, spacing: Sequence[float]
+) -> Jump:
+    """The jump with what its surface costs on small frames, per pixel."""
+    a = small[jump.leaves : jump.leaves + transition]
+    b = small[jump.enters : jump.enters + transition]
+    problem, _ = surface_problem(
+        a, b, None, None, 0, cost, spacing, np.broadcast_to(weights(moving), a.shape[:3]), data_range=1.0
+    )
+    solution, _ = heat_surface(problem, SurfaceOptions(tolerance=0.02, max_iterations=600))
+    least = problem.cost(solution.labels) / int(np.count_nonzero(moving))
+    return Jump(jump.leaves, jump.enters, least)
+
+
+def weights(moving: Mask) -> npt.NDArray[np.float64]:
+    """What still pixels count for a surface: next to nothing."""
+    return np.where(moving, 1.0, 1e-3)
+
+
+def _apart(jumps: list[Jump], count: int, distance: int) -> list[Jump]:
+    """The best jumps, no two of which are nearly the same."""
+    kept: list[Jump] = []
+    for jump in sorted(jumps, key=lambda jump: (jump.cost, -jump.period)):
+        near = (
+            max(abs(jump.leaves - other.leaves), abs(jump.enters - other.enters)) < distance for other in kept
+        )
+        if not any(near):
+            kept.append(jump)
+            if len(kept) == count:
+                break
+    return kept
+
+
+def good_jumps(
+    small: Floats32, transition: int, moving: Mask, cost: MatchCost, spacing: Sequence[float], count: int
+) -> list[Jump]:
+    """Jumps back and forth that show little, the least one first."""
+    found: list[Jump] = []
+    for lag in range(transition, len(small) - transition + 1):
+        for at, score in enumerate(changes(small, lag, transition, moving)):
+            found += [Jump(at + lag, at, float(score)), Jump(at, at + lag, float(score))]
+    back = [jump for jump in found if jump.period > 0]
+    forth = [jump for jump in found if jump.period < 0]
+    picked = [*_apart(back, count, transition), *_apart(forth, count // 2, transition)]
+    joined = [joined_small(small, jump, transition, moving, cost, spacing) for jump in picked]
+    return sorted(joined, key=lambda jump: jump.cost)

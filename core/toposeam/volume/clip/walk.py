@@ -1,0 +1,73 @@
+"""A long way through a short clip: an order of stretches, each joined to the next one by a jump."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from toposeam.volume.clip.period import Jump
+
+#: Jumps that cost more than so many times the least are not taken.
+_DEAREST = 2.0
+
+
+def closed_walk(jumps: Sequence[Jump], transition: int, frames: int, rng: np.random.Generator) -> list[Jump]:
+    """Jumps to take one after the other, and from the last one again the first, so that a clip of at least
+    so many frames is seen.
+
+    After a jump the clip plays from ``enters``; it is left by a jump whose ``leaves`` lies at least a
+    transition later. Jumps that were taken less often are preferred, cheaper ones among them.
+
+    Parameters
+    ----------
+    jumps : sequence of Jump
+        At least one of them must lead back: ``period >= transition``.
+    transition, frames : int
+    rng : numpy.random.Generator
+
+    Examples
+    --------
+    >>> walk = closed_walk([Jump(20, 0, 1.0), Jump(30, 4, 1.2)], 4, 60, np.random.default_rng(0))
+    >>> length(walk) >= 60
+    True
+    """
+    least = min(jump.cost for jump in jumps)
+    usable = [jump for jump in jumps if jump.cost <= _DEAREST * least + 1e-9]
+    home = next((jump for jump in usable if jump.period >= transition), None)
+    if home is None:
+        home = next(jump for jump in jumps if jump.period >= transition)
+        usable.append(home)
+    usable = _leading(home, usable, transition)
+    taken = dict.fromkeys(range(len(usable)), 0)
+    walk, seen = [home], 0  # frames seen between the first jump and the last one
+    taken[usable.index(home)] += 1
+    while True:
+        at = walk[-1].enters + transition
+        if seen + walk[0].leaves - walk[-1].enters >= frames and walk[0].leaves >= at:
+            return walk
+        ahead = [index for index, jump in enumerate(usable) if jump.leaves >= at]
+        wanted = np.array(
+            [min(usable[index].cost / (least + 1e-9), _DEAREST + 1) + 2 * taken[index] for index in ahead]
+        )
+        chance = np.exp(wanted.min() - wanted)
+        index = ahead[int(rng.choice(len(ahead), p=chance / chance.sum()))]
+        taken[index] += 1
+        seen += usable[index].leaves - walk[-1].enters
+        walk.append(usable[index])
+
+
+def length(walk: Sequence[Jump]) -> int:
+    """Frames of a closed walk."""
+    return sum(after.leaves - jump.enters for jump, after in zip(walk, [*walk[1:], walk[0]], strict=True))
+
+
+def _leading(home: Jump, jumps: Sequence[Jump], transition: int) -> list[Jump]:
+    """The jumps from where they lead there is a way to a certain one; others would be taken for ever."""
+    leading = {home}
+    while True:
+        reach = max(jump.leaves for jump in leading) - transition  # what leads there or before goes on to one
+        more = {jump for jump in jumps if jump.enters <= reach} - leading
+        if not more:
+            return [jump for jump in jumps if jump in leading]
+        leading |= more

@@ -1,0 +1,1 @@
+"""The heat method for surfaces, coarse to fine and block by block."""

@@ -1,0 +1,182 @@
+"""A surface problem posed: two volumes, their masks and the options of the match cost in; overlap and costs
+out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.checks import check_choice, check_number
+from toposeam.errors import ImageError, OptionError, OverlapError, Term
+from toposeam.heat.bricks import along
+from toposeam.heat.sweeps import Floats32
+from toposeam.images import Mask, as_mask
+from toposeam.seam.problem.match_cost import MatchCost, match_cost
+from toposeam.seam.problem.overlap import FREE, A, B, Overlap
+from toposeam.seam.problem.posing import as_weights, forbid, placed
+from toposeam.volume.problem.arrays import Volume, as_shares, as_volume
+from toposeam.volume.problem.surface_problem import SurfaceProblem
+
+#: The match cost is computed from blocks of about so many voxels.
+_BLOCK_VOXELS = 1 << 18
+AXES = (0, 1, 2)
+
+
+def surface_problem(
+    a: npt.ArrayLike,
+    b: npt.ArrayLike,
+    mask_a: npt.ArrayLike | None,
+    mask_b: npt.ArrayLike | None,
+    axis: int,
+    cost: MatchCost,
+    spacing: Sequence[float] = (1.0, 1.0, 1.0),
+    weight: npt.ArrayLike | None = None,
+    avoid: npt.ArrayLike | None = None,
+    core: float = 0.5,
+    speck: float | None = None,
+    channel_axis: int | None = None,
+    data_range: float | None = None,
+) -> tuple[SurfaceProblem, Mask]:
+    """The problem behind :func:`toposeam.find_surface`, and the (D, H, W) mask of the voxels only ``b``
+    covers.
+    """
+    volume_a, volume_b = as_volume(a, "a", channel_axis), as_volume(b, "b", channel_axis)
+    canvas = volume_a.shape[:3]
+    if canvas != volume_b.shape[:3]:
+        raise ImageError(
+            "{a} has {size_a!s} voxels and {b} has {size_b!s}; put both on one canvas of the "
+            "same size (toposeam.join_volumes does)",
+            kind="shape",
+            size_a=canvas,
+            size_b=volume_b.shape[:3],
+        )
+    channels = {volume_a.shape[3], volume_b.shape[3]}
+    if len(channels) > 1 and 1 not in channels:
+        raise ImageError(
+            "{a} has {channels_a} channels and {b} has {channels_b}; convert them to the same"
+            " number, or one of them to gray",
+            kind="channels",
+            channels_a=volume_a.shape[3],
+            channels_b=volume_b.shape[3],
+        )
+    overlap, on_a, on_b, only_b = placed(
+        canvas, mask_a, mask_b, core, speck, lambda: end_to_end(canvas, axis)
+    )
+    factor = None if weight is None else overlap.window(as_weights(weight, canvas)).astype(np.float32)
+    costs = match_costs(
+        overlap.window(volume_a), overlap.window(volume_b), overlap, on_a, on_b, cost, factor, data_range
+    )
+    for part, area in zip(costs, face_areas(spacing), strict=True):
+        part *= area
+    forbidden = float("inf")
+    if avoid is not None:
+        forbidden = forbid(costs, overlap.window(as_mask(avoid, canvas, "avoid")))
+    return SurfaceProblem(overlap, costs, forbidden), only_b
+
+
+def end_to_end(shape: tuple[int, ...], axis: int) -> Overlap:
+    """The overlap that fills the whole canvas; ``b`` continues beyond it along an axis.
+
+    Raises
+    ------
+    OptionError
+        For another axis.
+    OverlapError
+        When no surface fits between the two ends.
+    """
+    check_choice("axis", axis, AXES)
+    if shape[axis] < 2:
+        raise OverlapError(
+            f"the overlap is {shape[axis]} voxel long along axis {axis}; a surface needs at least 2 between "
+            "the two volumes"
+        )
+    side = np.full(shape, FREE, np.uint8)
+    side[along(axis, slice(1))] = A
+    side[along(axis, slice(-1, None))] = B
+    return Overlap(side, np.ones(shape, bool), (0, 0, 0), tuple(shape))
+
+
+def face_areas(spacing: Sequence[float]) -> tuple[np.float32, ...]:
+    """The area of the face between two neighbours along each axis, as a share of that of a cube of the same
+    volume.
+
+    Examples
+    --------
+    Voxels that are eight times as deep as they are wide have two faces of a quarter, and four of twice the
+    cube's:
+
+    >>> [float(area) for area in face_areas((8, 1, 1))]
+    [0.25, 2.0, 2.0]
+    """
+    try:
+        lengths = [check_number("spacing", length, 0, above=True) for length in spacing]
+    except TypeError as error:
+        raise OptionError(
+            "{parameter} is {value!r}; pass one length per axis, like (2.0, 0.5, 0.5)",
+            kind="type",
+            parameter=Term("spacing"),
+            value=spacing,
+        ) from error
+    if len(lengths) != 3:
+        raise OptionError(
+            "{parameter} has {count} lengths; pass three: depth, height, width of a voxel",
+            kind="type",
+            parameter=Term("spacing"),
+            value=spacing,
+            count=len(lengths),
+        )
+    side = float(np.prod(lengths)) ** (1 / 3)
+    return tuple(np.float32(side / length) for length in lengths)
+
+
+def match_costs(
+    a: Volume,
+    b: Volume,
+    overlap: Overlap,
+    on_a: Mask,
+    on_b: Mask,
+    cost: MatchCost,
+    factor: Floats32 | None,
+    data_range: float | None,
+) -> tuple[Floats32, ...]:
+    """The match cost along three axes, from blocks of slices: only one block is held as float32 at a time."""
+    shape = overlap.side.shape
+    result = tuple(
+        np.empty([length - (place == axis) for place, length in enumerate(shape)], np.float32)
+        for axis in AXES
+    )
+    step = max(1, _BLOCK_VOXELS // (shape[1] * shape[2]))
+    for start in range(0, shape[0], step):
+        stop = min(start + step, shape[0])
+        # The next slice of the last one, and as many slices as the cost looks beyond either end.
+        low, high = max(start - cost.look, 0), min(stop + 1 + cost.look, shape[0])
+        part = slice(low, high)
+        block = Overlap(overlap.side[part], overlap.shared[part], (low, 0, 0), overlap.canvas)
+        one, other = (
+            _shares(volume[part], present[part], name, data_range)
+            for volume, present, name in ((a, on_a, "a"), (b, on_b, "b"))
+        )
+        channels = max(one.shape[3], other.shape[3])
+        found = match_cost(
+            np.broadcast_to(one, (*one.shape[:3], channels)),
+            np.broadcast_to(other, (*other.shape[:3], channels)),
+            block,
+            on_a[part],
+            on_b[part],
+            cost,
+            None if factor is None else factor[part],
+            AXES,
+        )
+        for whole, piece in zip(result, found, strict=True):
+            whole[start:stop] = piece[start - low : stop - low]
+    return result
+
+
+def _shares(volume: Volume, present: Mask, name: str, data_range: float | None) -> Floats32:
+    """A block of a volume as float32, zero where it has no voxels (whatever the array holds there)."""
+    if not present.all():
+        volume = np.where(present[..., np.newaxis], volume, volume.dtype.type(0))
+    return as_shares(volume, name, data_range)

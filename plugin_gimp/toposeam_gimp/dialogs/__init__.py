@@ -1,0 +1,1 @@
+"""Dialogs, their choices and previews."""

@@ -1,0 +1,204 @@
+"""The preview in a dialog: a picture, or an animation, that follows the options."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from gi.repository import GdkPixbuf, Gimp, Gio, GLib, Gtk
+
+from toposeam_gimp.dialogs import scenes
+from toposeam_gimp.dialogs.rehearsal import Preview, Rehearsal
+from toposeam_gimp.engine.folder import FolderError, RequestFolder
+from toposeam_gimp.entries.entry import Procedure
+from toposeam_gimp.image.layers import RefusedError
+from toposeam_gimp.texts import _
+
+_SIZE = (300, 260)
+#: People type and drag; the preview waits for a moment of rest.
+_REST_MS = 150
+#: Small pictures are shown enlarged, animations more, which have less pixels.
+_MOST_ENLARGED, _MOST_ENLARGED_FRAMES = 2.0, 3.0
+#: The folder with the pixels shows a sign of life so often, s.
+_ALIVE_S = 120
+
+
+class PreviewPane:
+    """A frame with the picture, and a box to switch it off."""
+
+    def __init__(
+        self,
+        config: Gimp.ProcedureConfig,
+        entry: Procedure,
+        image: Gimp.Image | None,
+        drawables: Sequence[Gimp.Drawable],
+    ) -> None:
+        self._config, self._entry, self._image, self._drawables = config, entry, image, drawables
+        self._picture = Gtk.Image()
+        self._text = Gtk.Label(wrap=True, max_width_chars=34, justify=Gtk.Justification.CENTER)
+        self._switch = Gtk.CheckButton.new_with_mnemonic(_("Pre_view"))
+        self._switch.set_active(True)
+        self._switch.connect("toggled", lambda _box: self.changed())
+        self._busy = Gtk.Label()
+        self._stack = Gtk.Stack()
+        for name, widget in (("picture", self._picture), ("text", self._text)):
+            self._stack.add_named(widget, name)
+        frame = Gtk.Frame()
+        frame.add(self._stack)
+        frame.set_size_request(*_SIZE)
+        below = Gtk.Box(spacing=12)
+        below.pack_start(self._switch, False, False, 0)
+        below.pack_start(self._busy, False, False, 0)
+        self.widget = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=6)
+        self.widget.pack_start(frame, True, True, 0)
+        self.widget.pack_start(below, False, False, 0)
+        of = scenes.OF[str(entry.preview)]
+        self._rehearsal = Rehearsal(lambda found: GLib.idle_add(self._show, found), of)
+        self._folder: RequestFolder | None = None
+        self._scene: tuple[Any, dict[str, Any]] | None = None
+        self._timer = self._clock = self._sign = 0
+        self._frames: list[GdkPixbuf.Pixbuf] = []
+        self._open = False
+
+    def start(self) -> None:
+        """The dialog is about to appear."""
+        self._open = True
+        self._rehearsal.warm_up()
+        self._sign = GLib.timeout_add_seconds(_ALIVE_S, self._stay)
+        self.changed()
+
+    def close(self) -> None:
+        """The dialog is about to go."""
+        self._open = False
+        self._stop()
+        if self._clock:
+            GLib.source_remove(self._clock)
+        if self._sign:
+            GLib.source_remove(self._sign)
+        self._rehearsal.close()
+        if self._folder is not None:
+            self._folder.__exit__(None, None, None)
+
+    def changed(self) -> None:
+        """What is shown is out of date."""
+        if not self._open:
+            return
+        self._rehearsal.cancel()
+        self._busy.set_text("")
+        self._stop()
+        if self._switch.get_active():
+            self._busy.set_text(_("drawing …"))
+            self._timer = GLib.timeout_add(_REST_MS, self._ask)
+
+    def _ask(self) -> bool:
+        self._timer = 0
+        options = {option.name: self._config.get_property(option.name) for option in self._entry.options}
+        name = str(self._entry.preview)
+        wanted = scenes.key(name, options)
+        try:
+            folder = self._folder = self._folder or RequestFolder()
+            if self._scene is None or self._scene[0] != wanted:
+                made = scenes.scene(name, folder, self._image, self._drawables, options)
+                self._scene = (wanted, made)
+        except (RefusedError, FolderError) as error:
+            self._show(str(error))
+            return False
+        sent = {
+            option.name.replace("-", "_"): options[option.name]
+            for option in self._entry.options
+            if option.engine
+        }
+        self._rehearsal.show(self._scene[1], sent, folder.path)
+        return False
+
+    def _stop(self) -> None:
+        """No longer wait for a moment of rest."""
+        if self._timer:
+            GLib.source_remove(self._timer)
+            self._timer = 0
+
+    def _stay(self) -> bool:
+        """Keep the folder from being taken for one that a crash has left behind."""
+        if self._folder is not None:
+            self._folder.touch()
+        return True
+
+    def _show(self, found: Preview | str) -> bool:
+        if not self._open:
+            return False
+        self._busy.set_text("")
+        if self._clock:
+            GLib.source_remove(self._clock)
+            self._clock = 0
+        if isinstance(found, str):
+            self._text.set_text(found)
+            self._stack.set_visible_child_name("text")
+            return False
+        self._frames = [self._scaled(pixbuf, found.frames > 1) for pixbuf in _pixbufs(found)]
+        self._draw(self._frames[0])
+        if len(self._frames) > 1 and self._scene is not None:
+            self._clock = GLib.timeout_add(max(int(self._scene[1]["delay"]), 20), self._next)
+        self._stack.set_visible_child_name("picture")
+        return False
+
+    def _next(self) -> bool:
+        """One frame on."""
+        self._frames = [*self._frames[1:], self._frames[0]]
+        self._draw(self._frames[0])
+        return True
+
+    def _scaled(self, pixbuf: GdkPixbuf.Pixbuf, moves: bool) -> GdkPixbuf.Pixbuf:
+        """As large as there is room, on checks where it is transparent."""
+        dots = self._picture.get_scale_factor()
+        width, height = pixbuf.get_width(), pixbuf.get_height()
+        most = (_MOST_ENLARGED_FRAMES if moves else _MOST_ENLARGED) * dots
+        scale = min((_SIZE[0] - 4) * dots / width, (_SIZE[1] - 4) * dots / height, most)
+        size = max(round(width * scale), 1), max(round(height * scale), 1)
+        return pixbuf.composite_color_simple(
+            *size, GdkPixbuf.InterpType.BILINEAR, 255, 8 * dots, 0x999999, 0x666666
+        )
+
+    def _draw(self, pixbuf: GdkPixbuf.Pixbuf) -> None:
+        dots = self._picture.get_scale_factor()
+        if dots == 1:
+            self._picture.set_from_pixbuf(pixbuf)
+            return
+        # A pixbuf would be shown at the scale of an ordinary screen, and blurred.
+        _done, content = _squared(pixbuf).save_to_bufferv("png", [], [])
+        self._picture.set_from_gicon(Gio.BytesIcon.new(GLib.Bytes.new(content)), Gtk.IconSize.DIALOG)
+        self._picture.set_pixel_size(max(pixbuf.get_width(), pixbuf.get_height()) // dots)
+
+
+def _squared(pixbuf: GdkPixbuf.Pixbuf) -> GdkPixbuf.Pixbuf:
+    """In the middle of a transparent square: icons are laid out as squares."""
+    width, height = pixbuf.get_width(), pixbuf.get_height()
+    side = max(width, height)
+    square = GdkPixbuf.Pixbuf.new(GdkPixbuf.Colorspace.RGB, True, 8, side, side)
+    square.fill(0)
+    pixbuf.copy_area(0, 0, width, height, square, (side - width) // 2, (side - height) // 2)
+    return square
+
+
+def _pixbufs(picture: Preview) -> list[GdkPixbuf.Pixbuf]:
+    """RGBA, or gray and opacity, for the screen: a pixbuf for each frame."""
+    content = picture.content
+    if picture.channels == 2:
+        gray, opacity = content[::2], content[1::2]
+        wide = bytearray(4 * len(gray))
+        wide[0::4] = wide[1::4] = wide[2::4] = gray
+        wide[3::4] = opacity
+        content = bytes(wide)
+    width, height = picture.width, picture.height // picture.frames
+    size = 4 * width * height
+    return [
+        GdkPixbuf.Pixbuf.new_from_bytes(
+            GLib.Bytes.new(content[start : start + size]),
+            GdkPixbuf.Colorspace.RGB,
+            True,
+            8,
+            width,
+            height,
+            4 * width,
+        )
+        for start in range(0, size * picture.frames, size)
+    ]

@@ -1,0 +1,218 @@
+"""What the previews show: pixels of the selected layers at a reduced size, in the engine's request."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from gi.repository import Gimp
+
+from toposeam_gimp.actions.animation import delay_of, frames_of
+from toposeam_gimp.actions.motifs import colours_of, inks_of, motif_of
+from toposeam_gimp.actions.textures import check_fill, selected_rectangle, send_source
+from toposeam_gimp.engine.folder import RequestFolder
+from toposeam_gimp.image import pixels
+from toposeam_gimp.image.layers import RefusedError, check_selection, chosen_layers, lowest_first
+from toposeam_gimp.image.pixels import Box
+from toposeam_gimp.texts import _
+
+#: What the engine calls what a preview shows.
+OF = {
+    "stitch": "stitch",
+    "patch": "patch",
+    "sample": "synthesize",
+    "tile": "make_tileable",
+    "hole": "fill",
+    "motif": "motif",
+    "pattern": "repeat",
+    "clip": "loop",
+}
+#: A preview is made of so many pixels at most.
+MOST_PIXELS = 300_000
+#: What takes longer than seams has fewer, so that a preview takes a second at most (benchmarks/gimp.py).
+_MOST_PLACED, _MOST_TILED, _MOST_SAMPLED = 120_000, 80_000, 50_000
+_MOST_GROWN, _MOST_LOOPED = 32_000, 150_000
+#: The least that a frame of an animation is shown at.
+_LEAST_FRAME = 200
+
+Scene = dict[str, Any]
+Layers = Sequence[Gimp.Drawable]
+
+
+def scene(name: str, folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
+    """What the engine needs for a preview, but the options.
+
+    Raises
+    ------
+    RefusedError
+        When there is nothing to show; the text says why.
+    """
+    return _SCENES[name](folder, image, drawables, options)
+
+
+def key(name: str, options: Scene) -> tuple[Any, ...]:
+    """What of the options a scene depends on; as long as it stays the same, so do the pixels."""
+    if name == "sample":
+        return options["width"], options["height"]
+    if name == "stitch":
+        return (options["places"] == "anywhere",)
+    if name == "pattern":
+        return options["rows"], options["columns"]
+    if name == "hole":
+        return options["from"] == "other", options["source"] and options["source"].get_id()
+    return (options["use-layer"],) if name == "motif" else ()
+
+
+def _stitch(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
+    layers = lowest_first(image, chosen_layers(image, drawables))
+    if len(layers) < 2:
+        raise RefusedError(_("Select two or more layers."))
+    check_selection(image, options)
+    boxes = [_box(layer) for layer in layers]
+    left, top = min(box[0] for box in boxes), min(box[1] for box in boxes)
+    right, bottom = max(box[0] + box[2] for box in boxes), max(box[1] + box[3] for box in boxes)
+    canvas = (left, top, right - left, bottom - top)
+    most = _MOST_PLACED if options["places"] == "anywhere" else MOST_PIXELS
+    scale = _scale(max(_area(canvas), sum(map(_area, boxes))), most)
+    rasters = [
+        pixels.send_reduced(folder, image, layer, f"layer-{index}", scale)
+        for index, layer in enumerate(layers)
+    ]
+    selection = _selection(folder, image, scale, canvas)
+    return {"of": "stitch", "scale": scale, "layers": rasters, "selection": selection}
+
+
+def _patch(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _options: Scene) -> Scene:
+    (layer,) = chosen_layers(image, drawables)
+    if layer.is_floating_sel() or layer.get_parent() is not None:
+        raise RefusedError(_("There is no preview of a floating selection, nor within a group."))
+    selected = _bounds(image) or _box(layer)
+    margin = max(selected[2:]) // 4
+    around = (selected[0] - margin, selected[1] - margin, selected[2] + 2 * margin, selected[3] + 2 * margin)
+    scale = _scale(_area(around))
+    scratch = image.duplicate()
+    try:
+        for above, copy in zip(image.get_layers(), scratch.get_layers(), strict=True):
+            copy.set_visible(False)
+            if above.get_id() == layer.get_id():
+                break
+        seen = Gimp.Layer.new_from_visible(scratch, scratch, "below")
+        below = pixels.send_reduced(folder, image, seen, "below", scale, around)
+    finally:
+        scratch.delete()
+    patch = pixels.send_reduced(folder, image, layer, "patch", scale, selected)
+    selection = _selection(folder, image, scale, selected)
+    return {"of": "patch", "scale": scale, "layers": [below, patch], "selection": selection}
+
+
+def _sample(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
+    made = _texture("synthesize", folder, image, drawables, 1.0, most=_MOST_SAMPLED)
+    # A part of the texture, not all of it reduced: its patches would be too small to be patches.
+    grown = options["width"] * options["height"] * made["scale"] ** 2
+    return {**made, "extent": _scale(grown, _MOST_GROWN)}
+
+
+def _tile(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _options: Scene) -> Scene:
+    box = selected_rectangle(image)
+    return _texture("make_tileable", folder, image, drawables, 1.0, box=box, most=_MOST_TILED)
+
+
+def _hole(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
+    check_fill(image, drawables)
+    made = _texture("fill", folder, image, drawables, 1.0, most=_MOST_GROWN)
+    return {**made, "source": send_source(folder, image, drawables[0], options, made["scale"])}
+
+
+def _motif(folder: RequestFolder, image: Gimp.Image | None, drawables: Layers, options: Scene) -> Scene:
+    base = None
+    if options["use-layer"]:
+        if image is None or not drawables:
+            raise RefusedError(_("There is no layer to shape the strokes after."))
+        (layer,) = chosen_layers(image, drawables)
+        base = pixels.send_reduced(folder, image, layer, "base", _scale(_area(_box(layer))))
+    return {"of": "motif", "scale": 1.0, "layer": base}
+
+
+def _pattern(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
+    group, memory = motif_of(image, drawables)
+    inks = inks_of(group)
+    scale = _scale(_area(_box(inks[0])) * options["rows"] * options["columns"])
+    densities = [
+        pixels.send_reduced(folder, image, ink.get_mask(), f"ink-{index}", scale)
+        for index, ink in enumerate(inks)
+    ]
+    about = {"repeat": memory["repeat"], **colours_of(group)}
+    return {"of": "repeat", "scale": 1.0, "densities": densities, **about}
+
+
+def _clip(folder: RequestFolder, image: Gimp.Image, _drawables: Layers, _options: Scene) -> Scene:
+    frames = frames_of(image)
+    area = image.get_width() * image.get_height()
+    if _LEAST_FRAME * len(frames) > _MOST_LOOPED:
+        raise RefusedError(_("There is no preview of so many frames."))
+    scale = _scale(area * len(frames), _MOST_LOOPED)
+    rasters = [
+        pixels.send_reduced(folder, image, frame, f"frame-{index}", scale)
+        for index, frame in enumerate(frames)
+    ]
+    return {"of": "loop", "scale": scale, "layers": rasters, "delay": delay_of(frames)}
+
+
+def _texture(
+    of: str,
+    folder: RequestFolder,
+    image: Gimp.Image,
+    drawables: Layers,
+    scale: float,
+    *,
+    box: Box | None = None,
+    most: int = MOST_PIXELS,
+) -> Scene:
+    (layer,) = chosen_layers(image, drawables)
+    scale = min(scale, _scale(_area(box or _box(layer)), most))
+    raster = pixels.send_reduced(folder, image, layer, "layer", scale, box)
+    selection = None if box is not None else _selection(folder, image, scale, _box(layer))
+    return {"of": of, "scale": scale, "layer": raster, "selection": selection}
+
+
+def _selection(folder: RequestFolder, image: Gimp.Image, scale: float, box: Box) -> Scene | None:
+    """What is selected on a box of the canvas; None without a selection."""
+    if _bounds(image) is None:
+        return None
+    width, height = image.get_width(), image.get_height()
+    if box[0] < 0 or box[1] < 0 or box[0] + box[2] > width or box[1] + box[3] > height:
+        raise RefusedError(
+            _("There is no preview for layers that reach over the canvas while something is selected.")
+        )
+    return pixels.send_reduced(folder, image, image.get_selection(), "selection", scale, box)
+
+
+def _bounds(image: Gimp.Image) -> Box | None:
+    _done, something, left, top, right, bottom = Gimp.Selection.bounds(image)
+    return (left, top, right - left, bottom - top) if something else None
+
+
+def _box(layer: Gimp.Layer) -> Box:
+    _nothing, left, top = layer.get_offsets()
+    return left, top, layer.get_width(), layer.get_height()
+
+
+def _area(box: Box) -> int:
+    return box[2] * box[3]
+
+
+def _scale(area: float, most: int = MOST_PIXELS) -> float:
+    return min(1.0, math.sqrt(most / max(area, 1)))
+
+
+_SCENES: dict[str, Callable[..., Scene]] = {
+    "stitch": _stitch,
+    "patch": _patch,
+    "sample": _sample,
+    "tile": _tile,
+    "hole": _hole,
+    "motif": _motif,
+    "pattern": _pattern,
+    "clip": _clip,
+}

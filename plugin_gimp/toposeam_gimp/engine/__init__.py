@@ -1,0 +1,1 @@
+"""The engine process and the folder of one request. GI-free."""

@@ -1,0 +1,337 @@
+"""GI-free: the engine process that does the numerics, and how a request gets there.
+
+It is the Python of an installed TopoSeam, named in ``engine.json`` beside this file by ``toposeam gimp
+install``. The request and all pixels lie in a private folder; JSON lines come back on its stdout. It dies
+with us: its stdin is a pipe that breaks when we end.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Any
+
+from toposeam_gimp import __version__
+from toposeam_gimp.engine.folder import RequestFolder
+from toposeam_gimp.sentences import in_gimps_words
+from toposeam_gimp.texts import _
+
+PROTOCOL = 2
+#: The engine speaks every two seconds; this long a silence means that it hangs.
+SILENCE_S = 300.0
+
+#: What GIMP's own libraries need and another Python must not see.
+_FOREIGN = (
+    "LD_PRELOAD",
+    "LD_LIBRARY_PATH",
+    "DYLD_LIBRARY_PATH",
+    "DYLD_INSERT_LIBRARIES",
+    "PYTHONHOME",
+    "PYTHONPATH",
+    "PYTHONSTARTUP",
+    "PYTHONEXECUTABLE",
+    "PYTHONPLATLIBDIR",
+    "GI_TYPELIB_PATH",
+    "GTK_PATH",
+    "GDK_PIXBUF_MODULE_FILE",
+    "VIRTUAL_ENV",
+    "__PYVENV_LAUNCHER__",
+)
+
+_INSTALL = _("Run “toposeam gimp install” in a terminal, as the README of TopoSeam says, then try again.")
+
+
+class EngineError(Exception):
+    """The engine could not do it; the text says what to do."""
+
+
+class _SaidError(EngineError):
+    """The engine's own sentence, after which it can be asked again."""
+
+
+def settings_file() -> Path:
+    """Where ``toposeam gimp install`` writes which Python to use."""
+    return Path(__file__).parents[1] / "engine.json"
+
+
+def missing_methods() -> list[str]:
+    """Methods that the installed engine lacks, as far as the installer noted it."""
+    try:
+        return list(json.loads(settings_file().read_text(encoding="utf-8"))["without"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
+
+
+def find_python(environment: Mapping[str, str] | None = None, home: Path | None = None) -> str:
+    """The Python that has TopoSeam: as told by TOPOSEAM_PYTHON, by the installer, or where pipx and uv put
+    it.
+
+    Raises
+    ------
+    EngineError
+        When there is none.
+    """
+    environment = os.environ if environment is None else environment
+    told = environment.get("TOPOSEAM_PYTHON")
+    if told:
+        if shutil.which(told) is None:
+            text = _("TOPOSEAM_PYTHON is {python}, but that is not a program; correct it or unset it.")
+            raise EngineError(text.format(python=told))
+        return told
+    try:
+        recorded = str(json.loads(settings_file().read_text(encoding="utf-8"))["python"])
+    except (OSError, ValueError, KeyError, TypeError):
+        recorded = ""
+    if recorded:
+        if shutil.which(recorded) is None:
+            gone = _("TopoSeam's engine {python} is gone.").format(python=recorded)
+            raise EngineError(f"{gone} {_INSTALL}")
+        return recorded
+    for place in _usual_places(Path.home() if home is None else home):
+        if place.exists():
+            return str(place)
+    raise EngineError(_("TopoSeam's engine is not installed for GIMP.") + f" {_INSTALL}")
+
+
+def _usual_places(home: Path) -> Iterator[Path]:
+    python = Path("Scripts/python.exe") if sys.platform == "win32" else Path("bin/python")
+    for tools in (
+        ".local/share/pipx/venvs",
+        ".local/pipx/venvs",
+        "pipx/venvs",
+        ".local/share/uv/tools",
+        "AppData/Roaming/uv/tools",
+    ):
+        yield home / tools / "toposeam" / python
+
+
+def clean_environment(environment: Mapping[str, str]) -> dict[str, str]:
+    """The environment without what GIMP's launchers put there for their own Python and libraries; one BLAS
+    thread.
+    """
+    clean = {name: value for name, value in environment.items() if name not in _FOREIGN}
+    return {**clean, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONUTF8": "1"}
+
+
+def ask(
+    folder: RequestFolder,
+    request: Mapping[str, Any],
+    progress: Callable[[float], None],
+    *,
+    command: Iterable[str] | None = None,
+    silence_s: float = SILENCE_S,
+    waiting: Engine | None = None,
+) -> dict[str, Any]:
+    """Let the engine work on a request whose pixels are in the folder already.
+
+    Parameters
+    ----------
+    folder : RequestFolder
+    request : mapping
+        ``operation``, ``options``, and what the operation wants; protocol and version are added here.
+    progress : callable
+        Called with the share of the work done, in [0, 1].
+    command : iterable of str, optional
+        What to run instead of the engine; the folder is appended.
+    silence_s : float
+        Give up after so many seconds without a sign of life.
+    waiting : Engine, optional
+        One that was started before and waits; it waits again when it has answered, and is ended if it does
+        not.
+
+    Returns
+    -------
+    dict
+        The result.
+
+    Raises
+    ------
+    EngineError
+        The engine's own sentence, or what became of the engine.
+    """
+    text = json.dumps({"protocol": PROTOCOL, "version": __version__, **request})
+    (folder.path / "request.json").write_text(text, encoding="utf-8")
+    if waiting is not None:
+        try:
+            waiting.tell(str(folder.path), folder.nonce)
+            return _listen(waiting, folder, progress, silence_s)
+        except _SaidError:
+            raise
+        except BaseException:
+            waiting.end()
+            raise
+    log = folder.path / "engine.log"
+    with log.open("wb") as noise:
+        started = Engine([str(folder.path)], noise, command)
+    try:
+        started.tell(folder.nonce)
+        return _listen(started, folder, progress, silence_s, log)
+    finally:
+        started.end()
+
+
+class Engine:
+    """A process, and what it says.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        A request's folder; or ``-``, and perhaps what previews will be of, for one that waits to be told.
+    noise : file, optional
+        Where it may complain.
+    command : iterable of str, optional
+        What to run instead.
+
+    Raises
+    ------
+    EngineError
+        When there is none, or it cannot be started.
+    """
+
+    def __init__(
+        self,
+        arguments: Sequence[str] = ("-",),
+        noise: IO[bytes] | int = subprocess.DEVNULL,
+        command: Iterable[str] | None = None,
+    ) -> None:
+        python = [find_python(), "-P", "-m", "toposeam_engine"] if command is None else list(command)
+        try:
+            self._process = subprocess.Popen(  # noqa: S603 - the program the installer recorded, and no shell
+                [*python, *arguments],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=noise,
+                cwd=tempfile.gettempdir(),
+                env=clean_environment(os.environ),
+                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+            )
+        except OSError as error:
+            text = _("TopoSeam's engine {python} does not start ({reason}).")
+            said = text.format(python=python[0], reason=error.strerror)
+            raise EngineError(f"{said} {_INSTALL}") from error
+        #: Whether it has said what it is.
+        self.greeted = False
+        self._lines: queue.Queue[bytes | None] = queue.Queue()
+        threading.Thread(target=self._read, daemon=True).start()
+
+    @property
+    def lives(self) -> bool:
+        """Whether it can still be asked."""
+        return self._process.poll() is None
+
+    def tell(self, *lines: str) -> None:
+        """Say lines: the nonce of a folder, so that it takes no other for a request's; before it the folder,
+        if it does not know it yet.
+        """
+        with suppress(OSError):  # it is gone already; what became of it is told by its silence
+            if self._process.stdin is not None:
+                self._process.stdin.write("".join(f"{line}\n" for line in lines).encode())
+                self._process.stdin.flush()
+
+    def heard(self, silence_s: float) -> bytes | None:
+        """The next line; None once it has ended.
+
+        Raises
+        ------
+        queue.Empty
+            After so many seconds of silence.
+        """
+        return self._lines.get(timeout=silence_s)
+
+    def kill(self) -> None:
+        """Stop it, whatever it does."""
+        if self.lives:
+            self._process.kill()
+
+    def end(self) -> int:
+        """Stop it and wait until it is gone; its exit code."""
+        self.kill()
+        code = self.wait()
+        if self._process.stdin is not None:
+            with suppress(OSError):
+                self._process.stdin.close()
+        return code
+
+    def wait(self) -> int:
+        """Wait until it is gone; its exit code."""
+        return self._process.wait()
+
+    def _read(self) -> None:
+        if self._process.stdout is not None:
+            # To its end, which comes after the engine's where a process that it has started outlives it.
+            with self._process.stdout, suppress(OSError):
+                for line in self._process.stdout:
+                    self._lines.put(line)
+        self._lines.put(None)
+
+
+def _listen(
+    process: Engine,
+    folder: RequestFolder,
+    progress: Callable[[float], None],
+    silence_s: float,
+    log: Path | None = None,
+) -> dict[str, Any]:
+    while True:
+        try:
+            line = process.heard(silence_s)
+        except queue.Empty:
+            raise EngineError(
+                _(
+                    "TopoSeam's engine has not moved for {seconds} s and was stopped; nothing was changed. "
+                    "Try again."
+                ).format(seconds=round(silence_s))
+            ) from None
+        if line is None:
+            raise EngineError(_obituary(process, log))
+        folder.touch()
+        try:
+            event = json.loads(line)
+            kind = event["event"]
+        except (ValueError, KeyError, TypeError):
+            continue
+        if kind == "hello":
+            process.greeted = True
+            if (event.get("protocol"), event.get("version")) != (PROTOCOL, __version__):
+                raise EngineError(
+                    _(
+                        "The plug-in is of TopoSeam {own} and the installed TopoSeam is {other}; run "
+                        "“toposeam gimp install” and start GIMP again."
+                    ).format(own=__version__, other=event.get("version"))
+                )
+        elif kind == "progress":
+            progress(float(event["share"]))
+        elif kind == "error":
+            raise _SaidError(in_gimps_words(event))
+        elif kind == "result":
+            result: dict[str, Any] = event["result"]
+            return result
+
+
+def _obituary(process: Engine, log: Path | None) -> str:
+    """What to tell the user about an engine that ended without a word."""
+    code = process.wait()
+    said = [
+        line.strip()
+        for line in (log.read_text(encoding="utf-8", errors="replace") if log else "").splitlines()
+        if line.strip()
+    ][-1:]
+    last = " " + _("Its last words: {words}").format(words=said[0][:300]) if said else ""
+    if not process.greeted:
+        return _("TopoSeam's engine does not start.") + f"{last} {_INSTALL}"
+    if code in (-9, 137):
+        return _(
+            "TopoSeam's engine was killed, perhaps because memory ran out; nothing was changed. Close other "
+            "pictures and try again."
+        )
+    ended = _("TopoSeam's engine ended unexpectedly (code {code}); nothing was changed.")
+    return ended.format(code=code) + last

@@ -1,0 +1,1 @@
+"""The table of menu entries, their fields and the manual. GI-free."""

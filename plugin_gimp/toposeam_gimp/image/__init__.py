@@ -1,0 +1,1 @@
+"""Layers, pixels and paths of GIMP's images."""

@@ -1,0 +1,340 @@
+"""Layers, masks and selections as raw files and back, in blocks of rows, in the image's own depth and colour
+space.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from gi.repository import Babl, Gegl, Gimp
+
+from toposeam_gimp.engine.folder import FolderError, RequestFolder, is_full, too_small
+from toposeam_gimp.image.seen import as_seen
+
+_ROWS = 256
+_BYTES = {"uint8": 1, "uint16": 2, "float32": 4}
+
+
+class Format(StrEnum):
+    """The pixel formats that are used; a misspelt one would end the process."""
+
+    RGBA_U8 = "R'G'B'A u8"
+    RGBA_U16 = "R'G'B'A u16"
+    RGBA_FLOAT = "R'G'B'A float"
+    GRAY_U8 = "Y'A u8"
+    GRAY_U16 = "Y'A u16"
+    GRAY_FLOAT = "Y'A float"
+    MASK_U8 = "Y u8"
+    MASK_FLOAT = "Y float"
+
+
+_COLOR = {
+    ("RGB", "uint8"): Format.RGBA_U8,
+    ("RGB", "uint16"): Format.RGBA_U16,
+    ("RGB", "float32"): Format.RGBA_FLOAT,
+    ("GRAY", "uint8"): Format.GRAY_U8,
+    ("GRAY", "uint16"): Format.GRAY_U16,
+    ("GRAY", "float32"): Format.GRAY_FLOAT,
+}
+_MASK = {"uint8": Format.MASK_U8, "float32": Format.MASK_FLOAT}
+
+
+def depth(image: Gimp.Image) -> str:
+    """The type pixels travel in: the image's own where that is 8 or 16 bits as in a file, single floats for
+    all else.
+    """
+    exact = {Gimp.Precision.U8_NON_LINEAR: "uint8", Gimp.Precision.U16_NON_LINEAR: "uint16"}
+    return exact.get(image.get_precision(), "float32")
+
+
+def color_format(image: Gimp.Image, drawable: Gimp.Drawable, dtype: str) -> str:
+    """The format of colour and alpha in the drawable's own colour space."""
+    kind = "GRAY" if image.get_base_type() == Gimp.ImageBaseType.GRAY else "RGB"
+    space = Babl.format_get_space(drawable.get_format())
+    return str(Babl.get_name(Babl.format_with_space(_COLOR[kind, dtype].value, space)))
+
+
+def size_of(image: Gimp.Image, drawable: Gimp.Drawable) -> int:
+    """Bytes a layer takes in a request."""
+    channels = 2 if image.get_base_type() == Gimp.ImageBaseType.GRAY else 4
+    return int(drawable.get_width() * drawable.get_height() * channels * _BYTES[depth(image)])
+
+
+Box = tuple[int, int, int, int]
+
+
+def box_of(raster: dict[str, Any]) -> Box:
+    """Left, top, width and height of what a raster covers of the canvas."""
+    return (*raster["at"], raster["width"], raster["height"])
+
+
+def send_layer(
+    folder: RequestFolder,
+    image: Gimp.Image,
+    layer: Gimp.Layer,
+    name: str,
+    *,
+    with_mask: bool = True,
+    box: Box | None = None,
+) -> dict[str, Any] | None:
+    """Write what is seen of a layer, filters included, or what a box of the canvas cuts out of it, and its
+    mask if it is to count, into the folder.
+
+    Returns
+    -------
+    dict or None
+        What describes it in a request; None where box and layer have nothing in common.
+    """
+    dtype = depth(image)
+    channels = 2 if image.get_base_type() == Gimp.ImageBaseType.GRAY else 4
+    with as_seen(image, layer) as seen:
+        _nothing, left, top = seen.get_offsets()
+        part = _common((left, top, seen.get_width(), seen.get_height()), box)
+        if part is None:
+            return None
+        x, y, width, height = part
+        own = (x - left, y - top, width, height)
+        raster = _send(folder, seen, f"{name}.raw", color_format(image, layer, dtype), dtype, channels, own)
+        mask = seen.get_mask()
+        if with_mask and mask is not None and seen.get_apply_mask():
+            raster["mask"] = _send(folder, mask, f"{name}-mask.raw", Format.MASK_U8.value, "uint8", 1, own)
+    return {**raster, "name": layer.get_name(), "at": [x, y]}
+
+
+def send_whole(
+    folder: RequestFolder, image: Gimp.Image, layer: Gimp.Layer, name: str, *, with_mask: bool = True
+) -> dict[str, Any]:
+    """Write all of a layer, see :func:`send_layer`."""
+    raster = send_layer(folder, image, layer, name, with_mask=with_mask)
+    if raster is None:
+        raise RuntimeError("a layer has always something in common with itself")
+    return raster
+
+
+def _common(first: Box, second: Box | None) -> Box | None:
+    if second is None:
+        return first
+    left, top = max(first[0], second[0]), max(first[1], second[1])
+    right, bottom = (min(first[axis] + first[axis + 2], second[axis] + second[axis + 2]) for axis in (0, 1))
+    return (left, top, right - left, bottom - top) if right > left and bottom > top else None
+
+
+def send_mask(folder: RequestFolder, layer: Gimp.Layer, name: str) -> dict[str, Any]:
+    """Write where a layer shows; without a mask that is everywhere."""
+    mask = layer.get_mask() or layer.create_mask(Gimp.AddMaskType.WHITE)
+    return _send(
+        folder,
+        mask,
+        f"{name}.raw",
+        Format.MASK_U8.value,
+        "uint8",
+        1,
+        (0, 0, layer.get_width(), layer.get_height()),
+    )
+
+
+def send_channel(folder: RequestFolder, channel: Gimp.Channel, name: str) -> dict[str, Any]:
+    """Write a channel or a mask, with its place."""
+    box = (0, 0, channel.get_width(), channel.get_height())
+    raster = _send(folder, channel, f"{name}.raw", Format.MASK_U8.value, "uint8", 1, box)
+    return {**raster, "at": list(place_of(channel))}
+
+
+def place_of(drawable: Gimp.Drawable) -> tuple[int, int]:
+    """Where a layer, a mask or a channel lies on the canvas."""
+    owner = Gimp.Layer.from_mask(drawable) if isinstance(drawable, Gimp.LayerMask) else drawable
+    _nothing, left, top = owner.get_offsets()
+    return left, top
+
+
+def send_selection(folder: RequestFolder, image: Gimp.Image) -> dict[str, Any] | None:
+    """Write the selection into the folder, cut to its bounds; None if there is none."""
+    _, something, left, top, right, bottom = Gimp.Selection.bounds(image)
+    if not something:
+        return None
+    raster = _send(
+        folder,
+        image.get_selection(),
+        "selection.raw",
+        Format.MASK_U8.value,
+        "uint8",
+        1,
+        (left, top, right - left, bottom - top),
+    )
+    return {**raster, "at": [left, top]}
+
+
+def send_selection_on(folder: RequestFolder, image: Gimp.Image, box: Box) -> dict[str, Any] | None:
+    """Write what is selected within a box, which may reach over the canvas's edge; None if that is
+    nothing.
+    """
+    _nothing, _something, left, top, right, bottom = Gimp.Selection.bounds(image)
+    if _common(box, (left, top, right - left, bottom - top)) is None:
+        return None
+    raster = _send(folder, image.get_selection(), "selection.raw", Format.MASK_U8.value, "uint8", 1, box)
+    return {**raster, "at": [box[0], box[1]]}
+
+
+def send_reduced(
+    folder: RequestFolder,
+    image: Gimp.Image,
+    drawable: Gimp.Drawable,
+    name: str,
+    scale: float,
+    box: Box | None = None,
+) -> dict[str, Any]:
+    """Write what is seen of a layer, or what a box of the canvas cuts out of it, at a reduced size, in 8
+    bits; or, of a selection, a mask or a channel, as much as lies on the box.
+    """
+    if not isinstance(drawable, Gimp.Layer):
+        return _send_reduced(folder, drawable, name, scale, box, Format.MASK_U8.value, 1, place_of(drawable))
+    with as_seen(image, drawable) as seen:
+        gray = image.get_base_type() == Gimp.ImageBaseType.GRAY
+        format_name = color_format(image, drawable, "uint8")
+        place, channels = place_of(seen), 2 if gray else 4
+        raster = _send_reduced(folder, seen, name, scale, box, format_name, channels, place)
+        mask = seen.get_mask()
+        if mask is not None and seen.get_apply_mask():
+            own = None if box is None else (box[0] - place[0], box[1] - place[1], *box[2:])
+            raster["mask"] = _send_reduced(folder, mask, f"{name}-mask", scale, own, Format.MASK_U8.value, 1)
+    return raster
+
+
+def _send_reduced(
+    folder: RequestFolder,
+    drawable: Gimp.Drawable,
+    name: str,
+    scale: float,
+    box: Box | None,
+    format_name: str,
+    channels: int,
+    place: tuple[int, int] = (0, 0),
+) -> dict[str, Any]:
+    left, top = place
+    part = _common((left, top, drawable.get_width(), drawable.get_height()), box) or (left, top, 1, 1)
+    x, y = round((part[0] - left) * scale), round((part[1] - top) * scale)
+    width, height = max(round(part[2] * scale), 1), max(round(part[3] * scale), 1)
+    content = drawable.get_buffer().get(
+        Gegl.Rectangle.new(x, y, width, height), scale, format_name, Gegl.AbyssPolicy.CLAMP
+    )
+    (folder.path / f"{name}.raw").write_bytes(content)
+    shape = {"width": width, "height": height, "channels": channels, "dtype": "uint8"}
+    at = [round(part[0] * scale), round(part[1] * scale)]
+    return {"file": f"{name}.raw", **shape, "name": drawable.get_name(), "at": at}
+
+
+def is_rectangle(image: Gimp.Image, box: Box) -> bool:
+    """Whether everything within a box of the canvas is selected, for the most part."""
+    x, y, width, height = box
+    buffer = image.get_selection().get_buffer()
+    for row in range(0, height, _ROWS):
+        part = Gegl.Rectangle.new(x, y + row, width, min(_ROWS, height - row))
+        if min(buffer.get(part, 1.0, Format.MASK_U8.value, Gegl.AbyssPolicy.NONE)) < 128:
+            return False
+    return True
+
+
+def send_density(folder: RequestFolder, layer: Gimp.Layer, name: str) -> dict[str, Any]:
+    """Write a layer's mask as it is, in single floats."""
+    box = (0, 0, layer.get_width(), layer.get_height())
+    return _send(folder, layer.get_mask(), f"{name}.raw", Format.MASK_FLOAT.value, "float32", 1, box)
+
+
+def _send(
+    folder: RequestFolder,
+    drawable: Gimp.Drawable,
+    file: str,
+    format_name: str,
+    dtype: str,
+    channels: int,
+    box: Box,
+) -> dict[str, Any]:
+    x, y, width, height = box
+    buffer = drawable.get_buffer()
+    try:
+        with (folder.path / file).open("xb") as out:
+            for row in range(0, height, _ROWS):
+                rows = min(_ROWS, height - row)
+                out.write(
+                    buffer.get(
+                        Gegl.Rectangle.new(x, y + row, width, rows), 1.0, format_name, Gegl.AbyssPolicy.NONE
+                    )
+                )
+                folder.touch()
+    except OSError as error:
+        if is_full(error):
+            raise FolderError(too_small(folder.path.parent)) from error
+        raise
+    return {"file": file, "width": width, "height": height, "channels": channels, "dtype": dtype}
+
+
+def receive(folder: RequestFolder, raster: dict[str, Any], drawable: Gimp.Drawable, format_name: str) -> None:
+    """Fill a new layer or mask from a file of the folder.
+
+    Raises
+    ------
+    ValueError
+        When the file is not as large as the result says.
+    """
+    width, height = raster["width"], raster["height"]
+    stride = width * raster["channels"] * _BYTES[raster["dtype"]]
+    if (width, height) != (drawable.get_width(), drawable.get_height()):
+        raise ValueError(
+            f"the engine sent {width} × {height} pixels for {drawable.get_width()} × {drawable.get_height()}"
+        )
+    buffer = drawable.get_buffer()
+    with Path(folder.path, raster["file"]).open("rb") as source:
+        for row in range(0, height, _ROWS):
+            rows = min(_ROWS, height - row)
+            block = source.read(rows * stride)
+            if len(block) != rows * stride:
+                raise ValueError("the engine sent fewer pixels than it said")
+            buffer.set(Gegl.Rectangle.new(0, row, width, rows), format_name, block)
+            folder.touch()
+    buffer.flush()
+    drawable.update(0, 0, width, height)
+
+
+def new_layer(image: Gimp.Image, name: str, raster: dict[str, Any]) -> Gimp.Layer:
+    """An empty layer of a raster's size, not inserted yet."""
+    kind = (
+        Gimp.ImageType.GRAYA_IMAGE
+        if image.get_base_type() == Gimp.ImageBaseType.GRAY
+        else Gimp.ImageType.RGBA_IMAGE
+    )
+    return Gimp.Layer.new(
+        image, name, raster["width"], raster["height"], kind, 100.0, image.get_default_new_layer_mode()
+    )
+
+
+def receive_colors(
+    folder: RequestFolder, image: Gimp.Image, layer: Gimp.Layer, raster: dict[str, Any]
+) -> None:
+    """Fill an inserted layer with colours and opacity."""
+    receive(folder, raster, layer, color_format(image, layer, raster["dtype"]))
+
+
+def replaced(
+    folder: RequestFolder, image: Gimp.Image, layer: Gimp.Layer, raster: dict[str, Any]
+) -> Gimp.Layer:
+    """The layer with new pixels; a group, a text, or a layer of another size becomes an ordinary layer in its
+    place.
+    """
+    fresh = layer
+    resized = (raster["width"], raster["height"]) != (layer.get_width(), layer.get_height())
+    if resized or layer.is_group() or layer.is_text_layer():
+        fresh = new_layer(image, layer.get_name(), raster)
+        image.insert_layer(fresh, layer.get_parent(), image.get_item_position(layer))
+        fresh.set_offsets(*list(layer.get_offsets())[1:])
+        image.remove_layer(layer)
+    receive_colors(folder, image, fresh, raster)
+    return fresh
+
+
+def new_mask(folder: RequestFolder, raster: dict[str, Any], layer: Gimp.Layer) -> Gimp.LayerMask:
+    """A mask for a layer, filled, not attached yet (attaching it is what undo takes back)."""
+    mask = layer.create_mask(Gimp.AddMaskType.WHITE)
+    receive(folder, raster, mask, _MASK[raster["dtype"]].value)
+    return mask

@@ -1,0 +1,180 @@
+"""Pairs that match where they do not belong: known, left out where others outvote them, and named."""
+
+import re
+
+import numpy as np
+import pytest
+from skimage import data
+
+import toposeam as ts
+from toposeam.layers.registration import find_places as placing
+from toposeam.layers.registration.consensus import without_contradictions
+from toposeam.layers.registration.pair_matching import Match
+
+WIDTH, HEIGHT = 300, 200
+STEP = 200, 130
+#: A grid of 4 × 3 pictures, turned a little.
+PLACES = [(column * STEP[0], row * STEP[1]) for row in range(3) for column in range(4)]
+TURNS = np.radians([0, 0.4, -0.3, 0.2, 0.5, 0, -0.5, 0.1, 0.3, -0.2, 0, 0.4])
+NAMES = [f"p{index}" for index in range(12)]
+SIZES = np.full((12, 2), (HEIGHT, WIDTH))
+
+
+def seen(index, points):
+    """Points of the scene as a picture shows them."""
+    moved = (points - np.array(PLACES[index])) @ [1, 1j] * np.exp(-1j * TURNS[index])
+    return np.stack([moved.real, moved.imag], axis=1)
+
+
+def match(i, j, rng, patches=12, elsewhere=(0, 0)):
+    """Patches of the overlap of two pictures, or that the second one shows as far off as that."""
+    low, high = np.maximum(PLACES[i], PLACES[j]), np.minimum(PLACES[i], PLACES[j]) + np.array([WIDTH, HEIGHT])
+    points = rng.uniform(low, np.maximum(high, low + 60), (patches, 2))
+    second = seen(j, points + np.array(elsewhere)) + rng.normal(0, 0.1, (patches, 2))
+    return Match(seen(i, points), second, 0.9)
+
+
+def grid(rng):
+    """Neighbours of the grid, right, below and across."""
+    found = {}
+    for i in range(12):
+        for j in range(i + 1, 12):
+            if abs(i % 4 - j % 4) <= 1 and abs(i // 4 - j // 4) <= 1:
+                found[i, j] = match(i, j, rng)
+    return found
+
+
+def off(solution):
+    expected = np.array(PLACES, float) - PLACES[0]
+    return np.abs(solution.transforms[:, 2:] - expected).max()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_pairs_that_match_elsewhere_are_outvoted(seed):
+    rng = np.random.default_rng(seed)
+    right = grid(rng)
+    wrong = {(0, 7): match(0, 7, rng, elsewhere=(90, 0)), (5, 6): match(5, 6, rng, elsewhere=(0, -40))}
+    solution, used = without_contradictions(NAMES, SIZES, dict(sorted({**right, **wrong}.items())))
+    assert set(used) == set(right) - set(wrong)
+    assert off(solution) < 0.5
+
+
+def test_where_nothing_contradicts_all_pairs_are_used():
+    right = grid(np.random.default_rng(0))
+    solution, used = without_contradictions(NAMES, SIZES, right)
+    assert used == right
+    assert off(solution) < 0.5
+
+
+def without(matches, index, keep):
+    """A picture that only so many pairs hold."""
+    held = [pair for pair in matches if index in pair][keep:]
+    return {pair: one for pair, one in matches.items() if pair not in held}
+
+
+@pytest.mark.parametrize(("held", "places"), [(3, True), (2, False), (1, False)])
+def test_a_picture_that_few_pairs_hold_is_refused_and_the_pair_named(held, places):
+    rng = np.random.default_rng(1)
+    matches = without(grid(rng), 0, held)
+    matches[0, 11] = match(0, 11, rng, elsewhere=(75, 0))
+    if places:
+        solution, used = without_contradictions(NAMES, SIZES, matches)
+        assert set(matches) - set(used) == {(0, 11)}
+        assert off(solution) < 0.5
+        return
+    with pytest.raises(ts.OverlapError, match=r"p0 and p11.* match where the other pictures do not place"):
+        without_contradictions(NAMES, SIZES, matches)
+
+
+def test_wrong_pairs_that_agree_count_together():
+    rng = np.random.default_rng(2)
+    matches = grid(rng)  # picture 0 is held by three pairs
+    for other in (5, 6, 10):
+        matches[0, other] = match(0, other, rng, elsewhere=(90, 0))
+    with pytest.raises(ts.OverlapError, match="too little else shows which is right"):
+        without_contradictions(NAMES, SIZES, matches)
+
+
+def test_a_lens_is_a_lens_and_all_pairs_are_named():
+    rng = np.random.default_rng(3)
+    matches = {
+        (i, j): Match(one.first, one.second + rng.uniform(-3, 3, 2), 0.9) for (i, j), one in grid(rng).items()
+    }
+    with pytest.raises(
+        ts.OverlapError, match=r"more pairs do not fit .* up to [\d.]+ px .*a lens or"
+    ) as told:
+        without_contradictions(NAMES, SIZES, matches)
+    assert len(re.findall(r"p\d+ and p\d+", str(told.value))) == 7
+
+
+def test_a_poor_pair_of_few_px_is_no_match_elsewhere():
+    rng = np.random.default_rng(4)
+    matches = grid(rng)
+    matches[0, 1] = Match(matches[0, 1].first, matches[0, 1].second + np.array([4.0, 0]), 0.9)
+    with pytest.raises(ts.OverlapError, match=r"^p0 and p1 do not fit where"):
+        without_contradictions(NAMES, SIZES, matches)
+
+
+@pytest.mark.medium
+def test_a_match_elsewhere_is_told_and_not_used(monkeypatch):
+    whole = data.camera()[120:260, 100:360]
+    lefts = (0, 40, 80, 120)
+    pictures = [ts.Layer(whole[:, left : left + 120].copy(), name=str(left)) for left in lefts]
+    own = placing.find_matches
+
+    def found(*given):
+        matches, best = own(*given)
+        points = np.random.default_rng(0).uniform(10, 100, (8, 2))
+        return {**matches, (0, 3): Match(points, points, 0.7)}, best
+
+    monkeypatch.setattr(placing, "find_matches", found)
+    placement = ts.find_places(pictures)
+    assert [layer.at[0] for layer in placement.layers] == pytest.approx(lefts, abs=1)
+    assert placement.outvoted == ((0, 3),)
+    assert (0, 3) not in placement.correlations
+    assert placement.misfit < 1
+
+
+def test_all_strangers_are_named_at_once():
+    pictures = [ts.Layer(np.zeros((20, 20), np.uint8), name=f"p{index}") for index in range(9)]
+    matches = {(0, 1): None, (1, 2): None, (2, 3): None, (5, 6): None}
+    best = np.linspace(0, 0.4, 9)
+    sentence = (
+        r"^p4 and p7, p8 fit none of the other pictures \(the best correlation is 0\.40, 0\.5 is needed\), "
+        "and p5 and p6 show something else than the other pictures; leave them out, or say where the "
+        "pictures lie; join the two groups apart$"
+    )
+    with pytest.raises(ts.OverlapError, match=sentence):
+        placing._check_joined(pictures, matches, best, 0.5)
+    lone = (
+        r"^p4 and p5, p6, p7, p8 fit none of the other pictures \(they have nothing in common, 0\.5 is needed"
+    )
+    with pytest.raises(ts.OverlapError, match=lone):
+        placing._check_joined(pictures, dict(list(matches.items())[:3]), np.full(9, -1.0), 0.5)
+
+
+def test_all_pictures_that_cannot_be_placed_exactly_are_named():
+    pictures = [ts.Layer(np.zeros((20, 20), np.uint8), name=f"p{index}") for index in range(4)]
+    worst_first = r"^p3 and p1 cannot be placed exactly: .* up to 0\.9 px open; let"
+    with pytest.raises(ts.OverlapError, match=worst_first):
+        placing._check_exact(pictures, np.array([0.1, 0.5, 0.4, 0.9]))
+    with pytest.raises(
+        ts.OverlapError, match=r"^p1 cannot be placed exactly: what it shares .* 0\.5 px open"
+    ):
+        placing._check_exact(pictures, np.array([0.1, 0.5, 0.4, 0.3]))
+    placing._check_exact(pictures, np.full(4, 0.4))
+
+
+def test_what_is_the_same_tells_more_than_what_repeats_itself():
+    rng = np.random.default_rng(1)
+    matches = {
+        pair: Match(one.first, one.second, 0.98) for pair, one in without(grid(rng), 0, 2).items()
+    }  # too little beside a pair that correlates as well
+    wrong = match(0, 11, rng, elsewhere=(75, 0))
+    matches[0, 11] = Match(wrong.first, wrong.second, 0.8)
+    solution, used = without_contradictions(NAMES, SIZES, matches)
+    assert set(matches) - set(used) == {(0, 11)}
+    assert off(solution) < 0.5
+    matches[0, 11] = Match(wrong.first, wrong.second, 0.98)
+    with pytest.raises(ts.OverlapError, match="too little else shows which is right"):
+        without_contradictions(NAMES, SIZES, matches)

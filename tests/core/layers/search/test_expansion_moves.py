@@ -1,0 +1,246 @@
+"""Moves on lists of pixels: they cost what the labelling does, and gain what moves on pictures do."""
+
+import itertools
+
+import numpy as np
+import pytest
+from alpha_expansion import Expansion
+from scipy import ndimage
+from skimage import data
+
+import toposeam as ts
+from toposeam.layers.canvas.layer import Box
+from toposeam.layers.labelling.posing import exclusive_covers, pose_labelling
+from toposeam.layers.labelling.problem import Labelling
+from toposeam.layers.labelling.seam_lines import reached, square_dilation
+from toposeam.layers.labelling.table_costs import TableCost
+from toposeam.layers.search.expansion_moves import Choices
+from toposeam.seam.exact.maximum_flow import minimum_cut
+from toposeam.seam.heat.newton import gather_heat
+
+by_flow = minimum_cut
+
+
+def by_heat(network, cost):
+    return gather_heat(network, cost, 1e-6, 100).hot[:-2]
+
+
+def four(seed=0):
+    """Four noisy crops of a photograph that all meet."""
+    rng = np.random.default_rng(seed)
+    photograph = data.coffee()[100:, 150:]
+    layers = []
+    for x, y in ((0, 0), (30, 4), (6, 28), (33, 30)):
+        crop = photograph[y : y + 50, x : x + 60].astype(int) + rng.integers(-25, 26, (50, 60, 3))
+        layers.append(ts.Layer(np.clip(crop, 0, 255).astype(np.uint8), at=(x, y), name=f"{x},{y}"))
+    canvas = ts.common_canvas(layers)
+    covers = exclusive_covers(layers, [canvas.place(layer) for layer in layers], canvas)
+    return pose_labelling(layers, canvas, covers)
+
+
+def choices_of(labelling, label_map, box=None):
+    box = labelling.canvas if box is None else box
+    count = len(labelling.places)
+    allowed = [labelling.allowed_in(k, box) for k in range(count)]
+    return Choices(labelling, box, label_map[box.slices], allowed, range(count))
+
+
+def test_a_change_costs_what_the_labelling_says():
+    labelling = four()
+    choices = choices_of(labelling, labelling.on_top())
+    rng = np.random.default_rng(1)
+    before, own = labelling.total(choices.label_map(), labelling.canvas), choices.total()
+    for _ in range(3):
+        for k in rng.permutation(4):
+            turned = choices.may[k] & (rng.random(len(choices.shows)) < 0.4)
+            choices.shows[turned] = k
+        after = labelling.total(choices.label_map(), labelling.canvas)
+        assert after - before == pytest.approx(choices.total() - own, rel=1e-5)
+        assert after != before
+
+
+@pytest.mark.parametrize("decide", [by_flow, by_heat])
+@pytest.mark.parametrize("seed", range(3))
+def test_expansions_are_those_of_the_peer(decide, seed):
+    pytest.importorskip("maxflow")
+    labelling = four(seed)
+    peer, label_map = Expansion(labelling), labelling.on_top()
+    choices = choices_of(labelling, label_map)
+    for k in (0, 1, 2, 3, 1, 0):
+        new = peer.expand(label_map, k)
+        gains = peer.energy(new) < peer.energy(label_map) * (1 - 1e-7)
+        assert choices.expand(k, decide) == gains
+        label_map = new if gains else label_map
+        assert peer.energy(choices.label_map()) == pytest.approx(peer.energy(label_map), rel=1e-4)
+
+
+@pytest.mark.parametrize("costs", [(5, 1, 3), (2, 3, 4), (1, 1, 1), (9, 1, 2)])
+@pytest.mark.parametrize("middle", [(0, 0), (0, 1), (1, 0), (1, 1)])
+def test_no_expansion_of_a_row_of_four_misses_what_it_could_gain(middle, costs):
+    canvas = Box(0, 0, 1, 4)
+    allowed = [np.array([row], bool) for row in ([1, 1, 1, 0], [0, 1, 1, 0], [0, 1, 1, 1])]
+    tables = {}
+    for pair, cost in zip(((0, 1), (0, 2), (1, 2)), costs, strict=True):
+        right, down = np.zeros((3, 5), np.float32), np.zeros((2, 6), np.float32)
+        right[1, 1:4] = cost
+        tables[pair] = TableCost(canvas.grown(1), right, down)
+    labelling = Labelling(canvas, [canvas] * 3, allowed, tables)
+    before = np.array([[0, *middle, 2]], np.int16)
+    best = min(
+        labelling.total(np.array([[0, *pixels, 2]], np.int16), canvas)
+        for pixels in itertools.product(*({now, 2} for now in middle))
+    )
+    choices = choices_of(labelling, before)
+    choices.expand(2, by_flow)
+    if sum(costs) > 9 and middle in ((0, 1), (1, 0)):  # not submodular: told too low, judged by what it is
+        assert labelling.total(choices.label_map(), canvas) <= labelling.total(before, canvas)
+    else:
+        assert labelling.total(choices.label_map(), canvas) == pytest.approx(best)
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_two_beside_each_other_turn_together_where_what_is_between_them_costs_something_as_it_is(way):
+    """Turning the one beside what shows the layer already would cost 6, both 5, and none 4 + 9."""
+    canvas = Box(0, 0, 1, 4)
+    allowed = [np.array([row[::way]], bool) for row in ([1, 1, 0, 0], [0, 0, 1, 0], [0, 1, 1, 1])]
+    tables = {}
+    for pair, costs in {(0, 1): (0, 4, 0), (0, 2): (5, 6, 0), (1, 2): (0, 6, 9)}.items():
+        right, down = np.zeros((3, 5), np.float32), np.zeros((2, 6), np.float32)
+        right[1, 1:4] = costs[::way]
+        tables[pair] = TableCost(canvas.grown(1), right, down)
+    labelling = Labelling(canvas, [canvas] * 3, allowed, tables)
+    choices = choices_of(labelling, np.array([[0, 0, 1, 2][::way]], np.int16))
+    assert choices.expand(2, by_flow)
+    assert choices.label_map()[0].tolist() == [0, 2, 2, 2][::way]
+
+
+def test_all_seams_divided_together_gain_what_they_gain_one_by_one():
+    labelling = four()
+    label_map = labelling.on_top()
+    labels = [
+        square_dilation(label_map == k, 3) & labelling.allowed_in(k, labelling.canvas) for k in range(4)
+    ]
+    together = Choices(labelling, labelling.canvas, label_map, labels, range(4))
+    free = together.divide_all(by_heat, labels)
+    apart = Choices(labelling, labelling.canvas, label_map, labels, range(4))
+    for i, j in itertools.combinations(range(4), 2):
+        own = free & apart.may[i] & apart.may[j]
+        one, other = (np.full(len(own), k, np.int16) for k in (i, j))
+        apart.divide(own, one, other, by_heat)
+    assert together.total() == pytest.approx(apart.total(), rel=1e-5)
+    assert together.total() < choices_of(labelling, label_map).total() - 1
+    changed = together.label_map() != label_map
+    assert not (changed.ravel() & ~free).any()
+
+
+def test_more_would_turn_the_more_the_present_seams_cost():
+    labelling = four()
+    choices = choices_of(labelling, labelling.on_top())
+    choices.run(by_flow, 100)
+    ended, sizes = choices.shows.copy(), []
+    for dearer in (0.0, 0.1, 0.4):
+        sizes.append(sum(len(choices.would_expand(k, by_flow, dearer)) for k in range(4)))
+        np.testing.assert_array_equal(choices.shows, ended)
+    assert sizes[0] < sizes[1] < sizes[2]
+
+
+def with_spots(labelling, seed, count=7):
+    """A label map that shows another layer in some squares."""
+    rng = np.random.default_rng(seed)
+    result = labelling.on_top()
+    height, width = result.shape
+    for _ in range(count):
+        y, x, k = rng.integers(height), rng.integers(width), rng.integers(4)
+        part = np.s_[max(y - 6, 0) : y + 6, max(x - 6, 0) : x + 6]
+        allowed = labelling.allowed_in(k, labelling.canvas)[part]
+        result[part][allowed] = k
+    return result
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_two_solutions_are_fused_to_the_best_mixture_of_whole_patches(seed):
+    labelling = four()
+    one, other = with_spots(labelling, seed), with_spots(labelling, seed + 100)
+    patch, count = ndimage.label(one != other)
+    assert 2 <= count <= 14
+    costs = []
+    for chosen in itertools.product((False, True), repeat=count):
+        mixed = np.where(np.array([False, *chosen])[patch], other, one)
+        costs.append(labelling.total(mixed, labelling.canvas))
+    choices = choices_of(labelling, one)
+    choices.fuse(other.ravel())
+    assert labelling.total(choices.label_map(), labelling.canvas) == pytest.approx(min(costs), rel=1e-6)
+    assert min(costs) <= min(costs[0], costs[-1])
+
+
+def test_a_pixel_with_nothing_known_beside_it_stays():
+    labelling = four()
+    choices = choices_of(labelling, labelling.on_top())
+    alone = np.flatnonzero(choices.may[0] & choices.may[1])[0]
+    choices.shows[:] = len(choices.layers)
+    choices.shows[alone] = 0
+    assert not choices.expand(1, by_flow)
+    assert choices.shows[alone] == 0
+
+
+@pytest.mark.parametrize("count", [3, 8, 9, 70])
+def test_layers_reach_as_far_however_many_there_are(count):
+    rng = np.random.default_rng(count)
+    label_map = rng.integers(-1, count, (20, 30)).astype(np.int16)
+    for k, near in enumerate(reached(label_map, count, 2)):
+        assert np.array_equal(near, square_dilation(label_map == k, 2))
+
+
+def test_stacked_solutions_end_as_each_does_alone():
+    labelling = four()
+    choices = choices_of(labelling, labelling.on_top())
+    count = len(labelling.places)
+    covers = [labelling.allowed_in(k, labelling.canvas).ravel() for k in range(count)]
+    starts = []
+    for order in itertools.islice(itertools.permutations(range(count)), 0, 24, 5):
+        shows = np.full(len(choices.shows), count, np.int16)
+        for k in order:
+            shows[covers[k]] = k
+        starts.append(shows)
+    asked = []
+
+    def counted(network, cost):
+        asked.append(network.n)
+        return by_flow(network, cost)
+
+    stack = choices.stacked(starts)
+    assert stack.total() == pytest.approx(sum(total_of(choices, shows) for shows in starts))
+    stack.run(counted, 10)
+    ends, together = stack.parts(len(starts)), len(asked)
+    for start, end in zip(starts, ends, strict=True):
+        alone = choices_of(labelling, labelling.on_top())
+        alone.shows = start.copy()
+        alone.run(counted, 10)
+        np.testing.assert_array_equal(end, alone.shows)
+    assert together < (len(asked) - together) / 2
+
+
+def total_of(choices, shows):
+    choices.shows = shows
+    return choices.total()
+
+
+def test_pixels_that_nothing_pulls_at_stay():
+    canvas = Box(0, 0, 1, 3)
+    allowed = [np.ones((1, 3), bool)] * 2
+    table = TableCost(canvas.grown(1), np.zeros((3, 4), np.float32), np.zeros((2, 5), np.float32))
+    labelling = Labelling(canvas, [canvas] * 2, allowed, {(0, 1): table})
+    for label_map in np.array([[[0, 1, 0]], [[1, 1, 0]]], np.int16):
+        choices = choices_of(labelling, label_map)
+        choices.divide_all(by_flow, allowed)
+        assert (choices.label_map() == label_map).all()
+
+
+@pytest.mark.parametrize("reach", [1, 2, 3, 4, 8])
+def test_a_square_dilation_reaches_as_far_as_it_is_told_to(reach):
+    mask = np.zeros((25, 31), bool)
+    mask[11, 14] = True
+    expected = np.zeros_like(mask)
+    expected[11 - reach : 12 + reach, 14 - reach : 15 + reach] = True
+    np.testing.assert_array_equal(square_dilation(mask, reach), expected)
+    assert mask.sum() == 1

@@ -1,0 +1,105 @@
+import numpy as np
+import pytest
+from skimage import data
+
+import toposeam as ts
+from toposeam.layers.canvas.layer import Box
+from toposeam.layers.canvas.tile_map import TileMap
+from toposeam.layers.labelling.posing import exclusive_covers, pose_labelling
+from toposeam.layers.labelling.problem import Labelling
+from toposeam.layers.search.cut_solver import CutSolver
+from toposeam.layers.search.two_label_band import Division, band_of, divided, write_pixels
+from toposeam.seam.heat.method import HeatOptions
+
+
+def three() -> Labelling:
+    photograph = data.chelsea()[:140, :220]
+    corners = (0, 0), (70, 6), (30, 50)
+    rng = np.random.default_rng(3)
+    layers = []
+    for x, y in corners:
+        crop = photograph[y : y + 85, x : x + 130] * 0.8 + rng.normal(20, 12, (85, 130, 3))
+        layers.append(ts.Layer(np.clip(crop, 0, 255).astype(np.uint8), at=(x, y), name=str(x)))
+    extent = ts.common_canvas(layers)
+    covered = exclusive_covers(layers, [extent.place(layer) for layer in layers], extent)
+    return pose_labelling(layers, extent, covered)
+
+
+@pytest.fixture
+def started():
+    labelling = three()
+    rng = np.random.default_rng(0)
+    near = np.zeros(labelling.canvas.shape, bool)
+    near[20:, 60:140] = True
+    near &= rng.random(near.shape) < 0.97  # holes, and pixels that nothing ties to one side
+    label_map = labelling.on_top()
+    label_map[near] = rng.integers(0, 3, np.count_nonzero(near))
+    labelling.make_allowed(label_map)
+    return labelling, label_map, near
+
+
+@pytest.mark.parametrize("pair", [(0, 1), (0, 2), (1, 2)])
+def test_a_band_costs_what_the_labelling_does(started, pair):
+    labelling, label_map, near = started
+    band = band_of(labelling, label_map, pair, near)
+    assert band is not None
+    before = labelling.total(label_map, labelling.canvas)
+    rng = np.random.default_rng(1)
+    for _ in range(3):
+        second = rng.random(len(band.rows)) < 0.5
+        changed = label_map.copy()
+        write_pixels(changed, band.rows, band.columns, np.where(second, *np.int16(pair[::-1])))
+        assert labelling.total(changed, labelling.canvas) - before == pytest.approx(
+            band.total(second) - band.total(band.second), rel=1e-5
+        )
+
+
+@pytest.mark.parametrize("pair", [(0, 1), (0, 2), (1, 2)])
+def test_heat_and_flow_divide_a_band_alike_and_no_pixel_gains_by_changing(started, pair):
+    labelling, label_map, near = started
+    solver, ends = CutSolver("heat", HeatOptions(tolerance=1e-6), labelling.forbidden), []
+    for potential in (True, False):
+        found = divided(Division(labelling, label_map, near, pair, solver, potential))
+        after = label_map.copy()
+        write_pixels(after, *found.pixels, found.values)
+        assert (after[~near] == label_map[~near]).all()
+        ends.append(labelling.total(after, labelling.canvas))
+        assert (found.heat is not None) == potential
+        rows, columns = np.nonzero(near & np.isin(after, pair))
+        for y, x in zip(rows[::40], columns[::40], strict=True):
+            other = after.copy()
+            other[y, x] = pair[int(after[y, x] == pair[0])]
+            if labelling.allowed_in(other[y, x], labelling.canvas)[y, x]:
+                assert labelling.total(other, labelling.canvas) >= ends[-1] * (1 - 1e-6)
+    assert ends[0] < labelling.total(label_map, labelling.canvas)
+    assert ends[0] == pytest.approx(ends[1], rel=1e-5)
+
+
+def test_what_only_one_side_pulls_at_goes_to_it():
+    labelling = three()
+    label_map = labelling.on_top()
+    near = np.zeros(labelling.canvas.shape, bool)
+    near[60:63, 100:103] = True  # an island in the middle of one layer
+    (other,) = set(np.unique(label_map[59:64, 99:104]).tolist())
+    label_map[61, 101] = min(other, 1) if other else 1
+    pair = tuple(sorted({other, int(label_map[61, 101])}))
+    band = band_of(labelling, label_map, pair, near)
+    network, _, chosen = band.network()
+    assert network.n == 0
+    assert len(band.rows) == 9
+    assert (band.labels(chosen, np.zeros(0, bool)) == (other == pair[1])).all()
+
+
+def test_where_nothing_is_open_there_is_no_band(started):
+    labelling, label_map, near = started
+    assert band_of(labelling, label_map, (0, 1), np.zeros_like(near)) is None
+
+
+def test_pixels_are_written_to_maps_of_tiles_as_to_arrays():
+    rng = np.random.default_rng(2)
+    rows, columns = rng.integers(0, 300, (2, 500))
+    tiled, plain = TileMap((300, 300), -1, np.int16), np.full((300, 300), -1, np.int16)
+    tiled[Box(100, 0, 300, 300).slices], plain[100:] = 4, 4
+    for label_map in (tiled, plain):
+        write_pixels(label_map, rows, columns, np.full(500, 7, np.int16))
+    np.testing.assert_array_equal(tiled[:, :], plain)

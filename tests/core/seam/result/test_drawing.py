@@ -1,0 +1,31 @@
+"""Seams drawn over a picture."""
+
+import numpy as np
+
+import toposeam as ts
+from toposeam.seam.result.drawing import draw_seams
+from toposeam.vector.polyline import Polyline
+
+
+class Drawn:
+    """What has lines."""
+
+    def __init__(self, *points):
+        self.paths = (Polyline(points),)
+
+
+def test_a_line_is_red_and_has_white_beside_it_where_it_runs_and_nowhere_else():
+    drawn = draw_seams(np.zeros((9, 12), np.uint8), [Drawn((4, 0), (4, 9))])
+    red = (drawn == drawn[4, 4]).all(axis=2)
+    assert drawn[4, 4, 0] > drawn[4, 4, 1]
+    assert np.flatnonzero(red.all(axis=0)).tolist() == [4]
+    assert red.sum() == 9
+    assert (drawn[:, [3, 5]] > 200).all()
+    assert not drawn[:, :3].any()
+    assert not drawn[:, 6:].any()
+
+
+def test_lines_on_the_far_border_are_drawn_on_the_last_pixels():
+    drawn = draw_seams(np.zeros((6, 6), np.uint8), [Drawn((6, 0), (6, 6))])
+    assert drawn[:, 5].any(axis=1).all()
+    assert ts.draw_seams is draw_seams

@@ -1,0 +1,74 @@
+import numpy as np
+import pytest
+
+import toposeam as ts
+from toposeam.texture.canvas.rendering import near_seams, render
+from toposeam.texture.exemplar.patch_search import reduced
+
+
+@pytest.mark.parametrize(("wrap", "mixed"), [((False, True), True), ((False, False), False)])
+def test_at_the_border_of_a_cylinder_copies_mix_round_it(wrap, mixed):
+    """Two copies of one plane of 0, 10, 20 …, the right one a row further down: seams at column 4, and at
+    column 0 where columns continue.
+    """
+    plane = (10.0 * np.arange(64)).reshape(8, 8, 1)
+    index = np.arange(64, dtype=np.int32).reshape(8, 8)[:4].copy()
+    index[:, 4:] += 8
+    made = render(index, plane, np.ones((8, 8), bool), wrap, 1)[..., 0]
+    hard = plane.ravel()[index]
+    assert made[1, 3] == hard[1, 3] + 20  # 0.25 × the copy below, 80 more
+    assert made[1, 4] == hard[1, 4] - 20
+    # The first column's left neighbour is the last one: its copy, continued to column 8, lies at 8 + 8.
+    continued = np.float64(10 * (index[1, 7] + 1))
+    assert made[1, 0] == (hard[1, 0] * 0.75 + continued * 0.25 if mixed else hard[1, 0])
+
+
+def test_reduced_pictures_are_area_means_and_know_what_is_missing():
+    values = np.arange(24, dtype=np.float32).reshape(4, 6, 1)
+    weight = np.ones((4, 6), np.float32)
+    mean, share = reduced(values, weight, 2)
+    np.testing.assert_array_equal(mean[..., 0], [[3.5, 5.5, 7.5], [15.5, 17.5, 19.5]])
+    np.testing.assert_array_equal(share, np.ones((2, 3)))
+    weight[0, 0] = 0
+    weight[2:, 4:] = 0
+    mean, share = reduced(values, weight, 2)
+    assert mean[0, 0, 0] == (1 + 6 + 7) / 3
+    np.testing.assert_array_equal(share, [[0.75, 1, 1], [1, 1, 0]])
+    # What does not fill a block is there with the rest of its weight missing.
+    mean, share = reduced(values[:3, :5], np.ones((3, 5), np.float32), 2)
+    np.testing.assert_array_equal(share, [[1, 1, 0.5], [0.5, 0.5, 0.25]])
+    assert mean[1, 2, 0] == 16
+
+
+@pytest.mark.parametrize("row", [[0, 5, 6, 7], [5, 0, 1, 2], [-1, 5, 1, 2]])
+def test_seams_lie_beside_pixels_that_were_no_neighbours_and_never_beside_a_hole(row):
+    index = np.array([row, [value + 8 if value >= 0 else value for value in row]], np.int32)
+    found = {divmod(at, 4) for some in near_seams(index, 8, (False, False), 1) for at in some.tolist()}
+    columns = (0, 1) if row[0] >= 0 else (1, 2)
+    assert found == {(y, x) for y in range(2) for x in columns}
+
+
+@pytest.mark.parametrize("smooth", [0, 1])
+def test_where_no_source_is_known_it_is_0(smooth):
+    index = np.full((3, 4), 5, np.int32)
+    index[1, 2] = -1
+    made = render(index, np.full((4, 4, 2), 9.0), np.ones((4, 4), bool), (False, False), smooth)
+    np.testing.assert_array_equal(made[1, 2], [0, 0])
+    assert (made[index >= 0] == 9).all()
+
+
+def test_pixels_within_reach_of_a_seam_are_near_it_but_no_holes():
+    index = np.array([[-1, 0, 1, 9, 10, 11, 12]], np.int32)
+    (found,) = near_seams(index, 16, (False, False), 3)
+    assert found.tolist() == [1, 2, 3, 4, 5]  # two farther on either side, but not in the hole
+
+
+def test_coordinates_alone_cut_other_pictures_alike(sample):
+    first, second = sample(2), sample(3)
+    made = ts.synthesize([first, second], 90, patch=32, tileable=True)
+    again = ts.apply_coordinates([first, second], made.source, made.exemplar, tileable=True)
+    np.testing.assert_array_equal(again, made.image)
+    with pytest.raises(ts.ImageError, match="point beyond"):
+        ts.apply_coordinates([first, second[:20]], made.source, made.exemplar)
+    with pytest.raises(ts.ImageError, match="row and column"):
+        ts.apply_coordinates(first, made.source[..., 0])

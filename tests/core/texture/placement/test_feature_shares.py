@@ -1,0 +1,99 @@
+"""Every kind of pixel on its share: places whose kinds have shown too often are dearer."""
+
+import numpy as np
+import pytest
+
+import toposeam as ts
+from toposeam.texture.canvas.places import PlaceGrid
+from toposeam.texture.exemplar.atlas import Atlas
+from toposeam.texture.placement.feature_shares import Kinds
+
+SIDE, PATCH = 64, (16, 16)
+
+
+def halves():
+    """An exemplar that is dark on the left and bright on the right, its atlas and what knows its kinds."""
+    values = np.full((SIDE, SIDE, 1), 0.2, np.float32)
+    values[:, SIDE // 2 :] = 0.8
+    atlas = Atlas.of([np.ones((SIDE, SIDE), bool)], 8)
+    return atlas, Kinds(atlas.spread([values]), atlas, np.full((len(atlas.usable), 1), 4.0))
+
+
+def dearer(atlas, kinds, usage, variety=0.5):
+    """How much dearer places are, those of the exemplar's own rows and columns."""
+    count = SIDE - PATCH[0] + 1
+    places = PlaceGrid((0, 0), PATCH, atlas.margin, 1, (count, count), ((0, PATCH[0]), (0, PATCH[1])))
+    return kinds.factor(places, usage, variety)
+
+
+def test_what_has_shown_on_its_share_is_no_dearer_than_anything_else():
+    atlas, kinds = halves()
+    usage = np.where(atlas.copied, 3, 0).astype(np.int32)
+    np.testing.assert_allclose(dearer(atlas, kinds, usage), 1, atol=0.05)
+    np.testing.assert_array_equal(dearer(atlas, kinds, 0 * usage), 1)
+
+
+def test_the_kind_that_shows_too_often_is_dearer_also_where_it_has_not_shown():
+    atlas, kinds = halves()
+    usage = np.zeros(atlas.usable.shape, np.int32)
+    m = atlas.margin
+    usage[m : m + SIDE // 2, m : m + SIDE // 2] = 5  # dark ones, of the upper half only
+    found = dearer(atlas, kinds, usage)
+    dark, bright = found[:, : SIDE // 2 - PATCH[1] - 8], found[:, SIDE // 2 + 8 :]
+    assert dark.min() > 2
+    assert bright.max() < 0.5
+    assert found[-1, 0] == pytest.approx(found[0, 0], rel=0.05)
+
+
+def test_a_patch_is_as_dear_as_its_kinds_are_on_average_and_variety_says_how_much():
+    atlas, kinds = halves()
+    usage = np.zeros(atlas.usable.shape, np.int32)
+    usage[:, : atlas.margin + SIDE // 2] = atlas.copied[:, : atlas.margin + SIDE // 2]
+    found, half = (np.log(dearer(atlas, kinds, usage, variety)) for variety in (0.1, 0.05))
+    np.testing.assert_allclose(found, 2 * half, atol=1e-5)
+    assert found[20, 0] > 0 > found[20, -1]
+    middle = found[20, SIDE // 2 - PATCH[1] // 2]
+    assert middle == pytest.approx((found[20, 0] + found[20, -1]) / 2, abs=0.2)
+
+
+def test_nothing_is_infinitely_dear():
+    atlas, kinds = halves()
+    usage = np.zeros(atlas.usable.shape, np.int32)
+    usage[atlas.margin, atlas.margin] = 1 << 24
+    found = dearer(atlas, kinds, usage, variety=100)
+    assert np.isfinite(found).all()
+    assert found.min() > 0
+
+
+def test_a_texture_is_as_bright_as_its_sample_also_where_that_has_a_frame(monkeypatch):
+    """A frame holds half of a sample's pixels, but patches lie in its middle mostly."""
+    rng = np.random.default_rng(0)
+    sample = rng.normal(60, 8, (96, 96))
+    sample[14:-14, 14:-14] += 100
+    sample = np.clip(sample, 0, 255).astype(np.uint8)
+
+    def off():
+        made = [ts.synthesize(sample, 256, patch=24, seed=seed) for seed in (1, 2)]
+        return abs(np.mean([one.image.mean() for one in made]) - sample.mean())
+
+    with_kinds = off()
+    monkeypatch.setattr("toposeam.texture.placement.feature_shares._STRENGTH", 0.0)
+    without = off()
+    assert with_kinds < 0.6 * without
+
+
+def test_objects_on_a_ground_are_kept_on_their_share_more_gently_and_contrast_goes_with_the_light():
+    rng = np.random.default_rng(1)
+    values = np.full((SIDE, SIDE, 1), 0.5, np.float32)
+    values[:, SIDE // 2 :, 0] += rng.choice(np.float32([-0.2, 0.2]), (SIDE, SIDE // 2))
+    atlas = Atlas.of([np.ones((SIDE, SIDE), bool)], 8)
+    average = np.full((len(atlas.usable), 1), 4.0)
+    usage = np.zeros(atlas.usable.shape, np.int32)
+    usage[:, atlas.margin + SIDE // 2 :] = 3 * atlas.copied[:, atlas.margin + SIDE // 2 :]
+
+    def calm(**options):
+        kinds = Kinds(atlas.spread([values]), atlas, average, **options)
+        return np.log(dearer(atlas, kinds, usage, variety=0.05)[:, 0]).mean()
+
+    assert calm() < calm(objects=True) < 0
+    assert calm() < 1.5 * calm(levelled=True) < 0

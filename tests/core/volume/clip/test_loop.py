@@ -1,0 +1,220 @@
+"""Loops: clips that come back are found out, every pixel's frames follow each other, light is levelled."""
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+import toposeam as ts
+from toposeam.volume.clip import walk as walks
+from toposeam.volume.clip.period import Jump, changes, small_frames, small_mask
+from toposeam.volume.clip.walk import closed_walk, length
+
+
+def turning(frames, period, size=24):
+    """A spoked wheel that turns once in a period."""
+    y, x = np.indices((size, size)) - (size - 1) / 2
+    turn = np.arctan2(y, x) - 2 * np.pi * np.arange(frames)[:, None, None] / period
+    return (0.5 + 0.4 * np.cos(turn)).astype(np.float32)
+
+
+def drifting(frames, size=(20, 28), seed=0):
+    """Smooth noise that moves on and never comes back."""
+    rng = np.random.default_rng(seed)
+    texture = ndimage.gaussian_filter(rng.standard_normal((size[0], size[1] + 4 * frames)), 2, mode="wrap")
+    texture = (texture - texture.min()) / np.ptp(texture)
+    return np.stack([texture[:, 2 * t : 2 * t + size[1]] for t in range(frames)]).astype(np.float32)
+
+
+def test_frames_are_compared_by_means_over_squares():
+    frames = np.zeros((2, 80, 81, 1), np.uint8)
+    frames[0, ::2] = 255  # every other row
+    frames[1, :, :27] = 255
+    small = small_frames(frames, None)
+    assert small.shape == (2, 26, 27, 1)  # squares of 3 px, so that about 1500 are left at most
+    assert small[0, :2, 0, 0].tolist() == pytest.approx([2 / 3, 1 / 3])
+    assert small[1, :, :9] == pytest.approx(1.0)
+    assert small[1, :, 9:] == pytest.approx(0.0)
+    mask = np.zeros((80, 81), bool)
+    mask[:, :28] = True  # a third of the squares in the tenth column
+    assert small_mask(mask, (26, 27)).sum(axis=1).tolist() == [9] * 26
+
+
+def test_a_period_is_found():
+    made = ts.loop(turning(40, 13))
+    assert len(made.frames) in (13, 26)
+    assert np.abs(made.frames[0] - made.frames[-1]).max() <= np.abs(np.diff(made.frames, axis=0)).max() + 1e-6
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_every_pixel_goes_on_by_one_frame_or_by_the_jump(seed):
+    clip = drifting(40, seed=seed)
+    made = ts.loop(clip, transition=8)
+    (jump,) = made.jumps
+    assert len(made.frames) == jump.leaves - jump.enters
+    step = np.diff(np.concatenate([made.source, made.source[:1]]), axis=0)
+    assert set(np.unique(step)) <= {1, 1 - jump.period, 1 + jump.period}
+    assert (np.sum(step, axis=0) == 0).all()
+    np.testing.assert_array_equal(made.frames, np.take_along_axis(clip, made.source.astype(int), 0))
+
+
+def test_the_surface_costs_no_more_than_any_single_cut():
+    clip = drifting(40)
+    made = ts.loop(clip, transition=8, gradient=False)
+    jump, surface = made.jumps[0], made.surfaces[0]
+    apart = np.abs(clip[jump.leaves :][:8] - clip[jump.enters :][:8])
+    cuts = [float((apart[t] + apart[t + 1] + 1e-3).sum()) for t in range(7)]
+    assert surface.cost <= min(cuts) * (1 + 1e-6)
+
+
+def test_length_and_start_are_kept():
+    clip = drifting(40)
+    made = ts.loop(clip, length=20, start=5, transition=6)
+    assert (made.jumps[0].leaves, made.start, len(made.frames)) == (25, 5, 20)
+    ranged = ts.loop(clip, length=(17, 19), transition=6)
+    assert 17 <= len(ranged.frames) <= 19
+
+
+def test_colours_and_depth_are_kept():
+    clip = np.rint(drifting(24)[..., None] * (60000, 40000, 20000)).astype(np.uint16)
+    made = ts.loop(clip, transition=5)
+    assert made.frames.dtype == np.uint16
+    assert made.frames.shape[1:] == clip.shape[1:]
+
+
+def test_slow_light_is_levelled():
+    clip = turning(40, 13)
+    darker = clip * 0.5 + 0.4 * (1 - np.arange(40) / 40)[:, None, None].astype(np.float32)
+    options = {"length": 26, "start": 0, "transition": 6}
+
+    def jump_of_light(made):
+        means = made.frames.mean(axis=(1, 2))
+        return np.abs(np.diff(np.append(means, means[0]))).max()
+
+    rough, even = ts.loop(darker, **options), ts.loop(darker, level=True, **options)
+    assert jump_of_light(even) < 0.2 * jump_of_light(rough)
+    # What is left is the wheel: levelling takes away the darkening, and nothing of the turning.
+    kept = even.frames - even.frames.mean(axis=(1, 2), keepdims=True)
+    np.testing.assert_allclose(kept.std(axis=(1, 2)), 0.5 * clip[0].std(), rtol=0.1)
+
+
+def test_what_is_to_stand_still_does():
+    still = np.zeros((20, 28), bool)
+    still[:, :12] = True
+    made = ts.loop(drifting(40), still=still, transition=6)
+    assert (made.frames[:, still] == made.frames[0, still]).all()
+    assert len(np.unique(made.source[:, still])) == 1
+    assert (np.diff(made.frames[:, ~still], axis=0) != 0).any()
+
+
+@pytest.mark.medium
+def test_growing_makes_a_longer_clip_that_still_repeats():
+    clip = drifting(60)
+    made = ts.loop(clip, grow=150, transition=6, seed=3)
+    assert len(made.frames) >= 150
+    step = np.diff(np.concatenate([made.source, made.source[:1]]), axis=0)
+    periods = {jump.period for jump in made.jumps}
+    assert set(np.unique(step)) <= {1} | {1 - p for p in periods} | {1 + p for p in periods}
+    again, other = (ts.loop(clip, grow=150, transition=6, seed=seed) for seed in (3, 4))
+    np.testing.assert_array_equal(again.source, made.source)
+    assert [jump.enters for jump in other.jumps] != [jump.enters for jump in made.jumps]
+
+
+def test_the_least_change_is_found_pixel_by_pixel():
+    small = np.random.default_rng(0).random((12, 2, 3, 1)).astype(np.float32)
+    lag, transition = 4, 3
+    apart = np.abs(small[lag:] - small[:-lag])[..., 0]
+    for t, score in enumerate(changes(small, lag, transition, np.ones((2, 3), bool))):
+        pairs = [apart[t + k] + apart[t + k + 1] for k in range(transition - 1)]
+        assert score == pytest.approx(np.min(pairs, axis=0).mean(), rel=1e-5)
+    assert t == 12 - lag - transition
+
+
+def test_a_walk_closes_and_never_runs_out_of_the_clip():
+    jumps = [Jump(30, 4, 1.0), Jump(12, 25, 1.1), Jump(38, 10, 1.3), Jump(20, 2, 9.0)]
+    for seed in range(20):
+        walk = closed_walk(jumps, 4, 200, np.random.default_rng(seed))
+        assert length(walk) >= 200
+        assert Jump(20, 2, 9.0) not in walk
+        for jump, after in zip(walk, [*walk[1:], walk[0]], strict=True):
+            assert after.leaves >= jump.enters + 4
+
+
+def test_a_loop_shows_itself_in_a_line_and_a_picture():
+    made = ts.loop(turning(30, 10))
+    assert repr(made).startswith("Loop(")
+    assert "\n" not in repr(made)
+    assert made._repr_png_().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"frames": np.zeros((1, 4, 4))}, "at least 4"),
+        ({"frames": np.zeros((4, 4))}, "pass a non-empty"),
+        ({"length": 21}, "use a length of at most 18"),
+        ({"length": 3, "transition": 5}, "shorter than its transition"),
+        ({"length": (9, 8)}, "least number of frames first"),
+        ({"length": 2.5}, "whole number"),
+        ({"start": 30}, "start is 30"),
+        ({"start": 20, "transition": 6}, "shorter than its transition"),
+        ({"transition": 1}, "transition is 1"),
+        ({"transition": 13}, "use at most 12"),
+        ({"still": np.ones((4, 4))}, "leave something that moves"),
+        ({"still": np.ones((3, 4))}, "one value per pixel"),
+        ({"grow": 100, "length": 10}, "leave length and start out"),
+        ({"grow": 2}, "grow is 2"),
+        ({"gradient": True, "cost": ts.MatchCost()}, "leave gradient out"),
+        ({"level": "yes"}, "choose one of True, False"),
+        ({"tolerence": 1}, "does not know"),
+    ],
+)
+def test_bad_input_is_one_sentence(change, text):
+    given = {"frames": np.random.default_rng(0).random((24, 4, 4)), **change}
+    with pytest.raises(ts.TopoSeamError, match=text):
+        ts.loop(given.pop("frames"), **given)
+
+
+def test_a_walk_that_no_cheap_jump_closes_takes_a_dear_one_as_long_as_a_transition():
+    home = Jump(8, 4, 9.0)
+    walk = closed_walk([Jump(6, 4, 1.0), Jump(12, 9, 3.0), home], 4, 4, np.random.default_rng(0))
+    assert walk[0] == home
+
+
+@pytest.mark.timeout(60)  # else they are taken for ever
+def test_a_walk_takes_no_jump_from_which_there_is_no_way_back():
+    home, trap, way = Jump(9, 0, 1.0), Jump(16, 11, 0.9), Jump(14, 5, 1.1)
+    for seed in range(20):
+        walk = closed_walk([home, trap, way], 4, 100, np.random.default_rng(seed))
+        assert trap not in walk
+        for jump, after in zip(walk, [*walk[1:], walk[0]], strict=True):
+            assert after.leaves >= jump.enters + 4
+
+
+@pytest.mark.timeout(60)
+def test_a_clip_from_which_few_jumps_lead_back_is_grown():
+    """Noise, found by the fuzzer: its cheapest jumps lead nowhere."""
+    noise = (np.random.default_rng(0).random((16, 24, 1)) * 65535).astype(np.uint16)
+    assert len(ts.loop(noise, grow=40, seed=4).frames) >= 40
+
+
+def test_a_long_walk_is_counted_on_as_it_is_walked(monkeypatch):
+    monkeypatch.setattr(walks, "length", None)
+    walk = closed_walk([Jump(20, 0, 1.0), Jump(30, 4, 1.2)], 4, 5000, np.random.default_rng(0))
+    assert 5000 <= length(walk) < 5100
+
+
+def test_a_loop_grown_beyond_memory_is_refused():
+    with pytest.raises(ts.OptionError, match="grow is 10000000, which makes more than 1000 million values"):
+        ts.loop(np.random.default_rng(0).random((12, 16, 16)), grow=10**7)
+
+
+def test_a_walk_prefers_cheap_jumps_whatever_the_scale_of_their_costs():
+    costs = {30: 1.0, 25: 1.6, 38: 1.9}
+    walks = []
+    for scale in (1e-4, 1.0, 1e4):
+        jumps = [Jump(leaves, 4, scale * cost) for leaves, cost in costs.items()]
+        walk = closed_walk(jumps, 4, 3000, np.random.default_rng(1))
+        walks.append([jump.leaves for jump in walk])
+    assert walks[0] == walks[1] == walks[2]
+    # Each is taken in its turn: what was taken less often comes first, and then what is cheaper.
+    assert walks[1].count(30) >= walks[1].count(25) >= walks[1].count(38) > len(walks[1]) / 4

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import operator
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import Any, SupportsFloat, TypeVar
 
 import numpy as np
@@ -293,7 +293,7 @@ def seed_of(seed: Seed) -> int:
 
 
 def options_from(
-    kind: type[OptionsT], options: OptionsT | None, given: dict[str, Any], taker: str
+    kind: type[OptionsT], options: OptionsT | None, given: Mapping[str, Any], taker: str
 ) -> OptionsT:
     """The options of one call: an instance, or plain keywords, not both.
 

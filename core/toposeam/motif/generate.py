@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -39,11 +39,35 @@ _WASH = 0.15
 _STROKES = 1.75
 
 
+class RecipeKeywords(TypedDict, total=False):
+    """Keywords of :func:`random_recipe`."""
+
+    layers: int
+    repeat: str
+    seed: Seed
+    sources: Points | Sequence[Points] | None
+    sinks: Points | Sequence[Points] | None
+    distance: float | None
+    strengths: tuple[float, float]
+    ambient: float | None
+    mass: float | Sequence[float] | None
+    penalty: float | Sequence[float] | None
+    edge: str | Sequence[str] | None
+    iterations: int
+    move: float
+    filter_radius: float
+    coarse: bool
+    base: npt.ArrayLike | None
+    base_strength: float
+    base_law: str
+    palette: str | Palette | npt.ArrayLike | None
+
+
 def generate_motif(
     source: int | tuple[int, int] | Recipe,
     *,
     progress: Callable[[float], None] | None = None,
-    **options: Any,
+    **options: Unpack[RecipeKeywords],
 ) -> Motif:
     """Invent a motif.
 

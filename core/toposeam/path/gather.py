@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypedDict
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +34,16 @@ _INSULATION = 1e-6
 _CONVECTION = 1.0
 #: On grounds of fewer rows or columns multigrid has no coarser ones.
 _NARROW = 8
+
+
+class PathKeywords(TypedDict, total=False):
+    """Fields of :class:`PathOptions`."""
+
+    stroke_px: float
+    gather: int
+    sharpen: int
+    penalty: float
+    taut: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +15,7 @@ from scipy import ndimage
 from toposeam.checks import check_kind, check_numbers, options_from
 from toposeam.errors import ImageError, OptionError, PathError
 from toposeam.heat.threads import one_thread
-from toposeam.path.gather import PathIteration, PathOptions
+from toposeam.path.gather import PathIteration, PathKeywords, PathOptions
 from toposeam.path.levels import lead
 from toposeam.path.trace import cost_along, taut
 from toposeam.saving import save
@@ -105,7 +105,7 @@ def plan_path(
     stopovers: Sequence[Point] = (),
     options: PathOptions | None = None,
     progress: Callable[[float], None] | None = None,
-    **given: Any,
+    **given: Unpack[PathKeywords],
 ) -> PlannedPath:
     """Lead heat from sources to sinks, and follow it.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Callable, Mapping
-from typing import Any, Literal, get_args
+from typing import Any, Literal, Unpack, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,7 @@ from toposeam.seam.dynamic_programming import dp_labels
 from toposeam.seam.exact.graph_cut import graph_cut_labels, least_cut
 from toposeam.seam.exact.optimum import exact_labels, labels_of_nodes
 from toposeam.seam.heat.method import HeatOptions, heat_path
+from toposeam.seam.keywords import SeamKeywords
 from toposeam.seam.problem.match_cost import Law, MatchCost
 from toposeam.seam.problem.overlap import Side
 from toposeam.seam.problem.posing import pose
@@ -68,7 +69,7 @@ def find_seam(
     prove: bool = False,
     record_frames: bool = False,
     progress: Callable[[float], None] | None = None,
-    **given: Any,
+    **given: Unpack[SeamKeywords],
 ) -> Seam:
     """Find the seam along which two overlapping patches join unnoticed.
 

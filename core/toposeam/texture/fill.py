@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import Any, Literal, get_args
+from typing import Any, Literal, Unpack, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -31,7 +31,7 @@ from toposeam.texture.holes.shift_map_moves import Ground
 from toposeam.texture.light.levelling import levelled
 from toposeam.texture.periodicity.period import find_order
 from toposeam.texture.periodicity.phase import Phase
-from toposeam.texture.placement.options import LayOptions
+from toposeam.texture.placement.options import LayKeywords, LayOptions
 from toposeam.texture.placement.patch_placer import PatchPlacer
 from toposeam.texture.placement.request import TextureRequest
 from toposeam.texture.synthesize import check_patch
@@ -72,7 +72,7 @@ def fill(
     level: bool = True,
     progress: Callable[[float], None] | None = None,
     options: LayOptions | None = None,
-    **given: Any,
+    **given: Unpack[LayKeywords],
 ) -> Synthesis:
     """Replace part of a picture by what the rest of it is like.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -27,7 +27,7 @@ from toposeam.texture.light.seam_easing import EasedLight, Level, level_for
 from toposeam.texture.light.slow_light import CopyLight, flattened, levelled_copies, without_light
 from toposeam.texture.periodicity.period import STRETCH, find_order
 from toposeam.texture.periodicity.phase import Phase
-from toposeam.texture.placement.options import LayOptions
+from toposeam.texture.placement.options import LayKeywords, LayOptions
 from toposeam.texture.placement.patch_placer import PatchPlacer
 from toposeam.texture.placement.request import TextureRequest
 from toposeam.texture.repair.mend import mend
@@ -65,7 +65,7 @@ def synthesize(
     progress: Callable[[float], None] | None = None,
     preview: Callable[[npt.NDArray[Any]], None] | None = None,
     options: LayOptions | None = None,
-    **given_options: Any,
+    **given_options: Unpack[LayKeywords],
 ) -> Synthesis:
     """Grow a texture of any size from one or more samples.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,7 @@ from toposeam.texture.canvas.synthesis import Synthesis
 from toposeam.texture.canvas.tileable import Tileable
 from toposeam.texture.exemplar.sources import UNSEEN_STEP, DataRange, Images, as_list, check_varied
 from toposeam.texture.holes.hole_window import read_holed
-from toposeam.texture.placement.options import LayOptions
+from toposeam.texture.placement.options import LayKeywords, LayOptions
 from toposeam.texture.placement.request import TextureRequest
 from toposeam.texture.scheduling.raster import SMALLEST_TILE
 
@@ -34,7 +34,7 @@ def make_tileable(
     smooth: int = 1,
     progress: Callable[[float], None] | None = None,
     options: LayOptions | None = None,
-    **given: Any,
+    **given: Unpack[LayKeywords],
 ) -> Synthesis:
     """Make an existing picture repeat without a visible border.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Callable, Sequence
-from typing import Any, Literal, get_args
+from typing import Any, Literal, Unpack, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,7 @@ from toposeam.heat.threads import one_thread
 from toposeam.seam.exact.graph_cut import least_cut
 from toposeam.seam.problem.match_cost import MatchCost, check_no_reach, match_options
 from toposeam.seam.problem.solution import Solution
-from toposeam.volume.heat.method import SurfaceOptions, heat_surface
+from toposeam.volume.heat.method import SurfaceKeywords, SurfaceOptions, heat_surface
 from toposeam.volume.problem.posing import surface_problem
 from toposeam.volume.problem.surface_problem import SurfaceProblem
 from toposeam.volume.surface import Surface
@@ -44,7 +44,7 @@ def find_surface(
     data_range: float | None = None,
     options: SurfaceOptions | None = None,
     progress: Callable[[float], None] | None = None,
-    **given: Any,
+    **given: Unpack[SurfaceKeywords],
 ) -> Surface:
     """Find the surface along which two overlapping volumes, or clips, join unnoticed.
 

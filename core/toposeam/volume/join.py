@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from toposeam.errors import ImageError
 from toposeam.images import Mask
 from toposeam.seam.problem.match_cost import MatchCost, check_no_reach, match_options
 from toposeam.volume.find import find_surface
-from toposeam.volume.heat.method import SurfaceOptions
+from toposeam.volume.heat.method import SurfaceKeywords, SurfaceOptions
 from toposeam.volume.mesh import Mesh, mesh_of
 from toposeam.volume.problem.arrays import Volume, as_volume
 from toposeam.volume.problem.canvas import Places, placed
@@ -90,7 +90,7 @@ def join_volumes(
     data_range: float | None = None,
     options: SurfaceOptions | None = None,
     progress: Callable[[float], None] | None = None,
-    **given: Any,
+    **given: Unpack[SurfaceKeywords],
 ) -> JoinedVolume:
     """Join two overlapping stacks along the surface that shows least.
 
@@ -190,7 +190,7 @@ def _whole(
     data_range: float | None,
     options: SurfaceOptions | None,
     progress: Callable[[float], None] | None,
-    given: dict[str, Any],
+    given: SurfaceKeywords,
 ) -> tuple[Surface, Mask]:
     """The surface, on the common box and a voxel around it, and the labels of the box."""
     window = tuple(

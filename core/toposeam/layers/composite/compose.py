@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, Unpack, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -42,6 +42,7 @@ from toposeam.layers.search.options import Effort, SearchOptions, search_options
 from toposeam.layers.search.problem import Problem, State
 from toposeam.seam.find import Method, method_for, method_options, usual_law
 from toposeam.seam.heat.method import HeatOptions
+from toposeam.seam.keywords import SeamKeywords
 from toposeam.seam.problem.match_cost import MatchCost, match_options
 from toposeam.seam.problem.overlap import check_core
 from toposeam.seam.problem.posing import as_weights
@@ -76,7 +77,7 @@ def compose(
     record_frames: bool = False,
     executor: Executor | None = None,
     progress: Callable[[float], None] | None = None,
-    **keywords: Any,
+    **keywords: Unpack[SeamKeywords],
 ) -> Composition:
     """Decide which of placed layers shows where, for a picture that need not fit into memory.
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +25,7 @@ from toposeam.layers.search.options import Effort, SearchOptions
 from toposeam.saving import save
 from toposeam.seam.find import Method
 from toposeam.seam.heat.method import HeatOptions
+from toposeam.seam.keywords import SeamKeywords
 from toposeam.seam.problem.match_cost import MatchCost
 from toposeam.seam.result.drawing import draw_seams
 from toposeam.seam.result.seam import Seam
@@ -174,7 +175,7 @@ def stitch(
     wrap: int | None = None,
     record_frames: bool = False,
     progress: Callable[[float], None] | None = None,
-    **keywords: Any,
+    **keywords: Unpack[SeamKeywords],
 ) -> Stitched:
     """Join placed layers.
 

@@ -11,7 +11,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, TypedDict, Unpack, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -69,6 +69,14 @@ class Drawable(Protocol):
         """The densities at another size."""
 
 
+class SvgKeywords(TypedDict, total=False):
+    """Fields of :class:`SvgOptions`."""
+
+    levels: int
+    width_mm: float | None
+    transparent: bool
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SvgOptions:
     """How a motif is drawn.
@@ -100,7 +108,7 @@ def draw_svg(
     *,
     options: SvgOptions | None = None,
     note: Mapping[str, Any] | None = None,
-    **given: Any,
+    **given: Unpack[SvgKeywords],
 ) -> str:
     """A motif, or a sheet of it, as an SVG document.
 

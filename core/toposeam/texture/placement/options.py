@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TypedDict
 
 import numpy as np
 
@@ -10,6 +11,23 @@ from toposeam.checks import check_choice, check_number, check_whole
 from toposeam.errors import OptionError, Term
 from toposeam.seam.find import METHODS, Method
 from toposeam.seam.problem.match_cost import MatchCost, check_no_reach
+
+
+class LayKeywords(TypedDict, total=False):
+    """Fields of :class:`LayOptions`."""
+
+    tolerance: float
+    candidates: int
+    context: int
+    context_weight: float
+    most: float
+    variety: float
+    copy_patches: float
+    copy_share: float
+    mend: float
+    close: bool
+    method: Method
+    cost: MatchCost | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

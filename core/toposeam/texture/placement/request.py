@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,7 +35,7 @@ class TextureRequest:
         cls,
         taker: str,
         options: LayOptions | None,
-        given: dict[str, Any],
+        given: Mapping[str, Any],
         *,
         seed: Seed,
         smooth: int,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +23,7 @@ from toposeam.volume.clip.levelling import levelled, without_light
 from toposeam.volume.clip.period import Jump, best_jump, good_jumps, small_frames, small_mask, weights
 from toposeam.volume.clip.walk import closed_walk
 from toposeam.volume.find import find_surface
-from toposeam.volume.heat.method import SurfaceOptions
+from toposeam.volume.heat.method import SurfaceKeywords, SurfaceOptions
 from toposeam.volume.problem.arrays import Volume, as_volume
 from toposeam.volume.problem.posing import face_areas
 from toposeam.volume.surface import Surface
@@ -97,7 +97,7 @@ def loop(
     data_range: float | None = None,
     options: SurfaceOptions | None = None,
     progress: Callable[[float], None] | None = None,
-    **given: Any,
+    **given: Unpack[SurfaceKeywords],
 ) -> Loop:
     """Make a clip repeat without a visible jump.
 

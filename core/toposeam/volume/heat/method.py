@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypedDict
 
 import numpy as np
 import numpy.typing as npt
@@ -47,6 +48,14 @@ _GROWTHS = 3
 _SOFT = 0.1
 #: On coarse grids a forbidden interface costs so many times the dearest other one.
 _DETERRENT = 4.0
+
+
+class SurfaceKeywords(TypedDict, total=False):
+    """Fields of :class:`SurfaceOptions`."""
+
+    tolerance: float
+    max_iterations: int
+    whole: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -85,8 +85,8 @@ def test_every_entry_is_complete(entry):
         elif not isinstance(option.default, bool):
             assert option.low <= option.default <= option.high
     module, function = entry.work.split(".")
-    assert f"\ndef {function}(call: Call)" in (PLUG_IN / f"{module}.py").read_text()
-    asked = re.findall(r'"operation": "(\w+)"', (PLUG_IN / f"{module}.py").read_text())
+    assert f"\ndef {function}(call: Call)" in (PLUG_IN / "actions" / f"{module}.py").read_text()
+    asked = re.findall(r'"operation": "(\w+)"', (PLUG_IN / "actions" / f"{module}.py").read_text())
     assert asked
     assert set(asked) <= set(OPERATIONS)
 
@@ -188,7 +188,7 @@ def test_the_manual_has_a_section_per_entry_and_every_field():
 
 def sources():
     """Every text that is translated."""
-    for path in PLUG_IN.glob("*.py"):
+    for path in PLUG_IN.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "_":
                 yield ast.literal_eval(node.args[0])

@@ -16,7 +16,7 @@ class Termination(StrEnum):
     --------
     >>> import numpy as np, toposeam as ts
     >>> a, b = np.random.default_rng(0).random((2, 12, 6))
-    >>> ts.find_seam(a, b).termination is ts.Termination.SINGLE_LINE
+    >>> ts.find_seam(a, b, method="heat").termination is ts.Termination.SINGLE_LINE
     True
     """
 
@@ -38,7 +38,7 @@ class Iteration:
     --------
     >>> import numpy as np, toposeam as ts
     >>> a, b = np.random.default_rng(0).random((2, 12, 6))
-    >>> ts.find_seam(a, b).history[0].stage
+    >>> ts.find_seam(a, b, method="heat").history[0].stage
     1
     """
 

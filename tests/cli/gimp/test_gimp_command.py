@@ -233,7 +233,7 @@ def test_a_profile_that_cannot_be_written_keeps_the_old_plug_in(home, monkeypatc
 
 def test_a_plug_in_that_cannot_be_put_in_place_leaves_the_old_one(home, monkeypatch):
     run("install", "--gimp-version", "3.0")
-    (plug_in(home, "3.0") / "seams.py").write_text("old")
+    (plug_in(home, "3.0") / "plugin.py").write_text("old")
     rename = Path.rename
 
     def refuse(self, target):
@@ -243,7 +243,7 @@ def test_a_plug_in_that_cannot_be_put_in_place_leaves_the_old_one(home, monkeypa
 
     monkeypatch.setattr(Path, "rename", refuse)
     assert "cannot write" in run("install", "--gimp-version", "3.0", code=1)
-    assert (plug_in(home, "3.0") / "seams.py").read_text() == "old"
+    assert (plug_in(home, "3.0") / "plugin.py").read_text() == "old"
     assert [path.name for path in plug_in(home, "3.0").parent.iterdir()] == ["toposeam_gimp"]
 
 

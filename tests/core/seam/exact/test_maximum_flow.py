@@ -178,7 +178,7 @@ def test_it_is_loaded_when_it_would_have_been_worth_it_and_loads_no_tables():
     pytest.importorskip(MODULE, reason="OR-tools is not installed")
     script = (
         "import sys, numpy as np, toposeam as ts\n"
-        "from toposeam.seam import flow\n"
+        "from toposeam.seam.exact import maximum_flow as flow\n"
         "a, b = np.random.default_rng(0).random((2, 20, 20))\n"
         "inside, hole = np.zeros((2, 20, 20), bool)\n"
         "inside[4:16, 4:16] = hole[9:11, 9:11] = True\n"

@@ -260,7 +260,7 @@ def test_processes_end_when_their_parent_is_killed():
     code = f"""if True:
         import sys, time
         sys.path.insert(0, {str(Path(__file__).parent)!r})
-        from test_waves import Crew, meeting, met
+        from test_wavefronts import Crew, meeting, met
         crew = Crew(3, meeting(3), lambda: None)
         print(*met(crew, 3), flush=True)
         time.sleep(600)

@@ -105,7 +105,7 @@ INSIDE: dict[str, dict[str, set[str]]] = {
         "registration": {"canvas", "execution", "labelling"},
         "exposure": {"canvas", "execution"},
         "blending": {"canvas"},
-        "composite": {"canvas", "execution", "labelling", "search", "exposure", "blending"},
+        "composite": {"canvas", "execution", "labelling", "search", "registration", "exposure", "blending"},
     },
     "toposeam.texture": {
         "exemplar": set(),

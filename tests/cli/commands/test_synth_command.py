@@ -287,7 +287,11 @@ def test_variation_stands_for_what_it_is_made_of(toposeam, given):
         (("moss.png", "--size", "100000000x90", "-o", "o.png"), "more than", 1),
         (("moss.png", "--size", "90", "--patch", "small", "-o", "o.png"), "not a patch size", 2),
         (("moss.png", "--size", "90", "--weights", "a,b", "-o", "o.png"), "not a list of weights", 2),
-        (("moss.png", "--size", "90", "--weights", "1,2", "-o", "o.png"), "2 --weights were given for the picture", 1),
+        (
+            ("moss.png", "--size", "90", "--weights", "1,2", "-o", "o.png"),
+            "2 --weights were given for the picture",
+            1,
+        ),
         (("none.png", "--size", "90", "-o", "o.png"), "none.png", 1),
         (
             ("moss.png", "gray.tif", "--size", "90", "--also", "normal.png", "-o", "o.png"),

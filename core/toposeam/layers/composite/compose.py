@@ -36,6 +36,7 @@ from toposeam.layers.execution.tasks import Executor, check_executor
 from toposeam.layers.exposure.gains import match_tones as matched
 from toposeam.layers.labelling.posing import CORE, exclusive_covers, pose_labelling
 from toposeam.layers.labelling.problem import Labelling, Pair
+from toposeam.layers.registration.find_places import find_places
 from toposeam.layers.search.local_search import find_potentials, refine
 from toposeam.layers.search.multilevel import minimise
 from toposeam.layers.search.options import Effort, SearchOptions, search_options
@@ -55,7 +56,7 @@ MAX_ROUNDS = 10
 
 
 def compose(
-    layers: Sequence[Layer],
+    layers: Sequence[Layer] | Sequence[npt.NDArray[Any]],
     *,
     method: Method = "auto",
     gradient: bool | None = None,
@@ -108,8 +109,8 @@ def compose(
     >>> compose([Layer(whole[:, :40]), Layer(whole[:, 20:], at=(20, 0))])
     Composition(2 layers, 60 × 30 px, 1 seam)
     """
-    layers = check_layers(layers)
     check_executor(executor)
+    layers = check_layers(_with_places(layers, executor))
     check_whole("max_rounds", max_rounds, 0)
     thorough = search_options(effort, len(layers))
     check_core(core, speck)
@@ -196,6 +197,17 @@ def compose(
         _seam=seam_of,
         _totals=totals,
     )
+
+
+def _with_places(
+    layers: Sequence[Layer] | Sequence[npt.NDArray[Any]], executor: Executor | None
+) -> Sequence[Layer]:
+    """Find the places of images that are given without any."""
+    if isinstance(layers, list | tuple) and len(layers) > 1:
+        images = [Layer(image) for image in layers if isinstance(image, np.ndarray)]
+        if len(images) == len(layers):
+            return find_places(images, executor=executor).layers
+    return layers  # type: ignore[return-value]  # checked by the caller
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -154,7 +154,7 @@ def pair_name(first: str, second: str) -> str:
 
 
 def stitch(
-    layers: Sequence[Layer],
+    layers: Sequence[Layer] | Sequence[npt.NDArray[Any]],
     *,
     method: Method = "auto",
     gradient: bool | None = None,
@@ -186,8 +186,9 @@ def stitch(
 
     Parameters
     ----------
-    layers : sequence of Layer
-        At least two, of one dtype; gray layers are widened to the others' channels.
+    layers : sequence of Layer, or list of (H, W) or (H, W, C) arrays
+        At least two, of one dtype; gray layers are widened to the others' channels. Of arrays the places are
+        found first, by :func:`toposeam.find_places`.
     method, gradient, cost, options, **keywords
         As for :func:`toposeam.find_seam`; without `cost`, the blends "soft" and "multiband" set its `reach`
         to how far they reach. Of two layers the blend "soft" makes `auto` choose `heat`. Regions between more
@@ -252,6 +253,10 @@ def stitch(
     >>> whole = np.random.default_rng(0).random((30, 60))
     >>> stitch([Layer(whole[:, :40]), Layer(whole[:, 20:], at=(20, 0))])
     Stitched(2 layers, 60 × 30 px, 1 seam of cost 0.03)
+    >>> from skimage import data
+    >>> whole = data.camera()[100:260, :300]
+    >>> stitch([whole[:, :180], whole[:, 120:]]).image.shape
+    (160, 300)
     """
     composed = compose(
         layers,

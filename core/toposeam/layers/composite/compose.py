@@ -204,8 +204,9 @@ def _with_places(
 ) -> Sequence[Layer]:
     """Find the places of images that are given without any."""
     if isinstance(layers, list | tuple) and len(layers) > 1:
-        images = [Layer(image) for image in layers if isinstance(image, np.ndarray)]
-        if len(images) == len(layers):
+        arrays = [image for image in layers if isinstance(image, np.ndarray)]
+        if len(arrays) == len(layers):
+            images = [Layer(image, name=f"picture {k}") for k, image in enumerate(arrays, start=1)]
             return find_places(images, executor=executor).layers
     return layers  # type: ignore[return-value]  # checked by the caller
 

@@ -116,7 +116,7 @@ def test_no_bar_in_a_pipe_and_silence_when_quiet(folder, process, started):
 
 @pytest.mark.medium
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1", "cp949"])
-def test_a_terminal_that_lacks_a_character_does_not_stop_the_work(folder, started, encoding):
+def test_a_character_missing_from_the_encoding_stops_nothing(folder, started, encoding):
     (folder / "b.png").rename(folder / "☃.png")
     env = {"PYTHONIOENCODING": encoding, "PYTHONUTF8": "0"}
     ran = started("stitch", "a.png", "☃.png", "--overlap", "20", "-o", "☃ out.png", env=env)

@@ -58,7 +58,7 @@ def measured(*words):
 
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
-def test_the_results_have_the_thesiss_own_cases_as_they_are_today():
+def test_results_state_the_thesis_s_own_cases_as_measured():
     stated = rows(variants().partition("--cases")[2])
     today = measured("--cases")
     assert set(stated) == set(today)
@@ -122,7 +122,7 @@ def test_what_is_said_of_workers_is_one_measurement(monkeypatch):
     assert hours == sorted(hours, reverse=True)
 
 
-def test_what_is_said_of_textures_by_the_clock_is_what_the_table_says():
+def test_texture_times_in_the_text_match_the_table():
     text = (HERE / "docs" / "texture.md").read_text(encoding="utf-8")
     table, _, after = text.partition("By the clock, ")[2].partition("```\n")[2].partition("```")
     ratios = np.array(

@@ -107,7 +107,7 @@ def test_the_guards_own_cost_is_the_piles_and_the_surfaces(cases):
         assert cases.seam_cost(a, b, surface.labels, law=law) == pytest.approx(surface.cost, rel=1e-5)
 
 
-def test_labels_that_show_what_is_not_there_cost_infinitely_much(cases):
+def test_labels_showing_missing_pixels_cost_infinity(cases):
     a, b = np.random.default_rng(0).random((2, 6, 8))
     on_b = np.ones((6, 8), bool)
     on_b[0, 0] = False
@@ -116,7 +116,7 @@ def test_labels_that_show_what_is_not_there_cost_infinitely_much(cases):
     assert cases.seam_cost(a, b, on_b, None, on_b, law="gradient") < math.inf
 
 
-def test_steps_between_copies_count_and_steps_of_the_sample_do_not(cases):
+def test_excess_counts_steps_between_copies_only(cases):
     sample = np.random.default_rng(0).integers(0, 256, (10, 12), np.uint8)
     source = np.stack(np.indices((10, 12)), axis=-1)
     usable = np.ones((10, 12), bool)

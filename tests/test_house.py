@@ -139,6 +139,8 @@ INSIDE: dict[str, dict[str, set[str]]] = {
 #: Modules in a folder, and lines of a class, that a reader holds.
 MODULES = 15
 CLASS_LINES = 250
+#: A test's name is shorter.
+NAME_CHARACTERS = 60
 #: Classes that are still longer, to be shortened: nothing may be added.
 LONG_CLASSES = {"Choices", "Composition", "Replacing", "ShiftMoves", "_Run"}
 WITHOUT_CLICK = {
@@ -344,3 +346,15 @@ def test_what_core_gives_away_cannot_be_changed():
                     if words.startswith("dataclass") and "frozen=True" not in words:
                         loose.append(f"{path.name}: {node.name}")
     assert not loose
+
+
+def test_names_of_tests_are_short():
+    long = {
+        f"{path.relative_to(HERE).as_posix()}: {node.name}"
+        for path in (HERE / "tests").rglob("*.py")
+        for node in ast.walk(parsed(path))
+        if isinstance(node, ast.FunctionDef)
+        and node.name.startswith("test_")
+        and len(node.name) >= NAME_CHARACTERS
+    }
+    assert not long

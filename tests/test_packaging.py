@@ -132,7 +132,7 @@ def test_what_is_released_is_not_released_again(release):
     assert said.err == "error: v0.3.0 is released already; raise the version\n"
 
 
-def test_versions_that_differ_and_folders_without_history_are_not_released(release):
+def test_differing_versions_and_folders_without_git_are_refused(release):
     shutil.rmtree(release.folder / ".git")
     assert "release from a clone" in release()[1].err
     (release.folder / "CITATION.cff").write_text("version: 0.2.0\n")
@@ -170,7 +170,7 @@ def test_the_wheel_holds_the_four_packages_and_nothing_else(built):
 
 
 @pytest.mark.slow
-def test_the_source_archive_holds_the_documents_with_their_pictures_and_the_tests(built):
+def test_the_source_archive_holds_documents_pictures_and_tests(built):
     _, source, _ = built
     for document in [*sorted(HERE.glob("docs/**/*.md")), HERE / "README.md", HERE / "samples/README.md"]:
         assert document.relative_to(HERE).as_posix() in source
@@ -183,7 +183,7 @@ def test_the_source_archive_holds_the_documents_with_their_pictures_and_the_test
 
 
 @pytest.mark.slow
-def test_the_readme_renders_on_a_package_index_and_points_at_nothing_that_is_not_there(built):
+def test_the_readme_renders_on_pypi_with_absolute_links_only(built):
     from readme_renderer import markdown
 
     _, _, message = built
@@ -215,7 +215,7 @@ def test_the_installation_is_told_truly():
     assert pythons[0] == lowest
 
 
-def test_the_three_commands_that_are_measured_are_those_of_the_readme():
+def test_the_measured_three_commands_are_those_of_the_readme():
     install = (HERE / "README.md").read_text(encoding="utf-8").partition("\n## Install\n")[2]
     (three,) = re.findall(r"```sh\n((?:.*\n){3})```", install.partition("\n## ")[0])
     script = (HERE / "tests/platforms/debian.sh").read_text(encoding="utf-8")

@@ -131,7 +131,7 @@ def test_every_public_name_is_in_the_reference(site):
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here")
-def test_a_browser_shows_every_page_on_a_desk_and_on_a_telephone_and_finds_words(site, tmp_path):
+def test_a_browser_shows_every_page_on_two_screens_and_searches(site, tmp_path):
     names = [path.relative_to(site).as_posix() for path in pages(site) if path != site / "index.html"]
     (site / "look.html").write_text(LOOK.replace("PAGES", json.dumps(names)), encoding="utf-8")
 

@@ -92,7 +92,7 @@ def tile(folder, index, x, y, content=None, said=None):
 
 
 @pytest.mark.medium
-def test_a_corrupt_one_among_sixty_is_named_and_left_out_when_asked(toposeam, tmp_path, monkeypatch):
+def test_one_corrupt_file_of_sixty_is_named_and_can_be_skipped(toposeam, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for index in range(60):
         row, column = divmod(index, 10)
@@ -190,7 +190,7 @@ def test_what_is_left_out_leaves_its_place_empty(toposeam, tmp_path, monkeypatch
 
 
 @pytest.mark.medium
-def test_numbers_mean_the_pictures_that_were_given_also_when_one_is_left_out(toposeam, tmp_path, monkeypatch):
+def test_numbers_refer_to_all_pictures_also_if_one_is_skipped(toposeam, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names = four(tmp_path, 1)
     white = np.full((120, 150), 255, np.uint8)
@@ -226,7 +226,7 @@ def test_seams_of_a_picture_that_is_left_out_are_left_out_too(toposeam, tmp_path
     assert given == [["0.png", "2.png"]]
 
 
-def test_an_overlap_of_three_of_which_one_is_broken_is_still_one_of_three(toposeam, tmp_path, monkeypatch):
+def test_an_overlap_of_three_with_a_broken_one_is_still_refused(toposeam, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names = four(tmp_path, 1)[:3]
     words = "stitch", *names, "--skip-bad", "-o", "all.png"

@@ -39,7 +39,7 @@ def test_layers_that_show_nowhere_are_told(request_folder, pair):
 
 
 @pytest.mark.parametrize("place", [(-15, -9), (12, -6), (18, -27)])
-def test_a_selection_that_reaches_over_the_layers_keeps_the_seam_within(request_folder, pair, place):
+def test_a_selection_beyond_the_layers_confines_the_seam(request_folder, pair, place):
     layers = [request_folder.raster("a", pair[0]), request_folder.raster("b", pair[1], (20, 5))]
     selected = np.full((60, 60), 255, np.uint8)
     selected[:, -3:] = 0
@@ -89,7 +89,7 @@ def test_the_found_lines_applied_again_give_the_same_masks(request_folder, pair)
 
 
 @pytest.mark.parametrize("blend", ts.BLENDS)
-def test_masks_and_what_blending_changes_make_the_composite_of_core(request_folder, pair, blend):
+def test_masks_and_blended_pixels_compose_core_s_result(request_folder, pair, blend):
     pair[1] = np.maximum(pair[1], 60)
     layers = [request_folder.raster("a", pair[0]), request_folder.raster("b", pair[1], (20, 5))]
     options = {"blend": blend, "blend_width": 6, "match_tones": True}
@@ -221,7 +221,7 @@ def test_a_patch_is_divided_anew_by_its_path(request_folder, pair):
     np.testing.assert_array_equal(request_folder.pixels(result["masks"][1]) > 0, expected)
 
 
-def test_a_larger_core_shows_more_of_a_patch_as_option_and_entry_say(request_folder, pair):
+def test_a_larger_core_shows_more_of_a_patch_as_texts_say(request_folder, pair):
     layers = [request_folder.raster("below", np.full((60, 60, 4), 255, np.uint8))]
     layers.append(request_folder.raster("patch", pair[0], (10, 15)))
     areas = []

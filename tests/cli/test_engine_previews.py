@@ -86,7 +86,7 @@ def test_a_preview_of_a_pattern_is_in_its_colours(request_folder):
     assert np.abs(shown[0, 0, :3].astype(int) - ink).max() <= 40  # the ink on that paper
 
 
-def test_a_preview_of_an_animation_has_its_frames_one_below_the_other(request_folder):
+def test_the_preview_of_an_animation_stacks_its_frames(request_folder):
     clip = np.random.default_rng(0).integers(0, 256, (10, 12, 16, 4)).astype(np.uint8)
     clip[..., 3] = 255
     layers = [request_folder.raster(str(index), frame) for index, frame in enumerate(clip)]

@@ -53,7 +53,7 @@ def engine(folder, stdin):
 @pytest.mark.parametrize(
     "stdin", [b"", b"\n", b"7e57\n", b"wrong\n" * 1000], ids=["none", "empty", "7e57", "long"]
 )
-def test_a_folder_that_is_no_request_is_refused_and_left_untouched(tmp_path, stdin):
+def test_a_folder_without_a_request_is_refused_and_unchanged(tmp_path, stdin):
     (tmp_path / "photo.jpg").write_bytes(b"precious")
     (tmp_path / "request.json").write_text("{}")
     answer = engine(tmp_path, stdin)

@@ -7,7 +7,7 @@ import numpy as np
 from toposeam_cli.stitching.windowed_output import _marks
 
 
-def test_a_seam_is_drawn_three_px_wide_on_small_pictures_with_a_margin_of_one_on_either_side():
+def test_a_seam_is_drawn_three_pixels_wide_on_small_pictures():
     line = SimpleNamespace(outline=np.column_stack([np.full(41, 10.0), np.arange(41)]))
     marks = _marks([SimpleNamespace(paths=[line])], (40, 30))
     np.testing.assert_array_equal(marks[20, 6:15], [0, 0, 1, 2, 2, 2, 1, 0, 0])

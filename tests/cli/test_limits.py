@@ -118,12 +118,12 @@ def test_what_would_be_too_large_is_refused_before_it_is_begun(motif, words, phr
         ("loop LARGE -o o.gif", "holds one frame"),
     ],
 )
-def test_a_large_picture_where_a_small_one_belongs_is_not_decoded(folder, photographs, large, words, phrase):
+def test_an_oversized_auxiliary_picture_is_not_decoded(folder, photographs, large, words, phrase):
     refused(folder, [str(large) if word == "LARGE" else word for word in words.split()], phrase)
 
 
 @pytest.mark.medium
-def test_a_narrow_picture_on_a_product_takes_what_it_has_and_no_more(toposeam, folder):
+def test_a_narrow_picture_on_a_product_needs_little_memory(toposeam, folder):
     pixels = np.random.default_rng(0).integers(0, 256, (100_000, 1, 3)).astype(np.uint8)
     write_picture(folder / "thread.png", Picture(pixels=pixels))
     words = ["mockup", "thread.png", "--on", "tie", "--repeat", "p1", "-o", "o.png"]
@@ -199,7 +199,7 @@ def test_a_layout_of_large_pictures(folder, photographs, large):
     ],
     ids=lambda words: words[0],
 )
-def test_a_large_picture_that_a_texture_would_not_have_the_memory_for(folder, photographs, large, words):
+def test_a_picture_too_large_for_texture_memory_is_refused(folder, photographs, large, words):
     refused(folder, [str(large) if word == "LARGE" else word for word in words], "raise --max-megapixels")
 
 
@@ -282,7 +282,7 @@ def test_a_format_that_cannot_hold_it_is_said_before_the_work(toposeam, folder, 
     "more",
     [["--patch", "8"], ["--seams", "s.svg"], ["--labels", "l.png"], ["--also", "b.png"], ["--seed", "3"]],
 )
-def test_options_that_coordinates_leave_without_effect_are_refused(toposeam, folder, photographs, more):
+def test_options_without_effect_on_coordinates_are_refused(toposeam, folder, photographs, more):
     words = ["synth", "a.png", "--use-coordinates", "b.png", "-o", "o.png", *more]
     toposeam(*words).fails(f"{more[0]} changes nothing with --use-coordinates")
 

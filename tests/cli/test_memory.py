@@ -126,7 +126,7 @@ print(peak() - before)
 
 
 @pytest.mark.medium
-def test_a_file_of_pixels_that_is_written_does_not_count_as_memory(tmp_path):
+def test_a_written_scratch_file_does_not_count_as_memory(tmp_path):
     height = 10_000  # 400 MB
     ran = subprocess.run(
         [sys.executable, "-c", WRITES, str(tmp_path), str(height)], capture_output=True, text=True, check=True

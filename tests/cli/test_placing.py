@@ -51,9 +51,7 @@ def test_negative_places_move_the_canvas_not_the_pixels(unlike, at):
 
 
 @pytest.mark.parametrize("suffix", [".jpg", ".jpeg"])
-def test_a_picture_with_holes_is_refused_as_jpeg_before_any_seam_is_sought(
-    unlike, toposeam, monkeypatch, suffix
-):
+def test_a_jpeg_with_holes_is_refused_before_the_seam_search(unlike, toposeam, monkeypatch, suffix):
     monkeypatch.setattr(ts, "stitch", lambda *_, **__: pytest.fail("a seam was sought"))
     line = ("stitch", *unlike, "--offset", "30,5", "-o", f"out{suffix}", "--crop", "outside")
     toposeam(*line).fails("cannot hold")
@@ -165,7 +163,7 @@ def test_a_picture_that_cannot_be_read_is_left_out_when_asked(crops, toposeam, t
 
 
 @pytest.mark.medium
-def test_strangers_at_given_places_give_a_warning_with_the_number(crops, toposeam, tmp_path):
+def test_unrelated_pictures_at_given_places_cause_a_warning(crops, toposeam, tmp_path):
     write_picture(tmp_path / "cat.png", Picture(pixels=data.chelsea()[:220, :300].copy()))
     ran = toposeam("stitch", "a.png", "cat.png", "--offset", "200,0", "-o", "all.png")
     assert ran.code == 0

@@ -42,7 +42,7 @@ def test_powershell_is_told_commands_options_choices_and_files():
     assert {kind for kind, _, _ in asked("toposeam tile s", "s")} <= {"file"}
 
 
-def test_the_script_for_powershell_asks_the_program_and_leaves_nothing_in_the_environment(toposeam):
+def test_the_powershell_script_removes_the_variables_it_sets(toposeam):
     ran = toposeam("completion", "powershell")
     assert ran.code == 0
     set_there = set(re.findall(r"\$env:(\w+) =", ran.out))

@@ -1,14 +1,18 @@
 """Help, version, completion, and what is seen on a terminal and off."""
 
+import io
 import os
 import pty
 import subprocess
 import sys
+from contextlib import redirect_stderr
 
 import pytest
 
 import toposeam as ts
 from stitching import STRIP, names
+from toposeam_cli.app.progress import progress_bar
+from toposeam_cli.jobs.runner import Progress
 
 
 @pytest.mark.parametrize(
@@ -116,7 +120,7 @@ def test_no_bar_in_a_pipe_and_silence_when_quiet(folder, process, started):
 
 @pytest.mark.medium
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1", "cp949"])
-def test_a_terminal_that_lacks_a_character_does_not_stop_the_work(folder, started, encoding):
+def test_a_character_missing_from_the_encoding_stops_nothing(folder, started, encoding):
     (folder / "b.png").rename(folder / "☃.png")
     env = {"PYTHONIOENCODING": encoding, "PYTHONUTF8": "0"}
     ran = started("stitch", "a.png", "☃.png", "--overlap", "20", "-o", "☃ out.png", env=env)
@@ -141,3 +145,70 @@ def test_the_history_can_be_an_animation(folder, toposeam):
     assert (folder / "found.GIF").read_bytes().startswith(b"GIF89a")
     assert "found.avi" in toposeam("stitch", *STRIP, "-o", "c.png", "--history", "found.avi").err
     assert names(folder) == ["a.png", "b.png", "found.GIF", "out.png"]
+
+
+class Screen(io.StringIO):
+    """A terminal that carries out the carriage returns and the two codes that click writes."""
+
+    def isatty(self):
+        return True
+
+    def lines(self):
+        shown = []
+        for line in self.getvalue().replace("\033[?25l", "").replace("\033[?25h", "").split("\n"):
+            row = ""
+            for part in line.split("\r"):
+                row = part + row[len(part) :]
+            shown.append(row.rstrip())
+        return shown
+
+
+def test_the_bar_of_a_batch_stays_below_its_messages(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    with redirect_stderr(Screen()) as screen, progress_bar() as bar:
+        bar.report(Progress(0, 4, 0, 0.0, None))
+        assert screen.lines() == ["[" + 30 * "-" + "]    0%  0 of 4"]
+        bar.report(Progress(2, 4, 0, 0.5, 3665.2))
+        bar.say("b: there is no file")
+        bar.report(Progress(2, 4, 1, 0.5, None))
+        assert screen.lines() == ["b: there is no file", f"[{15 * '#'}{15 * '-'}]   50%  2 of 4, 1 failed"]
+        bar.say("한글: there is no file either")
+        bar.report(Progress(4, 4, 2, 1.0, 0.0))
+    assert screen.lines()[1:] == [
+        "한글: there is no file either",
+        f"[{30 * '#'}]  100%  4 of 4, 2 failed, 0:00:00 left",
+        "",
+    ]
+    assert "2 of 4, 1:01:05 left" in screen.getvalue()
+
+
+@pytest.mark.parametrize("columns", [50, 30, 12, 5])
+def test_the_bar_of_a_batch_fits_a_narrow_terminal(monkeypatch, columns):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    with redirect_stderr(Screen()) as screen, progress_bar() as bar:
+        bar.report(Progress(2, 4, 1, 0.5, 60.0))
+        bar.say("")
+        bar.report(Progress(3, 4, 1, 0.75, 60.0))
+    assert "75%" in screen.lines()[1]
+    assert max(len(line) for line in screen.lines()) < max(columns, 10)
+
+
+def test_an_interrupted_bar_shows_the_cursor_again():
+    class Interrupted(Screen):
+        def flush(self):
+            if "\033[?25h" not in self.getvalue():
+                raise KeyboardInterrupt
+
+    with redirect_stderr(Interrupted()) as screen, pytest.raises(KeyboardInterrupt), progress_bar():
+        pytest.fail("it was drawn")
+    assert screen.getvalue().endswith("\033[?25h\n")
+
+
+@pytest.mark.parametrize("quiet", [False, True])
+def test_a_batch_off_the_terminal_or_quiet_has_messages_only(monkeypatch, capsys, quiet):
+    if quiet:
+        monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    with progress_bar(quiet) as bar:
+        bar.report(Progress(2, 4, 1, 0.5, 60.0))
+        bar.say("b: there is no file")
+    assert capsys.readouterr().err == "b: there is no file\n"

@@ -40,7 +40,7 @@ def test_rows_are_the_order_that_nobody_names():
         (Where(row=True, overlap=Length(2, False)), [(0, 0), (8, 0), (12, 0)]),
     ],
 )
-def test_each_picture_continues_the_one_before_it_by_its_own_size(where, places):
+def test_each_picture_continues_the_previous_one_by_its_size(where, places):
     assert found("abc", where, {"b": (8, 6)}) == places
 
 

@@ -163,7 +163,7 @@ def test_names_of_files_come_through_unharmed(toposeam, some):
     )
 
 
-def test_names_of_files_that_are_not_placed_come_through_unharmed(toposeam, some):
+def test_names_of_unplaced_files_are_reported_unchanged(toposeam, some):
     rng = np.random.default_rng(1)
     for name in ("patch b.png", "my patches.png"):
         write_picture(some / name, Picture(pixels=rng.integers(0, 256, (60, 80, 3)).astype(np.uint8)))

@@ -104,7 +104,7 @@ def test_light_is_flattened_within_what_is_white():
     assert np.isfinite(ts.flatten_light(spoilt, source_mask=where)[where]).all()
 
 
-def test_maps_of_any_numbers_are_cut_but_not_mixed_with_what_is_no_number():
+def test_integer_maps_are_cut_and_nan_values_are_not_mixed():
     labels = np.arange(24 * 32).reshape(24, 32)  # int64
     np.testing.assert_array_equal(
         ts.apply_coordinates(labels, SOURCE, smooth=0), labels[SOURCE[..., 0], SOURCE[..., 1]]

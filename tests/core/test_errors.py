@@ -79,7 +79,7 @@ def refuse(_):
     checks.check_number("band", lambda: 0, 4)
 
 
-def test_errors_about_values_that_cannot_be_sent_come_back_from_processes():
+def test_errors_with_unpicklable_values_return_from_processes():
     with (
         ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool,
         pytest.raises(OptionError) as raised,

@@ -21,7 +21,7 @@ def in_a_fresh_process(code):
     ).stdout
 
 
-def test_importing_loads_nothing_of_the_command_line_nor_of_optional_packages():
+def test_importing_loads_no_command_line_or_optional_packages():
     loaded = in_a_fresh_process(
         "import sys, toposeam; print(*sorted({name.partition('.')[0] for name in sys.modules}))"
     ).split()
@@ -65,7 +65,7 @@ def test_importing_is_quick_because_it_loads_next_to_nothing():
     }
 
 
-def test_several_layers_are_joined_without_what_takes_long_to_load():
+def test_stitching_several_layers_loads_no_slow_modules():
     loaded = in_a_fresh_process(
         "import sys, numpy as np, toposeam as ts; whole = np.random.default_rng(0).random((90, 90, 3))\n"
         "layers = [ts.Layer(whole[y : y + 60, x : x + 60], at=(x, y)) for y in (0, 30) for x in (0, 30)]\n"
@@ -85,7 +85,7 @@ def imported(tree):
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.relative_to(CORE).as_posix())
-def test_the_core_knows_nothing_of_files_screens_and_the_command_line(file):
+def test_the_core_does_not_import_front_ends(file):
     tree = ast.parse(file.read_text(encoding="utf-8"))
     roots = {name.partition(".")[0] for name in imported(tree)}
     front_ends = {"toposeam_cli", "toposeam_engine", "click", "gi", "matplotlib", "pyvips", "tkinter"}

@@ -98,7 +98,7 @@ def select(gimp, loaded):
     )
 
 
-def test_the_menu_entry_opens_the_dialog_and_one_undo_takes_everything_back(screen, windowed, opened):
+def test_the_menu_entry_opens_a_dialog_and_one_undo_reverts_all(screen, windowed, opened):
     before = windowed.tree(image=opened["image"])
     picture = screen.window("Background|grass|GIMP")
     # GIMP's search runs what is in the menus.
@@ -230,7 +230,7 @@ def test_a_rule_is_chosen_by_its_picture(screen, windowed, opened):
 
 
 @pytest.mark.slow
-def test_a_hole_is_filled_from_the_layer_that_is_first_in_the_list(screen, windowed, opened):
+def test_a_hole_is_filled_from_the_first_layer_in_the_list(screen, windowed, opened):
     select(windowed, opened)
     code = """
 Gimp.context_set_foreground(Gegl.Color.new("red"))

@@ -211,7 +211,7 @@ answer = launched
     assert f'id="{section}"' in Path(file).read_text(encoding="utf-8")
 
 
-def test_the_preview_follows_the_options_and_can_be_switched_off(ask):
+def test_the_preview_follows_options_and_can_be_switched_off(ask):
     code = """
 Gimp.Selection.none(image_of(number))
 dialog = opened()

@@ -173,7 +173,7 @@ def test_which_python(tmp_path, monkeypatch):
 
 
 @pytest.mark.medium
-def test_previews_come_from_warm_engines_and_only_the_newest_counts(tmp_path, monkeypatch):
+def test_warm_engines_make_previews_and_the_newest_is_shown(tmp_path, monkeypatch):
     monkeypatch.setenv("TOPOSEAM_PYTHON", sys.executable)
     pixels = tmp_path / "pixels"
     pixels.mkdir()
@@ -208,7 +208,7 @@ def test_an_engine_ends_before_what_it_has_started():
 
 
 @pytest.mark.medium
-def test_the_engine_is_kept_between_previews_and_ended_when_options_change(tmp_path, monkeypatch):
+def test_the_engine_is_kept_for_previews_and_ends_on_changes(tmp_path, monkeypatch):
     monkeypatch.setenv("TOPOSEAM_PYTHON", sys.executable)
     raster = {"file": "a.raw", "width": 200, "height": 200, "channels": 4, "dtype": "uint8", "name": "a"}
     scene = {"of": "stitch", "scale": 0.5, "layers": [{**raster, "at": [x, 0]} for x in (0, 100)]}

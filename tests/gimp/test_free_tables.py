@@ -194,7 +194,7 @@ def sources():
                 yield ast.literal_eval(node.args[0])
 
 
-def test_korean_is_complete_and_keeps_placeholders_and_mnemonics():
+def test_korean_is_complete_with_placeholders_and_mnemonics():
     for text in sources():
         translated = KOREAN.gettext(text)
         assert re.search("[가-힣]", translated), text

@@ -65,7 +65,7 @@ def test_an_installed_plug_in_finds_its_engine_by_itself(home, tmp_path, samples
         gimp.close()
 
 
-def test_the_three_commands_of_the_readme_make_a_menu_that_works(tmp_path):
+def test_the_readme_s_three_commands_install_a_working_menu(tmp_path):
     text = (CHECKOUT / "README.md").read_text(encoding="utf-8")
     block = text[text.index("## In GIMP") :].split("```")[1]
     commands = block.strip().splitlines()[1:]

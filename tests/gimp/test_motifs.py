@@ -67,7 +67,7 @@ def test_a_layer_shapes_the_strokes(gimp, image, generate, tmp_path):
     assert inked[0] > 1.2 * inked[1]  # ink keeps to the bright parts
 
 
-def test_a_repeated_motif_is_the_pattern_in_the_colours_it_has_now(gimp, generate):
+def test_a_repeated_motif_uses_the_layers_current_colours(gimp, generate):
     number, group = generate({**SMALL, "repeat": "reflect", "layers": 2, "seed": 1})
     code = """
 layer = item(number)

@@ -56,7 +56,7 @@ def test_a_closed_seam_runs_where_the_pictures_agree(gimp, image, pictures):
     np.testing.assert_array_equal(gimp.projection(loaded["image"], "R'G'B'A u8")[..., :3], expected)
 
 
-def test_it_is_laid_on_what_is_seen_below_not_on_what_is_hidden_or_above(gimp, image, pictures):
+def test_a_patch_is_laid_on_the_visible_layers_below_it(gimp, image, pictures):
     _, _, files = pictures
     loaded = image([files[0], files[1], files[1], files[0]])
     low, hidden, layer, upper = loaded["layers"]

@@ -110,7 +110,7 @@ def test_moving_one_anchor_changes_the_mask_only_there(gimp, stitched):
     assert (moved[:, 0] <= bottom + 8).all()
 
 
-def test_the_layers_may_have_been_moved_to_another_place_of_the_stack(gimp, stitched):
+def test_moved_and_renamed_groups_are_stitched_again(gimp, stitched):
     found = masks(gimp, stitched["image"])
     code = """
 image, group = image_of(number), item(group)
@@ -169,7 +169,7 @@ def test_the_blended_layer_follows(gimp, image, samples):
         assert columns.max() <= 390
 
 
-def test_of_four_layers_only_the_two_beside_the_bent_path_change(gimp, image, tmp_path):
+def test_only_two_of_four_layers_change_with_a_bent_path(gimp, image, tmp_path):
     # Four different pictures, so that seams run through the overlaps and not along their borders.
     offsets = [[0, 0], [130, 10], [20, 110], [140, 100]]
     files = [
@@ -232,7 +232,7 @@ answer = [path.get_id() for path in paths]
     return gimp.python(code=code, number=image, file=str(file), before=before)
 
 
-def test_a_seam_of_the_command_line_imported_as_a_path_gives_its_pixels(gimp, stitched, tmp_path, samples):
+def test_an_imported_command_line_seam_gives_the_same_pixels(gimp, stitched, tmp_path, samples):
     for side, layer in zip("ab", stitched["layers"], strict=True):
         assert gimp.export_layer(layer=layer, file=str(tmp_path / f"{side}.png"))
     command = ["stitch", tmp_path / "a.png", tmp_path / "b.png", "--offset", "310,0", "--method", "dp"]
@@ -243,7 +243,7 @@ def test_a_seam_of_the_command_line_imported_as_a_path_gives_its_pixels(gimp, st
     np.testing.assert_array_equal(gimp.projection(stitched["image"], "R'G'B'A u8"), joined)
 
 
-def test_the_exact_path_exported_gives_the_same_pixels_on_the_command_line(gimp, stitched, tmp_path):
+def test_an_exported_exact_path_gives_the_same_pixels(gimp, stitched, tmp_path):
     for side, layer in zip("ab", stitched["layers"], strict=True):
         assert gimp.export_layer(layer=layer, file=str(tmp_path / f"{side}.png"))
     code = """
@@ -289,7 +289,7 @@ path.stroke_new_from_points(Gimp.PathStrokeType.BEZIER, controls, False)
     np.testing.assert_array_equal(masks(gimp, stitched["image"])[0], found)
 
 
-def test_a_selected_path_of_the_group_counts_more_than_a_newer_one(gimp, stitched, tmp_path, samples):
+def test_a_selected_path_of_the_group_precedes_a_newer_one(gimp, stitched, tmp_path, samples):
     for side, layer in zip("ab", stitched["layers"], strict=True):
         assert gimp.export_layer(layer=layer, file=str(tmp_path / f"{side}.png"))
     command = ["stitch", tmp_path / "a.png", tmp_path / "b.png", "--offset", "310,0", "--method", "dp"]

@@ -141,7 +141,7 @@ def test_textures_of_all_sorts_of_layers(engine, operation, kind, selected):
         assert shown
 
 
-def test_even_what_should_not_happen_names_no_remedy_of_the_command_line():
+def test_unexpected_errors_name_no_command_line_remedy():
     shown = sentences.in_gimps_words(told(IndexError("index 3 is out of bounds")))
     assert "IndexError: index 3 is out of bounds" in shown
     assert_gimps(shown)

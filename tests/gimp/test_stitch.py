@@ -23,7 +23,7 @@ needs_gimp()
         ("U8_NON_LINEAR", True, "Y'A u8"),
     ],
 )
-def test_the_same_pixels_as_the_command_line_on_the_exported_layers(
+def test_pixels_equal_the_command_line_s_on_exported_layers(
     gimp, image, still_life, tmp_path, precision, gray, format_name
 ):
     loaded = image(still_life, offsets=STILL_LIFE, precision=precision, gray=gray)
@@ -95,7 +95,7 @@ def test_an_adobe_rgb_image_is_cut_in_its_own_space(gimp, image, still_life):
         np.testing.assert_array_equal(adobe, srgb)
 
 
-def test_four_layers_become_a_group_with_masks_and_a_path_per_seam(gimp, image, tmp_path):
+def test_four_layers_become_a_masked_group_with_a_path_per_seam(gimp, image, tmp_path):
     files, offsets = crops(
         tmp_path, photograph(300, 340), [(0, 0), (150, 10), (20, 130), (140, 120)], 180, 160
     )

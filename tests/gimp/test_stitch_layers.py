@@ -17,7 +17,7 @@ def test_a_hidden_layer_that_was_selected_takes_part(gimp, image, still_life):
     assert all(child["visible"] for child in gimp.tree(image=loaded["image"])["layers"][0]["children"])
 
 
-def test_mode_and_opacity_of_the_layers_do_not_make_the_result_transparent(gimp, image, still_life):
+def test_mode_and_opacity_of_layers_keep_the_result_opaque(gimp, image, still_life):
     plain = image(still_life, offsets=STILL_LIFE)
     succeeded(gimp.stitch(plain))
     expected = gimp.projection(plain["image"], "R'G'B'A u8")
@@ -123,7 +123,7 @@ answer = group.get_id()
     refused(gimp, {"image": loaded["image"], "layers": [loaded["layers"][1], group]}, "select either of them")
 
 
-def test_what_a_mask_hides_does_not_take_part_and_the_mask_survives(gimp, image, still_life):
+def test_masked_pixels_do_not_take_part_and_the_mask_survives(gimp, image, still_life):
     loaded = image(still_life, offsets=[(0, 0), (310, 0)])
     code = """
 layer = item(number)

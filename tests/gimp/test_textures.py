@@ -118,7 +118,7 @@ def test_a_filtered_layer_is_made_a_tile_as_it_is_seen(gimp, image, sample):
     np.testing.assert_array_equal(made[..., :3], ts.make_tileable(255 - pixels, band=12, seed=2).image)
 
 
-def test_a_hole_is_filled_as_core_does_and_nothing_else_is_covered(gimp, image, sample):
+def test_a_hole_is_filled_like_in_core_and_nothing_else_covered(gimp, image, sample):
     pixels, file = sample
     loaded = image([file])
     code = """

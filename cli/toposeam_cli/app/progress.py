@@ -1,4 +1,4 @@
-"""How far a batch has come, on a terminal."""
+"""How far the work has come, on a terminal."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -13,12 +14,37 @@ import click
 if TYPE_CHECKING:
     from toposeam_cli.jobs.runner import Progress
 
+#: Columns of a bar, and steps from its begin to its end.
+_WIDTH = 30
+_STEPS = 1000
+
 
 class ProgressBar:
     """A bar on a terminal, nothing in a pipe; what is said meanwhile does not disturb it."""
 
-    def __init__(self, bar: Any) -> None:
-        self._bar = bar
+    def __init__(self, shown: bool) -> None:
+        self._text = ""
+        self._bar = self._new_bar() if shown else None
+
+    def _new_bar(self) -> Any:
+        return click.progressbar(
+            length=_STEPS,
+            bar_template="[%(bar)s]  %(info)s",
+            show_eta=False,  # the run knows better: jobs have weights
+            show_percent=True,
+            item_show_func=lambda _: self._text or None,
+            width=_WIDTH,
+            file=sys.stderr,
+        )
+
+    def draw(self) -> None:
+        """Draw the bar, no wider than the terminal."""
+        if self._bar is None:
+            return
+        room = shutil.get_terminal_size().columns - 1 - len("[]  100%  ")
+        self._text = self._text[: max(0, room)]
+        self._bar.width = max(0, min(_WIDTH, room - len(self._text)))
+        self._bar.render_progress()
 
     def report(self, progress: Progress) -> None:
         """Show how far the run has come."""
@@ -26,45 +52,53 @@ class ProgressBar:
             return
         failed = f", {progress.failed} failed" if progress.failed else ""
         left = (
-            ""
-            if progress.remaining_s is None
-            else f", {self._bar.format_interval(round(progress.remaining_s))} left"
+            "" if progress.remaining_s is None else f", {timedelta(seconds=round(progress.remaining_s))} left"
         )
-        self._bar.n = progress.share
-        self._bar.set_description_str(f"{progress.finished} of {progress.total}{failed}{left}")
+        self._text = f"{progress.finished} of {progress.total}{failed}{left}"
+        self._bar.make_step(max(0, round(_STEPS * progress.share) - self._bar.pos))
+        self.draw()
 
     def say(self, text: str) -> None:
         """Print a line to stderr."""
         if self._bar is None:
             click.echo(text, err=True)
-        else:
-            self._bar.write(text, file=sys.stderr)
+            return
+        click.echo(f"\r{' ' * (self._bar.max_width or 0)}\r{text}", err=True)
+        position, self._bar = self._bar.pos, self._new_bar()
+        self._bar.make_step(position)
+        self.draw()
+
+    def close(self) -> None:
+        """Leave the bar as it is, and show the cursor again."""
+        if self._bar is not None:
+            self._bar.render_finish()
 
 
 @contextmanager
 def progress_bar(quiet: bool = False) -> Iterator[ProgressBar]:
     """A bar for :func:`toposeam_cli.jobs.runner.run`: pass its ``report`` as `progress`."""
-    if quiet or not (sys.stderr and sys.stderr.isatty()):  # there is none when it was closed
-        yield ProgressBar(None)
-        return
-    from tqdm import tqdm
-
-    columns, rows = shutil.get_terminal_size()
-    shape = {"ncols": min(100, columns), "nrows": rows, "bar_format": "{percentage:3.0f}% |{bar}| {desc}"}
-    with tqdm(total=1.0, file=sys.stderr, **shape) as bar:
-        yield ProgressBar(bar)
+    bar = ProgressBar(not quiet and _on_terminal())
+    try:  # the first drawing, too, may be interrupted after it has hidden the cursor
+        bar.draw()
+        yield bar
+    finally:
+        bar.close()
 
 
 @contextmanager
 def share_bar(label: str, quiet: bool) -> Iterator[Callable[[float], None] | None]:
     """A bar on a terminal for what reports the share of the work done, nothing in a pipe."""
-    if quiet or not (sys.stderr and sys.stderr.isatty()):  # there is none when it was closed
+    if quiet or not _on_terminal():
         yield None
         return
-    bar = click.progressbar(length=1000, label=label, file=sys.stderr)
+    bar = click.progressbar(length=_STEPS, label=label, file=sys.stderr)
     try:  # not `with bar`: interrupted while it is drawn for the first time, it would leave the cursor hidden
         bar.render_progress()
-        yield lambda share: bar.update(max(0, round(1000 * share) - bar.pos))
-        bar.update(1000 - bar.pos)
+        yield lambda share: bar.update(max(0, round(_STEPS * share) - bar.pos))
+        bar.update(_STEPS - bar.pos)
     finally:
         bar.render_finish()
+
+
+def _on_terminal() -> bool:
+    return bool(sys.stderr and sys.stderr.isatty())  # there is none when it was closed

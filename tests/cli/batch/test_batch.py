@@ -99,7 +99,7 @@ def test_the_same_again_tries_only_what_failed(toposeam, pairs):
 
 
 @pytest.mark.medium
-def test_a_changed_picture_is_joined_again_also_where_a_layout_names_it(toposeam, pairs):
+def test_a_changed_picture_named_in_a_layout_is_joined_again(toposeam, pairs):
     Path("layout.toml").write_text(
         '[[layer]]\nfile = "left_0.png"\nat = [0, 0]\n[[layer]]\nfile = "right_0.png"\nat = [36, 0]\n'
     )
@@ -265,7 +265,7 @@ ENTRY = '\n[[stitch]]\nfirst = "left_0.png"\nsecond = "right_0.png"\noverlap = "
         (ENTRY.replace("left_0", "lost_*"), ["line 2", "'lost_*.png'"]),
     ],
 )
-def test_a_file_of_jobs_that_makes_no_sense_is_refused_before_any_work(toposeam, pairs, text, phrases):
+def test_an_invalid_job_file_is_refused_before_any_work(toposeam, pairs, text, phrases):
     Path("jobs.toml").write_bytes(text if isinstance(text, bytes) else text.encode())
     before = sorted(path.name for path in pairs.iterdir())
     ran = toposeam("batch", "jobs.toml")
@@ -329,7 +329,7 @@ def test_a_disk_that_fills_costs_only_what_does_not_fit(started, pairs):
 
 
 @pytest.mark.medium
-def test_a_terminal_shows_how_far_it_is_and_ctrl_c_says_how_to_go_on(process, pairs):
+def test_a_terminal_shows_progress_and_ctrl_c_how_to_resume(process, pairs):
     large = np.tile(read_picture("left_0.png").pixels, (5, 5, 1))
     for name in ("left_1", "right_1", "left_2", "right_2"):
         write_picture(f"{name}.png", Picture(pixels=large), force=True)
@@ -373,7 +373,7 @@ def test_ctrl_c_on_a_terminal_while_workers_start_is_quiet(process, pairs):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGKILL])
-def test_killed_in_the_middle_it_goes_on_and_nothing_is_half_written(process, started, pairs, end):
+def test_a_killed_batch_resumes_and_leaves_no_partial_files(process, started, pairs, end):
     with process("batch", *PATTERNS[:-1], "out/{name}.png", "--method", "thesis") as child:
         deadline = time.monotonic() + 60
         while (

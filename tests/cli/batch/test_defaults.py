@@ -50,7 +50,7 @@ def option(words, name):
     return told + [word.partition("=")[2] for word in words if word.startswith(f"{name}=")]
 
 
-def test_defaults_go_to_every_command_that_knows_them_and_an_entry_s_own_come_first(toposeam, jobs):
+def test_defaults_reach_every_command_and_entries_override_them(toposeam, jobs):
     ran = toposeam("batch", jobs, "--dry-run")
     assert (ran.code, ran.err) == (0, "")
     lines = [shlex.split(line) for line in ran.out.splitlines()]
@@ -63,7 +63,7 @@ def test_defaults_go_to_every_command_that_knows_them_and_an_entry_s_own_come_fi
     ]
 
 
-def test_a_default_that_no_command_takes_is_refused_by_the_first_that_knows_it(toposeam, jobs):
+def test_a_default_valid_for_no_command_is_refused(toposeam, jobs):
     """``size`` is a size for one command and a choice for another; what is neither is told."""
     Path(jobs).write_text(JOBS.replace('size = "64x48"', 'tileable = "bth"'))
     toposeam("batch", jobs, "--dry-run").fails("is not one of 'both'")
@@ -71,7 +71,7 @@ def test_a_default_that_no_command_takes_is_refused_by_the_first_that_knows_it(t
     toposeam("batch", jobs, "--dry-run").fails("'64x48' is not 'auto'")
 
 
-def test_a_pattern_without_an_extension_names_pictures_without_one(toposeam, folder, photographs):
+def test_a_pattern_without_extension_matches_names_without_one(toposeam, folder, photographs):
     for name, pixels in zip(("left_7.png", "right_7.png"), photographs, strict=True):
         write_picture(folder / name, Picture(pixels=pixels))
     assert toposeam("batch", "left_*", "right_*", "--overlap", "20", "-o", "out/{name}.png").code == 0

@@ -159,7 +159,7 @@ def test_pages_that_no_book_made_are_kept(theme, toposeam, made_quickly, name, h
     assert [path.name for path in (theme / "b").iterdir()] == [name]  # refused before any work
 
 
-def test_a_book_replaces_its_own_pages_until_somebody_edits_them(theme, toposeam, made_quickly):
+def test_a_book_replaces_its_own_pages_unless_they_were_edited(theme, toposeam, made_quickly):
     words = ("book", "theme.png", *SMALL, "-o", "b", "--no-pdf")
     assert toposeam(*words).code == 0
     assert toposeam(*words, "--title", "Another").code == 0
@@ -172,7 +172,7 @@ def test_a_book_replaces_its_own_pages_until_somebody_edits_them(theme, toposeam
 
 
 @pytest.mark.skipif(sys.platform == "darwin", reason="its file names are UTF-8")
-def test_names_that_are_not_utf_8_are_written_as_far_as_they_can_be(theme, toposeam, made_quickly):
+def test_non_utf8_names_are_written_with_replacement_characters(theme, toposeam, made_quickly):
     (theme / "theme.png").rename(theme / "a\udcff.png")
     assert toposeam("book", "a\udcff.png", *SMALL, "-o", "b", "--no-pdf").code == 0
     assert "<title>a\ufffd" in (theme / "b" / "book.html").read_text(encoding="utf-8")

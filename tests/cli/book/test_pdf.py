@@ -89,7 +89,7 @@ def test_a_sheet_has_four_columns_and_five_rows_in_order(folder):
     assert at(sheets[1], 16 + across + 5, 26 + 5) == (250, 248, 244)  # paper
 
 
-def test_kinds_and_seasons_are_a_table_of_those_with_most_layers(folder):
+def test_kinds_and_seasons_table_shows_motifs_with_most_layers(folder):
     rows = [row(1), row(2, layers=3), row(3, layers=3), row(4, Kind.THIN_HIDDEN, "winter")]
     kinds = pages(folder, rows)[1]
     step = (210 - 2 * 16) / 4

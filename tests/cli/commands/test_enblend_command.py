@@ -243,7 +243,7 @@ def test_hugin_is_served(tmp_path, by):
     assert edge < 2 * inside + 0.5
 
 
-def test_a_view_that_others_cover_and_that_does_not_show_is_named(strip, toposeam):
+def test_a_covered_view_that_does_not_show_is_named(strip, toposeam):
     rgba = np.full((60, 50, 4), 255, np.uint8)
     rgba[..., :3] = strip[40:100, 85:135][::-1, ::-1]
     write_view("nadir.tif", rgba, (85, 40))

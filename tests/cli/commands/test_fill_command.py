@@ -82,7 +82,7 @@ def test_copies_come_from_where_they_are_allowed(toposeam):
         (np.full((12, 14), 255, np.uint8), "12"),
     ],
 )
-def test_masks_that_leave_nothing_to_do_or_nothing_to_copy_are_refused(toposeam, folder, mask, phrase):
+def test_masks_with_nothing_to_fill_or_to_copy_are_refused(toposeam, folder, mask, phrase):
     write_picture("mask.png", Picture(pixels=mask))
     toposeam("fill", "gravel.png", "--mask", "mask.png", "-o", "o.png").fails(phrase)
     assert not (folder / "o.png").exists()

@@ -7,7 +7,7 @@ from toposeam_cli.media.pictures.picture import Picture, write_picture
 
 
 @pytest.mark.parametrize("rule", ["p2", "pmm", "cm", "p4m", "p6"])
-def test_a_picture_is_not_laid_by_a_group_that_it_would_not_show(folder, toposeam, rule):
+def test_a_picture_is_not_repeated_by_an_unsuitable_group(folder, toposeam, rule):
     write_picture("any.png", Picture(pixels=np.arange(48, dtype=np.uint8).reshape(6, 8)))
     toposeam("repeat", "any.png", "2x2", "-o", "o.png", "--repeat", rule).fails(f"not made for {rule}")
     toposeam("mockup", "any.png", "--on", "tie", "-o", "o.png", "--repeat", rule).fails("not made for")

@@ -255,7 +255,7 @@ def test_clips_that_cannot_be_joined(toposeam, clip, tmp_path):
     assert not (tmp_path / "o.webp").exists()
 
 
-def test_the_last_frame_of_a_video_is_shown_as_long_as_the_others(video):
+def test_the_last_video_frame_lasts_as_long_as_the_others(video):
     path = video(clip=frames(10))
     doubled = read_clip(path, Fraction(50), 10**9)
     assert (len(doubled.frames), doubled.rate) == (20, 50)

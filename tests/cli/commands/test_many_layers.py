@@ -160,7 +160,7 @@ def across(three):
 
 
 @pytest.mark.parametrize("windows", [False, True], ids=["in memory", "by windows"])
-def test_a_picture_that_does_not_show_is_named_and_core_shows_it(across, toposeam, windows, monkeypatch):
+def test_a_hidden_picture_is_named_and_core_makes_it_show(across, toposeam, windows, monkeypatch):
     if windows:
         monkeypatch.setattr(placing, "STORED_PIXELS", 0)
         monkeypatch.setattr("toposeam_cli.commands.stitch.processes_of", lambda _: 1)

@@ -67,7 +67,7 @@ def test_paper_size_and_resolution(made, toposeam):
     assert 'width="25.4mm" height="50.8mm" viewBox="0 0 32 64"' in (made / "a.svg").read_text()
 
 
-def test_a_picture_of_another_shape_is_filled_and_cut_not_stretched(made, toposeam):
+def test_a_picture_of_another_shape_is_filled_and_cropped(made, toposeam):
     toposeam("motif", "-o", "wide.png", "--like", "motif.png", "--pixels", "130x80", "--sheet", "2x1")
     toposeam("motif", "-o", "whole.png", "--like", "motif.png", "--pixels", "130x130", "--sheet", "2x2")
     wide, whole = (read_picture(made / f"{name}.png").pixels for name in ("wide", "whole"))
@@ -189,7 +189,7 @@ def test_drawings_look_like_the_pictures(folder, toposeam, rule):
         assert np.percentile(across[127], 99) <= 1.2 * np.percentile(expected[127], 99) + 4
 
 
-def test_a_sheet_that_does_not_begin_on_whole_pixels_shows_no_lines(folder, toposeam):
+def test_a_sheet_starting_between_pixels_shows_no_lines(folder, toposeam):
     toposeam(
         "motif",
         "-o",
@@ -321,7 +321,7 @@ def test_separations_are_the_shares_of_each_ink(made, toposeam):
     assert not (made / "n.png").exists()
 
 
-def test_transparent_paper_looks_on_white_as_it_would_printed_on_white(made, toposeam):
+def test_transparent_paper_on_white_equals_white_paper(made, toposeam):
     line = ("--like", "motif.png", "--palette", "#fff #c33 #036", "--edge", "soft,crisp")
     assert toposeam("motif", "-o", "white.png", *line).code == 0
     assert toposeam("motif", "-o", "clear.png", *line, "--transparent").code == 0

@@ -67,7 +67,7 @@ def test_pictures_of_unlike_sizes_are_aligned_at_the_top(folder, toposeam, photo
     assert read_picture("out.png").alpha is not None  # below the short one there is nothing
 
 
-def test_a_picture_inside_the_other_shows_more_the_larger_the_core(folder, toposeam, photographs):
+def test_a_larger_core_shows_more_of_an_inner_picture(folder, toposeam, photographs):
     write_picture("inner.png", Picture(pixels=photographs[0][5:29, 3:40][::-1]))
     areas = []
     for core in ("0.1", "0.5", "0.9"):
@@ -93,7 +93,7 @@ def test_a_picture_inside_the_other_shows_more_the_larger_the_core(folder, topos
 
 
 @pytest.mark.parametrize(("speck", "seen"), [("0", True), ("9", True), ("10", False), (None, False)])
-def test_a_speck_of_a_picture_inside_the_other_shows_if_asked_for(folder, toposeam, photographs, speck, seen):
+def test_a_speck_of_an_inner_picture_shows_on_request(folder, toposeam, photographs, speck, seen):
     opaque = np.zeros((24, 37), np.uint8)
     opaque[2:22, 2:20] = opaque[8:13, 28:33] = 255
     inner = photographs[0][5:29, 3:40][::-1]
@@ -240,7 +240,7 @@ def test_any_picture_is_a_mask(folder, toposeam, kind):
 
 
 @pytest.mark.parametrize("where", PLACEMENTS.values(), ids=PLACEMENTS)
-def test_a_seam_that_is_written_and_used_again_gives_the_same_bytes(folder, toposeam, where):
+def test_a_written_seam_used_again_gives_the_same_bytes(folder, toposeam, where):
     line = ("stitch", "a.png", "b.png", f"--offset={where}")
     assert toposeam(*line, "-o", "first.png", "--seam", "first.svg").code == 0
     ran = toposeam(*line, "-o", "again.png", "--use-seam", "first.svg", "--seam", "again.svg")

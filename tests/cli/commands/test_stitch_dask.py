@@ -155,7 +155,7 @@ def test_what_is_wrong_with_a_worker_is_told(tmp_path, answers, says, monkeypatc
         workers.check(WorkerCheck.at(tmp_path / "probe", []))
 
 
-def test_a_worker_that_is_killed_while_it_is_asked_is_asked_no_more(tmp_path, monkeypatch):
+def test_a_worker_killed_during_its_check_is_not_asked_again(tmp_path, monkeypatch):
     monkeypatch.setattr(dask_workers, "_AGAIN_S", 0)
     client = Client({"tls://one:1": OSError("Stream is closed"), "tls://two:2": ""})
     asked = []

@@ -159,7 +159,7 @@ def test_a_hole_in_one_picture_is_filled_from_the_other(folder, toposeam, photog
     assert_joined("out.png", "labels.png", "holed.png", "b.png", (36, 0))
 
 
-def test_where_nobody_has_pixels_the_result_is_transparent_and_black(folder, toposeam, photographs):
+def test_pixels_without_any_source_are_transparent_black(folder, toposeam, photographs):
     alpha = np.full((40, 56), 255, np.uint8)
     alpha[:12, 40:] = 0
     for name, pixels, mask in zip("cd", photographs, (alpha, alpha[:, ::-1]), strict=True):
@@ -189,7 +189,7 @@ def test_soft_edges_keep_their_alpha(folder, toposeam, photographs):
     assert_joined("out.tif", "labels.png", "c.tif", "d.tif", (36, 0))
 
 
-def test_a_palette_with_transparency_has_pixels_where_it_is_opaque(folder, toposeam, photographs):
+def test_a_transparent_palette_has_pixels_where_it_is_opaque(folder, toposeam, photographs):
     palette = Image.fromarray(photographs[1]).quantize(16)
     indices = np.array(palette)
     palette.save("palette.png", transparency=3)

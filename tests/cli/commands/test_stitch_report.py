@@ -24,7 +24,7 @@ def page(three, toposeam, request, monkeypatch):
     return three / "seams.html"
 
 
-def test_the_page_tells_of_every_seam_and_picture_and_needs_nothing(page):
+def test_the_page_lists_all_seams_and_pictures_without_links(page):
     text = page.read_text()
     rows = re.findall(r'<tr data-seam="(\d)"><td>(.*?)</td><td>(.*?)</td>.*?<td>([^<]*)</td></tr>', text)
     assert [row[1] for row in rows] == ["a.png : b.png", "a.png : c.png", "b.png : c.png"]

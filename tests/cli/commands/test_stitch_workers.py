@@ -108,12 +108,12 @@ def test_small_pictures_take_one_process(six, toposeam, monkeypatch):
 
 
 @pytest.mark.parametrize("count", ["0", "-1", "1000000000000", "two"])
-def test_numbers_of_processes_that_make_no_sense_are_one_sentence(six, toposeam, count):
+def test_invalid_process_counts_are_refused_in_one_sentence(six, toposeam, count):
     toposeam(*WORDS, "-o", "out.tif", "-j", count).fails("-j", code=2)
     assert not (six / "out.tif").exists()
 
 
-def test_by_default_there_is_a_process_for_each_core_but_within_a_worker_one(monkeypatch):
+def test_default_is_one_process_per_core_and_one_in_a_worker(monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 3, 4}, raising=False)
     assert processes_of(None) == 3
     assert processes_of(2) == 2

@@ -94,7 +94,7 @@ def test_several_sources_of_unlike_depth_become_one_texture(toposeam):
 
 
 @pytest.mark.medium
-def test_an_overlap_may_be_a_share_and_the_same_default_does_for_a_whole_batch(toposeam, folder):
+def test_an_overlap_may_be_a_share_also_as_a_batch_default(toposeam, folder):
     alike = ("synth", "moss.png", *ASKED, "--coordinates")
     assert toposeam(*alike, "a_from.png", "--overlap", "50%", "-o", "a.png").code == 0
     assert toposeam(*alike, "b_from.png", "--overlap", "16", "-o", "b.png").code == 0

@@ -14,7 +14,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_only_the_band_changes_and_the_preview_repeats_the_picture(toposeam):
+def test_only_the_band_changes_and_the_preview_repeats_the_tile(toposeam):
     ran = toposeam(
         "tile",
         "gravel.png",
@@ -66,7 +66,7 @@ def test_when_one_of_several_outputs_fails_none_is_left(toposeam, folder):
     assert [path.name for path in folder.iterdir()] == ["gravel.png"]
 
 
-def test_an_ordered_picture_is_cropped_to_where_it_closes_when_asked(toposeam):
+def test_an_ordered_picture_is_cropped_to_its_period_on_request(toposeam):
     y, x = np.mgrid[:131, :149]
     checks = np.where((x // 10 + y // 12) % 2, 40, 210) + np.random.default_rng(0).integers(0, 9, x.shape)
     write_picture("checks.png", Picture(pixels=checks.astype(np.uint8)))

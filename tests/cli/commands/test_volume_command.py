@@ -64,7 +64,7 @@ def pair(tmp_path):
 
 @pytest.mark.parametrize("suffix", [".ome.tif", ".tif", ".zarr", ".npy"])
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
-def test_stacks_of_every_kind_are_joined_and_keep_depth_and_voxel_size(toposeam, tmp_path, suffix, dtype):
+def test_joined_stacks_keep_depth_and_voxel_size(toposeam, tmp_path, suffix, dtype):
     whole, a, b = stacks(dtype)
     files = [save(tmp_path / f"{name}{suffix}", stack) for name, stack in (("a", a), ("b", b))]
     out = tmp_path / f"joined{suffix}"

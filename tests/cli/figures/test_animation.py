@@ -15,7 +15,7 @@ RNG = np.random.default_rng(2)
 
 @pytest.mark.medium
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_an_animation_has_a_frame_for_each_iteration_and_ends_on_the_two_sides(suffix):
+def test_an_animation_has_iterations_as_frames_and_ends_divided(suffix):
     seam = ts.find_seam(RNG.random((40, 12)), RNG.random((40, 12)), method="thesis", record_frames=True)
     content = animate(seam, suffix)
     picture = Image.open(io.BytesIO(content))

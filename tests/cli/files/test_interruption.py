@@ -60,7 +60,7 @@ def test_a_signal_while_nothing_of_libvips_runs_tidies_too(tmp_path, number, err
 
 
 @pytest.mark.parametrize(("number", "error"), SIGNALS)
-def test_a_signal_where_python_swallows_exceptions_is_told_again(number, error, capsys):
+def test_a_signal_in_a_swallowed_exception_is_raised_again(number, error, capsys):
     class Referred:
         pass
 
@@ -237,7 +237,7 @@ OLD, NEW = {"a": "old", "b/in": "old"}, {"a": "new", "b/in": "new"}
 @unclosed
 @pytest.mark.slow
 @pytest.mark.parametrize("force", [False, True], ids=["new", "replaced"])
-def test_at_whatever_step_a_command_is_interrupted_nothing_unfinished_is_left(tmp_path, force):
+def test_an_interrupted_command_leaves_nothing_unfinished(tmp_path, force):
     before = OLD if force else {}
     step, outcomes = 0, []
     while not outcomes or outcomes[-1][0]:
@@ -266,7 +266,7 @@ def job_of_a_worker(folder):
 
 @unclosed
 @pytest.mark.slow
-def test_at_whatever_step_a_worker_is_ended_it_tidies_before_it_goes(tmp_path, monkeypatch):
+def test_an_ended_worker_tidies_up_at_every_step(tmp_path, monkeypatch):
     class Gone(BaseException):
         pass
 
@@ -312,9 +312,7 @@ def test_folders_whose_writers_are_gone_are_stale_too(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_what_core_writes_itself_is_claimed_while_it_is_written_and_known_when_it_is_left(
-    tmp_path, monkeypatch
-):
+def test_a_file_written_by_core_is_claimed_until_it_is_finished(tmp_path, monkeypatch):
     met = []
 
     def tidied_meanwhile(descriptor):

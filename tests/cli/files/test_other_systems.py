@@ -104,9 +104,7 @@ def test_commands_run_without_what_only_unix_has(tmp_path, words):
         ("linux", "data/toposeam/venv"),
     ],
 )
-def test_an_environment_for_gimp_is_made_where_each_system_keeps_data(
-    tmp_path, monkeypatch, platform, expected
-):
+def test_the_gimp_environment_is_in_each_system_s_data_folder(tmp_path, monkeypatch, platform, expected):
     monkeypatch.setattr(sys, "platform", platform)
     monkeypatch.setattr(Path, "home", lambda: tmp_path)
     monkeypatch.setenv("LOCALAPPDATA", str(tmp_path / "local"))
@@ -118,9 +116,7 @@ def test_an_environment_for_gimp_is_made_where_each_system_keeps_data(
     ("platform", "expected"),
     [("win32", "AppData/Local/TopoSeam/venv"), ("linux", ".local/share/toposeam/venv")],
 )
-def test_an_environment_for_gimp_has_a_place_where_the_system_names_none(
-    tmp_path, monkeypatch, platform, expected
-):
+def test_the_gimp_environment_has_a_folder_without_variables(tmp_path, monkeypatch, platform, expected):
     monkeypatch.setattr(sys, "platform", platform)
     monkeypatch.setattr(Path, "home", lambda: tmp_path)
     monkeypatch.delenv("LOCALAPPDATA", raising=False)
@@ -129,9 +125,7 @@ def test_an_environment_for_gimp_has_a_place_where_the_system_names_none(
 
 
 @pytest.mark.parametrize(("platform", "python"), [("win32", "Scripts/python.exe"), ("darwin", "bin/python")])
-def test_the_python_of_a_made_environment_is_named_as_the_system_does(
-    tmp_path, monkeypatch, platform, python
-):
+def test_the_python_of_a_new_environment_has_the_system_s_name(tmp_path, monkeypatch, platform, python):
     ran = []
     monkeypatch.setattr(sys, "platform", platform)
     monkeypatch.setattr(

@@ -115,7 +115,7 @@ def test_a_file_system_without_hard_links_works(tmp_path, no_hard_links):
     assert names(tmp_path) == ["out.svg"]
 
 
-def test_a_failed_rename_without_hard_links_leaves_no_empty_file(tmp_path, no_hard_links, monkeypatch):
+def test_a_failed_rename_without_hard_links_leaves_no_file(tmp_path, no_hard_links, monkeypatch):
     def fail(source, target):
         raise OSError(5, "Input/output error")
 
@@ -195,9 +195,7 @@ def test_a_failed_block_leaves_everything_as_it_was(tmp_path):
 
 @pytest.mark.parametrize("links", ["hard links", "no hard links"])
 @pytest.mark.parametrize("last", ["taken by another", "a folder", "cannot be renamed"])
-def test_when_one_output_cannot_get_its_name_the_others_are_put_back(
-    tmp_path, request, monkeypatch, links, last
-):
+def test_a_failed_rename_of_one_output_restores_the_others(tmp_path, request, monkeypatch, links, last):
     if links == "no hard links":
         request.getfixturevalue("no_hard_links")
     (tmp_path / "old.txt").write_text("old")
@@ -250,7 +248,7 @@ def test_a_block_within_a_block_ends_with_that(tmp_path):
     assert contents(tmp_path) == {"inner.txt": "inner", "outer.txt": "outer"}
 
 
-def test_a_file_that_another_process_put_there_since_is_not_taken_back(tmp_path, monkeypatch):
+def test_a_file_replaced_by_another_process_is_not_restored(tmp_path, monkeypatch):
     put = output.OutputBlock._put
 
     def put_and_be_overtaken(self, prepared):
@@ -283,7 +281,7 @@ def test_what_we_made_may_be_replaced_until_somebody_changes_it(tmp_path):
     assert contents(tmp_path) == {"a.txt": "retouched by hand"}
 
 
-def test_a_second_try_finds_what_the_first_had_written_and_touches_nothing_else(tmp_path):
+def test_a_second_try_keeps_what_the_first_had_written(tmp_path):
     (tmp_path / "a.txt").write_text("a")
     before = (tmp_path / "a.txt").stat()
     with all_or_nothing(resumed=True):
@@ -298,7 +296,7 @@ def test_a_second_try_finds_what_the_first_had_written_and_touches_nothing_else(
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="needs users")
-def test_leftovers_of_a_killed_command_go_when_the_next_one_writes_there(tmp_path):
+def test_leftovers_of_a_killed_command_are_removed_by_the_next(tmp_path):
     ours, live = (tmp_path / f".toposeam-{digit * 16}.part" for digit in "ab")
     foreign = [
         tmp_path / ".toposeam-notes.part",
@@ -336,7 +334,7 @@ def test_without_locks_only_old_leftovers_go(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interruption_while_names_are_given_comes_after_all_of_them(tmp_path, monkeypatch, number):
+def test_an_interruption_during_renames_is_raised_after_them(tmp_path, monkeypatch, number):
     put = output.OutputBlock._put
 
     def interrupted(self, prepared):

@@ -29,7 +29,7 @@ def test_more_files_are_kept_than_a_process_may_open_at_first(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_more_files_than_the_system_lets_be_open_are_told_as_such(tmp_path):
+def test_too_many_open_files_are_reported_with_ulimit(tmp_path):
     ran = many(tmp_path, 60, 100)
     assert ran.returncode == 1
     assert "too many open files); allow more with `ulimit -n 4096`" in ran.stderr

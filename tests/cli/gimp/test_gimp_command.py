@@ -35,7 +35,7 @@ def test_install_goes_into_every_gimp_3_profile(home):
     assert not plug_in(home, "2.10").exists()
 
 
-def test_installing_again_replaces_what_was_there_and_looks_newer(home):
+def test_reinstalling_replaces_old_files_with_newer_ones(home):
     run("install", "--gimp-version", "3.0")
     stale = plug_in(home, "3.0") / "stale.py"
     stale.touch()
@@ -194,7 +194,7 @@ def test_doctor_names_each_trouble_and_its_remedy(home):
     assert "engine.json is missing" in run("doctor", "--gimp-version", "3.0", code=1)
 
 
-def test_doctor_sees_a_folder_in_a_folder_and_a_file_without_one(home):
+def test_doctor_finds_nested_folders_and_files_without_a_folder(home):
     inner = plug_in(home, "3.0") / "toposeam_gimp"
     inner.mkdir(parents=True)
     (inner / "toposeam_gimp.py").touch()
@@ -231,7 +231,7 @@ def test_a_profile_that_cannot_be_written_keeps_the_old_plug_in(home, monkeypatc
     assert [path.name for path in plug_in(home, "3.0").parent.iterdir()] == ["toposeam_gimp"]
 
 
-def test_a_plug_in_that_cannot_be_put_in_place_leaves_the_old_one(home, monkeypatch):
+def test_a_failed_installation_keeps_the_old_plug_in(home, monkeypatch):
     run("install", "--gimp-version", "3.0")
     (plug_in(home, "3.0") / "plugin.py").write_text("old")
     rename = Path.rename

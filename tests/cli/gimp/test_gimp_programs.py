@@ -49,7 +49,7 @@ def test_doctor_asks_each_gimp_with_its_own_profile(home):
     assert "ok       GIMP 3.0 loads the plug-in" in run("doctor", "--gimp-version", "3.0")
 
 
-def test_doctor_sees_that_the_only_gimp_does_not_read_the_profile(home):
+def test_doctor_reports_a_gimp_that_does_not_read_the_profile(home):
     fake_gimp(home, "gimp-console-3.0")
     run("install", "--gimp-version", "3.2")
     output = run("doctor", "--gimp-version", "3.2", code=1)
@@ -122,7 +122,7 @@ def test_a_temporary_environment_is_told(home, monkeypatch):
     assert "toposeam gimp install --venv" in run("install")
 
 
-def test_an_environment_of_its_own_is_made_from_where_this_one_came(home, tmp_path, monkeypatch):
+def test_an_own_environment_is_made_from_the_same_requirement(home, tmp_path, monkeypatch):
     called = []
 
     def call(command, **_options):

@@ -217,7 +217,7 @@ def test_an_address_where_nobody_answers_is_one_sentence(toposeam, folder, photo
     )
 
 
-def test_a_cluster_that_is_interrupted_while_it_starts_is_closed_and_says_nothing(monkeypatch):
+def test_a_cluster_interrupted_at_its_start_is_closed_silently(monkeypatch):
     """The signal may end its processes as well, so that closing it fails; Dask would try once more at the
     exit, and tell.
     """

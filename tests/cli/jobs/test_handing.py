@@ -42,7 +42,7 @@ def test_parts_of_a_few_kilobytes_go_by_the_file_of_the_whole(tmp_path, table):
     assert here.written == table.nbytes
 
 
-def test_what_came_from_a_file_goes_on_as_its_place_also_without_a_folder(tmp_path, table):
+def test_a_memory_mapped_array_is_sent_as_its_place_in_the_file(tmp_path, table):
     there = copied(Handing(tmp_path).pickled(table))
     for hands in (Handing(tmp_path), Handing(None)):
         again = hands.pickled(there[100:, ::2])

@@ -224,7 +224,7 @@ def test_a_run_that_ends_too_early_goes_on(tmp_path, functions, end):
 
 
 @pytest.mark.parametrize("since", [0.0, 1e12])
-def test_a_file_that_is_there_after_an_interruption_stays_whatever_the_table_says(tmp_path, functions, since):
+def test_a_file_present_after_an_interruption_is_kept(tmp_path, functions, since):
     job, table = writing(tmp_path / "a.txt"), tmp_path / "results.jsonl"
     (tmp_path / "a.txt").write_text("precious")
     (tmp_path / "b.txt").write_text("precious, too")
@@ -237,9 +237,7 @@ def test_a_file_that_is_there_after_an_interruption_stays_whatever_the_table_say
 
 
 @pytest.mark.parametrize(("text", "status"), [("finished", "done"), ("somebody's own", "failed")])
-def test_a_worker_that_died_between_names_is_followed_by_one_that_finds_them(
-    tmp_path, functions, text, status
-):
+def test_a_worker_that_died_between_renames_is_resumed(tmp_path, functions, text, status):
     first, second = tmp_path / "a.txt", tmp_path / "b.txt"
     words = {"output": str(first), "other": str(second), "tombstone": str(tmp_path / "died"), "text": text}
     job = Job("job", "job_functions:write_then_die_before_telling", words, (first, second))
@@ -280,7 +278,7 @@ def test_the_table_knows_what_was_made_by_its_digest(tmp_path, functions):
     ],
     ids=str,
 )
-def test_a_row_with_values_of_other_kinds_is_refused_with_its_line(tmp_path, functions, row):
+def test_a_row_with_values_of_wrong_types_is_refused_by_line(tmp_path, functions, row):
     table = tmp_path / "results.jsonl"
     table.write_text('{"name": "b", "status": "done"}\n' + json.dumps(row) + "\n")
     before = table.read_bytes()
@@ -292,7 +290,7 @@ def test_a_row_with_values_of_other_kinds_is_refused_with_its_line(tmp_path, fun
 @pytest.mark.parametrize(
     "torn", ['{"name": "a.t', '{"name": "a.txt", "status": "done"}', "{", "\x00\x00\x00"]
 )
-def test_a_torn_last_line_is_dropped_and_the_rows_before_it_hold(tmp_path, functions, torn):
+def test_a_torn_last_line_is_dropped_and_earlier_rows_count(tmp_path, functions, torn):
     table, jobs = tmp_path / "results.jsonl", [writing(tmp_path / f"{name}.txt") for name in "ab"]
     list(run(jobs, journal=table))
     whole = table.read_bytes()
@@ -301,7 +299,7 @@ def test_a_torn_last_line_is_dropped_and_the_rows_before_it_hold(tmp_path, funct
     assert table.read_bytes() == whole
 
 
-def test_what_is_added_after_a_torn_line_begins_a_line_of_its_own(tmp_path, functions):
+def test_a_row_added_after_a_torn_line_begins_a_new_line(tmp_path, functions):
     table, jobs = tmp_path / "results.jsonl", [writing(tmp_path / f"{name}.txt") for name in "abc"]
     list(run(jobs[:2], journal=table))
     table.write_bytes(table.read_bytes() + b'{"name": "a.t')
@@ -345,7 +343,7 @@ def test_progress_is_reported_from_beginning_to_end(tmp_path, functions):
     assert [report.share for report in reports] == sorted(report.share for report in reports)
 
 
-def test_workers_that_are_ended_tidy_away_what_they_were_writing(functions, tmp_path):
+def test_ended_workers_remove_their_unfinished_files(functions, tmp_path):
     output, begun = tmp_path / "one.txt", tmp_path / "begun"
 
     def end(progress):
@@ -359,7 +357,7 @@ def test_workers_that_are_ended_tidy_away_what_they_were_writing(functions, tmp_
 
 
 @pytest.mark.slow
-def test_a_worker_whose_parent_is_gone_before_it_is_ready_is_quiet():
+def test_a_worker_without_a_parent_at_its_start_ends_silently():
     code = """
         from concurrent.futures.process import BrokenProcessPool
         from multiprocessing import get_context
@@ -382,7 +380,7 @@ def test_a_worker_whose_parent_is_gone_before_it_is_ready_is_quiet():
     assert (ran.returncode, ran.stderr) == (0, "")
 
 
-def test_a_closed_terminal_spares_the_process_that_looks_after_what_is_shared(functions, tmp_path):
+def test_a_hangup_spares_the_resource_tracker(functions, tmp_path):
     code = """
         import os, signal, sys
         from multiprocessing import resource_tracker

@@ -36,7 +36,7 @@ class Two(Workers):
         self.given_back.append((executor.dead, died))
 
 
-def test_a_worker_that_died_while_it_had_nothing_to_do_is_given_back_as_dead():
+def test_a_worker_that_died_idle_is_returned_as_dead():
     workers = Two()
     living = workers.free[0]
     workers.begin("job", Task(function="module:function", arguments={}, own={}, resumed=False))

@@ -102,7 +102,7 @@ def test_the_thumbnail_of_the_source_is_not_that_of_the_result(tmp_path):
     assert thumbnail.getvalue() not in (tmp_path / "out.jpg").read_bytes()
 
 
-def test_the_recipe_of_a_motif_is_not_that_of_what_is_made_of_it(tmp_path):
+def test_the_recipe_of_a_motif_is_not_read_as_metadata(tmp_path):
     recipe = to_xmp({"recipe": {}})
     write_picture(tmp_path / "motif.png", Picture(pixels=smooth(), xmp=recipe))
     assert pyvips.Image.new_from_file(str(tmp_path / "motif.png")).get("xmp-data") == recipe
@@ -110,7 +110,7 @@ def test_the_recipe_of_a_motif_is_not_that_of_what_is_made_of_it(tmp_path):
 
 
 @pytest.mark.parametrize("target", [".jpg", ".png", ".webp", ".tif"])
-def test_metadata_too_large_or_damaged_for_a_format_does_not_stop_it(tmp_path, target, capfd):
+def test_oversized_or_damaged_metadata_does_not_stop_writing(tmp_path, target, capfd):
     for index, block in enumerate([b"", b"nonsense" * 20_000, PACKET.replace(b"attic", b"attic" * 40_000)]):
         path = tmp_path / f"{index}{target}"
         write_picture(path, Picture(pixels=smooth(), xmp=block))

@@ -99,7 +99,7 @@ def test_white_is_zero_tiff_is_not_inverted(tmp_path):
     np.testing.assert_array_equal(read_picture(tmp_path / "in.tif").pixels, values)
 
 
-def test_the_first_frame_is_read_and_previews_behind_a_picture_are_not(tmp_path):
+def test_the_first_frame_is_read_instead_of_previews(tmp_path):
     pages = np.stack([np.full((4, 5), level, np.uint8) for level in (50, 100, 150)])
     with tifffile.TiffWriter(tmp_path / "in.tif") as file:
         for page in (pages[0], pages[1, ::2, ::2]):
@@ -190,7 +190,7 @@ def test_half_floats_become_floats(tmp_path):
     np.testing.assert_array_equal(read_picture(tmp_path / "in.tif").pixels, values.astype(np.float32))
 
 
-def test_float_values_outside_zero_to_one_are_allowed_but_not_nan(tmp_path):
+def test_floats_outside_zero_to_one_are_read_but_not_nan(tmp_path):
     values = sample("float32") * 8 - 4
     tifffile.imwrite(tmp_path / "in.tif", values, photometric="rgb")
     np.testing.assert_array_equal(read_picture(tmp_path / "in.tif").pixels, values)
@@ -257,7 +257,7 @@ def test_a_file_that_changed_is_read_anew(tmp_path):
         assert (read_picture(tmp_path / "in.png").pixels == level).all()
 
 
-def test_a_mask_is_white_from_half_of_full_scale_on_and_not_where_it_is_transparent(tmp_path):
+def test_a_mask_is_white_from_half_scale_on_where_it_is_opaque(tmp_path):
     path = tmp_path / "mask.png"
     write_picture(path, Picture(pixels=np.array([[0, 127, 128, 255]], np.uint8)))
     assert read_white(path, (1, 4), "a.png", 100).tolist() == [[False, False, True, True]]

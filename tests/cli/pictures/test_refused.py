@@ -15,7 +15,7 @@ from toposeam_cli.media.pictures import decode
 from toposeam_cli.media.pictures.picture import read_picture
 
 
-def test_missing_folder_empty_and_foreign_files_end_in_one_sentence(tmp_path):
+def test_unreadable_files_are_refused_in_one_sentence(tmp_path):
     (tmp_path / "empty.png").touch()
     (tmp_path / "text.png").write_text("hello " * 100)
     (tmp_path / "table.csv").write_text("1,2\n3,4\n")

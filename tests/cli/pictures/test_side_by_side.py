@@ -55,7 +55,7 @@ def test_profiles_are_converted_to_the_first():
     assert np.abs(second.pixels.astype(int) - values).max() > 5
 
 
-def test_floats_from_black_to_white_are_converted_and_others_refused():
+def test_floats_within_zero_to_one_are_converted_others_refused():
     values = (smooth() / 255).astype(np.float32)
     values[0, 0], values[0, 1] = 0, 1
     converted = match_pictures([Picture(pixels=values, icc=P3), Picture(pixels=values, icc=SRGB)])[1].pixels

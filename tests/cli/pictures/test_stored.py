@@ -92,9 +92,7 @@ def test_opacity_that_says_nothing_is_left_out_of_the_file(tmp_path, dtype):
 
 
 @pytest.mark.parametrize(("transparent", "written"), [(None, HEIGHT), (0, HEIGHT), (40, HEIGHT + 33)])
-def test_rows_are_written_again_only_where_opacity_begins_below_them(
-    tmp_path, monkeypatch, transparent, written
-):
+def test_rows_are_rewritten_only_if_transparency_begins_below(tmp_path, monkeypatch, transparent, written):
     path, alpha, rows = tmp_path / "a.png", np.full((HEIGHT, WIDTH), 255, np.uint8), []
     if transparent is not None:
         alpha[transparent] = 7
@@ -119,7 +117,7 @@ def test_a_file_that_was_cut_short_is_the_same_sentence(tmp_path, name):
     assert str(ours.value) == str(expected.value)
 
 
-def test_values_that_are_no_numbers_are_refused_wherever_they_are(tmp_path):
+def test_nan_values_are_refused_in_any_row(tmp_path):
     values = pixels(3, dtype=np.float32)
     values[-1, -1, 0] = np.nan
     pyvips.Image.new_from_array(values).write_to_file(str(tmp_path / "a.tif"))

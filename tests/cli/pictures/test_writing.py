@@ -85,7 +85,7 @@ def test_jpeg_is_near_lossless_without_colour_subsampling(tmp_path):
         assert image.mode == "L"
 
 
-def test_a_large_jpeg_is_the_same_picture_in_the_codes_of_the_standard(tmp_path, monkeypatch):
+def test_a_large_jpeg_decodes_alike_with_standard_huffman_codes(tmp_path, monkeypatch):
     picture = Picture(pixels=smooth())
     write_picture(tmp_path / "small.jpg", picture)
     monkeypatch.setattr(picture_module, "_CODED_PIXELS", smooth()[..., 0].size - 1)

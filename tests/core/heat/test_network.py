@@ -116,7 +116,7 @@ def test_contraction_keeps_the_flux():
     assert (node_map[net.n :] == [smaller.n, smaller.n + 1]).all()
 
 
-def test_the_quotient_makes_parallel_elements_one_and_leaves_out_those_within_a_group():
+def test_the_quotient_merges_parallel_elements_and_drops_loops():
     # Nodes 0 and 1 become one: elements to node 2 are parallel, the one between them is gone, the one between
     # the terminals too.
     net = network(3, (3, 0), (0, 1), (0, 2), (1, 2), (2, 4), (3, 4))
@@ -149,7 +149,7 @@ def test_a_network_without_free_nodes_has_only_its_terminals():
 
 
 @pytest.mark.parametrize("without", [False, True])
-def test_large_irregular_networks_are_solved_with_and_without_qdldl(without, monkeypatch):
+def test_irregular_networks_are_solved_with_or_without_qdldl(without, monkeypatch):
     monkeypatch.setattr(module, "SPARSE_NODES", 200)
     if without:
         monkeypatch.setattr(module, "qdldl", None)

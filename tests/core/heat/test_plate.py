@@ -146,7 +146,7 @@ def test_plates_without_a_solution_are_refused(heat, sinks, text):
 
 
 @pytest.mark.parametrize("shape", [(9, 4), (4, 9), (9, 3), (6, 4), (5, 7)])
-def test_a_coarser_plate_counts_what_is_beyond_an_odd_border_as_nothing(shape):
+def test_a_coarser_plate_pads_odd_borders_with_zeros(shape):
     elements = np.random.default_rng(0).random((1, *shape))
     patterns = np.random.default_rng(1).random((10, 1))
     padded = np.pad(elements, ((0, 0), (0, shape[0] % 2), (0, shape[1] % 2)))

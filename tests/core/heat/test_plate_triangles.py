@@ -10,7 +10,7 @@ from toposeam.heat.plate_triangles import _COUPLING, TrianglePlate
     ("slope", "expected"),
     [((1.0, 0.0), 2.0), ((0.0, 1.0), 2.0), ((1.0, -1.0), 2.0), ((1.0, 1.0), 6.0)],
 )
-def test_a_slope_has_the_same_energy_along_each_of_the_three_sides(slope, expected):
+def test_a_slope_has_equal_energy_along_each_triangle_side(slope, expected):
     """Along one side of the triangles two of three sides have the difference 1; between two, one has 2."""
     h, w = 4, 6
     plate = TrianglePlate(np.ones((h, w)), np.ones((h, w)))

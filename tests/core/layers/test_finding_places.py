@@ -77,7 +77,7 @@ def test_what_makes_pictures_equal_is_all_that_is_compared():
 
 
 @pytest.mark.slow
-def test_pictures_that_enough_pairs_join_are_not_tried_with_each_other(monkeypatch):
+def test_pictures_joined_by_enough_pairs_are_matched_no_more(monkeypatch):
     tried = counted(monkeypatch, "_match")
     assert len(ts.find_places(crops(0, 15, 30, 45)).correlations) == len(tried) == 6
     tried.clear()
@@ -142,7 +142,7 @@ def test_a_few_poor_patches_are_no_reason_to_turn_pictures():
     np.testing.assert_allclose(transforms[:, 1], [0, 0.02, 0, 0.02, 0], atol=2e-3)
 
 
-def test_pictures_are_turned_although_what_they_share_hardly_shows_it():
+def test_pictures_are_turned_for_a_small_gain_in_misfit():
     """Shifts alone leave a quarter of a pixel between the patches, and a pixel and more at the corners."""
     matches = matches_of([(80.0 * i, 0.01 * (i % 2)) for i in range(5)], np.random.default_rng(5), 0.05)
     shifted = adjustment.least_squares(5, matches, "shift")
@@ -151,7 +151,7 @@ def test_pictures_are_turned_although_what_they_share_hardly_shows_it():
     np.testing.assert_allclose(found.transforms[:, 1], [0, 0.01, 0, 0.01, 0], atol=2e-3)
 
 
-def test_what_would_turn_no_corner_by_a_third_of_a_pixel_is_not_turned():
+def test_turns_below_a_third_of_a_pixel_are_not_made():
     matches = matches_of([(80.0 * i, 0.002 * (i % 2)) for i in range(5)], np.random.default_rng(5), 0.01)
     assert (adjustment.adjusted(np.full((5, 2), 100), matches).transforms[:, 1] == 0).all()
     matches = matches_of([(80.0 * i, 0.008 * (i % 2)) for i in range(5)], np.random.default_rng(5), 0.01)
@@ -159,7 +159,7 @@ def test_what_would_turn_no_corner_by_a_third_of_a_pixel_is_not_turned():
     assert (adjustment.adjusted(np.full((5, 2), 300), matches).transforms[:, 1] != 0).any()
 
 
-def test_errors_of_matching_along_a_narrow_overlap_are_no_reason_to_scale():
+def test_matching_errors_along_a_narrow_overlap_do_not_scale():
     """As phase correlation finds them on an overlap of 60 px: they would move corners by half a pixel."""
     rng = np.random.default_rng(5)
     match = matches_of([(0.0, 0.0), (120.0, 0.0)], rng, 0.0)[0, 1]
@@ -195,7 +195,7 @@ def test_how_far_corners_are_open_is_how_far_they_scatter():
     np.testing.assert_allclose(np.mean(said, axis=0) / 4, seen, rtol=0.35)
 
 
-def test_of_a_large_group_that_shows_something_else_a_few_are_named():
+def test_a_large_unrelated_group_is_named_in_part():
     pictures = [ts.Layer(WHOLE[:, :20], name=f"p{index}") for index in range(30)]
     matches = {(index, index + 1): None for index in range(29) if index != 14}
     few = "p15 and p16, p17, p18, p19, p20, p21, p22, 7 more show something else"

@@ -31,7 +31,7 @@ def test_without_weight_each_motif_is_what_it_is_alone():
 
 
 @pytest.mark.medium
-def test_motifs_join_each_other_the_better_the_more_the_compound_weighs():
+def test_motifs_join_better_the_more_the_compound_weighs():
     apart, together = _joined(0.0), _joined(0.5)
     assert together.mismatch() < 0.7 * apart.mismatch()
     own = [
@@ -41,7 +41,7 @@ def test_motifs_join_each_other_the_better_the_more_the_compound_weighs():
     assert own[0] < own[1] < own[2]  # and each itself the worse (Figure 4.7)
 
 
-def test_border_mismatch_is_the_step_across_over_the_steps_beside():
+def test_border_mismatch_is_the_ratio_of_outer_to_inner_steps():
     """By hand: columns rise and fall by steps of their own, rows are even."""
     columns = {"a": [0.0, 0.1, 0.2, 0.25], "b": [0.5, 0.8, 0.9, 0.7]}
     motifs = {}
@@ -122,7 +122,7 @@ def test_an_arrangement_puts_motifs_where_the_grid_says():
 
 
 @pytest.mark.parametrize("edge", ["crisp", "ink"])
-def test_a_motif_is_printed_alike_wherever_and_however_often_it_lies(edge):
+def test_a_motif_is_printed_alike_at_any_place_and_count(edge):
     """Strokes end at one density of all motifs together; of a light and a heavy one, neither's own, and not
     that of the pattern.
     """

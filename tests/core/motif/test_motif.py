@@ -104,7 +104,7 @@ def test_motifs_show_themselves(tmp_path):
     assert 'viewBox="0 0 144 96"' in document
 
 
-def test_relatives_move_the_even_heat_towards_its_range_and_leave_none_alone():
+def test_variation_moves_ambient_heat_into_its_range():
     recipe = ts.random_recipe(48, seed=1, ambient=1.0)
     moved = [layer.ambient for layer in ts.vary(recipe, amount=0.5, seed=2).layers]
     assert all(0.5 * 1.0 + 0.5 * 0.2 <= value <= 0.5 * 1.0 + 0.5 * 0.9 for value in moved)
@@ -238,7 +238,7 @@ def test_places_keep_out_of_what_a_base_image_blocks(axis):
     assert (places[:, axis] >= (2 / 6 if axis else 2 / 10)).all()
 
 
-def test_layers_that_are_drawn_are_strokes_of_three_or_washes_of_hardly_more_than_one():
+def test_random_layers_are_strokes_or_washes():
     drawn = [layer.penalty for seed in range(40) for layer in ts.random_recipe(16, seed=seed).layers]
     washes = [value for value in drawn if value != 3.0]
     assert all(1.0 <= value <= 1.3 for value in washes)

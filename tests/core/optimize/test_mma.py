@@ -42,7 +42,7 @@ def test_svanbergs_cantilever():
     assert result.constraint <= 1e-6
 
 
-def test_resistors_in_series_take_one_step_with_the_asymptotes_that_fit():
+def test_resistors_in_series_are_solved_in_one_step():
     # Linear objective: U far away. Constraint linear in 1/x: L = 0. Then the approximation is exact.
     x = np.full(4, 20.0)
     _, df, g, dg = resistors(x)
@@ -67,7 +67,7 @@ def test_resistors_with_moving_asymptotes():
     assert result.x == pytest.approx(RESISTORS_OPTIMUM, rel=1e-3)
 
 
-def test_an_inactive_constraint_leaves_the_unconstrained_minimum():
+def test_an_inactive_constraint_keeps_the_unconstrained_minimum():
     target = np.array([0.2, 0.5, 0.9])
 
     def evaluate(x):
@@ -112,7 +112,7 @@ def test_bounds_hold_where_the_optimum_lies_beyond_them():
     )
 
 
-def test_where_nothing_is_feasible_the_step_comes_as_near_as_the_bounds_allow():
+def test_an_infeasible_step_goes_as_far_as_its_bounds():
     x = np.full(4, 0.5)
     _, df, g, dg = resistors(x)
     result, _ = solve_subproblem(x, df, g, dg, np.zeros(4), np.full(4, 10.0), np.full(4, 0.1), np.ones(4))
@@ -161,7 +161,7 @@ def test_overshoot_is_taken_back():
     assert result.x == pytest.approx([1.0, 1.0], abs=1e-2)
 
 
-def test_dropping_a_variable_at_rest_changes_nothing_for_the_others():
+def test_dropping_a_resting_variable_does_not_affect_others():
     """A sixth segment fixed by its bounds; its part of the constraint is a constant."""
     lower, upper = np.full(6, 1.0), np.full(6, 10.0)
     lower[5] = upper[5] = 3.0
@@ -197,7 +197,7 @@ def test_multipliers_are_found_over_many_orders_of_magnitude(exponent):
     assert root - found <= 0
 
 
-def test_a_residual_that_is_never_feasible_ends_at_the_largest_multiplier():
+def test_an_infeasible_residual_gives_the_largest_multiplier():
     assert find_multiplier(lambda y: 1.0, 1.0, 1e-9) > 1e20
 
 

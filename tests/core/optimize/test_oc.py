@@ -40,7 +40,7 @@ def test_one_step_goes_as_far_as_its_damping_says(damping):
     assert result.sum() == pytest.approx(3.0)
 
 
-def test_a_variable_of_twice_the_mass_counts_as_of_half_the_benefit():
+def test_twice_the_mass_counts_as_half_the_benefit():
     result = oc_step(np.ones(2), -np.ones(2), np.array([1.0, 2.0]), 3.0, 1e-9, 10.0, WIDE)
     assert result[0] / result[1] == pytest.approx(np.sqrt(2.0), rel=1e-6)
 
@@ -61,7 +61,7 @@ def test_no_variable_leaves_its_move_limit_or_its_bounds():
     assert result.max() <= 1.0
 
 
-def test_a_bound_beyond_reach_gives_the_lightest_design_the_limits_allow():
+def test_an_unreachable_bound_gives_the_lightest_allowed_design():
     result = oc_step(np.full(10, 0.9), -np.ones(10), 1.0, 1.0, 1e-3, 1.0, OCOptions(move=0.2))
     assert result == pytest.approx(np.full(10, 0.7))
 

@@ -66,7 +66,7 @@ def test_stopovers_are_visited_in_order():
     assert {record.leg for record in found.history} == {1, 2, 3}
 
 
-def test_no_way_squeezes_between_obstacles_that_touch_at_a_corner():
+def test_no_path_passes_between_obstacles_touching_at_a_corner():
     wall = np.zeros((24, 24), bool)
     wall[:12, 12], wall[12:, 13] = True, True  # a wall with a corner, no gap
     wall[23, 13] = False
@@ -161,7 +161,7 @@ def test_a_large_terrain_costs_no_more_than_led_over_as_a_whole(monkeypatch):
     assert found.cost <= dijkstra_cost(cost, (150, 8), (170, 160))
 
 
-def test_reduced_ground_has_the_geometric_mean_of_its_pixels_and_keeps_obstacles():
+def test_reduced_ground_is_a_geometric_mean_and_keeps_obstacles():
     cost = np.array([[1.0, 4.0, 2.0], [16.0, 1.0, np.inf], [3.0, 3.0, 5.0]])
     np.testing.assert_allclose(levels.reduced(cost, 2, []), [[8**0.5, np.inf], [3.0, 5.0]])
     # Where a way leads the obstacle is left out.

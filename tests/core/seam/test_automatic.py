@@ -20,7 +20,7 @@ def posed(shape, crops):
 
 
 @pytest.mark.parametrize("shape", [*PATHS, *FLOWS])
-def test_the_seam_says_which_engine_found_it_and_that_it_is_the_best_one(shape, crops):
+def test_the_seam_names_its_engine_and_is_optimal(shape, crops):
     given = posed(shape, crops)
     seam, best = ts.find_seam(*given), ts.find_seam(*given, method="graph-cut")
     assert seam.method == ("shortest-path" if shape in PATHS else "graph-cut")
@@ -31,14 +31,14 @@ def test_the_seam_says_which_engine_found_it_and_that_it_is_the_best_one(shape, 
 
 
 @pytest.mark.parametrize(("shape", "engine"), [("ring", "heat"), (None, "shortest-path")])
-def test_where_no_path_divides_more_than_a_flow_is_to_cut_heat_does(shape, engine, crops, monkeypatch):
+def test_heat_replaces_a_flow_above_its_pixel_limit(shape, engine, crops, monkeypatch):
     monkeypatch.setattr(automatic, "FLOW_PIXELS", 100)
     seam = ts.find_seam(*posed(shape, crops))
     assert seam.method == engine
     assert bool(seam.history) == (engine == "heat")
 
 
-def test_beyond_the_memory_that_a_path_may_take_heat_shows_where_it_runs(crops, monkeypatch):
+def test_heat_replaces_a_path_above_its_memory_limit(crops, monkeypatch):
     monkeypatch.setattr(automatic, "PATH_PIXELS", 100)
     assert ts.find_seam(*posed(None, crops)).method == "heat"
 

@@ -84,7 +84,7 @@ def test_paths_are_open_or_closed_as_the_topology_asks(shape, closed, crops):
     assert [line.closed for line in ts.find_seam(a, b, mask_a, mask_b).paths] == closed
 
 
-def test_heat_converges_to_labels_that_are_connected_to_their_own_ground(crops):
+def test_heat_labels_are_connected_to_their_own_ground(crops):
     from scipy import ndimage
 
     for seed in range(6):
@@ -143,7 +143,7 @@ def test_progress_rises_to_one(crops):
     assert seen[:-1] == [min(0.95, (step + 1) / 10) for step in range(steps)]
 
 
-def test_dynamic_programming_is_exact_when_the_seam_never_turns_back(crops):
+def test_dynamic_programming_is_exact_if_the_seam_never_turns(crops):
     a, b = crops(np.random.default_rng(15), 30, 3)
     dp, exact = (ts.find_seam(a, b, method=method) for method in ("dp", "shortest-path"))
     assert dp.cost == pytest.approx(exact.cost)  # one free column: there is nothing to turn back to
@@ -252,7 +252,7 @@ def test_options_may_be_one_value_or_plain_keywords(crops):
 
 
 @pytest.mark.parametrize("tolerance", [0.5, 0.1, 1e-2, 1e-3, 1e-6])
-def test_heat_stops_as_soon_as_no_seam_can_be_cheaper_by_more_than_the_tolerance(tolerance, crops):
+def test_heat_stops_once_the_bound_is_within_the_tolerance(tolerance, crops):
     a, b = crops(np.random.default_rng(20), 60, 16)
     seam = ts.find_seam(a, b, tolerance=tolerance)
     exact = ts.find_seam(a, b, method="graph-cut").cost
@@ -277,7 +277,7 @@ def test_settings_say_how_the_patches_lay(crops):
     assert "side" not in masked.settings
 
 
-def test_masked_arrays_pil_pictures_and_other_axes_are_told_apart(crops):
+def test_masked_arrays_pil_pictures_and_axes_are_distinguished(crops):
     from PIL import Image
 
     a, b = crops(np.random.default_rng(22), 30, 12)

@@ -30,7 +30,7 @@ def test_through_narrow_places_every_method_finds_the_best_seam(index):
 
 @pytest.mark.parametrize("method", ["heat", "dp", "thesis", *EXACT])
 @pytest.mark.parametrize("length", [10, 60, 200])
-def test_in_a_row_of_pixels_every_method_finds_the_cheapest_of_all_places(method, length):
+def test_every_method_finds_the_minimum_in_a_row_of_pixels(method, length):
     a, b = np.random.default_rng(0).random((2, 1, length, 3))
     seam = ts.find_seam(a, b, method=method)
     assert seam.cost == pytest.approx(float(seam.problem.right[1, 1:-1].min()))
@@ -62,7 +62,7 @@ def test_a_speck_far_from_the_seam_belongs_to_what_is_proven(frames):
     assert seam.bound == pytest.approx(least_by_flow(seam.problem), rel=1.1e-3)
 
 
-def test_excluded_pixels_beside_what_is_fixed_belong_to_what_is_proven():
+def test_excluded_pixels_beside_fixed_ones_count_in_the_bound():
     """They are as good as fixed, and what lies between them and the other side is cut whatever shows."""
     a, b = np.random.default_rng(0).random((2, 12, 9))
     avoid = np.zeros((12, 9), bool)

@@ -12,7 +12,7 @@ SIZES = ((60, 15), (80, 20), (120, 30), (160, 40), (240, 60), (320, 80))
 
 
 @pytest.mark.slow
-def test_on_two_hundred_strips_heat_is_a_single_line_within_one_percent_of_the_optimum(crops):
+def test_heat_is_within_one_percent_of_optimum_on_200_strips(crops):
     ratios = []
     for index in range(204):
         rng = np.random.default_rng([1, index])
@@ -30,7 +30,7 @@ def test_on_two_hundred_strips_heat_is_a_single_line_within_one_percent_of_the_o
 
 
 @pytest.mark.slow
-def test_on_a_hundred_irregular_overlaps_heat_is_within_one_percent_of_graph_cut(crops):
+def test_heat_is_within_one_percent_on_100_irregular_overlaps(crops):
     ratios = []
     shapes = ("ring", "four gaps", "two islands", "ell")
     lines = {"ring": 1, "four gaps": 2, "two islands": 2, "ell": 1}

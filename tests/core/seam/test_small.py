@@ -49,9 +49,7 @@ def test_overlaps_of_one_shape_are_analysed_once(size, masks, crops, monkeypatch
 
 @pytest.mark.parametrize(("size", "widest"), [((70, 10), 250), ((60, 60), 250), ((60, 60), 20)])
 @pytest.mark.parametrize("method", ["auto", "heat"])
-def test_a_shape_that_is_known_gives_the_same_bytes_as_a_new_one(
-    method, size, widest, crops, forget, monkeypatch
-):
+def test_a_cached_shape_gives_the_same_bytes_as_a_new_one(method, size, widest, crops, forget, monkeypatch):
     monkeypatch.setattr(
         elimination, "WIDEST_BAND", widest
     )  # narrower than this matrices are banded, others sparse
@@ -67,7 +65,7 @@ def test_a_shape_that_is_known_gives_the_same_bytes_as_a_new_one(
         assert [repr(record) for record in other.history] == [repr(record) for record in first.history]
 
 
-def test_equal_shapes_with_other_costs_or_exclusions_are_told_apart(crops):
+def test_equal_shapes_with_other_costs_or_exclusions_differ(crops):
     a, b = crops(np.random.default_rng(4), 40, 12)
     avoid = np.zeros((40, 12), bool)
     avoid[10:20, 3:9] = True
@@ -88,7 +86,7 @@ def test_what_overlaps_share_cannot_be_written_to(crops):
 
 
 @pytest.mark.slow
-def test_two_hundred_small_overlaps_are_proven_within_a_thousandth(crops):
+def test_small_overlaps_are_proven_within_a_thousandth(crops):
     ratios = []
     for index in range(200):
         rng = np.random.default_rng([6, index])
@@ -110,7 +108,7 @@ def blob(rng, shape):
     return smooth > np.quantile(smooth, rng.uniform(0.05, 0.7))
 
 
-def test_whatever_the_masks_weights_and_exclusions_seams_are_proven_and_as_good_as_graph_cut():
+def test_arbitrary_masks_weights_and_exclusions_are_proven():
     """Costs span up to fifteen orders of magnitude here."""
     proven = 0
     for index in range(120):

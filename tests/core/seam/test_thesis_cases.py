@@ -48,7 +48,7 @@ def test_with_gradient_the_seam_follows_the_zigzag_edge(method):
 
 
 @BOTH
-def test_without_gradient_the_seam_is_straight_and_as_short_as_can_be(method):
+def test_the_seam_without_gradient_is_straight_and_shortest(method):
     case = zigzag()
     seam = case.find(method, cost=ts.MatchCost(law="colour"))
     line = corners(seam)
@@ -57,14 +57,14 @@ def test_without_gradient_the_seam_is_straight_and_as_short_as_can_be(method):
 
 
 @BOTH
-def test_with_and_without_gradient_the_zigzag_patches_join_to_the_same_plain_picture(method):
+def test_zigzag_patches_join_to_a_plain_picture_by_both_costs(method):
     case = zigzag()
     for cost in (case.cost, ts.MatchCost(law="colour")):
         joined = case.joined(case.find(method, cost=cost))
         assert (joined == joined[0, 0]).all()
 
 
-def test_where_plain_ground_costs_nothing_the_seam_ignores_the_zigzag():
+def test_the_seam_ignores_the_zigzag_where_plain_ground_is_free():
     # flat = 0, the default: nobody sees a seam through equal pixels.
     case = zigzag()
     seam = case.find("heat", cost=ts.MatchCost(law="gradient"))
@@ -82,7 +82,7 @@ def test_the_seam_follows_the_shade_round_an_l_shaped_overlap(method):
 
 @BOTH
 @pytest.mark.parametrize("seed", range(4))
-def test_between_random_colours_the_seam_follows_the_outline_and_turns_back(method, seed):
+def test_the_seam_follows_an_outline_between_random_colours(method, seed):
     case = random_colours(seed)
     seam = case.find(method)
     assert wrong(case, seam) == 0
@@ -107,14 +107,14 @@ def test_swapping_the_patches_keeps_the_line(method, make):
 
 
 @pytest.mark.parametrize("make", [toy, zigzag, ell, random_colours])
-def test_the_thesis_takes_two_to_four_stages_and_at_most_a_hundred_iterations(make):
+def test_the_thesis_takes_2_to_4_stages_and_100_iterations(make):
     seam = make().find("thesis")
     assert 2 <= seam.history[-1].stage <= 4
     assert len(seam.history) <= 100
 
 
 @pytest.mark.parametrize(("case", "usual", "unlimited"), [(zigzag, 1.03, 7.5), (ell, 1.01, 6.4)])
-def test_the_transcription_depends_on_the_move_limit_as_the_documents_say(case, usual, unlimited):
+def test_the_transcription_depends_on_move_limits_as_documented(case, usual, unlimited):
     """docs/results.md, to the digits that are stated there."""
     for move, ratio in ((0.2, usual), (1.0, unlimited)):
         seam = case().find("thesis", options=ThesisOptions.plain(move=move))

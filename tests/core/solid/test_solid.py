@@ -25,7 +25,7 @@ def edges_of(mesh):
 
 @pytest.mark.medium
 @pytest.mark.parametrize("repeat", REPEATS)
-def test_every_edge_lies_between_two_faces_in_opposite_directions(repeat):
+def test_every_edge_joins_two_faces_in_opposite_directions(repeat):
     mesh = ts.generate_solid(recipe(repeat=repeat), 20).mesh()
     counted = edges_of(mesh)
     assert all(count == 1 and counted[b, a] == 1 for (a, b), count in counted.items())
@@ -55,7 +55,7 @@ def test_a_box_has_its_own_volume_and_area():
 
 
 @pytest.mark.medium
-def test_what_is_solid_stands_on_the_floor_and_weighs_what_it_should():
+def test_a_solid_stands_on_the_floor_with_the_given_mass():
     solid = ts.generate_solid(recipe(32, iterations=30), 32)
     pieces, count = ndimage.label(solid.filled, np.ones((3, 3, 3)))
     assert set(np.unique(pieces[0])) >= set(range(1, count + 1))

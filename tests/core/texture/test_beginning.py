@@ -21,7 +21,7 @@ def test_steps_of_lines_are_those_from_the_line_before(shape):
         np.testing.assert_allclose(steps, wanted, rtol=1e-4)
 
 
-def test_a_texture_that_repeats_does_not_begin_where_its_border_shows():
+def test_a_repeating_texture_does_not_start_at_a_visible_border():
     for seed in range(4):
         made = ts.synthesize(stripes(), (128, 112), patch=32, seed=seed, tileable=True)
         for steps in line_steps(made.image):
@@ -51,7 +51,7 @@ def test_a_texture_begun_elsewhere_is_the_same_in_all_its_parts():
         np.testing.assert_array_equal(again.apply(image), again.image)
 
 
-def test_textures_that_end_and_guided_ones_begin_where_they_were_laid():
+def test_ended_and_guided_textures_start_where_they_were_laid():
     image, wanted = stripes(), np.tile(stripes(), (2, 2))[:128, :112]
     ended = ts.synthesize(image, (128, 112), patch=32)
     assert begun(ended) is ended

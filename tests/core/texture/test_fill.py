@@ -49,7 +49,7 @@ def test_a_hole_of_up_to_two_patches_is_closed_by_one(sample, side, many):
     assert (made.count > 1) == many
 
 
-def test_without_tolerance_the_best_place_is_taken_whatever_the_seed(sample):
+def test_zero_tolerance_takes_the_best_place_for_any_seed(sample):
     image = sample(1, (160, 160))
     hole = np.zeros(image.shape, bool)
     hole[60:100, 60:100] = True
@@ -104,13 +104,13 @@ def test_a_picture_is_made_to_repeat_and_its_inside_stays(sample, tileable):
             assert step(made.image) < 1.2 < step(image)
 
 
-def test_a_periodic_pattern_that_closes_already_is_left_as_it_is():
+def test_a_closing_periodic_pattern_is_unchanged():
     unit = np.random.default_rng(4).integers(0, 256, (16, 16), np.uint8)
     image = np.tile(unit, (6, 6))
     np.testing.assert_array_equal(ts.make_tileable(image, band=16).image, image)
 
 
-def test_where_a_picture_goes_on_across_its_border_nothing_changes():
+def test_a_picture_continuing_across_its_border_is_unchanged():
     slope = np.broadcast_to(np.linspace(0, 255, 200).astype(np.uint8), (160, 200)).copy()
     upright = ts.make_tileable(slope, band=12, tileable="y")
     assert upright.count == 0
@@ -127,7 +127,7 @@ def test_where_a_picture_goes_on_across_its_border_nothing_changes():
 
 @pytest.mark.parametrize("tileable", ["both", "x", "y"])
 @pytest.mark.parametrize("smooth", [0, 1, 4])
-def test_only_the_border_of_a_tile_is_drawn_as_the_whole_would_be(smooth, tileable):
+def test_a_tile_s_border_is_drawn_like_the_whole(smooth, tileable):
     image = np.random.default_rng(1).integers(0, 256, (70, 96, 3), np.uint8)
     made = ts.make_tileable(image, band=16, tileable=tileable, smooth=smooth)
     assert (made.image != image).any()

@@ -35,7 +35,7 @@ def test_any_size_is_filled_exactly(sample, size):
     np.testing.assert_array_equal(made.image, sample(1)[made.source[..., 0], made.source[..., 1]])
 
 
-def test_without_smoothing_every_pixel_is_a_copy_and_with_it_only_pixels_at_seams_differ(sample):
+def test_smoothing_changes_only_pixels_at_seams(sample):
     source = sample(2, channels=3)
     hard, soft = (ts.synthesize(source, 90, patch=32, smooth=smooth) for smooth in (0, 1))
     copied = source[hard.source[..., 0], hard.source[..., 1]]
@@ -72,7 +72,7 @@ def test_tileable_textures_continue_at_the_opposite_border(sample, tileable, clo
         assert step < 1.4 if closes else step > 2.5
 
 
-def test_the_same_seed_gives_the_same_bytes_and_another_one_another_texture(sample):
+def test_equal_seeds_give_equal_bytes_and_other_seeds_differ(sample):
     first, second, other = (
         ts.synthesize(sample(4), 80, patch=32, seed=seed, tileable=True) for seed in (5, 5, 6)
     )
@@ -148,7 +148,7 @@ def test_objects_larger_than_the_overlap_stay_whole():
 
 
 @pytest.mark.medium
-def test_the_same_place_comes_again_at_a_distance_where_there_is_a_choice(sample):
+def test_variety_keeps_copies_of_the_same_place_apart(sample):
     source = sample(31, (128, 128))
 
     def near(variety):
@@ -206,7 +206,7 @@ def test_only_what_the_mask_allows_is_sampled(sample):
     assert mask[made.source[..., 0], made.source[..., 1]].all()
 
 
-def test_transparent_pixels_are_not_sampled_and_opacity_is_laid_along(sample):
+def test_transparent_pixels_are_not_sampled_and_alpha_is_copied(sample):
     source = sample(12, (80, 80), channels=3)
     alpha = sample(13, (80, 80)) // 2 + 100
     alpha[:, :20] = 0

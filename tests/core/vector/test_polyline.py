@@ -112,7 +112,7 @@ def unit_edges(polyline):
 
 @settings(deadline=None)
 @given(st.data())
-def test_paths_cover_exactly_the_interfaces_that_differ_with_true_on_the_right(data):
+def test_paths_trace_the_boundary_with_true_on_the_right(data):
     labels = data.draw(label_maps)
     valid = data.draw(hnp.arrays(bool, labels.shape))
     height, width = labels.shape
@@ -208,7 +208,7 @@ def distance(point, outline):
 @pytest.mark.medium
 @settings(deadline=None)
 @given(label_maps, st.sampled_from([0.3, 0.75, 1.5, 4.0]))
-def test_no_point_is_farther_from_the_simplified_line_than_the_tolerance(labels, tolerance):
+def test_simplified_lines_stay_within_the_tolerance(labels, tolerance):
     for line in trace_boundary(labels, np.ones(labels.shape, bool)):
         simple = line.simplified(tolerance)
         assert simple.closed == line.closed

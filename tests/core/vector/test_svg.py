@@ -145,7 +145,7 @@ def test_picture_without_a_size_is_refused(size):
         write_svg([], *size, {})
 
 
-def test_export_of_gimp_3_0_counts_pixels_whatever_its_resolution():
+def test_gimp_3_0_exports_count_pixels_at_any_resolution():
     seam = read_svg(GIMP_3_0)
     assert (seam.width, seam.height, seam.metadata, seam.names) == (800, 600, None, ("seam 1",))
     np.testing.assert_array_equal(
@@ -160,7 +160,7 @@ def test_export_of_gimp_3_2_has_its_name_in_the_title():
     np.testing.assert_allclose(seam.polylines[0].points, [[100, 100], [200, 100], [200, 200]])
 
 
-def test_millimetres_layers_and_transforms_of_inkscape_become_pixels():
+def test_inkscape_units_layers_and_transforms_become_pixels():
     seam = read_svg(INKSCAPE)
     assert (seam.width, seam.height) == (800, 600)
     assert seam.names == ("main seam", "named in the layers panel")
@@ -173,7 +173,7 @@ def test_millimetres_layers_and_transforms_of_inkscape_become_pixels():
     np.testing.assert_allclose(seam.polylines[1].points, [[10 * mm, 0], [10 * mm, 100]], atol=1e-5)
 
 
-def test_our_document_saved_by_inkscape_keeps_its_settings_and_pixels():
+def test_inkscape_keeps_metadata_and_pixels_of_our_document():
     text = write_svg([Polyline([[3, 0], [4, 6]])], 800, 600, {"seed": 7})
     text = text.replace('width="800" height="600"', 'width="211.66667mm" height="158.75mm"')
     text = text.replace("<metadata", '<metadata xmlns:cc="http://creativecommons.org/ns#"').replace(
@@ -311,7 +311,7 @@ def test_bezier_curves_stay_within_the_stated_tolerance(control, cubic):
 
 
 @pytest.mark.parametrize("handle", [-30, 40])
-def test_a_curve_along_its_chord_that_reaches_beyond_an_end_is_drawn_to_there(handle):
+def test_a_curve_reaching_beyond_its_chord_is_fully_drawn(handle):
     x, y = one(path(f"M0,0 C {handle},0 {handle},0 10,0")).points.T
     t = np.linspace(0, 1, 300)
     there = 3 * handle * t * (1 - t) + 10 * t**3
@@ -335,7 +335,7 @@ def test_subpaths_of_one_path_share_its_name():
     assert [line.closed for line in seam.polylines] == [False, True, False, False]
 
 
-def test_hidden_shapes_definitions_and_other_namespaces_are_left_out():
+def test_hidden_shapes_definitions_and_foreign_tags_are_skipped():
     hidden = (
         '<defs><path d="M0,0 1,1"/></defs><clipPath><path d="M0,0 1,1"/></clipPath><symbol><path d="M0,0 '
         '1,1"/></symbol><g display="none"><path d="M0,0 1,1"/></g><path style="stroke:red; display : none" '

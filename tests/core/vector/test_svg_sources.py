@@ -140,7 +140,7 @@ def test_too_much_is_refused(monkeypatch, phrase, text):
         read_svg(text)
 
 
-def test_a_path_that_goes_on_for_ever_after_it_was_closed_is_refused():
+def test_a_path_with_too_many_segments_after_closing_is_refused():
     with pytest.raises(PathError, match="more than 100 times"):
         read_svg(path("M0,0" + "l1,1z" * 102))
 

@@ -5,7 +5,7 @@ import numpy as np
 from toposeam.volume.problem.posing import _shares
 
 
-def test_what_an_array_holds_where_it_has_no_voxels_does_not_count():
+def test_values_outside_of_the_present_voxels_do_not_count():
     volume = np.full((2, 3, 4, 1), 0.5)
     present = np.ones((2, 3, 4), bool)
     present[0, 0, 0] = False

@@ -321,7 +321,7 @@ def test_bricks_at_rest_are_left_out_and_nothing_is_lost(monkeypatch):
     assert flow.look().cut == pytest.approx(every.look().cut, rel=1e-4)
 
 
-def test_bricks_that_are_swept_alone_see_what_those_at_rest_send(monkeypatch):
+def test_bricks_swept_alone_receive_flow_of_resting_ones(monkeypatch):
     monkeypatch.setattr("toposeam.heat.bricks._SIDES", {3: (2, 4, 4)})
     monkeypatch.setattr("toposeam.heat.grid_flow._MOST", -1)
     cost, fixed, hot = cube(5, (8, 16, 16))
@@ -365,7 +365,7 @@ def test_on_a_plane_the_sweeps_find_the_best_seam():
     assert flow.look().cut == pytest.approx(seam.cost, rel=1e-4)
 
 
-def test_blocks_of_voxels_are_joined_by_all_that_joins_their_voxels():
+def test_voxel_blocks_are_joined_by_the_sum_of_their_interfaces():
     cost, fixed, hot = cube(3, (18, 17, 16))
     level = coarser(VolumeLevel(tuple(cost), fixed, hot, (1, 1, 1)))
     assert level.span == (2, 2, 2)

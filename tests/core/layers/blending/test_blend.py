@@ -224,7 +224,7 @@ def test_reduce_and_expand_keep_a_plane():
     np.testing.assert_allclose(expand(small)[0, 6:-6, 6:-6], plane[0, 6:-6, 6:-6], atol=1e-4)
 
 
-def test_reduce_is_burt_and_adelson_s_kernel_at_every_other_pixel():
+def test_reduce_applies_the_kernel_of_burt_and_adelson():
     planes = np.random.default_rng(0).random((3, 16, 24)).astype(np.float32)
     kernel = np.array([1, 4, 6, 4, 1]) / 16
     smooth = ndimage.correlate1d(
@@ -234,7 +234,7 @@ def test_reduce_is_burt_and_adelson_s_kernel_at_every_other_pixel():
 
 
 @pytest.mark.parametrize("together", [1, 1600, 1 << 19])
-def test_planes_are_reduced_and_expanded_alike_alone_and_in_runs(monkeypatch, together):
+def test_planes_are_resized_alike_singly_and_in_batches(monkeypatch, together):
     monkeypatch.setattr(pyramid, "_TOGETHER", together)
     planes = np.random.default_rng(1).random((5, 16, 24)).astype(np.float32)
     for resized in (reduce, expand):
@@ -365,6 +365,6 @@ def test_what_counts_as_white_is_white_after_blending(blend, dtype):
 
 @pytest.mark.parametrize("rows", [slice(0, 6), slice(4, 12), slice(18, 20), slice(0, 20)])
 @pytest.mark.parametrize("columns", [slice(0, 2), slice(6, 10), slice(12, 16)])
-def test_a_part_of_an_expanded_image_is_what_the_whole_has_there(rows, columns):
+def test_a_part_of_an_expanded_image_equals_the_whole(rows, columns):
     planes = np.random.default_rng(3).random((2, 10, 8), np.float32)
     np.testing.assert_array_equal(expand_part(planes, rows, columns), expand(planes)[:, rows, columns])

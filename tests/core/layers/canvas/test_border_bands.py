@@ -39,7 +39,7 @@ def test_a_full_box_is_found_close_to_the_borders(taken, full):
         assert full_within(values) == full
 
 
-def test_a_rim_and_the_full_box_inside_of_it_are_all_pixels_once():
+def test_a_rim_and_its_inner_box_cover_each_pixel_once():
     box, full = Box(2, 3, 40, 60), Box(4, 3, 39, 55)
     seen = np.zeros((50, 70), int)
     seen[full.slices] += 1
@@ -78,7 +78,7 @@ def pictures(rng):
 
 
 @pytest.mark.parametrize("tiles", [False, True])
-def test_what_is_allowed_is_the_same_as_when_all_pixels_are_looked_at(monkeypatch, tiles):
+def test_allowed_pixels_by_rims_equal_those_of_a_full_scan(monkeypatch, tiles):
     if tiles:
         monkeypatch.setattr(maps, "DENSE_PIXELS", 0)
         monkeypatch.setattr(maps, "TILE", 32)

@@ -15,7 +15,7 @@ def places(overlap, side, a=(30, 40), b=(20, 50)):
 
 @pytest.mark.parametrize("overlap", [8, 8.0, "20%", "20 %", np.int64(8)])
 @pytest.mark.parametrize(("side", "across"), [("right", 1), ("left", 1)])
-def test_they_share_so_many_columns_at_the_side_where_b_continues(overlap, side, across):
+def test_neighbours_share_the_overlap_on_the_side_of_b(overlap, side, across):
     a, b = places(overlap, side)
     assert a.shared(b).shape == (20, 8)
     assert (b.left > a.left) == (side == "right")

@@ -42,7 +42,7 @@ def lines(shape):
 
 
 @pytest.mark.parametrize("fine", [(4, 6), (3, 5), (4, 5), (3, 6), (1400, 1802), (1399, 1801)])
-def test_every_coarse_pixel_is_two_by_two_fine_ones_and_fewer_on_an_odd_border(fine):
+def test_doubling_repeats_pixels_and_crops_odd_borders(fine):
     for values in lines((-(-fine[0] // 2), -(-fine[1] // 2))):
         found = doubled(values, fine)
         assert found.shape == fine
@@ -68,7 +68,7 @@ def test_blocks_that_are_alike_are_known_all_at_once(shape, overlap):
         assert bool(expected) == (values is tiled or overlap > 0)
 
 
-def test_where_any_layer_has_pixels_is_what_all_their_covers_say():
+def test_the_ground_is_the_union_of_all_covers():
     whole = np.broadcast_to(np.True_, (300, 400))
     part = lines((300, 400))[0] > 1
     tiled = TileMap((300, 400), False, bool)

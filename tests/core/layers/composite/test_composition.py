@@ -93,7 +93,7 @@ def test_a_map_of_a_gigapixel_is_small():
 @pytest.mark.medium
 @pytest.mark.parametrize("blend", ["none", "feather", "soft", "multiband", "gradient"])
 @pytest.mark.parametrize("alpha", [False, True])
-def test_windows_of_layers_read_by_windows_are_the_picture_made_at_once(blend, alpha, sparse):
+def test_composing_by_windows_equals_stitching_at_once(blend, alpha, sparse):
     with pytest.MonkeyPatch.context() as usual:
         usual.setattr(maps, "DENSE_PIXELS", 1 << 22)
         whole = ts.stitch(layers(alpha=alpha), blend=blend, match_tones=True)
@@ -156,7 +156,7 @@ def test_totals_are_those_of_the_seams_without_making_them(alpha):
     assert totals.seconds == pytest.approx(sum(seam.seconds for seam in seams.values()))
 
 
-def test_seams_that_are_checked_are_not_measured_again_for_totals(monkeypatch):
+def test_checked_seams_are_not_measured_again_for_totals(monkeypatch):
     measured, usual = [], made._measured
     monkeypatch.setattr(made, "_measured", lambda item: measured.append(item.pair) or usual(item))
     given = layers(4)

@@ -50,7 +50,7 @@ def test_columns_of_what_goes_round(start):
     )
 
 
-def test_a_layer_over_the_edge_is_narrow_where_the_canvas_is_cut_elsewhere():
+def test_layers_across_the_edge_are_narrow_after_another_cut():
     layers = views(panorama(np.random.default_rng(0)))
     assert [layer.image.shape[1] for layer in layers] == [130, 130, 130, 360]
     cut = best_cut(layers, PERIOD)

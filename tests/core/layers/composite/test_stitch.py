@@ -46,7 +46,7 @@ def full(dtype):
 
 
 @pytest.mark.parametrize("place", [0, 1, 2])
-def test_a_layer_across_the_joint_of_two_shows_nowhere_unless_its_core_is_to(place):
+def test_a_layer_across_the_joint_of_two_shows_only_with_a_core(place):
     """Of a pile of photographs those may remain unseen that others cover; a patch is asked for."""
     layers = [crop(0, 0), crop(25, 3)]
     patch = ts.Layer(np.ascontiguousarray(layers[0].image[30:5:-1, 34:8:-1]), at=(22, 6), name="patch")
@@ -59,7 +59,7 @@ def test_a_layer_across_the_joint_of_two_shows_nowhere_unless_its_core_is_to(pla
     assert_whole(ts.stitch(layers, core=0.5), layers)
 
 
-def test_frames_that_overlap_by_60_percent_are_not_forced_to_show():
+def test_frames_overlapping_by_60_percent_may_stay_hidden():
     frames = [crop(16 * column, 12 * row) for row in range(4) for column in range(5)]
     free, forced = ts.stitch(frames), ts.stitch(frames, core=0.5)
     assert free.hidden
@@ -145,7 +145,7 @@ def test_a_mosaic_of_many():
     assert stitched.alpha is None
 
 
-def test_a_later_layer_that_covers_everything_leaves_a_rim_of_what_was_there():
+def test_a_later_layer_covering_everything_leaves_a_rim():
     layers = [crop(20, 20, 30, 30), crop(0, 0, 70, 70)]
     stitched = ts.stitch(layers)
     assert_whole(stitched, layers)

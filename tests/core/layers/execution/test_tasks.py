@@ -261,7 +261,7 @@ def test_work_that_touches_other_work_is_not_done_at_once():
     assert groups([]) == []
 
 
-def test_however_many_pictures_there_are_their_overlaps_are_a_few_groups():
+def test_overlaps_of_many_pictures_form_a_few_groups():
     """Of six rows of nine pictures that overlap by a third."""
     places = [
         Box(20 * row, 20 * column, 20 * row + 30, 20 * column + 30) for row in range(6) for column in range(9)

@@ -62,7 +62,7 @@ def test_two_exposures_are_matched_to_a_gray_level(dtype):
         assert np.abs(levels(layer) - np.rint(wanted))[middle].max() <= (1 if dtype == np.uint8 else 0.6)
 
 
-def test_the_whole_keeps_its_brightness_whichever_layer_is_larger():
+def test_overall_brightness_is_kept_whichever_layer_is_larger():
     light = np.random.default_rng(1).uniform(0.1, 0.3, (30, 200))
     layers = [ts.Layer(rendered(light[:, :170])), ts.Layer(rendered(2 * light[:, 140:]), at=(140, 0))]
     small, large = np.log(gains(layers)[::-1, 0])

@@ -106,7 +106,7 @@ def test_nothing_bright_burns_out_in_the_corners():
         ).mean() < 0.003  # of 0.007; a thousandth may, and some are rounded up
 
 
-def test_two_side_by_side_tell_what_the_lens_does_above_and_below():
+def test_two_pictures_side_by_side_determine_vertical_shading():
     """Which no overlap does: fields go round the middle."""
     layers, whole = frames(gains=(1.0, 1.0), objects=False)
     assert np.quantile(off(layers, whole), 0.9) > 0.07

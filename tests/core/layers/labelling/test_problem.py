@@ -64,7 +64,7 @@ def test_of_equal_cores_the_later_layer_s_counts():
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (0, 2, 1)])
-def test_where_cores_meet_all_whose_these_are_may_show_in_any_order(order):
+def test_layers_may_show_where_their_cores_meet_in_any_order(order):
     layers = [flat((60, 120), (0, 0)), flat((40, 60), (10, 10)), flat((40, 60), (30, 10))]
     layers = [layers[k] for k in order]
     assert may_show(layers, 22, 30) == {"(10, 10)"}
@@ -74,7 +74,7 @@ def test_where_cores_meet_all_whose_these_are_may_show_in_any_order(order):
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (0, 2, 1)])
-def test_a_core_between_two_pieces_of_another_does_not_lie_in_it(order):
+def test_a_core_between_two_pieces_of_a_layer_is_outside_of_it(order):
     alpha = np.zeros((30, 90))
     alpha[:, :30] = alpha[:, 60:] = 1
     layers = [flat((100, 200), (0, 0)), flat((30, 90), (40, 40), alpha=alpha), flat((20, 40), (45, 45))]
@@ -96,7 +96,7 @@ def test_a_core_that_lies_in_another_has_its_place_alone(order):
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0)])
-def test_a_layer_that_only_several_others_cover_keeps_a_core_where_one_is_asked_for(order):
+def test_a_layer_covered_by_several_keeps_a_core_on_request(order):
     halves = [flat((60, 100), (0, 0)), flat((60, 100), (80, 0))]
     layers = [[*halves, flat((30, 60), (60, 15))][k] for k in order]
     assert may_show(layers, 90, 30) == {"(0, 0)", "(80, 0)", "(60, 15)"}
@@ -107,7 +107,7 @@ def test_a_layer_that_only_several_others_cover_keeps_a_core_where_one_is_asked_
     assert may_show(layers, 140, 30) == {"(110, 15)"}
 
 
-def test_each_piece_of_a_layer_is_asked_whether_it_lies_inside_one_other():
+def test_each_piece_of_a_layer_is_tested_for_containment():
     alpha = np.zeros((30, 160))
     alpha[:, :40] = alpha[:, 60:100] = 1  # in the first one, and in both together
     halves = [flat((60, 100), (0, 0)), flat((60, 100), (80, 0))]
@@ -182,7 +182,7 @@ class Sparse(ts.Windows):
 
 
 @pytest.mark.parametrize("at", [(31, 4), (40, -7), (35, 0), (0, 21)])
-def test_what_lies_near_a_seam_is_told_from_every_second_row_and_column(at):
+def test_reach_is_computed_from_every_second_row_and_column(at):
     photograph = data.coffee()[:150, :160]
     first, second = photograph[:90, :80], photograph[50:140, 50:130] // 2
     images = [Sparse(first.copy()), Sparse(second.copy())]
@@ -262,9 +262,7 @@ def copied(item):
         (4000, 1600, ["----", "++--", "++++"]),
     ],
 )
-def test_tables_of_all_sizes_begin_at_once_the_smallest_of_what_may_be_kept(
-    monkeypatch, most, together, kinds
-):
+def test_kept_tables_of_all_sizes_equal_reduced_costs(monkeypatch, most, together, kinds):
     photograph = data.coffee()[:150, :400]
     cuts = [(0, 200), (100, 240), (190, 330), (310, 400)]  # of which the first two have most in common
     layers = [ts.Layer(photograph[:, a:b].copy() // (k + 1), at=(a, k)) for k, (a, b) in enumerate(cuts)]
@@ -295,7 +293,7 @@ def test_tables_of_all_sizes_begin_at_once_the_smallest_of_what_may_be_kept(
     assert all(cost.looked_at() is not None for cost in fine.costs.values())
 
 
-def test_without_wandering_a_reduced_label_map_costs_what_it_does_enlarged():
+def test_a_reduced_label_map_costs_the_same_when_enlarged():
     photograph = data.chelsea()[:100, :160]
     layers = [
         ts.Layer(photograph[y : y + 60, x : x + 100].copy() + np.uint8(3 * x // 10), at=(x, y), name=str(x))
@@ -310,7 +308,7 @@ def test_without_wandering_a_reduced_label_map_costs_what_it_does_enlarged():
     assert coarse.total(small, coarse.canvas) == pytest.approx(fine.total(large, fine.canvas), rel=0.05)
 
 
-def test_a_reduced_interface_is_a_mean_of_the_least_of_three_and_the_middle_one():
+def test_a_reduced_interface_mixes_minimum_and_middle_of_three():
     cost = np.array([[5.0, 3, 9, 4, 1, 2, 8]], np.float32)
     w = 0.6
     expected = [[w * 3 + (1 - w) * 3, w * 1 + (1 - w) * 4, 0.0]]
@@ -359,7 +357,7 @@ def test_a_seam_along_a_sliver_is_found_as_at_full_size(left):
 
 
 @pytest.mark.medium
-def test_expansions_over_all_pixels_follow_at_half_the_size_of_small_problems():
+def test_small_problems_expand_all_pixels_at_half_size():
     """Of these pixels 10,036 have several layers at half the size, and 40,664 at full size."""
     rng = np.random.default_rng(7)
     photograph = data.coffee()[54:334, 29:369]

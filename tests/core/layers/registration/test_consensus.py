@@ -73,7 +73,7 @@ def without(matches, index, keep):
 
 
 @pytest.mark.parametrize(("held", "places"), [(3, True), (2, False), (1, False)])
-def test_a_picture_that_few_pairs_hold_is_refused_and_the_pair_named(held, places):
+def test_a_weakly_held_picture_is_refused_with_the_pair_named(held, places):
     rng = np.random.default_rng(1)
     matches = without(grid(rng), 0, held)
     matches[0, 11] = match(0, 11, rng, elsewhere=(75, 0))

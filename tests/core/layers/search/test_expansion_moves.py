@@ -76,7 +76,7 @@ def test_expansions_are_those_of_the_peer(decide, seed):
 
 @pytest.mark.parametrize("costs", [(5, 1, 3), (2, 3, 4), (1, 1, 1), (9, 1, 2)])
 @pytest.mark.parametrize("middle", [(0, 0), (0, 1), (1, 0), (1, 1)])
-def test_no_expansion_of_a_row_of_four_misses_what_it_could_gain(middle, costs):
+def test_expansion_of_a_row_of_four_is_optimal(middle, costs):
     canvas = Box(0, 0, 1, 4)
     allowed = [np.array([row], bool) for row in ([1, 1, 1, 0], [0, 1, 1, 0], [0, 1, 1, 1])]
     tables = {}
@@ -99,7 +99,7 @@ def test_no_expansion_of_a_row_of_four_misses_what_it_could_gain(middle, costs):
 
 
 @pytest.mark.parametrize("way", [1, -1])
-def test_two_beside_each_other_turn_together_where_what_is_between_them_costs_something_as_it_is(way):
+def test_neighbours_turn_together_across_a_costly_interface(way):
     """Turning the one beside what shows the layer already would cost 6, both 5, and none 4 + 9."""
     canvas = Box(0, 0, 1, 4)
     allowed = [np.array([row[::way]], bool) for row in ([1, 1, 0, 0], [0, 0, 1, 0], [0, 1, 1, 1])]
@@ -114,7 +114,7 @@ def test_two_beside_each_other_turn_together_where_what_is_between_them_costs_so
     assert choices.label_map()[0].tolist() == [0, 2, 2, 2][::way]
 
 
-def test_all_seams_divided_together_gain_what_they_gain_one_by_one():
+def test_dividing_all_seams_together_gains_as_much_as_singly():
     labelling = four()
     label_map = labelling.on_top()
     labels = [
@@ -158,7 +158,7 @@ def with_spots(labelling, seed, count=7):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_two_solutions_are_fused_to_the_best_mixture_of_whole_patches(seed):
+def test_fusion_finds_the_best_mixture_of_two_solutions(seed):
     labelling = four()
     one, other = with_spots(labelling, seed), with_spots(labelling, seed + 100)
     patch, count = ndimage.label(one != other)

@@ -31,7 +31,7 @@ def test_each_start_has_another_layer_at_the_bottom(monkeypatch, most, expected)
 
 
 @pytest.mark.parametrize("stacked", [0, 10**6])
-def test_the_order_of_a_small_pile_does_not_change_what_it_costs(stacked):
+def test_the_order_of_a_small_pile_does_not_change_its_cost(stacked):
     layers, search = four(), SearchOptions(stacked=stacked)
     costs = [
         ts.stitch([layers[k] for k in order], effort=search).cost

@@ -94,7 +94,7 @@ def problem_of(labelling, search=FAST, executor=None):
 
 @pytest.mark.medium
 @pytest.mark.parametrize("seed", [3, 5])
-def test_best_costs_no_more_than_fast_and_what_it_ends_in_gains_nothing_in_any_window(seed):
+def test_best_costs_no_more_than_fast_and_is_a_local_optimum(seed):
     labelling = labelling_of(pile(seed, alike=True), ts.MatchCost(law="gradient"))
     totals = {}
     for search in (FAST, BEST):
@@ -305,7 +305,7 @@ def test_no_seam_of_many_touches_what_is_to_be_avoided():
     assert (label_map != free).any()
 
 
-def test_excluded_pixels_that_block_a_seam_of_many_are_told_before_it_is_made():
+def test_excluded_pixels_blocking_a_seam_of_many_are_refused():
     layers = [ts.Layer(data.coffee()[:60, x : x + 50], at=(x, 0)) for x in (0, 40, 80)]
     avoid = np.zeros((60, 130), bool)
     avoid[28:32] = True
@@ -329,7 +329,7 @@ def test_seams_of_many_are_made_once_when_they_are_asked_for(monkeypatch):
     assert asked == list(stitched.pairs)
 
 
-def test_a_given_seam_of_one_pair_is_followed_and_the_others_found():
+def test_a_given_seam_of_one_pair_is_kept_and_others_are_found():
     layers = three()
     svg = '<svg xmlns="http://www.w3.org/2000/svg" width="110" height="95"><path d="M55 0 V95"/></svg>'
     stitched = ts.stitch(layers, use_path={(1, 0): ts.read_svg(svg)})
@@ -346,7 +346,7 @@ def test_a_given_seam_of_one_pair_is_followed_and_the_others_found():
 
 
 @pytest.mark.parametrize(("step", "columns"), [(0, [1, 2, 3, 4]), (1, [3, 4])])
-def test_beside_a_step_are_both_pixels_of_a_pair_that_differs_by_more(step, columns):
+def test_beside_steps_marks_both_pixels_of_a_differing_pair(step, columns):
     values = np.tile(np.array([5, 5, 6, 6, 9, 9], np.int16), (3, 1))
     for turned in (False, True):
         found = beside_steps(values.T if turned else values, step)
@@ -354,7 +354,7 @@ def test_beside_a_step_are_both_pixels_of_a_pair_that_differs_by_more(step, colu
         assert found.sum() == 3 * len(columns)
 
 
-def test_potentials_are_known_beside_every_seam_where_they_are_asked_for():
+def test_potentials_are_gathered_at_every_seam_on_request():
     labelling = labelling_of(pile(1, alike=True))
     for wanted in (True, False):
         found, report = minimise(problem_of(labelling), range(len(labelling.places)), 3, wanted)
@@ -367,7 +367,7 @@ def test_potentials_are_known_beside_every_seam_where_they_are_asked_for():
             assert soft[shown].mean() > soft[~shown].mean() + 0.5
 
 
-def test_where_three_layers_meet_is_solved_once_more_and_where_two_do_is_not():
+def test_junctions_are_where_three_layers_meet():
     labels = np.zeros((90, 120), np.int16)
     labels[40:] = 1
     assert junctions(labels, 24) == []
@@ -390,7 +390,7 @@ def test_near_ties_are_looked_for_among_the_open_pixels_or_all(everywhere):
     assert after < 0.9 * before if everywhere else after == before
 
 
-def test_what_nearly_shows_at_half_the_size_may_show_at_full_size():
+def test_nearly_shown_layers_at_half_size_may_show_at_full_size():
     labelling = labelling_of(pile(1, alike=True))
     canvas = labelling.canvas
     everywhere = np.nonzero(np.ones((canvas.shape[0] // 2, canvas.shape[1] // 2)))

@@ -55,7 +55,7 @@ def test_a_band_costs_what_the_labelling_does(started, pair):
 
 
 @pytest.mark.parametrize("pair", [(0, 1), (0, 2), (1, 2)])
-def test_heat_and_flow_divide_a_band_alike_and_no_pixel_gains_by_changing(started, pair):
+def test_heat_and_flow_reach_the_same_local_optimum_in_a_band(started, pair):
     labelling, label_map, near = started
     solver, ends = CutSolver("heat", HeatOptions(tolerance=1e-6), labelling.forbidden), []
     for potential in (True, False):

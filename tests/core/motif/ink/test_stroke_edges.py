@@ -35,7 +35,7 @@ def motif_of(density, edge, repeat="translate"):
 
 
 @pytest.mark.parametrize("size", [64, 200, 945])
-def test_crisp_edges_are_at_most_two_px_wide_from_10_to_90_percent(size):
+def test_crisp_edges_are_at_most_two_pixels_wide(size):
     printed = motif_of(disc(64, 16), "crisp").coverage((size, size))[0]
     for line in (printed[size // 2], printed[:, size // 2], np.diagonal(printed)):
         between = np.flatnonzero((line > 0.1) & (line < 0.9))
@@ -93,7 +93,7 @@ def test_a_disc_keeps_its_radius():
     )
 
 
-def test_ink_shades_inside_its_edge_and_leaves_the_paper_clean_outside():
+def test_ink_shades_within_its_edge_and_leaves_paper_clean():
     density = disc(64, 14, hazy=3)
     soft, ink = (motif_of(density, edge).coverage((320, 320))[0] for edge in ("soft", "ink"))
     inside = ink > 0.05
@@ -131,7 +131,7 @@ def test_pixels_and_drawing_are_the_same_contours(repeat, edge):
     assert np.mean(np.abs(drawn - painted).max(axis=2) > 60) < 0.02
 
 
-def test_levels_of_a_drawing_lie_half_way_between_the_densities_they_part():
+def test_drawing_levels_are_midway_between_adjacent_densities():
     density = disc(64, 16)
     assert _Bands("soft", (0.0, np.float32(1)), 4).thresholds == pytest.approx([1 / 8, 3 / 8, 5 / 8, 7 / 8])
     at, gain = shading([density], "ink", "translate", 2)
@@ -146,7 +146,7 @@ def test_levels_of_a_drawing_lie_half_way_between_the_densities_they_part():
     assert 0 < _Bands("soft", (0.0, np.float32(1)), 4).tones(density.astype(float))[0] < 1 / 8
 
 
-def test_the_haze_between_soft_strokes_is_drawn_and_none_beside_crisp_ones():
+def test_haze_is_drawn_between_soft_strokes_only():
     density = np.maximum(disc(64, 16), np.float32(0.04))
     haze = re.compile(r'<rect x="-\d+" y="-\d+" [^>]*fill="#f5f5f5"/>')  # 4 % of black
     assert haze.search(motif_of(density, "soft").to_svg())

@@ -43,7 +43,7 @@ def test_sensitivities_are_the_derivatives_of_the_compliance(repeat, penalty):
 
 @pytest.mark.medium
 @pytest.mark.parametrize("repeat", ["none", "translate", "rotate", "p4m", "p6"])
-def test_compliance_falls_at_every_iteration_after_the_first_ones(repeat):
+def test_compliance_falls_after_the_first_iterations(repeat):
     recipe = _recipe(64, repeat=repeat, coarse=False, filter_radius=0, penalty=3.0)
     _, steps = optimise_layer(recipe.layers[0], recipe)
     compliance = np.array([step.compliance for step in steps])
@@ -192,13 +192,13 @@ def test_the_thesis_s_law_conducts_in_proportion_to_brightness():
         ts.random_recipe(16, base=brightness, base_law="thesis")
 
 
-def test_a_finer_plate_begins_with_temperatures_between_those_of_the_coarser_one():
+def test_a_finer_plate_starts_from_interpolated_temperatures():
     y, x = np.mgrid[:4, :6].astype(float)
     fine_y, fine_x = np.mgrid[:7, :11] / 2
     np.testing.assert_array_equal(finer_temperature(3 * x + 5 * y, (6, 10)), 3 * fine_x + 5 * fine_y)
 
 
 @pytest.mark.parametrize(("radius", "plates"), [(2.5, 2), (2.49, 1)])
-def test_coarser_plates_serve_from_a_filter_of_two_and_a_half_elements_on(radius, plates):
+def test_coarser_plates_are_used_from_a_filter_of_2_5_elements(radius, plates):
     recipe = replace(ts.random_recipe(100, layers=1, seed=1), filter_radius=radius)
     assert len(plan(recipe)) == plates

@@ -14,7 +14,7 @@ def noise(seed=0, side=96):
     return np.clip((field - field.min()) / np.ptp(field), 1e-3, 1)
 
 
-def test_a_dark_line_on_the_border_shows_and_one_inside_does_not():
+def test_a_dark_line_is_visible_on_the_border_only():
     field = noise()
     plain = ts.border_visibility(field, (32, 32))
     for axis in (0, 1):
@@ -26,7 +26,7 @@ def test_a_dark_line_on_the_border_shows_and_one_inside_does_not():
     assert ts.border_visibility(inside, (32, 32)) <= plain
 
 
-def test_lines_of_plain_noise_are_above_the_95th_percentile_once_in_twenty_times():
+def test_plain_noise_exceeds_the_95th_percentile_at_its_rate():
     above = [ts.border_visibility(noise(seed), (96, 96)) > 1 for seed in range(100)]
     assert 3 <= sum(above) <= 20  # of 200 lines about ten; two lines a picture
 

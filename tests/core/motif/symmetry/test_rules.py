@@ -66,7 +66,7 @@ def test_generators_leave_the_repeated_picture_as_it_is(repeat):
 
 @pytest.mark.medium
 @pytest.mark.parametrize("repeat", HEXAGONAL)
-def test_generators_of_hexagonal_groups_leave_the_repeated_picture_as_it_is(repeat):
+def test_hexagonal_generators_keep_the_repeated_picture(repeat):
     """On 2n × 2n pixels a tile has lattice node (u, v) in row v and column 2u - v, and turns by 60° take
     nodes to nodes.
     """

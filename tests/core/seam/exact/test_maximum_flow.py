@@ -84,7 +84,7 @@ def test_both_engines_make_the_same_cut(cost, engine):
 
 
 @pytest.mark.parametrize("terminal", [0, 1])
-def test_both_engines_know_networks_that_only_one_terminal_is_joined_to(terminal, engine):
+def test_engines_cut_networks_joined_to_one_terminal(terminal, engine):
     for name in ENGINES:
         engine(name)
         network = Network(3, np.array([0, 1]), np.array([1, 3 + terminal]))
@@ -174,7 +174,7 @@ def test_without_an_or_tools_that_works_scipy_cuts(module, monkeypatch):
     assert np.array_equal(cut, flow.minimum_cut(network, weight))
 
 
-def test_it_is_loaded_when_it_would_have_been_worth_it_and_loads_no_tables():
+def test_the_engine_is_loaded_when_worthwhile_without_pandas():
     pytest.importorskip(MODULE, reason="OR-tools is not installed")
     script = (
         "import sys, numpy as np, toposeam as ts\n"

@@ -18,7 +18,7 @@ def blob(rng, shape):
 
 
 @pytest.mark.medium
-def test_on_overlaps_of_any_shape_it_costs_what_acut_by_flow_costs(monkeypatch):
+def test_the_optimum_costs_as_much_as_a_cut_by_flow(monkeypatch):
     by_path, by_flow = [], []
     path, flow = exact.shortest_path, exact.cut_by_flow
     monkeypatch.setattr(

@@ -40,7 +40,7 @@ def test_the_best_seam_is_found_again_from_one_nearby(shape, crops):
             assert problem.cost(found) == pytest.approx(best.cost, rel=0.02)
 
 
-def test_other_open_pixels_let_the_seam_go_where_no_corridor_leads():
+def test_additional_open_pixels_let_the_seam_leave_the_corridor():
     # Two valleys, 120 px apart; the given seam runs in the dearer one.
     rng = np.random.default_rng(2)
     a = np.zeros((60, 200))

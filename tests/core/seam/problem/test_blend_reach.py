@@ -30,7 +30,7 @@ def square() -> np.ndarray:
     return difference
 
 
-def test_reach_fades_with_the_distance_and_ends_where_the_blend_does():
+def test_reach_fades_with_distance_and_ends_with_the_blend():
     known = np.ones((96, 128), bool)
     near = reach_of(square(), known)[50, :80]
     assert (np.diff(near) >= 0).all()
@@ -41,7 +41,7 @@ def test_reach_fades_with_the_distance_and_ends_where_the_blend_does():
     assert narrow[40] == pytest.approx(0, abs=1e-6)
 
 
-def test_an_even_difference_has_no_reach_even_where_the_overlap_ends():
+def test_an_even_difference_has_no_reach_at_overlap_ends():
     known = np.zeros((96, 128), bool)
     known[10:83, 21:90] = True
     known[60:, 21:40] = False

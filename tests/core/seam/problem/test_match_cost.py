@@ -16,7 +16,7 @@ def costs(a, b, law="gradient", **options):
     return problem.right[1:-1, 1:-1], problem.down[1:-1, 1:-1]
 
 
-def test_without_gradient_each_interface_costs_the_differences_of_its_two_pixels():
+def test_colour_costs_sum_the_differences_of_both_pixels():
     a = np.zeros((2, 3))
     b = np.array([[0.1, 0.2, 0.4], [0.0, 0.3, 0.5]])
     right, down = costs(a, b, law="colour", length=1e-6)
@@ -24,7 +24,7 @@ def test_without_gradient_each_interface_costs_the_differences_of_its_two_pixels
     np.testing.assert_allclose(down, [[0.1, 0.5, 0.9]], atol=2e-6)
 
 
-def test_with_gradient_the_difference_is_divided_by_the_four_gradients_along_the_pair():
+def test_gradient_costs_divide_by_four_gradients_along_the_pair():
     a = np.array([[0.0, 0.2, 0.6]])
     b = np.array([[0.1, 0.2, 0.4]])
     right, _ = costs(a, b, epsilon=1e-6, length=1e-9)
@@ -84,7 +84,7 @@ def test_gray_costs_as_much_as_the_same_gray_in_one_channel():
         np.testing.assert_array_equal(flat, deep)
 
 
-def test_equal_flat_pixels_cost_the_stated_value_for_zero_by_zero():
+def test_equal_flat_pixels_cost_the_flat_value():
     a = np.full((4, 4), 0.5)
     for flat in (0.0, 3.0):
         right, down = costs(a, a, flat=flat, length=1e-3)
@@ -118,7 +118,7 @@ def test_an_interface_takes_the_mean_weight_of_its_two_pixels():
     np.testing.assert_allclose(along[1], [5.5, 6, 7, 9] * plain.down[2, 1:-1], rtol=1e-6)
 
 
-def test_where_the_overlap_is_one_pixel_wide_its_values_count_twice():
+def test_values_of_a_one_pixel_overlap_count_twice():
     # a: columns 0-2, b: columns 2-4. Both borders of the one shared column cost what it alone says.
     mask_a, mask_b = (np.tile(columns, (3, 1)) for columns in ([1, 1, 1, 0, 0], [0, 0, 1, 1, 1]))
     a, b = np.zeros((3, 5)), np.zeros((3, 5))
@@ -151,7 +151,7 @@ def test_options_out_of_range_are_refused(options):
         MatchCost(**options)
 
 
-def test_a_corner_that_only_one_interface_meets_has_its_own_values_twice():
+def test_a_corner_of_one_interface_counts_its_own_values_twice():
     """One shared pixel with a's ground on its left and b's above: no interface on its other sides."""
     on_a, on_b = np.zeros((2, 3, 3), bool)
     on_a[1, 0] = on_a[1, 1] = on_b[0, 1] = on_b[1, 1] = True

@@ -41,7 +41,7 @@ def test_a_head_before_trees_stays_on_its_shoulders():
     assert not crossed(seam, person & (x > 0) & (x < 199))
 
 
-def test_seams_keep_to_busy_ground_rather_than_step_on_smooth_ground():
+def test_seams_prefer_busy_ground_to_steps_on_smooth_ground():
     rng = np.random.default_rng(4)
     a = np.full((120, 120, 1), 0.5)
     leaves = np.s_[:, 60:110]

@@ -77,7 +77,7 @@ def person():
     return head | neck | body | legs
 
 
-def test_the_core_is_the_share_of_its_depth_that_shows_of_a_patch():
+def test_core_is_the_share_of_a_patch_s_depth_that_shows():
     inside = person()
     a, b = np.random.default_rng(7).random((2, *inside.shape))
     shown = {
@@ -137,7 +137,7 @@ def test_specks_inside_the_other_patch_force_nothing(sizes, options, must, turne
             assert outer[square].all()
 
 
-def test_a_large_patch_has_larger_specks_and_one_that_shows_elsewhere_needs_none():
+def test_speck_size_grows_with_the_patch_inside():
     on_b = np.zeros((1000, 1000), bool)
     on_b[100:700, 100:700] = on_b[800:820, 800:820] = True  # 0.05 % of it are 180 px, and 18 × 18 may show
     assert (between_masks(np.ones_like(on_b), on_b).side[700:] == B).any()
@@ -222,7 +222,7 @@ def test_a_size_of_specks_that_is_none_is_refused(speck):
         ts.stitch([ts.Layer(np.zeros((9, 9)), at=(6 * k, 0)) for k in range(3)], speck=speck)
 
 
-def test_where_the_overlap_is_one_pixel_wide_the_seam_takes_one_of_its_two_sides():
+def test_the_seam_of_a_one_pixel_overlap_takes_one_side():
     mask_a, mask_b = np.zeros((2, 8, 9), bool)
     mask_a[:, :5], mask_b[:, 4:] = True, True
     a, b = np.zeros((8, 9)), np.ones((8, 9))

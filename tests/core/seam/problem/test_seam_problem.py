@@ -34,7 +34,7 @@ def labels_of(problem, *rows):
     return labels
 
 
-def test_a_pixel_pays_beside_other_layers_for_the_patch_that_it_shows(tied):
+def test_a_pixel_pays_for_its_patch_beside_other_layers(tied):
     # Free are the two middle columns. The seam right of both leaves all four to a, left of both to b.
     all_a, all_b = labels_of(tied, *[[0, 0, 0, 1]] * 2), labels_of(tied, *[[0, 1, 1, 1]] * 2)
     assert tied.cost(all_a) == tied.cost(all_b) == pytest.approx(2)
@@ -51,7 +51,7 @@ def test_without_other_layers_the_total_is_the_cost(tied):
     assert alone.total(bent) == alone.cost(bent) == tied.cost(bent)
 
 
-def test_every_exact_method_and_heat_give_the_pixels_to_whom_they_cost_less(tied):
+def test_all_methods_give_pixels_to_the_patch_of_lower_cost(tied):
     expected = labels_of(tied, *[[0, 0, 0, 1]] * 2)
     for labels in (
         exact_labels(tied),
@@ -78,7 +78,7 @@ def test_only_pixels_that_pay_beside_other_layers_are_tied(tied):
     assert len(tied.element_cost) == len(tied.pattern.place) + 8
 
 
-def test_free_pixels_of_which_nothing_is_known_have_an_exact_labelling():
+def test_free_pixels_without_data_have_an_exact_labelling():
     side = np.full((3, 6), NONE, np.uint8)
     side[1, 1:5] = A, FREE, FREE, B
     right, down, nothing = (np.zeros(shape, np.float32) for shape in ((3, 5), (2, 6), (3, 6)))

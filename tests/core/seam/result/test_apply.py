@@ -130,7 +130,7 @@ def test_any_labels_with_a_fixed_pixel_per_component_survive(data):
 @pytest.mark.medium
 @settings(deadline=None)
 @given(st.integers(0, 3), st.booleans(), st.integers(0, 2**32 - 1))
-def test_transposed_or_mirrored_paths_give_transposed_or_mirrored_labels(turns, flip, seed):
+def test_rotated_or_mirrored_paths_give_such_labels(turns, flip, seed):
     rng = np.random.default_rng(seed)
     overlap, side = strip(9, 9)
     across = np.clip(4 + np.cumsum(rng.integers(-2, 3, 9)), 1, 8)
@@ -254,7 +254,7 @@ def test_path_bent_over_the_edge_stops_at_the_fixed_pixels():
     np.testing.assert_array_equal(labels[:5], np.arange(12) >= np.full((5, 1), 6))
 
 
-def test_path_that_misses_the_corner_where_the_patches_part_by_a_few_pixels_is_understood():
+def test_a_path_narrowly_missing_the_corner_is_understood():
     overlap, side = diagonal_patches()
     labels = labels_from_paths([drawn([22, 7], [18, 15], [14, 23])], overlap, side)
     np.testing.assert_array_equal(labels[side != FREE], side[side != FREE] == B)
@@ -272,7 +272,7 @@ def test_path_need_not_go_round_specks_in_a_mask():
     )
 
 
-def test_loop_that_touches_no_ground_shows_the_other_patch_and_a_loop_in_it_the_first_again():
+def test_nested_isolated_loops_alternate_the_two_patches():
     overlap, side = strip(20, 30)
     seam = drawn([25, 0], [25, 20])
     outer = drawn([4, 4], [20, 4], [20, 16], [4, 16], closed=True)
@@ -292,7 +292,7 @@ def test_open_path_whose_ends_meet_is_a_loop():
     np.testing.assert_array_equal(labels_from_paths([seam, drawn(*loop, loop[0])], overlap, side), expected)
 
 
-def test_overlap_without_any_ground_shows_a_in_its_largest_region():
+def test_an_overlap_without_ground_shows_a_in_the_largest_part():
     side = np.full((6, 10), FREE, np.uint8)
     labels = labels_from_paths([drawn([7, 0], [7, 6])], np.ones(side.shape, bool), side)
     np.testing.assert_array_equal(labels, np.arange(10) >= np.full((6, 1), 7))

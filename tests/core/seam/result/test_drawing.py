@@ -14,7 +14,7 @@ class Drawn:
         self.paths = (Polyline(points),)
 
 
-def test_a_line_is_red_and_has_white_beside_it_where_it_runs_and_nowhere_else():
+def test_a_line_is_drawn_red_with_white_beside_it():
     drawn = draw_seams(np.zeros((9, 12), np.uint8), [Drawn((4, 0), (4, 9))])
     red = (drawn == drawn[4, 4]).all(axis=2)
     assert drawn[4, 4, 0] > drawn[4, 4, 1]

@@ -58,7 +58,7 @@ def test_its_settings_reproduce_it(crops):
 
 
 @pytest.mark.medium
-def test_simplified_lines_stay_within_the_tolerance_and_apply_nearly_alike(seam):
+def test_simplified_lines_stay_within_tolerance_and_apply_alike(seam):
     (exact,), (bent,) = seam.paths, seam.simplified()
     assert len(bent.points) < 0.7 * len(exact.points)
     drawing = ts.SvgSeam((bent,), 20, 60, None, ("seam 1",))
@@ -83,7 +83,7 @@ def test_paths_given_as_polylines_divide_the_patches():
         ts.apply_paths(ts.SvgSeam(drawing.polylines, 9, 6, None, ("seam 1",)), a, b)
 
 
-def test_seams_drawn_over_a_picture_are_red_on_white_and_leave_the_rest(seam):
+def test_drawn_seams_are_red_on_white_and_keep_other_pixels(seam):
     picture = np.full((60, 20, 3), 90, np.uint8)
     drawn = ts.draw_seams(picture, [seam])
     assert drawn.dtype == np.uint8

@@ -14,7 +14,7 @@ def test_where_patches_agree_nothing_is_seen():
     assert str(verdict) == "not to be seen"
 
 
-def test_lines_that_do_not_meet_are_seen_the_more_the_stronger_they_are():
+def test_stronger_broken_lines_are_more_visible():
     lines = [0.5 + (ROWS - 0.5) * strength for strength in (0, 0.1, 1)]
     worst = [ts.find_seam(one, np.roll(one, 3, axis=0)).verdict.worst for one in lines]
     assert worst == sorted(worst, reverse=True)

@@ -109,7 +109,7 @@ def test_corners_and_pixels_agree_on_strips(height, width, side):
 
 
 @pytest.mark.parametrize("name", TWO_ENDS)
-def test_corners_and_pixels_agree_on_irregular_overlaps_with_two_ends(name):
+def test_corner_and_pixel_networks_agree_on_irregular_overlaps(name):
     structure = shape(name)
     corners, pixels = corner_network(structure), pixel_network(structure)
     k = conductances(structure)
@@ -119,7 +119,7 @@ def test_corners_and_pixels_agree_on_irregular_overlaps_with_two_ends(name):
     assert flux[pixels.elements] == pytest.approx(dual_flux, abs=1e-8)
 
 
-def test_corners_and_pixels_agree_at_the_contrast_of_the_last_iterations():
+def test_corner_and_pixel_networks_agree_at_high_contrast():
     structure = strip(60, 15)
     corners, pixels = corner_network(structure), pixel_network(structure)
     k = conductances(structure, decades=9)
@@ -130,7 +130,7 @@ def test_corners_and_pixels_agree_at_the_contrast_of_the_last_iterations():
     assert flux[pixels.elements] == pytest.approx(dual_flux, abs=1e-6)
 
 
-def test_a_uniform_strip_is_as_many_parallel_lines_as_it_has_columns_of_corners():
+def test_a_uniform_strip_conducts_along_every_corner_column():
     structure = strip(12, 5)
     flux, compliance = corner_network(structure).flow(np.full(len(structure.cost), 2.0))
     assert compliance == pytest.approx(12 / (6 * 2.0))
@@ -159,7 +159,7 @@ def test_zigzags_count_every_seam():
 
 @pytest.mark.parametrize("build", [corner_network, pixel_network])
 @pytest.mark.parametrize("p", [1.0, 3.0])
-def test_sensitivities_of_the_compliance_match_finite_differences(build, p):
+def test_compliance_sensitivities_match_finite_differences(build, p):
     structure = strip(7, 5, seed=3)
     network = build(structure)
     rho = np.random.default_rng(4).uniform(0.2, 1, len(network.elements))
@@ -223,5 +223,5 @@ def test_values_per_element_spread_to_interfaces():
 
 
 @pytest.mark.parametrize(("name", "count"), [("ell", 160), ("ring", 254)])
-def test_elements_to_the_ground_beyond_the_border_are_part_of_the_structure(name, count):
+def test_elements_beyond_the_border_belong_to_the_structure(name, count):
     assert int((shape(name).cost == OUTERMOST).sum()) == count

@@ -59,7 +59,7 @@ def toy():
 
 
 @pytest.mark.parametrize("options", [{}, {"first_penalty": 3.0}, {"asymptotes": "moving"}])
-def test_the_seam_of_the_toy_problem_runs_through_nodes_2_6_7_11_15(options):
+def test_the_toy_problem_s_seam_visits_nodes_2_6_7_11_15(options):
     solution = thesis_path(toy(), ThesisOptions(**options), record_frames=True)
     assert solution.termination == Termination.SINGLE_LINE
     assert solution.labels[1:4, 1:4].tolist() == [
@@ -164,7 +164,7 @@ def test_one_stage_alone_is_not_called_a_single_line(crops):
     assert {record.stage for record in solution.history} == {1}
 
 
-def test_flux_spread_thinner_than_the_threshold_is_not_called_a_single_line(crops):
+def test_flux_below_the_threshold_is_not_a_single_line(crops):
     problem = strip_problem(crops, 9, 12, 250)  # 251 columns of corners carry about 0.004 each
     first = thesis_path(problem, ThesisOptions(stages=1, first_iterations=1))
     assert first.history[-1].n_flux == 0
@@ -174,7 +174,7 @@ def test_flux_spread_thinner_than_the_threshold_is_not_called_a_single_line(crop
     assert ratio(problem, solution) <= 1.1
 
 
-def test_n_q_counts_the_elements_of_the_path_and_falls_back_where_heat_is_spread_thin(crops):
+def test_n_q_counts_path_elements_or_sums_thinly_spread_flux(crops):
     problem = strip_problem(crops, 3, 60, 15)
     run = thesis._Run(problem, thesis.ground_structure(problem), ThesisOptions(), False, None)
     run.flux = np.zeros(1000)
@@ -236,7 +236,7 @@ def test_a_step_that_breaks_the_network_is_taken_back(crops, monkeypatch):
     assert 0 < shorter < step
 
 
-def test_not_solving_again_for_equal_ratios_keeps_the_path_to_rounding(crops, monkeypatch):
+def test_skipping_solutions_of_equal_ratios_keeps_the_path(crops, monkeypatch):
     problem = strip_problem(crops, 11, 120, 30)
     flows = []
     flow = CornerNetwork.flow
@@ -322,7 +322,7 @@ def test_forbidden_interfaces_from_end_to_end_show_in_the_cost(crops):
         blocked.check(solution.labels)
 
 
-def test_formulation_2_minimises_compliance_and_says_what_came_out(crops):
+def test_formulation_2_minimises_compliance_and_reports_its_end(crops):
     problem = strip_problem(crops, 2, 80, 20)
     solution = thesis_path(problem, ThesisOptions(formulation=2))
     compliances = [record.compliance for record in solution.history]
@@ -362,7 +362,7 @@ def test_options_out_of_range_are_refused_by_name(options):
 
 
 @pytest.mark.slow
-def test_on_sixty_strips_the_thesis_is_a_single_line_within_five_percent_of_the_optimum(crops):
+def test_the_thesis_is_within_five_percent_on_sixty_strips(crops):
     ratios, stages = [], []
     for index in range(60):
         rng = np.random.default_rng([3, index])

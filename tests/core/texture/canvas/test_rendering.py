@@ -23,7 +23,7 @@ def test_at_the_border_of_a_cylinder_copies_mix_round_it(wrap, mixed):
     assert made[1, 0] == (hard[1, 0] * 0.75 + continued * 0.25 if mixed else hard[1, 0])
 
 
-def test_reduced_pictures_are_area_means_and_know_what_is_missing():
+def test_reduced_pictures_are_area_means_with_missing_shares():
     values = np.arange(24, dtype=np.float32).reshape(4, 6, 1)
     weight = np.ones((4, 6), np.float32)
     mean, share = reduced(values, weight, 2)
@@ -41,7 +41,7 @@ def test_reduced_pictures_are_area_means_and_know_what_is_missing():
 
 
 @pytest.mark.parametrize("row", [[0, 5, 6, 7], [5, 0, 1, 2], [-1, 5, 1, 2]])
-def test_seams_lie_beside_pixels_that_were_no_neighbours_and_never_beside_a_hole(row):
+def test_near_seams_are_pixels_beside_non_neighbours_or_none(row):
     index = np.array([row, [value + 8 if value >= 0 else value for value in row]], np.int32)
     found = {divmod(at, 4) for some in near_seams(index, 8, (False, False), 1) for at in some.tolist()}
     columns = (0, 1) if row[0] >= 0 else (1, 2)

@@ -41,7 +41,7 @@ def test_objects_on_a_ground_are_told_from_gravel_and_brick():
     assert nothing is None or np.isfinite(nothing).all()
 
 
-def test_a_seam_pays_for_objects_on_both_sides_but_not_where_they_are_continued():
+def test_a_seam_pays_for_objects_unless_they_are_continued():
     guard = np.arange(100, dtype=np.float32)
     padded = np.full((4, 5), -1, np.int32)
     padded[1:3, 1:4] = [[10, 11, 12], [20, 21, 22]]

@@ -119,7 +119,7 @@ def test_a_large_exemplar_is_searched_reduced_and_then_exactly():
     assert exact[best] == 0
 
 
-def test_a_window_at_the_very_corner_of_the_atlas_can_be_refined():
+def test_a_window_at_the_atlas_s_last_corner_is_refined():
     image = np.random.default_rng(2).random((400, 400, 1)).astype(np.float32)
     atlas = Atlas.of([np.ones((400, 400), bool)], 8)
     search, m = PatchSearch(atlas, atlas.spread([image])), atlas.margin
@@ -137,7 +137,7 @@ def test_box_sums_are_the_sums_of_boxes():
     np.testing.assert_array_equal(box_sum(values, (4, 5)), expected)
 
 
-def test_blocks_have_the_weighted_mean_of_their_pixels_and_their_share_of_weight():
+def test_blocks_hold_weighted_means_and_shares_of_weight():
     values = np.float32([[1, 3, 10], [5, 7, 20]])[..., np.newaxis]
     weight = np.float32([[1, 1, 1], [1, 0, 0]])
     mean, share = reduced(values, weight, 2)

@@ -43,7 +43,7 @@ def test_the_patch_fits_between_holes(sample):
 
 
 @pytest.mark.parametrize("shape", [(20, 20), (8, 8), (9, 64), (64, 9)])
-def test_small_pictures_are_grown_and_filled_by_patches_that_fit(sample, shape):
+def test_small_pictures_are_grown_and_filled_by_fitting_patches(sample, shape):
     image = sample(4, shape)
     assert ts.synthesize(image, 48, tileable=True).image.shape == (48, 48)
     hole = np.zeros(shape, bool)

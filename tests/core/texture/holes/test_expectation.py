@@ -25,7 +25,7 @@ def horizon(row=70):
 
 
 @pytest.mark.parametrize("turned", [False, True])
-def test_a_horizon_is_expected_at_its_height_through_the_whole_hole(turned):
+def test_a_horizon_is_expected_to_cross_the_whole_hole(turned):
     picture, hole = horizon()
     if turned:
         picture, hole = picture.T, hole.T

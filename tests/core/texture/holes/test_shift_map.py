@@ -29,7 +29,7 @@ def two_alike(sample):
     return image, disc(image.shape[:2], 60, 45, 20)
 
 
-def test_places_are_sought_that_look_like_windows_on_the_rim_of_the_hole(sample, monkeypatch):
+def test_candidate_places_match_windows_on_the_hole_s_rim(sample, monkeypatch):
     image = sample(3, (160, 160), channels=3).astype(np.float32) / 255
     hole = disc(image.shape[:2], 80, 80, 32)
     atlas = Atlas.of([~hole], 4)
@@ -82,7 +82,7 @@ def test_a_slope_of_light_runs_on_and_nothing_appears_in_it():
 
 
 @pytest.mark.medium
-def test_only_the_hole_and_its_band_change_and_only_what_may_be_is_copied():
+def test_only_hole_and_band_change_and_only_allowed_pixels_copy():
     image = skimage.data.chelsea()[60:180, 120:300]
     hole, avoid = disc(image.shape[:2], 55, 60, 18), np.zeros(image.shape[:2], bool)
     avoid[:, 100:] = True
@@ -97,7 +97,7 @@ def test_only_the_hole_and_its_band_change_and_only_what_may_be_is_copied():
 
 
 @pytest.mark.medium
-def test_holes_apart_are_filled_each_for_itself_and_transparent_ground_is_left():
+def test_separate_holes_are_filled_and_alpha_is_kept():
     image = skimage.data.coffee()[:140, 400:600]
     alpha = np.full(image.shape[:2], 255, np.uint8)
     alpha[:10] = 0
@@ -113,7 +113,7 @@ def test_holes_apart_are_filled_each_for_itself_and_transparent_ground_is_left()
 
 
 @pytest.mark.medium
-def test_a_hole_that_hardly_any_shift_can_reach_is_filled_all_the_same(sample):
+def test_a_hole_within_reach_of_few_shifts_is_filled(sample):
     image = sample(2, (90, 120), channels=3)
     hole = np.zeros(image.shape[:2], bool)
     hole[:, 8:100] = True
@@ -140,7 +140,7 @@ def test_textures_are_told_from_photographs(name):
     assert not is_texture(photograph, hole, ~hole)
 
 
-def test_a_membrane_continues_a_slope_and_levelling_takes_an_offset_out():
+def test_a_membrane_continues_a_slope_and_levelling_an_offset():
     y, x = np.mgrid[:40, :50].astype(np.float32)
     slope = (2 * x + 3 * y)[..., np.newaxis]
     region = disc((40, 50), 20, 25, 12)
@@ -189,7 +189,7 @@ def test_moves_lower_the_cost_below_what_chance_finds(sample):
 
 
 @pytest.mark.medium
-def test_much_to_decide_is_decided_in_windows_and_costs_hardly_more(sample, monkeypatch):
+def test_a_large_region_is_decided_in_windows_at_little_cost(sample, monkeypatch):
     """Windows of 24 px on a region of 80: their seams cost a little more than those decided at once."""
     image = ndimage.gaussian_filter(sample(4, (120, 130), channels=3) / np.float32(255), (2, 2, 0))
     hole = disc((120, 130), 60, 64, 34)
@@ -223,7 +223,7 @@ def test_much_to_decide_is_decided_in_windows_and_costs_hardly_more(sample, monk
 
 
 @pytest.mark.medium
-def test_too_much_to_decide_keeps_the_seams_of_the_coarser_stride(sample, monkeypatch):
+def test_an_oversized_region_keeps_seams_of_the_coarser_stride(sample, monkeypatch):
     image = sample(4, (120, 130), channels=3)
     hole = disc((120, 130), 60, 64, 34)
     swept, own = [], ShiftMoves.sweep
@@ -256,7 +256,7 @@ def test_many_unknowns_are_iterated_to_what_few_are_solved_to(monkeypatch):
 
 
 @pytest.mark.medium
-def test_the_shift_by_which_a_picture_repeats_is_among_the_candidates(sample):
+def test_the_repeating_shift_of_a_picture_is_a_candidate(sample):
     image, hole = two_alike(sample)
     values = np.where(hole[..., np.newaxis], 0, image / np.float32(255)).astype(np.float32)
     atlas = Atlas.of([~hole], 4)
@@ -278,7 +278,7 @@ def test_what_would_be_ignored_is_refused(sample, options, text):
 
 
 @pytest.mark.parametrize("shape", [(150, 70), (70, 150)])
-def test_a_hole_at_the_far_end_of_a_narrow_picture_finds_places_by_its_whole_ring(sample, shape, monkeypatch):
+def test_a_hole_near_the_end_of_a_picture_uses_its_whole_ring(sample, shape, monkeypatch):
     """The ring ends where the picture does, along each of its sides."""
     image = sample(5, shape, channels=3) / np.float32(255)
     hole = disc(shape, shape[0] - 20, shape[1] - 20, 8)
@@ -298,7 +298,7 @@ def test_a_hole_at_the_far_end_of_a_narrow_picture_finds_places_by_its_whole_rin
     assert len(found) > 8
 
 
-def test_large_pictures_are_halved_until_their_statistics_are_cheap(sample, monkeypatch):
+def test_large_pictures_are_halved_before_their_statistics(sample, monkeypatch):
     factors = []
     reduced = offsets.reduced
 

@@ -79,7 +79,7 @@ def test_seams_of_a_smooth_sample_step_no_more_than_its_inside(tileable, monkeyp
 
 
 @pytest.mark.parametrize("tileable", ["none", "both"])
-def test_steps_of_smooth_samples_are_eased_without_levelling_light(tileable, monkeypatch):
+def test_steps_of_smooth_samples_are_eased_without_levelling(tileable, monkeypatch):
     # Steps decide at which line a texture that repeats begins.
     monkeypatch.setattr("toposeam.texture.synthesize.begun", lambda made: made)
     noise = ndimage.gaussian_filter(np.random.default_rng(4).normal(size=(96, 96)), 2.5, mode="wrap")

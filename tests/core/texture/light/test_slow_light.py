@@ -139,7 +139,7 @@ def test_an_empty_mask_leaves_no_light_to_find(lit):
         ts.flatten_light(lit[0], source_mask=np.zeros((128, 128)))
 
 
-def test_levelled_copies_stay_in_the_range_of_what_may_be_copied():
+def test_levelled_copies_stay_within_the_allowed_range():
     rng = np.random.default_rng(6)
     sample = rng.integers(0, 128, (96, 120, 3)).astype(np.uint8)
     sample[:, :, 1] = np.linspace(20, 127, 96)[:, None].astype(np.uint8)

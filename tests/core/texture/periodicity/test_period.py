@@ -89,7 +89,7 @@ def test_periods_that_are_no_whole_numbers_are_found_exactly():
 
 @pytest.mark.parametrize("turn", [0, 12, 31])
 @pytest.mark.parametrize(("periods", "seen"), [((30, 22), (80, 40)), ((17, 40), (60, 60))])
-def test_a_plaid_is_a_lattice_also_where_threads_of_one_direction_are_pale(turn, periods, seen):
+def test_a_plaid_with_pale_threads_is_still_a_lattice(turn, periods, seen):
     along = np.deg2rad(turn)
     expected = [
         (periods[0] * np.sin(along), periods[0] * np.cos(along)),

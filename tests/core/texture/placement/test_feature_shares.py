@@ -26,14 +26,14 @@ def dearer(atlas, kinds, usage, variety=0.5):
     return kinds.factor(places, usage, variety)
 
 
-def test_what_has_shown_on_its_share_is_no_dearer_than_anything_else():
+def test_features_shown_at_their_share_have_a_neutral_price():
     atlas, kinds = halves()
     usage = np.where(atlas.copied, 3, 0).astype(np.int32)
     np.testing.assert_allclose(dearer(atlas, kinds, usage), 1, atol=0.05)
     np.testing.assert_array_equal(dearer(atlas, kinds, 0 * usage), 1)
 
 
-def test_the_kind_that_shows_too_often_is_dearer_also_where_it_has_not_shown():
+def test_an_overused_kind_is_dearer_wherever_it_occurs():
     atlas, kinds = halves()
     usage = np.zeros(atlas.usable.shape, np.int32)
     m = atlas.margin
@@ -45,7 +45,7 @@ def test_the_kind_that_shows_too_often_is_dearer_also_where_it_has_not_shown():
     assert found[-1, 0] == pytest.approx(found[0, 0], rel=0.05)
 
 
-def test_a_patch_is_as_dear_as_its_kinds_are_on_average_and_variety_says_how_much():
+def test_a_patch_price_averages_its_kinds_scaled_by_variety():
     atlas, kinds = halves()
     usage = np.zeros(atlas.usable.shape, np.int32)
     usage[:, : atlas.margin + SIDE // 2] = atlas.copied[:, : atlas.margin + SIDE // 2]
@@ -65,7 +65,7 @@ def test_nothing_is_infinitely_dear():
     assert found.min() > 0
 
 
-def test_a_texture_is_as_bright_as_its_sample_also_where_that_has_a_frame(monkeypatch):
+def test_a_texture_keeps_its_framed_sample_s_brightness(monkeypatch):
     """A frame holds half of a sample's pixels, but patches lie in its middle mostly."""
     rng = np.random.default_rng(0)
     sample = rng.normal(60, 8, (96, 96))
@@ -82,7 +82,7 @@ def test_a_texture_is_as_bright_as_its_sample_also_where_that_has_a_frame(monkey
     assert with_kinds < 0.6 * without
 
 
-def test_objects_on_a_ground_are_kept_on_their_share_more_gently_and_contrast_goes_with_the_light():
+def test_prices_are_gentler_for_objects_and_follow_light():
     rng = np.random.default_rng(1)
     values = np.full((SIDE, SIDE, 1), 0.5, np.float32)
     values[:, SIDE // 2 :, 0] += rng.choice(np.float32([-0.2, 0.2]), (SIDE, SIDE // 2))

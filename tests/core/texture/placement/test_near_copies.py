@@ -38,7 +38,7 @@ def counted(index, top, left, height, width, reach, wrap):
 
 @pytest.mark.parametrize("wrap", [(False, False), (True, False), (False, True), (True, True)])
 @pytest.mark.parametrize(("top", "left"), [(12, 11), (0, 3), (26, 27)])
-def test_what_shows_near_by_is_counted_also_across_a_border_that_continues(wrap, top, left):
+def test_near_copies_are_counted_across_wrapping_borders(wrap, top, left):
     rng = np.random.default_rng(3)
     index = np.where(rng.random((SIDE, SIDE)) < 0.1, rng.integers(0, SAMPLE**2, (SIDE, SIDE)), -1)
     atlas = SimpleNamespace(

@@ -40,7 +40,7 @@ def counted(index, weight, top, left, height, width, reach, wrap):
 
 @pytest.mark.parametrize("wrap", [(False, False), (True, False), (False, True), (True, True)])
 @pytest.mark.parametrize(("top", "left"), [(12, 11), (0, 3), (26, 27)])
-def test_what_would_come_twice_near_by_is_counted_also_across_a_border_that_continues(wrap, top, left):
+def test_object_repeats_are_counted_across_wrapping_borders(wrap, top, left):
     rng = np.random.default_rng(3)
     index = np.where(rng.random((SIDE, SIDE)) < 0.4, rng.integers(0, SAMPLE**2, (SIDE, SIDE)), -1)
     weight = rng.random((SAMPLE, SAMPLE)).astype(np.float32)

@@ -67,7 +67,7 @@ def test_objects_and_where_they_show_are_found():
 
 
 @pytest.mark.parametrize("enough", [False, True])
-def test_cut_objects_are_made_whole_or_go_where_there_are_enough(enough):
+def test_cut_objects_are_completed_or_removed(enough):
     image, objects, middles = discs(9)
     index = np.arange(image.size).reshape(image.shape)
     # 6 rows of one disc are hidden, and 13 of another one, of which less than half is left.
@@ -101,7 +101,7 @@ def objects_apart(objects):
 
 
 @pytest.mark.parametrize("flat", [False, True])
-def test_discs_that_a_samples_border_cuts_are_no_whole_ones_and_do_not_show_as_cut_ones(flat):
+def test_discs_cut_by_the_sample_border_are_not_whole_objects(flat):
     image, objects, middles = discs()
     image = np.where(objects > 0, np.float32(0.2), np.float32(0.8)) if flat else image
     full, (row, column) = np.bincount(objects.ravel()), middles[0]
@@ -123,7 +123,7 @@ def test_discs_that_a_samples_border_cuts_are_no_whole_ones_and_do_not_show_as_c
     assert np.mean(np.abs(np.array(sizes) / full[1:].mean() - 1) < 0.1) > 0.95
 
 
-def test_patches_that_do_not_touch_are_cut_together_as_each_alone():
+def test_disjoint_patches_are_cut_together_as_singly():
     image, _, _ = discs()
     placer = placer_on(image, np.arange(image.size).reshape(image.shape))
     canvas, corner, rng = placer.canvas, placer.atlas.corners[0], np.random.default_rng(4)
@@ -161,7 +161,7 @@ def test_patches_that_do_not_touch_are_cut_together_as_each_alone():
     np.testing.assert_array_equal(placer.cut_closed(patches[:1])[0], together[0])
 
 
-def test_whoever_replaces_objects_replaces_them_alike_and_changes_nothing():
+def test_object_replacement_is_deterministic_and_has_no_effects():
     image, _, middles = discs()
     placer = placer_on(image, np.roll(np.arange(image.size).reshape(image.shape), 9, 0), (True, True))
     rng, canvas = np.random.default_rng(5), placer.canvas
@@ -193,7 +193,7 @@ def test_whoever_replaces_objects_replaces_them_alike_and_changes_nothing():
     np.testing.assert_array_equal(canvas.index, before)
 
 
-def test_objects_that_are_replaced_at_the_same_time_do_not_touch(monkeypatch):
+def test_objects_replaced_at_the_same_time_do_not_touch(monkeypatch):
     image, _, _ = discs()
     rounds, found = [], Exchange._found
 
@@ -231,7 +231,7 @@ def test_objects_are_replaced_by_others_and_come_out_the_same(monkeypatch):
     assert workers[1] == FORKS
 
 
-def test_what_others_know_of_copies_has_room_for_all_that_is_replaced(monkeypatch):
+def test_shared_copies_have_room_for_all_replacements(monkeypatch):
     image, _, _ = discs()
     shared, grown = [], []
     share, grow = IndexCanvas.share, IndexCanvas._grow
@@ -287,7 +287,7 @@ def test_others_prepare_themselves_while_this_process_does(monkeypatch):
     assert done == ["begin", "ask", "pass_on", "own"]
 
 
-def test_what_cannot_be_made_whole_does_not_become_what_shows_near_by():
+def test_an_object_is_not_completed_by_one_shown_near_by():
     image, _, _ = discs()
     placer = placer_on(image, np.arange(image.size).reshape(image.shape))
     exchange = Exchange(placer, (40, 40), Crew(1, placer, lambda: None), MANY)
@@ -302,7 +302,7 @@ def test_what_cannot_be_made_whole_does_not_become_what_shows_near_by():
     assert exchange._without(ToReplace(key, 3, 1), set()) == ToReplace(key, 3, 1)
 
 
-def test_a_copy_that_two_continue_at_the_same_time_does_not_grow_too_large():
+def test_a_copy_continued_by_two_at_once_stays_within_its_limit():
     image, objects, middles = discs(9)
     placer = placer_on(image, np.arange(image.size).reshape(image.shape))
     canvas, corner = placer.canvas, placer.atlas.corners[0]
@@ -318,7 +318,7 @@ def test_a_copy_that_two_continue_at_the_same_time_does_not_grow_too_large():
     assert np.count_nonzero(shown(placer, objects)) > np.count_nonzero(objects) - ground.size
 
 
-def test_an_object_that_comes_twice_becomes_another_one_if_what_was_chosen_has_no_room(monkeypatch):
+def test_a_repeated_object_is_replaced_by_one_that_fits(monkeypatch):
     image, objects, middles = discs()
     placer = placer_on(image, np.arange(image.size).reshape(image.shape))
     apart = np.hypot(*(middles[:, np.newaxis] - middles).transpose(2, 0, 1))

@@ -31,7 +31,7 @@ forks = pytest.mark.skipif(not FORKS, reason="nothing forks here")
 @pytest.mark.parametrize("length", [40, 64, 95, 211, 400])
 @pytest.mark.parametrize("overlap", [2, 10, 22, 35])
 @pytest.mark.parametrize("wraps", [False, True])
-def test_windows_of_a_wave_do_not_touch_and_those_above_are_there(length, overlap, wraps):
+def test_windows_of_a_wave_are_disjoint_and_follow_those_above(length, overlap, wraps):
     width, columns = patches_along(length, 40, overlap, wraps)
     _, rows = patches_along(170, 40, overlap, False)
     reach = 8
@@ -78,7 +78,7 @@ def test_any_number_of_processes_grows_the_same_texture(size, options):
 
 @forks
 @pytest.mark.medium
-def test_an_ordered_texture_and_its_plan_are_the_same_for_any_number():
+def test_an_ordered_texture_is_equal_for_any_process_count():
     rng, (y, x) = np.random.default_rng(2), np.mgrid[:120, :120]
     rows = np.sin(2 * np.pi * (y + 4 * ndimage.gaussian_filter(rng.normal(size=(120, 120)), 9)) / 11)
     wandering = rows + 0.3 * rng.random((120, 120))

@@ -174,7 +174,7 @@ def test_bad_input_is_one_sentence(change, text):
         ts.loop(given.pop("frames"), **given)
 
 
-def test_a_walk_that_no_cheap_jump_closes_takes_a_dear_one_as_long_as_a_transition():
+def test_a_walk_closes_by_a_dear_jump_if_no_cheap_one_does():
     home = Jump(8, 4, 9.0)
     walk = closed_walk([Jump(6, 4, 1.0), Jump(12, 9, 3.0), home], 4, 4, np.random.default_rng(0))
     assert walk[0] == home
@@ -208,7 +208,7 @@ def test_a_loop_grown_beyond_memory_is_refused():
         ts.loop(np.random.default_rng(0).random((12, 16, 16)), grow=10**7)
 
 
-def test_a_walk_prefers_cheap_jumps_whatever_the_scale_of_their_costs():
+def test_a_walk_prefers_cheap_jumps_at_any_cost_scale():
     costs = {30: 1.0, 25: 1.6, 38: 1.9}
     walks = []
     for scale in (1e-4, 1.0, 1e4):

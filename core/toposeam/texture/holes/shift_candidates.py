@@ -1,5 +1,5 @@
-"""Where the rest of a picture lies that could fill a hole: the shifts by which it repeats itself, and those
-that fit the hole's surroundings.
+"""Candidate shifts to fill a hole: those by which the picture repeats itself, and those that fit the hole's
+surroundings.
 
 *How the picture repeats itself.* Each small window has its best match at some distance; over many windows
 the shifts between them and their matches pile up at a few, by which most of the picture can be laid on

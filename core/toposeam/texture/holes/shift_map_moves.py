@@ -28,7 +28,7 @@ _LEAST_LINK = 1e-6
 _LEAST_GAIN = 1e-6
 
 #: Where more pixels than this would be decided, counted once for each shift that may expand there, it is done
-#: window by window, of so many rows and columns, and shifts expand only beyond their own edges.
+#: window by window, of this many rows and columns, and shifts expand only beyond their own edges.
 _AT_ONCE, _SIDE = 1_000_000, 128
 
 Ints = npt.NDArray[np.intp]
@@ -115,7 +115,7 @@ class ShiftMoves:
         self._reach: int | None = None
 
     def shown(self, label: Ints, dy: int = 0, dx: int = 0, part: Part = EVERYWHERE) -> Floats32:
-        """What a labelling of a part of the region brings to each pixel's neighbour (dy, dx)."""
+        """Return what a labelling of a part of the region brings to each pixel's neighbour (dy, dx)."""
         return self._brought(self.features, label, part, dy, dx)
 
     def _brought(self, of: Floats32, label: Ints, part: Part, dy: int = 0, dx: int = 0) -> Floats32:
@@ -130,7 +130,7 @@ class ShiftMoves:
         return found
 
     def allows(self, index: int, part: Part = EVERYWHERE) -> Mask:
-        """Where in a part of the region one shift may show."""
+        """Return the mask of a part of the region where one shift may show."""
         if index == self.itself:
             beyond: Mask = self.present[part] & ~self.hole[part]
             return beyond
@@ -205,7 +205,7 @@ class ShiftMoves:
             left &= ~here
 
     def total(self, label: Ints, part: Part = EVERYWHERE) -> float:
-        """What a labelling of a part of the region costs."""
+        """Compute the cost of a labelling of a part of the region."""
         present = self.present[part]
         here = self.shown(label, part=part)
         cost = float(self.data(label, part).sum(dtype=float))
@@ -301,7 +301,7 @@ class ShiftMoves:
         return gain
 
     def _problem(self, index: int, part: Part, free: Mask, own: Mask) -> SeamProblem:
-        """Whether to let a shift show more of itself: ``b`` is the shift."""
+        """Pose the expansion move of a shift: ``b`` is the shift."""
         label = self.label[part]
         other = np.full(label.shape, index, np.intp)
         here, brought = self.shown(label, part=part), self.shown(other, part=part)

@@ -49,7 +49,7 @@ def lay_wave(
     """Lay patches at the same time on windows that do not touch; return whether each was laid.
 
     Places are picked in the windows' order as soon as they are known, and patches are painted in it when all
-    are picked, whoever looks for them.
+    are picked, whichever process finds them.
 
     Parameters
     ----------

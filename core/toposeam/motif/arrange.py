@@ -25,7 +25,7 @@ _OVER = 0.03
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Arrangement(Inked):
-    """What :func:`arrange` returns: many motifs as one cell, which repeats by translation.
+    """Result of :func:`arrange`: many motifs as one cell, which repeats by translation.
 
     Examples
     --------
@@ -51,19 +51,19 @@ class Arrangement(Inked):
 
     @property
     def edges(self) -> tuple[str, ...]:
-        """How the strokes of each layer end in print: as in its motifs, or "soft" where they differ in that
-        and `sampled` has ended them.
+        """Stroke edges of each layer in print: those of its motifs, or "soft" where these differ and
+        `sampled` has applied them.
         """
         return tuple(kinds[0] if len(set(kinds)) == 1 else "soft" for kinds in self._kinds)
 
     @property
     def _kinds(self) -> list[tuple[str, ...]]:
-        """How strokes end in every motif, for each layer."""
+        """Stroke edges of every motif, for each layer."""
         return list(zip(*(motif.edges for motif in self.motifs), strict=True))
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What each ink is called."""
+        """Names of the inks."""
         return self.motifs[0].names
 
     @property
@@ -92,8 +92,8 @@ class Arrangement(Inked):
         return result
 
     def resampled(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
-        """As of any print, but with `sampled` at every size: layers that it ends have no other densities to
-        be drawn from.
+        """Resample the print, with `sampled` at every size: layers that it ends have no other densities to be
+        drawn from.
         """
         return (
             super().resampled(size)

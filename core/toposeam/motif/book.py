@@ -1,4 +1,4 @@
-"""What a pattern book round a theme consists of (thesis 4.5): the recipe of each pattern, and the product it
+"""Contents of a pattern book round a theme (thesis 4.5): the recipe of each pattern, and the product it
 suits.
 """
 
@@ -92,7 +92,7 @@ def book_recipe(theme: npt.ArrayLike, seed: int, number: int, size: int) -> Reci
     inks = season.inks[rng.permutation(6)[:layers]]
     repeat = str(rng.choice(_REPEATS[:6] if shown else _REPEATS))
     # In proportion to the brightness, what is black is closed to strokes: they draw the theme's outline. Less
-    # than the whole of it lets them out, and nobody knows what it is.
+    # than the whole of it lets them out, and it is not recognised.
     hint = float(rng.uniform(0.05, 0.35))
     strength = 1.0 if shown else hint
     # Ink goes where the theme has less: a dark sign on light ground is drawn in ink, a light one on dark

@@ -34,13 +34,13 @@ Floats = npt.NDArray[np.float64]
 #: From a motif's densities to about what is printed of them, on its own elements.
 Print = Callable[[Floats], Singles]
 
-#: Factors lie within e^±, and so many halvings find one.
+#: Factors lie within e^±, and this many halvings find one.
 _LARGEST, _HALVINGS = 3.0, 10
 #: Of motifs that join, how often rows and columns take turns.
 _TURNS = 3
-#: Motifs that share no border are evened where it shows more than that in one of so many patterns of 4 × 4.
+#: Motifs that share no border are evened where it shows more than that in one of this many patterns of 4 × 4.
 _SHOWN, _PATTERNS = 0.85, 64
-#: Factors of that lie within e^±, and fade out at so many times the distance of what a line is compared with.
+#: Such factors lie within e^±, and fade out at this many times the distance of the rows compared.
 _GENTLE, _DEPTH = 0.25, 4
 #: Half the width of what is changed, in units of how far off it is compared, in each round.
 _WIDTHS = (1.0, 1.0, *(3.0,) * 8)
@@ -95,7 +95,7 @@ def _level(density: Singles, axis: int, mass: float, edge: str, repeat: str, wid
 
 
 def _excess(density: Floats, axis: int, printed: Print, repeat: str) -> float:
-    """How much darker the print is along borders than beside them."""
+    """Compute by how much the print is darker along borders than beside them."""
     field = printed(density)
     side = field.shape[axis]
     mean = tile(field, repeat, period(repeat)).mean(axis=1 - axis, dtype=np.float64)
@@ -179,7 +179,7 @@ def calmed_row(
 
 
 def _prints(row: list[Floats], edges: Sequence[str], repeat: str, given: Sequence[int]) -> list[Print]:
-    """How each motif of a row is printed."""
+    """Return the print of every motif of a row."""
     levels = {}
     for edge in set(edges):
         alike = [index for index, kind in enumerate(edges) if kind == edge]
@@ -190,7 +190,7 @@ def _prints(row: list[Floats], edges: Sequence[str], repeat: str, given: Sequenc
 
 
 class _Tones:
-    """How dark motifs are in print towards the borders across an axis."""
+    """Darkness of printed motifs towards the borders across an axis."""
 
     def __init__(self, axis: int, prints: Sequence[Print]) -> None:
         self._axis, self._prints = axis, prints
@@ -201,7 +201,7 @@ class _Tones:
         return mean
 
     def shown(self, row: list[Floats], given: Sequence[int]) -> float:
-        """How conspicuous borders are, the most in some patterns of some motifs."""
+        """Compute the visibility of borders, the greatest in some patterns of some motifs."""
         tones = np.stack([self.of(row[index], index) for index in given])
         rng = np.random.default_rng(0)
         grids = rng.integers(len(given), size=(_PATTERNS, 4, 4))

@@ -44,7 +44,7 @@ _SHARED = 0.03
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class JoinedMotifs:
-    """What :func:`join_motifs` returns: a row of motifs from the first given one to the last.
+    """Result of :func:`join_motifs`: a row of motifs from the first given one to the last.
 
     Examples
     --------
@@ -75,7 +75,7 @@ class JoinedMotifs:
         return float(np.mean([border_mismatch(a, b) for a, b in pairwise(row)]))
 
     def visibility(self) -> float:
-        """How conspicuous the borders are in a pattern of all of them: :func:`border_visibility`."""
+        """Visibility of the borders in a pattern of all of them: :func:`border_visibility`."""
         laid = arrange(self.motifs, (4, 4), seed=0)
         return border_visibility(laid.image(), self.motifs[0].densities.shape[1:])
 
@@ -105,7 +105,7 @@ class JoinedMotifs:
 
 
 def border_mismatch(a: Motif, b: Motif) -> float:
-    """How much more two motifs differ across their common border than neighbours within them.
+    """Compute the step across two motifs' common border relative to the steps within them.
 
     Parameters
     ----------

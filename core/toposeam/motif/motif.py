@@ -23,7 +23,7 @@ from toposeam.sentence import counted
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Motif(Inked):
-    """What :func:`generate_motif` returns.
+    """Result of :func:`generate_motif`.
 
     Examples
     --------
@@ -51,12 +51,12 @@ class Motif(Inked):
 
     @property
     def edges(self) -> tuple[str, ...]:
-        """How the strokes of each layer end in print, of `EDGES`."""
+        """Stroke edges of each layer in print, of `EDGES`."""
         return tuple(layer.edge for layer in self.recipe.layers)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What each ink is called."""
+        """Names of the inks."""
         return tuple(layer.name or f"ink {number}" for number, layer in enumerate(self.recipe.layers, 1))
 
     @property

@@ -186,7 +186,7 @@ def labels_by_blocks(
 
 @contextmanager
 def _stopped_with(run: str) -> Iterator[None]:
-    """What interrupts the block also ends, soon, what its threads work on."""
+    """Stop the block's threads, soon, when the block is interrupted."""
     try:
         yield
     except BaseException:
@@ -217,7 +217,7 @@ def assembled(a: Any, b: Any, places: Places, labels: Any) -> Any:
 
 
 def _grounds(places: Places) -> dict[tuple[int, bool], int]:
-    """Which stack lies beyond the common box, by axis and whether at the upper end."""
+    """Find the stack beyond the common box, by axis and whether at the upper end."""
     found = {}
     for axis, part in enumerate(places.overlap):
         for which, label in (("a", A), ("b", B)):

@@ -1,4 +1,4 @@
-"""What :func:`toposeam.find_surface` returns."""
+"""Result of :func:`toposeam.find_surface`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What layers of ink on paper have in common: how they are printed, mixed and drawn."""
+"""Common base of layers of ink on paper: printing, mixing and drawing."""
 
 from __future__ import annotations
 
@@ -40,17 +40,17 @@ class Inked(ABC):
     @property
     @abstractmethod
     def edges(self) -> tuple[str, ...]:
-        """How the strokes of each layer end in print, of `EDGES`."""
+        """Stroke edges of each layer in print, of `EDGES`."""
 
     @property
     @abstractmethod
     def names(self) -> tuple[str, ...]:
-        """What each ink is called."""
+        """Names of the inks."""
 
     @property
     @abstractmethod
     def record(self) -> Mapping[str, Any]:
-        """What makes it again, for files; anything JSON can hold."""
+        """Record that reproduces it, for files; anything JSON can hold."""
 
     @abstractmethod
     def sampled(self, layer: int, size: tuple[int, int]) -> npt.NDArray[np.float32]:
@@ -80,7 +80,7 @@ class Inked(ABC):
         return np.stack([self.sampled(index, size) for index in range(len(self.inks))])
 
     def coverage(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
-        """How much ink of each layer is printed, (n_L, H', W') float32 in [0, 1].
+        """Compute the coverage by each layer's ink, (n_L, H', W') float32 in [0, 1].
 
         Strokes end as `edges` says; see :mod:`toposeam.motif.ink.stroke_edges`.
 

@@ -23,7 +23,7 @@ from toposeam.motif.symmetry.tiling import extend
 
 Singles = npt.NDArray[np.float32]
 
-#: How a layer's strokes end: the haze as it is; a line at the level of equal mass; or a line that keeps half
+#: How a layer's strokes end: the haze unchanged; a line at the level of equal mass; or a line that keeps half
 #: of the haze, inside of which the ink shades.
 EDGES = ("soft", "crisp", "ink")
 #: Smoothing before contours are taken, in elements: takes the staircase off hard edges.
@@ -32,7 +32,7 @@ SMOOTHING = 0.25
 _WET = 0.5
 #: Cells smaller than this are doubled before their contours are taken.
 _FINE = 512
-#: Rows that are worked on at once have at most so many px.
+#: Rows that are worked on at once have at most this many px.
 _STRIP_PX = 8_000_000
 
 
@@ -77,7 +77,7 @@ def printed(
     size: tuple[int, int],
     ends: tuple[float, np.float32],
 ) -> Singles:
-    """A layer as it is printed.
+    """Print a layer with its stroke edges.
 
     Parameters
     ----------

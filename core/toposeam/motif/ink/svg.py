@@ -32,7 +32,7 @@ LARGEST_CHARACTERS = 60_000_000
 
 @runtime_checkable
 class Drawable(Protocol):
-    """What is drawn: a :class:`toposeam.motif.ink.printing.Inked`."""
+    """Drawable object: a :class:`toposeam.motif.ink.printing.Inked`."""
 
     @property
     def densities(self) -> npt.NDArray[np.float32]:
@@ -52,15 +52,15 @@ class Drawable(Protocol):
 
     @property
     def edges(self) -> tuple[str, ...]:
-        """How strokes end."""
+        """Stroke edges of each layer."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What the inks are called."""
+        """Names of the inks."""
 
     @property
     def record(self) -> Mapping[str, Any]:
-        """What makes it again."""
+        """Record that reproduces it."""
 
     def ends(self, layer: int) -> tuple[float, np.float32]:
         """The density at which a layer's strokes end in print, and the factor of those inside."""
@@ -71,7 +71,7 @@ class Drawable(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SvgOptions:
-    """How a motif is drawn.
+    """Options of the drawing of a motif.
 
     Examples
     --------
@@ -224,7 +224,7 @@ class _Bands:
         self.thresholds = self.thresholds[self.thresholds >= at]
 
     def tones(self, smooth: Floats) -> Floats:
-        """What is printed between the levels: the mean there, so that the whole keeps its tone."""
+        """Compute the tones between the levels: the mean there, so that the whole keeps its tone."""
         many = len(self.thresholds) + 1
         if self.edge == "crisp":
             return np.array([0.0, 1.0])

@@ -36,7 +36,7 @@ _EXCHANGE = "brick"
 
 @dataclass(frozen=True)
 class JoinOptions:
-    """What all stages of a row have in common: w of (4.10), the ring's width, who is told."""
+    """Options common to all stages of a row: w of (4.10), the ring's width, the progress callback."""
 
     weight: float
     shared: int

@@ -195,7 +195,7 @@ def _copies(repeat: str) -> list[tuple[int, int]]:
 
 
 def _copy(x: float, y: float, repeat: str, row: int, column: int) -> tuple[float, float]:
-    """Where a place lies in another row and column of cells."""
+    """Map a place to another row and column of cells."""
     shift = shift_of(repeat)
     if shift is None:
         return x + column, y + row

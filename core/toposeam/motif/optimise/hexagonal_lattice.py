@@ -78,7 +78,7 @@ def _at_triangles(nodes: Floats) -> Floats:
 
 
 def _spots(points: tuple[Point, ...], shape: tuple[int, int]) -> Floats:
-    """As `LayerProblem`'s, in the lattice's metric."""
+    """Compute `LayerProblem`'s spots in the lattice's metric."""
     side = shape[0]
     radius = max(SPOT * side, 0.75)
     field = np.zeros(shape)

@@ -1,4 +1,4 @@
-"""Everything a motif is made from, as plain values: the same recipe makes the same bytes again."""
+"""Recipes of motifs, as plain values: the same recipe makes the same bytes again."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ from toposeam.motif.symmetry.rules import GENERATORS, HEXAGONAL, Symmetry, opera
 
 #: Half the width of the band, as a share of the cell's side, and in elements at least.
 _BAND, _LEAST = 0.07, 2
-#: Factors of one pass lie within e^±1, and so many passes are made.
+#: Factors of one pass lie within e^±1, and this many passes are made.
 _LARGEST, _PASSES = 1.0, 6
 
 
@@ -112,7 +112,7 @@ class Mirrors:
 
 
 def places_of(repeat: str) -> tuple[set[float], set[float]]:
-    """Where mirrors lie across and down a cell, as shares of its height and width: at (0, 1) both edges.
+    """Return the mirrors across and down a cell, as shares of its height and width: at (0, 1) both edges.
 
     Examples
     --------

@@ -115,7 +115,7 @@ def check_repeat(repeat: str, shape: tuple[int, int]) -> None:
 
 
 def joint(repeat: str) -> Joint | Shift:
-    """How the plate's border is joined for a rule."""
+    """Return the joining of the plate's border for a rule."""
     shift = shift_of(repeat)
     if shift is not None:
         return Shift(*shift)
@@ -182,7 +182,7 @@ def onto_axes(
 def permutation(
     operation: Operation, shape: tuple[int, int], hexagonal: bool = False
 ) -> npt.NDArray[np.intp]:
-    """Where an operation takes the centre of every element, or on a hexagonal lattice every node, (h, w) flat
+    """Compute the permutation of elements (on a hexagonal lattice: of nodes) by an operation, (h, w) flat
     indices.
     """
     h, w = shape

@@ -3,8 +3,8 @@
 They are forked when there is something to share, so that they have all that has been prepared, and see what
 changes in shared memory (:meth:`toposeam.texture.canvas.index_canvas.IndexCanvas.share`). Most of the time
 goes into calls on small arrays, for which threads would wait for one another. Requests lie in one pipe, from
-which the next free process takes one, the asking process included. The processes use no library that cannot be
-forked, and end when asked to, or when the pipe closes because their parent is gone.
+which the next free process takes one, the asking process included. The processes use no library that cannot
+be forked, and end when asked to, or when the pipe closes because their parent is gone.
 """
 
 from __future__ import annotations

@@ -28,9 +28,9 @@ from toposeam.volume.problem.arrays import Volume, as_volume
 from toposeam.volume.problem.posing import face_areas
 from toposeam.volume.surface import Surface
 
-#: Frames in which to change over, where nothing is said: a quarter of the clip, at most so many.
+#: Frames in which to change over, where nothing is said: a quarter of the clip, at most this many.
 _LONGEST = 24
-#: Grown clips choose between so many jumps.
+#: Grown clips choose between this many jumps.
 _JUMPS = 12
 
 

@@ -1,4 +1,4 @@
-"""Where a clip comes back: pairs of moments between which it can go over without being noticed."""
+"""Recurrences of a clip: pairs of moments between which it can change over without being noticed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from toposeam.volume.heat.method import SurfaceOptions, heat_surface
 from toposeam.volume.problem.arrays import Volume, as_shares
 from toposeam.volume.problem.posing import surface_problem
 
-#: Moments are compared on frames reduced to about so many pixels, fewer in long clips: every moment is
+#: Moments are compared on frames reduced to about this many pixels, fewer in long clips: every moment is
 #: compared with every other one.
 _PIXELS = 1500
 _COMPARED = 4e8
@@ -46,7 +46,7 @@ class Jump:
 
     @property
     def period(self) -> int:
-        """How many frames repeat when this is the only jump."""
+        """Number of frames that repeat when this is the only jump."""
         return self.leaves - self.enters
 
 
@@ -74,8 +74,8 @@ def small_mask(mask: Mask, shape: tuple[int, int]) -> Mask:
 
 
 def changes(small: Floats32, lag: int, transition: int, moving: Mask) -> npt.NDArray[np.float64]:
-    """How much it shows at least to change, within a transition, from ``t + lag`` to ``t`` (or, the same,
-    from ``t`` to ``t + lag``), for every first moment ``t`` of one.
+    """Compute the least visible cost of changing over, within a transition, from ``t + lag`` to ``t`` (or,
+    the same, from ``t`` to ``t + lag``), for every first moment ``t`` of one.
 
     Every pixel changes when it shows least: the least of two successive differences, a surface's cost along
     time, is taken pixel by pixel.
@@ -145,7 +145,7 @@ def joined_small(
 
 
 def weights(moving: Mask) -> npt.NDArray[np.float64]:
-    """What still pixels count for a surface: next to nothing."""
+    """Compute the weights of pixels for a surface: next to nothing where they stand still."""
     return np.where(moving, 1.0, 1e-3)
 
 

@@ -8,13 +8,12 @@ import numpy as np
 
 from toposeam.volume.clip.period import Jump
 
-#: Jumps that cost more than so many times the least are not taken.
+#: Jumps that cost more than this many times the least are not taken.
 _DEAREST = 2.0
 
 
 def closed_walk(jumps: Sequence[Jump], transition: int, frames: int, rng: np.random.Generator) -> list[Jump]:
-    """Jumps to take one after the other, and from the last one again the first, so that a clip of at least
-    so many frames is seen.
+    """Find a closed walk of jumps, from the last one again to the first, that shows at least `frames` frames.
 
     After a jump the clip plays from ``enters``; it is left by a jump whose ``leaves`` lies at least a
     transition later. Jumps that were taken less often are preferred, cheaper ones among them.

@@ -21,7 +21,7 @@ from toposeam.volume.heat.method import SurfaceOptions, heat_surface
 from toposeam.volume.problem.posing import face_areas, match_costs
 from toposeam.volume.problem.surface_problem import SurfaceProblem
 
-#: Coarse voxels are so large that the grid of the overlap has at most so many.
+#: Coarse voxels are so large that the grid of the overlap has at most this many.
 _COARSE = 2_000_000
 #: The coarse surface's share of the work.
 COARSE_SHARE = 0.3
@@ -124,7 +124,7 @@ def _coarse_costs(
     spacing: Sequence[float],
     data_range: float | None,
 ) -> tuple[Floats32, ...]:
-    """What joins the coarse voxels of a block to each other and to the next ones above."""
+    """Compute the costs between the coarse voxels of a block, and to the next ones above."""
     result = []
     for axis, fine in enumerate(block_costs(a, b, cost, spacing, data_range)):
         box = tuple(slice(first, first + side) for first, side in zip(inner, sides, strict=True))

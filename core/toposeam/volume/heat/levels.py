@@ -11,7 +11,7 @@ from toposeam.heat.bricks import HIGH, LOW, along
 from toposeam.heat.sweeps import Floats32
 from toposeam.images import Mask
 
-#: Grids with at most so many voxels are not made coarser still, ...
+#: Grids with at most this many voxels are not made coarser still, ...
 COARSEST = 4096
 #: ... and axes with fewer voxels keep all of them.
 _SHORTEST = 8

@@ -37,7 +37,7 @@ from toposeam.volume.problem.surface_problem import SurfaceProblem
 _LOOK_EVERY = 50
 #: A coarse grid is left when its surface is proven within this share; sweeps at most.
 _GATHERED, _COARSE_SWEEPS = 0.01, 400
-#: The slab reaches so many voxels of the coarser grid to either side of its surface.
+#: The slab reaches this many voxels of the coarser grid to either side of its surface.
 _REACH = 4
 #: ... and of wherever a jump of ψ exceeds this.
 _FLOWS = 0.05
@@ -45,13 +45,13 @@ _FLOWS = 0.05
 _GROWTHS = 3
 #: ``soft`` is the last potential whose cost exceeded what is proven by this share.
 _SOFT = 0.1
-#: On coarse grids a forbidden interface costs so many times the dearest other one.
+#: On coarse grids a forbidden interface costs this many times the dearest other one.
 _DETERRENT = 4.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SurfaceOptions:
-    """How far the heat method goes in three dimensions.
+    """Options of the heat method in three dimensions.
 
     Examples
     --------
@@ -63,7 +63,7 @@ class SurfaceOptions:
     tolerance: float = 1e-3
     #: Sweeps on the finest grid at most.
     max_iterations: int = 3000
-    #: Up to so many voxels everything is free; beyond, a slab round the surface of a coarser grid.
+    #: Up to this many voxels everything is free; beyond, a slab round the surface of a coarser grid.
     whole: int = 1_500_000
 
     def __post_init__(self) -> None:
@@ -263,7 +263,7 @@ def _near_flow(potential: Floats32, costs: Sequence[Floats32]) -> Mask:
 
 
 def spread(mask: Mask, reach: int) -> Mask:
-    """Everything within some steps of a mask, along every axis and between them."""
+    """Dilate a mask by some steps, along every axis and between them."""
     for axis in range(mask.ndim):
         mask = ndimage.maximum_filter1d(mask.view(np.uint8), 2 * reach + 1, axis, mode="constant").view(bool)
     return mask

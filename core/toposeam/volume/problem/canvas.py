@@ -47,7 +47,7 @@ class Places:
         )
 
     def box(self, which: str) -> tuple[slice, ...]:
-        """Where a stack lies on the canvas."""
+        """Return the box of a stack on the canvas."""
         start, size = (self.a, self.size_a) if which == "a" else (self.b, self.size_b)
         return tuple(slice(first, first + length) for first, length in zip(start, size, strict=True))
 

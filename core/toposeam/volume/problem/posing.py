@@ -20,7 +20,7 @@ from toposeam.seam.problem.posing import as_weights, forbid, placed
 from toposeam.volume.problem.arrays import Volume, as_shares, as_volume
 from toposeam.volume.problem.surface_problem import SurfaceProblem
 
-#: The match cost is computed from blocks of about so many voxels.
+#: The match cost is computed from blocks of about this many voxels.
 _BLOCK_VOXELS = 1 << 18
 AXES = (0, 1, 2)
 

@@ -64,7 +64,7 @@ class Commands(click.Group):
 
 
 def _first_line(name: str, loaded: Mapping[str, click.Command], width: int) -> str:
-    """What a command does, in a width."""
+    """Return the summary of a command, cut to a width."""
     command = loaded[name] if name in loaded else click.Command(name, help=COMMANDS[name])
     return command.get_short_help_str(width)
 

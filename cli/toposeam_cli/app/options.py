@@ -221,7 +221,7 @@ class FileType(click.Path):
     """The name of a file, which is to be read or made."""
 
     def __init__(self, read: bool) -> None:
-        super().__init__(path_type=Path, readable=False)  # whoever reads or writes it says more
+        super().__init__(path_type=Path, readable=False)  # its reader or writer reports more
         self._read = read
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
@@ -290,7 +290,7 @@ jobs_option = click.option(
     help="How many at a time.",
 )
 
-#: Millions of pixels; nobody has more than a million of them.
+#: Millions of pixels; no machine has more than a million of them.
 MEGAPIXELS = FiniteRange(min=0, max=1e6, min_open=True)
 
 FILE = FileType(read=True)
@@ -299,17 +299,17 @@ OUTPUT = FileType(read=False)
 
 
 def is_output(parameter: click.Parameter) -> bool:
-    """Whether a parameter names a file that the command makes."""
+    """Test whether a parameter names a file that the command makes."""
     return parameter.type is OUTPUT
 
 
 def is_input(parameter: click.Parameter) -> bool:
-    """Whether a parameter names files that the command reads."""
+    """Test whether a parameter names files that the command reads."""
     return is_path(parameter) and not is_output(parameter)
 
 
 def is_path(parameter: click.Parameter) -> bool:
-    """Whether a parameter names files."""
+    """Test whether a parameter names files."""
     return isinstance(parameter.type, click.Path)
 
 

@@ -1,4 +1,4 @@
-"""Which commands there are: a new one is a module in :mod:`toposeam_cli.commands` and a line here."""
+"""The list of commands: a new one is a module in :mod:`toposeam_cli.commands` and a line here."""
 
 from __future__ import annotations
 

@@ -98,7 +98,7 @@ def _commands(group: click.Group, context: click.Context) -> list[str]:
 
 
 def _description(command: click.Command) -> tuple[str, list[str]]:
-    """The first paragraph as one line, and the others; what click leaves as it is stays so."""
+    """Return the first paragraph as one line, and the others; what click does not rewrap stays so."""
     paragraphs = re.split(r"\n\s*\n", (command.help or "").partition("\f")[0].strip())
     rest: list[str] = []
     for paragraph in paragraphs[1:]:

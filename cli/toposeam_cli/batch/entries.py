@@ -1,5 +1,5 @@
-"""What a batch is to do: the entries of a TOML file, or patterns on the command line, each the settings of
-one command or of several.
+"""Entries of a batch: those of a TOML file, or patterns on the command line, each the settings of one command
+or of several.
 """
 
 from __future__ import annotations
@@ -109,8 +109,8 @@ def read_entries(path: Path, commands: Mapping[str, click.Command]) -> list[Entr
 def _is_meant(
     commands: Mapping[str, click.Command], table: Mapping[str, Any], name: str, key: str, value: object
 ) -> bool:
-    """Whether a default is for a command that knows its name: not where its option has choices, none of which
-    this is, and another command of the file takes it.
+    """Test whether a default is for a command that knows its name: not where its option has choices, none of
+    which this is, and another command of the file takes it.
     """
 
     def takes(other: str) -> bool:
@@ -368,20 +368,20 @@ def _substituted(value: Any, paths: Mapping[str, str], name: str) -> Any:
 
 
 class _Lines:
-    """Where things stand in a TOML file, as the parser does not tell."""
+    """Line numbers in a TOML file, which the parser does not report."""
 
     def __init__(self, path: Path, text: str) -> None:
         self._path, self._lines = path, text.splitlines()
 
     def of_key(self, key: str) -> str:
-        """Where a key is given, or a table of that name begins."""
+        """Find the line where a key is given, or a table of that name begins."""
         expression = re.compile(rf"""\s*(\[\[?\s*)?["']?{re.escape(key)}["']?\s*(\]|=|\.)""")
         return self._where(
             [number for number, line in enumerate(self._lines, start=1) if expression.match(line)]
         )
 
     def of_entry(self, name: str, index: int) -> str:
-        """Where the table of that number begins."""
+        """Find the line where the table of that number begins."""
         expression = re.compile(rf"""\s*\[\[\s*["']?{re.escape(name)}["']?\s*\]\]""")
         found = [number for number, line in enumerate(self._lines, start=1) if expression.match(line)]
         if index < len(found):

@@ -29,7 +29,7 @@ class Duration:
     seconds: bool
 
     def frames(self, rate: Fraction) -> int:
-        """How many frames at a rate."""
+        """Compute the number of frames at a rate."""
         return round(self.value * rate) if self.seconds else int(self.value)
 
 

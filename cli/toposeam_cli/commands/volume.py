@@ -125,7 +125,7 @@ def volume(a: Path, b: Path, output: Path, **given: Any) -> None:
 
 
 def _common_voxels(a: Stack, b: Stack, offset: tuple[int, int, int]) -> int:
-    """How many voxels both stacks have."""
+    """Count the voxels that both stacks have."""
     ends = (
         min(one, step + other) - max(0, step) for one, other, step in zip(a.size, b.size, offset, strict=True)
     )

@@ -1,4 +1,4 @@
-"""How the heat converged: the objective and compliance over the iterations, and a film strip of the
+"""Convergence of the heat: the objective and compliance over the iterations, and a film strip of the
 densities.
 
 In kind the thesis's Figures 3.12 and 3.16 to 3.23.
@@ -119,7 +119,7 @@ def history_figure(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Strip:
-    """How the frames are laid out, in px."""
+    """Layout of the frames, in px."""
 
     columns: int
     rows: int

@@ -1,4 +1,4 @@
-"""How heat found a seam, as a figure or as an animation: the file's extension decides."""
+"""The search for a seam by heat, as a figure or as an animation: the file's extension decides."""
 
 from __future__ import annotations
 

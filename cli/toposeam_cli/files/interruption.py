@@ -21,7 +21,7 @@ Value = TypeVar("Value")
 
 #: How often a waiting main thread looks for signals, s; only Windows needs it.
 _LOOK_EVERY_S = 0.2
-#: When an interruption that nobody could hear is told again, s.
+#: Delay until a missed interruption is raised again, s.
 _AGAIN_S = 0.02
 #: How long the first signal has to take effect before another one is heard, s.
 _DEAF_S = 5.0
@@ -34,8 +34,8 @@ class Terminated(SystemExit):
 @contextmanager
 def terminations_raised() -> Iterator[None]:
     """Raise :class:`Terminated` in the main thread on ``kill`` and when the terminal closes, and
-    KeyboardInterrupt on Ctrl-C, unless somebody handles that already. While one of them takes effect, which
-    means that things are tidied away, others are ignored for some seconds.
+    KeyboardInterrupt on Ctrl-C, unless another handler is set. While one of them takes effect, during
+    clean-up, others are ignored for some seconds.
 
     Where Python swallows exceptions (in callbacks of weak references, which importing has, and in
     finalizers) they are raised again a moment later; where it wraps them in an error of its own, they leave
@@ -115,9 +115,8 @@ def ctrl_c_later() -> Iterator[None]:
 
 
 def start_resource_tracker() -> None:
-    """Start the process that looks after what :mod:`multiprocessing` shares, if it does not run yet, such
-    that a closed terminal spares it: when it dies, everybody complains. To be called before anything is
-    shared.
+    """Start the resource tracker of :mod:`multiprocessing`, if it does not run yet, such that a closed
+    terminal spares it: when it dies, every process complains. To be called before anything is shared.
     """
     if not hasattr(signal, "pthread_sigmask"):
         return  # Windows has none
@@ -164,12 +163,12 @@ def interruptible(call: Callable[[], Value], stop: Callable[[], object]) -> Valu
     lets the interruption go on.
     """
     if threading.current_thread() is not threading.main_thread():
-        return call()  # signals go to the main thread, and whoever waits there decides
+        return call()  # signals go to the main thread, and the waiting call there decides
     results: list[Value] = []
     errors: list[BaseException] = []
     begins = (
         threading.Lock()
-    )  # whoever takes it decides: the thread that the call begins, or an interruption that it never does
+    )  # its taker decides: the thread that the call begins, or an interruption that it never does
     done = threading.Event()
 
     def work() -> None:

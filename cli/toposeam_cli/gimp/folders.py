@@ -1,4 +1,4 @@
-"""Where GIMP 3 keeps plug-ins on each system, and the plug-in's way in and out."""
+"""GIMP 3's plug-in folders on each system; installing and removing the plug-in."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Profile:
 
     @property
     def plug_in(self) -> Path:
-        """Where the plug-in is, or would be."""
+        """Path of the plug-in, installed or not."""
         return self.plug_ins / PLUG_IN
 
     @property
@@ -58,7 +58,7 @@ def source() -> Path:
 def roots(
     environment: Mapping[str, str] | None = None, platform: str | None = None, home: Path | None = None
 ) -> Iterator[tuple[str, Path]]:
-    """How GIMP was installed, and the folder that then holds one profile per minor version."""
+    """Yield the kind of GIMP's installation and the folder that then holds one profile per minor version."""
     environment = os.environ if environment is None else environment
     platform = sys.platform if platform is None else platform
     home = Path.home() if home is None else home
@@ -125,7 +125,7 @@ def _wanted(version: str | None, kinds: Sequence[str]) -> Iterator[tuple[str, st
 
 
 def is_new(profile: Profile) -> bool:
-    """Whether GIMP has not been started with this profile yet."""
+    """Test whether GIMP has not been started with this profile yet."""
     return profile.version is not None and not profile.plug_ins.parent.is_dir()
 
 

@@ -1,4 +1,4 @@
-"""Which GIMPs there are on this machine, and which profile each reads."""
+"""The GIMPs on this machine, and the profile each reads."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Program:
 
     @property
     def is_3(self) -> bool:
-        """Whether TopoSeam works there."""
+        """True if TopoSeam works there."""
         return self.version.startswith("3.")
 
 

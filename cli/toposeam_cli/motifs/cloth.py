@@ -88,7 +88,7 @@ def lay(
 
 
 def _shadow(piece: Piece, px_per_mm: float, width_mm: float) -> Floats:
-    """How much darker it is beside a piece."""
+    """Compute the shadow beside a piece."""
     far = 0.012 * width_mm * px_per_mm
     soft = np.roll(ndimage.gaussian_filter(piece.mask, far), (round(far), round(0.7 * far)), (0, 1))
     near = np.roll(
@@ -150,7 +150,7 @@ def _height(piece: Piece, folds: Floats, px_per_mm: float, width_mm: float) -> F
 
 
 def _on_pattern(piece: Piece, x: Floats, y: Floats, middle: tuple[float, float]) -> tuple[Floats, Floats]:
-    """Where points of the product lie in the pattern, mm."""
+    """Map points of the product to the pattern, mm."""
     if piece.matrix is not None:
         a, b, c, d, e, f = piece.matrix
         x, y = x - e, y - f

@@ -1,4 +1,4 @@
-"""What ``motif``, ``repeat`` and ``join`` have in common: how inks go to paper, and the writing."""
+"""Options that ``motif``, ``repeat`` and ``join`` share: printing of inks, and writing."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def check_laid(path: Path, rule: str, instead: str) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PrintOptions:
-    """What was asked for; None where nothing was."""
+    """Requested options of printing; None where not given."""
 
     width_mm: float | None = None
     dpi: float | None = None

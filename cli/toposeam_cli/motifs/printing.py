@@ -1,6 +1,4 @@
-"""How a motif goes to paper: rows and columns, size, resolution, and the recipe that is written into the
-file.
-"""
+"""Printing of a motif: rows and columns, size, resolution, and the recipe that is written into the file."""
 
 from __future__ import annotations
 
@@ -32,7 +30,7 @@ _DPI = 300.0
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Print:
-    """How a motif goes to paper; kept beside the recipe."""
+    """Print settings of a motif; kept beside the recipe."""
 
     #: Rows and columns of motifs.
     counts: tuple[int, int] = (1, 1)
@@ -81,7 +79,7 @@ class Print:
             )
 
     def note(self) -> dict[str, Any]:
-        """What is written into the file."""
+        """Return the record that is written into the file."""
         return {"print": dataclasses.asdict(self)}
 
     @staticmethod
@@ -116,7 +114,7 @@ def sheet_coverage(made: ts.Motif, paper: Print) -> np.ndarray:
 
 
 def ink_names(recipe: ts.Recipe) -> tuple[str, ...]:
-    """What the inks of a motif are called."""
+    """Return the names of a motif's inks."""
     return tuple(layer.name or f"ink {number}" for number, layer in enumerate(recipe.layers, 1))
 
 
@@ -162,6 +160,6 @@ def separation(coverage: np.ndarray, dpi: float | None, settings: Mapping[str, A
 
 
 def plate_path(output: Path, number: int, name: str) -> Path:
-    """Where one ink's separation goes: beside the picture, with the ink's number and name."""
+    """Return the path of one ink's separation: beside the picture, with the ink's number and name."""
     word = "-".join(re.findall(r"\w+", name)) or "ink"
     return output.with_name(f"{output.stem}.{number}-{word}{output.suffix}")

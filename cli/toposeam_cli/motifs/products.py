@@ -26,7 +26,7 @@ from toposeam_cli.motifs.cloth import Piece, lay
 PRODUCTS = ("tie", "scarf", "shirt", "canvas", "cushion", "wallpaper", "wrapping", "phone")
 #: Longer side of a mock-up, px, where nothing is said; at least, and of all px at most.
 _LONGER_PX, _LEAST_PX, _MOST_PX = 1200, 64, 20_000_000
-#: The pattern is sampled from a picture of so many px per px of the mock-up.
+#: The pattern is sampled from a picture of this many px per px of the mock-up.
 _FINER = 1.5
 #: Nothing finer repeats on a product, mm.
 _LEAST_MM = 1.0
@@ -69,7 +69,7 @@ class Product:
 
 @cache
 def product(name: str, dpi: float | None = None) -> Product:
-    """The product of that name, drawn with so many px per inch of its own; 1200 px long without.
+    """Load the product of that name, drawn at `dpi` px per inch of its own; 1200 px long without.
 
     Raises
     ------
@@ -184,7 +184,9 @@ def _folds(shown: Product, shape: tuple[int, ...]) -> np.ndarray:
 def _for_second(
     shown: Product, first: tuple[np.ndarray, float] | None, ink: np.ndarray
 ) -> tuple[np.ndarray, float] | None:
-    """What stands for a second pattern that is not given: the first where it is the same cloth, else ink."""
+    """Return the substitute for a second pattern that is not given: the first where it is the same cloth,
+    else ink.
+    """
     if shown.name in ("tie", "shirt"):
         return first
     return np.broadcast_to(np.asarray(ink, np.float32), (1, 1, 3)), 1.0

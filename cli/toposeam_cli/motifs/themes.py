@@ -14,7 +14,7 @@ from toposeam_cli.motifs.swatches import read_swatches
 
 
 def read_colours(text: str, folder: Path = Path()) -> str | Palette | np.ndarray:
-    """What ``--palette`` names: a palette, colours, or a picture."""
+    """Read the value of ``--palette``: a palette, colours, or a picture."""
     if "#" in text:
         colours = np.array([parse_colour(word) for word in text.replace(",", " ").split()])
         return _palette(colours, repr(text))

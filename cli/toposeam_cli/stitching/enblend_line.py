@@ -32,7 +32,7 @@ _OURS: dict[str, tuple[str, str | None]] = {
 _QUIET_FLAGS = {"a", "x", "pre-assemble", "no-pre-assemble", "gpu", "no-gpu", "prefer-gpu"}
 _QUIET_OPTIONAL = {"v", "verbose"}
 _QUIET_VALUES = {"b", "m"}
-#: Options that do nothing here, of which the user is told.
+#: Options without effect here, which are reported to the user.
 _LOUD_FLAGS = {"c", "g", "ciecam", "no-ciecam", "fine-mask", "optimize", "no-optimize"}
 _LOUD_OPTIONAL = {"coarse-mask", "visualize"}
 _LOUD_VALUES = {
@@ -153,7 +153,7 @@ def frame_of(text: str) -> CanvasFrame:
 
 
 def blend_width(levels: str) -> float | None:
-    """Over how many px so many levels blend; None for the default."""
+    """Compute the blending width of `levels` levels, px; None for the default."""
     if levels.lower() in ("auto", "automatic"):
         return None
     try:
@@ -166,7 +166,7 @@ def blend_width(levels: str) -> float | None:
 
 
 def wrap_of(mode: str) -> bool:
-    """Whether the canvas goes round.
+    """Test whether the canvas wraps round.
 
     Raises
     ------

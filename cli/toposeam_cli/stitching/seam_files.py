@@ -72,6 +72,6 @@ def _by_name(path: Path, drawing: ts.SvgSeam, placed: PlacedPictures) -> dict[tu
 
 
 def _of_lost(names: Sequence[str], lost: Sequence[str]) -> set[str]:
-    """What seams of pictures that were left out are called."""
+    """Return the names of the seams of pictures that were left out."""
     every = [*names, *lost]
     return {ts.pair_name(*pair) for one in lost for other in every for pair in ((one, other), (other, one))}

@@ -18,7 +18,7 @@ import toposeam as ts
 from toposeam.images import full_scale
 from toposeam.sentence import counted
 
-#: The pictures in the page are reduced to so many px a side.
+#: The pictures in the page are reduced to this many px a side.
 _LARGEST = 1600
 
 Pair = tuple[int, int]
@@ -42,7 +42,7 @@ class Drawn(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Joined:
-    """What a page is made of."""
+    """Contents of a page."""
 
     title: str
     layers: Sequence[ts.Layer]

@@ -33,7 +33,7 @@ class Clip:
 
     @property
     def seconds(self) -> float:
-        """How long it is."""
+        """Duration, s."""
         return float(len(self.frames) / self.rate)
 
 

@@ -1,4 +1,4 @@
-"""What lies under the holes of a picture."""
+"""Backgrounds under the holes of a picture."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ _X_RESOLUTION = (b"\x1a\x01\x05\0", b"\x01\x1a\0\x05")
 
 _BLOCKS = ("icc-profile", "exif", "xmp")
 
-#: Strips are of about so many bytes.
+#: Strips are of about this many bytes.
 STRIP_BYTES = 1 << 20
 _DTYPES = {
     name: np.dtype(kind)
@@ -53,7 +53,7 @@ RECIPE_NAMESPACE = "urn:x-toposeam:1.0:"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Decoding:
-    """What a file holds, its pixels not yet read."""
+    """Contents of a file, its pixels not yet read."""
 
     #: Gray or RGB, upright; read from top to bottom.
     image: VipsImage

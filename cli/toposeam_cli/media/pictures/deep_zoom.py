@@ -41,7 +41,7 @@ def check_deep_zoom(path: Path, force: bool) -> None:
 
 
 def _foreign(folder: Path) -> str | None:
-    """What in a folder of tiles is no tile."""
+    """Find what in a folder of tiles is no tile."""
     for place, folders, files in os.walk(folder):
         for name in files:
             inside = Path(place, name).relative_to(folder).as_posix()

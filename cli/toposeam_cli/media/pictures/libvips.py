@@ -64,11 +64,13 @@ def to_vips(pixels: np.ndarray | Windows) -> VipsImage:
 
 
 def _streamed(pixels: Windows) -> VipsImage:
-    """What libvips reads while it writes. Where that fails the file ends there for it, which is an error."""
+    """Make an image that libvips reads while it writes. On a failure the file ends there for it, which is an
+    error.
+    """
     stream, source = TiffStream(pixels), load_vips().SourceCustom()
 
     def read(size: int) -> bytes | None:
-        with suppress(Exception):  # libvips is told by the end of the file
+        with suppress(Exception):  # the end of the file tells libvips
             return stream.read(size)
         return None
 

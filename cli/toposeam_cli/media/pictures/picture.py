@@ -37,14 +37,14 @@ MAX_PIXELS = 500_000_000
 #: A classic TIFF ends at 4 GiB, and what does not compress may grow.
 _BIGTIFF_BYTES = 3_500_000_000
 
-#: A JPEG's codes are fitted to it, which saves a tenth of the file, up to so many pixels: all of its
+#: A JPEG's codes are fitted to it, which saves a tenth of the file, up to this many pixels: all of its
 #: coefficients have to be in memory for that.
 _CODED_PIXELS = 64_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Format:
-    """What a file format can hold, and how we write it."""
+    """Capabilities of a file format, and its writer."""
 
     saver: str  #: The libvips operation.
     depths: tuple[np.dtype, ...]  #: Shallowest first.
@@ -165,7 +165,7 @@ def read_picture(path: str | Path, max_pixels: int = MAX_PIXELS) -> Picture:
 
 
 def read_strips(path: Path, max_pixels: int = MAX_PIXELS) -> Iterator[Picture]:
-    """What :func:`read_picture` reads, a few rows after the other."""
+    """Read a picture as :func:`read_picture` does, a few rows after the other."""
     with decoding(path, max_pixels) as file:
         for values in file.strips():
             yield _decoded(path, file, values)

@@ -16,7 +16,7 @@ from toposeam.images import Windows
 
 
 class Coming:
-    """How many rows of a picture have come."""
+    """The number of rows of a picture that have come."""
 
     def __init__(self) -> None:
         self._rows, self._ends = 0, False
@@ -29,13 +29,13 @@ class Coming:
             self._changed.notify_all()
 
     def give_up(self) -> None:
-        """No more will come, and nobody shall read on."""
+        """Stop: no more rows will come, and reading must end."""
         with self._changed:
             self._ends = True
             self._changed.notify_all()
 
     def wait(self, rows: int) -> None:
-        """Return when so many are there.
+        """Wait until `rows` rows are there.
 
         Raises
         ------
@@ -88,7 +88,7 @@ class Stored(Windows):
 
     @property
     def widths(self) -> list[int]:
-        """How many px wide each file is."""
+        """Widths of the files, px."""
         starts = (number * self.column for number in range(len(self.paths)))
         return [min(self.column, self.file_shape[1] - start) for start in starts]
 

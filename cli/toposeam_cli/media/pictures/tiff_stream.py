@@ -1,6 +1,4 @@
-"""What libvips reads pixels through that lie in files of ours, or are still to come: a TIFF file that is
-nowhere, made strip by strip while it is read.
-"""
+"""A virtual TIFF file, made strip by strip while libvips reads it, of pixels in files or still to come."""
 
 from __future__ import annotations
 
@@ -93,7 +91,7 @@ class TiffStream(io.RawIOBase):
 
 
 def _head(pixels: Windows, line: int) -> bytes:
-    """All that stands before the pixels, of so many bytes a row: header, directory, long values."""
+    """Build all that stands before the pixels, of `line` bytes a row: header, directory, long values."""
     height, width = pixels.shape[:2]
     bands = math.prod(pixels.shape[2:])
     starts = range(0, height, _ROWS)

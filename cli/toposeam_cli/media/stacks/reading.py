@@ -130,8 +130,8 @@ def _read_tiff(path: Path) -> Stack:
 
 @contextmanager
 def _damage_told(logger: logging.Logger) -> Iterator[list[str]]:
-    """What a reader logs as errors, instead of printing it; it goes on with what it can read, warnings are
-    of no consequence.
+    """Collect what a reader logs as errors, instead of printing it; it goes on with what it can read,
+    warnings are of no consequence.
     """
     found: list[str] = []
 
@@ -183,7 +183,7 @@ def _ordered(voxels: Any, axes: str, kept: list[str], path: Path) -> Any:
 
 
 def _tiff_spacing(file: Any) -> tuple[tuple[float, float, float] | None, str]:
-    """What OME's or ImageJ's description says of a voxel's size, in µm where that can be."""
+    """Read a voxel's size from OME's or ImageJ's description, in µm where possible."""
     if file.is_ome and file.ome_metadata:
         pixels = next(
             (

@@ -55,7 +55,7 @@ def to_pdf(title: str, folder: Path, rows: Sequence[Row], products: Sequence[tup
     ]
     buffer = io.BytesIO()
     for count, page in enumerate(_pages(title, folder, rows, ordered, products)):
-        # Page by page: a book of thousands of patterns has hundreds. No dates, which nobody asked for.
+        # Page by page: a book of thousands of patterns has hundreds. No dates.
         page.image.save(
             buffer,
             "PDF",
@@ -130,7 +130,7 @@ def _px(length_mm: float) -> int:
 
 
 def _swatch(folder: Path, row: Row, shape: tuple[float, float]) -> np.ndarray:
-    """As many motifs down and across of a pattern, two at most."""
+    """Draw whole motifs down and across of a pattern, two at most."""
     pixels = read_picture(folder / "swatches" / f"{row['number']:04d}.png").pixels
     side = min(pixels.shape[:2])
     return pixels[: round(side * shape[0] / 2), : round(side * shape[1] / 2)]

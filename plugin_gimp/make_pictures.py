@@ -104,7 +104,7 @@ def rule_picture(rule: str) -> Image.Image:
 
 
 def best_place(group: list[Any], around: list[np.ndarray], rule: str) -> tuple[np.ndarray, float]:
-    """Where copies are farthest from each other, and how far."""
+    """Find the place where copies are farthest from each other, and their distance."""
     if rule in ("none", "translate", "p1", "drop", "brick", "reflect", "rotate"):
         return np.array([0.5, 0.5]), 0.7
     places = (np.indices((24, 24)).reshape(2, -1).T + 0.5) / 24

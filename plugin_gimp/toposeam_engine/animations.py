@@ -1,4 +1,4 @@
-"""What the engine can be asked for about animations: a clip that runs into its beginning."""
+"""The engine's operations on animations: a clip that runs into its beginning."""
 
 from __future__ import annotations
 

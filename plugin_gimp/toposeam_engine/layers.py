@@ -45,7 +45,7 @@ def colours_of(job: EngineJob, raster: Mapping[str, Any]) -> tuple[Image, npt.ND
 
 
 def place_of(raster: Mapping[str, Any]) -> tuple[int, int]:
-    """Where a raster lies."""
+    """Return the position of a raster."""
     x, y = raster["at"]
     return int(x), int(y)
 

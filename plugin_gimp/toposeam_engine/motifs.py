@@ -1,4 +1,4 @@
-"""What the engine can be asked for about motifs: layers of ink invented, and repeated by their rule."""
+"""The engine's operations on motifs: layers of ink invented, and repeated by their rule."""
 
 from __future__ import annotations
 

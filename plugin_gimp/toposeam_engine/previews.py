@@ -1,4 +1,4 @@
-"""What will come of a request, as one small picture: the dialogs show it while options change.
+"""Previews of a request's result, as one small picture: the dialogs show it while options change.
 
 Of an animation it is all frames, one below the other.
 

@@ -1,5 +1,5 @@
-"""What the engine can be asked for about seams: functions from an
-:class:`~toposeam_engine.serving.EngineJob` to what goes into the result.
+"""The engine's operations on seams: functions from an :class:`~toposeam_engine.serving.EngineJob` to what
+goes into the result.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def patch(job: EngineJob) -> dict[str, Any]:
 
 
 def patch_layers(job: EngineJob) -> list[ts.Layer]:
-    """What is below, and the patch where it is selected."""
+    """Read the layer below, and the patch where it is selected."""
     below, above = layers_of(job)
     selected = selected_on(job, ts.common_canvas([above]))
     return [below, above if selected is None else dataclasses.replace(above, mask=selected)]

@@ -1,4 +1,4 @@
-"""What the engine can be asked for about textures: grown from a sample, made to repeat, holes filled."""
+"""The engine's operations on textures: grown from a sample, made to repeat, holes filled."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def made_tileable(job: EngineJob) -> ts.Synthesis:
 
 
 def fill(job: EngineJob) -> dict[str, Any]:
-    """What replaces the selected part of a layer, transparent where the layer stays as it is."""
+    """Fill the selected part of a layer; the result is transparent where the layer stays unchanged."""
     image, alpha, sample = filled(job)
     changed = (image != sample.image) if image.ndim == 2 else (image != sample.image).any(axis=2)
     changed |= np.asarray(sample.selected)
@@ -167,5 +167,5 @@ def _usual(options: Mapping[str, Any], *names: str) -> dict[str, Any]:
 
 
 def _white(image: Image) -> float | None:
-    """What counts as white: 1 in floats, though lights may go beyond it."""
+    """Return the white level: 1 in floats, though lights may go beyond it."""
     return 1.0 if np.issubdtype(image.dtype, np.floating) else None

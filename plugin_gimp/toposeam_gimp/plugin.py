@@ -47,7 +47,7 @@ class TopoSeam(Gimp.PlugIn):  # type: ignore[misc]
         procedure.set_image_types("*" if entry.needs == "nothing" else "RGB*, GRAY*")
         procedure.set_sensitivity_mask(_SENSITIVE[entry.needs])
         procedure.set_menu_label(entry.label)
-        # GIMP sorts by name; sections, which nobody sees, keep the order of the table.
+        # GIMP sorts by name; sections, which are hidden, keep the order of the table.
         procedure.add_menu_path(f"{_MENU}/{entry.menu}/[{list(PROCEDURES).index(name)}]")
         procedure.set_documentation(entry.blurb, entry.help, name)
         procedure.set_attribution("The TopoSeam developers", "The TopoSeam developers", "2026")

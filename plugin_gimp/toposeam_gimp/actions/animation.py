@@ -76,6 +76,6 @@ def check_clip(image: Gimp.Image, _drawables: Sequence[Gimp.Drawable]) -> None:
 
 
 def delay_of(frames: Sequence[Gimp.Layer]) -> int:
-    """How long the first frame is shown, ms."""
+    """Return the duration of the first frame, ms."""
     found = _DELAY.search(frames[0].get_name())
     return int(found[1]) if found else _USUAL_MS

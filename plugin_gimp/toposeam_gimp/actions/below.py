@@ -1,4 +1,4 @@
-"""What is seen below a layer."""
+"""The visible image below a layer."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ def send_source(
     options: Mapping[str, Any],
     scale: float | None = None,
 ) -> dict[str, Any] | None:
-    """What is to be copied into a hole if that is not the layer itself: another layer, or a mask."""
+    """Send the source to be copied into a hole if it is not the layer itself: another layer, or a mask."""
     if options["from"] != "other":
         return None
     source = options["source"]

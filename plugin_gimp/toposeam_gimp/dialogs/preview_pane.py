@@ -80,7 +80,7 @@ class PreviewPane:
             self._folder.__exit__(None, None, None)
 
     def changed(self) -> None:
-        """What is shown is out of date."""
+        """Mark the preview as out of date."""
         if not self._open:
             return
         self._rehearsal.cancel()
@@ -148,7 +148,7 @@ class PreviewPane:
         return True
 
     def _scaled(self, pixbuf: GdkPixbuf.Pixbuf, moves: bool) -> GdkPixbuf.Pixbuf:
-        """As large as there is room, on checks where it is transparent."""
+        """Scale the picture to the room there is, on checks where it is transparent."""
         dots = self._picture.get_scale_factor()
         width, height = pixbuf.get_width(), pixbuf.get_height()
         most = (_MOST_ENLARGED_FRAMES if moves else _MOST_ENLARGED) * dots

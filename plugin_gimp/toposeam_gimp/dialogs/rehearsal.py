@@ -48,7 +48,7 @@ class Rehearsal:
         self._lock = threading.Lock()
 
     def warm_up(self, count: int = 1) -> None:
-        """Have so many engines wait."""
+        """Start `count` engines that wait."""
         with self._lock, suppress(engine.EngineError):
             self._warm = [one for one in self._warm if one.lives]
             while not self._closed and len(self._warm) < count:

@@ -78,9 +78,7 @@ def check_selection(image: Gimp.Image, options: Mapping[str, Any]) -> None:
 
 @contextmanager
 def one_undo_step(image: Gimp.Image) -> Iterator[list[Callable[[], Any]]]:
-    """Everything within is one step of the undo history; if it fails, what was put on the list is called,
-    last first.
-    """
+    """Group the block into one undo step; if it fails, call the list's functions, last first."""
     undone: list[Callable[[], Any]] = []
     image.undo_group_start()
     try:

@@ -143,7 +143,7 @@ def send_channel(folder: RequestFolder, channel: Gimp.Channel, name: str) -> dic
 
 
 def place_of(drawable: Gimp.Drawable) -> tuple[int, int]:
-    """Where a layer, a mask or a channel lies on the canvas."""
+    """Return the position of a layer, a mask or a channel on the canvas."""
     owner = Gimp.Layer.from_mask(drawable) if isinstance(drawable, Gimp.LayerMask) else drawable
     _nothing, left, top = owner.get_offsets()
     return left, top
@@ -226,7 +226,7 @@ def _send_reduced(
 
 
 def is_rectangle(image: Gimp.Image, box: Box) -> bool:
-    """Whether everything within a box of the canvas is selected, for the most part."""
+    """Test whether everything within a box of the canvas is selected, for the most part."""
     x, y, width, height = box
     buffer = image.get_selection().get_buffer()
     for row in range(0, height, _ROWS):
@@ -237,7 +237,7 @@ def is_rectangle(image: Gimp.Image, box: Box) -> bool:
 
 
 def send_density(folder: RequestFolder, layer: Gimp.Layer, name: str) -> dict[str, Any]:
-    """Write a layer's mask as it is, in single floats."""
+    """Write a layer's mask unchanged, in single floats."""
     box = (0, 0, layer.get_width(), layer.get_height())
     return _send(folder, layer.get_mask(), f"{name}.raw", Format.MASK_FLOAT.value, "float32", 1, box)
 

@@ -55,7 +55,7 @@ def plain_copy(image: Gimp.Image, layer: Gimp.Layer, parent: Gimp.Layer | None, 
 
 
 def is_plain(layer: Gimp.Layer) -> bool:
-    """Whether a layer is opaque and in Normal mode, so that its copy looks as it does."""
+    """Test whether a layer is opaque and in Normal mode, so that its copy looks as it does."""
     normal = (Gimp.LayerMode.NORMAL, Gimp.LayerMode.NORMAL_LEGACY, Gimp.LayerMode.PASS_THROUGH)
     return bool(layer.get_opacity() >= 100.0 and layer.get_mode() in normal)
 

@@ -130,7 +130,7 @@ def _covering(copied: Mask, hole: Mask, shifts: Shifts, rng: np.random.Generator
 
 
 def _dominant(picture: Floats32, copied: Mask, hole: Mask, count: int, rng: np.random.Generator) -> Shifts:
-    """The shifts by which windows near the hole most often find their match."""
+    """Return the shifts by which windows near the hole most often find their match."""
     factor = 1
     while picture.shape[0] * picture.shape[1] / factor**2 > _PIXELS:
         factor *= 2
@@ -213,7 +213,9 @@ def _refined(picture: Floats32, copied: Mask, hole: Mask, shifts: Shifts, factor
 
 
 def _fitting(atlas: Atlas, features: Floats32, hole: Mask, missing: Mask) -> Shifts:
-    """The shifts to the places that look most like the ring round the hole, and like windows on its rim."""
+    """Return the shifts to the places that look most like the ring round the hole, and like windows on its
+    rim.
+    """
     search, place = PatchSearch(atlas, features), atlas.places[0]
     picture, known = features[place], atlas.usable[place]
     down, across = box_of(hole)

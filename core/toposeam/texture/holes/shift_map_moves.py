@@ -119,8 +119,8 @@ class ShiftMoves:
         return self._brought(self.features, label, part, dy, dx)
 
     def _brought(self, of: Floats32, label: Ints, part: Part, dy: int = 0, dx: int = 0) -> Floats32:
-        """The values of a picture as large as the ground at the place that a labelling takes each pixel's
-        neighbour from.
+        """Return the values of a picture as large as the ground at the place that a labelling takes each
+        pixel's neighbour from.
         """
         height, width = self.ground.hole.shape
         row = self.rows[part[0], np.newaxis] + self.shifts[label, 0] + dy * self.stride
@@ -145,7 +145,7 @@ class ShiftMoves:
         return allowed
 
     def data(self, label: Ints, part: Part = EVERYWHERE) -> Floats32:
-        """The data term of a labelling of a part of the region."""
+        """Return the data term of a labelling of a part of the region."""
         like = self._brought(self._like, label, part)
         cost: Floats32 = self.weight[part] * np.einsum("yxc->yx", np.abs(like - self.wanted[part]))
         cost[label == self.itself] = 0
@@ -255,7 +255,7 @@ class ShiftMoves:
             active = set(np.unique(self.label[window]).tolist()) | gained | {self.itself}
 
     def _windows(self) -> Iterator[Part]:
-        """The whole region, or windows of it that have something to decide, where that is much."""
+        """Yield the whole region, or windows of it that have something to decide, where that is much."""
         height, width = self.label.shape
         side = max(height, width) if self._reach is None else _SIDE
         for top in range(0, height, side):
@@ -339,7 +339,7 @@ class ShiftMoves:
         return _decided(problem, label.shape)
 
     def spread(self, before: Ints) -> Ints:
-        """The labels at full size: each stands for the pixels round it."""
+        """Return the labels at full size: each stands for the pixels round it."""
         stride = self.stride
         result = np.full(before.shape, -1, np.intp)
         height, width = before.shape
@@ -360,7 +360,7 @@ _NEIGHBOURS = (
 
 
 def _grown(part: Part) -> Part:
-    """A part with one more pixel on every side; slices end by themselves."""
+    """Return a part with one more pixel on every side; slices end by themselves."""
     rows, columns = (slice(max(side.start - 1, 0), side.stop + 1) for side in part)
     return rows, columns
 
@@ -372,8 +372,8 @@ def _norm(a: Floats32, b: Floats32) -> Floats32:
 
 
 def _decided(problem: SeamProblem, shape: tuple[int, int]) -> SeamProblem:
-    """The problem without its margin of one pixel where it lies, and with those free pixels decided that
-    nothing ties to one of the two sides.
+    """Return the problem without its margin of one pixel where it lies, and with those free pixels decided
+    that nothing ties to one of the two sides.
     """
     component, count = ndimage.label(problem.overlap.side == FREE, TOUCHING)
     tied_a, tied_b = (

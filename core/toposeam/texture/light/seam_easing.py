@@ -128,7 +128,7 @@ class EasedLight:
         ]
 
     def __call__(self, channel: int) -> Lift:
-        """The light of a channel."""
+        """Return the light of a channel."""
         light = self._light
         gain = np.empty((*self._index.shape, 1), np.float32)
         offset = self._spread(channel)[..., np.newaxis]

@@ -135,7 +135,7 @@ def arrange(
     seed: Seed = 0,
     reach: int | None = None,
 ) -> Arrangement:
-    """A pattern of different motifs in free arrangement (Figure 4.9).
+    """Return a pattern of different motifs in free arrangement (Figure 4.9).
 
     Parameters
     ----------

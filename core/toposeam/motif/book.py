@@ -59,8 +59,8 @@ BESIDE = {"shirt": "tie", "scarf": "shirt", "tie": "scarf"}
 
 
 def book_recipe(theme: npt.ArrayLike, seed: int, number: int, size: int) -> Recipe:
-    """The recipe of one pattern of a book: everything about it is drawn by chance, but the season, which goes
-    by turns.
+    """Return the recipe of one pattern of a book: everything about it is drawn by chance, but the season,
+    which goes by turns.
 
     Half of the patterns are meant to have thick strokes, and half to show the theme; what came of it is
     measured.

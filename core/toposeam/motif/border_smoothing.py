@@ -47,7 +47,7 @@ _WIDTHS = (1.0, 1.0, *(3.0,) * 8)
 
 
 def calmed(densities: Sequence[Singles], recipe: Recipe, make: Callable[[list[Singles]], Motif]) -> Motif:
-    """The motif that `make` gives, of densities whose borders do not show in print.
+    """Return the motif that `make` gives, of densities whose borders do not show in print.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def conspicuous(motif: Motif) -> npt.NDArray[np.float64]:
 
 
 def _level(density: Singles, axis: int, mass: float, edge: str, repeat: str, width: float) -> Singles:
-    """A density half way to where the print along one border is what it is beside it."""
+    """Return a density half way to where the print along one border is what it is beside it."""
     bump, before = _bump(density.shape, axis, repeat, width), density.astype(np.float64)
     (balanced,) = _balanced([before], bump, axis, [partial(_print, edge=edge, repeat=repeat)], repeat)
     changed = np.sqrt(balanced * before)
@@ -196,7 +196,7 @@ class _Tones:
         self._axis, self._prints = axis, prints
 
     def of(self, density: Floats, index: int) -> Floats:
-        """The mean of every row, or column, of a motif."""
+        """Return the mean of every row, or column, of a motif."""
         mean: Floats = self._prints[index](density).mean(axis=1 - self._axis, dtype=np.float64)
         return mean
 
@@ -228,7 +228,9 @@ class _Tones:
     def _nearer(
         self, density: Floats, index: int, bump: Floats, lines: npt.NDArray[np.bool_], wanted: float
     ) -> Floats:
-        """A density multiplied by the power of a bump with which some lines have the tone that is wanted."""
+        """Return a density multiplied by the power of a bump with which some lines have the tone that is
+        wanted.
+        """
         return _multiplied(
             [density], bump, _GENTLE, lambda row: self.of(row[0], index)[lines].mean() - wanted
         )[0]

@@ -147,7 +147,7 @@ def random_recipe(
     base_law: str = "contrast",
     palette: str | Palette | npt.ArrayLike | None = None,
 ) -> Recipe:
-    """A recipe in which everything not given is drawn from the seed.
+    """Return a recipe in which everything not given is drawn from the seed.
 
     Parameters
     ----------

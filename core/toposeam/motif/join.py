@@ -64,7 +64,7 @@ class JoinedMotifs:
     weight: float
 
     def at_stage(self, stage: int) -> tuple[Motif, ...]:
-        """The row as it was after a stage."""
+        """Return the row as it was after a stage."""
         return tuple(motif for motif, made in zip(self.motifs, self.stages, strict=True) if made <= stage)
 
     def mismatch(self, stage: int | None = None) -> float:
@@ -83,7 +83,7 @@ class JoinedMotifs:
         return f"JoinedMotifs({len(self.motifs)} motifs of {max(self.stages)} stages, weight={self.weight:g})"
 
     def to_svg(self, path: str | Path | None = None) -> str:
-        """The row as an SVG document; as a file too if a path is given.
+        """Return the row as an SVG document; as a file too if a path is given.
 
         Parameters
         ----------
@@ -248,7 +248,7 @@ def _without_lines(
 
 
 def _blend(a: Recipe, b: Recipe, share: float) -> Recipe:
-    """The conditions between two recipes: the sources and sinks of both, in proportion."""
+    """Return the conditions between two recipes: the sources and sinks of both, in proportion."""
     layers = []
     for one, two in zip(a.layers, b.layers, strict=True):
         layers.append(

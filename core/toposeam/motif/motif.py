@@ -87,7 +87,7 @@ class Motif(Inked):
 def repeat_densities(
     motif: Motif, counts: tuple[int, int] = (3, 3), *, size: tuple[int, int] | None = None
 ) -> npt.NDArray[np.float32]:
-    """The printed layers of a pattern: rows × columns motifs by the motif's own rule.
+    """Return the printed layers of a pattern: rows × columns motifs by the motif's own rule.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def _counts(motif: Motif, counts: Any, size: Any) -> tuple[int, int]:
 def repeat(
     motif: Motif, counts: tuple[int, int] = (3, 3), *, size: tuple[int, int] | None = None
 ) -> npt.NDArray[np.float32]:
-    """The pattern in colour, (H', W', 3) float32 in [0, 1]; parameters as in :func:`repeat_densities`.
+    """Return the pattern in colour, (H', W', 3) float32 in [0, 1]; parameters as in :func:`repeat_densities`.
 
     Examples
     --------

@@ -57,14 +57,14 @@ class Inked(ABC):
         """One layer's density, smoothly interpolated to (rows, columns)."""
 
     def ends(self, layer: int) -> tuple[float, np.float32]:
-        """The density at which a layer's strokes end in print, and the factor of those inside."""
+        """Return the density at which a layer's strokes end in print, and the factor of those inside."""
         fine = fineness((self.densities.shape[1], self.densities.shape[2]))
         size = fine * self.densities.shape[1], fine * self.densities.shape[2]
         return shading(map(self.sampled, [layer], [size]), self.edges[layer], self.repeat, fine)
 
     def resampled(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
-        """The densities on another number of elements, (n_L, H', W') float32, smoothly interpolated. What is
-        printed of them is `coverage`.
+        """Return the densities on another number of elements, (n_L, H', W') float32, smoothly interpolated.
+        What is printed of them is `coverage`.
 
         Parameters
         ----------
@@ -111,7 +111,7 @@ class Inked(ABC):
         )
 
     def image(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
-        """The print in colour.
+        """Return the print in colour.
 
         Parameters
         ----------
@@ -125,7 +125,7 @@ class Inked(ABC):
         return mix(self.coverage(size), self.inks, self.paper)
 
     def to_svg(self, path: str | Path | None = None, *, counts: tuple[float, float] = (1, 1)) -> str:
-        """The print as an SVG document; as a file too if a path is given.
+        """Return the print as an SVG document; as a file too if a path is given.
 
         Parameters
         ----------

@@ -15,7 +15,7 @@ _MARGIN = 12
 
 
 def resample(field: npt.NDArray[np.floating], repeat: str, size: tuple[int, int]) -> npt.NDArray[np.float32]:
-    """A density, (h, w), on another number of elements.
+    """Return a density, (h, w), on another number of elements.
 
     Enlarging interpolates by cubic splines; where an axis shrinks, it is first averaged over the width of the
     new elements.

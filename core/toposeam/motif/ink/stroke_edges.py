@@ -37,7 +37,7 @@ _STRIP_PX = 8_000_000
 
 
 def level(field: npt.NDArray[np.floating], mass: float) -> float:
-    """The level above which a share `mass` of a field lies.
+    """Return the level above which a share `mass` of a field lies.
 
     Examples
     --------
@@ -57,7 +57,7 @@ def smoothed(field: Singles, repeat: str, px_per_element: tuple[float, float]) -
 
 
 def beyond(field: Singles, at: float, repeat: str) -> Singles:
-    """The share of every pixel in which a field exceeds a level, in [0, 1]."""
+    """Return the share of every pixel in which a field exceeds a level, in [0, 1]."""
     result = np.empty(field.shape, np.float32)
     wide = extend(field, repeat, 1)
     rows = max(1, _STRIP_PX // wide.shape[1])
@@ -128,9 +128,9 @@ def fineness(elements: tuple[int, int]) -> int:
 def shading(
     densities: Iterable[Singles], edge: str, repeat: str, px_per_element: int
 ) -> tuple[float, np.float32]:
-    """The level at which a layer's strokes end, and the factor of the densities inside: with both the mean
-    stays what it is, of several cells that of all together. Soft ones do not end, and no density is asked
-    for.
+    """Return the level at which a layer's strokes end, and the factor of the densities inside: with both the
+    mean stays what it is, of several cells that of all together. Soft ones do not end, and no density is
+    asked for.
     """
     if edge == "soft":
         return 0.0, np.float32(1.0)

@@ -63,10 +63,10 @@ class Drawable(Protocol):
         """Record that reproduces it."""
 
     def ends(self, layer: int) -> tuple[float, np.float32]:
-        """The density at which a layer's strokes end in print, and the factor of those inside."""
+        """Return the density at which a layer's strokes end in print, and the factor of those inside."""
 
     def resampled(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
-        """The densities at another size."""
+        """Return the densities at another size."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,7 +102,7 @@ def draw_svg(
     note: Mapping[str, Any] | None = None,
     **given: Any,
 ) -> str:
-    """A motif, or a sheet of it, as an SVG document.
+    """Return a motif, or a sheet of it, as an SVG document.
 
     Parameters
     ----------

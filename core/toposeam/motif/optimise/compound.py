@@ -69,14 +69,14 @@ class _Plate:
         return np.concatenate([designs[member] for member in self.members], axis=1)
 
     def solve(self, designs: list[Floats], penalties: list[float]) -> Temperature:
-        """The steady state, started from the one before."""
+        """Return the steady state, started from the one before."""
         k = self.problem.conductivity(self._design(designs), self._penalty(penalties))
         state = self.problem.plate.solve(k, self.temperature, tolerance=TOLERANCE, energy=ENERGY)
         self.temperature = state.nodes
         return state
 
     def slopes(self, designs: list[Floats], penalties: list[float], state: Temperature) -> list[Floats]:
-        """The weighted filtered sensitivity of each member."""
+        """Return the weighted filtered sensitivity of each member."""
         design = self._design(designs)
         slope = self.weight * self.problem.filtered(
             design, self.problem.sensitivity(design, self._penalty(penalties), state.energy)
@@ -152,7 +152,7 @@ def _optimise(
 def _slopes(
     plates: list[_Plate], designs: list[Floats], penalties: list[float]
 ) -> tuple[list[Floats], list[Step]]:
-    """The derivative of (4.10) by every member's design, and what the iteration found for each."""
+    """Return the derivative of (4.10) by every member's design, and what the iteration found for each."""
     slopes = [np.zeros(design.shape) for design in designs]
     steps = [Step(rows=len(design), compliance=0.0, mass=0.0, solver=0) for design in designs]
     for plate in plates:
@@ -236,7 +236,7 @@ class _Ring:
 
 
 def _start(member: Member, layer: int, problem: LayerProblem, coarse: Floats | None) -> Floats:
-    """A member's design on a plate: the fixed one, that of the coarser plate, or an even one."""
+    """Return a member's design on a plate: the fixed one, that of the coarser plate, or an even one."""
     recipe, shape = member.recipe, problem.plate.shape
     if member.densities is not None:
         return np.clip(

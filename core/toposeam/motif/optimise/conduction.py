@@ -53,7 +53,7 @@ class LayerProblem:
 
     @classmethod
     def at(cls, layer: LayerRecipe, recipe: Recipe, shape: tuple[int, int]) -> LayerProblem:
-        """The layer of a recipe on a plate of the given shape."""
+        """Return the layer of a recipe on a plate of the given shape."""
         orbits = symmetry(recipe.repeat, shape)
         spots = (_spots(points, shape, recipe.repeat) for points in (layer.sources, layer.sinks))
         nominal = cls.nominal_of(recipe.base, recipe.base_strength, recipe.base_law, recipe.repeat, shape)
@@ -71,7 +71,7 @@ class LayerProblem:
 
     @staticmethod
     def shown(brightness: npt.NDArray[np.float32], shape: tuple[int, int]) -> npt.NDArray[np.floating]:
-        """A base image on the cell's elements."""
+        """Return a base image on the cell's elements."""
         return resample(brightness, "none", shape)
 
     @staticmethod
@@ -101,7 +101,7 @@ class LayerProblem:
         return slope
 
     def filtered(self, density: Floats, sensitivity: Floats) -> Floats:
-        """The filtered sensitivities."""
+        """Return the filtered sensitivities."""
         reach = math.ceil(self.radius) - 1
         if reach < 1:
             return sensitivity
@@ -118,7 +118,9 @@ class LayerProblem:
 
 
 def filter_radius(recipe: Recipe, shape: tuple[int, int]) -> float:
-    """The filter's radius on a plate, in elements; at full size wide enough to smooth the strokes' edges."""
+    """Return the filter's radius on a plate, in elements; at full size wide enough to smooth the strokes'
+    edges.
+    """
     radius = recipe.filter_radius * min(shape) / 100
     return max(radius, _SMOOTH) if radius > 0 and shape == recipe.size else radius
 
@@ -187,7 +189,7 @@ def _spots(points: tuple[Point, ...], shape: tuple[int, int], repeat: str) -> Fl
 
 
 def _copies(repeat: str) -> list[tuple[int, int]]:
-    """The cells that a spot near the border may reach into: those of a torus."""
+    """Return the cells that a spot near the border may reach into: those of a torus."""
     if repeat in ("none", "reflect", "rotate"):
         return [(0, 0)]
     reach = (-2, -1, 0, 1, 2) if shift_of(repeat) else (-1, 0, 1)

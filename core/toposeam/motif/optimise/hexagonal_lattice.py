@@ -36,7 +36,7 @@ class HexagonalProblem(LayerProblem):
 
     @classmethod
     def at(cls, layer: LayerRecipe, recipe: Recipe, shape: tuple[int, int]) -> LayerProblem:
-        """The layer of a recipe on a cell of the given shape."""
+        """Return the layer of a recipe on a cell of the given shape."""
         orbits = symmetry(recipe.repeat, shape)
         nominal = cls.nominal_of(recipe.base, recipe.base_strength, recipe.base_law, recipe.repeat, shape)
         plate = TrianglePlate(
@@ -46,7 +46,7 @@ class HexagonalProblem(LayerProblem):
 
     @staticmethod
     def shown(brightness: npt.NDArray[np.float32], shape: tuple[int, int]) -> npt.NDArray[np.floating]:
-        """A base image round every lattice point."""
+        """Return a base image round every lattice point."""
         return _shown_round_lattice_points(brightness, shape)
 
     def conductivity(self, density: Floats, penalty: Floats | float) -> Floats:
@@ -95,7 +95,7 @@ def _spots(points: tuple[Point, ...], shape: tuple[int, int]) -> Floats:
 
 
 def _shown_round_lattice_points(brightness: npt.NDArray[np.float32], shape: tuple[int, int]) -> Floats:
-    """A picture upright round every lattice point, its longer side one cell long."""
+    """Return a picture upright round every lattice point, its longer side one cell long."""
     side = shape[0]
     v, u = np.meshgrid(np.arange(side) / side, np.arange(side) / side, indexing="ij")
     x, y, gap = np.zeros(shape), np.zeros(shape), np.full(shape, np.inf)
@@ -116,7 +116,7 @@ def _shown_round_lattice_points(brightness: npt.NDArray[np.float32], shape: tupl
 
 
 def to_tile(lattice: npt.NDArray[np.floating], repeat: str, size: tuple[int, int]) -> npt.NDArray[np.float32]:
-    """A rectangular tile, (rows, columns) float32, of densities at a lattice's nodes.
+    """Return a rectangular tile, (rows, columns) float32, of densities at a lattice's nodes.
 
     Cubic splines along the lattice vectors, averaged over the turns by 120°: with that the interpolated
     picture has the whole symmetry of the group. On 2n × 2n pixels every node of an n × n lattice is the

@@ -105,7 +105,7 @@ def placed_around(
     rng: np.random.Generator,
     shape: tuple[int, int],
 ) -> tuple[Point, ...]:
-    """The sinks, moved to the given distance from the sources in turn."""
+    """Return the sinks, moved to the given distance from the sources in turn."""
     side = min(shape)
     moved = []
     for index, (*_, strength) in enumerate(sinks):

@@ -14,8 +14,8 @@ _MASS, _AMBIENT = (0.16, 0.34), (0.2, 0.9)
 
 
 def vary(recipe: Recipe, *, amount: float = 1.0, seed: Seed = 0) -> Recipe:
-    """A recipe with the same colours, size, repeat, base image and optimiser, and its places, strengths and
-    masses moved by chance.
+    """Return a recipe with the same colours, size, repeat, base image and optimiser, and its places,
+    strengths and masses moved by chance.
 
     Parameters
     ----------

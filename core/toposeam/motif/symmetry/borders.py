@@ -114,7 +114,7 @@ def faded(densities: Floats, shared: int, share: float = FADE) -> Floats:
 
 
 def with_mass(density: Floats, mass: float) -> Floats:
-    """A density whose inside is raised to the power with which the whole has a mass."""
+    """Return a density whose inside is raised to the power with which the whole has a mass."""
     height, width = density.shape
     depth = [np.minimum(np.arange(side), np.arange(side)[::-1]) / side for side in (height, width)]
     inside = np.clip((np.minimum(depth[0][:, np.newaxis], depth[1][np.newaxis]) - _INSIDE) / _FULLY, 0.0, 1.0)

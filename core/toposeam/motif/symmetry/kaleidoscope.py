@@ -43,7 +43,7 @@ def kaleidoscope(
     at: tuple[float, float] | None = None,
     feather: float = 0.01,
 ) -> npt.NDArray[np.float32]:
-    """A cell that repeats by a wallpaper group, made of a picture.
+    """Return a cell that repeats by a wallpaper group, made of a picture.
 
     Parameters
     ----------

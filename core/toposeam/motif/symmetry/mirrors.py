@@ -79,8 +79,8 @@ class Mirrors:
         self.any = any(self._lines)
 
     def held(self, density: Floats, mass: float, lowest: Floats, highest: Floats) -> Floats:
-        """A design with as much on mirrors as beside them, within bounds, and with the mass that it should
-        have where they allow.
+        """Return a design with as much on mirrors as beside them, within bounds, and with the mass that it
+        should have where they allow.
         """
         if not self.any:
             return density
@@ -154,5 +154,5 @@ def _line(place: float, count: int, free: bool) -> _Line:
 
 @lru_cache(maxsize=16)
 def mirrors(repeat: str, shape: tuple[int, int], border: bool = False) -> Mirrors:
-    """The mirrors of a rule on a cell."""
+    """Return the mirrors of a rule on a cell."""
     return Mirrors(repeat, shape, border)

@@ -209,7 +209,7 @@ class Symmetry:
     count: npt.NDArray[np.float64]
 
     def mean(self, field: Floats) -> Floats:
-        """The field with every element replaced by the mean over its orbit, exactly equal along it."""
+        """Return the field with every element replaced by the mean over its orbit, exactly equal along it."""
         if self.orbit is None:
             return field
         return self.spread(self.total(field) / self.count)
@@ -221,13 +221,13 @@ class Symmetry:
         return np.bincount(self.orbit, field.ravel(), len(self.count)).astype(np.float64, copy=False)
 
     def spread(self, values: Floats) -> Floats:
-        """An (h, w) field from one value per orbit."""
+        """Return an (h, w) field from one value per orbit."""
         return (values if self.orbit is None else values[self.orbit]).reshape(self.shape)
 
 
 @lru_cache(maxsize=16)
 def symmetry(repeat: str, shape: tuple[int, int]) -> Symmetry:
-    """The orbits of a rule."""
+    """Return the orbits of a rule."""
     group = operations(repeat)
     if len(group) == 1:
         return Symmetry(shape, None, np.ones(shape[0] * shape[1]))

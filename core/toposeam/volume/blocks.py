@@ -64,7 +64,7 @@ def _dask() -> Any:
 
 
 def lazily(stack: Any, name: str) -> Any:
-    """A stack as a dask array (D, H, W, C)."""
+    """Return a stack as a dask array (D, H, W, C)."""
     array = _dask()
     if not all(hasattr(stack, attribute) for attribute in ("shape", "dtype", "ndim")):
         try:
@@ -200,7 +200,7 @@ def _go_on(run: str) -> None:
 
 
 def assembled(a: Any, b: Any, places: Places, labels: Any) -> Any:
-    """The joined stack, a dask array."""
+    """Return the joined stack, a dask array."""
     array = _dask()
     labels = labels if hasattr(labels, "dask") else array.from_array(labels)
 
@@ -269,7 +269,7 @@ def _first_state(
     shape: tuple[int, ...],
     block_info: Any = None,
 ) -> _State:
-    """The first labels of a block."""
+    """Return the first labels of a block."""
     place = block_info[None]["array-location"]
     low = [first // side for (first, _), side in zip(place, span, strict=True)]
     part = coarse[
@@ -299,7 +299,7 @@ def _settled(
     run: str,
     block_info: Any = None,
 ) -> _State:
-    """The labels of a block with a voxel around it, without what is around it."""
+    """Return the labels of a block with a voxel around it, without what is around it."""
     _go_on(run)
     inner, held = [], (state[..., 0] & _FIXED) > 0
     labels = (state[..., 0] & _SHOWS_B) > 0

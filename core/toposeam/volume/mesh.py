@@ -146,7 +146,8 @@ def mesh_of(
 
 
 def closed_mesh(field: npt.NDArray[np.floating], element: float) -> Mesh:
-    """The closed surface of where a field is above 0, also along the sides of its box, facing outwards.
+    """Return the closed surface of where a field is above 0, also along the sides of its box, facing
+    outwards.
 
     Parameters
     ----------

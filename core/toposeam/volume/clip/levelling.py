@@ -57,7 +57,7 @@ def levelled(
     transition: int,
     moving: Mask,
 ) -> Volume:
-    """A loop with the steps along its surfaces spread around them, wherever it moves.
+    """Return a loop with the steps along its surfaces spread around them, wherever it moves.
 
     Parameters
     ----------

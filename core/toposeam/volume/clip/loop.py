@@ -312,8 +312,8 @@ def _bounds(
 def _sources(
     walk: list[Jump], surfaces: dict[Jump, Surface], transition: int, shape: tuple[int, ...]
 ) -> npt.NDArray[np.int32]:
-    """The given clip's frame for every pixel: after each jump a transition, then the clip until the next
-    one.
+    """Return the given clip's frame for every pixel: after each jump a transition, then the clip until the
+    next one.
     """
     parts = []
     step = np.arange(transition, dtype=np.int32)[:, np.newaxis, np.newaxis]
@@ -325,7 +325,9 @@ def _sources(
 
 
 def _still_frame(small: Floats32, source: npt.NDArray[np.int32], moving: Mask) -> int:
-    """The frame to stand still, that differs least from what moves along the border between the two."""
+    """Return the frame to stand still, that differs least from what moves along the border between the
+    two.
+    """
     border = ndimage.binary_dilation(~moving) & moving
     if not border.any():
         border = moving

@@ -66,7 +66,7 @@ def small_frames(frames: Volume, data_range: float | None) -> Floats32:
 
 
 def small_mask(mask: Mask, shape: tuple[int, int]) -> Mask:
-    """A mask on small frames: True where most of a square is."""
+    """Return a mask on small frames: True where most of a square is."""
     side = mask.shape[0] // shape[0]
     squares = mask[: shape[0] * side, : shape[1] * side].reshape(shape[0], side, shape[1], side)
     most: Mask = squares.mean(axis=(1, 3)) > 0.5
@@ -103,7 +103,7 @@ def best_jump(
     cost: MatchCost,
     spacing: Sequence[float],
 ) -> Jump:
-    """The jump back by which a clip is best made to repeat.
+    """Return the jump back by which a clip is best made to repeat.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def best_jump(
 def joined_small(
     small: Floats32, jump: Jump, transition: int, moving: Mask, cost: MatchCost, spacing: Sequence[float]
 ) -> Jump:
-    """The jump with what its surface costs on small frames, per pixel."""
+    """Return the jump with what its surface costs on small frames, per pixel."""
     a = small[jump.leaves : jump.leaves + transition]
     b = small[jump.enters : jump.enters + transition]
     problem, _ = surface_problem(
@@ -150,7 +150,7 @@ def weights(moving: Mask) -> npt.NDArray[np.float64]:
 
 
 def _apart(jumps: list[Jump], count: int, distance: int) -> list[Jump]:
-    """The best jumps, no two of which are nearly the same."""
+    """Return the best jumps, no two of which are nearly the same."""
     kept: list[Jump] = []
     for jump in sorted(jumps, key=lambda jump: (jump.cost, -jump.period)):
         near = (

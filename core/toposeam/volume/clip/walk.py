@@ -62,7 +62,9 @@ def length(walk: Sequence[Jump]) -> int:
 
 
 def _leading(home: Jump, jumps: Sequence[Jump], transition: int) -> list[Jump]:
-    """The jumps from where they lead there is a way to a certain one; others would be taken for ever."""
+    """Return the jumps from where they lead there is a way to a certain one; others would be taken for
+    ever.
+    """
     leading = {home}
     while True:
         reach = max(jump.leaves for jump in leading) - transition  # what leads there or before goes on to one

@@ -53,7 +53,7 @@ def coarse_labels(
     data_range: float | None,
     progress: Callable[[float], None] | None,
 ) -> Mask:
-    """The labels of the coarse voxels of the box that two stacks have in common.
+    """Return the labels of the coarse voxels of the box that two stacks have in common.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def _coarse_costs(
 def block_costs(
     a: Any, b: Any, cost: MatchCost, spacing: Sequence[float], data_range: float | None
 ) -> tuple[Floats32, ...]:
-    """The match cost along three axes within a block, faces weighted by their areas."""
+    """Return the match cost along three axes within a block, faces weighted by their areas."""
     shape = a.shape[:3]
     everywhere = np.ones(shape, bool)
     overlap = Overlap(np.full(shape, FREE, np.uint8), everywhere, (0, 0, 0), shape)

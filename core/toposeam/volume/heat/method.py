@@ -203,7 +203,9 @@ class _Run:
 
 
 def _posed(problem: SurfaceProblem) -> tuple[VolumeLevel, Merged | None, tuple[Floats32, ...]]:
-    """The finest grid, its voxels that must not be divided, and the costs that coarser grids are made of."""
+    """Return the finest grid, its voxels that must not be divided, and the costs that coarser grids are made
+    of.
+    """
     side = problem.overlap.side
     fixed, hot = (side == A) | (side == B), side == B
     if not np.isfinite(problem.forbidden):
@@ -270,7 +272,7 @@ def spread(mask: Mask, reach: int) -> Mask:
 
 
 def _whole_groups(slab: Mask, merged: Merged | None) -> tuple[Mask, Merged | None]:
-    """The slab with every group of merged voxels that it meets, and those groups."""
+    """Return the slab with every group of merged voxels that it meets, and those groups."""
     if merged is None:
         return slab, None
     met = np.bincount(merged.group, slab.ravel()[merged.voxel]) > 0
@@ -284,7 +286,7 @@ def _whole_groups(slab: Mask, merged: Merged | None) -> tuple[Mask, Merged | Non
 
 
 def _regrown(slab: Mask, closed: Mask, labels: Mask) -> Mask | None:
-    """The slab opened where the surface runs along its border; None where it does not."""
+    """Return the slab opened where the surface runs along its border; None where it does not."""
     touched = np.zeros(slab.shape, bool)
     for axis in range(slab.ndim):
         low, high = along(axis, LOW), along(axis, HIGH)
@@ -297,8 +299,8 @@ def _regrown(slab: Mask, closed: Mask, labels: Mask) -> Mask | None:
 
 
 def _grounded(labels: Mask, side: npt.NDArray[np.uint8]) -> Mask:
-    """The labelling in which voxels that are cut off from their own volume's ground go to the other; never
-    dearer.
+    """Return the labelling in which voxels that are cut off from their own volume's ground go to the other;
+    never dearer.
     """
     free = side == FREE
     for own, wanted in ((B, True), (A, False)):

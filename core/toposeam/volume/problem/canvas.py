@@ -40,7 +40,7 @@ class Places:
         )
 
     def inside(self, box: Sequence[slice], which: str) -> tuple[slice, ...]:
-        """A box of the canvas seen from stack "a" or "b"."""
+        """Return a box of the canvas seen from stack "a" or "b"."""
         start = self.a if which == "a" else self.b
         return tuple(
             slice(part.start - first, part.stop - first) for part, first in zip(box, start, strict=True)

@@ -30,7 +30,7 @@ class Length:
     percent: bool
 
     def pixels(self, whole: int) -> int:
-        """The length in px, given the side it may be a share of."""
+        """Return the length in px, given the side it may be a share of."""
         return round(self.value / 100 * whole) if self.percent else int(self.value)
 
 
@@ -237,7 +237,8 @@ OptionsT = TypeVar("OptionsT")
 
 
 def taken(kind: type[OptionsT], given: dict[str, Any]) -> OptionsT:
-    """The options of a command that belong together, as one frozen value; they are taken out of the others.
+    """Return the options of a command that belong together, as one frozen value; they are taken out of the
+    others.
 
     Parameters
     ----------

@@ -44,7 +44,7 @@ class PowershellComplete(ShellComplete):
     source_template: ClassVar[str] = _POWERSHELL
 
     def get_completion_args(self) -> tuple[list[str], str]:
-        """The words before the one being written, and that one."""
+        """Return the words before the one being written, and that one."""
         words = split_arg_string(os.environ["COMP_WORDS"])[1:]
         incomplete = os.environ.get("COMP_CWORD", "")  # what is empty PowerShell takes out of the environment
         if incomplete and words:
@@ -57,7 +57,7 @@ class PowershellComplete(ShellComplete):
 
 
 def manual(group: click.Group, prog_name: str, version: str) -> str:
-    """The manual page of a command and all below it, for ``man`` (roff)."""
+    """Return the manual page of a command and all below it, for ``man`` (roff)."""
     context = click.Context(group, info_name=prog_name, **group.context_settings)
     first, rest = _description(group)
     lines = [

@@ -42,7 +42,7 @@ class Entry:
     where: str = ""
 
     def refuse(self, reason: str) -> OptionError:
-        """An error that says where."""
+        """Return an error that says where."""
         return OptionError(f"{self.where}: {reason}" if self.where else reason)
 
 
@@ -123,7 +123,7 @@ def _is_meant(
 
 
 def parse_patterns(command: click.Command, words: Sequence[str], folder: Path) -> Entry:
-    """The entry that a command's own words, patterns among them, stand for.
+    """Return the entry that a command's own words, patterns among them, stand for.
 
     Raises
     ------
@@ -159,8 +159,8 @@ def parse_patterns(command: click.Command, words: Sequence[str], folder: Path) -
 
 
 def expand(entry: Entry) -> Iterator[tuple[dict[str, Any], str]]:
-    """The settings of each run, and what the wildcards stand for in it, without an extension; "" without
-    wildcards.
+    """Yield the settings of each run, and what the wildcards stand for in it, without an extension; ""
+    without wildcards.
 
     Inputs belong together when their wildcards match the same text; where one of them is missing, the run
     will say so.
@@ -200,8 +200,8 @@ def expand(entry: Entry) -> Iterator[tuple[dict[str, Any], str]]:
 
 
 def setting_names(command: click.Command) -> dict[str, click.Parameter]:
-    """The options and arguments of a command, by every name a setting may have: long options without dashes,
-    underscores for hyphens.
+    """Return the options and arguments of a command, by every name a setting may have: long options without
+    dashes, underscores for hyphens.
     """
     names = {}
     for parameter in command.params:
@@ -214,7 +214,7 @@ def setting_names(command: click.Command) -> dict[str, click.Parameter]:
 
 
 def to_words(entry: Entry, settings: Mapping[str, Any]) -> list[str]:
-    """The words of the command line that mean these settings, paths made absolute."""
+    """Return the words of the command line that mean these settings, paths made absolute."""
     options: list[str] = []
     arguments: list[str] = []
     for parameter in entry.command.params:
@@ -251,7 +251,7 @@ def _flag(entry: Entry, parameter: click.Option, value: Any) -> list[str]:
 
 
 def _texts(entry: Entry, parameter: click.Parameter, value: Any) -> list[str]:
-    """A setting's value as the command line has it."""
+    """Return a setting's value as the command line has it."""
     values = list(value) if isinstance(value, list | tuple) else [value]
     several = parameter.nargs != 1 or (isinstance(parameter, click.Option) and parameter.multiple)
     if several and values and all(isinstance(item, list) for item in values):  # at = [[0, 0], [900, 10]]
@@ -277,7 +277,7 @@ def _plain(key: str) -> str:
 
 
 def _by_parameter(entry: Entry, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings under the names of the command's parameters."""
+    """Return the settings under the names of the command's parameters."""
     names = setting_names(entry.command)
     renamed: dict[str, Any] = {}
     settings = dict(settings)
@@ -302,7 +302,7 @@ def _by_parameter(entry: Entry, settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _spread(entry: Entry, pictures: Any) -> dict[str, Any]:
-    """The pictures of an entry as the arguments of its command, in their order."""
+    """Return the pictures of an entry as the arguments of its command, in their order."""
     if not isinstance(pictures, list):
         raise entry.refuse(f"{_PICTURES} is {pictures!r}; write a list of files")
     rest, spread = list(pictures), {}
@@ -356,7 +356,7 @@ def _matches(pattern: str, folder: Path) -> dict[tuple[str, ...], str]:
 
 
 def _filled(pattern: str, found: Sequence[str]) -> str:
-    """The file that a pattern would match if it were there."""
+    """Return the file that a pattern would match if it were there."""
     texts = iter(found)
     return _WILDCARD.sub(lambda _: next(texts), pattern)
 

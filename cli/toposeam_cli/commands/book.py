@@ -163,12 +163,12 @@ def book(
 
 
 def _made(table: Journal) -> dict[str, str]:
-    """The pages that a former run made, and their digests."""
+    """Return the pages that a former run made, and their digests."""
     return dict(table.rows.get(_PAGES, {}).get("made", {}))
 
 
 def _beside(chosen: Sequence[tuple[Row, str]]) -> list[tuple[Row, str]]:
-    """The products, with the number of the pattern that goes beside the first on some of them."""
+    """Return the products, with the number of the pattern that goes beside the first on some of them."""
     number = {(row["season"], product): row["number"] for row, product in chosen}
     return [
         ({**row, "beside": number.get((row["season"], BESIDE.get(product, "")))}, product)

@@ -217,7 +217,9 @@ def _explore(
 
 
 def _begun(beginning: Beginning) -> tuple[ts.Recipe | None, dict[str, Any], dict[str, Any]]:
-    """The recipe to begin with, how that motif was printed, and the options of a file of parameters."""
+    """Return the recipe to begin with, how that motif was printed, and the options of a file of
+    parameters.
+    """
     config, like, source = beginning.config, beginning.like, beginning.source
     if sum(path is not None for path in (config, like, source)) > 1:
         raise ts.OptionError("--from, --config and --like each say what the motif is; leave one of them out")
@@ -309,7 +311,7 @@ def _with_strengths(places: list[Any]) -> list[Any]:
 
 
 def _changed(recipe: ts.Recipe, given: dict[str, Any], amount: float | None) -> ts.Recipe:
-    """A whole recipe with what was given changed, then varied."""
+    """Return a whole recipe with what was given changed, then varied."""
     seed = given.pop("seed", None)
     palette = given.pop("palette", None)
     wrong = [name for name in given if name not in (*_OF_RECIPE, *_OF_LAYERS)]

@@ -336,7 +336,7 @@ def _stitch_large(
     warnings: Sequence[str],
     aligned: ts.Aligned | None,
 ) -> dict[str, Any]:
-    """The same for pictures larger than memory."""
+    """Return the same for pictures larger than memory."""
     composed = composed_as(job, find, out, files, means.workers)
     warnings = [*warnings, *_unseen(composed, find, out)]
     with all_or_nothing():

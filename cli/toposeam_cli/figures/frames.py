@@ -64,8 +64,8 @@ def film_frame(
 
 
 def choose_frames(frames: tuple[ts.Frame, ...], count: int) -> list[ts.Frame]:
-    """The frames that tell most: the last of every stage, and others as different from their neighbours as
-    can be.
+    """Return the frames that tell most: the last of every stage, and others as different from their
+    neighbours as can be.
     """
     drawn = [np.concatenate([frame.right.ravel(), frame.down.ravel()]) for frame in frames]
     for values in drawn:
@@ -91,7 +91,9 @@ def choose_frames(frames: tuple[ts.Frame, ...], count: int) -> list[ts.Frame]:
 
 
 def fitted(shape: tuple[int, int], size: tuple[int, int]) -> tuple[int, int]:
-    """The shape a picture takes within a size: a whole multiple, or smaller with the same proportions."""
+    """Return the shape a picture takes within a size: a whole multiple, or smaller with the same
+    proportions.
+    """
     scale = min(size[0] / shape[0], size[1] / shape[1])
     if scale >= 1:
         return shape[0] * int(scale), shape[1] * int(scale)

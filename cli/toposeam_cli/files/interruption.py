@@ -90,9 +90,9 @@ def terminations_raised() -> Iterator[None]:
 
 
 def _interruption_behind(error: BaseException) -> BaseException | None:
-    """The interruption that an exception hides: Python 3.11 tells of one that comes while a class is made, as
-    importing does, by a RuntimeError of its own, and modules made with pybind11 tell of one that comes while
-    they are loaded by an ImportError.
+    """Return the interruption that an exception hides: Python 3.11 tells of one that comes while a class is
+    made, as importing does, by a RuntimeError of its own, and modules made with pybind11 tell of one that
+    comes while they are loaded by an ImportError.
     """
     return next((each for each in causes(error) if isinstance(each, KeyboardInterrupt | Terminated)), None)
 
@@ -156,7 +156,7 @@ def uninterrupted() -> Iterator[None]:
 
 
 def interruptible(call: Callable[[], Value], stop: Callable[[], object]) -> Value:
-    """The value of a long call into foreign code, which Ctrl-C and ``kill`` can end.
+    """Return the value of a long call into foreign code, which Ctrl-C and ``kill`` can end.
 
     A signal takes effect only when the main thread is back in Python, so the call runs in a thread of its own
     while this one waits. When this one is interrupted it calls `stop`, waits for the call to give up, and

@@ -25,7 +25,7 @@ class Scratch:
         self._files: list[Path] = []
 
     def new(self) -> Path:
-        """An empty file.
+        """Return an empty file.
 
         Raises
         ------
@@ -49,7 +49,7 @@ class Scratch:
         self._open.callback(thread.join)
 
     def folder(self) -> Path:
-        """An empty folder.
+        """Return an empty folder.
 
         Raises
         ------

@@ -52,7 +52,7 @@ def read_table(path: Path, what: str) -> tuple[Any, str]:
 
 
 def read_text(path: Path, what: str, largest: int = LARGEST_BYTES) -> str:
-    """The text in a file that is no larger than a table may be.
+    """Return the text in a file that is no larger than a table may be.
 
     Parameters
     ----------

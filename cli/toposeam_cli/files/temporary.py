@@ -31,7 +31,9 @@ _tidied: set[Path] = set()
 
 
 def temporary_beside(target: Path) -> Path:
-    """A new temporary name in the folder of `target`; what is there goes with the process at the latest."""
+    """Return a new temporary name in the folder of `target`; what is there goes with the process at the
+    latest.
+    """
     path = target.with_name(f".toposeam-{secrets.token_hex(8)}.part")
     not_needed(path)
     return path

@@ -46,7 +46,7 @@ class Profile:
 
 
 def source() -> Path:
-    """The plug-in as this installation brought it."""
+    """Return the plug-in as this installation brought it."""
     found = find_spec(PLUG_IN)
     if found is None or not found.submodule_search_locations:
         raise MissingPackageError(
@@ -78,8 +78,8 @@ def profiles(
     platform: str | None = None,
     home: Path | None = None,
 ) -> list[Profile]:
-    """The GIMP 3 profiles of this user: those that are there, and those that an installed GIMP would make
-    when it is started; with `version` only that one's.
+    """Return the GIMP 3 profiles of this user: those that are there, and those that an installed GIMP would
+    make when it is started; with `version` only that one's.
 
     Raises
     ------
@@ -115,7 +115,9 @@ def profiles(
 
 
 def _wanted(version: str | None, kinds: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """The profiles that should be there: the version that was named, else of every GIMP 3 on this machine."""
+    """Yield the profiles that should be there: the version that was named, else of every GIMP 3 on this
+    machine.
+    """
     if version is not None:
         yield kinds[0], version
         return

@@ -72,7 +72,7 @@ class TaskCrew:
         self.kinds: dict[str, Counter[str]] = {}
 
     def start(self) -> Workers:
-        """The workers, started when they are needed first.
+        """Return the workers, started when they are needed first.
 
         Raises
         ------

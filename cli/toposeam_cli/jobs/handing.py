@@ -108,7 +108,7 @@ class _Pickler(pickle.Pickler):
 
 
 def mapped(path: str, dtype: str, shape: tuple[int, ...], strides: tuple[int, ...], start: int) -> Array:
-    """A read-only array that lies in a file.
+    """Return a read-only array that lies in a file.
 
     Parameters
     ----------

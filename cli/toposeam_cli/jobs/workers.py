@@ -100,7 +100,7 @@ class Workers(ABC):
 
     @abstractmethod
     def _take(self) -> Executor:
-        """An executor with a free worker."""
+        """Return an executor with a free worker."""
 
     @abstractmethod
     def _give_back(self, executor: Executor, died: bool) -> None:

@@ -107,8 +107,8 @@ def _dressed(
     at: tuple[int, int],
     whole: tuple[int, int],
 ) -> Floats:
-    """The pattern as it looks on a piece, (H, W, 3) float, whatever lies outside of the mask; `at` is the row
-    and column of the whole picture where it begins.
+    """Return the pattern as it looks on a piece, (H, W, 3) float, whatever lies outside of the mask; `at` is
+    the row and column of the whole picture where it begins.
     """
     height = _height(piece, folds, px_per_mm, width_mm)
     slope_y, slope_x = (slope * px_per_mm for slope in np.gradient(height))

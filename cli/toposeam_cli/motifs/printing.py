@@ -84,7 +84,7 @@ class Print:
 
     @staticmethod
     def read(settings: Mapping[str, Any]) -> dict[str, Any]:
-        """The values in a file's settings, those that are damaged left out."""
+        """Return the values in a file's settings, those that are damaged left out."""
         found = settings.get("print")
         if not isinstance(found, dict):
             return {}
@@ -107,7 +107,7 @@ class Print:
 
 
 def sheet_coverage(made: ts.Motif, paper: Print) -> np.ndarray:
-    """The share of each ink on a sheet of a motif, (n_L, H, W)."""
+    """Return the share of each ink on a sheet of a motif, (n_L, H, W)."""
     counts, cell = paper.laid(made.recipe)
     layers = ts.repeat_densities(made, counts, size=cell)
     return layers if paper.pixels is None else layers[:, : paper.pixels[1], : paper.pixels[0]]
@@ -125,14 +125,14 @@ def describe(made: ts.Motif, counts: tuple[int, int]) -> str:
 
 
 def per_mm(dpi: float | None) -> tuple[float, float] | None:
-    """A resolution as pictures hold it, pixels per mm across and down."""
+    """Return a resolution as pictures hold it, pixels per mm across and down."""
     return None if dpi is None else (dpi / 25.4, dpi / 25.4)
 
 
 def printable(
     image: np.ndarray, dpi: float | None, settings: Mapping[str, Any], alpha: np.ndarray | None = None
 ) -> Picture:
-    """A picture in sRGB with its resolution and recipe.
+    """Return a picture in sRGB with its resolution and recipe.
 
     With an `alpha`, `image` is what it looks like on white; the colours are those of the inks alone.
     """

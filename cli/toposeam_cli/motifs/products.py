@@ -117,7 +117,7 @@ def draw_product(
     second: tuple[np.ndarray, int] | None = None,
     dpi: float | None = None,
 ) -> np.ndarray:
-    """A product with a pattern on it.
+    """Return a product with a pattern on it.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ def draw_product(
 
 
 def _folds(shown: Product, shape: tuple[int, ...]) -> np.ndarray:
-    """The drawn folds, -1 to 1: blurred here, since 8 bits are too few for slopes."""
+    """Return the drawn folds, -1 to 1: blurred here, since 8 bits are too few for slopes."""
     if "path" not in shown.folds:
         return np.zeros(shape)
     share = _FINE if "url(#fine)" in shown.folds else _WIDE
@@ -193,7 +193,7 @@ def _for_second(
 
 
 def _swatch(shown: Product, pattern: np.ndarray, px_per_mm: float) -> tuple[np.ndarray, float]:
-    """The pattern as floats, no finer than the mock-up can show, and its resolution."""
+    """Return the pattern as floats, no finer than the mock-up can show, and its resolution."""
     sides = [side / px_per_mm for side in pattern.shape[:2]]
     if min(sides) < _LEAST_MM:
         raise OptionError(
@@ -220,7 +220,7 @@ def _piece(shown: Product, place: dict[str, str]) -> Piece:
 
 
 def _rendered(shown: Product, drawing: str, fill: dict[str, str], ground: str | None = None) -> np.ndarray:
-    """A drawing as (H, W, 4) float in [0, 1]."""
+    """Return a drawing as (H, W, 4) float in [0, 1]."""
     for name, value in fill.items():
         drawing = drawing.replace(name, value)
     size = max(shown.width, shown.height)

@@ -27,8 +27,8 @@ _TO_RGB = np.array(
 
 
 def read_swatches(path: Path) -> np.ndarray:
-    """The colours in a file, (n, 3) sRGB in [0, 1]: the lightest, which is taken for the paper, then the
-    others in their order.
+    """Return the colours in a file, (n, 3) sRGB in [0, 1]: the lightest, which is taken for the paper, then
+    the others in their order.
 
     Raises
     ------

@@ -40,7 +40,7 @@ def _palette(colours: np.ndarray, of: str) -> Palette:
 
 
 def read_theme(path: Path) -> np.ndarray:
-    """A base image, with its alpha where it has one.
+    """Return a base image, with its alpha where it has one.
 
     Raises
     ------

@@ -26,7 +26,7 @@ class Framed:
         return self
 
     def window(self, rows: slice, columns: slice) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-        """The picture and its opacity."""
+        """Return the picture and its opacity."""
         here, there = self._common(rows, columns)
         part, opacity = self._composed.window(*there.slices)
         size = rows.stop - rows.start, columns.stop - columns.start

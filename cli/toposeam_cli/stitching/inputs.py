@@ -56,8 +56,8 @@ class PlacedPictures:
         return ts.common_canvas(self.layers).shape
 
     def number(self, key: str) -> int | None:
-        """The layer that is meant by a number, counted from 0 among the given ones, or by a name; None for
-        one that was left out.
+        """Return the layer that is meant by a number, counted from 0 among the given ones, or by a name; None
+        for one that was left out.
 
         Raises
         ------
@@ -261,7 +261,7 @@ def _masked(
     keeps: Sequence[Keyed],
     limit: int,
 ) -> list[ts.Layer]:
-    """The layers with where each may show, and where nothing else may."""
+    """Return the layers with where each may show, and where nothing else may."""
     layers = named.layers
     wanted: dict[str, dict[int, Path]] = {"mask": {}, "keep": {}}
     for kind, keyed in (("mask", masks), ("keep", keeps)):
@@ -314,7 +314,7 @@ def _sources(
     reading: _Reading,
     least: int,
 ) -> list[_Source]:
-    """The pictures; `at` is set when the file itself says where they lie."""
+    """Return the pictures; `at` is set when the file itself says where they lie."""
     kind = files[0].suffix.lower()
     if len(files) == 1 and kind in (".ora", *_LAYOUTS):
         if where.at or where.offset is not None or where.overlap is not None or where.arranged:

@@ -165,7 +165,7 @@ def _opaque(layers: Sequence[ts.Layer]) -> npt.NDArray[np.bool_]:
 
 
 def cropped(stitched: ts.Stitched, output: Path) -> tuple[ts.Stitched, tuple[int, int] | None]:
-    """The largest rectangle without holes, and where it begins; all of it where there are none."""
+    """Return the largest rectangle without holes, and where it begins; all of it where there are none."""
     if stitched.alpha is None:
         return stitched, None
     box = largest_full(stitched.alpha >= full_scale(stitched.image.dtype))

@@ -112,8 +112,8 @@ def width_round(wrap: int | None, files: Sequence[Path]) -> int | None:
 
 
 def _of_tiffs(files: Sequence[Path], pictures: Sequence[Picture]) -> list[tuple[float, float]] | None:
-    """The places that all of some TIFF files state; None where one does not, or where all opaque ones would
-    lie on each other.
+    """Return the places that all of some TIFF files state; None where one does not, or where all opaque ones
+    would lie on each other.
 
     Raises
     ------
@@ -174,8 +174,8 @@ def _in_grid(
 
 
 def _shifted(a: Picture, b: Picture, overlap: Length | None, side: ts.Side) -> tuple[int, int]:
-    """The offset at which B overlaps A by a length at one side of A; the pictures are aligned at the top or
-    left.
+    """Return the offset at which B overlaps A by a length at one side of A; the pictures are aligned at the
+    top or left.
     """
     if overlap is None:
         raise ts.OptionError("--overlap is missing")

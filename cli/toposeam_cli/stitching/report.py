@@ -76,7 +76,9 @@ def _best(correlations: dict[tuple[int, int], float], index: int) -> float:
 
 
 def hidden(composed: ts.Composition, remedy: str) -> list[str]:
-    """A sentence about the pictures that show nowhere, where there are any, and what lets them show."""
+    """Return a sentence about the pictures that show nowhere, where there are any, and what lets them
+    show.
+    """
     names = [composed.names[index] for index in composed.hidden]
     if not names:
         return []

@@ -12,8 +12,8 @@ from toposeam_cli.stitching.inputs import PlacedPictures
 
 
 def given_seams(files: Sequence[Keyed], placed: PlacedPictures) -> dict[tuple[int, int], ts.SvgSeam]:
-    """The seams of ``--use-seam`` by pair: ``seam.svg``, ``0:1=seam.svg``, or a file in which paths are named
-    after their pairs.
+    """Return the seams of ``--use-seam`` by pair: ``seam.svg``, ``0:1=seam.svg``, or a file in which paths
+    are named after their pairs.
     """
     seams: dict[tuple[int, int], ts.SvgSeam] = {}
     names = [layer.name for layer in placed.layers]

@@ -27,7 +27,7 @@ _STRANGE = 0.1
 
 
 def shared_work(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The options that say who does the work."""
+    """Return the options that say who does the work."""
     for option in (
         click.option(
             "--dask",
@@ -134,8 +134,8 @@ def correlations(job: PlacedPictures, executor: Executor | None = None) -> dict[
 
 
 def strangers(job: PlacedPictures, wrap: int | None = None, executor: Executor | None = None) -> list[str]:
-    """A sentence for each two pictures that hardly show the same where they overlap, if `wrap` is given also
-    all the way round, or that match elsewhere.
+    """Return a sentence for each two pictures that hardly show the same where they overlap, if `wrap` is
+    given also all the way round, or that match elsewhere.
     """
     if job.placement is not None:
         return [

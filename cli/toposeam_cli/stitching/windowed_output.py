@@ -196,7 +196,7 @@ def _picture(
     full: bool,
     coming: Coming | None = None,
 ) -> Picture:
-    """The picture, or part of it, with its opacity where it is not `full`."""
+    """Return the picture, or part of it, with its opacity where it is not `full`."""
     height, width, bands = shape
     pixels = Stored(files.colours, shape, dtype, (0, bands), part, _COLUMNS, coming)
     opacity = Stored(files.opacity, (height, width, 1), dtype, (0, 1), part, _COLUMNS, coming)

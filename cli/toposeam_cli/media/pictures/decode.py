@@ -72,7 +72,7 @@ class Decoding:
         return _known_depth(evaluate(self.image, self.image.numpy))
 
     def strips(self) -> Iterator[np.ndarray]:
-        """The same, a few rows after the other."""
+        """Yield the same, a few rows after the other."""
         image = self.image
         width, height, bands, dtype = image.width, image.height, image.bands, _DTYPES[image.format]
         rows = max(1, STRIP_BYTES // (width * bands * dtype.itemsize))
@@ -244,7 +244,7 @@ def _resolution(image: VipsImage) -> tuple[float, float] | None:
 
 
 def _xmp(packet: bytes | None) -> bytes | None:
-    """An XMP packet for a picture that stands upright, and is not what a recipe of ours made."""
+    """Return an XMP packet for a picture that stands upright, and is not what a recipe of ours made."""
     if packet is None or RECIPE_NAMESPACE.encode() in packet:
         return None
     return re.sub(rb"""(tiff:Orientation\s*(?:=\s*["']|>)\s*)[2-8]""", rb"\g<1>1", packet)

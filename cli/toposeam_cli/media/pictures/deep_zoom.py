@@ -18,7 +18,7 @@ _TILE = re.compile(r"\d+/\d+_\d+\.(?:jpe?g|png|webp)")
 
 
 def tiles_of(path: Path) -> Path:
-    """The folder of tiles that belongs to a .dzi file."""
+    """Return the folder of tiles that belongs to a .dzi file."""
     return path.with_name(f"{path.stem}_files")
 
 

@@ -272,7 +272,7 @@ def write_picture(
 
 
 def encode_png(picture: Picture) -> bytes:
-    """The bytes of the PNG that :func:`write_picture` would write."""
+    """Return the bytes of the PNG that :func:`write_picture` would write."""
     image = vips_image(_fit(Path("picture.png"), picture, _PNG))
     content: bytes = evaluate(image, lambda: image.pngsave_buffer(**_PNG.options))
     return content
@@ -317,7 +317,7 @@ def match_pictures(
 
 
 def in_eight_bits(picture: Picture, keep: Keep | None = None) -> Picture:
-    """The picture with uint8 pixels, rounded."""
+    """Return the picture with uint8 pixels, rounded."""
     return _as(picture, np.dtype(np.uint8), picture.icc, channels(picture.pixels), keep)
 
 
@@ -376,7 +376,7 @@ def _fit(path: Path, picture: Picture, kind: _Format, keep: Keep | None = None) 
 
 
 def vips_image(picture: Picture) -> VipsImage:
-    """The picture as libvips writes it, with its metadata."""
+    """Return the picture as libvips writes it, with its metadata."""
     image = to_vips(picture.pixels)
     if picture.alpha is not None:
         image = image.bandjoin(to_vips(picture.alpha))

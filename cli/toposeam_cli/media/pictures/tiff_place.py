@@ -55,7 +55,7 @@ def tiff_canvas(path: Path) -> tuple[int, int] | None:
 
 
 def _tags(path: Path) -> dict[int, Fraction] | None:
-    """The first values of the wanted tags of the file's first directory."""
+    """Return the first values of the wanted tags of the file's first directory."""
     found = {}
     try:
         with path.open("rb") as file:

@@ -57,7 +57,7 @@ class TiffStream(io.RawIOBase):
         return True
 
     def tell(self) -> int:
-        """The byte that is read next."""
+        """Return the byte that is read next."""
         return self._at
 
     def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
@@ -81,7 +81,7 @@ class TiffStream(io.RawIOBase):
         return filled
 
     def _bytes(self, number: int) -> bytes:
-        """A strip, kept until another one is asked for."""
+        """Return a strip, kept until another one is asked for."""
         if self._kept[0] != number:
             height, width = self._pixels.shape[:2]
             rows = slice(number * _ROWS, min((number + 1) * _ROWS, height))

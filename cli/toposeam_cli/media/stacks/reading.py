@@ -47,7 +47,7 @@ def read_stack(path: Path) -> Stack:
 
 
 def needs(package: str, path: Path) -> Any:
-    """An optional package.
+    """Return an optional package.
 
     Raises
     ------

@@ -35,7 +35,7 @@ _PRODUCT_PX = 700
 
 
 def to_pdf(title: str, folder: Path, rows: Sequence[Row], products: Sequence[tuple[Row, str]]) -> bytes:
-    """The book, the same bytes for the same book.
+    """Return the book, the same bytes for the same book.
 
     Parameters
     ----------
@@ -185,7 +185,7 @@ def _products(folder: Path, products: Sequence[tuple[Row, str]]) -> list[_Page]:
 
 
 def _filling(picture: np.ndarray, ratio: float) -> np.ndarray:
-    """The picture reduced, and continued with its own ground to a ratio of width to height."""
+    """Return the picture reduced, and continued with its own ground to a ratio of width to height."""
     small = (
         load_vips().Image.thumbnail_image(to_vips(picture), _PRODUCT_PX, height=_PRODUCT_PX).numpy()[..., :3]
     )

@@ -18,12 +18,14 @@ from toposeam_engine.serving import EngineJob
 
 
 def layers_of(job: EngineJob) -> list[ts.Layer]:
-    """The layers of the request: color and alpha of one raster each, with a mask of its own multiplied in."""
+    """Return the layers of the request: color and alpha of one raster each, with a mask of its own multiplied
+    in.
+    """
     return [layer_of(job, raster) for raster in job.request["layers"]]
 
 
 def layer_of(job: EngineJob, raster: Mapping[str, Any]) -> ts.Layer:
-    """A layer of the request."""
+    """Return a layer of the request."""
     image, alpha = colours_of(job, raster)
     return ts.Layer(
         image,
@@ -82,8 +84,8 @@ def masks_of(
 def changes_of(
     job: EngineJob, layers: Sequence[ts.Layer], stitched: ts.Stitched, canvas: Extent
 ) -> dict[str, Any] | None:
-    """The pixels in which the composite differs from the layers under their masks, transparent elsewhere;
-    None if it does not differ.
+    """Return the pixels in which the composite differs from the layers under their masks, transparent
+    elsewhere; None if it does not differ.
     """
     changed = np.zeros(canvas.shape, bool)
     for layer, mask in zip(layers, stitched.masks, strict=True):

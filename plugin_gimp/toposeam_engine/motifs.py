@@ -26,7 +26,7 @@ def motif(job: EngineJob) -> dict[str, Any]:
 
 
 def generated(job: EngineJob) -> ts.Motif:
-    """The motif itself."""
+    """Return the motif itself."""
     options = job.options
     size = options.pop("size")
     if not options["mass"]:
@@ -53,7 +53,7 @@ def repeat(job: EngineJob) -> dict[str, Any]:
 
 
 def repeated(job: EngineJob) -> tuple[list[npt.NDArray[Any]], str]:
-    """The pattern's densities, and the rule they were laid by."""
+    """Return the pattern's densities, and the rule they were laid by."""
     rows, columns = int(job.options["rows"]), int(job.options["columns"])
     rule = str(job.options.get("repeat", "own"))
     if rule == "own":

@@ -100,7 +100,7 @@ class Asker:
         self._reader.start()
 
     def line(self) -> bytes | None:
-        """The next line; what stands before the end counts as one, and None is the end."""
+        """Return the next line; what stands before the end counts as one, and None is the end."""
         return self._lines.get()
 
     def waits_for(self, folder: Path | None) -> None:
@@ -149,8 +149,8 @@ class EngineJob:
         return dict(self.request.get("options", {}))
 
     def read(self, raster: Mapping[str, Any]) -> Any:
-        """The (H, W) or (H, W, C) pixels of a raster that the request describes, mapped and not loaded,
-        read-only.
+        """Return the (H, W) or (H, W, C) pixels of a raster that the request describes, mapped and not
+        loaded, read-only.
         """
         import numpy as np
 

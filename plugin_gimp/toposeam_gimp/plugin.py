@@ -37,7 +37,7 @@ class TopoSeam(Gimp.PlugIn):  # type: ignore[misc]
         return False
 
     def do_query_procedures(self) -> list[str]:
-        """The names of all procedures."""
+        """Return the names of all procedures."""
         return list(PROCEDURES)
 
     def do_create_procedure(self, name: str) -> Gimp.Procedure:

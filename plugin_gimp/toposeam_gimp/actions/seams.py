@@ -111,7 +111,7 @@ def _hold_all(image: Gimp.Image, layers: Sequence[Gimp.Layer], undone: list[Call
 
 
 def restitch(call: Call) -> Gimp.Layer:
-    """The masks of a stitched group, or of a patch, made anew from its paths."""
+    """Return the masks of a stitched group, or of a patch, made anew from its paths."""
     image = call.image
     group, memory = stitched_group(chosen_layers(image, call.drawables))
     layers = [image.get_layer_by_tattoo(tattoo) for tattoo in memory["layers"]]
@@ -140,7 +140,7 @@ def restitch(call: Call) -> Gimp.Layer:
 
 
 def patch_selection(call: Call) -> Gimp.Layer:
-    """The selected part of a layer, or a floating selection, laid on what is below it within a closed
+    """Return the selected part of a layer, or a floating selection, laid on what is below it within a closed
     seam.
     """
     image, options = call.image, call.options
@@ -184,7 +184,7 @@ def patch_selection(call: Call) -> Gimp.Layer:
 
 
 def _draw_seams(call: Call, answer: Options, undone: list[Callable[[], Any]]) -> list[dict[str, Any]]:
-    """The paths of all seams, those to bend selected; what has to be remembered of them."""
+    """Return the paths of all seams, those to bend selected; what has to be remembered of them."""
     seams, to_bend = [], []
     for seam in answer["seams"]:
         paths, memory = draw_seam(call.image, seam, visible=call.options["show-seam"])

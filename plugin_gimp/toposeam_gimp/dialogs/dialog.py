@@ -94,7 +94,7 @@ class Dialog:
         return fields
 
     def _row(self, option: Option) -> Gtk.Widget:
-        """The field of an option, with a box to tick or a button where it has one."""
+        """Return the field of an option, with a box to tick or a button where it has one."""
         slides = isinstance(option.default, float) and option.high - option.low <= _NARROW
         kind = GimpUi.SpinScale.__gtype__ if slides else GObject.TYPE_NONE
         widget = self._dialog.get_widget(option.name, kind)
@@ -133,7 +133,7 @@ class Dialog:
         label.set_mnemonic_widget(field)
 
     def _automatic(self, option: Option, widget: Gtk.Widget) -> Gtk.Widget:
-        """A box that, ticked, stands for 0."""
+        """Return a box that, ticked, stands for 0."""
         kind = int if isinstance(option.default, int) else float
         box = Gtk.CheckButton(label=option.automatic)
         kept = {"value": kind(option.typical)}

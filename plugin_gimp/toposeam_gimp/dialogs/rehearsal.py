@@ -93,7 +93,7 @@ class Rehearsal:
                 self._warm.pop().end()
 
     def _next(self) -> engine.Engine:
-        """The engine that has waited, or answered, last."""
+        """Return the engine that has waited, or answered, last."""
         while self._warm:
             process = self._warm.pop()
             if process.lives:

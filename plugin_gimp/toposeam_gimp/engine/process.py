@@ -114,8 +114,8 @@ def _usual_places(home: Path) -> Iterator[Path]:
 
 
 def clean_environment(environment: Mapping[str, str]) -> dict[str, str]:
-    """The environment without what GIMP's launchers put there for their own Python and libraries; one BLAS
-    thread.
+    """Return the environment without what GIMP's launchers put there for their own Python and libraries; one
+    BLAS thread.
     """
     clean = {name: value for name, value in environment.items() if name not in _FOREIGN}
     return {**clean, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONUTF8": "1"}

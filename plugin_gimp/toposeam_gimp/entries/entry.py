@@ -54,7 +54,7 @@ def number(
     applies: tuple[str, tuple[bool | str, ...]] | None = None,
     advanced: bool = False,
 ) -> Option:
-    """A size in pixels, a count, or a share: whole where its default is; see :class:`Option`."""
+    """Return a size in pixels, a count, or a share: whole where its default is; see :class:`Option`."""
     return Option(
         name=name,
         label=label,

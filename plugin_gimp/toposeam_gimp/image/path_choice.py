@@ -47,7 +47,7 @@ class Choice(NamedTuple):
 
 
 def chosen(candidates: Sequence[Candidate], seam: str) -> Choice:
-    """The paths that are meant for a seam, among its own (smooth one first) and others that fit it.
+    """Return the paths that are meant for a seam, among its own (smooth one first) and others that fit it.
 
     Raises
     ------
@@ -114,7 +114,9 @@ def is_seam(name: str) -> bool:
 
 
 def stem(name: str) -> str:
-    """A path's name without what GIMP and SVG add to tell copies and the lines of one drawing apart."""
+    """Return a path's name without what GIMP and SVG add to tell copies and the lines of one drawing
+    apart.
+    """
     return " ".join(re.sub(r"(\s*(#\d+|\(\d+\)|\d+))+$", "", name).split())
 
 

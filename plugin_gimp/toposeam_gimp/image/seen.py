@@ -65,7 +65,9 @@ def _filters(layer: Gimp.Layer) -> bool:
 
 
 def _merged(layer: Gimp.Layer, scratch: Gimp.Image) -> Gimp.Layer:
-    """A layer of its own image with its filters merged; a group becomes an ordinary layer, under its mask."""
+    """Return a layer of its own image with its filters merged; a group becomes an ordinary layer, under its
+    mask.
+    """
     for one in layer.get_filters():
         if not one.get_visible():
             one.delete()

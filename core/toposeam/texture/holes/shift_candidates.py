@@ -46,7 +46,7 @@ Shifts = npt.NDArray[np.intp]
 def candidate_shifts(
     atlas: Atlas, features: Floats32, hole: Mask, missing: Mask, count: int, rng: np.random.Generator
 ) -> Shifts:
-    """Shifts that could bring what a hole lacks.
+    """Find shifts that could bring what a hole lacks.
 
     Parameters
     ----------
@@ -78,7 +78,9 @@ def candidate_shifts(
 
 
 def _level(copied: Mask, hole: Mask) -> Shifts:
-    """Shifts along the rows, and along the columns, each of which brings most of what those before do not."""
+    """Find shifts along the rows, and along the columns, each of which brings most of what those before do
+    not.
+    """
     found: list[tuple[int, int]] = []
     for axis in (0, 1):
         missing, given = (hole, copied) if axis == 0 else (hole.T, copied.T)
@@ -180,8 +182,8 @@ def _dominant(picture: Floats32, copied: Mask, hole: Mask, count: int, rng: np.r
 
 
 def _refined(picture: Floats32, copied: Mask, hole: Mask, shifts: Shifts, factor: int) -> Shifts:
-    """Shifts that were found on a smaller picture, to the pixel: by how well they continue what is round the
-    hole.
+    """Refine shifts that were found on a smaller picture, to the pixel: by how well they continue what is
+    round the hole.
     """
     band = ndimage.binary_dilation(hole, iterations=8) & copied
     rows, columns = np.nonzero(band)

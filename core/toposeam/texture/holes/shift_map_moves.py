@@ -152,7 +152,7 @@ class ShiftMoves:
         return cost
 
     def begin(self) -> None:
-        """Each pixel of the hole gets the shift whose data term is least there."""
+        """Give each pixel of the hole the shift whose data term is least there."""
         best = np.full(self.hole.shape, np.inf, np.float32)
         for index in range(self.itself):
             data = self.data(np.full(self.hole.shape, index, np.intp))
@@ -267,7 +267,9 @@ class ShiftMoves:
     def _expand(
         self, index: int, window: Part, total: float, method: Method, options: MethodOptions
     ) -> float:
-        """By how much the cost falls when one shift expands in a window as is best; 0 where it does not."""
+        """Compute by how much the cost falls when one shift expands in a window as is best; 0 where it does
+        not.
+        """
         around = _grown(window)
         own = self.label[around] == index
         free = np.zeros(own.shape, bool)

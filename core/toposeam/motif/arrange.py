@@ -73,9 +73,9 @@ class Arrangement(Inked):
         return {"arrangement": {"grid": self.grid.tolist(), "recipes": recipes}}
 
     def sampled(self, layer: int, size: tuple[int, int]) -> npt.NDArray[np.float32]:
-        """One layer's density, smoothly interpolated to (rows, columns). Of a layer whose strokes do not end
-        alike in all motifs, wash beside strokes, the print: of every motif as its own strokes end, and along
-        borders the one goes over into the other.
+        """Return one layer's density, smoothly interpolated to (rows, columns). Of a layer whose strokes do
+        not end alike in all motifs, wash beside strokes, the print: of every motif as its own strokes end,
+        and along borders the one goes over into the other.
         """
         smooth = partial(resample, self.densities[layer], self.repeat)
         kinds = self._kinds[layer]
@@ -102,8 +102,8 @@ class Arrangement(Inked):
         )
 
     def ends(self, layer: int) -> tuple[float, np.float32]:
-        """Those of all motifs together, each counted once: wherever they lie, and however often, a motif
-        looks the same, and strokes meet across borders as the optimisation left them.
+        """Return the stroke ends of all motifs together, each counted once: wherever they lie, and however
+        often, a motif looks the same, and strokes meet across borders as the optimisation left them.
         """
         return self._ends[layer, self.edges[layer]]
 
@@ -216,7 +216,7 @@ def _spread(cells: npt.NDArray[np.bool_], size: tuple[int, int]) -> npt.NDArray[
 def random_arrangement(
     counts: tuple[int, int], motifs: int, *, seed: Seed = 0, reach: int | None = None
 ) -> npt.NDArray[np.intp]:
-    """Indices of motifs at random, neighbours at most `reach` apart.
+    """Return indices of motifs at random, neighbours at most `reach` apart.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ from toposeam.motif.recipe.recipe import Recipe, pack_base, unpack_base
 
 #: The four palettes that divide a book.
 SEASONS = ("spring", "summer", "fall", "winter")
-#: Rules of repetition; those that leave the theme as it is more often than those that fold it.
+#: Rules of repetition; those that leave the theme unchanged more often than those that fold it.
 _REPEATS = (
     "translate",
     "translate",
@@ -132,7 +132,7 @@ def book_recipe(theme: npt.ArrayLike, seed: int, number: int, size: int) -> Reci
 def _inside(
     theme: npt.ArrayLike, strength: float, count: int, rng: np.random.Generator
 ) -> list[tuple[float, float]]:
-    """Places in [0, 1], the likelier the better the theme conducts there."""
+    """Return places in [0, 1], the likelier the better the theme conducts there."""
     base = unpack_base(pack_base(theme))
     weight = nominal_conductivity(base, strength, base.shape).ravel() ** 4
     chosen = rng.choice(weight.size, count, p=weight / weight.sum())
@@ -144,7 +144,7 @@ def _inside(
 
 
 def choose(rows: Sequence[dict[str, Any]]) -> list[tuple[dict[str, Any], str]]:
-    """For each season and product a pattern of the kind that suits it, a different one for each.
+    """Choose for each season and product a pattern of the kind that suits it, a different one for each.
 
     Parameters
     ----------

@@ -142,7 +142,8 @@ def _bump(shape: tuple[int, ...], axis: int, repeat: str, width: float = 1.0) ->
 def calmed_row(
     fields: Sequence[Floats], edges: Sequence[str], repeat: str, shared: int, given: Sequence[int]
 ) -> list[Floats]:
-    """One layer of motifs that lie beside each other in any order, none of which shows a border in print.
+    """Smooth one layer of motifs that lie beside each other in any order, so that none shows a border in
+    print.
 
     Parameters
     ----------
@@ -209,8 +210,8 @@ class _Tones:
         return max(line_visibility(tones[grid].mean(axis=1).reshape(-1, 1), side) for grid in grids)
 
     def evened(self, row: list[Floats], given: Sequence[int]) -> list[Floats]:
-        """Densities multiplied by a little, with which all are nearer to the mean tone of some where they
-        meet: first where a line is compared with, then on it.
+        """Return densities multiplied by a little, with which all are nearer to the mean tone of some where
+        they meet: first where a line is compared with, then on it.
         """
         side = row[0].shape[self._axis]
         reach = reach_of(side)
@@ -239,8 +240,8 @@ class _Tones:
 def _balanced(
     row: list[Floats], bump: Floats, axis: int, prints: Sequence[Print], repeat: str
 ) -> list[Floats]:
-    """Densities multiplied by one factor to the power of a bump, with which the print along the borders is
-    that beside them in the mean over all.
+    """Return densities multiplied by one factor to the power of a bump, with which the print along the
+    borders is that beside them in the mean over all.
     """
     return _multiplied(
         row,
@@ -255,8 +256,8 @@ def _balanced(
 def _multiplied(
     row: list[Floats], bump: Floats, largest: float, excess: Callable[[list[Floats]], float]
 ) -> list[Floats]:
-    """Densities times e to the power of a bump, by a factor within ± `largest` with which an excess, which
-    grows with it, is about 0.
+    """Return densities times e to the power of a bump, by a factor within ± `largest` with which an excess,
+    which grows with it, is about 0.
     """
     low, high = -largest, largest
     for _ in range(_HALVINGS):

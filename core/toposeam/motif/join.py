@@ -68,8 +68,8 @@ class JoinedMotifs:
         return tuple(motif for motif, made in zip(self.motifs, self.stages, strict=True) if made <= stage)
 
     def mismatch(self, stage: int | None = None) -> float:
-        """Mean border mismatch of the motifs that are next to each other in the row after a stage (the last
-        without one).
+        """Return mean border mismatch of the motifs that are next to each other in the row after a stage (the
+        last without one).
         """
         row = self.at_stage(max(self.stages) if stage is None else stage)
         return float(np.mean([border_mismatch(a, b) for a, b in pairwise(row)]))
@@ -225,8 +225,8 @@ def join_motifs(
 def _without_lines(
     row: list[Member], layer: int, shared: int, weight: float
 ) -> list[npt.NDArray[np.float32]]:
-    """One layer of all members, without a line along their borders; members that know nothing of each other
-    as they are.
+    """Return one layer of all members, without a line along their borders; members that know nothing of each
+    other as they are.
     """
     found = []
     for member in row:

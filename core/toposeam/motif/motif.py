@@ -65,7 +65,7 @@ class Motif(Inked):
         return {"recipe": self.recipe.to_dict()}
 
     def sampled(self, layer: int, size: tuple[int, int]) -> npt.NDArray[np.float32]:
-        """One layer's density, smoothly interpolated to (rows, columns)."""
+        """Return one layer's density, smoothly interpolated to (rows, columns)."""
         if self.lattice is not None:
             return to_tile(self.lattice[layer], self.repeat, size)
         return resample(self.densities[layer], self.repeat, size)
@@ -117,7 +117,7 @@ def repeat_densities(
 
 
 def _counts(motif: Motif, counts: Any, size: Any) -> tuple[int, int]:
-    """Rows and columns of a pattern, checked, with the size of its motifs."""
+    """Return the rows and columns of a pattern, checked, with the size of its motifs."""
     rows, columns = check_pair("counts", counts, 1)
     check_kind("motif", motif, Inked, "a Motif")
     cell = check_pair("size", size, 1) if size is not None else motif.densities.shape[1:]

@@ -54,7 +54,7 @@ class Inked(ABC):
 
     @abstractmethod
     def sampled(self, layer: int, size: tuple[int, int]) -> npt.NDArray[np.float32]:
-        """One layer's density, smoothly interpolated to (rows, columns)."""
+        """Return one layer's density, smoothly interpolated to (rows, columns)."""
 
     def ends(self, layer: int) -> tuple[float, np.float32]:
         """Return the density at which a layer's strokes end in print, and the factor of those inside."""

@@ -38,7 +38,7 @@ def resample(field: npt.NDArray[np.floating], repeat: str, size: tuple[int, int]
 
 
 def _box(field: npt.NDArray[np.float64], width: float, axis: int) -> npt.NDArray[np.float64]:
-    """Mean over a window of any width, as a blend of the two nearest odd whole widths."""
+    """Return the mean over a window of any width, as a blend of the two nearest odd whole widths."""
     low = max(1, int((width - 1) // 2) * 2 + 1)
     share = (width - low) / 2
     narrow: npt.NDArray[np.float64] = uniform_filter1d(field, low, axis=axis, mode="nearest")

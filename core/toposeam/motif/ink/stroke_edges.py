@@ -48,7 +48,7 @@ def level(field: npt.NDArray[np.floating], mass: float) -> float:
 
 
 def smoothed(field: Singles, repeat: str, px_per_element: tuple[float, float]) -> Singles:
-    """A density blurred as its contours are taken from, with the pattern's neighbours beyond its border."""
+    """Blur a density as its contours are taken from, with the pattern's neighbours beyond its border."""
     sigma = [SMOOTHING * px for px in px_per_element]
     margin = int(np.ceil(4 * max(sigma)))
     wide = extend(field, repeat, margin)

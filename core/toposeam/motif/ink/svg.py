@@ -241,7 +241,7 @@ class _Bands:
 def _layer(
     density: npt.NDArray[np.float32], rule: str, ink: Floats, name: tuple[int, str], bands: _Bands, fine: int
 ) -> list[str]:
-    """One ink's group. Levels lie half-way between the densities whose colours they part."""
+    """Return one ink's group. Levels lie half-way between the densities whose colours they part."""
     blur = int(np.ceil(4 * SMOOTHING * fine))
     wide = extend(density, rule, MARGIN_PX + blur).astype(np.float64)
     inner = slice(blur, len(wide) - blur), slice(blur, wide.shape[1] - blur)

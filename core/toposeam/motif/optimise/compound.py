@@ -100,7 +100,7 @@ def generate_row(row: list[Member], options: JoinOptions) -> None:
 def _optimise(
     row: list[Member], pairs: list[tuple[int, int]], layer: int, options: JoinOptions
 ) -> tuple[list[Floats], list[list[Step]]]:
-    """One layer of all members; fixed ones come back as they are, with no steps.
+    """Optimise one layer of all members; fixed ones come back unchanged, with no steps.
 
     A worked example: of two new motifs A and B with w = 0.3 there are three plates, A and B of weight 0.7 and
     the compound AB of weight 0.3, twice as wide. An iteration
@@ -177,7 +177,7 @@ def _move(
     limit: float,
     ring: _Ring,
 ) -> None:
-    """The next design of every new member, in place."""
+    """Compute the next design of every new member, in place."""
     bounds = OCOptions(move=limit)
 
     def proposed(lower: Floats | float = THINNEST, upper: Floats | float = 1.0) -> dict[int, Floats]:
@@ -231,7 +231,7 @@ class _Ring:
             self._values = np.mean(list(designs.values()), axis=0) if self._fixed is None else self._fixed
 
     def limits(self) -> tuple[Floats, Floats]:
-        """Bounds on the densities that hold the ring where it is."""
+        """Return the bounds on the densities that hold the ring where it is."""
         return np.where(self._inside, THINNEST, self._values), np.where(self._inside, 1.0, self._values)
 
 
@@ -248,7 +248,7 @@ def _start(member: Member, layer: int, problem: LayerProblem, coarse: Floats | N
 
 
 def _compound(a: LayerProblem, b: LayerProblem) -> LayerProblem:
-    """Two motifs side by side on one plate, alternating in both directions (Figure 4.5)."""
+    """Return two motifs side by side on one plate, alternating in both directions (Figure 4.5)."""
     plate = Plate(
         np.concatenate([a.plate.heat, b.plate.heat], axis=1),
         np.concatenate([a.plate.convection, b.plate.convection], axis=1),

@@ -113,7 +113,7 @@ class LayerProblem:
         return result
 
     def finer(self, density: Floats, shape: tuple[int, int]) -> Floats:
-        """Densities on a plate of twice the size."""
+        """Return the densities on a plate of twice the size."""
         return resample(density, self.repeat, shape).astype(np.float64)
 
 
@@ -167,7 +167,7 @@ def power(density: Floats, exponent: Floats | float) -> Floats:
 
 
 def _spots(points: tuple[Point, ...], shape: tuple[int, int], repeat: str) -> Floats:
-    """Discs around points with the given relative strengths, one in all."""
+    """Return discs around points with the given relative strengths, one in all."""
     h, w = shape
     radius = max(SPOT * min(h, w), 0.75)
     field = np.zeros(shape)

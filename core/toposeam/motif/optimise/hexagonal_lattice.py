@@ -26,7 +26,7 @@ _BASE_WIDTH = 1.0
 
 
 def tile_size(cells: int) -> tuple[int, int]:
-    """Rows and columns of the rectangular tile of a cell with that many elements along its sides."""
+    """Return rows and columns of the rectangular tile of a cell with that many elements along its sides."""
     return round(cells * np.sqrt(3.0)), cells
 
 
@@ -50,7 +50,7 @@ class HexagonalProblem(LayerProblem):
         return _shown_round_lattice_points(brightness, shape)
 
     def conductivity(self, density: Floats, penalty: Floats | float) -> Floats:
-        """Of every triangle, (2, h, w)."""
+        """Compute the conductivity of every triangle, (2, h, w)."""
         return super().conductivity(_at_triangles(density), penalty)
 
     def sensitivity(self, density: Floats, penalty: Floats | float, energy: Floats) -> Floats:
@@ -65,14 +65,14 @@ class HexagonalProblem(LayerProblem):
         return nodes
 
     def finer(self, density: Floats, shape: tuple[int, int]) -> Floats:
-        """Densities of the nodes of a lattice of twice as many."""
+        """Return the densities of the nodes of a lattice of twice as many."""
         v, u = np.meshgrid(np.arange(shape[0]) / 2, np.arange(shape[1]) / 2, indexing="ij")
         fine: Floats = map_coordinates(density, [v, u], order=3, mode="grid-wrap")
         return fine
 
 
 def _at_triangles(nodes: Floats) -> Floats:
-    """Mean of the corners of the first and the second triangle of every rhombus."""
+    """Return the mean of the corners of the first and the second triangle of every rhombus."""
     right, below, opposite = np.roll(nodes, -1, 1), np.roll(nodes, -1, 0), np.roll(nodes, (-1, -1), (0, 1))
     return np.stack([nodes + right + opposite, nodes + below + opposite]) / 3
 

@@ -159,7 +159,7 @@ def update(
 
 
 def finer_temperature(nodes: Floats, shape: tuple[int, int]) -> Floats:
-    """Temperatures of a plate of half the shape, interpolated."""
+    """Return the temperatures of a plate of half the shape, interpolated."""
     fine = np.empty((shape[0] + 1, shape[1] + 1))
     fine[::2, ::2] = nodes
     fine[1::2, ::2] = (nodes[:-1] + nodes[1:]) / 2

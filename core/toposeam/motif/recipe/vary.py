@@ -60,8 +60,8 @@ def _varied(layer: LayerRecipe, repeat: str, amount: float, rng: np.random.Gener
 def _moved(
     points: tuple[Point, ...], repeat: str, amount: float, rng: np.random.Generator
 ) -> tuple[Point, ...]:
-    """Each point moved by up to `amount` half cells; over the border and in again where the cell repeats so,
-    else mirrored there.
+    """Return each point moved by up to `amount` half cells; over the border and in again where the cell
+    repeats so, else mirrored there.
     """
     moved = []
     for x, y, strength in points:

@@ -92,7 +92,7 @@ def line_visibility(values: npt.NDArray[np.floating], side: int) -> float:
 
 
 def faded(densities: Floats, shared: int, share: float = FADE) -> Floats:
-    """Densities of motifs that go over into the mean of all towards the border.
+    """Return the densities of motifs that go over into the mean of all towards the border.
 
     Parameters
     ----------

@@ -125,7 +125,7 @@ def joint(repeat: str) -> Joint | Shift:
 
 
 def operations(repeat: str) -> list[Operation]:
-    """All operations of a group modulo the cell's translations, the identity first."""
+    """Return all operations of a group modulo the cell's translations, the identity first."""
     identity: Operation = ((1, 0), (0, 1), (0, 0))
     found = [identity]
     for known in found:  # grows while it is read

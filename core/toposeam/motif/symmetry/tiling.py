@@ -13,8 +13,8 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 
 
 def shift_of(repeat: str) -> tuple[int, Fraction] | None:
-    """Of a rule whose rows (``brick``) or columns (``drop``) are shifted against each other: which axis is
-    shifted along, 1 or 0, and by what share of the cell; None for others.
+    """Return the shift of a rule whose rows (``brick``) or columns (``drop``) are shifted against each other:
+    the axis that is shifted along, 1 or 0, and the share of the cell; None for others.
 
     Examples
     --------

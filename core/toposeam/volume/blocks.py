@@ -124,7 +124,7 @@ def labels_by_blocks(
     keep: str | Path | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Any:
-    """Labels of the common box: an array of bool, or a dask array where a folder keeps them.
+    """Compute the labels of the common box: an array of bool, or a dask array where a folder keeps them.
 
     Raises
     ------
@@ -254,7 +254,7 @@ class _Counting:
 
 
 def _even(length: int, block: int, shifted: bool = False) -> tuple[int, ...]:
-    """Chunks of about the same length; shifted, the borders lie in the middle of where they were."""
+    """Return chunks of about the same length; shifted, the borders lie in the middle of where they were."""
     count = -(-length // block)
     ends = [round(length * index / count) for index in range(count + 1)]
     if shifted and count > 1:

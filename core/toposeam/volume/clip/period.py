@@ -166,7 +166,7 @@ def _apart(jumps: list[Jump], count: int, distance: int) -> list[Jump]:
 def good_jumps(
     small: Floats32, transition: int, moving: Mask, cost: MatchCost, spacing: Sequence[float], count: int
 ) -> list[Jump]:
-    """Jumps back and forth that show little, the least one first."""
+    """Find jumps back and forth that show little, the least one first."""
     found: list[Jump] = []
     for lag in range(transition, len(small) - transition + 1):
         for at, score in enumerate(changes(small, lag, transition, moving)):

@@ -57,7 +57,7 @@ def closed_walk(jumps: Sequence[Jump], transition: int, frames: int, rng: np.ran
 
 
 def length(walk: Sequence[Jump]) -> int:
-    """Frames of a closed walk."""
+    """Count the frames of a closed walk."""
     return sum(after.leaves - jump.enters for jump, after in zip(walk, [*walk[1:], walk[0]], strict=True))
 
 

@@ -33,7 +33,7 @@ Sides = npt.NDArray[np.uint8]
 
 
 def coarse_span(shape: tuple[int, ...]) -> tuple[int, ...]:
-    """Voxels per coarse voxel along each axis: the longest axes first."""
+    """Return voxels per coarse voxel along each axis: the longest axes first."""
     span = [1, 1, 1]
     while np.prod([-(-length // side) for length, side in zip(shape, span, strict=True)]) > _COARSE:
         axis = int(np.argmax([length / side for length, side in zip(shape, span, strict=True)]))

@@ -82,7 +82,7 @@ def refined_filling(filled: list[Floats32], span: tuple[int, ...], shape: tuple[
 
 
 def _blocks(values: npt.NDArray[np.generic], span: tuple[int, ...]) -> npt.NDArray:  # type: ignore[type-arg]
-    """Values in blocks, filled up with zeros: (n, m, …) to (n / span, span, m / span, span, …)."""
+    """Arrange values in blocks, filled up with zeros: (n, m, …) to (n / span, span, m / span, span, …)."""
     missing = [(0, -length % side) for length, side in zip(values.shape, span, strict=True)]
     if any(more for _, more in missing):
         values = np.pad(values, missing)

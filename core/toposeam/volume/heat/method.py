@@ -252,7 +252,7 @@ def _posed(problem: SurfaceProblem) -> tuple[VolumeLevel, Merged | None, tuple[F
 
 
 def _near_flow(potential: Floats32, costs: Sequence[Floats32]) -> Mask:
-    """Voxels within a few steps of where heat flows, or the labels change."""
+    """Return voxels within a few steps of where heat flows, or the labels change."""
     near = np.zeros(potential.shape, bool)
     for axis, cost in enumerate(costs):
         low, high = along(axis, LOW), along(axis, HIGH)

@@ -15,7 +15,7 @@ Volume = npt.NDArray[Any]
 
 
 def as_volume(volume: Any, name: str, channel_axis: int | None = None) -> Volume:
-    """Voxels with a channel axis at the end, as they are.
+    """Return voxels with a channel axis at the end, unchanged.
 
     Parameters
     ----------

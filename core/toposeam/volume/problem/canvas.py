@@ -53,7 +53,7 @@ class Places:
 
 
 def placed(size_a: Sequence[int], size_b: Sequence[int], offset: Any) -> Places:
-    """Two stacks, the second one at an offset from the first.
+    """Place two stacks, the second one at an offset from the first.
 
     Parameters
     ----------

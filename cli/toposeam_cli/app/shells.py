@@ -52,7 +52,7 @@ class PowershellComplete(ShellComplete):
         return words, incomplete.strip("'\"")
 
     def format_completion(self, item: CompletionItem) -> str:
-        """One answer."""
+        """Format one answer."""
         return f"{item.type}\t{item.value}\t{(item.help or item.value).replace(chr(9), ' ')}"
 
 

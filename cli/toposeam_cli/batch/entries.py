@@ -340,7 +340,7 @@ def _has_wildcard(text: str, folder: Path) -> bool:
 
 
 def _matches(pattern: str, folder: Path) -> dict[tuple[str, ...], str]:
-    """Files that a pattern matches, by what its wildcards stand for."""
+    """Return files that a pattern matches, by what its wildcards stand for."""
     expression, end = "", 0
     for wildcard in _WILDCARD.finditer(pattern):
         expression += re.escape(pattern[end : wildcard.start()])

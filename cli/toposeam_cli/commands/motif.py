@@ -159,7 +159,7 @@ def _solid(
     force: bool,
     quiet: bool,
 ) -> None:
-    """A mesh of what heat builds in a block."""
+    """Write a mesh of what heat builds in a block."""
     if output is None:
         raise ts.OptionError("--depth makes a mesh; say where it goes with -o vase.stl, or .ply")
     begun = _begun(beginning)
@@ -190,7 +190,7 @@ def _explore(
     force: bool,
     quiet: bool,
 ) -> None:
-    """A page of relatives: of a motif that is given, or of other seeds."""
+    """Write a page of relatives: of a motif that is given, or of other seeds."""
     if output is None:
         raise ts.OptionError("--explore makes a page; say where it goes with -o sheet.html")
     if counts[0] * counts[1] > 200:
@@ -243,7 +243,7 @@ def _recipe(
     amount: float | None,
     begun: tuple[ts.Recipe | None, dict[str, Any], dict[str, Any]],
 ) -> tuple[ts.Recipe, dict[str, Any]]:
-    """The recipe of an option list and what it begins with, varied; and how that was printed."""
+    """Return the recipe of an option list and its base, varied; and how that was printed."""
     whole, printed, options = begun
     given = {**options, **given}
     if isinstance(given.get("palette"), str):
@@ -262,7 +262,7 @@ def _recipe(
 
 
 def _checked(table: Mapping[str, Any], config: Path) -> dict[str, Any]:
-    """Options from a file of parameters, named as on the command line."""
+    """Return options from a file of parameters, named as on the command line."""
     names = {parameter.name: parameter for parameter in motif.params}
     places = {"filter": "filter_radius"}
     options: dict[str, Any] = {}

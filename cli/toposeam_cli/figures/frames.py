@@ -23,7 +23,7 @@ Floats32 = npt.NDArray[np.float32]
 def film_frame(
     frame: ts.Frame, shared: npt.NDArray[np.bool_] | None = None, size: tuple[int, int] | None = None
 ) -> npt.NDArray[np.uint8]:
-    """One frame as a picture: each pixel interface a short line, the redder the denser.
+    """Return one frame as a picture: each pixel interface a short line, the redder the denser.
 
     Parameters
     ----------

@@ -47,7 +47,7 @@ def give_name(temporary: Path, target: Path, force: bool) -> None:
 
 
 def put_folder(output: Prepared, force: bool) -> None:
-    """The same for a folder, whose predecessor is kept beside it."""
+    """Do the same for a folder, whose predecessor is kept beside it."""
     if os.path.lexists(output.target):
         if not force:
             raise FileExistsError

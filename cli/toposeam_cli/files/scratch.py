@@ -97,7 +97,7 @@ def _emptied(paths: Iterable[Path]) -> None:
 
 @contextmanager
 def scratch(folder: Path) -> Iterator[Scratch]:
-    """A folder for temporary files, which are gone after the block."""
+    """Open a folder for temporary files, which are gone after the block."""
     _let_many_be_open()
     with ExitStack() as open_files:
         yield Scratch(folder.resolve(), open_files)

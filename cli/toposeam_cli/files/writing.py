@@ -60,7 +60,7 @@ class OutputBlock:
         self._open.enter_context(claim(output.temporary))
 
     def complete(self, output: Prepared) -> None:
-        """The temporary file or folder holds all it should."""
+        """Mark the temporary file or folder as complete."""
         with suppress(OSError):
             shutil.copymode(output.target, output.temporary)  # of what it will replace, if anything
         if not output.is_folder:

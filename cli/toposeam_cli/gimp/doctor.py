@@ -66,7 +66,7 @@ def _gimps(found: Sequence[Program]) -> Iterator[Finding]:
 
 
 def _asked(found: Sequence[Program], profile: Profile, profiles: Sequence[Profile]) -> Iterator[Finding]:
-    """Every GIMP that reads a profile, asked whether it loads the plug-in from there."""
+    """Ask every GIMP that reads a profile whether it loads the plug-in from there."""
     there = [program for program in found if program.is_3]
     readers = [program for program in there if _reads(program, profile)]
     if there and not readers:

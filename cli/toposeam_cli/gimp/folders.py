@@ -132,7 +132,9 @@ def is_new(profile: Profile) -> bool:
 
 
 def older_profiles(profile: Profile) -> list[str]:
-    """Versions whose settings GIMP would take over at its first start, if there were no new profile yet."""
+    """Return versions whose settings GIMP would take over at its first start, if there were no new profile
+    yet.
+    """
     if profile.version is None:
         return []
     root, own = profile.plug_ins.parent.parent, [int(part) for part in profile.version.split(".")]

@@ -30,7 +30,7 @@ class Program:
 
 
 def programs() -> list[Program]:
-    """Every GIMP that is found, the newest first; of each version the first on PATH."""
+    """Return every GIMP that is found, the newest first; of each version the first on PATH."""
     found: dict[str, Program] = {}
     for folder in _folders():
         for file in sorted(folder.glob("gimp*")):

@@ -136,7 +136,7 @@ class TaskCrew:
     def stream(
         self, function: Callable[[Any], Any], ready: Callable[[], tuple[int, Any] | None], /
     ) -> Iterator[tuple[int, Any]]:
-        """Results as they come, as :class:`toposeam.layers.execution.tasks.Streaming` has them.
+        """Yield results as they come, as :class:`toposeam.layers.execution.tasks.Streaming` has them.
 
         Raises
         ------
@@ -219,7 +219,7 @@ class TaskCrew:
 
 
 def done(call: Call) -> bytes:
-    """In a worker: what a function of an item gives, or what it raises."""
+    """Run in a worker: return what a function of an item gives, or what it raises."""
     _keep_memory()
     pickled, folder = call
     try:
@@ -251,7 +251,7 @@ def _portable(error: Exception) -> Exception:
 
 @contextmanager
 def crew(processes: int, dask: str | None = None, store: Scratch | None = None) -> Iterator[TaskCrew | None]:
-    """So many processes, or the workers of a Dask cluster, which end with the block; None where this process
+    """Start processes, or the workers of a Dask cluster, which end with the block; None where this process
     does everything itself.
 
     Parameters

@@ -97,14 +97,14 @@ class WorkerCheck:
 
     @classmethod
     def at(cls, probe: Path, files: Iterable[Path]) -> WorkerCheck:
-        """At some files, and at one that is made for it."""
+        """Make a check of some files, and of one that is made for it."""
         secret = uuid.uuid4().hex
         probe.write_text(secret)
         sizes = {str(path.absolute()): path.stat().st_size for path in (probe, *files)}
         return cls(versions(), sizes, secret)
 
     def __call__(self) -> str:
-        """In a worker: what is wrong, or nothing."""
+        """Run in a worker: return what is wrong, or nothing."""
         for name, theirs in versions().items():
             if theirs != self.versions[name]:
                 return (
@@ -126,7 +126,7 @@ class WorkerCheck:
 
 
 def versions() -> dict[str, str]:
-    """Of what decides about the last bit."""
+    """Return the versions that decide about the last bit."""
     from importlib.metadata import version
 
     found = {name: version(name) for name in ("toposeam", "numpy", "scipy")}
@@ -179,7 +179,7 @@ def dask_workers(address: str, count: int, waiting: int = 0) -> Iterator[Workers
 
 @contextmanager
 def _client_of(cluster: Any, address: str) -> Iterator[Any]:
-    """A client of a cluster of ours, or of the scheduler at an address."""
+    """Open a client of a cluster of ours, or of the scheduler at an address."""
     from distributed import Client
 
     with _running_loop() if cluster is None else nullcontext() as loop:  # a cluster has one

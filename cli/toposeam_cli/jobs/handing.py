@@ -102,7 +102,7 @@ class _Pickler(pickle.Pickler):
         self._handing = handing
 
     def reducer_override(self, value: Any) -> Any:
-        """Arrays that lie in files are opened there."""
+        """Pickle arrays that lie in files by their place."""
         place = self._handing.place(value) if isinstance(value, np.ndarray) else None
         return NotImplemented if place is None else (mapped, place)
 

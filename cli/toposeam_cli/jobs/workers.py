@@ -104,7 +104,7 @@ class Workers(ABC):
 
     @abstractmethod
     def _give_back(self, executor: Executor, died: bool) -> None:
-        """The worker is free, or dead."""
+        """Free the worker, or note its death."""
 
 
 def answer(task: Task) -> Answer:

@@ -186,7 +186,7 @@ def _brightness(piece: Piece, slope_x: Floats, slope_y: Floats, place: tuple[Flo
 
 
 def _gloss(piece: Piece, place: tuple[Floats, Floats]) -> Floats:
-    """Two bands of reflected light."""
+    """Return two bands of reflected light."""
     across = place[0] + 0.45 * place[1]
     result: Floats = piece.gloss * 0.28 * np.exp(-(((across - 0.52) / 0.05) ** 2))
     return result + piece.gloss * 0.12 * np.exp(-(((across - 0.66) / 0.02) ** 2))

@@ -50,7 +50,8 @@ class Print:
         return _DPI if self.dpi is None and self.width_mm is not None and self.pixels is None else self.dpi
 
     def laid(self, recipe: ts.Recipe) -> tuple[tuple[int, int], tuple[int, int]]:
-        """Rows and columns of motifs that are laid, and rows and columns of px of one, which keeps its shape.
+        """Return rows and columns of motifs that are laid, and rows and columns of px of one, which keeps its
+        shape.
 
         Where the size of the whole picture is given, as many columns as `counts` says fill its width, and
         what is too much below is cut.
@@ -119,7 +120,7 @@ def ink_names(recipe: ts.Recipe) -> tuple[str, ...]:
 
 
 def describe(made: ts.Motif, counts: tuple[int, int]) -> str:
-    """One line about a motif for people."""
+    """Return one line about a motif for people."""
     many = "" if counts == (1, 1) else f"{counts[1]} × {counts[0]} motifs, "
     return f"{many}{counted(len(made.inks), 'ink')}, repeats by {made.repeat}, seed {made.recipe.seed}"
 
@@ -149,8 +150,8 @@ def printable(
 
 
 def separation(coverage: np.ndarray, dpi: float | None, settings: Mapping[str, Any]) -> Picture:
-    """One ink as a gray picture: black where it is full, white where there is none. It has no colour profile,
-    since its numbers are shares of ink.
+    """Return one ink as a gray picture: black where it is full, white where there is none. It has no colour
+    profile, since its numbers are shares of ink.
     """
     return Picture(
         pixels=to_depth(np.ascontiguousarray(1.0 - coverage, dtype=np.float32), np.dtype(np.uint8)),

@@ -237,5 +237,5 @@ def _rendered(shown: Product, drawing: str, fill: dict[str, str], ground: str | 
 
 
 def _plain(colour: str, colours: dict[str, str]) -> np.ndarray:
-    """One colour as a pattern."""
+    """Return one colour as a pattern."""
     return np.array([[parse_colour(colours.get(colour, colour))]], np.float32)

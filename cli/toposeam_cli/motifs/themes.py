@@ -33,7 +33,7 @@ def read_colours(text: str, folder: Path = Path()) -> str | Palette | np.ndarray
 
 
 def _palette(colours: np.ndarray, of: str) -> Palette:
-    """The first colour is the paper's, the others are inks."""
+    """Make a palette: the first colour is the paper's, the others are inks."""
     if len(colours) < 2:
         raise ts.OptionError(f"the palette {of} has no ink; write the paper's colour and one per layer")
     return Palette(paper=colours[0], inks=colours[1:])

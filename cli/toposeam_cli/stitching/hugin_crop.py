@@ -22,7 +22,7 @@ class Framed:
         self.divides = False
 
     def part(self, rows: slice, columns: slice) -> Framed:
-        """It is not divided."""
+        """Return itself: a crop is not divided."""
         return self
 
     def window(self, rows: slice, columns: slice) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:

@@ -109,7 +109,7 @@ class _Reading:
     lost: list[str] = field(default_factory=list)
 
     def read(self, files: Sequence[Path], names: Sequence[str]) -> Iterator[tuple[int, Picture]]:
-        """Each picture with its number."""
+        """Yield each picture with its number."""
         if not self.skips:
             try:
                 check_together(files, self.limit)

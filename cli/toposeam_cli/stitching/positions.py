@@ -138,8 +138,8 @@ def _of_tiffs(files: Sequence[Path], pictures: Sequence[Picture]) -> list[tuple[
 def _in_grid(
     pictures: Sequence[Picture], where: Where, way: str, numbers: Sequence[int], count: int
 ) -> list[tuple[float, float]]:
-    """Places row by row, each picture overlapping the one before it, and each row the one above; one that is
-    missing is as large as the first.
+    """Return places row by row, each picture overlapping the one before it, and each row the one above; one
+    that is missing is as large as the first.
     """
     if where.overlap is None:
         raise ts.OptionError(f"{way} needs to know how far the pictures overlap; add --overlap, like 25%")

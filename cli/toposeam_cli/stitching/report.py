@@ -87,7 +87,7 @@ def hidden(composed: ts.Composition, remedy: str) -> list[str]:
 
 
 def describe_placement(layers: tuple[ts.Layer, ...], placement: ts.Placement | None) -> list[str]:
-    """One line per layer whose place was found, where it was."""
+    """Return one line per layer whose place was found, where it was."""
     if placement is None:
         return []
     lines = []
@@ -103,7 +103,7 @@ def describe_placement(layers: tuple[ts.Layer, ...], placement: ts.Placement | N
 
 
 def describe_alignment(layers: tuple[ts.Layer, ...], aligned: ts.Aligned | None) -> list[str]:
-    """One line per layer that was moved."""
+    """Return one line per layer that was moved."""
     if aligned is None:
         return []
     lines = []
@@ -117,7 +117,7 @@ def describe_alignment(layers: tuple[ts.Layer, ...], aligned: ts.Aligned | None)
 
 
 def describe(seam: ts.Seam) -> str:
-    """One line about the seam of two layers for people."""
+    """Return one line about the seam of two layers for people."""
     effort = f" in {counted(len(seam.history), 'iteration')}" if seam.history else ""
     text = (
         f"seam of {round(seam.length)} px by {seam.method}{effort}, cost {seam.cost:.4g}, "

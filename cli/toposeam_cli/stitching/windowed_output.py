@@ -315,7 +315,7 @@ def write_large(
 
 
 def describe_totals(composed: ts.Composition, executor: Executor | None = None) -> str:
-    """One line about the seams for people."""
+    """Return one line about the seams for people."""
     if not composed.pairs:
         return f"{len(composed.names)} layers without a seam"
     totals, rounds = composed.totals(executor), composed.rounds

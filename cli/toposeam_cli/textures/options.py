@@ -332,7 +332,7 @@ def map_outputs(output: Path, also: Sequence[Path]) -> tuple[Path, ...]:
 
 
 def read_sources(paths: Sequence[Path], max_megapixels: float) -> list[Picture]:
-    """Exemplars of one depth and colour space."""
+    """Return exemplars of one depth and colour space."""
     return match_pictures([read_picture(path, max_pixels=round(max_megapixels * 1e6)) for path in paths])
 
 
@@ -362,7 +362,7 @@ def alphas(pictures: Sequence[Picture]) -> list[Any] | None:
 
 
 def read_one(image: Path, search: Search, results: Results) -> tuple[Picture, list[Picture]]:
-    """One picture and its further maps."""
+    """Return one picture and its further maps."""
     maps = read_maps(search.also, 1, results.max_megapixels)
     return read_sources([image], results.max_megapixels)[0], [given[0] for given in maps]
 

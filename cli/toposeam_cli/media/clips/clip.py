@@ -45,7 +45,7 @@ def evenly(
     name: str,
     max_pixels: int,
 ) -> tuple[Frames, Fraction]:
-    """Frames at an even rate.
+    """Return frames at an even rate.
 
     Parameters
     ----------

@@ -66,8 +66,8 @@ class Decoding:
     xmp: bytes | None
 
     def values(self) -> np.ndarray:
-        """All pixels, once: an (H, W) or (H, W, C) ndarray with the channels that the file has once its
-        colours are gray or RGB, alpha last; of one of the depths a picture can have.
+        """Return all pixels, once: an (H, W) or (H, W, C) ndarray with the channels that the file has once
+        its colours are gray or RGB, alpha last; of one of the depths a picture can have.
         """
         return _known_depth(evaluate(self.image, self.image.numpy))
 
@@ -84,7 +84,7 @@ class Decoding:
 
 @contextmanager
 def decoding(path: Path, max_pixels: int) -> Iterator[Decoding]:
-    """The picture in a file, to be decoded within the block; the rules are those of
+    """Open the picture in a file, to be decoded within the block; the rules are those of
     :func:`toposeam_cli.media.pictures.picture.read_picture`.
 
     Raises

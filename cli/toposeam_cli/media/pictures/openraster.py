@@ -324,7 +324,7 @@ def _shown(picture: Picture, stitched: ts.Stitched, mask: np.ndarray, place: tup
 
 
 def _thumbnail(picture: Picture) -> Picture:
-    """At most 256 px a side, 8 bits, RGBA, by averaging blocks."""
+    """Reduce a picture to at most 256 px a side, 8 bits, RGBA, by averaging blocks."""
     height, width = picture.pixels.shape[:2]
     size = max(1, -(-max(height, width) // 256))
     alpha = (

@@ -23,7 +23,7 @@ class Coming:
         self._changed = Condition()
 
     def up_to(self, rows: int) -> None:
-        """So many are there."""
+        """Set the number of rows that are there."""
         with self._changed:
             self._rows = rows
             self._changed.notify_all()
@@ -104,7 +104,7 @@ class Stored(Windows):
             os.truncate(path, height * width * bands * self.dtype.itemsize)
 
     def read(self, rows: slice, columns: slice) -> np.ndarray:
-        """Some rows and columns."""
+        """Return some rows and columns."""
         if self._coming is not None:
             self._coming.wait(self.corner[0] + rows.indices(self.shape[0])[1])
         first, stop, step = columns.indices(self.shape[1])
@@ -120,7 +120,7 @@ class Stored(Windows):
         return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
 
     def _read(self, path: Path, width: int, rows: slice, columns: slice) -> np.ndarray:
-        """Some rows, and columns of one file."""
+        """Return some rows, and columns of one file."""
         first, stop = self.bands
         band: Any = first if self.ndim == 2 else slice(first, stop)
         # Mapped for this window only: pages that stay mapped count as memory of the process. NumPy's own maps

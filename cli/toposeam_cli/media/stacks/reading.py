@@ -148,7 +148,7 @@ def _damage_told(logger: logging.Logger) -> Iterator[list[str]]:
 
 
 def _lazy(tifffile: Any, path: Path) -> Any:
-    """Slices of a compressed file, each read when it is wanted."""
+    """Return slices of a compressed file, each read when it is wanted."""
     array = needs("dask.array", path)
     delayed = needs("dask", path).delayed
     with tifffile.TiffFile(path) as file:
@@ -163,7 +163,7 @@ def _lazy(tifffile: Any, path: Path) -> Any:
 
 
 def _ordered(voxels: Any, axes: str, kept: list[str], path: Path) -> Any:
-    """Voxels as (z, y, x) or (z, y, x, channels)."""
+    """Return voxels as (z, y, x) or (z, y, x, channels)."""
     singles = tuple(place for place, axis in enumerate(axes) if axis not in kept)
     voxels = voxels.squeeze(singles) if singles else voxels
     named = "".join(kept).replace("I", "Z").replace("Q", "Z")

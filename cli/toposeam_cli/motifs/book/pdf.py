@@ -95,13 +95,13 @@ class _Page:
         self._draw = ImageDraw.Draw(self.image)
 
     def words(self, text: str, x: float, y: float, size: float, colour: str = _INK) -> None:
-        """Lines of text, `size` in points."""
+        """Draw lines of text, `size` in points."""
         side = size / 72 * _DPI
         text = text.replace("–", "-")
         self._draw.multiline_text((_px(x), _px(y)), text, colour, _font(text, side), spacing=0.35 * side)
 
     def picture(self, pixels: np.ndarray, x: float, y: float, width: float, height: float) -> None:
-        """A picture that fills a rectangle."""
+        """Draw a picture that fills a rectangle."""
         from PIL import Image
 
         left, top = _px(x), _px(y)
@@ -148,7 +148,7 @@ def _cover(title: str, folder: Path, rows: Sequence[Row]) -> _Page:
 
 
 def _kinds(folder: Path, rows: Sequence[Row]) -> _Page:
-    """One pattern of each kind and season: Figure 4.10 of the thesis."""
+    """Return one pattern of each kind and season: Figure 4.10 of the thesis."""
     page = _Page()
     page.words("Kinds and seasons", _MARGIN_MM, 18, 18)
     step = (_WIDTH_MM - 2 * _MARGIN_MM) / 4

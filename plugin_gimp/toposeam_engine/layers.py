@@ -74,7 +74,7 @@ def with_alpha(image: Image, alpha: Image | None) -> Image:
 def masks_of(
     job: EngineJob, layers: Sequence[ts.Layer], masks: Iterable[Mask], canvas: Extent
 ) -> list[dict[str, Any]]:
-    """Each layer's mask, of the layer's own size, 255 where it shows."""
+    """Return each layer's mask, of the layer's own size, 255 where it shows."""
     return [
         job.write(mask[canvas.place(layer).slices].astype(np.uint8) * np.uint8(255))
         for layer, mask in zip(layers, masks, strict=True)

@@ -15,7 +15,7 @@ from toposeam_engine.serving import EngineJob
 
 
 def motif(job: EngineJob) -> dict[str, Any]:
-    """Layers of ink: a density per ink, the inks' and the paper's colours, and the recipe."""
+    """Return layers of ink: a density per ink, the inks' and the paper's colours, and the recipe."""
     made = generated(job)
     return {
         "inks": [to_hex(ink) for ink in made.inks],
@@ -42,7 +42,9 @@ def generated(job: EngineJob) -> ts.Motif:
 
 
 def repeat(job: EngineJob) -> dict[str, Any]:
-    """Densities laid side by side by a rule, which one, and the colours where a palette was asked for."""
+    """Return densities laid side by side by a rule, which one, and the colours where a palette was asked
+    for.
+    """
     densities, rule = repeated(job)
     result = {"densities": [job.write(density) for density in densities], "repeat": rule}
     name = str(job.options.get("palette", "own"))

@@ -61,7 +61,7 @@ def stitched(job: EngineJob, layers: Sequence[ts.Layer]) -> tuple[list[ts.Layer]
 
 
 def _on_canvas(layers: Sequence[ts.Layer], first: tuple[int, int]) -> list[ts.Layer]:
-    """Layers moved together so that the first one lies where it lay, or as near to that as leaves nothing to
+    """Move layers together so that the first one lies where it lay, or as near to that as leaves nothing to
     the left of the asker's canvas or above it.
     """
     shift = [max(first[axis], -min(layer.at[axis] for layer in layers)) for axis in (0, 1)]
@@ -84,7 +84,7 @@ def patch_layers(job: EngineJob) -> list[ts.Layer]:
 
 
 def restitch(job: EngineJob) -> dict[str, Any]:
-    """Layers joined along given paths.
+    """Join layers along given paths.
 
     Of two layers the paths say everything. Of more, each pair whose path was touched divides anew what the
     two of them show.

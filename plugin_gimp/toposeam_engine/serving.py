@@ -82,7 +82,7 @@ class Channel:
             self.send("progress", share=round(min(max(share, 0.0), 1.0), 4))
 
     def restart(self) -> None:
-        """The next request begins at 0."""
+        """Reset the progress to 0 for the next request."""
         self._share = -1.0
 
 

@@ -41,7 +41,7 @@ class TopoSeam(Gimp.PlugIn):  # type: ignore[misc]
         return list(PROCEDURES)
 
     def do_create_procedure(self, name: str) -> Gimp.Procedure:
-        """One procedure, from the table."""
+        """Make one procedure, from the table."""
         entry = PROCEDURES[name]
         procedure = Gimp.ImageProcedure.new(self, name, Gimp.PDBProcType.PLUGIN, _run, None)
         procedure.set_image_types("*" if entry.needs == "nothing" else "RGB*, GRAY*")

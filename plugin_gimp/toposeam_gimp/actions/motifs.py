@@ -72,7 +72,7 @@ def inks_of(group: Gimp.GroupLayer) -> list[Gimp.Layer]:
 
 
 def colours_of(group: Gimp.GroupLayer) -> dict[str, Any]:
-    """The colours of inks and paper as a request for a preview has them."""
+    """Return the colours of inks and paper as a request for a preview has them."""
     return {
         "inks": [_hexadecimal(_colour(ink)) for ink in inks_of(group)],
         "paper": _hexadecimal(_colour(group.get_children()[-1])),

@@ -61,14 +61,14 @@ class PreviewPane:
         self._open = False
 
     def start(self) -> None:
-        """The dialog is about to appear."""
+        """Start the previews, as the dialog appears."""
         self._open = True
         self._rehearsal.warm_up()
         self._sign = GLib.timeout_add_seconds(_ALIVE_S, self._stay)
         self.changed()
 
     def close(self) -> None:
-        """The dialog is about to go."""
+        """Stop the previews, as the dialog closes."""
         self._open = False
         self._stop()
         if self._clock:
@@ -112,7 +112,7 @@ class PreviewPane:
         return False
 
     def _stop(self) -> None:
-        """No longer wait for a moment of rest."""
+        """Cancel the wait for a moment of rest."""
         if self._timer:
             GLib.source_remove(self._timer)
             self._timer = 0
@@ -142,7 +142,7 @@ class PreviewPane:
         return False
 
     def _next(self) -> bool:
-        """One frame on."""
+        """Advance by one frame."""
         self._frames = [*self._frames[1:], self._frames[0]]
         self._draw(self._frames[0])
         return True
@@ -170,7 +170,7 @@ class PreviewPane:
 
 
 def _squared(pixbuf: GdkPixbuf.Pixbuf) -> GdkPixbuf.Pixbuf:
-    """In the middle of a transparent square: icons are laid out as squares."""
+    """Centre in a transparent square: icons are laid out as squares."""
     width, height = pixbuf.get_width(), pixbuf.get_height()
     side = max(width, height)
     square = GdkPixbuf.Pixbuf.new(GdkPixbuf.Colorspace.RGB, True, 8, side, side)

@@ -37,5 +37,5 @@ class Call:
 
 
 def renamed(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Options by the names of Python's keywords."""
+    """Return the options by the names of Python's keywords."""
     return {name.replace("-", "_"): value for name, value in options.items()}

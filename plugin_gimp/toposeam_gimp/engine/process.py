@@ -64,7 +64,7 @@ def settings_file() -> Path:
 
 
 def missing_methods() -> list[str]:
-    """Methods that the installed engine lacks, as far as the installer noted it."""
+    """Return the methods that the installed engine lacks, as far as the installer noted it."""
     try:
         return list(json.loads(settings_file().read_text(encoding="utf-8"))["without"])
     except (OSError, ValueError, KeyError, TypeError):

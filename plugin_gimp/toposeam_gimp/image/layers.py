@@ -43,7 +43,7 @@ def chosen_layers(image: Gimp.Image, drawables: Sequence[Gimp.Drawable]) -> list
 
 
 def lowest_first(image: Gimp.Image, layers: Sequence[Gimp.Layer]) -> list[Gimp.Layer]:
-    """Layers in the order of the stack, from below; a group together with what is in it is refused."""
+    """Sort layers in the order of the stack, from below; a group together with what is in it is refused."""
     chosen = {layer.get_id() for layer in layers}
     ordered: list[Gimp.Layer] = []
 

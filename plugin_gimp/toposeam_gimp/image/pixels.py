@@ -57,7 +57,7 @@ def color_format(image: Gimp.Image, drawable: Gimp.Drawable, dtype: str) -> str:
 
 
 def size_of(image: Gimp.Image, drawable: Gimp.Drawable) -> int:
-    """Bytes a layer takes in a request."""
+    """Return the bytes a layer takes in a request."""
     channels = 2 if image.get_base_type() == Gimp.ImageBaseType.GRAY else 4
     return int(drawable.get_width() * drawable.get_height() * channels * _BYTES[depth(image)])
 

@@ -10,8 +10,8 @@ from gi.repository import Gegl, Gimp
 
 @contextmanager
 def as_seen(image: Gimp.Image, layer: Gimp.Layer) -> Iterator[Gimp.Layer]:
-    """The layer itself, or where it has filters a copy with these merged, outside of the image. Mask, mode
-    and opacity do not count.
+    """Yield the layer itself, or where it has filters a copy with these merged, outside of the image. Mask,
+    mode and opacity do not count.
     """
     if not _filters(layer):
         yield layer
@@ -30,8 +30,8 @@ def as_seen(image: Gimp.Image, layer: Gimp.Layer) -> Iterator[Gimp.Layer]:
 
 
 def plain_copy(image: Gimp.Image, layer: Gimp.Layer, parent: Gimp.Layer | None, position: int) -> Gimp.Layer:
-    """A visible copy of what is seen of a layer, put into the image: with transparency, in Normal mode and
-    opaque, its mask applied and its filters merged, nothing locked.
+    """Make a visible copy of what is seen of a layer, put into the image: with transparency, in Normal mode
+    and opaque, its mask applied and its filters merged, nothing locked.
     """
     with as_seen(image, layer) as seen:
         copy = layer.copy() if seen is layer else Gimp.Layer.new_from_drawable(seen, image)

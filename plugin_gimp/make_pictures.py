@@ -40,7 +40,7 @@ def save(picture: Image.Image, file: Path) -> None:
 
 
 def comma() -> np.ndarray:
-    """A bent drop, which no turn or mirror takes to itself: (N, 2), about 1 long, round the origin."""
+    """Return a bent drop, which no turn or mirror takes to itself: (N, 2), about 1 long, round the origin."""
     along = np.linspace(0, 1, 40)
     angle = 2.6 * (1 - along) - 0.4
     spine = np.stack([0.42 * np.cos(angle), 0.42 * np.sin(angle)], axis=1)
@@ -56,8 +56,8 @@ def comma() -> np.ndarray:
 
 
 def copies(rule: str) -> tuple[list[tuple[np.ndarray, np.ndarray]], np.ndarray]:
-    """The copies of a point in a pattern's translational cell, each as a matrix and a shift in cells of the
-    motif; and the translations, as columns.
+    """Return the copies of a point in a pattern's translational cell, each as a matrix and a shift in cells
+    of the motif; and the translations, as columns.
     """
     lattice = _SLANTED if rule in HEXAGONAL else np.eye(2)
     if rule in ("reflect", "rotate"):
@@ -83,7 +83,7 @@ def copies(rule: str) -> tuple[list[tuple[np.ndarray, np.ndarray]], np.ndarray]:
 
 
 def rule_picture(rule: str) -> Image.Image:
-    """A pattern of commas by a rule."""
+    """Return a pattern of commas by a rule."""
     group, lattice = copies(rule)
     extent = 1.0 if rule == "none" else 2.0 if len(group) <= 4 or rule in ("reflect", "rotate") else 1.5
     around = [lattice @ np.array([x, y], float) for x in range(-4, 5) for y in range(-4, 5)]
@@ -104,7 +104,7 @@ def rule_picture(rule: str) -> Image.Image:
 
 
 def best_place(group: list[Any], around: list[np.ndarray], rule: str) -> tuple[np.ndarray, float]:
-    """Where copies are farthest from each other, and how far."""
+    """Find the place where copies are farthest from each other, and their distance."""
     if rule in ("none", "translate", "p1", "drop", "brick", "reflect", "rotate"):
         return np.array([0.5, 0.5]), 0.7
     places = (np.indices((24, 24)).reshape(2, -1).T + 0.5) / 24
@@ -116,7 +116,7 @@ def best_place(group: list[Any], around: list[np.ndarray], rule: str) -> tuple[n
 
 
 def palette_picture(name: str) -> Image.Image:
-    """A palette's paper with six of its inks."""
+    """Return a palette's paper with six of its inks."""
     colours = ts.PALETTES[name]
     side = SIZE * FINE
     picture = Image.new("RGB", (side, side), colours[0])

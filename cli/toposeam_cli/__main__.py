@@ -1,5 +1,5 @@
-"""Where the process of the command begins and ends: without a traceback from its first moment to its last,
-whatever signals come and wherever the output goes.
+"""Start and end of the command's process: no traceback at any moment, whatever signals come and wherever the
+output goes.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ def _deaf() -> None:
 
 
 def _flushed(*, quiet: bool) -> bool:
-    """Whether all that was printed has arrived; Python itself would tell it with a traceback. `quiet`: an
-    error was told already, and one sentence is enough.
+    """Test whether all printed text has arrived; Python itself would print a traceback. `quiet`: an error was
+    reported already, and one sentence is enough.
     """
     arrived = True
     for stream in (sys.stdout, sys.stderr):

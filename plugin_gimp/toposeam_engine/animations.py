@@ -1,4 +1,4 @@
-"""What the engine can be asked for about animations: a clip that runs into its beginning."""
+"""The engine's operations on animations: a clip that runs into its beginning."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from toposeam_engine.serving import EngineJob
 
 
 def loop(job: EngineJob) -> dict[str, Any]:
-    """The frames of a loop, and which frame of the clip it begins with."""
+    """Return the frames of a loop, and which frame of the clip it begins with."""
     made = looped(job)
     return {"frames": [job.write(with_alpha(frame, None)) for frame in made.frames], "start": made.start}
 
 
 def looped(job: EngineJob) -> ts.Loop:
-    """The loop itself."""
+    """Return the loop itself."""
     frames = []
     for raster in job.request["layers"]:
         image, alpha = colours_of(job, raster)

@@ -18,12 +18,14 @@ from toposeam_engine.serving import EngineJob
 
 
 def layers_of(job: EngineJob) -> list[ts.Layer]:
-    """The layers of the request: color and alpha of one raster each, with a mask of its own multiplied in."""
+    """Return the layers of the request: color and alpha of one raster each, with a mask of its own multiplied
+    in.
+    """
     return [layer_of(job, raster) for raster in job.request["layers"]]
 
 
 def layer_of(job: EngineJob, raster: Mapping[str, Any]) -> ts.Layer:
-    """A layer of the request."""
+    """Return a layer of the request."""
     image, alpha = colours_of(job, raster)
     return ts.Layer(
         image,
@@ -45,7 +47,7 @@ def colours_of(job: EngineJob, raster: Mapping[str, Any]) -> tuple[Image, npt.ND
 
 
 def place_of(raster: Mapping[str, Any]) -> tuple[int, int]:
-    """Where a raster lies."""
+    """Return the position of a raster."""
     x, y = raster["at"]
     return int(x), int(y)
 
@@ -72,7 +74,7 @@ def with_alpha(image: Image, alpha: Image | None) -> Image:
 def masks_of(
     job: EngineJob, layers: Sequence[ts.Layer], masks: Iterable[Mask], canvas: Extent
 ) -> list[dict[str, Any]]:
-    """Each layer's mask, of the layer's own size, 255 where it shows."""
+    """Return each layer's mask, of the layer's own size, 255 where it shows."""
     return [
         job.write(mask[canvas.place(layer).slices].astype(np.uint8) * np.uint8(255))
         for layer, mask in zip(layers, masks, strict=True)
@@ -82,8 +84,8 @@ def masks_of(
 def changes_of(
     job: EngineJob, layers: Sequence[ts.Layer], stitched: ts.Stitched, canvas: Extent
 ) -> dict[str, Any] | None:
-    """The pixels in which the composite differs from the layers under their masks, transparent elsewhere;
-    None if it does not differ.
+    """Return the pixels in which the composite differs from the layers under their masks, transparent
+    elsewhere; None if it does not differ.
     """
     changed = np.zeros(canvas.shape, bool)
     for layer, mask in zip(layers, stitched.masks, strict=True):

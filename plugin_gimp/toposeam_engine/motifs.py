@@ -1,4 +1,4 @@
-"""What the engine can be asked for about motifs: layers of ink invented, and repeated by their rule."""
+"""The engine's operations on motifs: layers of ink invented, and repeated by their rule."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from toposeam_engine.serving import EngineJob
 
 
 def motif(job: EngineJob) -> dict[str, Any]:
-    """Layers of ink: a density per ink, the inks' and the paper's colours, and the recipe."""
+    """Return layers of ink: a density per ink, the inks' and the paper's colours, and the recipe."""
     made = generated(job)
     return {
         "inks": [to_hex(ink) for ink in made.inks],
@@ -26,7 +26,7 @@ def motif(job: EngineJob) -> dict[str, Any]:
 
 
 def generated(job: EngineJob) -> ts.Motif:
-    """The motif itself."""
+    """Return the motif itself."""
     options = job.options
     size = options.pop("size")
     if not options["mass"]:
@@ -42,7 +42,9 @@ def generated(job: EngineJob) -> ts.Motif:
 
 
 def repeat(job: EngineJob) -> dict[str, Any]:
-    """Densities laid side by side by a rule, which one, and the colours where a palette was asked for."""
+    """Return densities laid side by side by a rule, which one, and the colours where a palette was asked
+    for.
+    """
     densities, rule = repeated(job)
     result = {"densities": [job.write(density) for density in densities], "repeat": rule}
     name = str(job.options.get("palette", "own"))
@@ -53,7 +55,7 @@ def repeat(job: EngineJob) -> dict[str, Any]:
 
 
 def repeated(job: EngineJob) -> tuple[list[npt.NDArray[Any]], str]:
-    """The pattern's densities, and the rule they were laid by."""
+    """Return the pattern's densities, and the rule they were laid by."""
     rows, columns = int(job.options["rows"]), int(job.options["columns"])
     rule = str(job.options.get("repeat", "own"))
     if rule == "own":

@@ -1,4 +1,4 @@
-"""What will come of a request, as one small picture: the dialogs show it while options change.
+"""Previews of a request's result, as one small picture: the dialogs show it while options change.
 
 Of an animation it is all frames, one below the other.
 
@@ -29,7 +29,7 @@ _MOTIF_PX, _MOTIF_ITERATIONS = 96, 18
 
 
 def preview(job: EngineJob) -> dict[str, Any]:
-    """The picture of what an operation would give, (H, W, 4) or (H, W, 2) with opacity last."""
+    """Return the picture of what an operation would give, (H, W, 4) or (H, W, 2) with opacity last."""
     options = _reduced(job.options, float(job.request["scale"]))
     for name in ("width", "height"):  # of a texture, of which only a part is shown
         if name in options:
@@ -41,7 +41,7 @@ def preview(job: EngineJob) -> dict[str, Any]:
 
 
 def _reduced(options: dict[str, Any], scale: float) -> dict[str, Any]:
-    """The options for pixels that were reduced; 0 stays what it stands for."""
+    """Return the options for pixels that were reduced; 0 stays what it stands for."""
     return {
         name: max(type(value)(value * scale), _LENGTHS[name]) if value and name in _LENGTHS else value
         for name, value in options.items()

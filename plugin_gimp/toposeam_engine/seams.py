@@ -1,5 +1,5 @@
-"""What the engine can be asked for about seams: functions from an
-:class:`~toposeam_engine.serving.EngineJob` to what goes into the result.
+"""The engine's operations on seams: functions from an :class:`~toposeam_engine.serving.EngineJob` to what
+goes into the result.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def stitch(job: EngineJob) -> dict[str, Any]:
 
 
 def stitched(job: EngineJob, layers: Sequence[ts.Layer]) -> tuple[list[ts.Layer], ts.Stitched]:
-    """The layers, in the places and tones asked for, and what they make."""
+    """Return the layers, in the places and tones asked for, and what they make."""
     options, start = blending(job.options), 0.0
     places = options.pop("places", "given")
     if places == "near":
@@ -61,7 +61,7 @@ def stitched(job: EngineJob, layers: Sequence[ts.Layer]) -> tuple[list[ts.Layer]
 
 
 def _on_canvas(layers: Sequence[ts.Layer], first: tuple[int, int]) -> list[ts.Layer]:
-    """Layers moved together so that the first one lies where it lay, or as near to that as leaves nothing to
+    """Move layers together so that the first one lies where it lay, or as near to that as leaves nothing to
     the left of the asker's canvas or above it.
     """
     shift = [max(first[axis], -min(layer.at[axis] for layer in layers)) for axis in (0, 1)]
@@ -71,20 +71,20 @@ def _on_canvas(layers: Sequence[ts.Layer], first: tuple[int, int]) -> list[ts.La
 
 
 def patch(job: EngineJob) -> dict[str, Any]:
-    """The second layer, where it is selected, laid on the first within a seam."""
+    """Return the second layer, where it is selected, laid on the first within a seam."""
     layers = patch_layers(job)
     return _joined(job, layers, ts.stitch(layers, progress=job.progress, **blending(job.options)))
 
 
 def patch_layers(job: EngineJob) -> list[ts.Layer]:
-    """What is below, and the patch where it is selected."""
+    """Read the layer below, and the patch where it is selected."""
     below, above = layers_of(job)
     selected = selected_on(job, ts.common_canvas([above]))
     return [below, above if selected is None else dataclasses.replace(above, mask=selected)]
 
 
 def restitch(job: EngineJob) -> dict[str, Any]:
-    """Layers joined along given paths.
+    """Join layers along given paths.
 
     Of two layers the paths say everything. Of more, each pair whose path was touched divides anew what the
     two of them show.
@@ -110,7 +110,7 @@ def outside(job: EngineJob, layers: Sequence[ts.Layer]) -> Any:
 
 
 def blending(options: Mapping[str, Any]) -> dict[str, Any]:
-    """The options; a width of 0 means the usual one, and some ways of blending have none."""
+    """Return the options; a width of 0 means the usual one, and some ways of blending have none."""
     chosen = dict(options)
     if law := chosen.pop("law", None):
         chosen["cost"] = ts.MatchCost(law=law)
@@ -137,7 +137,7 @@ def _joined(job: EngineJob, layers: Sequence[ts.Layer], found: ts.Stitched) -> d
 
 
 def _drawing(entry: Mapping[str, Any], canvas: Extent) -> SvgSeam:
-    """The lines of a seam, on the canvas."""
+    """Return the lines of a seam, on the canvas."""
     shift = np.array(canvas.origin, float)
     lines = tuple(
         ts.Polyline(np.array(line["points"], float).reshape(-1, 2) - shift, bool(line["closed"]))
@@ -148,8 +148,8 @@ def _drawing(entry: Mapping[str, Any], canvas: Extent) -> SvgSeam:
 
 
 def _lines(seam: ts.Seam, origin: tuple[int, int]) -> list[dict[str, Any]]:
-    """The lines of a seam as the asker needs them: exact, as few curves for people to bend, and what each of
-    these stands for.
+    """Return the lines of a seam as the asker needs them: exact, as few curves for people to bend, and what
+    each of these stands for.
     """
     lines = []
     for path in seam.paths:

@@ -2,7 +2,7 @@
 plug-in.
 
 The folder belongs to one request and holds all of it: ``request.json``, the pixels in raw files beside it,
-and the results. Whoever asks made it, put a nonce into a file called ``toposeam-request`` there, and writes
+and the results. The asker made it, put a nonce into a file called ``toposeam-request`` there, and writes
 the same nonce as the first line on stdin; any other folder is refused and left untouched. The engine speaks
 on stdout, one JSON object a line::
 
@@ -16,7 +16,7 @@ Called with ``-`` in place of a folder, and perhaps with what previews will be o
 serves one request after another, as previews are: each is two lines on stdin, the folder's name and its
 nonce, and comes to one result or error.
 
-It ends when its stdin is closed, and takes the folder it works on with it: then whoever asked is gone. To
+It ends when its stdin is closed, and takes the folder it works on with it: then the asker is gone. To
 cancel, end the process.
 """
 
@@ -70,25 +70,25 @@ class Channel:
         self._share = -1.0
 
     def send(self, event: str, **fields: Any) -> None:
-        """Say one thing."""
+        """Send one event."""
         with self._lock:
             self._stream.write(json.dumps({"event": event, **fields}) + "\n")
             self._stream.flush()
 
     def progress(self, share: float) -> None:
-        """Say how much is done; steps too small to be seen are left out."""
+        """Report the share of the work done; steps too small to be seen are left out."""
         if share >= self._share + 0.002 or share >= 1.0 > self._share:
             self._share = share
             self.send("progress", share=round(min(max(share, 0.0), 1.0), 4))
 
     def restart(self) -> None:
-        """The next request begins at 0."""
+        """Reset the progress to 0 for the next request."""
         self._share = -1.0
 
 
 class Asker:
-    """Whoever asks, at the other end of stdin, which a thread reads: once it is closed, nobody is left who
-    could use a result, or clean up.
+    """The asking process, at the other end of stdin, which a thread reads: once it is closed, results are of
+    no use, and the engine cleans up.
     """
 
     def __init__(self) -> None:
@@ -100,11 +100,11 @@ class Asker:
         self._reader.start()
 
     def line(self) -> bytes | None:
-        """The next line; what stands before the end counts as one, and None is the end."""
+        """Return the next line; what stands before the end counts as one, and None is the end."""
         return self._lines.get()
 
     def waits_for(self, folder: Path | None) -> None:
-        """What is worked on from now on, and goes when the asker does."""
+        """Set the folder that is worked on, which is removed when the asker goes."""
         with self._lock:
             self._folder = folder
             gone = self._gone
@@ -149,8 +149,8 @@ class EngineJob:
         return dict(self.request.get("options", {}))
 
     def read(self, raster: Mapping[str, Any]) -> Any:
-        """The (H, W) or (H, W, C) pixels of a raster that the request describes, mapped and not loaded,
-        read-only.
+        """Return the (H, W) or (H, W, C) pixels of a raster that the request describes, mapped and not
+        loaded, read-only.
         """
         import numpy as np
 
@@ -249,7 +249,7 @@ def _answer(asker: Asker, channel: Channel, folder: Path, nonce: bytes | None) -
 
 
 def told(error: BaseException) -> dict[str, Any]:
-    """What the asker hears about an error: the sentence; and kind, parameter and data for one of its own."""
+    """Describe an error for the asker: the sentence; and kind, parameter and data for one of its own."""
     ours = as_told(error)
     data: dict[str, Any] = {}
     for name, value in ours.data.items():
@@ -264,7 +264,7 @@ def told(error: BaseException) -> dict[str, Any]:
 
 
 def _check_folder(folder: Path, told: bytes) -> None:
-    """Refuse a folder that whoever asks did not make for this request: it would be removed at the end."""
+    """Refuse a folder that the asker did not make for this request: it would be removed at the end."""
     from toposeam.errors import OptionError
 
     marker = folder / MARKER

@@ -1,4 +1,4 @@
-"""What the engine can be asked for about textures: grown from a sample, made to repeat, holes filled."""
+"""The engine's operations on textures: grown from a sample, made to repeat, holes filled."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ class Sample(NamedTuple):
 
 
 def synthesize(job: EngineJob) -> dict[str, Any]:
-    """A texture of any size grown from a layer, or from the selected part of it."""
+    """Return a texture of any size grown from a layer, or from the selected part of it."""
     made = synthesized(job)
     return {"picture": job.write(with_alpha(made.image, made.alpha))}
 
 
 def synthesized(job: EngineJob) -> ts.Synthesis:
-    """The texture itself."""
+    """Return the texture itself."""
     sample, options = _sample(job), _usual(job.options, "patch", "overlap")
     return ts.synthesize(
         sample.image,
@@ -46,13 +46,13 @@ def synthesized(job: EngineJob) -> ts.Synthesis:
 
 
 def make_tileable(job: EngineJob) -> dict[str, Any]:
-    """A layer that repeats."""
+    """Return a layer that repeats."""
     made = made_tileable(job)
     return {"picture": job.write(with_alpha(made.image, made.alpha))}
 
 
 def made_tileable(job: EngineJob) -> ts.Synthesis:
-    """The tile itself."""
+    """Return the tile itself."""
     sample, options = _sample(job), _usual(job.options, "band")
     return ts.make_tileable(
         sample.image, alpha=sample.alpha, data_range=_white(sample.image), progress=job.progress, **options
@@ -60,7 +60,7 @@ def made_tileable(job: EngineJob) -> ts.Synthesis:
 
 
 def fill(job: EngineJob) -> dict[str, Any]:
-    """What replaces the selected part of a layer, transparent where the layer stays as it is."""
+    """Fill the selected part of a layer; the result is transparent where the layer stays unchanged."""
     image, alpha, sample = filled(job)
     changed = (image != sample.image) if image.ndim == 2 else (image != sample.image).any(axis=2)
     changed |= np.asarray(sample.selected)
@@ -75,7 +75,7 @@ def fill(job: EngineJob) -> dict[str, Any]:
 
 
 def filled(job: EngineJob) -> tuple[Image, npt.NDArray[Any] | None, Sample]:
-    """The whole layer with its hole filled, its opacity, and the layer as it was.
+    """Return the whole layer with its hole filled, its opacity, and the layer as it was.
 
     What may be copied is asked for by the option ``from``: `layer`, `around` the selection, or `other`, the
     request's ``source``, which is another picture, or a mask that is white where the layer may be copied.
@@ -128,8 +128,8 @@ def _white_of(job: EngineJob, shape: tuple[int, ...]) -> Mask:
 def _beside(
     sample: Sample, other: Image, opacity: npt.NDArray[Any]
 ) -> tuple[Image, npt.NDArray[Any], Mask, Mask]:
-    """A picture that holds the sample and, to the right of it, another one; its opacity, the hole in it, and
-    the other one's place in it, which may be copied.
+    """Return a picture that holds the sample and, to the right of it, another one; its opacity, the hole in
+    it, and the other one's place in it, which may be copied.
     """
     (height, width), (tall, wide) = sample.image.shape[:2], other.shape[:2]
     shape = max(height, tall), width + wide
@@ -162,10 +162,10 @@ def _around(selected: Mask) -> Mask:
 
 
 def _usual(options: Mapping[str, Any], *names: str) -> dict[str, Any]:
-    """The options, 0 turned into None, which stands for the usual value, in those that know it."""
+    """Return the options, 0 turned into None, which stands for the usual value, in those that know it."""
     return {name: None if name in names and not value else value for name, value in options.items()}
 
 
 def _white(image: Image) -> float | None:
-    """What counts as white: 1 in floats, though lights may go beyond it."""
+    """Return the white level: 1 in floats, though lights may go beyond it."""
     return 1.0 if np.issubdtype(image.dtype, np.floating) else None

@@ -37,17 +37,17 @@ class TopoSeam(Gimp.PlugIn):  # type: ignore[misc]
         return False
 
     def do_query_procedures(self) -> list[str]:
-        """The names of all procedures."""
+        """Return the names of all procedures."""
         return list(PROCEDURES)
 
     def do_create_procedure(self, name: str) -> Gimp.Procedure:
-        """One procedure, from the table."""
+        """Make one procedure, from the table."""
         entry = PROCEDURES[name]
         procedure = Gimp.ImageProcedure.new(self, name, Gimp.PDBProcType.PLUGIN, _run, None)
         procedure.set_image_types("*" if entry.needs == "nothing" else "RGB*, GRAY*")
         procedure.set_sensitivity_mask(_SENSITIVE[entry.needs])
         procedure.set_menu_label(entry.label)
-        # GIMP sorts by name; sections, which nobody sees, keep the order of the table.
+        # GIMP sorts by name; sections, which are hidden, keep the order of the table.
         procedure.add_menu_path(f"{_MENU}/{entry.menu}/[{list(PROCEDURES).index(name)}]")
         procedure.set_documentation(entry.blurb, entry.help, name)
         procedure.set_attribution("The TopoSeam developers", "The TopoSeam developers", "2026")

@@ -157,7 +157,7 @@ _SENTENCES = {
 
 
 def in_gimps_words(error: Mapping[str, Any]) -> str:
-    """An error of the engine as it makes sense in GIMP.
+    """Return an error of the engine as it makes sense in GIMP.
 
     Parameters
     ----------

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What GIMP runs. The folder itself becomes importable as the package that it is."""
+"""Executable that GIMP runs. The folder itself becomes importable as the package that it is."""
 
 import os
 import sys

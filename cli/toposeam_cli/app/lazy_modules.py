@@ -1,4 +1,4 @@
-"""Modules that others import and hardly anybody uses, loaded when somebody does.
+"""Rarely used modules that others import, loaded at their first use.
 
 SciPy names all that NumPy has (``scipy._lib.array_api_compat``), and so loads what NumPy loads late: its
 Fortran wrappers, its tests with :mod:`unittest`, masked arrays. That is an eighth of what a command's modules

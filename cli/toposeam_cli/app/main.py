@@ -19,11 +19,11 @@ class Commands(click.Group):
     """Turns what goes wrong into one sentence on stderr and a non-zero exit code."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """The names of all commands."""
+        """Return the names of all commands."""
         return sorted({*COMMANDS, *super().list_commands(ctx)})
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """The command of that name, imported only when it is wanted: Ctrl-C may come while the
+        """Return the command of that name, imported only when it is wanted: Ctrl-C may come while the
         numerics load.
         """
         return load(cmd_name) if cmd_name in COMMANDS else super().get_command(ctx, cmd_name)
@@ -37,7 +37,7 @@ class Commands(click.Group):
             )
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
-        """The commands that begin so, without importing any, and the options."""
+        """Return the commands that begin so, without importing any, and the options."""
         found = [
             CompletionItem(name, help=_first_line(name, self.commands, 60))
             for name in self.list_commands(ctx)
@@ -64,7 +64,7 @@ class Commands(click.Group):
 
 
 def _first_line(name: str, loaded: Mapping[str, click.Command], width: int) -> str:
-    """What a command does, in a width."""
+    """Return the summary of a command, cut to a width."""
     command = loaded[name] if name in loaded else click.Command(name, help=COMMANDS[name])
     return command.get_short_help_str(width)
 

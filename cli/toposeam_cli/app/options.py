@@ -30,7 +30,7 @@ class Length:
     percent: bool
 
     def pixels(self, whole: int) -> int:
-        """The length in px, given the side it may be a share of."""
+        """Return the length in px, given the side it may be a share of."""
         return round(self.value / 100 * whole) if self.percent else int(self.value)
 
 
@@ -221,7 +221,7 @@ class FileType(click.Path):
     """The name of a file, which is to be read or made."""
 
     def __init__(self, read: bool) -> None:
-        super().__init__(path_type=Path, readable=False)  # whoever reads or writes it says more
+        super().__init__(path_type=Path, readable=False)  # its reader or writer reports more
         self._read = read
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
@@ -237,7 +237,8 @@ OptionsT = TypeVar("OptionsT")
 
 
 def taken(kind: type[OptionsT], given: dict[str, Any]) -> OptionsT:
-    """The options of a command that belong together, as one frozen value; they are taken out of the others.
+    """Return the options of a command that belong together, as one frozen value; they are taken out of the
+    others.
 
     Parameters
     ----------
@@ -290,7 +291,7 @@ jobs_option = click.option(
     help="How many at a time.",
 )
 
-#: Millions of pixels; nobody has more than a million of them.
+#: Millions of pixels; no machine has more than a million of them.
 MEGAPIXELS = FiniteRange(min=0, max=1e6, min_open=True)
 
 FILE = FileType(read=True)
@@ -299,17 +300,17 @@ OUTPUT = FileType(read=False)
 
 
 def is_output(parameter: click.Parameter) -> bool:
-    """Whether a parameter names a file that the command makes."""
+    """Test whether a parameter names a file that the command makes."""
     return parameter.type is OUTPUT
 
 
 def is_input(parameter: click.Parameter) -> bool:
-    """Whether a parameter names files that the command reads."""
+    """Test whether a parameter names files that the command reads."""
     return is_path(parameter) and not is_output(parameter)
 
 
 def is_path(parameter: click.Parameter) -> bool:
-    """Whether a parameter names files."""
+    """Test whether a parameter names files."""
     return isinstance(parameter.type, click.Path)
 
 

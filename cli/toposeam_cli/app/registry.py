@@ -1,4 +1,4 @@
-"""Which commands there are: a new one is a module in :mod:`toposeam_cli.commands` and a line here."""
+"""The list of commands: a new one is a module in :mod:`toposeam_cli.commands` and a line here."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ CONTEXT = {"help_option_names": ["-h", "--help"]}
 
 
 def load(name: str) -> click.Command:
-    """The command of that name."""
+    """Return the command of that name."""
     command: click.Command = getattr(_module(f"toposeam_cli.commands.{name}"), name)
     command.context_settings.update(CONTEXT)
     return speaking(command)
 
 
 def _module(name: str) -> ModuleType:
-    """A module, imported without looking for garbage meanwhile: what is being loaded stays."""
+    """Return a module, imported without looking for garbage meanwhile: what is being loaded stays."""
     if name in sys.modules or not gc.isenabled():
         return import_module(name)
     gc.disable()

@@ -44,7 +44,7 @@ class PowershellComplete(ShellComplete):
     source_template: ClassVar[str] = _POWERSHELL
 
     def get_completion_args(self) -> tuple[list[str], str]:
-        """The words before the one being written, and that one."""
+        """Return the words before the one being written, and that one."""
         words = split_arg_string(os.environ["COMP_WORDS"])[1:]
         incomplete = os.environ.get("COMP_CWORD", "")  # what is empty PowerShell takes out of the environment
         if incomplete and words:
@@ -52,12 +52,12 @@ class PowershellComplete(ShellComplete):
         return words, incomplete.strip("'\"")
 
     def format_completion(self, item: CompletionItem) -> str:
-        """One answer."""
+        """Format one answer."""
         return f"{item.type}\t{item.value}\t{(item.help or item.value).replace(chr(9), ' ')}"
 
 
 def manual(group: click.Group, prog_name: str, version: str) -> str:
-    """The manual page of a command and all below it, for ``man`` (roff)."""
+    """Return the manual page of a command and all below it, for ``man`` (roff)."""
     context = click.Context(group, info_name=prog_name, **group.context_settings)
     first, rest = _description(group)
     lines = [
@@ -98,7 +98,7 @@ def _commands(group: click.Group, context: click.Context) -> list[str]:
 
 
 def _description(command: click.Command) -> tuple[str, list[str]]:
-    """The first paragraph as one line, and the others; what click leaves as it is stays so."""
+    """Return the first paragraph as one line, and the others; what click does not rewrap stays so."""
     paragraphs = re.split(r"\n\s*\n", (command.help or "").partition("\f")[0].strip())
     rest: list[str] = []
     for paragraph in paragraphs[1:]:

@@ -17,7 +17,7 @@ Called = Callable[[Term, Mapping[str, Any]], str | None]
 
 
 def speaking(command: click.Command) -> click.Command:
-    """The command, its errors in its own words."""
+    """Return the command, its errors in its own words."""
     callback = command.callback
     if callback is None or hasattr(callback, "speaks"):
         return command
@@ -38,7 +38,7 @@ def speaking(command: click.Command) -> click.Command:
 
 
 def said(error: TopoSeamError) -> str:
-    """The error's sentence in the words of the command that is running."""
+    """Return the error's sentence in the words of the command that is running."""
     context = click.get_current_context(silent=True)
     if context is None:
         return str(error)
@@ -65,7 +65,7 @@ def said(error: TopoSeamError) -> str:
 
 
 def _option(option: click.Option, term: Term) -> str:
-    """An option with its value, if the term has one."""
+    """Return an option with its value, if the term has one."""
     if term.value is None:
         name = max(option.opts, key=len)
         return name if term.index is None else f"one of {name}"
@@ -87,7 +87,7 @@ def _file(parameter: str) -> Called:
 
 
 def _exemplar(term: Term, given: Mapping[str, Any]) -> str | None:
-    """The sample, or one of several; of several one without a number is whichever is largest."""
+    """Return the sample, or one of several; of several one without a number is whichever is largest."""
     sources = given["sources"]
     if term.index is None and len(sources) != 1:
         return None
@@ -95,7 +95,7 @@ def _exemplar(term: Term, given: Mapping[str, Any]) -> str | None:
 
 
 def _map(term: Term, given: Mapping[str, Any]) -> str | None:
-    """The files of a further map, one for each source."""
+    """Return the files of a further map, one for each source."""
     if term.index is None:
         return "--also"
     count = len(given.get("sources", ())) or 1

@@ -1,5 +1,5 @@
-"""What a batch is to do: the entries of a TOML file, or patterns on the command line, each the settings of
-one command or of several.
+"""Entries of a batch: those of a TOML file, or patterns on the command line, each the settings of one command
+or of several.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Entry:
     where: str = ""
 
     def refuse(self, reason: str) -> OptionError:
-        """An error that says where."""
+        """Return an error that says where."""
         return OptionError(f"{self.where}: {reason}" if self.where else reason)
 
 
@@ -109,8 +109,8 @@ def read_entries(path: Path, commands: Mapping[str, click.Command]) -> list[Entr
 def _is_meant(
     commands: Mapping[str, click.Command], table: Mapping[str, Any], name: str, key: str, value: object
 ) -> bool:
-    """Whether a default is for a command that knows its name: not where its option has choices, none of which
-    this is, and another command of the file takes it.
+    """Test whether a default is for a command that knows its name: not where its option has choices, none of
+    which this is, and another command of the file takes it.
     """
 
     def takes(other: str) -> bool:
@@ -123,7 +123,7 @@ def _is_meant(
 
 
 def parse_patterns(command: click.Command, words: Sequence[str], folder: Path) -> Entry:
-    """The entry that a command's own words, patterns among them, stand for.
+    """Return the entry that a command's own words, patterns among them, stand for.
 
     Raises
     ------
@@ -159,8 +159,8 @@ def parse_patterns(command: click.Command, words: Sequence[str], folder: Path) -
 
 
 def expand(entry: Entry) -> Iterator[tuple[dict[str, Any], str]]:
-    """The settings of each run, and what the wildcards stand for in it, without an extension; "" without
-    wildcards.
+    """Yield the settings of each run, and what the wildcards stand for in it, without an extension; ""
+    without wildcards.
 
     Inputs belong together when their wildcards match the same text; where one of them is missing, the run
     will say so.
@@ -200,8 +200,8 @@ def expand(entry: Entry) -> Iterator[tuple[dict[str, Any], str]]:
 
 
 def setting_names(command: click.Command) -> dict[str, click.Parameter]:
-    """The options and arguments of a command, by every name a setting may have: long options without dashes,
-    underscores for hyphens.
+    """Return the options and arguments of a command, by every name a setting may have: long options without
+    dashes, underscores for hyphens.
     """
     names = {}
     for parameter in command.params:
@@ -214,7 +214,7 @@ def setting_names(command: click.Command) -> dict[str, click.Parameter]:
 
 
 def to_words(entry: Entry, settings: Mapping[str, Any]) -> list[str]:
-    """The words of the command line that mean these settings, paths made absolute."""
+    """Return the words of the command line that mean these settings, paths made absolute."""
     options: list[str] = []
     arguments: list[str] = []
     for parameter in entry.command.params:
@@ -251,7 +251,7 @@ def _flag(entry: Entry, parameter: click.Option, value: Any) -> list[str]:
 
 
 def _texts(entry: Entry, parameter: click.Parameter, value: Any) -> list[str]:
-    """A setting's value as the command line has it."""
+    """Return a setting's value as the command line has it."""
     values = list(value) if isinstance(value, list | tuple) else [value]
     several = parameter.nargs != 1 or (isinstance(parameter, click.Option) and parameter.multiple)
     if several and values and all(isinstance(item, list) for item in values):  # at = [[0, 0], [900, 10]]
@@ -277,7 +277,7 @@ def _plain(key: str) -> str:
 
 
 def _by_parameter(entry: Entry, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings under the names of the command's parameters."""
+    """Return the settings under the names of the command's parameters."""
     names = setting_names(entry.command)
     renamed: dict[str, Any] = {}
     settings = dict(settings)
@@ -302,7 +302,7 @@ def _by_parameter(entry: Entry, settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _spread(entry: Entry, pictures: Any) -> dict[str, Any]:
-    """The pictures of an entry as the arguments of its command, in their order."""
+    """Return the pictures of an entry as the arguments of its command, in their order."""
     if not isinstance(pictures, list):
         raise entry.refuse(f"{_PICTURES} is {pictures!r}; write a list of files")
     rest, spread = list(pictures), {}
@@ -340,7 +340,7 @@ def _has_wildcard(text: str, folder: Path) -> bool:
 
 
 def _matches(pattern: str, folder: Path) -> dict[tuple[str, ...], str]:
-    """Files that a pattern matches, by what its wildcards stand for."""
+    """Return files that a pattern matches, by what its wildcards stand for."""
     expression, end = "", 0
     for wildcard in _WILDCARD.finditer(pattern):
         expression += re.escape(pattern[end : wildcard.start()])
@@ -356,7 +356,7 @@ def _matches(pattern: str, folder: Path) -> dict[tuple[str, ...], str]:
 
 
 def _filled(pattern: str, found: Sequence[str]) -> str:
-    """The file that a pattern would match if it were there."""
+    """Return the file that a pattern would match if it were there."""
     texts = iter(found)
     return _WILDCARD.sub(lambda _: next(texts), pattern)
 
@@ -368,20 +368,20 @@ def _substituted(value: Any, paths: Mapping[str, str], name: str) -> Any:
 
 
 class _Lines:
-    """Where things stand in a TOML file, as the parser does not tell."""
+    """Line numbers in a TOML file, which the parser does not report."""
 
     def __init__(self, path: Path, text: str) -> None:
         self._path, self._lines = path, text.splitlines()
 
     def of_key(self, key: str) -> str:
-        """Where a key is given, or a table of that name begins."""
+        """Find the line where a key is given, or a table of that name begins."""
         expression = re.compile(rf"""\s*(\[\[?\s*)?["']?{re.escape(key)}["']?\s*(\]|=|\.)""")
         return self._where(
             [number for number, line in enumerate(self._lines, start=1) if expression.match(line)]
         )
 
     def of_entry(self, name: str, index: int) -> str:
-        """Where the table of that number begins."""
+        """Find the line where the table of that number begins."""
         expression = re.compile(rf"""\s*\[\[\s*["']?{re.escape(name)}["']?\s*\]\]""")
         found = [number for number, line in enumerate(self._lines, start=1) if expression.match(line)]
         if index < len(found):

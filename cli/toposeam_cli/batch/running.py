@@ -27,6 +27,6 @@ def run_command(command: str, words: Sequence[str], manner: Sequence[str] = ()) 
 
 
 def commands_with_outputs() -> dict[str, click.Command]:
-    """The commands that make files, by name."""
+    """Return the commands that make files, by name."""
     commands = {name: registry.load(name) for name in registry.COMMANDS if name != "batch"}
     return {name: command for name, command in commands.items() if any(map(is_output, command.params))}

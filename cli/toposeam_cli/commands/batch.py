@@ -140,7 +140,7 @@ def _jobs(entry: Entry, force: bool) -> list[Job]:
 
 
 def _job(entry: Entry, settings: Mapping[str, Any], name: str | None, found: str, force: bool) -> Job:
-    """The job that runs a command with some settings, which the command itself has checked."""
+    """Return the job that runs a command with some settings, which the command itself has checked."""
     command = entry.command
     flags = {parameter.name: parameter for parameter in command.params if parameter.name in _MANNER}
     wanted = {"force": force or settings.get("force") is True, "quiet": True}
@@ -179,7 +179,7 @@ def _job(entry: Entry, settings: Mapping[str, Any], name: str | None, found: str
 
 
 def _named_in(path: Path) -> tuple[Path, ...]:
-    """The files that a layout names."""
+    """Return the files that a layout names."""
     if path.suffix.lower() in (".toml", ".json"):
         from toposeam_cli.media.pictures.layout import read_layout
 

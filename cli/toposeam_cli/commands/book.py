@@ -163,12 +163,12 @@ def book(
 
 
 def _made(table: Journal) -> dict[str, str]:
-    """The pages that a former run made, and their digests."""
+    """Return the pages that a former run made, and their digests."""
     return dict(table.rows.get(_PAGES, {}).get("made", {}))
 
 
 def _beside(chosen: Sequence[tuple[Row, str]]) -> list[tuple[Row, str]]:
-    """The products, with the number of the pattern that goes beside the first on some of them."""
+    """Return the products, with the number of the pattern that goes beside the first on some of them."""
     number = {(row["season"], product): row["number"] for row, product in chosen}
     return [
         ({**row, "beside": number.get((row["season"], BESIDE.get(product, "")))}, product)
@@ -271,7 +271,7 @@ def _product_path(row: Row, product: str) -> str:
 def _run(
     jobs: Sequence[Job], processes: int, journal: Path, fresh: bool, quiet: bool, kind: str
 ) -> tuple[list[Row], int]:
-    """What the jobs returned, in their order, and how many failed."""
+    """Run the jobs; return their results in order, and the number that failed."""
     results: dict[str, Row] = {}
     failed = done = 0
     try:
@@ -297,7 +297,7 @@ def _run(
 
 
 def _is_row(result: Any) -> bool:
-    """Whether a result is what was measured on a pattern; a table of results can say anything."""
+    """Test whether a result is the measurements of a pattern; a table of results can hold anything."""
     return (
         isinstance(result, dict)
         and set(result) == set(ROW)

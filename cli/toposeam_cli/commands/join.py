@@ -146,7 +146,7 @@ def join(
 
 
 def _alike(recipes: list[ts.Recipe], files: tuple[Path, ...]) -> list[ts.Recipe]:
-    """Recipes with everything but what flows where taken from the first."""
+    """Return recipes with everything but what flows where taken from the first."""
     first = recipes[0]
     found = []
     for recipe, path in zip(recipes, files, strict=True):
@@ -176,7 +176,7 @@ def _alike(recipes: list[ts.Recipe], files: tuple[Path, ...]) -> list[ts.Recipe]
 
 
 def _parse(grid: str) -> np.ndarray[Any, np.dtype[np.intp]]:
-    """Rows of numbers from 1 on."""
+    """Return rows of numbers from 1 on."""
     try:
         rows = [[int(word) for word in row.split()] for row in grid.replace(";", "/").split("/")]
     except ValueError:

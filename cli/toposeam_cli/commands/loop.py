@@ -29,7 +29,7 @@ class Duration:
     seconds: bool
 
     def frames(self, rate: Fraction) -> int:
-        """How many frames at a rate."""
+        """Compute the number of frames at a rate."""
         return round(self.value * rate) if self.seconds else int(self.value)
 
 
@@ -149,7 +149,7 @@ def loop(clip: Path, output: Path, **given: Any) -> None:
 
 
 def _options(clip: Clip, given: dict[str, Any]) -> dict[str, Any]:
-    """The keywords of :func:`toposeam.loop`, in frames."""
+    """Return the keywords of :func:`toposeam.loop`, in frames."""
     options: dict[str, Any] = {
         name: given[name].frames(clip.rate)
         for name in ("start", "transition", "grow")

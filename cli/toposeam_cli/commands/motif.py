@@ -159,7 +159,7 @@ def _solid(
     force: bool,
     quiet: bool,
 ) -> None:
-    """A mesh of what heat builds in a block."""
+    """Write a mesh of what heat builds in a block."""
     if output is None:
         raise ts.OptionError("--depth makes a mesh; say where it goes with -o vase.stl, or .ply")
     begun = _begun(beginning)
@@ -190,7 +190,7 @@ def _explore(
     force: bool,
     quiet: bool,
 ) -> None:
-    """A page of relatives: of a motif that is given, or of other seeds."""
+    """Write a page of relatives: of a motif that is given, or of other seeds."""
     if output is None:
         raise ts.OptionError("--explore makes a page; say where it goes with -o sheet.html")
     if counts[0] * counts[1] > 200:
@@ -217,7 +217,9 @@ def _explore(
 
 
 def _begun(beginning: Beginning) -> tuple[ts.Recipe | None, dict[str, Any], dict[str, Any]]:
-    """The recipe to begin with, how that motif was printed, and the options of a file of parameters."""
+    """Return the recipe to begin with, how that motif was printed, and the options of a file of
+    parameters.
+    """
     config, like, source = beginning.config, beginning.like, beginning.source
     if sum(path is not None for path in (config, like, source)) > 1:
         raise ts.OptionError("--from, --config and --like each say what the motif is; leave one of them out")
@@ -241,7 +243,7 @@ def _recipe(
     amount: float | None,
     begun: tuple[ts.Recipe | None, dict[str, Any], dict[str, Any]],
 ) -> tuple[ts.Recipe, dict[str, Any]]:
-    """The recipe of an option list and what it begins with, varied; and how that was printed."""
+    """Return the recipe of an option list and its base, varied; and how that was printed."""
     whole, printed, options = begun
     given = {**options, **given}
     if isinstance(given.get("palette"), str):
@@ -260,7 +262,7 @@ def _recipe(
 
 
 def _checked(table: Mapping[str, Any], config: Path) -> dict[str, Any]:
-    """Options from a file of parameters, named as on the command line."""
+    """Return options from a file of parameters, named as on the command line."""
     names = {parameter.name: parameter for parameter in motif.params}
     places = {"filter": "filter_radius"}
     options: dict[str, Any] = {}
@@ -309,7 +311,7 @@ def _with_strengths(places: list[Any]) -> list[Any]:
 
 
 def _changed(recipe: ts.Recipe, given: dict[str, Any], amount: float | None) -> ts.Recipe:
-    """A whole recipe with what was given changed, then varied."""
+    """Return a whole recipe with what was given changed, then varied."""
     seed = given.pop("seed", None)
     palette = given.pop("palette", None)
     wrong = [name for name in given if name not in (*_OF_RECIPE, *_OF_LAYERS)]

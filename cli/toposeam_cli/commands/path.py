@@ -101,7 +101,7 @@ def _brightness(picture: Picture) -> np.ndarray:
 
 
 def _drawn(brightness: np.ndarray, found: ts.PlannedPath) -> np.ndarray:
-    """The map with the ways in red on a white halo."""
+    """Return the map with the ways in red on a white halo."""
     from PIL import Image, ImageDraw
 
     picture = Image.fromarray(np.rint(255 * np.clip(brightness, 0, 1)).astype(np.uint8)).convert("RGB")

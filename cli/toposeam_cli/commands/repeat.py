@@ -106,7 +106,7 @@ def _inked(
     force: bool,
     quiet: bool,
 ) -> tuple[str, str]:
-    """A sheet drawn from the recipe in a motif."""
+    """Return a sheet drawn from the recipe in a motif."""
     recipe = read_recipe(path)
     if rule is not None and rule != recipe.repeat:
         raise ts.OptionError(
@@ -130,7 +130,7 @@ def _copied(
     cell: tuple[int, int] | None,
     at: tuple[int, int] | None,
 ) -> tuple[Picture, str]:
-    """A sheet of copies of a picture, and the rule it is laid by."""
+    """Return a sheet of copies of a picture, and the rule it is laid by."""
     settings = None
     if cell is None and rule is None:
         settings = read_settings(path, ", or say how to arrange this with --repeat")
@@ -179,7 +179,7 @@ def _copied(
 
 
 def _kaleidoscope(motif: Picture, rule: str, cell: tuple[int, int], at: tuple[int, int] | None) -> Picture:
-    """The picture's cell of a wallpaper group, opacity and all."""
+    """Return the picture's cell of a wallpaper group, opacity and all."""
     planes = [np.atleast_3d(to_depth(motif.pixels, np.dtype(np.float32)))]
     if motif.alpha is not None:
         planes.append(to_depth(motif.alpha, np.dtype(np.float32))[..., np.newaxis])
@@ -196,7 +196,9 @@ def _kaleidoscope(motif: Picture, rule: str, cell: tuple[int, int], at: tuple[in
 
 
 def _sheet_settings(settings: dict[str, Any], counts: tuple[int, int]) -> dict[str, Any]:
-    """The settings of a motif for a sheet of it; a size in px of the motif becomes one of the sheet."""
+    """Return the settings of a motif for a sheet of it; a size in px of the motif becomes one of the
+    sheet.
+    """
     printed = Print(**{**Print.read(settings), "counts": counts})
     if printed.pixels is not None:
         printed = dataclasses.replace(

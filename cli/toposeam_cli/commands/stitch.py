@@ -321,7 +321,7 @@ def _stitch(
 
 
 def _unseen(composed: ts.Composition, find: SeamOptions, out: Outputs) -> list[str]:
-    """What is to be said of pictures that show nowhere."""
+    """Compose the warnings about pictures that show nowhere."""
     middle = "--core 0.5 shows the middle of all pictures inside others, " if find.core is None else ""
     return [] if out.quiet else hidden(composed, f"{middle}--keep N=MASK what you want of one")
 
@@ -336,7 +336,7 @@ def _stitch_large(
     warnings: Sequence[str],
     aligned: ts.Aligned | None,
 ) -> dict[str, Any]:
-    """The same for pictures larger than memory."""
+    """Return the same for pictures larger than memory."""
     composed = composed_as(job, find, out, files, means.workers)
     warnings = [*warnings, *_unseen(composed, find, out)]
     with all_or_nothing():

@@ -45,7 +45,7 @@ from toposeam_cli.textures.options import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Guided:
-    """What the texture should look like."""
+    """Options of the texture's desired appearance."""
 
     guide: Path | None
     guide_source: tuple[Path, ...]
@@ -59,7 +59,7 @@ class Guided:
             )
 
     def read(self, max_pixels: int) -> dict[str, Any]:
-        """What ``synthesize`` is told."""
+        """Read the guides, as keywords of ``synthesize``."""
         if self.guide is None:
             return {}
         return {
@@ -261,7 +261,7 @@ def synth(
 
 
 def _shown_in(path: Path, like: Picture) -> Callable[[np.ndarray], None]:
-    """What writes a texture that is not ready yet to a file, again and again."""
+    """Return a function that writes an unfinished texture to a file, again and again."""
 
     def show(pixels: np.ndarray) -> None:
         write_picture(path, dataclasses.replace(like, pixels=pixels, alpha=None), force=True)

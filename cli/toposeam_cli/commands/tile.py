@@ -108,7 +108,7 @@ def _closing_size(picture: Picture, tileable: ts.Tileable) -> tuple[int, int]:
 
 
 def _cropped(picture: Picture, size: tuple[int, int]) -> Picture:
-    """The middle of a picture."""
+    """Return the middle of a picture."""
     rows, columns = (
         slice((length - kept) // 2, (length - kept) // 2 + kept)
         for length, kept in zip(picture.pixels.shape[:2], size, strict=True)

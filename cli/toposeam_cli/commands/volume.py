@@ -125,7 +125,7 @@ def volume(a: Path, b: Path, output: Path, **given: Any) -> None:
 
 
 def _common_voxels(a: Stack, b: Stack, offset: tuple[int, int, int]) -> int:
-    """How many voxels both stacks have."""
+    """Count the voxels that both stacks have."""
     ends = (
         min(one, step + other) - max(0, step) for one, other, step in zip(a.size, b.size, offset, strict=True)
     )
@@ -133,7 +133,7 @@ def _common_voxels(a: Stack, b: Stack, offset: tuple[int, int, int]) -> int:
 
 
 def _white(a: Stack, b: Stack, given: float | None) -> float | None:
-    """The value that counts as white: of floats the greatest there is."""
+    """Return the value that counts as white: of floats the greatest there is."""
     if given is not None or a.voxels.dtype.kind != "f":
         return given
     return max(1e-12, *(float(np.max(stack.voxels[at])) for stack in (a, b) for at in range(stack.size[0])))

@@ -20,7 +20,8 @@ _WHOLE_MS, _FRAME_MS, _HELD_MS = 4000, (60, 400), 2000
 
 
 def animate(seam: ts.Seam, suffix: str) -> bytes:
-    """The densities of a seam that was found with ``record_frames=True``, one frame an iteration, endlessly.
+    """Return the densities of a seam that was found with ``record_frames=True``, one frame an iteration,
+    endlessly.
 
     Parameters
     ----------
@@ -54,7 +55,7 @@ def animate(seam: ts.Seam, suffix: str) -> bytes:
 
 
 def _with_sides(picture: npt.NDArray[np.uint8], seam: ts.Seam) -> npt.NDArray[np.uint8]:
-    """The last frame with the two sides tinted, so that one sees which is which."""
+    """Return the last frame with the two sides tinted, so that one sees which is which."""
     top, left = seam.problem.overlap.start
     height, width = seam.problem.overlap.side.shape
     rows = top + np.linspace(0, height - 1, picture.shape[0]).round().astype(int)

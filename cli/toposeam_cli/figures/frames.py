@@ -23,7 +23,7 @@ Floats32 = npt.NDArray[np.float32]
 def film_frame(
     frame: ts.Frame, shared: npt.NDArray[np.bool_] | None = None, size: tuple[int, int] | None = None
 ) -> npt.NDArray[np.uint8]:
-    """One frame as a picture: each pixel interface a short line, the redder the denser.
+    """Return one frame as a picture: each pixel interface a short line, the redder the denser.
 
     Parameters
     ----------
@@ -64,8 +64,8 @@ def film_frame(
 
 
 def choose_frames(frames: tuple[ts.Frame, ...], count: int) -> list[ts.Frame]:
-    """The frames that tell most: the last of every stage, and others as different from their neighbours as
-    can be.
+    """Return the frames that tell most: the last of every stage, and others as different from their
+    neighbours as can be.
     """
     drawn = [np.concatenate([frame.right.ravel(), frame.down.ravel()]) for frame in frames]
     for values in drawn:
@@ -91,7 +91,9 @@ def choose_frames(frames: tuple[ts.Frame, ...], count: int) -> list[ts.Frame]:
 
 
 def fitted(shape: tuple[int, int], size: tuple[int, int]) -> tuple[int, int]:
-    """The shape a picture takes within a size: a whole multiple, or smaller with the same proportions."""
+    """Return the shape a picture takes within a size: a whole multiple, or smaller with the same
+    proportions.
+    """
     scale = min(size[0] / shape[0], size[1] / shape[1])
     if scale >= 1:
         return shape[0] * int(scale), shape[1] * int(scale)

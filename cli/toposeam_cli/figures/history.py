@@ -1,4 +1,4 @@
-"""How the heat converged: the objective and compliance over the iterations, and a film strip of the
+"""Convergence of the heat: the objective and compliance over the iterations, and a film strip of the
 densities.
 
 In kind the thesis's Figures 3.12 and 3.16 to 3.23.
@@ -119,7 +119,7 @@ def history_figure(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Strip:
-    """How the frames are laid out, in px."""
+    """Layout of the frames, in px."""
 
     columns: int
     rows: int
@@ -133,8 +133,8 @@ class _Strip:
 
     @classmethod
     def fitting(cls, frames: list[ts.Frame]) -> _Strip:
-        """The number of columns at which frames come out largest, and rather without a gap in the
-        last row.
+        """Return the number of columns at which frames come out largest, and rather without a gap in the last
+        row.
         """
         shape = film_frame(frames[0]).shape[:2]
         best, best_score = None, 0.0
@@ -307,6 +307,6 @@ def plain_numbers(axis: Any) -> None:
 
 
 def scientific(value: float) -> str:
-    """A number as mathtext, to one digit: 2·10^{14}."""
+    """Return a number as mathtext, to one digit: 2·10^{14}."""
     mantissa, exponent = f"{value:.0e}".split("e")
     return f"10^{{{int(exponent)}}}" if mantissa == "1" else f"{mantissa}·10^{{{int(exponent)}}}"

@@ -1,4 +1,4 @@
-"""How heat found a seam, as a figure or as an animation: the file's extension decides."""
+"""The search for a seam by heat, as a figure or as an animation: the file's extension decides."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def check_search(suffix: str) -> None:
 
 
 def draw_search(seam: ts.Seam, suffix: str) -> bytes:
-    """The file's content, for a seam that was found with ``record_frames=True``."""
+    """Return the file's content, for a seam that was found with ``record_frames=True``."""
     suffix = suffix.lower()
     if suffix in ANIMATED:
         from toposeam_cli.figures.animation import animate

@@ -1,3 +1,1 @@
-"""What every file that is written obeys: whole or not at all, also under Ctrl-C and ``kill``. No click in
-here.
-"""
+"""Writing of files: whole or not at all, also under Ctrl-C and ``kill``. No click in here."""

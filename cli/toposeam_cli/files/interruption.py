@@ -21,7 +21,7 @@ Value = TypeVar("Value")
 
 #: How often a waiting main thread looks for signals, s; only Windows needs it.
 _LOOK_EVERY_S = 0.2
-#: When an interruption that nobody could hear is told again, s.
+#: Delay until a missed interruption is raised again, s.
 _AGAIN_S = 0.02
 #: How long the first signal has to take effect before another one is heard, s.
 _DEAF_S = 5.0
@@ -34,8 +34,8 @@ class Terminated(SystemExit):
 @contextmanager
 def terminations_raised() -> Iterator[None]:
     """Raise :class:`Terminated` in the main thread on ``kill`` and when the terminal closes, and
-    KeyboardInterrupt on Ctrl-C, unless somebody handles that already. While one of them takes effect, which
-    means that things are tidied away, others are ignored for some seconds.
+    KeyboardInterrupt on Ctrl-C, unless another handler is set. While one of them takes effect, during
+    clean-up, others are ignored for some seconds.
 
     Where Python swallows exceptions (in callbacks of weak references, which importing has, and in
     finalizers) they are raised again a moment later; where it wraps them in an error of its own, they leave
@@ -90,9 +90,9 @@ def terminations_raised() -> Iterator[None]:
 
 
 def _interruption_behind(error: BaseException) -> BaseException | None:
-    """The interruption that an exception hides: Python 3.11 tells of one that comes while a class is made, as
-    importing does, by a RuntimeError of its own, and modules made with pybind11 tell of one that comes while
-    they are loaded by an ImportError.
+    """Return the interruption that an exception hides: Python 3.11 tells of one that comes while a class is
+    made, as importing does, by a RuntimeError of its own, and modules made with pybind11 tell of one that
+    comes while they are loaded by an ImportError.
     """
     return next((each for each in causes(error) if isinstance(each, KeyboardInterrupt | Terminated)), None)
 
@@ -115,9 +115,8 @@ def ctrl_c_later() -> Iterator[None]:
 
 
 def start_resource_tracker() -> None:
-    """Start the process that looks after what :mod:`multiprocessing` shares, if it does not run yet, such
-    that a closed terminal spares it: when it dies, everybody complains. To be called before anything is
-    shared.
+    """Start the resource tracker of :mod:`multiprocessing`, if it does not run yet, such that a closed
+    terminal spares it: when it dies, every process complains. To be called before anything is shared.
     """
     if not hasattr(signal, "pthread_sigmask"):
         return  # Windows has none
@@ -157,19 +156,19 @@ def uninterrupted() -> Iterator[None]:
 
 
 def interruptible(call: Callable[[], Value], stop: Callable[[], object]) -> Value:
-    """The value of a long call into foreign code, which Ctrl-C and ``kill`` can end.
+    """Return the value of a long call into foreign code, which Ctrl-C and ``kill`` can end.
 
     A signal takes effect only when the main thread is back in Python, so the call runs in a thread of its own
     while this one waits. When this one is interrupted it calls `stop`, waits for the call to give up, and
     lets the interruption go on.
     """
     if threading.current_thread() is not threading.main_thread():
-        return call()  # signals go to the main thread, and whoever waits there decides
+        return call()  # signals go to the main thread, and the waiting call there decides
     results: list[Value] = []
     errors: list[BaseException] = []
     begins = (
         threading.Lock()
-    )  # whoever takes it decides: the thread that the call begins, or an interruption that it never does
+    )  # its taker decides: the thread that the call begins, or an interruption that it never does
     done = threading.Event()
 
     def work() -> None:

@@ -47,11 +47,11 @@ def give_name(temporary: Path, target: Path, force: bool) -> None:
 
 
 def put_folder(output: Prepared, force: bool) -> None:
-    """The same for a folder, whose predecessor is kept beside it."""
+    """Do the same for a folder, whose predecessor is kept beside it."""
     if os.path.lexists(output.target):
         if not force:
             raise FileExistsError
-        # No temporary name: nobody who tidies up may take it for something unfinished.
+        # No temporary name: clean-up must not take it for something unfinished.
         output.backup = output.target.with_name(f".toposeam-{secrets.token_hex(8)}.old")
         output.target.rename(output.backup)
     try:
@@ -63,7 +63,7 @@ def put_folder(output: Prepared, force: bool) -> None:
 
 
 def take_back(output: Prepared) -> None:
-    """Undo what :func:`give_name` may have done, unless somebody else has been there since."""
+    """Undo what :func:`give_name` may have done, unless another process has changed it since."""
     if output.inode is None or output.target.stat().st_ino != output.inode:
         return
     if output.is_folder:

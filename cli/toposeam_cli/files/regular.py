@@ -1,4 +1,4 @@
-"""Which files may be read: those on a disk, for a pipe or a device may never come to an end."""
+"""Files that may be read: those on a disk, for a pipe or a device may never come to an end."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from toposeam.errors import OptionError
 
 
 def check_regular(path: Path, what: str = "it", *, folders: bool = True) -> None:
-    """Refuse pipes, devices and sockets; whoever reads says what else is wrong.
+    """Refuse pipes, devices and sockets; the reader reports other errors.
 
     Parameters
     ----------

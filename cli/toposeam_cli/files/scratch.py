@@ -25,7 +25,7 @@ class Scratch:
         self._files: list[Path] = []
 
     def new(self) -> Path:
-        """An empty file.
+        """Return an empty file.
 
         Raises
         ------
@@ -49,7 +49,7 @@ class Scratch:
         self._open.callback(thread.join)
 
     def folder(self) -> Path:
-        """An empty folder.
+        """Return an empty folder.
 
         Raises
         ------
@@ -62,7 +62,7 @@ class Scratch:
 
     @contextmanager
     def failures_told(self) -> Iterator[None]:
-        """What the system says of a failure to write, as one sentence."""
+        """Report the system's failure to write as one sentence."""
         try:
             yield
         except OutputError:
@@ -78,8 +78,8 @@ class Scratch:
 
 @functools.cache
 def _let_many_be_open() -> None:
-    """Let this process open as many files as the system allows: each of ours is open as long as it is ours,
-    and 1,024, which many systems begin with, is less than a thousand pictures take.
+    """Raise the limit of open files to the system's maximum: each of ours is open as long as it is ours, and
+    1,024, which many systems begin with, is less than a thousand pictures take.
     """
     with suppress(ImportError, OSError, ValueError):  # Windows has no such limit, others may refuse
         import resource
@@ -97,7 +97,7 @@ def _emptied(paths: Iterable[Path]) -> None:
 
 @contextmanager
 def scratch(folder: Path) -> Iterator[Scratch]:
-    """A folder for temporary files, which are gone after the block."""
+    """Open a folder for temporary files, which are gone after the block."""
     _let_many_be_open()
     with ExitStack() as open_files:
         yield Scratch(folder.resolve(), open_files)

@@ -10,14 +10,14 @@ from typing import Any
 from toposeam.errors import OptionError
 from toposeam_cli.files.regular import check_regular
 
-#: Longer ones are no tables that anybody has written.
+#: Longer ones are not written by hand.
 LARGEST_BYTES = 2**20
 #: Tables and lists within each other; ours have three.
 _DEEPEST = 20
 
 
 def read_table(path: Path, what: str) -> tuple[Any, str]:
-    """What a file of TOML, or of JSON if it is called ``.json``, holds, and its text.
+    """Read a file of TOML, or of JSON if it is called ``.json``; return its contents and its text.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def read_table(path: Path, what: str) -> tuple[Any, str]:
 
 
 def read_text(path: Path, what: str, largest: int = LARGEST_BYTES) -> str:
-    """The text in a file that is no larger than a table may be.
+    """Return the text in a file that is no larger than a table may be.
 
     Parameters
     ----------

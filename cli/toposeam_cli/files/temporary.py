@@ -1,5 +1,5 @@
-"""Files and folders under names that only we use: claimed by a lock while somebody writes them, and removed
-when their writer is interrupted, ends, or is gone.
+"""Files and folders under names that only we use: locked while they are written, and removed when their
+writer is interrupted, ends, or is gone.
 """
 
 from __future__ import annotations
@@ -31,14 +31,16 @@ _tidied: set[Path] = set()
 
 
 def temporary_beside(target: Path) -> Path:
-    """A new temporary name in the folder of `target`; what is there goes with the process at the latest."""
+    """Return a new temporary name in the folder of `target`; what is there goes with the process at the
+    latest.
+    """
     path = target.with_name(f".toposeam-{secrets.token_hex(8)}.part")
     not_needed(path)
     return path
 
 
 def not_needed(path: Path) -> None:
-    """Whatever happens, what is there goes with the process."""
+    """Mark a path for removal when the process ends."""
     _unfinished[path] = os.getpid()
 
 
@@ -100,7 +102,7 @@ def claimed_folder(path: Path) -> Iterator[Path]:
 
 
 def _is_claimed(path: Path, descriptor: int) -> bool:
-    """Claim what has just been made; False, and closed, when somebody who tidied up was faster."""
+    """Claim a new file; False, and closed, when another process that tidied up was faster."""
     lock(descriptor)
     with suppress(OSError):
         if path.stat().st_ino == os.fstat(descriptor).st_ino:
@@ -127,8 +129,8 @@ def tidy_once(folder: Path) -> None:
 
 
 def remove_stale(folder: Path) -> None:
-    """Remove what is temporary in a folder and whose writers are gone: files and folders of this user, called
-    as only we call them, that nobody has locked.
+    """Remove the temporary files and folders of a folder whose writers are gone: this user's, called as only
+    we call them, and not locked.
     """
     with suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
@@ -164,9 +166,9 @@ def lock(descriptor: int) -> bool:
 
 
 def _lock(descriptor: int) -> bool | None:
-    """As :func:`lock`; None where the file system has no locks."""
+    """Lock as :func:`lock` does; None where the file system has no locks."""
     if fcntl is None:
-        return True  # Windows does not let anybody remove or replace an open file
+        return True  # Windows does not allow to remove or replace an open file
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -50,17 +50,17 @@ class OutputBlock:
     _open: ExitStack = field(default_factory=ExitStack)
 
     def may_replace(self, target: Path) -> bool:
-        """Whether a file that is there may be found there, or replaced, though nobody forces it."""
+        """Test whether an existing file may be found there, or replaced, without force."""
         return self.resumed or self._is_own(target)
 
     def claim(self, output: Prepared) -> None:
-        """Make the empty temporary file or folder, safe from whoever tidies up."""
+        """Make the empty temporary file or folder, safe from other processes' clean-up."""
         tidy_once(output.target.parent)
         claim = claimed_folder if output.is_folder else claimed
         self._open.enter_context(claim(output.temporary))
 
     def complete(self, output: Prepared) -> None:
-        """The temporary file or folder holds all it should."""
+        """Mark the temporary file or folder as complete."""
         with suppress(OSError):
             shutil.copymode(output.target, output.temporary)  # of what it will replace, if anything
         if not output.is_folder:
@@ -71,7 +71,7 @@ class OutputBlock:
 
     @property
     def count(self) -> int:
-        """How many outputs are complete."""
+        """Number of complete outputs."""
         return len(self._prepared)
 
     def commit(self, digests: bool) -> None:
@@ -196,7 +196,7 @@ def check_output(
 
 
 def is_expected(path: Path) -> bool:
-    """Whether an output may be there already though nobody forces it: a former try of this job left it."""
+    """Test whether an output may exist already without force: a former try of this job left it."""
     outputs = _outputs.get()
     return outputs is not None and outputs.may_replace(_target(path))
 
@@ -301,7 +301,7 @@ def all_or_nothing(
 
 
 def _leave(outputs: OutputBlock) -> None:
-    """What is written from now on is not of that block."""
+    """Leave a block of outputs: later files do not belong to it."""
     if _outputs.get() is outputs:
         _outputs.set(None)
 
@@ -325,7 +325,7 @@ def _target(path: Path) -> Path:
 
 
 def reason(error: Exception) -> str:
-    """What the system says of a failure."""
+    """Return the system's text for a failure."""
     return (getattr(error, "strerror", None) or str(error)).lower()
 
 

@@ -1,4 +1,4 @@
-"""Why is the plug-in not in the menu? One finding after another, each with its remedy."""
+"""Diagnosis of a plug-in missing from the menu: one finding after another, each with its remedy."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def examine(profiles: Sequence[Profile]) -> Iterator[Finding]:
 
 
 def _gimps(found: Sequence[Program]) -> Iterator[Finding]:
-    """Which GIMPs there are."""
+    """List the GIMPs found."""
     for program in found:
         where = program.console or program.kind
         if program.is_3:
@@ -66,7 +66,7 @@ def _gimps(found: Sequence[Program]) -> Iterator[Finding]:
 
 
 def _asked(found: Sequence[Program], profile: Profile, profiles: Sequence[Profile]) -> Iterator[Finding]:
-    """Every GIMP that reads a profile, asked whether it loads the plug-in from there."""
+    """Ask every GIMP that reads a profile whether it loads the plug-in from there."""
     there = [program for program in found if program.is_3]
     readers = [program for program in there if _reads(program, profile)]
     if there and not readers:
@@ -92,7 +92,7 @@ def _asked(found: Sequence[Program], profile: Profile, profiles: Sequence[Profil
 
 
 def _reads(program: Program, profile: Profile) -> bool:
-    """Whether a GIMP 3 looks for plug-ins in a profile."""
+    """Test whether a GIMP 3 looks for plug-ins in a profile."""
     return profile.version in (None, program.version) and profile.kind in (
         "folder",
         "GIMP3_DIRECTORY",
@@ -179,7 +179,7 @@ def _engine(profile: Profile) -> Iterator[Finding]:
 
 
 def _plug_in_path(profile: Profile) -> str:
-    """Where a GIMP with this profile looks for plug-ins, as its gimprc has it."""
+    """Return the plug-in search path of a GIMP with this profile, from its gimprc."""
     folder = profile.plug_ins.parent
     path = f"{profile.plug_ins}:${{gimp_plug_in_dir}}/plug-ins"
     if profile.version is not None or profile.kind == "GIMP3_DIRECTORY":
@@ -233,7 +233,7 @@ def _probe(program: Program, profile: Profile) -> Finding:
 
 
 def _registered(profile: Profile) -> Iterator[Finding]:
-    """What the last start of GIMP made of it."""
+    """Report the registration at the last start of GIMP."""
     record = profile.plug_ins.parent / "pluginrc"
     try:
         known = PLUG_IN in record.read_text(encoding="utf-8", errors="replace")

@@ -23,7 +23,7 @@ _ASK_S = 60.0
 
 
 def check_python(python: Path) -> list[str]:
-    """What the engine of a Python lacks that the plug-in could offer: methods' names.
+    """List the methods the plug-in could offer that the engine of a Python lacks.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def check_python(python: Path) -> list[str]:
 
 
 def is_temporary(python: Path) -> bool:
-    """Whether an environment will be gone soon: uvx and pipx run throw theirs away."""
+    """Test whether an environment is temporary: uvx and pipx run throw theirs away."""
     text = python.as_posix()
     places = (tempfile.gettempdir(), os.environ.get("TMPDIR", ""))
     return (
@@ -65,7 +65,7 @@ def is_temporary(python: Path) -> bool:
 
 
 def usual_folder() -> Path:
-    """Where an environment for GIMP is made unless another place is named."""
+    """Return the default folder of an environment for GIMP."""
     if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / "TopoSeam" / "venv"
     if sys.platform == "darwin":
@@ -105,7 +105,7 @@ def make_environment(folder: Path) -> Path:
 
 
 def requirement() -> str:
-    """What pip has to be told to install this very TopoSeam: where it came from, or its release."""
+    """Return pip's requirement for this very TopoSeam: its origin, or its release."""
     try:
         told = distribution("toposeam").read_text("direct_url.json")
     except PackageNotFoundError:

@@ -1,4 +1,4 @@
-"""Where GIMP 3 keeps plug-ins on each system, and the plug-in's way in and out."""
+"""GIMP 3's plug-in folders on each system; installing and removing the plug-in."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Profile:
 
     @property
     def plug_in(self) -> Path:
-        """Where the plug-in is, or would be."""
+        """Path of the plug-in, installed or not."""
         return self.plug_ins / PLUG_IN
 
     @property
@@ -46,7 +46,7 @@ class Profile:
 
 
 def source() -> Path:
-    """The plug-in as this installation brought it."""
+    """Return the plug-in as this installation brought it."""
     found = find_spec(PLUG_IN)
     if found is None or not found.submodule_search_locations:
         raise MissingPackageError(
@@ -58,7 +58,7 @@ def source() -> Path:
 def roots(
     environment: Mapping[str, str] | None = None, platform: str | None = None, home: Path | None = None
 ) -> Iterator[tuple[str, Path]]:
-    """How GIMP was installed, and the folder that then holds one profile per minor version."""
+    """Yield the kind of GIMP's installation and the folder that then holds one profile per minor version."""
     environment = os.environ if environment is None else environment
     platform = sys.platform if platform is None else platform
     home = Path.home() if home is None else home
@@ -78,8 +78,8 @@ def profiles(
     platform: str | None = None,
     home: Path | None = None,
 ) -> list[Profile]:
-    """The GIMP 3 profiles of this user: those that are there, and those that an installed GIMP would make
-    when it is started; with `version` only that one's.
+    """Return the GIMP 3 profiles of this user: those that are there, and those that an installed GIMP would
+    make when it is started; with `version` only that one's.
 
     Raises
     ------
@@ -115,7 +115,9 @@ def profiles(
 
 
 def _wanted(version: str | None, kinds: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """The profiles that should be there: the version that was named, else of every GIMP 3 on this machine."""
+    """Yield the profiles that should be there: the version that was named, else of every GIMP 3 on this
+    machine.
+    """
     if version is not None:
         yield kinds[0], version
         return
@@ -125,12 +127,14 @@ def _wanted(version: str | None, kinds: Sequence[str]) -> Iterator[tuple[str, st
 
 
 def is_new(profile: Profile) -> bool:
-    """Whether GIMP has not been started with this profile yet."""
+    """Test whether GIMP has not been started with this profile yet."""
     return profile.version is not None and not profile.plug_ins.parent.is_dir()
 
 
 def older_profiles(profile: Profile) -> list[str]:
-    """Versions whose settings GIMP would take over at its first start, if there were no new profile yet."""
+    """Return versions whose settings GIMP would take over at its first start, if there were no new profile
+    yet.
+    """
     if profile.version is None:
         return []
     root, own = profile.plug_ins.parent.parent, [int(part) for part in profile.version.split(".")]

@@ -1,4 +1,4 @@
-"""Which GIMPs there are on this machine, and which profile each reads."""
+"""The GIMPs on this machine, and the profile each reads."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ class Program:
 
     @property
     def is_3(self) -> bool:
-        """Whether TopoSeam works there."""
+        """True if TopoSeam works there."""
         return self.version.startswith("3.")
 
 
 def programs() -> list[Program]:
-    """Every GIMP that is found, the newest first; of each version the first on PATH."""
+    """Return every GIMP that is found, the newest first; of each version the first on PATH."""
     found: dict[str, Program] = {}
     for folder in _folders():
         for file in sorted(folder.glob("gimp*")):

@@ -30,17 +30,17 @@ _LOGGER = logging.getLogger(__name__)
 #: A function and an item, pickled, and the folder of arrays that they and the result say the place of.
 Call = tuple[bytes, Path | None]
 
-#: What glibc's ``mallopt`` is told: blocks of up to so many bytes come from heaps (M_MMAP_THRESHOLD, -3),
-#: which keep so many that are free at their end, the main one (M_TRIM_THRESHOLD, -1) and those of threads
+#: Arguments of glibc's ``mallopt``: blocks of up to this many bytes come from heaps (M_MMAP_THRESHOLD, -3),
+#: which keep this many that are free at their end, the main one (M_TRIM_THRESHOLD, -1) and those of threads
 #: (M_TOP_PAD, -2).
 _HEAPS = {-3: 1 << 25, -1: 1 << 28, -2: 1 << 26}
 
-#: How often somebody who waits looks for signals, s.
+#: Interval at which a waiting call looks for signals, s.
 _LOOK_EVERY_S = 1.0
 #: Results that may wait for earlier ones, and items that may be made ready, per worker.
 _AHEAD = 4
 #: Items that wait for each worker, so that it need not wait for us; on Dask all but one wait with the
-#: scheduler, which gives each to whoever is free first.
+#: scheduler, which gives each to the first free one.
 _WAITING, _WAITING_ON_DASK = 1, 3
 
 
@@ -49,8 +49,8 @@ class WorkersDiedError(TopoSeamError, RuntimeError):
 
 
 def processes_of(wanted: int | None) -> int:
-    """How many processes: as many as are wanted, else one for each core this process may use; in a worker
-    only one, since its like are at work beside it.
+    """Return the number of processes: `wanted`, else one for each core this process may use; in a worker only
+    one, since its like are at work beside it.
     """
     if wanted is not None:
         return wanted
@@ -72,7 +72,7 @@ class TaskCrew:
         self.kinds: dict[str, Counter[str]] = {}
 
     def start(self) -> Workers:
-        """The workers, started when they are needed first.
+        """Return the workers, started when they are needed first.
 
         Raises
         ------
@@ -102,9 +102,9 @@ class TaskCrew:
             workers.check(WorkerCheck.at(probe, files))
 
     def map(self, function: Callable[[Any], Any], items: Iterable[Any], /) -> Iterator[Any]:
-        """The results of a function of each item, in their order. What one raises is raised here.
+        """Yield the results of a function of each item, in their order; raise here what one raises.
 
-        Workers begin at once: whoever has something to do before it asks for results does it meanwhile.
+        Workers begin at once: the caller may work before it asks for results.
 
         Raises
         ------
@@ -136,7 +136,7 @@ class TaskCrew:
     def stream(
         self, function: Callable[[Any], Any], ready: Callable[[], tuple[int, Any] | None], /
     ) -> Iterator[tuple[int, Any]]:
-        """Results as they come, as :class:`toposeam.layers.execution.tasks.Streaming` has them.
+        """Yield results as they come, as :class:`toposeam.layers.execution.tasks.Streaming` has them.
 
         Raises
         ------
@@ -149,7 +149,7 @@ class TaskCrew:
     def _said(
         self, function: Callable[[Any], Any], ready: Callable[[], tuple[int, Any] | None]
     ) -> Iterator[tuple[int, bytes]]:
-        """What workers, who begin at once, say of items, each with its number."""
+        """Yield the numbered results of items from workers, which begin at once."""
         workers = self.start()
         kind = self.kinds.setdefault(getattr(function, "__name__", ""), Counter())
         calls: dict[int, Call] = {}
@@ -181,7 +181,7 @@ class TaskCrew:
         again: list[int],
         begin: Callable[[], None],
     ) -> Iterator[tuple[int, bytes]]:
-        """What workers say of calls, until there are none and no others begin."""
+        """Yield the results of calls from workers, until there are none and no others begin."""
         said: list[tuple[int, bytes]] = []
         deaths: Counter[int] = Counter()
         while True:
@@ -219,11 +219,11 @@ class TaskCrew:
 
 
 def done(call: Call) -> bytes:
-    """In a worker: what a function of an item gives, or what it raises."""
+    """Run in a worker: return what a function of an item gives, or what it raises."""
     _keep_memory()
     pickled, folder = call
     try:
-        function, item = pickle.loads(pickled)  # noqa: S301 - from whoever started this worker
+        function, item = pickle.loads(pickled)  # noqa: S301 - from the process that started this worker
         return Handing(folder).pickled((True, function(item)))
     except Exception as error:
         return pickle.dumps((False, _portable(error)), pickle.HIGHEST_PROTOCOL)
@@ -241,7 +241,7 @@ def _keep_memory() -> None:
 
 
 def _portable(error: Exception) -> Exception:
-    """An error that can be told to another process."""
+    """Return a picklable form of an error for another process."""
     try:
         pickle.loads(pickle.dumps(error))  # noqa: S301
     except Exception:
@@ -251,7 +251,7 @@ def _portable(error: Exception) -> Exception:
 
 @contextmanager
 def crew(processes: int, dask: str | None = None, store: Scratch | None = None) -> Iterator[TaskCrew | None]:
-    """So many processes, or the workers of a Dask cluster, which end with the block; None where this process
+    """Start processes, or the workers of a Dask cluster, which end with the block; None where this process
     does everything itself.
 
     Parameters

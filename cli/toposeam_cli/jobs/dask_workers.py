@@ -1,4 +1,4 @@
-"""Where jobs are done: the workers of a Dask cluster, ours or somebody's."""
+"""Workers of a Dask cluster, local or given by its address."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from toposeam.errors import MissingPackageError, OptionError
 from toposeam_cli.files.interruption import ctrl_c_later, start_resource_tracker, uninterrupted
 from toposeam_cli.jobs.workers import Workers
 
-#: Of a local cluster: no pages, of which Dask's own switch leaves some, and nobody who counts a hundred times
-#: a second what its workers do, or fifty times whether their loops are on time: that takes 3 % of them.
+#: Of a local cluster: no pages, of which Dask's own switch leaves some, no profile of the
+#: workers a hundred times a second, and no check of their loops fifty times: these take 3 % of them.
 _UNWATCHED: dict[str, Any] = {
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
@@ -50,7 +50,7 @@ class DaskWorkers(Workers):
 
     @property
     def is_free(self) -> bool:
-        """Whether one has nothing to do, or nothing that waits for it."""
+        """True if a worker has nothing to do, or nothing that waits for it."""
         return len(self._running) < self._most
 
     def _take(self) -> Executor:
@@ -88,7 +88,7 @@ class DaskWorkers(Workers):
 
 @dataclass(frozen=True, slots=True)
 class WorkerCheck:
-    """What a worker is asked before there is work: whether it has our versions, and sees our files."""
+    """Check of a worker before there is work: whether it has our versions, and sees our files."""
 
     versions: Mapping[str, str]
     #: Files, and how many bytes each has; the first one holds `secret`.
@@ -97,14 +97,14 @@ class WorkerCheck:
 
     @classmethod
     def at(cls, probe: Path, files: Iterable[Path]) -> WorkerCheck:
-        """At some files, and at one that is made for it."""
+        """Make a check of some files, and of one that is made for it."""
         secret = uuid.uuid4().hex
         probe.write_text(secret)
         sizes = {str(path.absolute()): path.stat().st_size for path in (probe, *files)}
         return cls(versions(), sizes, secret)
 
     def __call__(self) -> str:
-        """In a worker: what is wrong, or nothing."""
+        """Run in a worker: return what is wrong, or nothing."""
         for name, theirs in versions().items():
             if theirs != self.versions[name]:
                 return (
@@ -126,7 +126,7 @@ class WorkerCheck:
 
 
 def versions() -> dict[str, str]:
-    """Of what decides about the last bit."""
+    """Return the versions that decide about the last bit."""
     from importlib.metadata import version
 
     found = {name: version(name) for name in ("toposeam", "numpy", "scipy")}
@@ -135,8 +135,8 @@ def versions() -> dict[str, str]:
 
 @contextmanager
 def dask_workers(address: str, count: int, waiting: int = 0) -> Iterator[Workers]:
-    """Workers of the Dask cluster at an address, or of ``local``: one that is made for the block, with
-    `count` processes, which nobody else can use. So many jobs may be `waiting` for each of them.
+    """Connect to the Dask cluster at an address, or at ``local`` make one for the block, private and with
+    `count` processes. This many jobs may be `waiting` for each of them.
 
     Raises
     ------
@@ -179,7 +179,7 @@ def dask_workers(address: str, count: int, waiting: int = 0) -> Iterator[Workers
 
 @contextmanager
 def _client_of(cluster: Any, address: str) -> Iterator[Any]:
-    """A client of a cluster of ours, or of the scheduler at an address."""
+    """Open a client of a cluster of ours, or of the scheduler at an address."""
     from distributed import Client
 
     with _running_loop() if cluster is None else nullcontext() as loop:  # a cluster has one
@@ -200,8 +200,8 @@ def _client_of(cluster: Any, address: str) -> Iterator[Any]:
 
 @contextmanager
 def _running_loop() -> Iterator[Any]:
-    """An event loop for a client, in a thread that ends with the block: one that Dask makes goes on where
-    nobody answers.
+    """Run an event loop for a client in a thread that ends with the block: one that Dask makes goes on
+    afterwards.
     """
     from tornado.ioloop import IOLoop
 
@@ -223,8 +223,8 @@ def _running_loop() -> Iterator[Any]:
 
 
 def _local_cluster(count: int) -> Any:
-    """A Dask cluster of processes that speak TLS with a key and a certificate made on the spot: without
-    these, whoever can connect to this machine's ports could run programs as this user.
+    """Make a Dask cluster of processes that speak TLS with a key and a certificate made on the spot: without
+    these, anyone who can connect to this machine's ports could run programs as this user.
     """
     from distributed import LocalCluster
     from distributed.security import Security
@@ -262,7 +262,7 @@ def _local_cluster(count: int) -> Any:
 
 
 def _close(cluster: Any) -> None:
-    """End a cluster's processes; where the same signal has ended them already, nothing is to be told."""
+    """Close a cluster's processes, silently where the same signal has ended them already."""
     if cluster is not None:
         with uninterrupted(), suppress(Exception):
             cluster.close(timeout=_CLOSING_S)

@@ -1,8 +1,8 @@
 """Large arrays that processes hand to each other by files, on storage that all of them see.
 
 Tables that one worker makes and others look up here and there would cost most of what goes through a
-scheduler. So arrays that nobody may write to are written once, into a folder, and what is pickled says where:
-whoever unpickles it maps the file, and reads no more of it than it looks at.
+scheduler. So read-only arrays are written once, into a folder, and their pickles say where:
+unpickling maps the file, and reads no more of it than is used.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-#: Arrays of so many bytes or more go by files, and parts of them of so many.
+#: Arrays of this many bytes or more go by files, and parts of them of this many.
 LEAST_BYTES, _LEAST_PART = 1 << 14, 1 << 12
 
 Array = npt.NDArray[Any]
@@ -53,7 +53,7 @@ class Handing:
         self._lying: dict[int, tuple[weakref.ref[Array], Path]] = {}
 
     def pickled(self, value: Any) -> bytes:
-        """What unpickles in any process that sees the folder.
+        """Pickle a value for any process that sees the folder.
 
         Raises
         ------
@@ -65,7 +65,9 @@ class Handing:
         return stream.getvalue()
 
     def place(self, array: Array) -> tuple[Any, ...] | None:
-        """Where an array lies, as the arguments of :func:`mapped`; None when it is to be pickled as usual."""
+        """Store an array; return the arguments of :func:`mapped`, or None when it is to be pickled as
+        usual.
+        """
         owner = array
         while isinstance(owner.base, np.ndarray):
             owner = owner.base
@@ -100,13 +102,13 @@ class _Pickler(pickle.Pickler):
         self._handing = handing
 
     def reducer_override(self, value: Any) -> Any:
-        """Arrays that lie in files are opened there."""
+        """Pickle arrays that lie in files by their place."""
         place = self._handing.place(value) if isinstance(value, np.ndarray) else None
         return NotImplemented if place is None else (mapped, place)
 
 
 def mapped(path: str, dtype: str, shape: tuple[int, ...], strides: tuple[int, ...], start: int) -> Array:
-    """A read-only array that lies in a file.
+    """Return a read-only array that lies in a file.
 
     Parameters
     ----------

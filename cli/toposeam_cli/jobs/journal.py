@@ -117,7 +117,7 @@ def _line(row: Mapping[str, Any]) -> bytes:
 
 
 def _row(line: bytes) -> Row | None:
-    """The row in a line; None if that is none, or its values are of other kinds than ours."""
+    """Return the row in a line; None if that is none, or its values are of other kinds than ours."""
     try:
         row = json.loads(line)
     except (ValueError, RecursionError):

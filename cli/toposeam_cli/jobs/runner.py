@@ -56,8 +56,8 @@ class Job:
     #: Further arguments that change nothing in what is made, such as whether files may be replaced: they do
     #: not count for the digest.
     manner: Mapping[str, Any] = field(default_factory=dict)
-    #: Whether outputs that a former run made, as the journal tells by their digests, may be replaced though
-    #: nobody forces it.
+    #: Whether outputs that a former run made, as the journal tells by their digests, may be replaced
+    #: without force.
     remakes: bool = False
     #: How much work it is compared with the other jobs, for the estimate of time.
     weight: float = 1.0
@@ -75,7 +75,7 @@ class Job:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """What became of a job."""
+    """Outcome of a job."""
 
     job: Job
     #: "skipped" if an earlier run, of which the journal tells, did it.
@@ -90,7 +90,7 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """How far a run has come."""
+    """Progress of a run."""
 
     #: Jobs that are done, skipped or failed, and all jobs.
     finished: int
@@ -111,7 +111,7 @@ def run(
     resume: bool = True,
     progress: Callable[[Progress], None] | None = None,
 ) -> Iterator[Outcome]:
-    """Do jobs, and tell of each as soon as it has ended.
+    """Run jobs, and yield the outcome of each as soon as it has ended.
 
     - A job that fails leaves no new file and stops no other job. When a worker process dies (killed, out of
       memory), the job it had is tried once more in a new process (on Dask up to three times more), then
@@ -193,7 +193,7 @@ def check(jobs: Sequence[Job]) -> None:
 
 
 def finished(job: Job, row: Mapping[str, Any] | None) -> bool:
-    """Whether a row of the journal tells that the job is done and needs not be done again."""
+    """Test whether a row of the journal shows that the job is done."""
     return (
         row is not None
         and row["status"] == "done"
@@ -320,7 +320,7 @@ def _state(path: Path) -> tuple[int, int] | tuple[()]:
 
 
 class _Tally:
-    """How far a run has come, and how long the rest will take."""
+    """Progress of a run, and estimate of the time left."""
 
     def __init__(self, jobs: Sequence[Job], report: Callable[[Progress], None] | None) -> None:
         self._report = report

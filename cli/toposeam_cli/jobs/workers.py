@@ -1,4 +1,4 @@
-"""Where jobs are done: worker processes on this machine, as :mod:`concurrent.futures` knows them."""
+"""Worker processes on this machine, as :mod:`concurrent.futures` knows them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VI
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What a worker is told to do."""
+    """Task of a worker."""
 
     #: ``module:callable``, and its keyword arguments.
     function: str
@@ -45,7 +45,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What a worker says about a job."""
+    """Report of a worker about a job."""
 
     succeeded: bool
     seconds: float
@@ -71,7 +71,7 @@ class Workers(ABC):
     @property
     @abstractmethod
     def is_free(self) -> bool:
-        """Whether another job can begin."""
+        """True if another job can begin."""
 
     def begin(self, name: str, task: Any, does: Callable[[Any], Any] | None = None) -> None:
         """Give a free worker a job: a :class:`Task`, or what another function `does`."""
@@ -100,11 +100,11 @@ class Workers(ABC):
 
     @abstractmethod
     def _take(self) -> Executor:
-        """An executor with a free worker."""
+        """Return an executor with a free worker."""
 
     @abstractmethod
     def _give_back(self, executor: Executor, died: bool) -> None:
-        """The worker is free, or dead."""
+        """Free the worker, or note its death."""
 
 
 def answer(task: Task) -> Answer:
@@ -129,11 +129,11 @@ def answer(task: Task) -> Answer:
 
 
 class _Processes(Workers):
-    """Worker processes, each an executor of its own: when one dies, only what it had is concerned, and
-    another takes its place.
+    """Worker processes, each an executor of its own: when one dies, only its jobs are concerned, and another
+    takes its place.
 
-    They are spawned, as libvips does not survive a fork. All hold one end of a pipe into which nobody ever
-    writes: when the other end closes, be it that the run is interrupted or that the parent is gone, they end.
+    They are spawned, as libvips does not survive a fork. All hold one end of a pipe that is never
+    written to: when the other end closes, as the run is interrupted or the parent is gone, they end.
     """
 
     def __init__(self, count: int, waiting: int = 0) -> None:
@@ -149,7 +149,7 @@ class _Processes(Workers):
 
     @property
     def is_free(self) -> bool:
-        """Whether one has nothing to do, or nothing that waits for it."""
+        """True if a worker has nothing to do, or nothing that waits for it."""
         return min(self._load.values()) < self._most
 
     def end(self, now: bool) -> None:
@@ -167,7 +167,7 @@ class _Processes(Workers):
 
     def _give_back(self, executor: Executor, died: bool) -> None:
         if executor not in self._load:
-            return  # another took its place when the first of its jobs was told
+            return  # another took its place when the first of its jobs was reported
         if not died:
             self._load[executor] -= 1
             return
@@ -201,8 +201,8 @@ def _end_with(ending: Connection) -> None:
 
 @contextmanager
 def worker_processes(count: int, waiting: int = 0) -> Iterator[Workers]:
-    """Workers on this machine, for each of which so many jobs may wait; they end with the block, at once if
-    it is left by an exception.
+    """Start workers on this machine, for each of which `waiting` jobs may wait; they end with the block, at
+    once if it is left by an exception.
     """
     workers = _Processes(count, waiting)
     try:

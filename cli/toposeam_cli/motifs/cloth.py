@@ -88,7 +88,7 @@ def lay(
 
 
 def _shadow(piece: Piece, px_per_mm: float, width_mm: float) -> Floats:
-    """How much darker it is beside a piece."""
+    """Compute the shadow beside a piece."""
     far = 0.012 * width_mm * px_per_mm
     soft = np.roll(ndimage.gaussian_filter(piece.mask, far), (round(far), round(0.7 * far)), (0, 1))
     near = np.roll(
@@ -107,8 +107,8 @@ def _dressed(
     at: tuple[int, int],
     whole: tuple[int, int],
 ) -> Floats:
-    """The pattern as it looks on a piece, (H, W, 3) float, whatever lies outside of the mask; `at` is the row
-    and column of the whole picture where it begins.
+    """Return the pattern as it looks on a piece, (H, W, 3) float, whatever lies outside of the mask; `at` is
+    the row and column of the whole picture where it begins.
     """
     height = _height(piece, folds, px_per_mm, width_mm)
     slope_y, slope_x = (slope * px_per_mm for slope in np.gradient(height))
@@ -150,7 +150,7 @@ def _height(piece: Piece, folds: Floats, px_per_mm: float, width_mm: float) -> F
 
 
 def _on_pattern(piece: Piece, x: Floats, y: Floats, middle: tuple[float, float]) -> tuple[Floats, Floats]:
-    """Where points of the product lie in the pattern, mm."""
+    """Map points of the product to the pattern, mm."""
     if piece.matrix is not None:
         a, b, c, d, e, f = piece.matrix
         x, y = x - e, y - f
@@ -186,7 +186,7 @@ def _brightness(piece: Piece, slope_x: Floats, slope_y: Floats, place: tuple[Flo
 
 
 def _gloss(piece: Piece, place: tuple[Floats, Floats]) -> Floats:
-    """Two bands of reflected light."""
+    """Return two bands of reflected light."""
     across = place[0] + 0.45 * place[1]
     result: Floats = piece.gloss * 0.28 * np.exp(-(((across - 0.52) / 0.05) ** 2))
     return result + piece.gloss * 0.12 * np.exp(-(((across - 0.66) / 0.02) ** 2))

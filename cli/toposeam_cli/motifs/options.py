@@ -17,7 +17,7 @@ from toposeam_cli.motifs.print_options import RepeatType
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wanted:
-    """What a motif shall be like; None is left to its seed, or as it was."""
+    """Requested properties of a motif; None is left to its seed, or unchanged."""
 
     size: tuple[int, int] | None
     layers: int | None
@@ -39,7 +39,7 @@ class Wanted:
     filter_radius: float | None
 
     def given(self) -> dict[str, Any]:
-        """What was asked for."""
+        """Return the requested properties."""
         asked = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         return {name: value for name, value in asked.items() if value is not None}
 

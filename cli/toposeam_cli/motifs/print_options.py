@@ -1,4 +1,4 @@
-"""What ``motif``, ``repeat`` and ``join`` have in common: how inks go to paper, and the writing."""
+"""Options that ``motif``, ``repeat`` and ``join`` share: printing of inks, and writing."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def check_laid(path: Path, rule: str, instead: str) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PrintOptions:
-    """What was asked for; None where nothing was."""
+    """Requested options of printing; None where not given."""
 
     width_mm: float | None = None
     dpi: float | None = None
@@ -75,7 +75,7 @@ class PrintOptions:
     separations: bool = False
 
     def over(self, before: Mapping[str, Any], **others: Any) -> Print:
-        """A way to print: how a file was printed before, with what was asked for now over it."""
+        """Return a way to print: how a file was printed before, with what was asked for now over it."""
         asked = {option.name: getattr(self, option.name) for option in fields(self)} | others
         del asked["separations"]
         return Print(**(dict(before) | {name: value for name, value in asked.items() if value is not None}))
@@ -174,7 +174,9 @@ def write_print(
 
 
 def renamed(recipe: ts.Recipe, names: str | None, edges: str | None) -> ts.Recipe:
-    """A recipe whose inks have other names and edges: one for all, or one for each with commas between."""
+    """Return a recipe whose inks have other names and edges: one for all, or one for each with commas
+    between.
+    """
     layers = recipe.layers
     if names is not None:
         words = _words(names, len(layers), "--spot-names")

@@ -1,6 +1,4 @@
-"""How a motif goes to paper: rows and columns, size, resolution, and the recipe that is written into the
-file.
-"""
+"""Printing of a motif: rows and columns, size, resolution, and the recipe that is written into the file."""
 
 from __future__ import annotations
 
@@ -32,7 +30,7 @@ _DPI = 300.0
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Print:
-    """How a motif goes to paper; kept beside the recipe."""
+    """Print settings of a motif; kept beside the recipe."""
 
     #: Rows and columns of motifs.
     counts: tuple[int, int] = (1, 1)
@@ -52,7 +50,8 @@ class Print:
         return _DPI if self.dpi is None and self.width_mm is not None and self.pixels is None else self.dpi
 
     def laid(self, recipe: ts.Recipe) -> tuple[tuple[int, int], tuple[int, int]]:
-        """Rows and columns of motifs that are laid, and rows and columns of px of one, which keeps its shape.
+        """Return rows and columns of motifs that are laid, and rows and columns of px of one, which keeps its
+        shape.
 
         Where the size of the whole picture is given, as many columns as `counts` says fill its width, and
         what is too much below is cut.
@@ -81,12 +80,12 @@ class Print:
             )
 
     def note(self) -> dict[str, Any]:
-        """What is written into the file."""
+        """Return the record that is written into the file."""
         return {"print": dataclasses.asdict(self)}
 
     @staticmethod
     def read(settings: Mapping[str, Any]) -> dict[str, Any]:
-        """The values in a file's settings, those that are damaged left out."""
+        """Return the values in a file's settings, those that are damaged left out."""
         found = settings.get("print")
         if not isinstance(found, dict):
             return {}
@@ -109,32 +108,32 @@ class Print:
 
 
 def sheet_coverage(made: ts.Motif, paper: Print) -> np.ndarray:
-    """The share of each ink on a sheet of a motif, (n_L, H, W)."""
+    """Return the share of each ink on a sheet of a motif, (n_L, H, W)."""
     counts, cell = paper.laid(made.recipe)
     layers = ts.repeat_densities(made, counts, size=cell)
     return layers if paper.pixels is None else layers[:, : paper.pixels[1], : paper.pixels[0]]
 
 
 def ink_names(recipe: ts.Recipe) -> tuple[str, ...]:
-    """What the inks of a motif are called."""
+    """Return the names of a motif's inks."""
     return tuple(layer.name or f"ink {number}" for number, layer in enumerate(recipe.layers, 1))
 
 
 def describe(made: ts.Motif, counts: tuple[int, int]) -> str:
-    """One line about a motif for people."""
+    """Return one line about a motif for people."""
     many = "" if counts == (1, 1) else f"{counts[1]} × {counts[0]} motifs, "
     return f"{many}{counted(len(made.inks), 'ink')}, repeats by {made.repeat}, seed {made.recipe.seed}"
 
 
 def per_mm(dpi: float | None) -> tuple[float, float] | None:
-    """A resolution as pictures hold it, pixels per mm across and down."""
+    """Return a resolution as pictures hold it, pixels per mm across and down."""
     return None if dpi is None else (dpi / 25.4, dpi / 25.4)
 
 
 def printable(
     image: np.ndarray, dpi: float | None, settings: Mapping[str, Any], alpha: np.ndarray | None = None
 ) -> Picture:
-    """A picture in sRGB with its resolution and recipe.
+    """Return a picture in sRGB with its resolution and recipe.
 
     With an `alpha`, `image` is what it looks like on white; the colours are those of the inks alone.
     """
@@ -151,8 +150,8 @@ def printable(
 
 
 def separation(coverage: np.ndarray, dpi: float | None, settings: Mapping[str, Any]) -> Picture:
-    """One ink as a gray picture: black where it is full, white where there is none. It has no colour profile,
-    since its numbers are shares of ink.
+    """Return one ink as a gray picture: black where it is full, white where there is none. It has no colour
+    profile, since its numbers are shares of ink.
     """
     return Picture(
         pixels=to_depth(np.ascontiguousarray(1.0 - coverage, dtype=np.float32), np.dtype(np.uint8)),
@@ -162,6 +161,6 @@ def separation(coverage: np.ndarray, dpi: float | None, settings: Mapping[str, A
 
 
 def plate_path(output: Path, number: int, name: str) -> Path:
-    """Where one ink's separation goes: beside the picture, with the ink's number and name."""
+    """Return the path of one ink's separation: beside the picture, with the ink's number and name."""
     word = "-".join(re.findall(r"\w+", name)) or "ink"
     return output.with_name(f"{output.stem}.{number}-{word}{output.suffix}")

@@ -26,7 +26,7 @@ from toposeam_cli.motifs.cloth import Piece, lay
 PRODUCTS = ("tie", "scarf", "shirt", "canvas", "cushion", "wallpaper", "wrapping", "phone")
 #: Longer side of a mock-up, px, where nothing is said; at least, and of all px at most.
 _LONGER_PX, _LEAST_PX, _MOST_PX = 1200, 64, 20_000_000
-#: The pattern is sampled from a picture of so many px per px of the mock-up.
+#: The pattern is sampled from a picture of this many px per px of the mock-up.
 _FINER = 1.5
 #: Nothing finer repeats on a product, mm.
 _LEAST_MM = 1.0
@@ -69,7 +69,7 @@ class Product:
 
 @cache
 def product(name: str, dpi: float | None = None) -> Product:
-    """The product of that name, drawn with so many px per inch of its own; 1200 px long without.
+    """Load the product of that name, drawn at `dpi` px per inch of its own; 1200 px long without.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def draw_product(
     second: tuple[np.ndarray, int] | None = None,
     dpi: float | None = None,
 ) -> np.ndarray:
-    """A product with a pattern on it.
+    """Return a product with a pattern on it.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ def draw_product(
 
 
 def _folds(shown: Product, shape: tuple[int, ...]) -> np.ndarray:
-    """The drawn folds, -1 to 1: blurred here, since 8 bits are too few for slopes."""
+    """Return the drawn folds, -1 to 1: blurred here, since 8 bits are too few for slopes."""
     if "path" not in shown.folds:
         return np.zeros(shape)
     share = _FINE if "url(#fine)" in shown.folds else _WIDE
@@ -184,14 +184,16 @@ def _folds(shown: Product, shape: tuple[int, ...]) -> np.ndarray:
 def _for_second(
     shown: Product, first: tuple[np.ndarray, float] | None, ink: np.ndarray
 ) -> tuple[np.ndarray, float] | None:
-    """What stands for a second pattern that is not given: the first where it is the same cloth, else ink."""
+    """Return the substitute for a second pattern that is not given: the first where it is the same cloth,
+    else ink.
+    """
     if shown.name in ("tie", "shirt"):
         return first
     return np.broadcast_to(np.asarray(ink, np.float32), (1, 1, 3)), 1.0
 
 
 def _swatch(shown: Product, pattern: np.ndarray, px_per_mm: float) -> tuple[np.ndarray, float]:
-    """The pattern as floats, no finer than the mock-up can show, and its resolution."""
+    """Return the pattern as floats, no finer than the mock-up can show, and its resolution."""
     sides = [side / px_per_mm for side in pattern.shape[:2]]
     if min(sides) < _LEAST_MM:
         raise OptionError(
@@ -218,7 +220,7 @@ def _piece(shown: Product, place: dict[str, str]) -> Piece:
 
 
 def _rendered(shown: Product, drawing: str, fill: dict[str, str], ground: str | None = None) -> np.ndarray:
-    """A drawing as (H, W, 4) float in [0, 1]."""
+    """Return a drawing as (H, W, 4) float in [0, 1]."""
     for name, value in fill.items():
         drawing = drawing.replace(name, value)
     size = max(shown.width, shown.height)
@@ -235,5 +237,5 @@ def _rendered(shown: Product, drawing: str, fill: dict[str, str], ground: str | 
 
 
 def _plain(colour: str, colours: dict[str, str]) -> np.ndarray:
-    """One colour as a pattern."""
+    """Return one colour as a pattern."""
     return np.array([[parse_colour(colours.get(colour, colour))]], np.float32)

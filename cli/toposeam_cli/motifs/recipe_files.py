@@ -31,7 +31,7 @@ _ON_PAGE = re.compile(r'<script type="application/json" id="recipes">(.*?)</scri
 
 
 def to_xmp(settings: Mapping[str, Any]) -> bytes:
-    """An XMP packet with the settings as JSON."""
+    """Return an XMP packet with the settings as JSON."""
     text = escape(json.dumps(dict(settings), allow_nan=False), quote=False)
     return (
         '<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?><x:xmpmeta xmlns:x="adobe:ns:meta/">'
@@ -44,8 +44,8 @@ def to_xmp(settings: Mapping[str, Any]) -> bytes:
 
 
 def read_settings(path: Path, otherwise: str = "") -> dict[str, Any]:
-    """The settings that TopoSeam wrote into a picture or a drawing; `otherwise` ends the sentence that says
-    there are none.
+    """Return the settings that TopoSeam wrote into a picture or a drawing; `otherwise` ends the sentence that
+    says there are none.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def read_settings(path: Path, otherwise: str = "") -> dict[str, Any]:
 
 
 def read_recipe(path: Path) -> ts.Recipe:
-    """The recipe in a picture or a drawing; raises as :func:`read_settings`."""
+    """Return the recipe in a picture or a drawing; raises as :func:`read_settings`."""
     settings = read_settings(path)
     try:
         return ts.Recipe.from_dict(settings["recipe"])
@@ -97,7 +97,7 @@ def _from_picture(path: Path) -> dict[str, Any] | None:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The table in a TOML file.
+    """Return the table in a TOML file.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def to_toml(recipe: ts.Recipe) -> str:
-    """A recipe as TOML, for people to edit."""
+    """Return a recipe as TOML, for people to edit."""
     record = recipe.to_dict()
     layers = record.pop("layers")
     lines = [f"{name} = {_value(value)}" for name, value in record.items()]
@@ -129,7 +129,7 @@ def _value(value: Any) -> str:
 
 
 def recipe_from_table(table: Mapping[str, Any], path: Path) -> ts.Recipe | None:
-    """The whole recipe in a table of parameters, None if it holds options only."""
+    """Return the whole recipe in a table of parameters, None if it holds options only."""
     if "layers" not in table or not isinstance(table["layers"], list):
         return None
     known = {field.name for field in dataclasses.fields(ts.Recipe)}
@@ -143,7 +143,7 @@ def recipe_from_table(table: Mapping[str, Any], path: Path) -> ts.Recipe | None:
 
 
 def recipe_on_page(path: Path, number: int | None) -> ts.Recipe:
-    """The recipe of a motif on a page to choose from, by its number; a page of one motif needs none.
+    """Return the recipe of a motif on a page to choose from, by its number; a page of one motif needs none.
 
     Raises
     ------

@@ -27,8 +27,8 @@ _TO_RGB = np.array(
 
 
 def read_swatches(path: Path) -> np.ndarray:
-    """The colours in a file, (n, 3) sRGB in [0, 1]: the lightest, which is taken for the paper, then the
-    others in their order.
+    """Return the colours in a file, (n, 3) sRGB in [0, 1]: the lightest, which is taken for the paper, then
+    the others in their order.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def _ase(data: bytes) -> Iterator[tuple[float, float, float]]:
 
 
 def _of_lab(lightness: float, a: float, b: float) -> tuple[float, float, float]:
-    """What CIE LAB, its lightness in [0, 1], is in sRGB."""
+    """Convert CIE LAB, its lightness in [0, 1], to sRGB."""
     y = (100.0 * lightness + 16.0) / 116.0
     roots = np.array([y + a / 500.0, y, y - b / 200.0])
     xyz = _WHITE * np.where(roots > 6 / 29, roots**3, 3 * (6 / 29) ** 2 * (roots - 4 / 29))

@@ -14,7 +14,7 @@ from toposeam_cli.motifs.swatches import read_swatches
 
 
 def read_colours(text: str, folder: Path = Path()) -> str | Palette | np.ndarray:
-    """What ``--palette`` names: a palette, colours, or a picture."""
+    """Read the value of ``--palette``: a palette, colours, or a picture."""
     if "#" in text:
         colours = np.array([parse_colour(word) for word in text.replace(",", " ").split()])
         return _palette(colours, repr(text))
@@ -33,14 +33,14 @@ def read_colours(text: str, folder: Path = Path()) -> str | Palette | np.ndarray
 
 
 def _palette(colours: np.ndarray, of: str) -> Palette:
-    """The first colour is the paper's, the others are inks."""
+    """Make a palette: the first colour is the paper's, the others are inks."""
     if len(colours) < 2:
         raise ts.OptionError(f"the palette {of} has no ink; write the paper's colour and one per layer")
     return Palette(paper=colours[0], inks=colours[1:])
 
 
 def read_theme(path: Path) -> np.ndarray:
-    """A base image, with its alpha where it has one.
+    """Return a base image, with its alpha where it has one.
 
     Raises
     ------

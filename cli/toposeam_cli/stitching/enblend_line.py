@@ -32,7 +32,7 @@ _OURS: dict[str, tuple[str, str | None]] = {
 _QUIET_FLAGS = {"a", "x", "pre-assemble", "no-pre-assemble", "gpu", "no-gpu", "prefer-gpu"}
 _QUIET_OPTIONAL = {"v", "verbose"}
 _QUIET_VALUES = {"b", "m"}
-#: Options that do nothing here, of which the user is told.
+#: Options without effect here, which are reported to the user.
 _LOUD_FLAGS = {"c", "g", "ciecam", "no-ciecam", "fine-mask", "optimize", "no-optimize"}
 _LOUD_OPTIONAL = {"coarse-mask", "visualize"}
 _LOUD_VALUES = {
@@ -66,8 +66,8 @@ class CanvasFrame:
 
 
 def understood(words: Sequence[str]) -> tuple[list[str], list[str]]:
-    """The words of an enblend command line as those of ours, and the options that were left out and might be
-    missed.
+    """Return the words of an enblend command line as those of ours, and the options that were left out and
+    might be missed.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def understood(words: Sequence[str]) -> tuple[list[str], list[str]]:
 
 
 def _bundle(letters: str) -> tuple[list[str], str | None]:
-    """The short options of one word, and the value of the last one, if that stands in it."""
+    """Return the short options of one word, and the value of the last one, if that stands in it."""
     names: list[str] = []
     for index, letter in enumerate(letters):
         names.append(letter)
@@ -140,7 +140,7 @@ def _next(waiting: list[str], name: str) -> str:
 
 
 def frame_of(text: str) -> CanvasFrame:
-    """The frame that ``-f`` means: ``8000x4000+120+40``.
+    """Return the frame that ``-f`` means: ``8000x4000+120+40``.
 
     Raises
     ------
@@ -153,7 +153,7 @@ def frame_of(text: str) -> CanvasFrame:
 
 
 def blend_width(levels: str) -> float | None:
-    """Over how many px so many levels blend; None for the default."""
+    """Compute the blending width of `levels` levels, px; None for the default."""
     if levels.lower() in ("auto", "automatic"):
         return None
     try:
@@ -166,7 +166,7 @@ def blend_width(levels: str) -> float | None:
 
 
 def wrap_of(mode: str) -> bool:
-    """Whether the canvas goes round.
+    """Test whether the canvas wraps round.
 
     Raises
     ------
@@ -200,8 +200,8 @@ def compression_of(text: str) -> tuple[str, int | None]:
 
 
 def files_of(words: Sequence[str]) -> list[Path]:
-    """The files that are meant: ``@list`` stands for those a text file names, one a line, which may have
-    patterns, and lies in their folder.
+    """Return the files that are meant: ``@list`` stands for those a text file names, one a line, which may
+    have patterns, and lies in their folder.
 
     Raises
     ------
@@ -230,8 +230,8 @@ def files_of(words: Sequence[str]) -> list[Path]:
 
 
 def mask_name(template: str, index: int, source: Path, output: Path) -> Path:
-    """The name of a mask: ``%n`` is the picture's number from 1, ``%i`` from 0, ``%p %d %b %f %e`` are path,
-    folder, stem, name and extension of the picture, and in capitals of the output.
+    """Return the name of a mask: ``%n`` is the picture's number from 1, ``%i`` from 0, ``%p %d %b %f %e`` are
+    path, folder, stem, name and extension of the picture, and in capitals of the output.
 
     Raises
     ------

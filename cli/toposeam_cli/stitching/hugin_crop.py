@@ -1,4 +1,4 @@
-"""What a frame shows of a composition, as Hugin asks for it."""
+"""Crop of a composition to a frame, as Hugin asks for it."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class Framed:
         self.divides = False
 
     def part(self, rows: slice, columns: slice) -> Framed:
-        """It is not divided."""
+        """Return itself: a crop is not divided."""
         return self
 
     def window(self, rows: slice, columns: slice) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-        """The picture and its opacity."""
+        """Return the picture and its opacity."""
         here, there = self._common(rows, columns)
         part, opacity = self._composed.window(*there.slices)
         size = rows.stop - rows.start, columns.stop - columns.start
@@ -35,7 +35,7 @@ class Framed:
         return image, alpha
 
     def labels(self, rows: slice, columns: slice) -> npt.NDArray[np.int16]:
-        """Which layer shows."""
+        """Return the labels of the visible layers."""
         here, there = self._common(rows, columns)
         result = np.full((rows.stop - rows.start, columns.stop - columns.start), -1, np.int16)
         result[here.slices] = self._composed.labels(*there.slices)
@@ -46,7 +46,7 @@ class Framed:
         return iter(())
 
     def _common(self, rows: slice, columns: slice) -> tuple[Box, Box]:
-        """What a window and the composition have in common, in the window and in the composition."""
+        """Intersect a window with the composition, in the window's and in the composition's coordinates."""
         x, y = self._composed.origin
         window = Box(rows.start, columns.start, rows.stop, columns.stop)
         inside = window.moved(-y, -x).shared(Box(0, 0, *self._composed.shape))

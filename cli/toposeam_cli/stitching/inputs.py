@@ -40,7 +40,7 @@ class PlacedPictures:
     layers: tuple[ts.Layer, ...]
     #: The files, where each picture is one.
     files: tuple[Path, ...] = ()
-    #: What was found, where nobody said where the pictures lie.
+    #: Placement found, where none was given.
     placement: ts.Placement | None = None
     #: Whether the pixels wait in files.
     stored: bool = False
@@ -56,8 +56,8 @@ class PlacedPictures:
         return ts.common_canvas(self.layers).shape
 
     def number(self, key: str) -> int | None:
-        """The layer that is meant by a number, counted from 0 among the given ones, or by a name; None for
-        one that was left out.
+        """Return the layer that is meant by a number, counted from 0 among the given ones, or by a name; None
+        for one that was left out.
 
         Raises
         ------
@@ -98,7 +98,7 @@ class _Reading:
     limit: int
     #: Where pixels wait, unless they do in memory; what decodes several pictures at a time, then.
     scratch: Scratch | None
-    #: None where nobody can ask for it.
+    #: None where it cannot be asked for.
     skips: bool | None
     executor: Executor | None
     #: Whether that may be on other machines.
@@ -109,7 +109,7 @@ class _Reading:
     lost: list[str] = field(default_factory=list)
 
     def read(self, files: Sequence[Path], names: Sequence[str]) -> Iterator[tuple[int, Picture]]:
-        """Each picture with its number."""
+        """Yield each picture with its number."""
         if not self.skips:
             try:
                 check_together(files, self.limit)
@@ -137,14 +137,14 @@ class _Reading:
                 yield number, picture
 
     def _with_remedy(self, error: ts.ImageError, count: int) -> ts.ImageError:
-        """What is wrong with one of so many pictures, and that it can be left out if two others are left."""
+        """Add to an error about one of `count` pictures that it can be left out if two others are left."""
         if self.skips is None or count <= 2:
             return error
         return error.within("{error}; --skip-bad leaves out what cannot be read")
 
 
 def _read(item: tuple[Path, int, Path | None]) -> Picture | ts.ImageError:
-    """A picture of at most so many pixels, which may wait in a file, or why it cannot be used."""
+    """Read a picture within a limit of pixels, which may wait in a file, or return why it cannot be used."""
     path, limit, waits = item
     try:
         if waits is not None:
@@ -175,7 +175,7 @@ def arrange(
 
     With `scratch` the pixels of many pictures, or if it `stores` of all, wait there instead of in memory, and
     an executor may decode several pictures at a time. One picture `alone` may be
-    given, and pictures of which nobody says where they lie then lie at 0,0.
+    given, and pictures without a given place then lie at 0,0.
 
     Raises
     ------
@@ -241,14 +241,14 @@ def arrange(
 
 
 def _many(files: Sequence[Path]) -> bool:
-    """Whether the pictures have so many pixels that they had better not wait in memory."""
+    """Test whether the pictures have too many pixels to wait in memory."""
     if len(files) == 1 and files[0].suffix.lower() == ".ora":
         return False
     if len(files) == 1 and files[0].suffix.lower() in _LAYOUTS:
         files = [layer.file for layer in read_layout(files[0])]
     total = 0
     for path in files:
-        with suppress(ts.ImageError):  # whoever reads it says what is wrong
+        with suppress(ts.ImageError):  # its reader reports what is wrong
             width, height = size_of(path)
             total += width * height
     return total > STORED_PIXELS
@@ -261,7 +261,7 @@ def _masked(
     keeps: Sequence[Keyed],
     limit: int,
 ) -> list[ts.Layer]:
-    """The layers with where each may show, and where nothing else may."""
+    """Return the layers with where each may show, and where nothing else may."""
     layers = named.layers
     wanted: dict[str, dict[int, Path]] = {"mask": {}, "keep": {}}
     for kind, keyed in (("mask", masks), ("keep", keeps)):
@@ -284,7 +284,7 @@ def _masked(
 
 
 def saved_layout(job: PlacedPictures, folder: Path) -> str:
-    """Where the pictures lie, as a layout in that folder.
+    """Return the places of the pictures as a layout in that folder.
 
     Raises
     ------
@@ -304,7 +304,7 @@ def saved_layout(job: PlacedPictures, folder: Path) -> str:
 
 
 def read_avoid(path: Path, shape: tuple[int, int], max_megapixels: float) -> npt.NDArray[np.bool_]:
-    """Where the seams must not run: the white of a picture of the canvas's size."""
+    """Read the mask that seams must avoid: the white of a picture of the canvas's size."""
     return read_white(path, shape, "the canvas", round(max_megapixels * 1e6))
 
 
@@ -314,7 +314,7 @@ def _sources(
     reading: _Reading,
     least: int,
 ) -> list[_Source]:
-    """The pictures; `at` is set when the file itself says where they lie."""
+    """Return the pictures; `at` is set when the file itself says where they lie."""
     kind = files[0].suffix.lower()
     if len(files) == 1 and kind in (".ora", *_LAYOUTS):
         if where.at or where.offset is not None or where.overlap is not None or where.arranged:
@@ -372,7 +372,7 @@ def _sources(
 
 
 def _check_enough(reading: _Reading, count: int, least: int) -> None:
-    """Refuse what so many pictures were left out of that too few are left."""
+    """Refuse a reading of which too few of `count` pictures are left."""
     if reading.lost and count < least:
         given = count + len(reading.lost)
         raise ts.ImageError(f"only {count} of {given} pictures can be read: {reading.reasons[0]}")

@@ -1,4 +1,4 @@
-"""What a composite is written as: its formats, cropped, over a colour, with what belongs to it."""
+"""Output of a composite: its formats, cropping, background, and files that belong to it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from toposeam_cli.stitching.inputs import PlacedPictures
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outputs:
-    """What is written, and how."""
+    """Options of the output."""
 
     output: Path
     crop: str | None
@@ -47,7 +47,7 @@ class Outputs:
 
     @property
     def has_alpha(self) -> bool:
-        """Whether the picture's format knows transparency."""
+        """True if the picture's format knows transparency."""
         return self.output.suffix.lower() not in (".jpg", ".jpeg")
 
 
@@ -124,7 +124,7 @@ def check_outputs(out: Outputs) -> None:
 
 
 def crop_of(out: Outputs, layers: Sequence[ts.Layer]) -> str:
-    """How the picture is to be cropped; refuses, before any work is spent on it, one whose format cannot hold
+    """Return the crop of the picture; refuse, before any work is spent on it, one whose format cannot hold
     it.
     """
     if out.crop is not None and (out.has_alpha or out.crop == "inside" or out.background is not None):
@@ -165,7 +165,7 @@ def _opaque(layers: Sequence[ts.Layer]) -> npt.NDArray[np.bool_]:
 
 
 def cropped(stitched: ts.Stitched, output: Path) -> tuple[ts.Stitched, tuple[int, int] | None]:
-    """The largest rectangle without holes, and where it begins; all of it where there are none."""
+    """Return the largest rectangle without holes, and where it begins; all of it where there are none."""
     if stitched.alpha is None:
         return stitched, None
     box = largest_full(stitched.alpha >= full_scale(stitched.image.dtype))

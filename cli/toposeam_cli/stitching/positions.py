@@ -1,4 +1,4 @@
-"""Where pictures lie: what the command line says about it, or TIFF files do."""
+"""Positions of pictures, from the command line or from TIFF files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ORDERS = ("rows", "columns", "snake-rows", "snake-columns")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Where:
-    """What the command line says about the places of pictures."""
+    """Positions of pictures given on the command line."""
 
     at: Sequence[tuple[int, int]] = ()
     offset: tuple[int, int] | None = None
@@ -30,7 +30,7 @@ class Where:
 
     @property
     def arranged(self) -> bool:
-        """Whether the pictures follow each other in a grid, a row or a column."""
+        """True if the pictures follow each other in a grid, a row or a column."""
         return self.grid is not None or self.row or self.column
 
 
@@ -41,7 +41,7 @@ def places_of(
     numbers: Sequence[int] | None = None,
     count: int | None = None,
 ) -> list[tuple[float, float]] | None:
-    """Where the pictures lie, None where nobody says it.
+    """Return the positions of the pictures, None where not given.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def places_of(
 
 
 def width_round(wrap: int | None, files: Sequence[Path]) -> int | None:
-    """How wide a panorama is that goes round; 0 means as the first file says.
+    """Return the width of a panorama that wraps round; 0 means as the first file says.
 
     Raises
     ------
@@ -112,8 +112,8 @@ def width_round(wrap: int | None, files: Sequence[Path]) -> int | None:
 
 
 def _of_tiffs(files: Sequence[Path], pictures: Sequence[Picture]) -> list[tuple[float, float]] | None:
-    """The places that all of some TIFF files state; None where one does not, or where all opaque ones would
-    lie on each other.
+    """Return the places that all of some TIFF files state; None where one does not, or where all opaque ones
+    would lie on each other.
 
     Raises
     ------
@@ -138,8 +138,8 @@ def _of_tiffs(files: Sequence[Path], pictures: Sequence[Picture]) -> list[tuple[
 def _in_grid(
     pictures: Sequence[Picture], where: Where, way: str, numbers: Sequence[int], count: int
 ) -> list[tuple[float, float]]:
-    """Places row by row, each picture overlapping the one before it, and each row the one above; one that is
-    missing is as large as the first.
+    """Return places row by row, each picture overlapping the one before it, and each row the one above; one
+    that is missing is as large as the first.
     """
     if where.overlap is None:
         raise ts.OptionError(f"{way} needs to know how far the pictures overlap; add --overlap, like 25%")
@@ -174,8 +174,8 @@ def _in_grid(
 
 
 def _shifted(a: Picture, b: Picture, overlap: Length | None, side: ts.Side) -> tuple[int, int]:
-    """The offset at which B overlaps A by a length at one side of A; the pictures are aligned at the top or
-    left.
+    """Return the offset at which B overlaps A by a length at one side of A; the pictures are aligned at the
+    top or left.
     """
     if overlap is None:
         raise ts.OptionError("--overlap is missing")

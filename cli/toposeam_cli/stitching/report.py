@@ -1,4 +1,4 @@
-"""What ``toposeam stitch`` says about its result: for people on one line, for programs as JSON."""
+"""Report of ``toposeam stitch`` on its result: for people on one line, for programs as JSON."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from toposeam.sentence import counted
 
 
 def is_read(quiet: bool) -> bool:
-    """Whether anybody reads what the command tells: people who did not ask for quiet, and batches, which take
-    what it returns and run it without its group.
+    """Test whether the report is read: by people who did not ask for quiet, and by batches, which take what
+    it returns and run it without its group.
     """
     return not quiet or click.get_current_context().parent is None
 
@@ -28,7 +28,7 @@ def told_of(
     placement: ts.Placement | None,
     aligned: ts.Aligned | None,
 ) -> str:
-    """What is said of a result for people."""
+    """Describe a result for people."""
     text = f"{output}: {shape[1]} × {shape[0]} px, {seams}"
     if at is not None:
         text += f", cropped to what has no holes, from {at[0]},{at[1]}"
@@ -41,7 +41,7 @@ def summary_of_all(
     aligned: ts.Aligned | None,
     placement: ts.Placement | None = None,
 ) -> dict[str, Any]:
-    """What ``--json`` prints: the seam of two pictures, or layers and seams of more."""
+    """Summarise a result for ``--json``: the seam of two pictures, or layers and seams of more."""
     places = {"layers": [_place(index, stitched, layers[index], aligned) for index in range(len(layers))]}
     if placement is not None:
         for index, place in enumerate(places["layers"]):
@@ -76,7 +76,9 @@ def _best(correlations: dict[tuple[int, int], float], index: int) -> float:
 
 
 def hidden(composed: ts.Composition, remedy: str) -> list[str]:
-    """A sentence about the pictures that show nowhere, where there are any, and what lets them show."""
+    """Return a sentence about the pictures that show nowhere, where there are any, and what lets them
+    show.
+    """
     names = [composed.names[index] for index in composed.hidden]
     if not names:
         return []
@@ -85,7 +87,7 @@ def hidden(composed: ts.Composition, remedy: str) -> list[str]:
 
 
 def describe_placement(layers: tuple[ts.Layer, ...], placement: ts.Placement | None) -> list[str]:
-    """One line per layer whose place was found, where it was."""
+    """Return one line per layer whose place was found, where it was."""
     if placement is None:
         return []
     lines = []
@@ -101,7 +103,7 @@ def describe_placement(layers: tuple[ts.Layer, ...], placement: ts.Placement | N
 
 
 def describe_alignment(layers: tuple[ts.Layer, ...], aligned: ts.Aligned | None) -> list[str]:
-    """One line per layer that was moved."""
+    """Return one line per layer that was moved."""
     if aligned is None:
         return []
     lines = []
@@ -115,7 +117,7 @@ def describe_alignment(layers: tuple[ts.Layer, ...], aligned: ts.Aligned | None)
 
 
 def describe(seam: ts.Seam) -> str:
-    """One line about the seam of two layers for people."""
+    """Return one line about the seam of two layers for people."""
     effort = f" in {counted(len(seam.history), 'iteration')}" if seam.history else ""
     text = (
         f"seam of {round(seam.length)} px by {seam.method}{effort}, cost {seam.cost:.4g}, "

@@ -26,8 +26,8 @@ def placed_layers(
     scratch: Scratch | None,
     executor: Executor | None,
 ) -> list[ts.Layer]:
-    """The layers on the canvas. Those that are turned or scaled are resampled, and where pixels wait in files
-    one at a time, or several where an executor does that.
+    """Return the layers on the canvas. Those that are turned or scaled are resampled, and where pixels wait
+    in files one at a time, or several where an executor does that.
     """
     placed = [
         _Turning(layer, (float(x), float(y)), float(turn), float(scale), None)

@@ -12,8 +12,8 @@ from toposeam_cli.stitching.inputs import PlacedPictures
 
 
 def given_seams(files: Sequence[Keyed], placed: PlacedPictures) -> dict[tuple[int, int], ts.SvgSeam]:
-    """The seams of ``--use-seam`` by pair: ``seam.svg``, ``0:1=seam.svg``, or a file in which paths are named
-    after their pairs.
+    """Return the seams of ``--use-seam`` by pair: ``seam.svg``, ``0:1=seam.svg``, or a file in which paths
+    are named after their pairs.
     """
     seams: dict[tuple[int, int], ts.SvgSeam] = {}
     names = [layer.name for layer in placed.layers]
@@ -72,6 +72,6 @@ def _by_name(path: Path, drawing: ts.SvgSeam, placed: PlacedPictures) -> dict[tu
 
 
 def _of_lost(names: Sequence[str], lost: Sequence[str]) -> set[str]:
-    """What seams of pictures that were left out are called."""
+    """Return the names of the seams of pictures that were left out."""
     every = [*names, *lost]
     return {ts.pair_name(*pair) for one in lost for other in every for pair in ((one, other), (other, one))}

@@ -18,7 +18,7 @@ import toposeam as ts
 from toposeam.images import full_scale
 from toposeam.sentence import counted
 
-#: The pictures in the page are reduced to so many px a side.
+#: The pictures in the page are reduced to this many px a side.
 _LARGEST = 1600
 
 Pair = tuple[int, int]
@@ -42,7 +42,7 @@ class Drawn(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Joined:
-    """What a page is made of."""
+    """Contents of a page."""
 
     title: str
     layers: Sequence[ts.Layer]
@@ -60,7 +60,7 @@ class Joined:
 
 
 def seam_page(joined: Joined) -> str:
-    """The page."""
+    """Return the page."""
     height, width = joined.image.shape[:2]
     step = max(1, -(-max(height, width) // _LARGEST))
     every = slice(0, None, step)
@@ -107,7 +107,7 @@ def seam_page(joined: Joined) -> str:
 
 
 def _laid(joined: Joined, step: int) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
-    """The layers on each other, later ones on top, and where there is any."""
+    """Return the layers on each other, later ones on top, and where there is any."""
     height, width = (-(-side // step) for side in joined.image.shape[:2])
     image, alpha = np.zeros((height, width, 3), np.uint8), np.zeros((height, width), np.uint8)
     for layer in joined.layers:
@@ -132,7 +132,7 @@ def _bytes(values: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
 
 
 def _data(image: npt.NDArray[np.uint8], alpha: npt.NDArray[np.uint8] | None) -> str:
-    """A picture as the address of itself: JPEG where it is opaque, else WebP."""
+    """Return a picture as the address of itself: JPEG where it is opaque, else WebP."""
     from PIL import Image
 
     colour = image if image.ndim == 3 else np.repeat(image[..., np.newaxis], 3, axis=2)

@@ -1,4 +1,4 @@
-"""How seams are to be found: the options that say so, what they mean together, and the call they become."""
+"""Options of the seam search, their meaning together, and the call they become."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _STRANGE = 0.1
 
 
 def shared_work(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The options that say who does the work."""
+    """Return the options that say who does the work."""
     for option in (
         click.option(
             "--dask",
@@ -48,7 +48,7 @@ def shared_work(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @dataclass(frozen=True, slots=True)
 class Means:
-    """Where pixels wait, and who does what can be done at once."""
+    """Storage of waiting pixels, and the executor of parallel work."""
 
     store: Scratch
     workers: Executor | None
@@ -58,7 +58,7 @@ class Means:
 
 @contextmanager
 def means_of(folder: Path, files: Sequence[Path], processes: int, dask: str | None) -> Iterator[Means]:
-    """What the options give, for the time of a block; pixels wait in a folder.
+    """Open the storage and workers the options ask for, for the time of a block; pixels wait in a folder.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def means_of(folder: Path, files: Sequence[Path], processes: int, dask: str | No
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeamOptions:
-    """How seams are found, and what happens across them."""
+    """Options of the seam search, and of blending across seams."""
 
     avoid: Path | None
     law: ts.Law | None
@@ -95,7 +95,7 @@ class SeamOptions:
 
 
 def by_windows(out: Outputs, find: SeamOptions) -> bool:
-    """Whether the result can be made window by window."""
+    """Test whether the result can be made window by window."""
     return out.output.suffix.lower() != ".ora" and find.blend != "gradient" and out.history is None
 
 
@@ -127,15 +127,15 @@ def check_finding(find: SeamOptions, out: Outputs, dask: str | None) -> None:
 
 
 def correlations(job: PlacedPictures, executor: Executor | None = None) -> dict[tuple[int, int], float]:
-    """How much each two layers that overlap look alike there, -1 to 1."""
+    """Compute the correlation of each two layers that overlap, -1 to 1."""
     if job.placement is not None:
         return job.placement.correlations
     return ts.correlations(job.layers, executor=executor)
 
 
 def strangers(job: PlacedPictures, wrap: int | None = None, executor: Executor | None = None) -> list[str]:
-    """A sentence for each two pictures that hardly show the same where they overlap, if `wrap` is given also
-    all the way round, or that match elsewhere.
+    """Return a sentence for each two pictures that hardly show the same where they overlap, if `wrap` is
+    given also all the way round, or that match elsewhere.
     """
     if job.placement is not None:
         return [

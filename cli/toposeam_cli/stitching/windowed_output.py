@@ -44,12 +44,12 @@ _ROWS = 64
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Large:
-    """A composite in files, and what is told of it."""
+    """A composite in files, and facts for the report."""
 
     picture: Picture
     labels: Picture | None
     overlay: Picture | None
-    #: Made where somebody asks for them.
+    #: Made on request.
     seams: tuple[Outline, ...]
     #: Pixels that each layer shows.
     shown: tuple[int, ...]
@@ -87,7 +87,7 @@ class _Window:
 
 @dataclass(frozen=True, slots=True)
 class _Painted:
-    """What is told of a window."""
+    """Facts about a painted window."""
 
     #: (H, W) bool map.
     opaque: npt.NDArray[np.bool_]
@@ -178,7 +178,9 @@ def make(
 
 
 def _known_full(composed: ts.Composition | Framed) -> bool | None:
-    """Whether all of it is opaque; None where only painting tells, as layers are partly transparent."""
+    """Test whether all of it is opaque; None where only painting shows it, as layers are partly
+    transparent.
+    """
     if any((composed.labels(*box.slices) < 0).any() for box in blocks(Box(0, 0, *composed.shape))):
         return False
     return True if all(layer.alpha is None for layer in composed.layers) else None
@@ -194,7 +196,7 @@ def _picture(
     full: bool,
     coming: Coming | None = None,
 ) -> Picture:
-    """The picture, or part of it, with its opacity where it is not `full`."""
+    """Return the picture, or part of it, with its opacity where it is not `full`."""
     height, width, bands = shape
     pixels = Stored(files.colours, shape, dtype, (0, bands), part, _COLUMNS, coming)
     opacity = Stored(files.opacity, (height, width, 1), dtype, (0, 1), part, _COLUMNS, coming)
@@ -212,7 +214,7 @@ def _picture(
 def _written(
     out: Outputs, picture: Picture, coming: Coming, scratch: Scratch
 ) -> Iterator[Callable[[int], None]]:
-    """Write a picture while its rows come: how many have is told in the block, after which all is written.
+    """Write a picture while its rows come: the block reports the number of rows, after which all is written.
 
     Packing takes one processor, and as long as painting on many; so it must not wait for that.
     """
@@ -313,7 +315,7 @@ def write_large(
 
 
 def describe_totals(composed: ts.Composition, executor: Executor | None = None) -> str:
-    """One line about the seams for people."""
+    """Return one line about the seams for people."""
     if not composed.pairs:
         return f"{len(composed.names)} layers without a seam"
     totals, rounds = composed.totals(executor), composed.rounds
@@ -325,7 +327,7 @@ def describe_totals(composed: ts.Composition, executor: Executor | None = None) 
 
 
 def summary_of_large(composed: ts.Composition, large: Large) -> dict[str, Any]:
-    """What ``--json`` prints; without optima, which take longer than the seams."""
+    """Summarise a large result for ``--json``; without optima, which take longer than the seams."""
     layers = [
         {"name": layer.name, "at": list(layer.at), "shown_px": shown}
         for layer, shown in zip(composed.layers, large.shown, strict=True)

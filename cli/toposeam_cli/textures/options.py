@@ -1,4 +1,4 @@
-"""What ``synth``, ``tile`` and ``fill`` share: their options, and the files that belong to a texture."""
+"""Options that ``synth``, ``tile`` and ``fill`` share, and the files that belong to a texture."""
 
 from __future__ import annotations
 
@@ -63,13 +63,13 @@ class WeightsType(click.ParamType):  # type: ignore[type-arg]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Patches:
-    """How large patches are, and how far they overlap."""
+    """Size and overlap of patches."""
 
     patch: int | None
     overlap: Length | None
 
     def keywords(self) -> dict[str, Any]:
-        """What ``synthesize`` and ``fill`` are told.
+        """Return the keywords of ``synthesize`` and ``fill``.
 
         Raises
         ------
@@ -86,7 +86,7 @@ class Patches:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Search:
-    """How patches are chosen, cut and mixed."""
+    """Options of the choice, cutting and mixing of patches."""
 
     also: tuple[Path, ...]
     weights: tuple[float, ...] | None
@@ -100,8 +100,8 @@ class Search:
     method: ts.Method
 
     def keywords(self, varied: bool = False) -> dict[str, Any]:
-        """What ``synthesize``, ``make_tileable`` and ``fill`` are told alike; where one number says how
-        varied a texture is, the options that it stands for must not be given.
+        """Return the keywords common to ``synthesize``, ``make_tileable`` and ``fill``; where one number says
+        how varied a texture is, the options that it stands for must not be given.
         """
         lay = ("tolerance", "candidates", "context", "most", "variety", "method")
         if varied:
@@ -124,7 +124,7 @@ class Search:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Results:
-    """What else is written, and how."""
+    """Options of further outputs."""
 
     seams: Path | None
     labels: Path | None
@@ -136,7 +136,7 @@ class Results:
     def destinations(
         self, output: Path, maps: tuple[Path, ...] = (), preview: Path | None = None
     ) -> Destinations:
-        """Where everything goes, checked."""
+        """Return the destinations of all files, checked."""
         return Destinations(
             output=output,
             maps=maps,
@@ -266,7 +266,7 @@ result_options = grouped("results", Results, _RESULTS)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Destinations:
-    """Where a texture and all that belongs to it goes."""
+    """Destinations of a texture and all that belongs to it."""
 
     output: Path
     #: One per further map.
@@ -327,12 +327,12 @@ def coordinate_picture(made: ts.Synthesis) -> npt.NDArray[np.uint16]:
 
 
 def map_outputs(output: Path, also: Sequence[Path]) -> tuple[Path, ...]:
-    """Where further maps go: beside the output, the map's own name appended to the output's."""
+    """Return the paths of further maps: beside the output, the map's own name appended to the output's."""
     return tuple(output.with_name(f"{output.stem}_{path.stem}{output.suffix}") for path in also)
 
 
 def read_sources(paths: Sequence[Path], max_megapixels: float) -> list[Picture]:
-    """Exemplars of one depth and colour space."""
+    """Return exemplars of one depth and colour space."""
     return match_pictures([read_picture(path, max_pixels=round(max_megapixels * 1e6)) for path in paths])
 
 
@@ -362,11 +362,11 @@ def alphas(pictures: Sequence[Picture]) -> list[Any] | None:
 
 
 def read_one(image: Path, search: Search, results: Results) -> tuple[Picture, list[Picture]]:
-    """One picture and its further maps."""
+    """Return one picture and its further maps."""
     maps = read_maps(search.also, 1, results.max_megapixels)
     return read_sources([image], results.max_megapixels)[0], [given[0] for given in maps]
 
 
 def white_of(*pictures: Picture) -> list[float | None]:
-    """What counts as white in each map: 1 in files of floats, whose lights may go beyond it."""
+    """Return the white level of each map: 1 in files of floats, whose lights may go beyond it."""
     return [1.0 if np.issubdtype(one.pixels.dtype, np.floating) else None for one in pictures]

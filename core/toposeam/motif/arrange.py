@@ -25,7 +25,7 @@ _OVER = 0.03
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Arrangement(Inked):
-    """What :func:`arrange` returns: many motifs as one cell, which repeats by translation.
+    """Result of :func:`arrange`: many motifs as one cell, which repeats by translation.
 
     Examples
     --------
@@ -51,19 +51,19 @@ class Arrangement(Inked):
 
     @property
     def edges(self) -> tuple[str, ...]:
-        """How the strokes of each layer end in print: as in its motifs, or "soft" where they differ in that
-        and `sampled` has ended them.
+        """Stroke edges of each layer in print: those of its motifs, or "soft" where these differ and
+        `sampled` has applied them.
         """
         return tuple(kinds[0] if len(set(kinds)) == 1 else "soft" for kinds in self._kinds)
 
     @property
     def _kinds(self) -> list[tuple[str, ...]]:
-        """How strokes end in every motif, for each layer."""
+        """Stroke edges of every motif, for each layer."""
         return list(zip(*(motif.edges for motif in self.motifs), strict=True))
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What each ink is called."""
+        """Names of the inks."""
         return self.motifs[0].names
 
     @property
@@ -73,9 +73,9 @@ class Arrangement(Inked):
         return {"arrangement": {"grid": self.grid.tolist(), "recipes": recipes}}
 
     def sampled(self, layer: int, size: tuple[int, int]) -> npt.NDArray[np.float32]:
-        """One layer's density, smoothly interpolated to (rows, columns). Of a layer whose strokes do not end
-        alike in all motifs, wash beside strokes, the print: of every motif as its own strokes end, and along
-        borders the one goes over into the other.
+        """Return one layer's density, smoothly interpolated to (rows, columns). Of a layer whose strokes do
+        not end alike in all motifs, wash beside strokes, the print: of every motif as its own strokes end,
+        and along borders the one goes over into the other.
         """
         smooth = partial(resample, self.densities[layer], self.repeat)
         kinds = self._kinds[layer]
@@ -92,8 +92,8 @@ class Arrangement(Inked):
         return result
 
     def resampled(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
-        """As of any print, but with `sampled` at every size: layers that it ends have no other densities to
-        be drawn from.
+        """Resample the print, with `sampled` at every size: layers that it ends have no other densities to be
+        drawn from.
         """
         return (
             super().resampled(size)
@@ -102,8 +102,8 @@ class Arrangement(Inked):
         )
 
     def ends(self, layer: int) -> tuple[float, np.float32]:
-        """Those of all motifs together, each counted once: wherever they lie, and however often, a motif
-        looks the same, and strokes meet across borders as the optimisation left them.
+        """Return the stroke ends of all motifs together, each counted once: wherever they lie, and however
+        often, a motif looks the same, and strokes meet across borders as the optimisation left them.
         """
         return self._ends[layer, self.edges[layer]]
 
@@ -135,7 +135,7 @@ def arrange(
     seed: Seed = 0,
     reach: int | None = None,
 ) -> Arrangement:
-    """A pattern of different motifs in free arrangement (Figure 4.9).
+    """Return a pattern of different motifs in free arrangement (Figure 4.9).
 
     Parameters
     ----------
@@ -216,7 +216,7 @@ def _spread(cells: npt.NDArray[np.bool_], size: tuple[int, int]) -> npt.NDArray[
 def random_arrangement(
     counts: tuple[int, int], motifs: int, *, seed: Seed = 0, reach: int | None = None
 ) -> npt.NDArray[np.intp]:
-    """Indices of motifs at random, neighbours at most `reach` apart.
+    """Return indices of motifs at random, neighbours at most `reach` apart.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a pattern book round a theme consists of (thesis 4.5): the recipe of each pattern, and the product it
+"""Contents of a pattern book round a theme (thesis 4.5): the recipe of each pattern, and the product it
 suits.
 """
 
@@ -19,7 +19,7 @@ from toposeam.motif.recipe.recipe import Recipe, pack_base, unpack_base
 
 #: The four palettes that divide a book.
 SEASONS = ("spring", "summer", "fall", "winter")
-#: Rules of repetition; those that leave the theme as it is more often than those that fold it.
+#: Rules of repetition; those that leave the theme unchanged more often than those that fold it.
 _REPEATS = (
     "translate",
     "translate",
@@ -59,8 +59,8 @@ BESIDE = {"shirt": "tie", "scarf": "shirt", "tie": "scarf"}
 
 
 def book_recipe(theme: npt.ArrayLike, seed: int, number: int, size: int) -> Recipe:
-    """The recipe of one pattern of a book: everything about it is drawn by chance, but the season, which goes
-    by turns.
+    """Return the recipe of one pattern of a book: everything about it is drawn by chance, but the season,
+    which goes by turns.
 
     Half of the patterns are meant to have thick strokes, and half to show the theme; what came of it is
     measured.
@@ -92,7 +92,7 @@ def book_recipe(theme: npt.ArrayLike, seed: int, number: int, size: int) -> Reci
     inks = season.inks[rng.permutation(6)[:layers]]
     repeat = str(rng.choice(_REPEATS[:6] if shown else _REPEATS))
     # In proportion to the brightness, what is black is closed to strokes: they draw the theme's outline. Less
-    # than the whole of it lets them out, and nobody knows what it is.
+    # than the whole of it lets them out, and it is not recognised.
     hint = float(rng.uniform(0.05, 0.35))
     strength = 1.0 if shown else hint
     # Ink goes where the theme has less: a dark sign on light ground is drawn in ink, a light one on dark
@@ -132,7 +132,7 @@ def book_recipe(theme: npt.ArrayLike, seed: int, number: int, size: int) -> Reci
 def _inside(
     theme: npt.ArrayLike, strength: float, count: int, rng: np.random.Generator
 ) -> list[tuple[float, float]]:
-    """Places in [0, 1], the likelier the better the theme conducts there."""
+    """Return places in [0, 1], the likelier the better the theme conducts there."""
     base = unpack_base(pack_base(theme))
     weight = nominal_conductivity(base, strength, base.shape).ravel() ** 4
     chosen = rng.choice(weight.size, count, p=weight / weight.sum())
@@ -144,7 +144,7 @@ def _inside(
 
 
 def choose(rows: Sequence[dict[str, Any]]) -> list[tuple[dict[str, Any], str]]:
-    """For each season and product a pattern of the kind that suits it, a different one for each.
+    """Choose for each season and product a pattern of the kind that suits it, a different one for each.
 
     Parameters
     ----------

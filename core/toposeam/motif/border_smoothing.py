@@ -34,20 +34,20 @@ Floats = npt.NDArray[np.float64]
 #: From a motif's densities to about what is printed of them, on its own elements.
 Print = Callable[[Floats], Singles]
 
-#: Factors lie within e^±, and so many halvings find one.
+#: Factors lie within e^±, and this many halvings find one.
 _LARGEST, _HALVINGS = 3.0, 10
 #: Of motifs that join, how often rows and columns take turns.
 _TURNS = 3
-#: Motifs that share no border are evened where it shows more than that in one of so many patterns of 4 × 4.
+#: Motifs that share no border are evened where it shows more than that in one of this many patterns of 4 × 4.
 _SHOWN, _PATTERNS = 0.85, 64
-#: Factors of that lie within e^±, and fade out at so many times the distance of what a line is compared with.
+#: Such factors lie within e^±, and fade out at this many times the distance of the rows compared.
 _GENTLE, _DEPTH = 0.25, 4
 #: Half the width of what is changed, in units of how far off it is compared, in each round.
 _WIDTHS = (1.0, 1.0, *(3.0,) * 8)
 
 
 def calmed(densities: Sequence[Singles], recipe: Recipe, make: Callable[[list[Singles]], Motif]) -> Motif:
-    """The motif that `make` gives, of densities whose borders do not show in print.
+    """Return the motif that `make` gives, of densities whose borders do not show in print.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def conspicuous(motif: Motif) -> npt.NDArray[np.float64]:
 
 
 def _level(density: Singles, axis: int, mass: float, edge: str, repeat: str, width: float) -> Singles:
-    """A density half way to where the print along one border is what it is beside it."""
+    """Return a density half way to where the print along one border is what it is beside it."""
     bump, before = _bump(density.shape, axis, repeat, width), density.astype(np.float64)
     (balanced,) = _balanced([before], bump, axis, [partial(_print, edge=edge, repeat=repeat)], repeat)
     changed = np.sqrt(balanced * before)
@@ -95,7 +95,7 @@ def _level(density: Singles, axis: int, mass: float, edge: str, repeat: str, wid
 
 
 def _excess(density: Floats, axis: int, printed: Print, repeat: str) -> float:
-    """How much darker the print is along borders than beside them."""
+    """Compute by how much the print is darker along borders than beside them."""
     field = printed(density)
     side = field.shape[axis]
     mean = tile(field, repeat, period(repeat)).mean(axis=1 - axis, dtype=np.float64)
@@ -142,7 +142,8 @@ def _bump(shape: tuple[int, ...], axis: int, repeat: str, width: float = 1.0) ->
 def calmed_row(
     fields: Sequence[Floats], edges: Sequence[str], repeat: str, shared: int, given: Sequence[int]
 ) -> list[Floats]:
-    """One layer of motifs that lie beside each other in any order, none of which shows a border in print.
+    """Smooth one layer of motifs that lie beside each other in any order, so that none shows a border in
+    print.
 
     Parameters
     ----------
@@ -179,7 +180,7 @@ def calmed_row(
 
 
 def _prints(row: list[Floats], edges: Sequence[str], repeat: str, given: Sequence[int]) -> list[Print]:
-    """How each motif of a row is printed."""
+    """Return the print of every motif of a row."""
     levels = {}
     for edge in set(edges):
         alike = [index for index, kind in enumerate(edges) if kind == edge]
@@ -190,18 +191,18 @@ def _prints(row: list[Floats], edges: Sequence[str], repeat: str, given: Sequenc
 
 
 class _Tones:
-    """How dark motifs are in print towards the borders across an axis."""
+    """Darkness of printed motifs towards the borders across an axis."""
 
     def __init__(self, axis: int, prints: Sequence[Print]) -> None:
         self._axis, self._prints = axis, prints
 
     def of(self, density: Floats, index: int) -> Floats:
-        """The mean of every row, or column, of a motif."""
+        """Return the mean of every row, or column, of a motif."""
         mean: Floats = self._prints[index](density).mean(axis=1 - self._axis, dtype=np.float64)
         return mean
 
     def shown(self, row: list[Floats], given: Sequence[int]) -> float:
-        """How conspicuous borders are, the most in some patterns of some motifs."""
+        """Compute the visibility of borders, the greatest in some patterns of some motifs."""
         tones = np.stack([self.of(row[index], index) for index in given])
         rng = np.random.default_rng(0)
         grids = rng.integers(len(given), size=(_PATTERNS, 4, 4))
@@ -209,8 +210,8 @@ class _Tones:
         return max(line_visibility(tones[grid].mean(axis=1).reshape(-1, 1), side) for grid in grids)
 
     def evened(self, row: list[Floats], given: Sequence[int]) -> list[Floats]:
-        """Densities multiplied by a little, with which all are nearer to the mean tone of some where they
-        meet: first where a line is compared with, then on it.
+        """Return densities multiplied by a little, with which all are nearer to the mean tone of some where
+        they meet: first where a line is compared with, then on it.
         """
         side = row[0].shape[self._axis]
         reach = reach_of(side)
@@ -228,7 +229,9 @@ class _Tones:
     def _nearer(
         self, density: Floats, index: int, bump: Floats, lines: npt.NDArray[np.bool_], wanted: float
     ) -> Floats:
-        """A density multiplied by the power of a bump with which some lines have the tone that is wanted."""
+        """Return a density multiplied by the power of a bump with which some lines have the tone that is
+        wanted.
+        """
         return _multiplied(
             [density], bump, _GENTLE, lambda row: self.of(row[0], index)[lines].mean() - wanted
         )[0]
@@ -237,8 +240,8 @@ class _Tones:
 def _balanced(
     row: list[Floats], bump: Floats, axis: int, prints: Sequence[Print], repeat: str
 ) -> list[Floats]:
-    """Densities multiplied by one factor to the power of a bump, with which the print along the borders is
-    that beside them in the mean over all.
+    """Return densities multiplied by one factor to the power of a bump, with which the print along the
+    borders is that beside them in the mean over all.
     """
     return _multiplied(
         row,
@@ -253,8 +256,8 @@ def _balanced(
 def _multiplied(
     row: list[Floats], bump: Floats, largest: float, excess: Callable[[list[Floats]], float]
 ) -> list[Floats]:
-    """Densities times e to the power of a bump, by a factor within ± `largest` with which an excess, which
-    grows with it, is about 0.
+    """Return densities times e to the power of a bump, by a factor within ± `largest` with which an excess,
+    which grows with it, is about 0.
     """
     low, high = -largest, largest
     for _ in range(_HALVINGS):

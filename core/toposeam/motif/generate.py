@@ -171,7 +171,7 @@ def random_recipe(
     base_law: str = "contrast",
     palette: str | Palette | npt.ArrayLike | None = None,
 ) -> Recipe:
-    """A recipe in which everything not given is drawn from the seed.
+    """Return a recipe in which everything not given is drawn from the seed.
 
     Parameters
     ----------
@@ -306,7 +306,7 @@ def _inks(choice: str | Palette | npt.ArrayLike | None, layers: int, rng: np.ran
 
 
 def _of_layer(value: Any, index: int, layers: int, name: str) -> Points | None:
-    """What concerns one layer of a value that may be given once or per layer."""
+    """Select one layer's part of a value that may be given once or per layer."""
     if value is None or isinstance(value, int | np.integer):
         return None if value is None else int(value)
     items = list(check_items(name, value, object, "points, or points for each layer"))

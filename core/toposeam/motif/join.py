@@ -44,7 +44,7 @@ _SHARED = 0.03
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class JoinedMotifs:
-    """What :func:`join_motifs` returns: a row of motifs from the first given one to the last.
+    """Result of :func:`join_motifs`: a row of motifs from the first given one to the last.
 
     Examples
     --------
@@ -64,18 +64,18 @@ class JoinedMotifs:
     weight: float
 
     def at_stage(self, stage: int) -> tuple[Motif, ...]:
-        """The row as it was after a stage."""
+        """Return the row as it was after a stage."""
         return tuple(motif for motif, made in zip(self.motifs, self.stages, strict=True) if made <= stage)
 
     def mismatch(self, stage: int | None = None) -> float:
-        """Mean border mismatch of the motifs that are next to each other in the row after a stage (the last
-        without one).
+        """Return mean border mismatch of the motifs that are next to each other in the row after a stage (the
+        last without one).
         """
         row = self.at_stage(max(self.stages) if stage is None else stage)
         return float(np.mean([border_mismatch(a, b) for a, b in pairwise(row)]))
 
     def visibility(self) -> float:
-        """How conspicuous the borders are in a pattern of all of them: :func:`border_visibility`."""
+        """Visibility of the borders in a pattern of all of them: :func:`border_visibility`."""
         laid = arrange(self.motifs, (4, 4), seed=0)
         return border_visibility(laid.image(), self.motifs[0].densities.shape[1:])
 
@@ -83,7 +83,7 @@ class JoinedMotifs:
         return f"JoinedMotifs({len(self.motifs)} motifs of {max(self.stages)} stages, weight={self.weight:g})"
 
     def to_svg(self, path: str | Path | None = None) -> str:
-        """The row as an SVG document; as a file too if a path is given.
+        """Return the row as an SVG document; as a file too if a path is given.
 
         Parameters
         ----------
@@ -105,7 +105,7 @@ class JoinedMotifs:
 
 
 def border_mismatch(a: Motif, b: Motif) -> float:
-    """How much more two motifs differ across their common border than neighbours within them.
+    """Compute the step across two motifs' common border relative to the steps within them.
 
     Parameters
     ----------
@@ -225,8 +225,8 @@ def join_motifs(
 def _without_lines(
     row: list[Member], layer: int, shared: int, weight: float
 ) -> list[npt.NDArray[np.float32]]:
-    """One layer of all members, without a line along their borders; members that know nothing of each other
-    as they are.
+    """Return one layer of all members, without a line along their borders; members that know nothing of each
+    other as they are.
     """
     found = []
     for member in row:
@@ -248,7 +248,7 @@ def _without_lines(
 
 
 def _blend(a: Recipe, b: Recipe, share: float) -> Recipe:
-    """The conditions between two recipes: the sources and sinks of both, in proportion."""
+    """Return the conditions between two recipes: the sources and sinks of both, in proportion."""
     layers = []
     for one, two in zip(a.layers, b.layers, strict=True):
         layers.append(

@@ -20,7 +20,7 @@ Floats = npt.NDArray[np.float64]
 #: Strokes wider than this share of the motif's shorter side are thick: where, looking at some hundred motifs,
 #: lines turn into areas.
 THICK = 0.09
-#: From this overlap of the two silhouettes on, the base image is recognised by somebody who has not seen it.
+#: From this overlap of the two silhouettes on, the base image is recognised by people who have not seen it.
 #: Of 32 motifs round a leaf, the 16 with 0.60 and more were named at sight, those with 0.50 and less not.
 CLEAR = 0.55
 
@@ -39,7 +39,7 @@ class Kind(StrEnum):
 
     @property
     def words(self) -> str:
-        """What the letter stands for."""
+        """Meaning of the letter."""
         return _WORDS[self]
 
 
@@ -53,7 +53,7 @@ _WORDS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Character:
-    """What was measured on a motif."""
+    """Measurements of a motif."""
 
     #: Mean width of its strokes as a share of the shorter side.
     stroke: float
@@ -121,7 +121,7 @@ def _brightness(image: npt.NDArray[np.float32]) -> Floats:
 
 
 def _dark(values: Floats) -> npt.NDArray[np.bool_]:
-    """What is darker than Otsu's threshold; nothing of an even picture."""
+    """Threshold an image by Otsu's method: True where it is darker; nothing of an even picture."""
     from skimage.filters import threshold_otsu
 
     if np.ptp(values) < 1e-9:

@@ -23,7 +23,7 @@ from toposeam.sentence import counted
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Motif(Inked):
-    """What :func:`generate_motif` returns.
+    """Result of :func:`generate_motif`.
 
     Examples
     --------
@@ -51,12 +51,12 @@ class Motif(Inked):
 
     @property
     def edges(self) -> tuple[str, ...]:
-        """How the strokes of each layer end in print, of `EDGES`."""
+        """Stroke edges of each layer in print, of `EDGES`."""
         return tuple(layer.edge for layer in self.recipe.layers)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What each ink is called."""
+        """Names of the inks."""
         return tuple(layer.name or f"ink {number}" for number, layer in enumerate(self.recipe.layers, 1))
 
     @property
@@ -65,7 +65,7 @@ class Motif(Inked):
         return {"recipe": self.recipe.to_dict()}
 
     def sampled(self, layer: int, size: tuple[int, int]) -> npt.NDArray[np.float32]:
-        """One layer's density, smoothly interpolated to (rows, columns)."""
+        """Return one layer's density, smoothly interpolated to (rows, columns)."""
         if self.lattice is not None:
             return to_tile(self.lattice[layer], self.repeat, size)
         return resample(self.densities[layer], self.repeat, size)
@@ -87,7 +87,7 @@ class Motif(Inked):
 def repeat_densities(
     motif: Motif, counts: tuple[int, int] = (3, 3), *, size: tuple[int, int] | None = None
 ) -> npt.NDArray[np.float32]:
-    """The printed layers of a pattern: rows × columns motifs by the motif's own rule.
+    """Return the printed layers of a pattern: rows × columns motifs by the motif's own rule.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def repeat_densities(
 
 
 def _counts(motif: Motif, counts: Any, size: Any) -> tuple[int, int]:
-    """Rows and columns of a pattern, checked, with the size of its motifs."""
+    """Return the rows and columns of a pattern, checked, with the size of its motifs."""
     rows, columns = check_pair("counts", counts, 1)
     check_kind("motif", motif, Inked, "a Motif")
     cell = check_pair("size", size, 1) if size is not None else motif.densities.shape[1:]
@@ -134,7 +134,7 @@ def _counts(motif: Motif, counts: Any, size: Any) -> tuple[int, int]:
 def repeat(
     motif: Motif, counts: tuple[int, int] = (3, 3), *, size: tuple[int, int] | None = None
 ) -> npt.NDArray[np.float32]:
-    """The pattern in colour, (H', W', 3) float32 in [0, 1]; parameters as in :func:`repeat_densities`.
+    """Return the pattern in colour, (H', W', 3) float32 in [0, 1]; parameters as in :func:`repeat_densities`.
 
     Examples
     --------

@@ -352,7 +352,7 @@ def _window(
 
 
 def _has_room(placer: PatchPlacer, shape: tuple[int, int], at: tuple[int, int] | None = None) -> bool:
-    """Tell whether there are places for a patch of a shape; for a window of the canvas, places in step with
+    """Test whether there are places for a patch of a shape; for a window of the canvas, places in step with
     the picture's order.
     """
     if any(length > limit for length, limit in zip(shape, placer.atlas.usable.shape, strict=True)):

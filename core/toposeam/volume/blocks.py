@@ -64,7 +64,7 @@ def _dask() -> Any:
 
 
 def lazily(stack: Any, name: str) -> Any:
-    """A stack as a dask array (D, H, W, C)."""
+    """Return a stack as a dask array (D, H, W, C)."""
     array = _dask()
     if not all(hasattr(stack, attribute) for attribute in ("shape", "dtype", "ndim")):
         try:
@@ -124,7 +124,7 @@ def labels_by_blocks(
     keep: str | Path | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Any:
-    """Labels of the common box: an array of bool, or a dask array where a folder keeps them.
+    """Compute the labels of the common box: an array of bool, or a dask array where a folder keeps them.
 
     Raises
     ------
@@ -186,7 +186,7 @@ def labels_by_blocks(
 
 @contextmanager
 def _stopped_with(run: str) -> Iterator[None]:
-    """What interrupts the block also ends, soon, what its threads work on."""
+    """Stop the block's threads, soon, when the block is interrupted."""
     try:
         yield
     except BaseException:
@@ -200,7 +200,7 @@ def _go_on(run: str) -> None:
 
 
 def assembled(a: Any, b: Any, places: Places, labels: Any) -> Any:
-    """The joined stack, a dask array."""
+    """Return the joined stack, a dask array."""
     array = _dask()
     labels = labels if hasattr(labels, "dask") else array.from_array(labels)
 
@@ -217,7 +217,7 @@ def assembled(a: Any, b: Any, places: Places, labels: Any) -> Any:
 
 
 def _grounds(places: Places) -> dict[tuple[int, bool], int]:
-    """Which stack lies beyond the common box, by axis and whether at the upper end."""
+    """Find the stack beyond the common box, by axis and whether at the upper end."""
     found = {}
     for axis, part in enumerate(places.overlap):
         for which, label in (("a", A), ("b", B)):
@@ -254,7 +254,7 @@ class _Counting:
 
 
 def _even(length: int, block: int, shifted: bool = False) -> tuple[int, ...]:
-    """Chunks of about the same length; shifted, the borders lie in the middle of where they were."""
+    """Return chunks of about the same length; shifted, the borders lie in the middle of where they were."""
     count = -(-length // block)
     ends = [round(length * index / count) for index in range(count + 1)]
     if shifted and count > 1:
@@ -269,7 +269,7 @@ def _first_state(
     shape: tuple[int, ...],
     block_info: Any = None,
 ) -> _State:
-    """The first labels of a block."""
+    """Return the first labels of a block."""
     place = block_info[None]["array-location"]
     low = [first // side for (first, _), side in zip(place, span, strict=True)]
     part = coarse[
@@ -299,7 +299,7 @@ def _settled(
     run: str,
     block_info: Any = None,
 ) -> _State:
-    """The labels of a block with a voxel around it, without what is around it."""
+    """Return the labels of a block with a voxel around it, without what is around it."""
     _go_on(run)
     inner, held = [], (state[..., 0] & _FIXED) > 0
     labels = (state[..., 0] & _SHOWS_B) > 0

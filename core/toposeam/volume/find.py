@@ -145,7 +145,7 @@ def solve_surface(
     settings: dict[str, Any],
     progress: Callable[[float], None] | None = None,
 ) -> Surface:
-    """The frozen surface that a method finds for a problem."""
+    """Return the frozen surface that a method finds for a problem."""
     started = time.perf_counter()
     if method == "heat":
         with one_thread():

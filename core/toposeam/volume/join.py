@@ -53,13 +53,13 @@ class JoinedVolume:
         return f"JoinedVolume({shape} voxels, {cost})"
 
     def _repr_png_(self) -> bytes:
-        """The middle slice, for notebooks."""
+        """Return the middle slice, for notebooks."""
         middle = np.asarray(self.volume[len(self.volume) // 2])
         return to_png((255 * (middle / max(float(middle.max()), 1e-12))).astype(np.uint8))
 
     def mesh(self, smooth: float = 1.0) -> Mesh:
-        """The surface inside the common box as triangles, by marching cubes (scikit-image); its vertices lie
-        on the canvas.
+        """Return the surface inside the common box as triangles, by marching cubes (scikit-image); its
+        vertices lie on the canvas.
 
         Parameters
         ----------
@@ -192,7 +192,7 @@ def _whole(
     progress: Callable[[float], None] | None,
     given: SurfaceKeywords,
 ) -> tuple[Surface, Mask]:
-    """The surface, on the common box and a voxel around it, and the labels of the box."""
+    """Return the surface, on the common box and a voxel around it, and the labels of the box."""
     window = tuple(
         slice(max(0, part.start - 1), min(length, part.stop + 1))
         for part, length in zip(places.overlap, places.canvas, strict=True)

@@ -57,7 +57,7 @@ class Mesh:
 
     @property
     def closed(self) -> bool:
-        """Whether every edge lies between two faces that run along it in opposite directions."""
+        """True if every edge lies between two faces that run along it in opposite directions."""
         ends = self.faces.astype(np.int64)[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
         along, back = (ends @ step for step in ((len(self.vertices), 1), (1, len(self.vertices))))
         return len(np.unique(along)) == len(along) and np.array_equal(np.sort(along), np.sort(back))
@@ -111,7 +111,7 @@ def mesh_of(
     start: Sequence[int] | npt.NDArray[np.intp] = (0, 0, 0),
     within: Mask | None = None,
 ) -> Mesh:
-    """Where labels change, as triangles, by marching cubes.
+    """Triangulate the surface where labels change, by marching cubes.
 
     Parameters
     ----------
@@ -146,7 +146,8 @@ def mesh_of(
 
 
 def closed_mesh(field: npt.NDArray[np.floating], element: float) -> Mesh:
-    """The closed surface of where a field is above 0, also along the sides of its box, facing outwards.
+    """Return the closed surface of where a field is above 0, also along the sides of its box, facing
+    outwards.
 
     Parameters
     ----------

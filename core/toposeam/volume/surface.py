@@ -1,4 +1,4 @@
-"""What :func:`toposeam.find_surface` returns."""
+"""Result of :func:`toposeam.find_surface`."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Surface:
         return f"Surface({shape} voxels, cost {self.cost:.6g}{proven}, method {self.method!r})"
 
     def _repr_png_(self) -> bytes:
-        """The soft labels of the middle slice along each axis, side by side, for notebooks."""
+        """Return the soft labels of the middle slice along each axis, side by side, for notebooks."""
         slices = [np.take(self.soft, self.soft.shape[axis] // 2, axis) for axis in range(3)]
         tall = max(len(part) for part in slices)
         return to_png(
@@ -88,8 +88,8 @@ class Surface:
         return self.problem.cost(labels)
 
     def optimum_ratio(self) -> float:
-        """The surface's cost divided by the least possible one (1.0 is optimal), which PyMaxflow computes on
-        the first call.
+        """Return the surface's cost divided by the least possible one (1.0 is optimal), which PyMaxflow
+        computes on the first call.
 
         Raises
         ------
@@ -99,7 +99,7 @@ class Surface:
         return self.cost / self._optimum if self._optimum > 0 else 1.0
 
     def mesh(self, smooth: float = 1.0) -> Mesh:
-        """The surface inside the overlap as triangles, by marching cubes (scikit-image).
+        """Return the surface inside the overlap as triangles, by marching cubes (scikit-image).
 
         Parameters
         ----------

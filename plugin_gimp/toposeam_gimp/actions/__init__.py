@@ -1,1 +1,1 @@
-"""What menu entries do: pixels to the engine, results into the image. Needs GIMP."""
+"""Actions of the menu entries: pixels to the engine, results into the image. Needs GIMP."""

@@ -21,7 +21,7 @@ _LEAST_FRAMES = 4
 
 
 def loop(call: Call) -> Gimp.Layer:
-    """A clip whose end runs into its beginning."""
+    """Return a clip whose end runs into its beginning."""
     image = call.image
     frames = frames_of(image)
     size = image.get_width(), image.get_height()
@@ -50,7 +50,7 @@ def loop(call: Call) -> Gimp.Layer:
 
 
 def frames_of(image: Gimp.Image) -> list[Gimp.Layer]:
-    """The visible layers of an image, the lowest first, which must be the frames of a clip."""
+    """Return the visible layers of an image, the lowest first, which must be the frames of a clip."""
     frames = chosen_layers(image, [layer for layer in reversed(image.get_layers()) if layer.get_visible()])
     whole = (image.get_width(), image.get_height(), 0, 0)
     for frame in frames:
@@ -76,6 +76,6 @@ def check_clip(image: Gimp.Image, _drawables: Sequence[Gimp.Drawable]) -> None:
 
 
 def delay_of(frames: Sequence[Gimp.Layer]) -> int:
-    """How long the first frame is shown, ms."""
+    """Return the duration of the first frame, ms."""
     found = _DELAY.search(frames[0].get_name())
     return int(found[1]) if found else _USUAL_MS

@@ -1,4 +1,4 @@
-"""What is seen below a layer."""
+"""The visible image below a layer."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def picture_below(
 
 
 def _way_to(image: Gimp.Image, layer: Gimp.Layer) -> list[int]:
-    """The positions that lead from the image's uppermost level to a layer."""
+    """Return the positions that lead from the image's uppermost level to a layer."""
     way: list[int] = []
     item: Gimp.Item | None = layer
     while item is not None:

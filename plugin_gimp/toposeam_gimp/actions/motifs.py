@@ -22,7 +22,7 @@ PARASITE = "toposeam-motif"
 
 
 def generate(call: Call) -> Gimp.Layer:
-    """A motif in a new image."""
+    """Return a motif in a new image."""
     size = call.options["size"]
     with RequestFolder(needed=size * size * 4 * call.options["layers"]) as folder:
         base = None
@@ -44,7 +44,7 @@ def generate(call: Call) -> Gimp.Layer:
 
 
 def repeat(call: Call) -> Gimp.Layer:
-    """A pattern of motifs in a new image."""
+    """Return a pattern of motifs in a new image."""
     group, memory = motif_of(call.image, call.drawables)
     inks = inks_of(group)
     width, height = inks[0].get_width(), inks[0].get_height()
@@ -62,7 +62,7 @@ def repeat(call: Call) -> Gimp.Layer:
 
 
 def inks_of(group: Gimp.GroupLayer) -> list[Gimp.Layer]:
-    """The layers of ink, the first one printed first."""
+    """Return the layers of ink, the first one printed first."""
     inks = [layer for layer in reversed(group.get_children()) if layer.get_mask() is not None]
     if not inks or len({(ink.get_width(), ink.get_height()) for ink in inks}) > 1:
         raise RefusedError(
@@ -72,7 +72,7 @@ def inks_of(group: Gimp.GroupLayer) -> list[Gimp.Layer]:
 
 
 def colours_of(group: Gimp.GroupLayer) -> dict[str, Any]:
-    """The colours of inks and paper as a request for a preview has them."""
+    """Return the colours of inks and paper as a request for a preview has them."""
     return {
         "inks": [_hexadecimal(_colour(ink)) for ink in inks_of(group)],
         "paper": _hexadecimal(_colour(group.get_children()[-1])),
@@ -80,7 +80,7 @@ def colours_of(group: Gimp.GroupLayer) -> dict[str, Any]:
 
 
 def motif_of(image: Gimp.Image, drawables: Sequence[Gimp.Drawable]) -> tuple[Gimp.GroupLayer, dict[str, Any]]:
-    """The group of inks that is meant, and what it remembers."""
+    """Return the group of inks that is meant, and what it remembers."""
     item: Any
     for item in [*chosen_layers(image, drawables), *image.get_layers()]:
         while item is not None:
@@ -99,7 +99,7 @@ def _image_of(
     paper: Gegl.Color,
     memory: dict[str, Any],
 ) -> Gimp.Layer:
-    """A new image: a group of paper and inks."""
+    """Return a new image: a group of paper and inks."""
     width, height = densities[0]["width"], densities[0]["height"]
     image = Gimp.Image.new_with_precision(
         width, height, Gimp.ImageBaseType.RGB, Gimp.Precision.U16_NON_LINEAR
@@ -126,7 +126,7 @@ def _image_of(
 def _solid(
     image: Gimp.Image, group: Gimp.GroupLayer, name: str, colour: Gegl.Color, mode: Gimp.LayerMode
 ) -> Gimp.Layer:
-    """A layer of one colour on top of the group. Inks mix as their encoded values multiply, as printed
+    """Return a layer of one colour on top of the group. Inks mix as their encoded values multiply, as printed
     samples do.
     """
     layer = Gimp.Layer.new(

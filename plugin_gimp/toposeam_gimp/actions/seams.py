@@ -36,7 +36,7 @@ Options = dict[str, Any]
 
 
 def stitch_layers(call: Call) -> Gimp.Layer:
-    """Two or more layers into a group with masks and paths."""
+    """Stitch two or more layers into a group with masks and paths."""
     image, options = call.image, call.options
     layers = lowest_first(image, chosen_layers(image, call.drawables))
     if len(layers) < 2:
@@ -111,7 +111,7 @@ def _hold_all(image: Gimp.Image, layers: Sequence[Gimp.Layer], undone: list[Call
 
 
 def restitch(call: Call) -> Gimp.Layer:
-    """The masks of a stitched group, or of a patch, made anew from its paths."""
+    """Return the masks of a stitched group, or of a patch, made anew from its paths."""
     image = call.image
     group, memory = stitched_group(chosen_layers(image, call.drawables))
     layers = [image.get_layer_by_tattoo(tattoo) for tattoo in memory["layers"]]
@@ -140,7 +140,7 @@ def restitch(call: Call) -> Gimp.Layer:
 
 
 def patch_selection(call: Call) -> Gimp.Layer:
-    """The selected part of a layer, or a floating selection, laid on what is below it within a closed
+    """Return the selected part of a layer, or a floating selection, laid on what is below it within a closed
     seam.
     """
     image, options = call.image, call.options
@@ -184,7 +184,7 @@ def patch_selection(call: Call) -> Gimp.Layer:
 
 
 def _draw_seams(call: Call, answer: Options, undone: list[Callable[[], Any]]) -> list[dict[str, Any]]:
-    """The paths of all seams, those to bend selected; what has to be remembered of them."""
+    """Return the paths of all seams, those to bend selected; what has to be remembered of them."""
     seams, to_bend = [], []
     for seam in answer["seams"]:
         paths, memory = draw_seam(call.image, seam, visible=call.options["show-seam"])
@@ -196,7 +196,7 @@ def _draw_seams(call: Call, answer: Options, undone: list[Callable[[], Any]]) ->
 
 
 def _seams_to_apply(call: Call, seams: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Each seam with the lines that the image's paths say for it."""
+    """Return each seam with the lines that the image's paths say for it."""
     image = call.image
     others = other_paths(image, seams)
     selected = {path.get_id() for path in image.get_selected_paths()}
@@ -228,7 +228,7 @@ def _seams_to_apply(call: Call, seams: Sequence[dict[str, Any]]) -> list[dict[st
 def _request(
     image: Gimp.Image, layers: Sequence[Gimp.Layer], *, with_masks: bool = True
 ) -> Iterator[tuple[RequestFolder, list[dict[str, Any]]]]:
-    """A folder that holds the layers' pixels, and what describes them."""
+    """Open a folder that holds the layers' pixels, and what describes them."""
     with RequestFolder(needed=2 * sum(pixels.size_of(image, layer) for layer in layers)) as folder:
         yield (
             folder,
@@ -251,7 +251,7 @@ def _put_mask(folder: RequestFolder, layer: Gimp.Layer, raster: dict[str, Any]) 
 def _put_blended(
     folder: RequestFolder, image: Gimp.Image, under: Gimp.Layer, answer: Options
 ) -> Gimp.Layer | None:
-    """A layer of what blending has changed, on top of a group or right above a layer."""
+    """Add a layer of what blending has changed, on top of a group or right above a layer."""
     if answer.get("blended") is None:
         return None
     layer = pixels.new_layer(image, _("Blended seams"), answer["blended"])

@@ -18,7 +18,7 @@ from toposeam_gimp.texts import _
 
 
 def synthesize(call: Call) -> Gimp.Layer:
-    """A texture grown from a layer, in a new image or a new layer."""
+    """Return a texture grown from a layer, in a new image or a new layer."""
     (layer,) = chosen_layers(call.image, call.drawables)
     made = call.options["width"] * call.options["height"] * 16
     with RequestFolder(needed=pixels.size_of(call.image, layer) + made) as folder:
@@ -50,7 +50,7 @@ def check_tile(image: Gimp.Image, drawables: Sequence[Gimp.Drawable]) -> None:
 
 
 def make_tileable(call: Call) -> Gimp.Layer:
-    """A copy of a layer, or of the selected rectangle of it, that repeats."""
+    """Return a copy of a layer, or of the selected rectangle of it, that repeats."""
     (layer,) = chosen_layers(call.image, call.drawables)
     with RequestFolder(needed=2 * pixels.size_of(call.image, layer)) as folder:
         request = _sample(call, folder, layer, rectangle=True)
@@ -69,7 +69,7 @@ def check_fill(image: Gimp.Image, drawables: Sequence[Gimp.Drawable]) -> None:
 
 
 def fill(call: Call) -> Gimp.Layer:
-    """A layer that covers what is selected with what the rest of the layer is like."""
+    """Return a layer that covers what is selected with what the rest of the layer is like."""
     check_fill(call.image, call.drawables)
     (layer,) = call.drawables
     with RequestFolder(needed=2 * pixels.size_of(call.image, layer)) as folder:
@@ -86,7 +86,7 @@ def send_source(
     options: Mapping[str, Any],
     scale: float | None = None,
 ) -> dict[str, Any] | None:
-    """What is to be copied into a hole if that is not the layer itself: another layer, or a mask."""
+    """Send the source to be copied into a hole if it is not the layer itself: another layer, or a mask."""
     if options["from"] != "other":
         return None
     source = options["source"]
@@ -102,8 +102,8 @@ def send_source(
 def _sample(
     call: Call, folder: RequestFolder, layer: Gimp.Layer, *, rectangle: bool = False
 ) -> dict[str, Any]:
-    """The layer and, on its place, what is selected of it; with `rectangle` only the part of the layer within
-    the selection's bounds.
+    """Return the layer and, on its place, what is selected of it; with `rectangle` only the part of the layer
+    within the selection's bounds.
     """
     something = not Gimp.Selection.is_empty(call.image)
     box = selected_rectangle(call.image) if rectangle else None
@@ -121,7 +121,7 @@ def _sample(
 
 
 def selected_rectangle(image: Gimp.Image) -> pixels.Box | None:
-    """The selection, which must be a rectangle; None without one."""
+    """Return the selection, which must be a rectangle; None without one."""
     something, left, top, right, bottom = Gimp.Selection.bounds(image)[1:]
     if not something:
         return None
@@ -139,7 +139,7 @@ def selected_rectangle(image: Gimp.Image) -> pixels.Box | None:
 def _add(
     call: Call, folder: RequestFolder, layer: Gimp.Layer, picture: dict[str, Any], name: str
 ) -> Gimp.Layer:
-    """A new layer above another one, in one undo step."""
+    """Return a new layer above another one, in one undo step."""
     with one_undo_step(call.image) as undone:
         result = pixels.new_layer(call.image, name, picture)
         call.image.insert_layer(result, layer.get_parent(), call.image.get_item_position(layer))

@@ -81,7 +81,7 @@ class Dialog:
             self._dialog.destroy()
 
     def _fields(self) -> Gtk.Widget:
-        """All fields, one below the other."""
+        """Return all fields, one below the other."""
         fields = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=6)
         advanced = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=6, margin_top=6)
         for option in self._entry.options:
@@ -94,7 +94,7 @@ class Dialog:
         return fields
 
     def _row(self, option: Option) -> Gtk.Widget:
-        """The field of an option, with a box to tick or a button where it has one."""
+        """Return the field of an option, with a box to tick or a button where it has one."""
         slides = isinstance(option.default, float) and option.high - option.low <= _NARROW
         kind = GimpUi.SpinScale.__gtype__ if slides else GObject.TYPE_NONE
         widget = self._dialog.get_widget(option.name, kind)
@@ -119,7 +119,7 @@ class Dialog:
         return row
 
     def _list(self, option: Option, row: Gtk.Widget) -> None:
-        """A list of layers, masks and channels in place of GIMP's chooser."""
+        """Add a list of layers, masks and channels in place of GIMP's chooser."""
         field, label = (
             DrawableChoice(self._config, option, self._image, self._drawables).widget,
             row.get_label(),
@@ -133,7 +133,7 @@ class Dialog:
         label.set_mnemonic_widget(field)
 
     def _automatic(self, option: Option, widget: Gtk.Widget) -> Gtk.Widget:
-        """A box that, ticked, stands for 0."""
+        """Return a box that, ticked, stands for 0."""
         kind = int if isinstance(option.default, int) else float
         box = Gtk.CheckButton(label=option.automatic)
         kept = {"value": kind(option.typical)}
@@ -168,7 +168,7 @@ class Dialog:
             self._pane.changed()
 
     def _replace_help(self) -> None:
-        """GIMP's own Help looks for pages in its manual."""
+        """Replace GIMP's own Help, which looks for pages in its manual."""
         old = self._dialog.get_widget_for_response(Gtk.ResponseType.HELP)
         if old is None:
             return
@@ -211,7 +211,7 @@ def _nothing_for_zero(spin: Gtk.SpinButton) -> bool:
 
 
 def _inside(widget: Gtk.Widget, kind: type) -> list[Gtk.Widget]:
-    """All widgets of a kind in another one, itself included."""
+    """Return all widgets of a kind in another one, itself included."""
     found = [widget] if isinstance(widget, kind) else []
     for child in widget.get_children() if isinstance(widget, Gtk.Container) else ():
         found += _inside(child, kind)

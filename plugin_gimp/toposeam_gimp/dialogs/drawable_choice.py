@@ -46,7 +46,7 @@ class DrawableChoice:
 
 
 def choices(image: Gimp.Image, besides: Sequence[Gimp.Drawable]) -> Iterator[tuple[Gimp.Drawable, str]]:
-    """Everything of an image that can be copied from, and what it is called: layers, masks, channels."""
+    """Yield the drawables of an image that can be copied from, with their names: layers, masks, channels."""
     own = {drawable.get_id() for drawable in besides}
     layers = list(_all(image.get_layers()))
     for layer in layers:

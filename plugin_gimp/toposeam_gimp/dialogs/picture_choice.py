@@ -16,7 +16,7 @@ _COLUMNS = 6
 
 
 def picture(name: str, size: int) -> Gtk.Image | None:
-    """A picture of the plug-in's folder; None where there is none of that name."""
+    """Return a picture of the plug-in's folder; None where there is none of that name."""
     for file in (_FOLDER / f"{name}.png", _FOLDER / f"{name}-symbolic.svg"):
         if file.is_file():
             icon = Gio.FileIcon.new(Gio.File.new_for_path(str(file)))

@@ -61,14 +61,14 @@ class PreviewPane:
         self._open = False
 
     def start(self) -> None:
-        """The dialog is about to appear."""
+        """Start the previews, as the dialog appears."""
         self._open = True
         self._rehearsal.warm_up()
         self._sign = GLib.timeout_add_seconds(_ALIVE_S, self._stay)
         self.changed()
 
     def close(self) -> None:
-        """The dialog is about to go."""
+        """Stop the previews, as the dialog closes."""
         self._open = False
         self._stop()
         if self._clock:
@@ -80,7 +80,7 @@ class PreviewPane:
             self._folder.__exit__(None, None, None)
 
     def changed(self) -> None:
-        """What is shown is out of date."""
+        """Mark the preview as out of date."""
         if not self._open:
             return
         self._rehearsal.cancel()
@@ -112,7 +112,7 @@ class PreviewPane:
         return False
 
     def _stop(self) -> None:
-        """No longer wait for a moment of rest."""
+        """Cancel the wait for a moment of rest."""
         if self._timer:
             GLib.source_remove(self._timer)
             self._timer = 0
@@ -142,13 +142,13 @@ class PreviewPane:
         return False
 
     def _next(self) -> bool:
-        """One frame on."""
+        """Advance by one frame."""
         self._frames = [*self._frames[1:], self._frames[0]]
         self._draw(self._frames[0])
         return True
 
     def _scaled(self, pixbuf: GdkPixbuf.Pixbuf, moves: bool) -> GdkPixbuf.Pixbuf:
-        """As large as there is room, on checks where it is transparent."""
+        """Scale the picture to the room there is, on checks where it is transparent."""
         dots = self._picture.get_scale_factor()
         width, height = pixbuf.get_width(), pixbuf.get_height()
         most = (_MOST_ENLARGED_FRAMES if moves else _MOST_ENLARGED) * dots
@@ -170,7 +170,7 @@ class PreviewPane:
 
 
 def _squared(pixbuf: GdkPixbuf.Pixbuf) -> GdkPixbuf.Pixbuf:
-    """In the middle of a transparent square: icons are laid out as squares."""
+    """Centre in a transparent square: icons are laid out as squares."""
     width, height = pixbuf.get_width(), pixbuf.get_height()
     side = max(width, height)
     square = GdkPixbuf.Pixbuf.new(GdkPixbuf.Colorspace.RGB, True, 8, side, side)

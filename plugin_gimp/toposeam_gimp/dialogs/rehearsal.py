@@ -48,7 +48,7 @@ class Rehearsal:
         self._lock = threading.Lock()
 
     def warm_up(self, count: int = 1) -> None:
-        """Have so many engines wait."""
+        """Start `count` engines that wait."""
         with self._lock, suppress(engine.EngineError):
             self._warm = [one for one in self._warm if one.lives]
             while not self._closed and len(self._warm) < count:
@@ -93,7 +93,7 @@ class Rehearsal:
                 self._warm.pop().end()
 
     def _next(self) -> engine.Engine:
-        """The engine that has waited, or answered, last."""
+        """Return the engine that has waited, or answered, last."""
         while self._warm:
             process = self._warm.pop()
             if process.lives:

@@ -1,4 +1,4 @@
-"""What the previews show: pixels of the selected layers at a reduced size, in the engine's request."""
+"""Scenes of the previews: pixels of the selected layers at a reduced size, in the engine's request."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ OF = {
     "pattern": "repeat",
     "clip": "loop",
 }
-#: A preview is made of so many pixels at most.
+#: A preview is made of this many pixels at most.
 MOST_PIXELS = 300_000
 #: What takes longer than seams has fewer, so that a preview takes a second at most (benchmarks/gimp.py).
 _MOST_PLACED, _MOST_TILED, _MOST_SAMPLED = 120_000, 80_000, 50_000
@@ -41,7 +41,7 @@ Layers = Sequence[Gimp.Drawable]
 
 
 def scene(name: str, folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
-    """What the engine needs for a preview, but the options.
+    """Build the engine's request for a preview, without the options.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def scene(name: str, folder: RequestFolder, image: Gimp.Image, drawables: Layers
 
 
 def key(name: str, options: Scene) -> tuple[Any, ...]:
-    """What of the options a scene depends on; as long as it stays the same, so do the pixels."""
+    """Return the options a scene depends on; as long as they stay the same, so do the pixels."""
     if name == "sample":
         return options["width"], options["height"]
     if name == "stitch":
@@ -177,7 +177,7 @@ def _texture(
 
 
 def _selection(folder: RequestFolder, image: Gimp.Image, scale: float, box: Box) -> Scene | None:
-    """What is selected on a box of the canvas; None without a selection."""
+    """Send the selection on a box of the canvas; None without a selection."""
     if _bounds(image) is None:
         return None
     width, height = image.get_width(), image.get_height()

@@ -11,7 +11,7 @@ from toposeam_gimp.entries.entry import Procedure
 
 @dataclass(frozen=True, kw_only=True)
 class Call:
-    """What the user or a script asked for."""
+    """Request of the user or of a script."""
 
     #: The image and its selected drawables; None and nothing where a procedure needs no image.
     image: Any
@@ -19,9 +19,9 @@ class Call:
     #: By the names in the table.
     options: Mapping[str, Any]
     entry: Procedure
-    #: Whether somebody looks: new images are shown then.
+    #: Whether a display is open: new images are shown then.
     interactive: bool
-    #: What people should know about the result; shown to whoever looks.
+    #: What people should know about the result; shown in the interface.
     remarks: list[str] = field(default_factory=list)
 
     def tell(self, remark: str) -> None:
@@ -37,5 +37,5 @@ class Call:
 
 
 def renamed(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Options by the names of Python's keywords."""
+    """Return the options by the names of Python's keywords."""
     return {name.replace("-", "_"): value for name, value in options.items()}

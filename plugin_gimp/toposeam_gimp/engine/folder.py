@@ -19,7 +19,7 @@ _PREFIX = "toposeam-request-"
 _SIGN_OF_LIFE = "alive"
 #: Holds the nonce by which the engine knows a request folder that the plug-in made; no other is touched.
 MARKER = "toposeam-request"
-#: A folder that showed no sign of life for this long belongs to nobody.
+#: A folder that showed no sign of life for this long is abandoned.
 STALE_S = 15 * 60.0
 
 
@@ -43,7 +43,7 @@ class RequestFolder:
         if free < needed:
             raise FolderError(too_small(self._parent, needed))
         self.path = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=self._parent))
-        #: What the engine is told on its stdin, and finds in the folder.
+        #: The nonce that the engine reads on its stdin, and finds in the folder.
         self.nonce = secrets.token_hex(16)
         (self.path / MARKER).write_text(self.nonce, encoding="ascii")
         self.touch()
@@ -61,7 +61,7 @@ class RequestFolder:
 
 
 def too_small(folder: Path, needed: int | None = None) -> str:
-    """What to tell the user when the temporary folder is full."""
+    """Return the message for the user when the temporary folder is full."""
     size = "" if needed is None else " " + _("{size} MiB are needed.").format(size=max(needed >> 20, 1))
     text = _(
         "There is no space left in the temporary folder {folder}.{size} Free some, or start GIMP with "
@@ -71,7 +71,7 @@ def too_small(folder: Path, needed: int | None = None) -> str:
 
 
 def is_full(error: OSError) -> bool:
-    """Whether an error means that the disk is full."""
+    """Test whether an error means that the disk is full."""
     return error.errno in (errno.ENOSPC, errno.EDQUOT)
 
 

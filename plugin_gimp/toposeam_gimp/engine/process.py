@@ -59,12 +59,12 @@ class _SaidError(EngineError):
 
 
 def settings_file() -> Path:
-    """Where ``toposeam gimp install`` writes which Python to use."""
+    """Return the file in which ``toposeam gimp install`` writes the Python to use."""
     return Path(__file__).parents[1] / "engine.json"
 
 
 def missing_methods() -> list[str]:
-    """Methods that the installed engine lacks, as far as the installer noted it."""
+    """Return the methods that the installed engine lacks, as far as the installer noted it."""
     try:
         return list(json.loads(settings_file().read_text(encoding="utf-8"))["without"])
     except (OSError, ValueError, KeyError, TypeError):
@@ -72,8 +72,7 @@ def missing_methods() -> list[str]:
 
 
 def find_python(environment: Mapping[str, str] | None = None, home: Path | None = None) -> str:
-    """The Python that has TopoSeam: as told by TOPOSEAM_PYTHON, by the installer, or where pipx and uv put
-    it.
+    """Find the Python that has TopoSeam: the one of TOPOSEAM_PYTHON, the installer's, or pipx's and uv's.
 
     Raises
     ------
@@ -115,8 +114,8 @@ def _usual_places(home: Path) -> Iterator[Path]:
 
 
 def clean_environment(environment: Mapping[str, str]) -> dict[str, str]:
-    """The environment without what GIMP's launchers put there for their own Python and libraries; one BLAS
-    thread.
+    """Return the environment without what GIMP's launchers put there for their own Python and libraries; one
+    BLAS thread.
     """
     clean = {name: value for name, value in environment.items() if name not in _FOREIGN}
     return {**clean, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONUTF8": "1"}
@@ -185,7 +184,7 @@ class Engine:
     Parameters
     ----------
     arguments : sequence of str
-        A request's folder; or ``-``, and perhaps what previews will be of, for one that waits to be told.
+        A request's folder; or ``-``, and perhaps what previews will be of, for one that waits for requests.
     noise : file, optional
         Where it may complain.
     command : iterable of str, optional
@@ -225,20 +224,20 @@ class Engine:
 
     @property
     def lives(self) -> bool:
-        """Whether it can still be asked."""
+        """True if it can still be asked."""
         return self._process.poll() is None
 
     def tell(self, *lines: str) -> None:
-        """Say lines: the nonce of a folder, so that it takes no other for a request's; before it the folder,
+        """Send lines: the nonce of a folder, so that it takes no other for a request's; before it the folder,
         if it does not know it yet.
         """
-        with suppress(OSError):  # it is gone already; what became of it is told by its silence
+        with suppress(OSError):  # it is gone already; its silence tells what became of it
             if self._process.stdin is not None:
                 self._process.stdin.write("".join(f"{line}\n" for line in lines).encode())
                 self._process.stdin.flush()
 
     def heard(self, silence_s: float) -> bytes | None:
-        """The next line; None once it has ended.
+        """Return the next line; None once it has ended.
 
         Raises
         ------
@@ -318,7 +317,7 @@ def _listen(
 
 
 def _obituary(process: Engine, log: Path | None) -> str:
-    """What to tell the user about an engine that ended without a word."""
+    """Return the message for the user about an engine that ended without a word."""
     code = process.wait()
     said = [
         line.strip()

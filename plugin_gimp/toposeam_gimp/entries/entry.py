@@ -24,14 +24,14 @@ class Option:
     high: float = 1
     #: Pairs of what scripts write and what people read.
     choices: tuple[tuple[str, str], ...] = ()
-    #: Whether it goes to the engine as it is; the others are for the plug-in.
+    #: Whether it goes to the engine unchanged; the others are for the plug-in.
     engine: bool = True
     #: What 0 stands for in scripts; people tick a box of this name, and get `typical` when they untick it.
     automatic: str | None = None
     typical: float = 1
     #: Another option, and the values of it with which this one means something; else it is insensitive.
     applies: tuple[str, tuple[bool | str, ...]] | None = None
-    #: Whether it waits under “Advanced” until somebody looks for it.
+    #: Whether it waits under “Advanced” until it is looked for.
     advanced: bool = False
     #: How the names of the files in ``pictures`` begin that show the choices; "" where words do.
     pictures: str = ""
@@ -54,7 +54,7 @@ def number(
     applies: tuple[str, tuple[bool | str, ...]] | None = None,
     advanced: bool = False,
 ) -> Option:
-    """A size in pixels, a count, or a share: whole where its default is; see :class:`Option`."""
+    """Return a size in pixels, a count, or a share: whole where its default is; see :class:`Option`."""
     return Option(
         name=name,
         label=label,

@@ -23,7 +23,7 @@ def write_help_page(entries: Iterable[Procedure], folder: Path) -> Path:
 
 
 def help_page(entries: Iterable[Procedure]) -> str:
-    """An HTML document with a section per entry, whose id is the end of its procedure's name."""
+    """Return an HTML document with a section per entry, whose id is the end of its procedure's name."""
     sections = "".join(_section(entry) for entry in entries)
     return (
         f'<!DOCTYPE html><html lang="{LANGUAGE}"><head><meta charset="utf-8"><title>TopoSeam</title>'

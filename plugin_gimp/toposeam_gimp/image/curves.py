@@ -23,12 +23,12 @@ Stroke = tuple[Sequence[float], bool]
 
 
 def straight_stroke(points: Sequence[float]) -> Line:
-    """A stroke of straight pieces: the handles lie on their anchors."""
+    """Return a stroke of straight pieces: the handles lie on their anchors."""
     return [value for index in range(0, len(points), 2) for value in [*points[index : index + 2]] * 3]
 
 
 def stroke_of(curves: Sequence[Sequence[float]], closed: bool) -> Line:
-    """The stroke of some curves, each of which begins where the one before ends."""
+    """Return the stroke of some curves, each of which begins where the one before ends."""
     stroke: Line = []
     before = curves[-1][4:6] if closed else curves[0][:2]
     for curve in curves:
@@ -41,7 +41,7 @@ def stroke_of(curves: Sequence[Sequence[float]], closed: bool) -> Line:
 
 
 def curves_of(stroke: Sequence[float], closed: bool) -> list[list[float]]:
-    """The curves of a stroke."""
+    """Return the curves of a stroke."""
     anchors = [stroke[index : index + 6] for index in range(0, len(stroke), 6)]
     if closed:
         anchors = [*anchors, *anchors[:1]]
@@ -49,7 +49,7 @@ def curves_of(stroke: Sequence[float], closed: bool) -> list[list[float]]:
 
 
 def lines_of(strokes: Iterable[Stroke], known: Sequence[Mapping[str, Any]]) -> tuple[list[Any], bool]:
-    """The lines to apply.
+    """Return the lines to apply.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def lines_of(strokes: Iterable[Stroke], known: Sequence[Mapping[str, Any]]) -> t
 
 
 def followed(curve: Sequence[float]) -> Line:
-    """A curve as a line, with both its ends."""
+    """Return a curve as a line, with both its ends."""
     corners = [(curve[index], curve[index + 1]) for index in range(0, 8, 2)]
     start, first, second, end = corners
     if first == start and second == end:

@@ -27,7 +27,7 @@ class RefusedError(Exception):
 
 
 def chosen_layers(image: Gimp.Image, drawables: Sequence[Gimp.Drawable]) -> list[Gimp.Layer]:
-    """The selected drawables, which must be layers of an image that is not indexed."""
+    """Return the selected drawables, which must be layers of an image that is not indexed."""
     if image.get_base_type() == Gimp.ImageBaseType.INDEXED:
         raise RefusedError(
             _(
@@ -43,7 +43,7 @@ def chosen_layers(image: Gimp.Image, drawables: Sequence[Gimp.Drawable]) -> list
 
 
 def lowest_first(image: Gimp.Image, layers: Sequence[Gimp.Layer]) -> list[Gimp.Layer]:
-    """Layers in the order of the stack, from below; a group together with what is in it is refused."""
+    """Sort layers in the order of the stack, from below; a group together with what is in it is refused."""
     chosen = {layer.get_id() for layer in layers}
     ordered: list[Gimp.Layer] = []
 
@@ -78,9 +78,7 @@ def check_selection(image: Gimp.Image, options: Mapping[str, Any]) -> None:
 
 @contextmanager
 def one_undo_step(image: Gimp.Image) -> Iterator[list[Callable[[], Any]]]:
-    """Everything within is one step of the undo history; if it fails, what was put on the list is called,
-    last first.
-    """
+    """Group the block into one undo step; if it fails, call the list's functions, last first."""
     undone: list[Callable[[], Any]] = []
     image.undo_group_start()
     try:
@@ -126,8 +124,8 @@ def _new_path(image: Gimp.Image, name: str) -> Gimp.Path:
 def lines_to_apply(
     image: Gimp.Image, seam: dict[str, Any], others: Sequence[Gimp.Path]
 ) -> tuple[list[dict[str, Any]], bool, str | None]:
-    """The lines that the paths of an image say for a seam, whether they differ from what was found, and what
-    people should know about it.
+    """Return the lines that the paths of an image say for a seam, whether they differ from what was found,
+    and what people should know about it.
 
     Parameters
     ----------
@@ -167,7 +165,7 @@ def lines_to_apply(
 
 
 def other_paths(image: Gimp.Image, seams: Sequence[dict[str, Any]]) -> list[Gimp.Path]:
-    """The paths of an image that belong to no stitched group."""
+    """Return the paths of an image that belong to no stitched group."""
     own = {seam[kind] for seam in seams for kind in ("smooth", "exact")}
     found = []
     for path in image.get_paths():
@@ -216,7 +214,7 @@ def remember(
 
 
 def stitched_group(layers: Sequence[Gimp.Layer]) -> tuple[Gimp.Layer, dict[str, Any]]:
-    """The stitched group or patch that is meant by the selected layers, and what it remembers."""
+    """Return the stitched group or patch that is meant by the selected layers, and what it remembers."""
     for layer in layers:
         item = layer
         while item is not None:

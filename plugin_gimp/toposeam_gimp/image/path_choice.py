@@ -1,4 +1,4 @@
-"""GI-free: which of an image's paths are meant to be applied to a seam.
+"""GI-free: the choice of an image's paths to be applied to a seam.
 
 A stitched group has two of its own for each seam: a smooth one to bend, and the exact one. Others may lie
 beside them, drawn by hand or imported from a file. A path that is selected in the Paths dialog is meant;
@@ -38,7 +38,7 @@ class Candidate:
 
 
 class Choice(NamedTuple):
-    """What is meant."""
+    """The paths that are meant."""
 
     #: Several only where they are the lines of one drawing.
     paths: Sequence[Candidate]
@@ -47,7 +47,7 @@ class Choice(NamedTuple):
 
 
 def chosen(candidates: Sequence[Candidate], seam: str) -> Choice:
-    """The paths that are meant for a seam, among its own (smooth one first) and others that fit it.
+    """Return the paths that are meant for a seam, among its own (smooth one first) and others that fit it.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def chosen(candidates: Sequence[Candidate], seam: str) -> Choice:
         )
     newer = [candidate for candidate in others if candidate.newer]
     if selected:
-        # The smooth one is selected since it was made; any other is because somebody wanted it.
+        # The smooth one is selected since it was made; any other was selected by the user.
         wanted = selected[0].touched or selected[0] is not own[0] or not bent
         meant = selected if wanted else bent[:1]
         text = _(
@@ -99,22 +99,24 @@ def chosen(candidates: Sequence[Candidate], seam: str) -> Choice:
 
 
 def _drawings(candidates: Sequence[Candidate]) -> int:
-    """How many drawings the paths are the lines of."""
+    """Count the drawings whose lines the paths are."""
     return len({stem(candidate.name) for candidate in candidates})
 
 
 def fits(name: str, seam: str) -> bool:
-    """Whether a path's name says that it belongs to a seam between two of many layers."""
+    """Test whether a path's name says that it belongs to a seam between two of many layers."""
     return stem(name) == stem(seam)
 
 
 def is_seam(name: str) -> bool:
-    """Whether a path is called as `toposeam stitch --seam` calls seams, after whatever files."""
+    """Test whether a path is called as `toposeam stitch --seam` calls seams, after whatever files."""
     return stem(name) == "seam" or " : " in name
 
 
 def stem(name: str) -> str:
-    """A path's name without what GIMP and SVG add to tell copies and the lines of one drawing apart."""
+    """Return a path's name without what GIMP and SVG add to tell copies and the lines of one drawing
+    apart.
+    """
     return " ".join(re.sub(r"(\s*(#\d+|\(\d+\)|\d+))+$", "", name).split())
 
 

@@ -42,22 +42,22 @@ _MASK = {"uint8": Format.MASK_U8, "float32": Format.MASK_FLOAT}
 
 
 def depth(image: Gimp.Image) -> str:
-    """The type pixels travel in: the image's own where that is 8 or 16 bits as in a file, single floats for
-    all else.
+    """Return the type pixels travel in: the image's own where that is 8 or 16 bits as in a file, single
+    floats for all else.
     """
     exact = {Gimp.Precision.U8_NON_LINEAR: "uint8", Gimp.Precision.U16_NON_LINEAR: "uint16"}
     return exact.get(image.get_precision(), "float32")
 
 
 def color_format(image: Gimp.Image, drawable: Gimp.Drawable, dtype: str) -> str:
-    """The format of colour and alpha in the drawable's own colour space."""
+    """Return the format of colour and alpha in the drawable's own colour space."""
     kind = "GRAY" if image.get_base_type() == Gimp.ImageBaseType.GRAY else "RGB"
     space = Babl.format_get_space(drawable.get_format())
     return str(Babl.get_name(Babl.format_with_space(_COLOR[kind, dtype].value, space)))
 
 
 def size_of(image: Gimp.Image, drawable: Gimp.Drawable) -> int:
-    """Bytes a layer takes in a request."""
+    """Return the bytes a layer takes in a request."""
     channels = 2 if image.get_base_type() == Gimp.ImageBaseType.GRAY else 4
     return int(drawable.get_width() * drawable.get_height() * channels * _BYTES[depth(image)])
 
@@ -143,7 +143,7 @@ def send_channel(folder: RequestFolder, channel: Gimp.Channel, name: str) -> dic
 
 
 def place_of(drawable: Gimp.Drawable) -> tuple[int, int]:
-    """Where a layer, a mask or a channel lies on the canvas."""
+    """Return the position of a layer, a mask or a channel on the canvas."""
     owner = Gimp.Layer.from_mask(drawable) if isinstance(drawable, Gimp.LayerMask) else drawable
     _nothing, left, top = owner.get_offsets()
     return left, top
@@ -226,7 +226,7 @@ def _send_reduced(
 
 
 def is_rectangle(image: Gimp.Image, box: Box) -> bool:
-    """Whether everything within a box of the canvas is selected, for the most part."""
+    """Test whether everything within a box of the canvas is selected, for the most part."""
     x, y, width, height = box
     buffer = image.get_selection().get_buffer()
     for row in range(0, height, _ROWS):
@@ -237,7 +237,7 @@ def is_rectangle(image: Gimp.Image, box: Box) -> bool:
 
 
 def send_density(folder: RequestFolder, layer: Gimp.Layer, name: str) -> dict[str, Any]:
-    """Write a layer's mask as it is, in single floats."""
+    """Write a layer's mask unchanged, in single floats."""
     box = (0, 0, layer.get_width(), layer.get_height())
     return _send(folder, layer.get_mask(), f"{name}.raw", Format.MASK_FLOAT.value, "float32", 1, box)
 
@@ -298,7 +298,7 @@ def receive(folder: RequestFolder, raster: dict[str, Any], drawable: Gimp.Drawab
 
 
 def new_layer(image: Gimp.Image, name: str, raster: dict[str, Any]) -> Gimp.Layer:
-    """An empty layer of a raster's size, not inserted yet."""
+    """Return an empty layer of a raster's size, not inserted yet."""
     kind = (
         Gimp.ImageType.GRAYA_IMAGE
         if image.get_base_type() == Gimp.ImageBaseType.GRAY
@@ -319,8 +319,8 @@ def receive_colors(
 def replaced(
     folder: RequestFolder, image: Gimp.Image, layer: Gimp.Layer, raster: dict[str, Any]
 ) -> Gimp.Layer:
-    """The layer with new pixels; a group, a text, or a layer of another size becomes an ordinary layer in its
-    place.
+    """Return the layer with new pixels; a group, a text, or a layer of another size becomes an ordinary layer
+    in its place.
     """
     fresh = layer
     resized = (raster["width"], raster["height"]) != (layer.get_width(), layer.get_height())
@@ -334,7 +334,7 @@ def replaced(
 
 
 def new_mask(folder: RequestFolder, raster: dict[str, Any], layer: Gimp.Layer) -> Gimp.LayerMask:
-    """A mask for a layer, filled, not attached yet (attaching it is what undo takes back)."""
+    """Return a mask for a layer, filled, not attached yet (attaching it is what undo takes back)."""
     mask = layer.create_mask(Gimp.AddMaskType.WHITE)
     receive(folder, raster, mask, _MASK[raster["dtype"]].value)
     return mask

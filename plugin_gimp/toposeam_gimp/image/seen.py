@@ -10,8 +10,8 @@ from gi.repository import Gegl, Gimp
 
 @contextmanager
 def as_seen(image: Gimp.Image, layer: Gimp.Layer) -> Iterator[Gimp.Layer]:
-    """The layer itself, or where it has filters a copy with these merged, outside of the image. Mask, mode
-    and opacity do not count.
+    """Yield the layer itself, or where it has filters a copy with these merged, outside of the image. Mask,
+    mode and opacity do not count.
     """
     if not _filters(layer):
         yield layer
@@ -30,8 +30,8 @@ def as_seen(image: Gimp.Image, layer: Gimp.Layer) -> Iterator[Gimp.Layer]:
 
 
 def plain_copy(image: Gimp.Image, layer: Gimp.Layer, parent: Gimp.Layer | None, position: int) -> Gimp.Layer:
-    """A visible copy of what is seen of a layer, put into the image: with transparency, in Normal mode and
-    opaque, its mask applied and its filters merged, nothing locked.
+    """Make a visible copy of what is seen of a layer, put into the image: with transparency, in Normal mode
+    and opaque, its mask applied and its filters merged, nothing locked.
     """
     with as_seen(image, layer) as seen:
         copy = layer.copy() if seen is layer else Gimp.Layer.new_from_drawable(seen, image)
@@ -55,7 +55,7 @@ def plain_copy(image: Gimp.Image, layer: Gimp.Layer, parent: Gimp.Layer | None, 
 
 
 def is_plain(layer: Gimp.Layer) -> bool:
-    """Whether a layer is opaque and in Normal mode, so that its copy looks as it does."""
+    """Test whether a layer is opaque and in Normal mode, so that its copy looks as it does."""
     normal = (Gimp.LayerMode.NORMAL, Gimp.LayerMode.NORMAL_LEGACY, Gimp.LayerMode.PASS_THROUGH)
     return bool(layer.get_opacity() >= 100.0 and layer.get_mode() in normal)
 
@@ -65,7 +65,9 @@ def _filters(layer: Gimp.Layer) -> bool:
 
 
 def _merged(layer: Gimp.Layer, scratch: Gimp.Image) -> Gimp.Layer:
-    """A layer of its own image with its filters merged; a group becomes an ordinary layer, under its mask."""
+    """Return a layer of its own image with its filters merged; a group becomes an ordinary layer, under its
+    mask.
+    """
     for one in layer.get_filters():
         if not one.get_visible():
             one.delete()

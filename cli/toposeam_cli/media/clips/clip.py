@@ -33,7 +33,7 @@ class Clip:
 
     @property
     def seconds(self) -> float:
-        """How long it is."""
+        """Duration, s."""
         return float(len(self.frames) / self.rate)
 
 
@@ -45,7 +45,7 @@ def evenly(
     name: str,
     max_pixels: int,
 ) -> tuple[Frames, Fraction]:
-    """Frames at an even rate.
+    """Return frames at an even rate.
 
     Parameters
     ----------

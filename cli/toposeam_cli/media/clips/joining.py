@@ -20,7 +20,7 @@ _SPACING = (0.7, 1.0, 1.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClipJob:
-    """What is to be joined."""
+    """Clips to join, and the options."""
 
     first: Path
     second: Path

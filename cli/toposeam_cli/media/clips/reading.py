@@ -192,7 +192,7 @@ def _read_video(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
 
 
 def _upright(frame: Any) -> _Frame:
-    """The pixels of a frame, turned as the camera was held."""
+    """Return the pixels of a frame, turned as the camera was held."""
     pixels: _Frame = frame.to_ndarray(format="rgb24")
     turns = round((getattr(frame, "rotation", 0) or 0) / 90) % 4
     return np.ascontiguousarray(np.rot90(pixels, turns))

@@ -131,7 +131,7 @@ def _write_animated(path: Path, clip: Clip, suffix: str) -> None:
 
 
 def _palette(pictures: list[Any]) -> Any:
-    """One palette for a whole clip, so that it does not flicker; None where frames are transparent."""
+    """Return one palette for a whole clip, so that it does not flicker; None where frames are transparent."""
     from PIL import Image
 
     if pictures[0].mode == "RGBA":

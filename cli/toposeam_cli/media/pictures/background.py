@@ -1,4 +1,4 @@
-"""What lies under the holes of a picture."""
+"""Backgrounds under the holes of a picture."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def colour_of(text: str) -> tuple[int, int, int]:
 def on_background(
     image: npt.NDArray[Any], alpha: npt.NDArray[Any], colour: tuple[int, int, int]
 ) -> npt.NDArray[Any]:
-    """The picture over a colour, opaque.
+    """Return the picture over a colour, opaque.
 
     Parameters
     ----------

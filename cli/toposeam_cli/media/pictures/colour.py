@@ -15,7 +15,7 @@ _EIGHT_BIT_STEP = 257  # of 65535
 
 
 def widen(pixels: np.ndarray) -> np.ndarray:
-    """Gray ``(H, W)`` becomes RGB ``(H, W, 3)`` with three equal channels; RGB is returned as it is."""
+    """Convert gray ``(H, W)`` to RGB ``(H, W, 3)`` with three equal channels; return RGB unchanged."""
     return pixels if pixels.ndim == 3 else np.repeat(pixels[:, :, None], 3, axis=2)
 
 
@@ -40,7 +40,7 @@ def to_depth(values: np.ndarray, dtype: np.dtype) -> np.ndarray:
 
 
 def fits_profile(icc: bytes | None, n_channels: int) -> bool:
-    """Whether a profile describes that many channels; its colour space stands at byte 16 (ICC.1:2022,
+    """Test whether a profile describes that many channels; its colour space stands at byte 16 (ICC.1:2022,
     7.2.6).
     """
     return icc is not None and icc[16:20] == (b"GRAY" if n_channels == 1 else b"RGB ")

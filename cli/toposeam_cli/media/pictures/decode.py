@@ -28,7 +28,7 @@ _X_RESOLUTION = (b"\x1a\x01\x05\0", b"\x01\x1a\0\x05")
 
 _BLOCKS = ("icc-profile", "exif", "xmp")
 
-#: Strips are of about so many bytes.
+#: Strips are of about this many bytes.
 STRIP_BYTES = 1 << 20
 _DTYPES = {
     name: np.dtype(kind)
@@ -53,7 +53,7 @@ RECIPE_NAMESPACE = "urn:x-toposeam:1.0:"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Decoding:
-    """What a file holds, its pixels not yet read."""
+    """Contents of a file, its pixels not yet read."""
 
     #: Gray or RGB, upright; read from top to bottom.
     image: VipsImage
@@ -66,13 +66,13 @@ class Decoding:
     xmp: bytes | None
 
     def values(self) -> np.ndarray:
-        """All pixels, once: an (H, W) or (H, W, C) ndarray with the channels that the file has once its
-        colours are gray or RGB, alpha last; of one of the depths a picture can have.
+        """Return all pixels, once: an (H, W) or (H, W, C) ndarray with the channels that the file has once
+        its colours are gray or RGB, alpha last; of one of the depths a picture can have.
         """
         return _known_depth(evaluate(self.image, self.image.numpy))
 
     def strips(self) -> Iterator[np.ndarray]:
-        """The same, a few rows after the other."""
+        """Yield the same, a few rows after the other."""
         image = self.image
         width, height, bands, dtype = image.width, image.height, image.bands, _DTYPES[image.format]
         rows = max(1, STRIP_BYTES // (width * bands * dtype.itemsize))
@@ -84,7 +84,7 @@ class Decoding:
 
 @contextmanager
 def decoding(path: Path, max_pixels: int) -> Iterator[Decoding]:
-    """The picture in a file, to be decoded within the block; the rules are those of
+    """Open the picture in a file, to be decoded within the block; the rules are those of
     :func:`toposeam_cli.media.pictures.picture.read_picture`.
 
     Raises
@@ -244,7 +244,7 @@ def _resolution(image: VipsImage) -> tuple[float, float] | None:
 
 
 def _xmp(packet: bytes | None) -> bytes | None:
-    """An XMP packet for a picture that stands upright, and is not what a recipe of ours made."""
+    """Return an XMP packet for a picture that stands upright, and is not what a recipe of ours made."""
     if packet is None or RECIPE_NAMESPACE.encode() in packet:
         return None
     return re.sub(rb"""(tiff:Orientation\s*(?:=\s*["']|>)\s*)[2-8]""", rb"\g<1>1", packet)

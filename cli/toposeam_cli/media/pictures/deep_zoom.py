@@ -18,7 +18,7 @@ _TILE = re.compile(r"\d+/\d+_\d+\.(?:jpe?g|png|webp)")
 
 
 def tiles_of(path: Path) -> Path:
-    """The folder of tiles that belongs to a .dzi file."""
+    """Return the folder of tiles that belongs to a .dzi file."""
     return path.with_name(f"{path.stem}_files")
 
 
@@ -41,7 +41,7 @@ def check_deep_zoom(path: Path, force: bool) -> None:
 
 
 def _foreign(folder: Path) -> str | None:
-    """What in a folder of tiles is no tile."""
+    """Find what in a folder of tiles is no tile."""
     for place, folders, files in os.walk(folder):
         for name in files:
             inside = Path(place, name).relative_to(folder).as_posix()

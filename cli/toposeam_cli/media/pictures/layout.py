@@ -47,7 +47,7 @@ class LayoutLayer:
 
 
 def read_layout(path: Path) -> list[LayoutLayer]:
-    """The visible layers of a layout in TOML or JSON, by its extension, in the order of the file.
+    """Return the visible layers of a layout in TOML or JSON, by its extension, in the order of the file.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def _number(where: str, entry: dict[str, Any], key: str, usual: float, low: floa
 
 
 def layout_text(folder: Path, layers: Sequence[LayoutLayer]) -> str:
-    """A layout in TOML, for :func:`read_layout`; files in or below the folder are named from there.
+    """Return a layout in TOML, for :func:`read_layout`; files in or below the folder are named from there.
 
     Raises
     ------

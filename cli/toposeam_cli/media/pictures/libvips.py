@@ -48,13 +48,13 @@ def load_vips() -> Any:
 
 
 def channels(pixels: np.ndarray | Windows) -> int:
-    """The number of channels: 1 for ``(H, W)``, else the last axis."""
+    """Return the number of channels: 1 for ``(H, W)``, else the last axis."""
     return 1 if pixels.ndim == 2 else pixels.shape[2]
 
 
 def to_vips(pixels: np.ndarray | Windows) -> VipsImage:
-    """A libvips image over the memory of a gray or RGB array, or over one that is read by windows, which may
-    be looked at once, from the top down.
+    """Return a libvips image over the memory of a gray or RGB array, or over one that is read by windows,
+    which may be looked at once, from the top down.
     """
     if isinstance(pixels, Windows):
         image = _streamed(pixels)
@@ -64,11 +64,13 @@ def to_vips(pixels: np.ndarray | Windows) -> VipsImage:
 
 
 def _streamed(pixels: Windows) -> VipsImage:
-    """What libvips reads while it writes. Where that fails the file ends there for it, which is an error."""
+    """Make an image that libvips reads while it writes. On a failure the file ends there for it, which is an
+    error.
+    """
     stream, source = TiffStream(pixels), load_vips().SourceCustom()
 
     def read(size: int) -> bytes | None:
-        with suppress(Exception):  # libvips is told by the end of the file
+        with suppress(Exception):  # the end of the file tells libvips
             return stream.read(size)
         return None
 
@@ -85,7 +87,7 @@ def with_profile(image: VipsImage, icc: bytes) -> VipsImage:
 
 
 def evaluate(image: VipsImage, call: Callable[[], Value]) -> Value:
-    """The value of a call that computes the pixels of an image, which Ctrl-C and ``kill`` can end."""
+    """Return the value of a call that computes the pixels of an image, which Ctrl-C and ``kill`` can end."""
     return interruptible(call, lambda: image.set_kill(True))
 
 

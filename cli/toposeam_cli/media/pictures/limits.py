@@ -1,4 +1,4 @@
-"""How much is read: limits of one picture, and of several together."""
+"""Limits of the pixels read: of one picture, and of several together."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -37,7 +37,7 @@ def check_together(paths: Sequence[Path], max_pixels: int) -> None:
 
 
 def refuse_together(count: int, total: int, max_pixels: int, where: str = "") -> None:
-    """Refuse so many pixels of so many pictures, if that is too many.
+    """Refuse pictures that have too many pixels together.
 
     Raises
     ------

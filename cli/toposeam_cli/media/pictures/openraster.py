@@ -57,7 +57,7 @@ class _Entry:
 
 
 def read_ora(path: Path, max_pixels: int) -> list[OraLayer]:
-    """The visible layers of an OpenRaster file, bottommost first; groups are taken apart.
+    """Return the visible layers of an OpenRaster file, bottommost first; groups are taken apart.
 
     A layer's opacity, and that of its groups, is multiplied into its alpha. Hidden layers, and hidden groups
     with all they hold, are left out.
@@ -118,7 +118,7 @@ def _check_sizes(path: Path, archive: zipfile.ZipFile, entries: Sequence[_Entry]
 
 
 def _unpacked(path: Path, archive: zipfile.ZipFile, name: str, limit: int) -> bytes:
-    """The content of an entry, at most `limit` bytes."""
+    """Return the content of an entry, at most `limit` bytes."""
     info = archive.getinfo(name)
     if info.file_size > limit or info.file_size > _LARGEST_RATIO * max(info.compress_size, 1) + 4096:
         raise ts.ImageError(
@@ -310,7 +310,7 @@ def write_ora(
 
 
 def _shown(picture: Picture, stitched: ts.Stitched, mask: np.ndarray, place: tuple[slice, slice]) -> Picture:
-    """A picture that is opaque only where it shows, with the composite's pixels there."""
+    """Return a picture that is opaque only where it shows, with the composite's pixels there."""
     shows = mask[place]
     pixels = np.where(
         shows if channels(picture.pixels) == 1 else shows[..., None], stitched.image[place], picture.pixels
@@ -324,7 +324,7 @@ def _shown(picture: Picture, stitched: ts.Stitched, mask: np.ndarray, place: tup
 
 
 def _thumbnail(picture: Picture) -> Picture:
-    """At most 256 px a side, 8 bits, RGBA, by averaging blocks."""
+    """Reduce a picture to at most 256 px a side, 8 bits, RGBA, by averaging blocks."""
     height, width = picture.pixels.shape[:2]
     size = max(1, -(-max(height, width) // 256))
     alpha = (

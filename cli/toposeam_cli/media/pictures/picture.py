@@ -37,14 +37,14 @@ MAX_PIXELS = 500_000_000
 #: A classic TIFF ends at 4 GiB, and what does not compress may grow.
 _BIGTIFF_BYTES = 3_500_000_000
 
-#: A JPEG's codes are fitted to it, which saves a tenth of the file, up to so many pixels: all of its
+#: A JPEG's codes are fitted to it, which saves a tenth of the file, up to this many pixels: all of its
 #: coefficients have to be in memory for that.
 _CODED_PIXELS = 64_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Format:
-    """What a file format can hold, and how we write it."""
+    """Capabilities of a file format, and its writer."""
 
     saver: str  #: The libvips operation.
     depths: tuple[np.dtype, ...]  #: Shallowest first.
@@ -165,7 +165,7 @@ def read_picture(path: str | Path, max_pixels: int = MAX_PIXELS) -> Picture:
 
 
 def read_strips(path: Path, max_pixels: int = MAX_PIXELS) -> Iterator[Picture]:
-    """What :func:`read_picture` reads, a few rows after the other."""
+    """Read a picture as :func:`read_picture` does, a few rows after the other."""
     with decoding(path, max_pixels) as file:
         for values in file.strips():
             yield _decoded(path, file, values)
@@ -272,7 +272,7 @@ def write_picture(
 
 
 def encode_png(picture: Picture) -> bytes:
-    """The bytes of the PNG that :func:`write_picture` would write."""
+    """Return the bytes of the PNG that :func:`write_picture` would write."""
     image = vips_image(_fit(Path("picture.png"), picture, _PNG))
     content: bytes = evaluate(image, lambda: image.pngsave_buffer(**_PNG.options))
     return content
@@ -317,7 +317,7 @@ def match_pictures(
 
 
 def in_eight_bits(picture: Picture, keep: Keep | None = None) -> Picture:
-    """The picture with uint8 pixels, rounded."""
+    """Return the picture with uint8 pixels, rounded."""
     return _as(picture, np.dtype(np.uint8), picture.icc, channels(picture.pixels), keep)
 
 
@@ -376,7 +376,7 @@ def _fit(path: Path, picture: Picture, kind: _Format, keep: Keep | None = None) 
 
 
 def vips_image(picture: Picture) -> VipsImage:
-    """The picture as libvips writes it, with its metadata."""
+    """Return the picture as libvips writes it, with its metadata."""
     image = to_vips(picture.pixels)
     if picture.alpha is not None:
         image = image.bandjoin(to_vips(picture.alpha))

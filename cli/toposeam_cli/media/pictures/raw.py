@@ -16,26 +16,26 @@ from toposeam.images import Windows
 
 
 class Coming:
-    """How many rows of a picture have come."""
+    """The number of rows of a picture that have come."""
 
     def __init__(self) -> None:
         self._rows, self._ends = 0, False
         self._changed = Condition()
 
     def up_to(self, rows: int) -> None:
-        """So many are there."""
+        """Set the number of rows that are there."""
         with self._changed:
             self._rows = rows
             self._changed.notify_all()
 
     def give_up(self) -> None:
-        """No more will come, and nobody shall read on."""
+        """Stop: no more rows will come, and reading must end."""
         with self._changed:
             self._ends = True
             self._changed.notify_all()
 
     def wait(self, rows: int) -> None:
-        """Return when so many are there.
+        """Wait until `rows` rows are there.
 
         Raises
         ------
@@ -88,7 +88,7 @@ class Stored(Windows):
 
     @property
     def widths(self) -> list[int]:
-        """How many px wide each file is."""
+        """Widths of the files, px."""
         starts = (number * self.column for number in range(len(self.paths)))
         return [min(self.column, self.file_shape[1] - start) for start in starts]
 
@@ -104,7 +104,7 @@ class Stored(Windows):
             os.truncate(path, height * width * bands * self.dtype.itemsize)
 
     def read(self, rows: slice, columns: slice) -> np.ndarray:
-        """Some rows and columns."""
+        """Return some rows and columns."""
         if self._coming is not None:
             self._coming.wait(self.corner[0] + rows.indices(self.shape[0])[1])
         first, stop, step = columns.indices(self.shape[1])
@@ -120,7 +120,7 @@ class Stored(Windows):
         return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
 
     def _read(self, path: Path, width: int, rows: slice, columns: slice) -> np.ndarray:
-        """Some rows, and columns of one file."""
+        """Return some rows, and columns of one file."""
         first, stop = self.bands
         band: Any = first if self.ndim == 2 else slice(first, stop)
         # Mapped for this window only: pages that stay mapped count as memory of the process. NumPy's own maps

@@ -46,7 +46,7 @@ def read_stored(path: Path, max_pixels: int, file: Path) -> Picture:
 def store(
     picture: Picture, convert: Callable[[Picture], Picture] | None = None, *, scratch: Scratch
 ) -> Picture:
-    """The same picture, or what it is converted to by rows, its pixels in a file.
+    """Return the same picture, or what it is converted to by rows, its pixels in a file.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def store(
 
 
 def stored_at(file: Path, parts: Iterable[Picture]) -> Picture:
-    """The picture whose rows come part by part, its pixels in a file that exists.
+    """Return the picture whose rows come part by part, its pixels in a file that exists.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def stored_at(file: Path, parts: Iterable[Picture]) -> Picture:
 
 
 def stored_in(file: Path, picture: Picture) -> Picture:
-    """The same picture, its pixels in a file that exists.
+    """Return the same picture, its pixels in a file that exists.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def stored_in(file: Path, picture: Picture) -> Picture:
 
 
 def stored_picture(path: Path, like: Picture, height: int, width: int) -> Picture:
-    """The picture in a file that holds its colours and, if it has any, its opacity behind them."""
+    """Return the picture in a file that holds its colours and, if it has any, its opacity behind them."""
     count = 1 if like.pixels.ndim == 2 else 3
     shape, dtype = (height, width, count + (like.alpha is not None)), like.pixels.dtype
     pixels = Stored([path], shape, dtype, (0, count))

@@ -1,4 +1,4 @@
-"""Where a TIFF file says that its picture lies: XPosition and YPosition, in units of the resolution.
+"""Position of the picture in a TIFF file: XPosition and YPosition, in units of the resolution.
 
 Hugin's ``nona`` writes them, and PTblender, enblend and Multiblend read them. Both positions and resolutions
 are fractions, so that position × resolution is a whole number of pixels.
@@ -55,7 +55,7 @@ def tiff_canvas(path: Path) -> tuple[int, int] | None:
 
 
 def _tags(path: Path) -> dict[int, Fraction] | None:
-    """The first values of the wanted tags of the file's first directory."""
+    """Return the first values of the wanted tags of the file's first directory."""
     found = {}
     try:
         with path.open("rb") as file:
@@ -75,7 +75,7 @@ def _tags(path: Path) -> dict[int, Fraction] | None:
                     value = file.read(size)
                 found[tag] = Fraction(*struct.unpack(layout, value[:size]))
     except (OSError, KeyError, ValueError, ZeroDivisionError, OverflowError, struct.error):
-        return None  # whoever reads the picture says what is wrong with it
+        return None  # the picture's reader reports what is wrong with it
     return found
 
 

@@ -1,6 +1,4 @@
-"""What libvips reads pixels through that lie in files of ours, or are still to come: a TIFF file that is
-nowhere, made strip by strip while it is read.
-"""
+"""A virtual TIFF file, made strip by strip while libvips reads it, of pixels in files or still to come."""
 
 from __future__ import annotations
 
@@ -59,7 +57,7 @@ class TiffStream(io.RawIOBase):
         return True
 
     def tell(self) -> int:
-        """The byte that is read next."""
+        """Return the byte that is read next."""
         return self._at
 
     def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
@@ -83,7 +81,7 @@ class TiffStream(io.RawIOBase):
         return filled
 
     def _bytes(self, number: int) -> bytes:
-        """A strip, kept until another one is asked for."""
+        """Return a strip, kept until another one is asked for."""
         if self._kept[0] != number:
             height, width = self._pixels.shape[:2]
             rows = slice(number * _ROWS, min((number + 1) * _ROWS, height))
@@ -93,7 +91,7 @@ class TiffStream(io.RawIOBase):
 
 
 def _head(pixels: Windows, line: int) -> bytes:
-    """All that stands before the pixels, of so many bytes a row: header, directory, long values."""
+    """Build all that stands before the pixels, of `line` bytes a row: header, directory, long values."""
     height, width = pixels.shape[:2]
     bands = math.prod(pixels.shape[2:])
     starts = range(0, height, _ROWS)

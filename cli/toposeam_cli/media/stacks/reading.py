@@ -47,7 +47,7 @@ def read_stack(path: Path) -> Stack:
 
 
 def needs(package: str, path: Path) -> Any:
-    """An optional package.
+    """Return an optional package.
 
     Raises
     ------
@@ -130,8 +130,8 @@ def _read_tiff(path: Path) -> Stack:
 
 @contextmanager
 def _damage_told(logger: logging.Logger) -> Iterator[list[str]]:
-    """What a reader logs as errors, instead of printing it; it goes on with what it can read, warnings are
-    of no consequence.
+    """Collect what a reader logs as errors, instead of printing it; it goes on with what it can read,
+    warnings are of no consequence.
     """
     found: list[str] = []
 
@@ -148,7 +148,7 @@ def _damage_told(logger: logging.Logger) -> Iterator[list[str]]:
 
 
 def _lazy(tifffile: Any, path: Path) -> Any:
-    """Slices of a compressed file, each read when it is wanted."""
+    """Return slices of a compressed file, each read when it is wanted."""
     array = needs("dask.array", path)
     delayed = needs("dask", path).delayed
     with tifffile.TiffFile(path) as file:
@@ -163,7 +163,7 @@ def _lazy(tifffile: Any, path: Path) -> Any:
 
 
 def _ordered(voxels: Any, axes: str, kept: list[str], path: Path) -> Any:
-    """Voxels as (z, y, x) or (z, y, x, channels)."""
+    """Return voxels as (z, y, x) or (z, y, x, channels)."""
     singles = tuple(place for place, axis in enumerate(axes) if axis not in kept)
     voxels = voxels.squeeze(singles) if singles else voxels
     named = "".join(kept).replace("I", "Z").replace("Q", "Z")
@@ -183,7 +183,7 @@ def _ordered(voxels: Any, axes: str, kept: list[str], path: Path) -> Any:
 
 
 def _tiff_spacing(file: Any) -> tuple[tuple[float, float, float] | None, str]:
-    """What OME's or ImageJ's description says of a voxel's size, in µm where that can be."""
+    """Read a voxel's size from OME's or ImageJ's description, in µm where possible."""
     if file.is_ome and file.ome_metadata:
         pixels = next(
             (

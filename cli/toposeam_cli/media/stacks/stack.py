@@ -37,7 +37,7 @@ class Stack:
 def common_spacing(
     a: Stack, b: Stack, given: tuple[float, float, float] | None
 ) -> tuple[tuple[float, float, float] | None, str]:
-    """The size of both stacks' voxels, and its unit.
+    """Return the size of both stacks' voxels, and its unit.
 
     Raises
     ------

@@ -22,7 +22,7 @@ _SHOWN_PX = 360
 
 
 def explore_page(recipes: Sequence[ts.Recipe], columns: int, progress: Callable[[float], None] | None) -> str:
-    """The page as one .html file.
+    """Return the page as one .html file.
 
     Parameters
     ----------

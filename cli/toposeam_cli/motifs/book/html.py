@@ -16,7 +16,7 @@ Row = dict[str, Any]
 
 
 def to_html(title: str, rows: Sequence[Row], products: Sequence[tuple[Row, str, str]]) -> str:
-    """The page; pictures are named relative to it.
+    """Return the page; pictures are named relative to it.
 
     Parameters
     ----------
@@ -70,12 +70,14 @@ def _card(row: Row) -> str:
 
 
 def beside(row: Row) -> str:
-    """The number of a product's second pattern, to follow that of the first; nothing where there is one."""
+    """Return the number of a product's second pattern, to follow that of the first; nothing where there is
+    one.
+    """
     return f" and {row['beside']}" if row.get("beside") else ""
 
 
 def caption(row: Row) -> str:
-    """The parameters of a pattern."""
+    """Return the parameters of a pattern."""
     masses = " ".join(f"{mass:.2f}" for mass in row["mass"])
     spots = " ".join(f"{a}–{b}" for a, b in zip(row["sources"], row["sinks"], strict=True))
     theme = f"{row['theme']}, " if row.get("several") else ""

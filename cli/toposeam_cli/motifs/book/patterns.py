@@ -120,14 +120,16 @@ def draw_on_product(
 
 
 def shown_at(drawn: np.ndarray, dpi: float | None) -> Picture:
-    """A mock-up as a picture, with its resolution where one was asked for."""
+    """Return a mock-up as a picture, with its resolution where one was asked for."""
     return Picture(pixels=drawn, resolution=per_mm(dpi))
 
 
 def _sharp(
     motif: str, across: int, inks: int | None = None, edge: str | None = None
 ) -> tuple[ts.Motif, np.ndarray]:
-    """A motif, and a piece of its pattern that repeats by translation, with motifs of that width in px."""
+    """Return a motif, and a piece of its pattern that repeats by translation, with motifs of that width in
+    px.
+    """
     made = ts.generate_motif(ts.simplify(read_recipe(Path(motif)), inks=inks, edge=edge))
     height, width = made.densities.shape[1:]
     size = (max(1, round(across * height / width)), across)

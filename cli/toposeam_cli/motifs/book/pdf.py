@@ -35,7 +35,7 @@ _PRODUCT_PX = 700
 
 
 def to_pdf(title: str, folder: Path, rows: Sequence[Row], products: Sequence[tuple[Row, str]]) -> bytes:
-    """The book, the same bytes for the same book.
+    """Return the book, the same bytes for the same book.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def to_pdf(title: str, folder: Path, rows: Sequence[Row], products: Sequence[tup
     ]
     buffer = io.BytesIO()
     for count, page in enumerate(_pages(title, folder, rows, ordered, products)):
-        # Page by page: a book of thousands of patterns has hundreds. No dates, which nobody asked for.
+        # Page by page: a book of thousands of patterns has hundreds. No dates.
         page.image.save(
             buffer,
             "PDF",
@@ -95,13 +95,13 @@ class _Page:
         self._draw = ImageDraw.Draw(self.image)
 
     def words(self, text: str, x: float, y: float, size: float, colour: str = _INK) -> None:
-        """Lines of text, `size` in points."""
+        """Draw lines of text, `size` in points."""
         side = size / 72 * _DPI
         text = text.replace("–", "-")
         self._draw.multiline_text((_px(x), _px(y)), text, colour, _font(text, side), spacing=0.35 * side)
 
     def picture(self, pixels: np.ndarray, x: float, y: float, width: float, height: float) -> None:
-        """A picture that fills a rectangle."""
+        """Draw a picture that fills a rectangle."""
         from PIL import Image
 
         left, top = _px(x), _px(y)
@@ -130,7 +130,7 @@ def _px(length_mm: float) -> int:
 
 
 def _swatch(folder: Path, row: Row, shape: tuple[float, float]) -> np.ndarray:
-    """As many motifs down and across of a pattern, two at most."""
+    """Draw whole motifs down and across of a pattern, two at most."""
     pixels = read_picture(folder / "swatches" / f"{row['number']:04d}.png").pixels
     side = min(pixels.shape[:2])
     return pixels[: round(side * shape[0] / 2), : round(side * shape[1] / 2)]
@@ -148,7 +148,7 @@ def _cover(title: str, folder: Path, rows: Sequence[Row]) -> _Page:
 
 
 def _kinds(folder: Path, rows: Sequence[Row]) -> _Page:
-    """One pattern of each kind and season: Figure 4.10 of the thesis."""
+    """Return one pattern of each kind and season: Figure 4.10 of the thesis."""
     page = _Page()
     page.words("Kinds and seasons", _MARGIN_MM, 18, 18)
     step = (_WIDTH_MM - 2 * _MARGIN_MM) / 4
@@ -185,7 +185,7 @@ def _products(folder: Path, products: Sequence[tuple[Row, str]]) -> list[_Page]:
 
 
 def _filling(picture: np.ndarray, ratio: float) -> np.ndarray:
-    """The picture reduced, and continued with its own ground to a ratio of width to height."""
+    """Return the picture reduced, and continued with its own ground to a ratio of width to height."""
     small = (
         load_vips().Image.thumbnail_image(to_vips(picture), _PRODUCT_PX, height=_PRODUCT_PX).numpy()[..., :3]
     )

@@ -9,7 +9,7 @@ import numpy.typing as npt
 def mix(
     densities: npt.NDArray[np.floating], inks: npt.NDArray[np.floating], paper: npt.NDArray[np.floating]
 ) -> npt.NDArray[np.float32]:
-    """The colour of layers of ink over paper.
+    """Return the colour of layers of ink over paper.
 
     Each layer takes from the light what its ink absorbs, in proportion to its density: paper Π (1 - ρ_l (1 -
     C_l)).

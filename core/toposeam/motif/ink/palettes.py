@@ -54,7 +54,7 @@ class Palette:
 
 
 def palette(source: str | npt.ArrayLike, n: int) -> Palette:
-    """A paper and `n` inks.
+    """Return a paper and `n` inks.
 
     Parameters
     ----------

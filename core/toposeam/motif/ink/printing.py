@@ -1,4 +1,4 @@
-"""What layers of ink on paper have in common: how they are printed, mixed and drawn."""
+"""Common base of layers of ink on paper: printing, mixing and drawing."""
 
 from __future__ import annotations
 
@@ -40,31 +40,31 @@ class Inked(ABC):
     @property
     @abstractmethod
     def edges(self) -> tuple[str, ...]:
-        """How the strokes of each layer end in print, of `EDGES`."""
+        """Stroke edges of each layer in print, of `EDGES`."""
 
     @property
     @abstractmethod
     def names(self) -> tuple[str, ...]:
-        """What each ink is called."""
+        """Names of the inks."""
 
     @property
     @abstractmethod
     def record(self) -> Mapping[str, Any]:
-        """What makes it again, for files; anything JSON can hold."""
+        """Record that reproduces it, for files; anything JSON can hold."""
 
     @abstractmethod
     def sampled(self, layer: int, size: tuple[int, int]) -> npt.NDArray[np.float32]:
-        """One layer's density, smoothly interpolated to (rows, columns)."""
+        """Return one layer's density, smoothly interpolated to (rows, columns)."""
 
     def ends(self, layer: int) -> tuple[float, np.float32]:
-        """The density at which a layer's strokes end in print, and the factor of those inside."""
+        """Return the density at which a layer's strokes end in print, and the factor of those inside."""
         fine = fineness((self.densities.shape[1], self.densities.shape[2]))
         size = fine * self.densities.shape[1], fine * self.densities.shape[2]
         return shading(map(self.sampled, [layer], [size]), self.edges[layer], self.repeat, fine)
 
     def resampled(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
-        """The densities on another number of elements, (n_L, H', W') float32, smoothly interpolated. What is
-        printed of them is `coverage`.
+        """Return the densities on another number of elements, (n_L, H', W') float32, smoothly interpolated.
+        What is printed of them is `coverage`.
 
         Parameters
         ----------
@@ -80,7 +80,7 @@ class Inked(ABC):
         return np.stack([self.sampled(index, size) for index in range(len(self.inks))])
 
     def coverage(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
-        """How much ink of each layer is printed, (n_L, H', W') float32 in [0, 1].
+        """Compute the coverage by each layer's ink, (n_L, H', W') float32 in [0, 1].
 
         Strokes end as `edges` says; see :mod:`toposeam.motif.ink.stroke_edges`.
 
@@ -111,7 +111,7 @@ class Inked(ABC):
         )
 
     def image(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
-        """The print in colour.
+        """Return the print in colour.
 
         Parameters
         ----------
@@ -125,7 +125,7 @@ class Inked(ABC):
         return mix(self.coverage(size), self.inks, self.paper)
 
     def to_svg(self, path: str | Path | None = None, *, counts: tuple[float, float] = (1, 1)) -> str:
-        """The print as an SVG document; as a file too if a path is given.
+        """Return the print as an SVG document; as a file too if a path is given.
 
         Parameters
         ----------

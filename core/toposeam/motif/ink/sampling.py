@@ -15,7 +15,7 @@ _MARGIN = 12
 
 
 def resample(field: npt.NDArray[np.floating], repeat: str, size: tuple[int, int]) -> npt.NDArray[np.float32]:
-    """A density, (h, w), on another number of elements.
+    """Return a density, (h, w), on another number of elements.
 
     Enlarging interpolates by cubic splines; where an axis shrinks, it is first averaged over the width of the
     new elements.
@@ -38,7 +38,7 @@ def resample(field: npt.NDArray[np.floating], repeat: str, size: tuple[int, int]
 
 
 def _box(field: npt.NDArray[np.float64], width: float, axis: int) -> npt.NDArray[np.float64]:
-    """Mean over a window of any width, as a blend of the two nearest odd whole widths."""
+    """Return the mean over a window of any width, as a blend of the two nearest odd whole widths."""
     low = max(1, int((width - 1) // 2) * 2 + 1)
     share = (width - low) / 2
     narrow: npt.NDArray[np.float64] = uniform_filter1d(field, low, axis=axis, mode="nearest")

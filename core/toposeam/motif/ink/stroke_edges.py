@@ -23,7 +23,7 @@ from toposeam.motif.symmetry.tiling import extend
 
 Singles = npt.NDArray[np.float32]
 
-#: How a layer's strokes end: the haze as it is; a line at the level of equal mass; or a line that keeps half
+#: How a layer's strokes end: the haze unchanged; a line at the level of equal mass; or a line that keeps half
 #: of the haze, inside of which the ink shades.
 EDGES = ("soft", "crisp", "ink")
 #: Smoothing before contours are taken, in elements: takes the staircase off hard edges.
@@ -32,12 +32,12 @@ SMOOTHING = 0.25
 _WET = 0.5
 #: Cells smaller than this are doubled before their contours are taken.
 _FINE = 512
-#: Rows that are worked on at once have at most so many px.
+#: Rows that are worked on at once have at most this many px.
 _STRIP_PX = 8_000_000
 
 
 def level(field: npt.NDArray[np.floating], mass: float) -> float:
-    """The level above which a share `mass` of a field lies.
+    """Return the level above which a share `mass` of a field lies.
 
     Examples
     --------
@@ -48,7 +48,7 @@ def level(field: npt.NDArray[np.floating], mass: float) -> float:
 
 
 def smoothed(field: Singles, repeat: str, px_per_element: tuple[float, float]) -> Singles:
-    """A density blurred as its contours are taken from, with the pattern's neighbours beyond its border."""
+    """Blur a density as its contours are taken from, with the pattern's neighbours beyond its border."""
     sigma = [SMOOTHING * px for px in px_per_element]
     margin = int(np.ceil(4 * max(sigma)))
     wide = extend(field, repeat, margin)
@@ -57,7 +57,7 @@ def smoothed(field: Singles, repeat: str, px_per_element: tuple[float, float]) -
 
 
 def beyond(field: Singles, at: float, repeat: str) -> Singles:
-    """The share of every pixel in which a field exceeds a level, in [0, 1]."""
+    """Return the share of every pixel in which a field exceeds a level, in [0, 1]."""
     result = np.empty(field.shape, np.float32)
     wide = extend(field, repeat, 1)
     rows = max(1, _STRIP_PX // wide.shape[1])
@@ -77,7 +77,7 @@ def printed(
     size: tuple[int, int],
     ends: tuple[float, np.float32],
 ) -> Singles:
-    """A layer as it is printed.
+    """Print a layer with its stroke edges.
 
     Parameters
     ----------
@@ -128,9 +128,9 @@ def fineness(elements: tuple[int, int]) -> int:
 def shading(
     densities: Iterable[Singles], edge: str, repeat: str, px_per_element: int
 ) -> tuple[float, np.float32]:
-    """The level at which a layer's strokes end, and the factor of the densities inside: with both the mean
-    stays what it is, of several cells that of all together. Soft ones do not end, and no density is asked
-    for.
+    """Return the level at which a layer's strokes end, and the factor of the densities inside: with both the
+    mean stays what it is, of several cells that of all together. Soft ones do not end, and no density is
+    asked for.
     """
     if edge == "soft":
         return 0.0, np.float32(1.0)

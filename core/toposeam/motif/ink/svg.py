@@ -32,7 +32,7 @@ LARGEST_CHARACTERS = 60_000_000
 
 @runtime_checkable
 class Drawable(Protocol):
-    """What is drawn: a :class:`toposeam.motif.ink.printing.Inked`."""
+    """Drawable object: a :class:`toposeam.motif.ink.printing.Inked`."""
 
     @property
     def densities(self) -> npt.NDArray[np.float32]:
@@ -52,21 +52,21 @@ class Drawable(Protocol):
 
     @property
     def edges(self) -> tuple[str, ...]:
-        """How strokes end."""
+        """Stroke edges of each layer."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What the inks are called."""
+        """Names of the inks."""
 
     @property
     def record(self) -> Mapping[str, Any]:
-        """What makes it again."""
+        """Record that reproduces it."""
 
     def ends(self, layer: int) -> tuple[float, np.float32]:
-        """The density at which a layer's strokes end in print, and the factor of those inside."""
+        """Return the density at which a layer's strokes end in print, and the factor of those inside."""
 
     def resampled(self, size: tuple[int, int] | None = None) -> npt.NDArray[np.float32]:
-        """The densities at another size."""
+        """Return the densities at another size."""
 
 
 class SvgKeywords(TypedDict, total=False):
@@ -79,7 +79,7 @@ class SvgKeywords(TypedDict, total=False):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SvgOptions:
-    """How a motif is drawn.
+    """Options of the drawing of a motif.
 
     Examples
     --------
@@ -110,7 +110,7 @@ def draw_svg(
     note: Mapping[str, Any] | None = None,
     **given: Unpack[SvgKeywords],
 ) -> str:
-    """A motif, or a sheet of it, as an SVG document.
+    """Return a motif, or a sheet of it, as an SVG document.
 
     Parameters
     ----------
@@ -232,7 +232,7 @@ class _Bands:
         self.thresholds = self.thresholds[self.thresholds >= at]
 
     def tones(self, smooth: Floats) -> Floats:
-        """What is printed between the levels: the mean there, so that the whole keeps its tone."""
+        """Compute the tones between the levels: the mean there, so that the whole keeps its tone."""
         many = len(self.thresholds) + 1
         if self.edge == "crisp":
             return np.array([0.0, 1.0])
@@ -249,7 +249,7 @@ class _Bands:
 def _layer(
     density: npt.NDArray[np.float32], rule: str, ink: Floats, name: tuple[int, str], bands: _Bands, fine: int
 ) -> list[str]:
-    """One ink's group. Levels lie half-way between the densities whose colours they part."""
+    """Return one ink's group. Levels lie half-way between the densities whose colours they part."""
     blur = int(np.ceil(4 * SMOOTHING * fine))
     wide = extend(density, rule, MARGIN_PX + blur).astype(np.float64)
     inner = slice(blur, len(wide) - blur), slice(blur, wide.shape[1] - blur)

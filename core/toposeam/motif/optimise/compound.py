@@ -36,7 +36,7 @@ _EXCHANGE = "brick"
 
 @dataclass(frozen=True)
 class JoinOptions:
-    """What all stages of a row have in common: w of (4.10), the ring's width, who is told."""
+    """Options common to all stages of a row: w of (4.10), the ring's width, the progress callback."""
 
     weight: float
     shared: int
@@ -69,14 +69,14 @@ class _Plate:
         return np.concatenate([designs[member] for member in self.members], axis=1)
 
     def solve(self, designs: list[Floats], penalties: list[float]) -> Temperature:
-        """The steady state, started from the one before."""
+        """Return the steady state, started from the one before."""
         k = self.problem.conductivity(self._design(designs), self._penalty(penalties))
         state = self.problem.plate.solve(k, self.temperature, tolerance=TOLERANCE, energy=ENERGY)
         self.temperature = state.nodes
         return state
 
     def slopes(self, designs: list[Floats], penalties: list[float], state: Temperature) -> list[Floats]:
-        """The weighted filtered sensitivity of each member."""
+        """Return the weighted filtered sensitivity of each member."""
         design = self._design(designs)
         slope = self.weight * self.problem.filtered(
             design, self.problem.sensitivity(design, self._penalty(penalties), state.energy)
@@ -100,7 +100,7 @@ def generate_row(row: list[Member], options: JoinOptions) -> None:
 def _optimise(
     row: list[Member], pairs: list[tuple[int, int]], layer: int, options: JoinOptions
 ) -> tuple[list[Floats], list[list[Step]]]:
-    """One layer of all members; fixed ones come back as they are, with no steps.
+    """Optimise one layer of all members; fixed ones come back unchanged, with no steps.
 
     A worked example: of two new motifs A and B with w = 0.3 there are three plates, A and B of weight 0.7 and
     the compound AB of weight 0.3, twice as wide. An iteration
@@ -152,7 +152,7 @@ def _optimise(
 def _slopes(
     plates: list[_Plate], designs: list[Floats], penalties: list[float]
 ) -> tuple[list[Floats], list[Step]]:
-    """The derivative of (4.10) by every member's design, and what the iteration found for each."""
+    """Return the derivative of (4.10) by every member's design, and what the iteration found for each."""
     slopes = [np.zeros(design.shape) for design in designs]
     steps = [Step(rows=len(design), compliance=0.0, mass=0.0, solver=0) for design in designs]
     for plate in plates:
@@ -177,7 +177,7 @@ def _move(
     limit: float,
     ring: _Ring,
 ) -> None:
-    """The next design of every new member, in place."""
+    """Compute the next design of every new member, in place."""
     bounds = OCOptions(move=limit)
 
     def proposed(lower: Floats | float = THINNEST, upper: Floats | float = 1.0) -> dict[int, Floats]:
@@ -231,12 +231,12 @@ class _Ring:
             self._values = np.mean(list(designs.values()), axis=0) if self._fixed is None else self._fixed
 
     def limits(self) -> tuple[Floats, Floats]:
-        """Bounds on the densities that hold the ring where it is."""
+        """Return the bounds on the densities that hold the ring where it is."""
         return np.where(self._inside, THINNEST, self._values), np.where(self._inside, 1.0, self._values)
 
 
 def _start(member: Member, layer: int, problem: LayerProblem, coarse: Floats | None) -> Floats:
-    """A member's design on a plate: the fixed one, that of the coarser plate, or an even one."""
+    """Return a member's design on a plate: the fixed one, that of the coarser plate, or an even one."""
     recipe, shape = member.recipe, problem.plate.shape
     if member.densities is not None:
         return np.clip(
@@ -248,7 +248,7 @@ def _start(member: Member, layer: int, problem: LayerProblem, coarse: Floats | N
 
 
 def _compound(a: LayerProblem, b: LayerProblem) -> LayerProblem:
-    """Two motifs side by side on one plate, alternating in both directions (Figure 4.5)."""
+    """Return two motifs side by side on one plate, alternating in both directions (Figure 4.5)."""
     plate = Plate(
         np.concatenate([a.plate.heat, b.plate.heat], axis=1),
         np.concatenate([a.plate.convection, b.plate.convection], axis=1),

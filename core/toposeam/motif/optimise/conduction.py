@@ -53,7 +53,7 @@ class LayerProblem:
 
     @classmethod
     def at(cls, layer: LayerRecipe, recipe: Recipe, shape: tuple[int, int]) -> LayerProblem:
-        """The layer of a recipe on a plate of the given shape."""
+        """Return the layer of a recipe on a plate of the given shape."""
         orbits = symmetry(recipe.repeat, shape)
         spots = (_spots(points, shape, recipe.repeat) for points in (layer.sources, layer.sinks))
         nominal = cls.nominal_of(recipe.base, recipe.base_strength, recipe.base_law, recipe.repeat, shape)
@@ -71,7 +71,7 @@ class LayerProblem:
 
     @staticmethod
     def shown(brightness: npt.NDArray[np.float32], shape: tuple[int, int]) -> npt.NDArray[np.floating]:
-        """A base image on the cell's elements."""
+        """Return a base image on the cell's elements."""
         return resample(brightness, "none", shape)
 
     @staticmethod
@@ -101,7 +101,7 @@ class LayerProblem:
         return slope
 
     def filtered(self, density: Floats, sensitivity: Floats) -> Floats:
-        """The filtered sensitivities."""
+        """Return the filtered sensitivities."""
         reach = math.ceil(self.radius) - 1
         if reach < 1:
             return sensitivity
@@ -113,12 +113,14 @@ class LayerProblem:
         return result
 
     def finer(self, density: Floats, shape: tuple[int, int]) -> Floats:
-        """Densities on a plate of twice the size."""
+        """Return the densities on a plate of twice the size."""
         return resample(density, self.repeat, shape).astype(np.float64)
 
 
 def filter_radius(recipe: Recipe, shape: tuple[int, int]) -> float:
-    """The filter's radius on a plate, in elements; at full size wide enough to smooth the strokes' edges."""
+    """Return the filter's radius on a plate, in elements; at full size wide enough to smooth the strokes'
+    edges.
+    """
     radius = recipe.filter_radius * min(shape) / 100
     return max(radius, _SMOOTH) if radius > 0 and shape == recipe.size else radius
 
@@ -165,7 +167,7 @@ def power(density: Floats, exponent: Floats | float) -> Floats:
 
 
 def _spots(points: tuple[Point, ...], shape: tuple[int, int], repeat: str) -> Floats:
-    """Discs around points with the given relative strengths, one in all."""
+    """Return discs around points with the given relative strengths, one in all."""
     h, w = shape
     radius = max(SPOT * min(h, w), 0.75)
     field = np.zeros(shape)
@@ -187,7 +189,7 @@ def _spots(points: tuple[Point, ...], shape: tuple[int, int], repeat: str) -> Fl
 
 
 def _copies(repeat: str) -> list[tuple[int, int]]:
-    """The cells that a spot near the border may reach into: those of a torus."""
+    """Return the cells that a spot near the border may reach into: those of a torus."""
     if repeat in ("none", "reflect", "rotate"):
         return [(0, 0)]
     reach = (-2, -1, 0, 1, 2) if shift_of(repeat) else (-1, 0, 1)
@@ -195,7 +197,7 @@ def _copies(repeat: str) -> list[tuple[int, int]]:
 
 
 def _copy(x: float, y: float, repeat: str, row: int, column: int) -> tuple[float, float]:
-    """Where a place lies in another row and column of cells."""
+    """Map a place to another row and column of cells."""
     shift = shift_of(repeat)
     if shift is None:
         return x + column, y + row

@@ -26,7 +26,7 @@ _BASE_WIDTH = 1.0
 
 
 def tile_size(cells: int) -> tuple[int, int]:
-    """Rows and columns of the rectangular tile of a cell with that many elements along its sides."""
+    """Return rows and columns of the rectangular tile of a cell with that many elements along its sides."""
     return round(cells * np.sqrt(3.0)), cells
 
 
@@ -36,7 +36,7 @@ class HexagonalProblem(LayerProblem):
 
     @classmethod
     def at(cls, layer: LayerRecipe, recipe: Recipe, shape: tuple[int, int]) -> LayerProblem:
-        """The layer of a recipe on a cell of the given shape."""
+        """Return the layer of a recipe on a cell of the given shape."""
         orbits = symmetry(recipe.repeat, shape)
         nominal = cls.nominal_of(recipe.base, recipe.base_strength, recipe.base_law, recipe.repeat, shape)
         plate = TrianglePlate(
@@ -46,11 +46,11 @@ class HexagonalProblem(LayerProblem):
 
     @staticmethod
     def shown(brightness: npt.NDArray[np.float32], shape: tuple[int, int]) -> npt.NDArray[np.floating]:
-        """A base image round every lattice point."""
+        """Return a base image round every lattice point."""
         return _shown_round_lattice_points(brightness, shape)
 
     def conductivity(self, density: Floats, penalty: Floats | float) -> Floats:
-        """Of every triangle, (2, h, w)."""
+        """Compute the conductivity of every triangle, (2, h, w)."""
         return super().conductivity(_at_triangles(density), penalty)
 
     def sensitivity(self, density: Floats, penalty: Floats | float, energy: Floats) -> Floats:
@@ -65,20 +65,20 @@ class HexagonalProblem(LayerProblem):
         return nodes
 
     def finer(self, density: Floats, shape: tuple[int, int]) -> Floats:
-        """Densities of the nodes of a lattice of twice as many."""
+        """Return the densities of the nodes of a lattice of twice as many."""
         v, u = np.meshgrid(np.arange(shape[0]) / 2, np.arange(shape[1]) / 2, indexing="ij")
         fine: Floats = map_coordinates(density, [v, u], order=3, mode="grid-wrap")
         return fine
 
 
 def _at_triangles(nodes: Floats) -> Floats:
-    """Mean of the corners of the first and the second triangle of every rhombus."""
+    """Return the mean of the corners of the first and the second triangle of every rhombus."""
     right, below, opposite = np.roll(nodes, -1, 1), np.roll(nodes, -1, 0), np.roll(nodes, (-1, -1), (0, 1))
     return np.stack([nodes + right + opposite, nodes + below + opposite]) / 3
 
 
 def _spots(points: tuple[Point, ...], shape: tuple[int, int]) -> Floats:
-    """As `LayerProblem`'s, in the lattice's metric."""
+    """Compute `LayerProblem`'s spots in the lattice's metric."""
     side = shape[0]
     radius = max(SPOT * side, 0.75)
     field = np.zeros(shape)
@@ -95,7 +95,7 @@ def _spots(points: tuple[Point, ...], shape: tuple[int, int]) -> Floats:
 
 
 def _shown_round_lattice_points(brightness: npt.NDArray[np.float32], shape: tuple[int, int]) -> Floats:
-    """A picture upright round every lattice point, its longer side one cell long."""
+    """Return a picture upright round every lattice point, its longer side one cell long."""
     side = shape[0]
     v, u = np.meshgrid(np.arange(side) / side, np.arange(side) / side, indexing="ij")
     x, y, gap = np.zeros(shape), np.zeros(shape), np.full(shape, np.inf)
@@ -116,7 +116,7 @@ def _shown_round_lattice_points(brightness: npt.NDArray[np.float32], shape: tupl
 
 
 def to_tile(lattice: npt.NDArray[np.floating], repeat: str, size: tuple[int, int]) -> npt.NDArray[np.float32]:
-    """A rectangular tile, (rows, columns) float32, of densities at a lattice's nodes.
+    """Return a rectangular tile, (rows, columns) float32, of densities at a lattice's nodes.
 
     Cubic splines along the lattice vectors, averaged over the turns by 120°: with that the interpolated
     picture has the whole symmetry of the group. On 2n × 2n pixels every node of an n × n lattice is the

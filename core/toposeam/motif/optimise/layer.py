@@ -57,7 +57,7 @@ class Step:
 
 
 def plan(recipe: Recipe) -> list[tuple[tuple[int, int], int]]:
-    """The plates' shapes from coarse to fine, and how many iterations run on each."""
+    """Return the plates' shapes from coarse to fine, and how many iterations run on each."""
     shapes = [recipe.size]
     grain = 4 if recipe.repeat not in ("none", "reflect") else 2
     coarse = recipe.coarse and filter_radius(recipe, recipe.size) >= _WIDE
@@ -78,7 +78,7 @@ def plan(recipe: Recipe) -> list[tuple[tuple[int, int], int]]:
 
 
 def problem_at(layer: LayerRecipe, recipe: Recipe, shape: tuple[int, int]) -> LayerProblem:
-    """The layer of a recipe on a plate of the given shape."""
+    """Return the layer of a recipe on a plate of the given shape."""
     kind = HexagonalProblem if recipe.repeat in HEXAGONAL else LayerProblem
     return kind.at(layer, recipe, shape)
 
@@ -146,7 +146,9 @@ def update(
     lower: Floats | float = THINNEST,
     upper: Floats | float = 1.0,
 ) -> Floats:
-    """The next design; one variable per orbit. Bounds given as fields must be equal along the orbits."""
+    """Return the next design; one variable per orbit. Bounds given as fields must be equal along the
+    orbits.
+    """
     count = orbits.count
     x = orbits.total(density) / count
     low, high = (
@@ -157,7 +159,7 @@ def update(
 
 
 def finer_temperature(nodes: Floats, shape: tuple[int, int]) -> Floats:
-    """Temperatures of a plate of half the shape, interpolated."""
+    """Return the temperatures of a plate of half the shape, interpolated."""
     fine = np.empty((shape[0] + 1, shape[1] + 1))
     fine[::2, ::2] = nodes
     fine[1::2, ::2] = (nodes[:-1] + nodes[1:]) / 2
@@ -166,7 +168,7 @@ def finer_temperature(nodes: Floats, shape: tuple[int, int]) -> Floats:
 
 
 def carry(density: Floats, problem: LayerProblem, mass: float) -> Floats:
-    """A coarser plate's densities on a finer one, with the same mass."""
+    """Return a coarser plate's densities on a finer one, with the same mass."""
     fine = problem.symmetry.mean(problem.finer(density, problem.plate.shape))
     fine = np.clip(fine, THINNEST, 1.0)
     scaled: Floats = np.clip(fine * (mass / fine.mean()), THINNEST, 1.0)

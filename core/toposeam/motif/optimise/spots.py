@@ -17,7 +17,7 @@ _APART = 0.7
 #: Random spots keep this far from the border, as a share of the cell: their strokes are the thickest.
 _MARGIN = 0.06
 
-#: Random spots of one layer are at most so many: placing them takes the square of their number.
+#: Random spots of one layer are at most this many: placing them takes the square of their number.
 _MAX_POINTS = 200
 
 Points = int | Sequence[Sequence[float]]
@@ -33,7 +33,7 @@ def spots(
     repeat: str,
     shown: npt.NDArray[np.float64] | None,
 ) -> tuple[Point, ...]:
-    """A layer's sources or sinks: those given, or so many at random places with random strengths.
+    """Return a layer's sources or sinks: those given, or `drawn` random ones with random strengths.
 
     Half of the random ones lie on the axes of the repetition, where it has any.
 
@@ -105,7 +105,7 @@ def placed_around(
     rng: np.random.Generator,
     shape: tuple[int, int],
 ) -> tuple[Point, ...]:
-    """The sinks, moved to the given distance from the sources in turn."""
+    """Return the sinks, moved to the given distance from the sources in turn."""
     side = min(shape)
     moved = []
     for index, (*_, strength) in enumerate(sinks):

@@ -1,4 +1,4 @@
-"""Everything a motif is made from, as plain values: the same recipe makes the same bytes again."""
+"""Recipes of motifs, as plain values: the same recipe makes the same bytes again."""
 
 from __future__ import annotations
 
@@ -188,7 +188,7 @@ class Recipe:
 
     @classmethod
     def from_dict(cls, record: Mapping[str, Any]) -> Recipe:
-        """The recipe of `to_dict`.
+        """Return the recipe of `to_dict`.
 
         Raises
         ------
@@ -236,7 +236,7 @@ def _numbers(values: Any, count: int, name: str) -> tuple[float, ...]:
 
 
 def pack_base(image: npt.ArrayLike) -> str:
-    """The brightness of a picture as text, at most 256 elements long, 8 bits each.
+    """Return the brightness of a picture as text, at most 256 elements long, 8 bits each.
 
     Raises
     ------
@@ -264,7 +264,7 @@ def pack_base(image: npt.ArrayLike) -> str:
 
 
 def unpack_base(text: str) -> npt.NDArray[np.float32]:
-    """The brightness in [0, 1] that `pack_base` wrote.
+    """Return the brightness in [0, 1] that `pack_base` wrote.
 
     Raises
     ------

@@ -9,7 +9,7 @@ from toposeam.motif.recipe.recipe import Recipe
 
 
 def simplify(recipe: Recipe, *, inks: int | None = None, edge: str | None = None) -> Recipe:
-    """A recipe with fewer inks, or other edges.
+    """Return a recipe with fewer inks, or other edges.
 
     Parameters
     ----------

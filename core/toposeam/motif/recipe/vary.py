@@ -14,8 +14,8 @@ _MASS, _AMBIENT = (0.16, 0.34), (0.2, 0.9)
 
 
 def vary(recipe: Recipe, *, amount: float = 1.0, seed: Seed = 0) -> Recipe:
-    """A recipe with the same colours, size, repeat, base image and optimiser, and its places, strengths and
-    masses moved by chance.
+    """Return a recipe with the same colours, size, repeat, base image and optimiser, and its places,
+    strengths and masses moved by chance.
 
     Parameters
     ----------
@@ -60,8 +60,8 @@ def _varied(layer: LayerRecipe, repeat: str, amount: float, rng: np.random.Gener
 def _moved(
     points: tuple[Point, ...], repeat: str, amount: float, rng: np.random.Generator
 ) -> tuple[Point, ...]:
-    """Each point moved by up to `amount` half cells; over the border and in again where the cell repeats so,
-    else mirrored there.
+    """Return each point moved by up to `amount` half cells; over the border and in again where the cell
+    repeats so, else mirrored there.
     """
     moved = []
     for x, y, strength in points:

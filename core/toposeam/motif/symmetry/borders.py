@@ -30,15 +30,15 @@ Floats = npt.NDArray[np.float64]
 _REACH, _LEAST_PX = 0.03, 2
 #: Powers that a row may be raised to.
 _POWERS = (0.6, 4.0)
-#: From so deep inside on, and wholly from so much further in, densities may change for the sake of the mass;
+#: From this depth inside on, wholly from this much further, densities may change for the sake of the mass;
 #: as shares of the cell's side.
 _INSIDE, _FULLY = 0.08, 0.07
-#: Over so much of the cell's side wash goes over into the mean of all, the latter if strokes lie beside it.
+#: Over this share of the cell's side wash fades into the mean of all, the latter if strokes lie beside it.
 FADE, BESIDE_STROKES = 0.07, 0.2
 
 
 def border_visibility(pattern: npt.ArrayLike, cell: tuple[int, int]) -> float:
-    """How conspicuous the borders between a pattern's cells are.
+    """Compute the visibility of the borders between a pattern's cells.
 
     Parameters
     ----------
@@ -76,12 +76,12 @@ def border_visibility(pattern: npt.ArrayLike, cell: tuple[int, int]) -> float:
 
 
 def reach_of(side: int) -> int:
-    """How far from a line the rows are that it is compared with, px, for a cell of that side."""
+    """Compute the distance from a line of the rows it is compared with, px, for a cell of that side."""
     return max(_LEAST_PX, round(_REACH * side))
 
 
 def line_visibility(values: npt.NDArray[np.floating], side: int) -> float:
-    """As `border_visibility`, of the borders between rows of cells only, (H, W) brightness."""
+    """Compute `border_visibility` of the borders between rows of cells only, (H, W) brightness."""
     mean = values.mean(axis=1, dtype=np.float64)
     reach = reach_of(side)
     contrast = np.abs(mean - (np.roll(mean, reach) + np.roll(mean, -reach)) / 2)
@@ -92,7 +92,7 @@ def line_visibility(values: npt.NDArray[np.floating], side: int) -> float:
 
 
 def faded(densities: Floats, shared: int, share: float = FADE) -> Floats:
-    """Densities of motifs that go over into the mean of all towards the border.
+    """Return the densities of motifs that go over into the mean of all towards the border.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def faded(densities: Floats, shared: int, share: float = FADE) -> Floats:
 
 
 def with_mass(density: Floats, mass: float) -> Floats:
-    """A density whose inside is raised to the power with which the whole has a mass."""
+    """Return a density whose inside is raised to the power with which the whole has a mass."""
     height, width = density.shape
     depth = [np.minimum(np.arange(side), np.arange(side)[::-1]) / side for side in (height, width)]
     inside = np.clip((np.minimum(depth[0][:, np.newaxis], depth[1][np.newaxis]) - _INSIDE) / _FULLY, 0.0, 1.0)

@@ -29,7 +29,7 @@ GROUPS = (*GENERATORS, *HEXAGONAL)
 _CENTRE = (0.29, 0.17)
 #: Neighbouring cells whose copies may be nearest.
 _AROUND = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
-#: Copies farther behind than so many feathers do not count.
+#: Copies farther behind than this many feathers do not count.
 _REACH = 6.0
 #: Pixels that are worked on at once.
 _STRIP_PX = 200_000
@@ -43,7 +43,7 @@ def kaleidoscope(
     at: tuple[float, float] | None = None,
     feather: float = 0.01,
 ) -> npt.NDArray[np.float32]:
-    """A cell that repeats by a wallpaper group, made of a picture.
+    """Return a cell that repeats by a wallpaper group, made of a picture.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def kaleidoscope(
 
 
 def _copies(place: Floats, repeat: str, basis: Floats) -> Floats:
-    """Where the images of points lie from the centre, px: (copies, 2, N), the nearest of every operation."""
+    """Map points by every operation to their nearest images, px from the centre: (copies, 2, N)."""
     centre = np.array(_CENTRE)[:, np.newaxis]
     found = []
     for (a, b), (c, d), (t, u) in operations(repeat):
@@ -130,7 +130,7 @@ def _copies(place: Floats, repeat: str, basis: Floats) -> Floats:
 
 
 def _seen(picture: npt.NDArray[np.float32], away: Floats, at: Floats, soft: float) -> npt.NDArray[np.float32]:
-    """What the copies show, mixed where several are as near: (N, C)."""
+    """Sample the picture at the copies, mixed where several are as near: (N, C)."""
     distance = np.hypot(away[:, 0], away[:, 1])
     behind = distance - distance.min(axis=0)
     if soft > 0:

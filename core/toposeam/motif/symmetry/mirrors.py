@@ -26,7 +26,7 @@ from toposeam.motif.symmetry.rules import GENERATORS, HEXAGONAL, Symmetry, opera
 
 #: Half the width of the band, as a share of the cell's side, and in elements at least.
 _BAND, _LEAST = 0.07, 2
-#: Factors of one pass lie within e^±1, and so many passes are made.
+#: Factors of one pass lie within e^±1, and this many passes are made.
 _LARGEST, _PASSES = 1.0, 6
 
 
@@ -79,8 +79,8 @@ class Mirrors:
         self.any = any(self._lines)
 
     def held(self, density: Floats, mass: float, lowest: Floats, highest: Floats) -> Floats:
-        """A design with as much on mirrors as beside them, within bounds, and with the mass that it should
-        have where they allow.
+        """Return a design with as much on mirrors as beside them, within bounds, and with the mass that it
+        should have where they allow.
         """
         if not self.any:
             return density
@@ -112,7 +112,7 @@ class Mirrors:
 
 
 def places_of(repeat: str) -> tuple[set[float], set[float]]:
-    """Where mirrors lie across and down a cell, as shares of its height and width: at (0, 1) both edges.
+    """Return the mirrors across and down a cell, as shares of its height and width: at (0, 1) both edges.
 
     Examples
     --------
@@ -154,5 +154,5 @@ def _line(place: float, count: int, free: bool) -> _Line:
 
 @lru_cache(maxsize=16)
 def mirrors(repeat: str, shape: tuple[int, int], border: bool = False) -> Mirrors:
-    """The mirrors of a rule on a cell."""
+    """Return the mirrors of a rule on a cell."""
     return Mirrors(repeat, shape, border)

@@ -115,7 +115,7 @@ def check_repeat(repeat: str, shape: tuple[int, int]) -> None:
 
 
 def joint(repeat: str) -> Joint | Shift:
-    """How the plate's border is joined for a rule."""
+    """Return the joining of the plate's border for a rule."""
     shift = shift_of(repeat)
     if shift is not None:
         return Shift(*shift)
@@ -125,7 +125,7 @@ def joint(repeat: str) -> Joint | Shift:
 
 
 def operations(repeat: str) -> list[Operation]:
-    """All operations of a group modulo the cell's translations, the identity first."""
+    """Return all operations of a group modulo the cell's translations, the identity first."""
     identity: Operation = ((1, 0), (0, 1), (0, 0))
     found = [identity]
     for known in found:  # grows while it is read
@@ -182,7 +182,7 @@ def onto_axes(
 def permutation(
     operation: Operation, shape: tuple[int, int], hexagonal: bool = False
 ) -> npt.NDArray[np.intp]:
-    """Where an operation takes the centre of every element, or on a hexagonal lattice every node, (h, w) flat
+    """Compute the permutation of elements (on a hexagonal lattice: of nodes) by an operation, (h, w) flat
     indices.
     """
     h, w = shape
@@ -209,7 +209,7 @@ class Symmetry:
     count: npt.NDArray[np.float64]
 
     def mean(self, field: Floats) -> Floats:
-        """The field with every element replaced by the mean over its orbit, exactly equal along it."""
+        """Return the field with every element replaced by the mean over its orbit, exactly equal along it."""
         if self.orbit is None:
             return field
         return self.spread(self.total(field) / self.count)
@@ -221,13 +221,13 @@ class Symmetry:
         return np.bincount(self.orbit, field.ravel(), len(self.count)).astype(np.float64, copy=False)
 
     def spread(self, values: Floats) -> Floats:
-        """An (h, w) field from one value per orbit."""
+        """Return an (h, w) field from one value per orbit."""
         return (values if self.orbit is None else values[self.orbit]).reshape(self.shape)
 
 
 @lru_cache(maxsize=16)
 def symmetry(repeat: str, shape: tuple[int, int]) -> Symmetry:
-    """The orbits of a rule."""
+    """Return the orbits of a rule."""
     group = operations(repeat)
     if len(group) == 1:
         return Symmetry(shape, None, np.ones(shape[0] * shape[1]))

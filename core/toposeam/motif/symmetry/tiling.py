@@ -13,8 +13,8 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 
 
 def shift_of(repeat: str) -> tuple[int, Fraction] | None:
-    """Of a rule whose rows (``brick``) or columns (``drop``) are shifted against each other: which axis is
-    shifted along, 1 or 0, and by what share of the cell; None for others.
+    """Return the shift of a rule whose rows (``brick``) or columns (``drop``) are shifted against each other:
+    the axis that is shifted along, 1 or 0, and the share of the cell; None for others.
 
     Examples
     --------
@@ -42,7 +42,7 @@ def period(repeat: str) -> tuple[int, int]:
 
 
 def copy_at(cell: npt.NDArray[Scalar], repeat: str, row: int, column: int) -> npt.NDArray[Scalar]:
-    """The copy of a cell, (..., h, w), that lies in the given row and column of its pattern."""
+    """Return the copy of a cell, (..., h, w), that lies in the given row and column of its pattern."""
     if repeat == "reflect":
         return cell[..., :: -1 if row % 2 else 1, :: -1 if column % 2 else 1]
     if repeat == "rotate" and (row + column) % 2:
@@ -56,7 +56,7 @@ def copy_at(cell: npt.NDArray[Scalar], repeat: str, row: int, column: int) -> np
 
 
 def tile(cell: npt.NDArray[Scalar], repeat: str, counts: tuple[int, int]) -> npt.NDArray[Scalar]:
-    """A pattern of rows × columns cells, (..., rows * h, columns * w)."""
+    """Return a pattern of rows × columns cells, (..., rows * h, columns * w)."""
     rows, columns = counts
     h, w = cell.shape[-2:]
     result = np.empty((*cell.shape[:-2], rows * h, columns * w), cell.dtype)
@@ -69,8 +69,8 @@ def tile(cell: npt.NDArray[Scalar], repeat: str, counts: tuple[int, int]) -> npt
 
 
 def extend(cell: npt.NDArray[Scalar], repeat: str, margin: int) -> npt.NDArray[Scalar]:
-    """A cell, (..., h, w), with a margin of its neighbours in the pattern; a motif that does not repeat has
-    mirrored ones.
+    """Return a cell, (..., h, w), with a margin of its neighbours in the pattern; a motif that does not
+    repeat has mirrored ones.
     """
     h, w = cell.shape[-2:]
     rule = "reflect" if repeat == "none" else repeat

@@ -1,4 +1,4 @@
-"""Where copies meet: the neighbouring pixels of a texture that are no neighbours in the exemplar."""
+"""Borders between copies: neighbouring pixels of a texture that are no neighbours in the exemplar."""
 
 from __future__ import annotations
 

@@ -116,7 +116,7 @@ class IndexCanvas:
         return np.minimum(away % limit, -away % limit) if self.wrap[axis] else np.abs(away)
 
     def _within(self, top: int, left: int, height: int, width: int) -> bool:
-        """Tell whether a window lies on the canvas and all of it belongs to it."""
+        """Test whether a window lies on the canvas and all of it belongs to it."""
         bottom, right = top + height, left + width
         return (
             self.ground is None and min(top, left) >= 0 and bottom <= self.shape[0] and right <= self.shape[1]

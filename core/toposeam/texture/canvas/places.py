@@ -14,7 +14,7 @@ from toposeam.texture.exemplar.patch_search import Ints
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Guide:
-    """What a texture should look like, patch by patch."""
+    """The desired appearance of a texture, patch by patch."""
 
     #: (AH, AW, G) float32, what each pixel of the atlas stands for.
     source: Floats32

@@ -75,7 +75,9 @@ class Synthesis:
         return f"Synthesis({width} × {height} px, {counted(self.count, 'patch')} of {w} × {h} px)"
 
     def _repr_png_(self) -> bytes:
-        """The picture itself: seams are all over a texture and would hide it; ``to_svg`` shows them."""
+        """Return the picture itself: seams are all over a texture and would hide it; ``to_svg`` shows
+        them.
+        """
         return to_png(self.image, self.alpha)
 
     @property

@@ -1,4 +1,4 @@
-"""Which borders of a texture continue at the opposite one."""
+"""The borders of a texture that continue at the opposite one."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ TILEABLE: tuple[str, ...] = ("both", "x", "y", "none")
 
 
 def wraps_of(tileable: Tileable) -> tuple[bool, bool]:
-    """Tell whether rows, and whether columns, continue at the opposite border.
+    """Test whether rows, and whether columns, continue at the opposite border.
 
     Parameters
     ----------

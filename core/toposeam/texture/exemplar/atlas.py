@@ -27,7 +27,7 @@ _AT_ONCE = 1 << 18
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Atlas:
-    """Where each exemplar lies on a plane of AH × AW pixels.
+    """The position of each exemplar on a plane of AH × AW pixels.
 
     Parameters
     ----------

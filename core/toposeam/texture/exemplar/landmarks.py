@@ -1,4 +1,4 @@
-"""What catches the eye in a texture: pixels whose surroundings are unlike most of it.
+"""Salient pixels of a texture: those whose surroundings are unlike most of it.
 
 Dots on paper, mushrooms in grass, stars: where a texture is clearly a ground with objects on it, seams should
 run through the ground. Gravel, bricks or marble are no such textures: there seams run where they show least.

@@ -1,5 +1,4 @@
-"""Where in the exemplars a patch fits: the weighted sum of squared differences at every place at once, by
-FFT.
+"""Patch search in the exemplars: the weighted sum of squared differences at every place, by FFT.
 
 For a window of known pixels T with weights w, and exemplar pixels E that count where M is 1, the mean squared
 difference at place o is
@@ -29,7 +28,7 @@ from toposeam.texture.exemplar.atlas import Atlas, Floats32
 _LEAST_SHARE = 0.25
 #: Pixels, about, by which places near those that the reduced search found are compared.
 _COMPARED = 1000
-#: For so many windows of unlike weights, those that came last, what these say is kept: rows of patches have
+#: For this many windows of unlike weights, those that came last, what these say is kept: rows of patches have
 #: few kinds of them, what is mended never has the same twice.
 _KEPT = 16
 #: A principal component along which no pixel is this share as far from the mean as one is along the first
@@ -240,8 +239,8 @@ class Compared(NamedTuple):
 
 
 class _Known(NamedTuple):
-    """What weights say without the values: the conjugate spectrum of the first term, one over the weight that
-    meets pixels with a value at every place, and which places are none.
+    """The terms of the weights alone: the conjugate spectrum of the first term, one over the weight that
+    meets pixels with a value at every place, and the invalid places.
     """
 
     squares: Spectrum
@@ -291,7 +290,7 @@ def box_sum(values: npt.NDArray[Any], shape: tuple[int, int]) -> npt.NDArray[np.
 
 
 def whole(mask: Mask, shape: tuple[int, int]) -> Mask:
-    """Tell whether every h × w box of an (H, W) mask is full: (H - h + 1, W - w + 1)."""
+    """Test whether every h × w box of an (H, W) mask is full: (H - h + 1, W - w + 1)."""
     left = tuple(max(n - m + 1, 0) for n, m in zip(mask.shape, shape, strict=True))
     if 0 in left:
         return np.zeros(left, bool)

@@ -1,4 +1,4 @@
-"""How large the elements of a texture are, seen from its autocorrelation."""
+"""The size of a texture's elements, estimated from its autocorrelation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the surroundings of a hole let expect in it, and what each pixel of the picture is like.
+"""The features expected in a hole from its surroundings, and the features of each pixel.
 
 *Like* is colour and contrast, blurred. Into a hole it is continued as a membrane. Where the mean of its row
 says most of what there is to say of a pixel, as where there is a horizon, or that of its column, only what is

@@ -1,4 +1,4 @@
-"""Whether what surrounds a hole is a texture, alike everywhere, or a photograph of several things."""
+"""Homogeneity round a hole: a texture, alike everywhere, or a photograph of several things."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MEANS, _CONTRASTS = 0.2, 0.3
 
 
 def is_texture(features: Floats32, hole: Mask, known: Mask) -> bool:
-    """Tell whether a picture is alike everywhere round a hole.
+    """Test whether a picture is alike everywhere round a hole.
 
     Parameters
     ----------

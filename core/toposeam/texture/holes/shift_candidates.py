@@ -1,5 +1,5 @@
-"""Where the rest of a picture lies that could fill a hole: the shifts by which it repeats itself, and those
-that fit the hole's surroundings.
+"""Candidate shifts to fill a hole: those by which the picture repeats itself, and those that fit the hole's
+surroundings.
 
 *How the picture repeats itself.* Each small window has its best match at some distance; over many windows
 the shifts between them and their matches pile up at a few, by which most of the picture can be laid on
@@ -46,7 +46,7 @@ Shifts = npt.NDArray[np.intp]
 def candidate_shifts(
     atlas: Atlas, features: Floats32, hole: Mask, missing: Mask, count: int, rng: np.random.Generator
 ) -> Shifts:
-    """Shifts that could bring what a hole lacks.
+    """Find shifts that could bring what a hole lacks.
 
     Parameters
     ----------
@@ -78,7 +78,9 @@ def candidate_shifts(
 
 
 def _level(copied: Mask, hole: Mask) -> Shifts:
-    """Shifts along the rows, and along the columns, each of which brings most of what those before do not."""
+    """Find shifts along the rows, and along the columns, each of which brings most of what those before do
+    not.
+    """
     found: list[tuple[int, int]] = []
     for axis in (0, 1):
         missing, given = (hole, copied) if axis == 0 else (hole.T, copied.T)
@@ -130,7 +132,7 @@ def _covering(copied: Mask, hole: Mask, shifts: Shifts, rng: np.random.Generator
 
 
 def _dominant(picture: Floats32, copied: Mask, hole: Mask, count: int, rng: np.random.Generator) -> Shifts:
-    """The shifts by which windows near the hole most often find their match."""
+    """Return the shifts by which windows near the hole most often find their match."""
     factor = 1
     while picture.shape[0] * picture.shape[1] / factor**2 > _PIXELS:
         factor *= 2
@@ -180,8 +182,8 @@ def _dominant(picture: Floats32, copied: Mask, hole: Mask, count: int, rng: np.r
 
 
 def _refined(picture: Floats32, copied: Mask, hole: Mask, shifts: Shifts, factor: int) -> Shifts:
-    """Shifts that were found on a smaller picture, to the pixel: by how well they continue what is round the
-    hole.
+    """Refine shifts that were found on a smaller picture, to the pixel: by how well they continue what is
+    round the hole.
     """
     band = ndimage.binary_dilation(hole, iterations=8) & copied
     rows, columns = np.nonzero(band)
@@ -213,7 +215,9 @@ def _refined(picture: Floats32, copied: Mask, hole: Mask, shifts: Shifts, factor
 
 
 def _fitting(atlas: Atlas, features: Floats32, hole: Mask, missing: Mask) -> Shifts:
-    """The shifts to the places that look most like the ring round the hole, and like windows on its rim."""
+    """Return the shifts to the places that look most like the ring round the hole, and like windows on its
+    rim.
+    """
     search, place = PatchSearch(atlas, features), atlas.places[0]
     picture, known = features[place], atlas.usable[place]
     down, across = box_of(hole)

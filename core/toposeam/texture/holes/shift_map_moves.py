@@ -28,7 +28,7 @@ _LEAST_LINK = 1e-6
 _LEAST_GAIN = 1e-6
 
 #: Where more pixels than this would be decided, counted once for each shift that may expand there, it is done
-#: window by window, of so many rows and columns, and shifts expand only beyond their own edges.
+#: window by window, of this many rows and columns, and shifts expand only beyond their own edges.
 _AT_ONCE, _SIDE = 1_000_000, 128
 
 Ints = npt.NDArray[np.intp]
@@ -115,12 +115,12 @@ class ShiftMoves:
         self._reach: int | None = None
 
     def shown(self, label: Ints, dy: int = 0, dx: int = 0, part: Part = EVERYWHERE) -> Floats32:
-        """What a labelling of a part of the region brings to each pixel's neighbour (dy, dx)."""
+        """Return what a labelling of a part of the region brings to each pixel's neighbour (dy, dx)."""
         return self._brought(self.features, label, part, dy, dx)
 
     def _brought(self, of: Floats32, label: Ints, part: Part, dy: int = 0, dx: int = 0) -> Floats32:
-        """The values of a picture as large as the ground at the place that a labelling takes each pixel's
-        neighbour from.
+        """Return the values of a picture as large as the ground at the place that a labelling takes each
+        pixel's neighbour from.
         """
         height, width = self.ground.hole.shape
         row = self.rows[part[0], np.newaxis] + self.shifts[label, 0] + dy * self.stride
@@ -130,7 +130,7 @@ class ShiftMoves:
         return found
 
     def allows(self, index: int, part: Part = EVERYWHERE) -> Mask:
-        """Where in a part of the region one shift may show."""
+        """Return the mask of a part of the region where one shift may show."""
         if index == self.itself:
             beyond: Mask = self.present[part] & ~self.hole[part]
             return beyond
@@ -145,14 +145,14 @@ class ShiftMoves:
         return allowed
 
     def data(self, label: Ints, part: Part = EVERYWHERE) -> Floats32:
-        """The data term of a labelling of a part of the region."""
+        """Return the data term of a labelling of a part of the region."""
         like = self._brought(self._like, label, part)
         cost: Floats32 = self.weight[part] * np.einsum("yxc->yx", np.abs(like - self.wanted[part]))
         cost[label == self.itself] = 0
         return cost
 
     def begin(self) -> None:
-        """Each pixel of the hole gets the shift whose data term is least there."""
+        """Give each pixel of the hole the shift whose data term is least there."""
         best = np.full(self.hole.shape, np.inf, np.float32)
         for index in range(self.itself):
             data = self.data(np.full(self.hole.shape, index, np.intp))
@@ -205,7 +205,7 @@ class ShiftMoves:
             left &= ~here
 
     def total(self, label: Ints, part: Part = EVERYWHERE) -> float:
-        """What a labelling of a part of the region costs."""
+        """Compute the cost of a labelling of a part of the region."""
         present = self.present[part]
         here = self.shown(label, part=part)
         cost = float(self.data(label, part).sum(dtype=float))
@@ -255,7 +255,7 @@ class ShiftMoves:
             active = set(np.unique(self.label[window]).tolist()) | gained | {self.itself}
 
     def _windows(self) -> Iterator[Part]:
-        """The whole region, or windows of it that have something to decide, where that is much."""
+        """Yield the whole region, or windows of it that have something to decide, where that is much."""
         height, width = self.label.shape
         side = max(height, width) if self._reach is None else _SIDE
         for top in range(0, height, side):
@@ -267,7 +267,9 @@ class ShiftMoves:
     def _expand(
         self, index: int, window: Part, total: float, method: Method, options: MethodOptions
     ) -> float:
-        """By how much the cost falls when one shift expands in a window as is best; 0 where it does not."""
+        """Compute by how much the cost falls when one shift expands in a window as is best; 0 where it does
+        not.
+        """
         around = _grown(window)
         own = self.label[around] == index
         free = np.zeros(own.shape, bool)
@@ -301,7 +303,7 @@ class ShiftMoves:
         return gain
 
     def _problem(self, index: int, part: Part, free: Mask, own: Mask) -> SeamProblem:
-        """Whether to let a shift show more of itself: ``b`` is the shift."""
+        """Pose the expansion move of a shift: ``b`` is the shift."""
         label = self.label[part]
         other = np.full(label.shape, index, np.intp)
         here, brought = self.shown(label, part=part), self.shown(other, part=part)
@@ -339,7 +341,7 @@ class ShiftMoves:
         return _decided(problem, label.shape)
 
     def spread(self, before: Ints) -> Ints:
-        """The labels at full size: each stands for the pixels round it."""
+        """Return the labels at full size: each stands for the pixels round it."""
         stride = self.stride
         result = np.full(before.shape, -1, np.intp)
         height, width = before.shape
@@ -360,7 +362,7 @@ _NEIGHBOURS = (
 
 
 def _grown(part: Part) -> Part:
-    """A part with one more pixel on every side; slices end by themselves."""
+    """Return a part with one more pixel on every side; slices end by themselves."""
     rows, columns = (slice(max(side.start - 1, 0), side.stop + 1) for side in part)
     return rows, columns
 
@@ -372,8 +374,8 @@ def _norm(a: Floats32, b: Floats32) -> Floats32:
 
 
 def _decided(problem: SeamProblem, shape: tuple[int, int]) -> SeamProblem:
-    """The problem without its margin of one pixel where it lies, and with those free pixels decided that
-    nothing ties to one of the two sides.
+    """Return the problem without its margin of one pixel where it lies, and with those free pixels decided
+    that nothing ties to one of the two sides.
     """
     component, count = ndimage.label(problem.overlap.side == FREE, TOUCHING)
     tied_a, tied_b = (

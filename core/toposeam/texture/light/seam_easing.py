@@ -48,7 +48,7 @@ def level_for(sources: Sources) -> Level:
 
 
 def is_smooth(features: Floats32, usable: Mask) -> bool:
-    """Tell whether a sample has so little fine detail that steps would be seen.
+    """Test whether a sample has so little fine detail that steps would be seen.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def is_smooth(features: Floats32, usable: Mask) -> bool:
 
 
 def is_fibrous(features: Floats32, usable: Mask) -> bool:
-    """Tell whether all of a sample runs in one direction, along which hardly anything changes: where patches
+    """Test whether all of a sample runs in one direction, along which hardly anything changes: where patches
     meet, fibres of unlike brightness would end in steps.
 
     The two eigenvalues of the structure tensor tell it (Bigün and Granlund 1987).
@@ -128,7 +128,7 @@ class EasedLight:
         ]
 
     def __call__(self, channel: int) -> Lift:
-        """The light of a channel."""
+        """Return the light of a channel."""
         light = self._light
         gain = np.empty((*self._index.shape, 1), np.float32)
         offset = self._spread(channel)[..., np.newaxis]

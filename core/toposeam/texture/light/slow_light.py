@@ -46,7 +46,7 @@ Floats = npt.NDArray[np.float64]
 
 
 def has_slow_light(features: Floats32, usable: Mask) -> bool:
-    """Tell whether light changes slowly over a sample.
+    """Test whether light changes slowly over a sample.
 
     Parameters
     ----------

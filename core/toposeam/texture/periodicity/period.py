@@ -84,7 +84,7 @@ class Order:
 
     def better_size(self, size: tuple[int, int], wraps: tuple[bool, bool]) -> tuple[int, int] | None:
         """Find the size nearest to one at which the order is stretched by half of it or less; None where
-        there is none, or nobody sees that it is stretched.
+        there is none, or the stretching is invisible.
         """
         found = self.closing_size(size, wraps)
         stretch = self.fitted(size, wraps)[1]
@@ -187,8 +187,8 @@ def _directions(smooth: Floats) -> Floats:
 
 
 def _profile(smooth: Floats, angle: float) -> Floats:
-    """Average the autocorrelation along lines, as far as it is known, by their distance from 0 in px; the
-    angle is the normal's.
+    """Average the known autocorrelation along lines, by their distance from 0 in px; the angle is the
+    normal's.
     """
     middle = [length // 2 for length in smooth.shape]
     reach = int(0.9 * min(middle))

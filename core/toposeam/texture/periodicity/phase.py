@@ -16,7 +16,7 @@ from toposeam.texture.periodicity.period import Order, find_order
 
 
 class Phase:
-    """Where on a canvas pixels of the exemplar keep step with its order.
+    """The places on a canvas at which pixels of the exemplar keep step with its order.
 
     Parameters
     ----------

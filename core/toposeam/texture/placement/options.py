@@ -1,4 +1,4 @@
-"""How patches are chosen and cut."""
+"""Options of the choice and the cutting of patches."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class LayKeywords(TypedDict, total=False):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LayOptions:
-    """How patches are chosen and cut.
+    """Options of the choice and the cutting of patches.
 
     Examples
     --------
@@ -54,7 +54,7 @@ class LayOptions:
     most: float = 2.5
     #: How strongly places that show often already, or near by, are avoided.
     variety: float = 0.5
-    #: How much a connected copy may cover: at most so many patches, and this share of what may be copied.
+    #: How much a connected copy may cover: at most this many patches, and this share of what may be copied.
     copy_patches: float = 3.0
     copy_share: float = 0.2
     #: How many further patches are tried over the worst seams, as a share of the patches laid; where there

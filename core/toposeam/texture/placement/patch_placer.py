@@ -99,7 +99,7 @@ class PatchPlacer:
                 near = Nearby(atlas, canvas, variety)
                 weight, self.guard = landmarks(features, atlas.usable, atlas.factor)
                 objects = self.guard is not None
-                if not canvas.patches:  # what shows already is continued as it is
+                if not canvas.patches:  # visible pixels are continued unchanged
                     kinds = Kinds(features, atlas, average, levelled=lone, objects=objects)
                 if lone or objects:
                     near = Repeats(atlas, canvas, weight, variety)

@@ -85,7 +85,7 @@ class TextureRequest:
 
     @property
     def wraps(self) -> tuple[bool, bool]:
-        """Tell whether rows, and whether columns, continue at the opposite border."""
+        """True if rows, and whether columns, continue at the opposite border."""
         return (False, False) if self.tileable is None else wraps_of(self.tileable)
 
     @property

@@ -88,6 +88,6 @@ class Beside:
         return errors if np.isfinite(errors).any() else offers.errors
 
     def _are_near(self, first: tuple[int, int], second: tuple[int, int], shape: tuple[int, int]) -> bool:
-        """Tell whether one window of the canvas is within reach of another."""
+        """Test whether one window of the canvas is within reach of another."""
         away = np.subtract(first, second)
         return all(self._canvas.distance(k, away[k]) < shape[k] + self._reach for k in (0, 1))

@@ -180,7 +180,7 @@ class Exchange:
         )
 
     def _is_twice(self, key: Key) -> bool:
-        """Tell whether an object shows, and once more near by."""
+        """Test whether an object shows, and once more near by."""
         near = set(self._there.near(key[1:]))
         return key in near and any(one[0] == key[0] for one in near - {key})
 

@@ -106,12 +106,12 @@ class Window:
 
     @cached_property
     def beside_others(self) -> Mask:
-        """Where other objects are, or next to it: flat."""
+        """Mask of other objects and the pixels next to them: flat."""
         return diamond_dilation(self.busy).ravel()
 
     @cached_property
     def ground(self) -> Mask:
-        """What shows ground that stays: flat."""
+        """Mask of the ground that stays: flat."""
         return np.asarray(self.inside.ravel() & ~self.goes.ravel() & ~self.beside_others)
 
 
@@ -260,7 +260,7 @@ class Replacing:
         return Window(top, left, known, inside, goes, gone, shown & ~goes)
 
     def _is_cut(self, key: Key) -> bool:
-        """Tell whether the canvas shows less of an object than it could, or its exemplar does."""
+        """Test whether the canvas shows less of an object than it could, or its exemplar does."""
         one = self.objects.all[key[0]]
         if not one.whole:
             return True

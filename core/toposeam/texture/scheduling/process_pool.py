@@ -2,10 +2,9 @@
 
 They are forked when there is something to share, so that they have all that has been prepared, and see what
 changes in shared memory (:meth:`toposeam.texture.canvas.index_canvas.IndexCanvas.share`). Most of the time
-goes into calls on small arrays, for which threads would wait for one another. What there is to do lies in one
-pipe, from which whoever is free takes the next request, the process that asks as well: nobody waits while
-there is one left. The processes compute with what they have, use no library that minds a fork, and end when
-they are told to, or when the asking end of the pipe closes because their parent is gone.
+goes into calls on small arrays, for which threads would wait for one another. Requests lie in one pipe, from
+which the next free process takes one, the asking process included. The processes use no library that cannot
+be forked, and end when asked to, or when the pipe closes because their parent is gone.
 """
 
 from __future__ import annotations
@@ -74,7 +73,7 @@ class Crew:
             return
         for process, pipe in others:
             if error is not None:
-                os.kill(process, signal.SIGKILL)  # nobody waits for what they compute
+                os.kill(process, signal.SIGKILL)  # their results are no longer needed
             pipe.close()
         os.close(self._requests)
         os.close(self._given)
@@ -83,9 +82,7 @@ class Crew:
                 os.waitpid(process, 0)
 
     def dismiss(self) -> None:
-        """Tell the other processes to end, which takes them some time; they have ended when the context is
-        left.
-        """
+        """End the other processes, which takes them some time; they have ended when the context is left."""
         for _ in self._others if self._tool is not None else ():
             self._give(b"")
         self._tool, self._made = None, (-1, None)
@@ -207,7 +204,7 @@ class Crew:
             while poll.poll():
                 try:
                     turn, call = _read(self._requests)
-                except BlockingIOError:  # somebody else was sooner
+                except BlockingIOError:  # another process took it
                     continue
                 answer: tuple[bool, Call, Any]
                 try:
@@ -216,7 +213,7 @@ class Crew:
                     answer = False, call, error
                 pipe.send(answer)
         except (EOFError, OSError):
-            pass  # it is told to, or nobody listens any more
+            pass  # asked to end, or the reader has gone
         finally:
             os._exit(0)
 
@@ -239,7 +236,7 @@ def _read(requests: int) -> tuple[Turn, Call]:
     BlockingIOError
         When there is none.
     EOFError
-        When it is the one to end, or nobody asks any more.
+        When it is the one to end, or the parent is gone.
     """
     request = os.read(requests, _REQUEST)
     if not request.strip(b"\0"):

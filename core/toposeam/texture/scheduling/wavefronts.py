@@ -49,7 +49,7 @@ def lay_wave(
     """Lay patches at the same time on windows that do not touch; return whether each was laid.
 
     Places are picked in the windows' order as soon as they are known, and patches are painted in it when all
-    are picked, whoever looks for them.
+    are picked, whichever process finds them.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def waves_of(rows: list[int], columns: list[int], width: int, length: int | None
     >>> waves_of([0, 7], [0, 7, 14], 8)
     [[(0, 0)], [(0, 7)], [(0, 14), (7, 0)], [(7, 7)], [(7, 14)]]
     """
-    count, ahead = len(columns), 1  # so many windows further on, they are apart
+    count, ahead = len(columns), 1  # this many windows further on, they are apart
     last = count if length is not None else 0
     while ahead < count and any(
         (columns[(k + ahead) % count] - columns[k]) % (length or math.inf) < width

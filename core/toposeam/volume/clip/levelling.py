@@ -26,8 +26,8 @@ _OTHER = 0.05
 
 
 def without_light(a: Volume, b: Volume, data_range: float | None) -> tuple[Volume, Volume]:
-    """Two stretches of a clip without the slow light by which they differ on the whole, for finding a surface
-    between them: half of the difference is taken from either.
+    """Remove from two stretches of a clip the slow light by which they differ on the whole, for finding a
+    surface between them: half of the difference is taken from either.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def levelled(
     transition: int,
     moving: Mask,
 ) -> Volume:
-    """A loop with the steps along its surfaces spread around them, wherever it moves.
+    """Return a loop with the steps along its surfaces spread around them, wherever it moves.
 
     Parameters
     ----------
@@ -107,6 +107,6 @@ def _add_surface(
 
 
 def added(values: Volume, change: npt.NDArray[np.floating]) -> Volume:
-    """Values and a change, in the values' dtype."""
+    """Add a change to values, in the values' dtype."""
     sums: Volume = values + change
     return sums > 0.5 if values.dtype.kind == "b" else in_dtype(sums, values.dtype)

@@ -28,9 +28,9 @@ from toposeam.volume.problem.arrays import Volume, as_volume
 from toposeam.volume.problem.posing import face_areas
 from toposeam.volume.surface import Surface
 
-#: Frames in which to change over, where nothing is said: a quarter of the clip, at most so many.
+#: Frames in which to change over, where nothing is said: a quarter of the clip, at most this many.
 _LONGEST = 24
-#: Grown clips choose between so many jumps.
+#: Grown clips choose between this many jumps.
 _JUMPS = 12
 
 
@@ -312,8 +312,8 @@ def _bounds(
 def _sources(
     walk: list[Jump], surfaces: dict[Jump, Surface], transition: int, shape: tuple[int, ...]
 ) -> npt.NDArray[np.int32]:
-    """The given clip's frame for every pixel: after each jump a transition, then the clip until the next
-    one.
+    """Return the given clip's frame for every pixel: after each jump a transition, then the clip until the
+    next one.
     """
     parts = []
     step = np.arange(transition, dtype=np.int32)[:, np.newaxis, np.newaxis]
@@ -325,7 +325,9 @@ def _sources(
 
 
 def _still_frame(small: Floats32, source: npt.NDArray[np.int32], moving: Mask) -> int:
-    """The frame to stand still, that differs least from what moves along the border between the two."""
+    """Return the frame to stand still, that differs least from what moves along the border between the
+    two.
+    """
     border = ndimage.binary_dilation(~moving) & moving
     if not border.any():
         border = moving

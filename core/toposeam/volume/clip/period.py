@@ -1,4 +1,4 @@
-"""Where a clip comes back: pairs of moments between which it can go over without being noticed."""
+"""Recurrences of a clip: pairs of moments between which it can change over without being noticed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from toposeam.volume.heat.method import SurfaceOptions, heat_surface
 from toposeam.volume.problem.arrays import Volume, as_shares
 from toposeam.volume.problem.posing import surface_problem
 
-#: Moments are compared on frames reduced to about so many pixels, fewer in long clips: every moment is
+#: Moments are compared on frames reduced to about this many pixels, fewer in long clips: every moment is
 #: compared with every other one.
 _PIXELS = 1500
 _COMPARED = 4e8
@@ -46,7 +46,7 @@ class Jump:
 
     @property
     def period(self) -> int:
-        """How many frames repeat when this is the only jump."""
+        """Number of frames that repeat when this is the only jump."""
         return self.leaves - self.enters
 
 
@@ -66,7 +66,7 @@ def small_frames(frames: Volume, data_range: float | None) -> Floats32:
 
 
 def small_mask(mask: Mask, shape: tuple[int, int]) -> Mask:
-    """A mask on small frames: True where most of a square is."""
+    """Return a mask on small frames: True where most of a square is."""
     side = mask.shape[0] // shape[0]
     squares = mask[: shape[0] * side, : shape[1] * side].reshape(shape[0], side, shape[1], side)
     most: Mask = squares.mean(axis=(1, 3)) > 0.5
@@ -74,8 +74,8 @@ def small_mask(mask: Mask, shape: tuple[int, int]) -> Mask:
 
 
 def changes(small: Floats32, lag: int, transition: int, moving: Mask) -> npt.NDArray[np.float64]:
-    """How much it shows at least to change, within a transition, from ``t + lag`` to ``t`` (or, the same,
-    from ``t`` to ``t + lag``), for every first moment ``t`` of one.
+    """Compute the least visible cost of changing over, within a transition, from ``t + lag`` to ``t`` (or,
+    the same, from ``t`` to ``t + lag``), for every first moment ``t`` of one.
 
     Every pixel changes when it shows least: the least of two successive differences, a surface's cost along
     time, is taken pixel by pixel.
@@ -103,7 +103,7 @@ def best_jump(
     cost: MatchCost,
     spacing: Sequence[float],
 ) -> Jump:
-    """The jump back by which a clip is best made to repeat.
+    """Return the jump back by which a clip is best made to repeat.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def best_jump(
 def joined_small(
     small: Floats32, jump: Jump, transition: int, moving: Mask, cost: MatchCost, spacing: Sequence[float]
 ) -> Jump:
-    """The jump with what its surface costs on small frames, per pixel."""
+    """Return the jump with what its surface costs on small frames, per pixel."""
     a = small[jump.leaves : jump.leaves + transition]
     b = small[jump.enters : jump.enters + transition]
     problem, _ = surface_problem(
@@ -145,12 +145,12 @@ def joined_small(
 
 
 def weights(moving: Mask) -> npt.NDArray[np.float64]:
-    """What still pixels count for a surface: next to nothing."""
+    """Compute the weights of pixels for a surface: next to nothing where they stand still."""
     return np.where(moving, 1.0, 1e-3)
 
 
 def _apart(jumps: list[Jump], count: int, distance: int) -> list[Jump]:
-    """The best jumps, no two of which are nearly the same."""
+    """Return the best jumps, no two of which are nearly the same."""
     kept: list[Jump] = []
     for jump in sorted(jumps, key=lambda jump: (jump.cost, -jump.period)):
         near = (
@@ -166,7 +166,7 @@ def _apart(jumps: list[Jump], count: int, distance: int) -> list[Jump]:
 def good_jumps(
     small: Floats32, transition: int, moving: Mask, cost: MatchCost, spacing: Sequence[float], count: int
 ) -> list[Jump]:
-    """Jumps back and forth that show little, the least one first."""
+    """Find jumps back and forth that show little, the least one first."""
     found: list[Jump] = []
     for lag in range(transition, len(small) - transition + 1):
         for at, score in enumerate(changes(small, lag, transition, moving)):

@@ -8,13 +8,12 @@ import numpy as np
 
 from toposeam.volume.clip.period import Jump
 
-#: Jumps that cost more than so many times the least are not taken.
+#: Jumps that cost more than this many times the least are not taken.
 _DEAREST = 2.0
 
 
 def closed_walk(jumps: Sequence[Jump], transition: int, frames: int, rng: np.random.Generator) -> list[Jump]:
-    """Jumps to take one after the other, and from the last one again the first, so that a clip of at least
-    so many frames is seen.
+    """Find a closed walk of jumps, from the last one again to the first, that shows at least `frames` frames.
 
     After a jump the clip plays from ``enters``; it is left by a jump whose ``leaves`` lies at least a
     transition later. Jumps that were taken less often are preferred, cheaper ones among them.
@@ -58,12 +57,14 @@ def closed_walk(jumps: Sequence[Jump], transition: int, frames: int, rng: np.ran
 
 
 def length(walk: Sequence[Jump]) -> int:
-    """Frames of a closed walk."""
+    """Count the frames of a closed walk."""
     return sum(after.leaves - jump.enters for jump, after in zip(walk, [*walk[1:], walk[0]], strict=True))
 
 
 def _leading(home: Jump, jumps: Sequence[Jump], transition: int) -> list[Jump]:
-    """The jumps from where they lead there is a way to a certain one; others would be taken for ever."""
+    """Return the jumps from where they lead there is a way to a certain one; others would be taken for
+    ever.
+    """
     leading = {home}
     while True:
         reach = max(jump.leaves for jump in leading) - transition  # what leads there or before goes on to one

@@ -21,7 +21,7 @@ from toposeam.volume.heat.method import SurfaceOptions, heat_surface
 from toposeam.volume.problem.posing import face_areas, match_costs
 from toposeam.volume.problem.surface_problem import SurfaceProblem
 
-#: Coarse voxels are so large that the grid of the overlap has at most so many.
+#: Coarse voxels are so large that the grid of the overlap has at most this many.
 _COARSE = 2_000_000
 #: The coarse surface's share of the work.
 COARSE_SHARE = 0.3
@@ -33,7 +33,7 @@ Sides = npt.NDArray[np.uint8]
 
 
 def coarse_span(shape: tuple[int, ...]) -> tuple[int, ...]:
-    """Voxels per coarse voxel along each axis: the longest axes first."""
+    """Return voxels per coarse voxel along each axis: the longest axes first."""
     span = [1, 1, 1]
     while np.prod([-(-length // side) for length, side in zip(shape, span, strict=True)]) > _COARSE:
         axis = int(np.argmax([length / side for length, side in zip(shape, span, strict=True)]))
@@ -53,7 +53,7 @@ def coarse_labels(
     data_range: float | None,
     progress: Callable[[float], None] | None,
 ) -> Mask:
-    """The labels of the coarse voxels of the box that two stacks have in common.
+    """Return the labels of the coarse voxels of the box that two stacks have in common.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def _coarse_costs(
     spacing: Sequence[float],
     data_range: float | None,
 ) -> tuple[Floats32, ...]:
-    """What joins the coarse voxels of a block to each other and to the next ones above."""
+    """Compute the costs between the coarse voxels of a block, and to the next ones above."""
     result = []
     for axis, fine in enumerate(block_costs(a, b, cost, spacing, data_range)):
         box = tuple(slice(first, first + side) for first, side in zip(inner, sides, strict=True))
@@ -140,7 +140,7 @@ def _coarse_costs(
 def block_costs(
     a: Any, b: Any, cost: MatchCost, spacing: Sequence[float], data_range: float | None
 ) -> tuple[Floats32, ...]:
-    """The match cost along three axes within a block, faces weighted by their areas."""
+    """Return the match cost along three axes within a block, faces weighted by their areas."""
     shape = a.shape[:3]
     everywhere = np.ones(shape, bool)
     overlap = Overlap(np.full(shape, FREE, np.uint8), everywhere, (0, 0, 0), shape)

@@ -11,7 +11,7 @@ from toposeam.heat.bricks import HIGH, LOW, along
 from toposeam.heat.sweeps import Floats32
 from toposeam.images import Mask
 
-#: Grids with at most so many voxels are not made coarser still, ...
+#: Grids with at most this many voxels are not made coarser still, ...
 COARSEST = 4096
 #: ... and axes with fewer voxels keep all of them.
 _SHORTEST = 8
@@ -29,7 +29,7 @@ class VolumeLevel:
 
 
 def coarser(level: VolumeLevel) -> VolumeLevel | None:
-    """The grid of blocks of two voxels along each long axis; None where the grid is coarse enough.
+    """Return the grid of blocks of two voxels along each long axis; None where the grid is coarse enough.
 
     Two blocks are joined by all that joins their voxels. A block that holds fixed voxels of one side is fixed
     to it, and is free when it holds both.
@@ -49,7 +49,7 @@ def coarser(level: VolumeLevel) -> VolumeLevel | None:
 
 
 def refined(values: npt.NDArray[np.generic], span: tuple[int, ...], shape: tuple[int, ...]) -> npt.NDArray:  # type: ignore[type-arg]
-    """The values of blocks on the voxels inside."""
+    """Return the values of blocks on the voxels inside."""
     for axis, side in enumerate(span):
         if side > 1:
             values = values.repeat(side, axis)
@@ -58,8 +58,8 @@ def refined(values: npt.NDArray[np.generic], span: tuple[int, ...], shape: tuple
 
 
 def refined_filling(filled: list[Floats32], span: tuple[int, ...], shape: tuple[int, ...]) -> list[Floats32]:
-    """The shares of capacity used between blocks on the interfaces of voxels: the same share between two
-    blocks, the mean of both sides within one.
+    """Return the shares of capacity used between blocks on the interfaces of voxels: the same share between
+    two blocks, the mean of both sides within one.
     """
     result = []
     for axis, part in enumerate(filled):
@@ -82,7 +82,7 @@ def refined_filling(filled: list[Floats32], span: tuple[int, ...], shape: tuple[
 
 
 def _blocks(values: npt.NDArray[np.generic], span: tuple[int, ...]) -> npt.NDArray:  # type: ignore[type-arg]
-    """Values in blocks, filled up with zeros: (n, m, …) to (n / span, span, m / span, span, …)."""
+    """Arrange values in blocks, filled up with zeros: (n, m, …) to (n / span, span, m / span, span, …)."""
     missing = [(0, -length % side) for length, side in zip(values.shape, span, strict=True)]
     if any(more for _, more in missing):
         values = np.pad(values, missing)

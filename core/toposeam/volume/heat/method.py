@@ -38,7 +38,7 @@ from toposeam.volume.problem.surface_problem import SurfaceProblem
 _LOOK_EVERY = 50
 #: A coarse grid is left when its surface is proven within this share; sweeps at most.
 _GATHERED, _COARSE_SWEEPS = 0.01, 400
-#: The slab reaches so many voxels of the coarser grid to either side of its surface.
+#: The slab reaches this many voxels of the coarser grid to either side of its surface.
 _REACH = 4
 #: ... and of wherever a jump of ψ exceeds this.
 _FLOWS = 0.05
@@ -46,7 +46,7 @@ _FLOWS = 0.05
 _GROWTHS = 3
 #: ``soft`` is the last potential whose cost exceeded what is proven by this share.
 _SOFT = 0.1
-#: On coarse grids a forbidden interface costs so many times the dearest other one.
+#: On coarse grids a forbidden interface costs this many times the dearest other one.
 _DETERRENT = 4.0
 
 
@@ -60,7 +60,7 @@ class SurfaceKeywords(TypedDict, total=False):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SurfaceOptions:
-    """How far the heat method goes in three dimensions.
+    """Options of the heat method in three dimensions.
 
     Examples
     --------
@@ -72,7 +72,7 @@ class SurfaceOptions:
     tolerance: float = 1e-3
     #: Sweeps on the finest grid at most.
     max_iterations: int = 3000
-    #: Up to so many voxels everything is free; beyond, a slab round the surface of a coarser grid.
+    #: Up to this many voxels everything is free; beyond, a slab round the surface of a coarser grid.
     whole: int = 1_500_000
 
     def __post_init__(self) -> None:
@@ -212,7 +212,9 @@ class _Run:
 
 
 def _posed(problem: SurfaceProblem) -> tuple[VolumeLevel, Merged | None, tuple[Floats32, ...]]:
-    """The finest grid, its voxels that must not be divided, and the costs that coarser grids are made of."""
+    """Return the finest grid, its voxels that must not be divided, and the costs that coarser grids are made
+    of.
+    """
     side = problem.overlap.side
     fixed, hot = (side == A) | (side == B), side == B
     if not np.isfinite(problem.forbidden):
@@ -259,7 +261,7 @@ def _posed(problem: SurfaceProblem) -> tuple[VolumeLevel, Merged | None, tuple[F
 
 
 def _near_flow(potential: Floats32, costs: Sequence[Floats32]) -> Mask:
-    """Voxels within a few steps of where heat flows, or the labels change."""
+    """Return voxels within a few steps of where heat flows, or the labels change."""
     near = np.zeros(potential.shape, bool)
     for axis, cost in enumerate(costs):
         low, high = along(axis, LOW), along(axis, HIGH)
@@ -272,14 +274,14 @@ def _near_flow(potential: Floats32, costs: Sequence[Floats32]) -> Mask:
 
 
 def spread(mask: Mask, reach: int) -> Mask:
-    """Everything within some steps of a mask, along every axis and between them."""
+    """Dilate a mask by some steps, along every axis and between them."""
     for axis in range(mask.ndim):
         mask = ndimage.maximum_filter1d(mask.view(np.uint8), 2 * reach + 1, axis, mode="constant").view(bool)
     return mask
 
 
 def _whole_groups(slab: Mask, merged: Merged | None) -> tuple[Mask, Merged | None]:
-    """The slab with every group of merged voxels that it meets, and those groups."""
+    """Return the slab with every group of merged voxels that it meets, and those groups."""
     if merged is None:
         return slab, None
     met = np.bincount(merged.group, slab.ravel()[merged.voxel]) > 0
@@ -293,7 +295,7 @@ def _whole_groups(slab: Mask, merged: Merged | None) -> tuple[Mask, Merged | Non
 
 
 def _regrown(slab: Mask, closed: Mask, labels: Mask) -> Mask | None:
-    """The slab opened where the surface runs along its border; None where it does not."""
+    """Return the slab opened where the surface runs along its border; None where it does not."""
     touched = np.zeros(slab.shape, bool)
     for axis in range(slab.ndim):
         low, high = along(axis, LOW), along(axis, HIGH)
@@ -306,8 +308,8 @@ def _regrown(slab: Mask, closed: Mask, labels: Mask) -> Mask | None:
 
 
 def _grounded(labels: Mask, side: npt.NDArray[np.uint8]) -> Mask:
-    """The labelling in which voxels that are cut off from their own volume's ground go to the other; never
-    dearer.
+    """Return the labelling in which voxels that are cut off from their own volume's ground go to the other;
+    never dearer.
     """
     free = side == FREE
     for own, wanted in ((B, True), (A, False)):

@@ -15,7 +15,7 @@ Volume = npt.NDArray[Any]
 
 
 def as_volume(volume: Any, name: str, channel_axis: int | None = None) -> Volume:
-    """Voxels with a channel axis at the end, as they are.
+    """Return voxels with a channel axis at the end, unchanged.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def as_volume(volume: Any, name: str, channel_axis: int | None = None) -> Volume
 
 
 def as_shares(volume: Volume, name: str, data_range: float | None) -> npt.NDArray[np.float32]:
-    """A (D, H, W, C) array as float32 shares of white; see :func:`toposeam.images.as_float`."""
+    """Return a (D, H, W, C) array as float32 shares of white; see :func:`toposeam.images.as_float`."""
     flat = volume.reshape(volume.shape[0] * volume.shape[1], *volume.shape[2:])
     # One row of many would look like (C, H, W).
     tall = flat if len(flat) > 4 else np.concatenate([flat, *[flat[:1]] * 4])

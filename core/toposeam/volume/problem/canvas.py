@@ -40,20 +40,20 @@ class Places:
         )
 
     def inside(self, box: Sequence[slice], which: str) -> tuple[slice, ...]:
-        """A box of the canvas seen from stack "a" or "b"."""
+        """Return a box of the canvas seen from stack "a" or "b"."""
         start = self.a if which == "a" else self.b
         return tuple(
             slice(part.start - first, part.stop - first) for part, first in zip(box, start, strict=True)
         )
 
     def box(self, which: str) -> tuple[slice, ...]:
-        """Where a stack lies on the canvas."""
+        """Return the box of a stack on the canvas."""
         start, size = (self.a, self.size_a) if which == "a" else (self.b, self.size_b)
         return tuple(slice(first, first + length) for first, length in zip(start, size, strict=True))
 
 
 def placed(size_a: Sequence[int], size_b: Sequence[int], offset: Any) -> Places:
-    """Two stacks, the second one at an offset from the first.
+    """Place two stacks, the second one at an offset from the first.
 
     Parameters
     ----------

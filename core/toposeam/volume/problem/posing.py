@@ -20,7 +20,7 @@ from toposeam.seam.problem.posing import as_weights, forbid, placed
 from toposeam.volume.problem.arrays import Volume, as_shares, as_volume
 from toposeam.volume.problem.surface_problem import SurfaceProblem
 
-#: The match cost is computed from blocks of about so many voxels.
+#: The match cost is computed from blocks of about this many voxels.
 _BLOCK_VOXELS = 1 << 18
 AXES = (0, 1, 2)
 
@@ -40,8 +40,8 @@ def surface_problem(
     channel_axis: int | None = None,
     data_range: float | None = None,
 ) -> tuple[SurfaceProblem, Mask]:
-    """The problem behind :func:`toposeam.find_surface`, and the (D, H, W) mask of the voxels only ``b``
-    covers.
+    """Return the problem behind :func:`toposeam.find_surface`, and the (D, H, W) mask of the voxels only
+    ``b`` covers.
     """
     volume_a, volume_b = as_volume(a, "a", channel_axis), as_volume(b, "b", channel_axis)
     canvas = volume_a.shape[:3]
@@ -78,7 +78,7 @@ def surface_problem(
 
 
 def end_to_end(shape: tuple[int, ...], axis: int) -> Overlap:
-    """The overlap that fills the whole canvas; ``b`` continues beyond it along an axis.
+    """Return the overlap that fills the whole canvas; ``b`` continues beyond it along an axis.
 
     Raises
     ------
@@ -100,8 +100,8 @@ def end_to_end(shape: tuple[int, ...], axis: int) -> Overlap:
 
 
 def face_areas(spacing: Sequence[float]) -> tuple[np.float32, ...]:
-    """The area of the face between two neighbours along each axis, as a share of that of a cube of the same
-    volume.
+    """Return the area of the face between two neighbours along each axis, as a share of that of a cube of the
+    same volume.
 
     Examples
     --------
@@ -142,7 +142,9 @@ def match_costs(
     factor: Floats32 | None,
     data_range: float | None,
 ) -> tuple[Floats32, ...]:
-    """The match cost along three axes, from blocks of slices: only one block is held as float32 at a time."""
+    """Return the match cost along three axes, from blocks of slices: only one block is held as float32 at a
+    time.
+    """
     shape = overlap.side.shape
     result = tuple(
         np.empty([length - (place == axis) for place, length in enumerate(shape)], np.float32)
@@ -176,7 +178,7 @@ def match_costs(
 
 
 def _shares(volume: Volume, present: Mask, name: str, data_range: float | None) -> Floats32:
-    """A block of a volume as float32, zero where it has no voxels (whatever the array holds there)."""
+    """Return a block of a volume as float32, zero where it has no voxels (whatever the array holds there)."""
     if not present.all():
         volume = np.where(present[..., np.newaxis], volume, volume.dtype.type(0))
     return as_shares(volume, name, data_range)

@@ -43,7 +43,7 @@ class SurfaceProblem:
         return free
 
     def complete(self, labels: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """The labelling with every voxel that is not free set to its side (`NONE` counts as ``a``)."""
+        """Return the labelling with every voxel that is not free set to its side (`NONE` counts as ``a``)."""
         side = self.overlap.side
         return np.where(side == FREE, labels, (side == B).astype(labels.dtype))
 
@@ -79,7 +79,7 @@ class SurfaceProblem:
         return result
 
     def network(self) -> tuple[Network, Floats, Ints]:
-        """The free voxels as a network.
+        """Return the free voxels as a network.
 
         Returns
         -------

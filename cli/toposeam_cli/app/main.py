@@ -80,7 +80,7 @@ def _never_fail_to_print() -> None:
 @click.group(cls=Commands, context_settings=CONTEXT)
 @click.version_option(package_name="toposeam", prog_name="toposeam")
 def main() -> None:
-    """Join images along seams that heat finds."""
+    """Join, grow and invent images along optimal seams."""
 
 
 @main.command()

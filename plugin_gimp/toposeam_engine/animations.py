@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 import toposeam as ts
+from toposeam_engine.job import EngineJob
 from toposeam_engine.layers import colours_of, with_alpha
-from toposeam_engine.serving import EngineJob
 
 
 def loop(job: EngineJob) -> dict[str, Any]:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 import toposeam as ts
 from toposeam.images import Image, Mask, full_scale
 from toposeam.layers.canvas.layer import Extent
-from toposeam_engine.serving import EngineJob
+from toposeam_engine.job import EngineJob
 
 
 def layers_of(job: EngineJob) -> list[ts.Layer]:

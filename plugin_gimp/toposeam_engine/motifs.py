@@ -11,7 +11,7 @@ import toposeam as ts
 from toposeam.colours import to_hex
 from toposeam.motif.ink.printing import MAX_PATTERN
 from toposeam.motif.symmetry.tiling import tile
-from toposeam_engine.serving import EngineJob
+from toposeam_engine.job import EngineJob
 
 
 def motif(job: EngineJob) -> dict[str, Any]:

@@ -19,8 +19,8 @@ from toposeam.colours import parse_colour
 from toposeam.images import Image
 from toposeam.motif.ink.mixing import mix
 from toposeam_engine import animations, motifs, seams, textures
+from toposeam_engine.job import EngineJob
 from toposeam_engine.layers import layers_of, with_alpha
-from toposeam_engine.serving import EngineJob
 
 #: Options that are lengths, and the least that still means something.
 _LENGTHS = {"blend_width": 1, "patch": 8, "overlap": 2, "band": 4, "width": 16, "height": 16}

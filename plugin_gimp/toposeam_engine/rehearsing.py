@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from toposeam_engine.job import EngineJob
 from toposeam_engine.previews import preview
-from toposeam_engine.serving import EngineJob
 
 _SIDE = 48
 

@@ -1,4 +1,4 @@
-"""The engine's operations on seams: functions from an :class:`~toposeam_engine.serving.EngineJob` to what
+"""The engine's operations on seams: functions from an :class:`~toposeam_engine.job.EngineJob` to what
 goes into the result.
 """
 
@@ -13,8 +13,8 @@ import numpy as np
 import toposeam as ts
 from toposeam.layers.canvas.layer import Extent
 from toposeam.vector.svg import SvgSeam
+from toposeam_engine.job import EngineJob
 from toposeam_engine.layers import changes_of, layers_of, masks_of, selected_on, with_alpha
-from toposeam_engine.serving import EngineJob
 
 #: The share of the work that finding places takes, about.
 _FINDING = 0.5

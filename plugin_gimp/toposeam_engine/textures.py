@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 import toposeam as ts
 from toposeam.images import Image, Mask, full_scale
+from toposeam_engine.job import EngineJob
 from toposeam_engine.layers import colours_of, place_of, with_alpha
-from toposeam_engine.serving import EngineJob
 
 #: What is copied into a hole from around it comes from at least so near.
 _AROUND_PX = 48

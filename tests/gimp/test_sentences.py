@@ -17,7 +17,8 @@ import toposeam_engine
 import toposeam_gimp
 from toposeam.errors import TopoSeamError
 from toposeam.layers.registration import align
-from toposeam_engine.serving import OPERATIONS, EngineJob, told
+from toposeam_engine.job import EngineJob
+from toposeam_engine.serving import OPERATIONS, told
 from toposeam_gimp import sentences
 
 KOREAN = gettext.translation("toposeam_gimp", Path(toposeam_gimp.__file__).parent / "locale", ["ko"])

@@ -1,0 +1,71 @@
+"""A request of the plug-in as operations see it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+_DTYPES = ("uint8", "uint16", "float32")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EngineJob:
+    """A request, its pixels, and where results go."""
+
+    folder: Path
+    request: Mapping[str, Any]
+    progress: Callable[[float], None]
+    _written: list[str] = field(default_factory=list)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The options of the operation."""
+        return dict(self.request.get("options", {}))
+
+    def read(self, raster: Mapping[str, Any]) -> Any:
+        """Return the (H, W) or (H, W, C) pixels of a raster that the request describes, mapped and not
+        loaded, read-only.
+        """
+        import numpy as np
+
+        from toposeam.errors import ImageError
+
+        shape = (int(raster["height"]), int(raster["width"]), int(raster["channels"]))
+        if raster["dtype"] not in _DTYPES:
+            raise ImageError(f"pixels of type {raster['dtype']} were sent; use one of {', '.join(_DTYPES)}")
+        dtype = np.dtype(raster["dtype"])
+        path = self._inside(str(raster["file"]))
+        if 0 in shape or path.stat().st_size != shape[0] * shape[1] * shape[2] * dtype.itemsize:
+            raise ImageError(
+                f"{path.name} has {path.stat().st_size} bytes, which is not {shape} of {dtype}; send it again"
+            )
+        pixels = np.memmap(path, dtype, "r", shape=shape)
+        return pixels if shape[2] > 1 else pixels[..., 0]
+
+    def write(self, pixels: Any) -> dict[str, Any]:
+        """Put (H, W) or (H, W, C) pixels into a file of their own; what describes it in the result."""
+        import numpy as np
+
+        name = f"result-{len(self._written)}.raw"
+        self._written.append(name)
+        array = np.asarray(pixels)
+        with (self.folder / name).open("wb") as file:
+            for top in range(0, array.shape[0], 256):
+                file.write(np.ascontiguousarray(array[top : top + 256]).data)
+        channels = 1 if array.ndim == 2 else array.shape[2]
+        return {
+            "file": name,
+            "width": array.shape[1],
+            "height": array.shape[0],
+            "channels": channels,
+            "dtype": str(array.dtype),
+        }
+
+    def _inside(self, name: str) -> Path:
+        from toposeam.errors import OptionError
+
+        if Path(name).name != name:
+            raise OptionError(f"{name!r} is not the name of a file in the request's folder")
+        return self.folder / name

@@ -25,8 +25,8 @@ from running import Gimp
 
 import toposeam as ts
 from stamp import stamp
-from toposeam_engine.previews import preview
 from toposeam_engine.job import EngineJob
+from toposeam_engine.previews import preview
 from toposeam_gimp.dialogs.rehearsal import Rehearsal
 from toposeam_gimp.entries.table import PROCEDURES
 

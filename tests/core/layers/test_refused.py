@@ -106,10 +106,10 @@ ERRORS = {
         ts.PathError,
         "9 × 9",
     ),
-    "arrays": (
-        lambda: ts.stitch([np.zeros((9, 9)), np.zeros((9, 9))]),
+    "array beside a layer": (
+        lambda: ts.stitch([crop(0, 0), np.zeros((9, 9))]),
         ts.OptionError,
-        r"layer 0 is of type ndarray; say where it lies, as toposeam.Layer\(image, at=\(x, y\)\)",
+        r"layer 1 is of type ndarray; say where it lies, as toposeam.Layer\(image, at=\(x, y\)\)",
     ),
     "alone": (lambda: ts.stitch([crop(0, 0)]), ts.OptionError, "1 layer was given"),
     "not a list": (lambda: ts.match_tones(crop(0, 0)), ts.OptionError, "1 layer was given"),

@@ -141,7 +141,7 @@ def seams() -> Iterator[Case]:
 
 def seam_case(kind: str, index: int, length: int) -> Case:
     law = "natural" if index % 4 == 3 and kind != "thesis" else "gradient"
-    method: Any = "thesis" if kind == "thesis" else "heat"
+    method: dict[str, Any] = {"method": "thesis"} if kind == "thesis" else {}
 
     def prepare() -> Prepared:
         masks: tuple[Array | None, Array | None] = None, None
@@ -157,7 +157,7 @@ def seam_case(kind: str, index: int, length: int) -> Case:
             a, b = (np.ascontiguousarray(image.swapaxes(0, 1)) for image in (a, b))
 
         def run() -> Any:
-            return ts.find_seam(a, b, *masks, method=method, cost=match_cost(law), **side)
+            return ts.find_seam(a, b, *masks, cost=match_cost(law), **method, **side)
 
         def judge(seam: Any) -> Figures:
             labels = np.asarray(seam.labels)

@@ -49,7 +49,8 @@ class Problem:
     ) -> Problem:
         """The problem at full size, by a method and its options as for :func:`toposeam.find_seam`."""
         own: Method = method if method in _ANY_NETWORK else "auto"
-        chosen = method_options(own, dict(options) if own == method else {})
+        # With `auto` heat cuts large networks and finds the label potentials, by these options.
+        chosen = method_options("heat" if own == "auto" else own, options if own == method else {})
         return cls(labelling, own, chosen, search, executor, steps or Progressed(None))
 
     def reduced(self, labelling: Labelling) -> Problem:
@@ -96,6 +97,6 @@ class Report:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """The options of the method."""
-        options = self.problem.options
+        """The options of the method; `auto` has none."""
+        options = None if self.problem.method == "auto" else self.problem.options
         return {} if options is None else dataclasses.asdict(options)

@@ -89,7 +89,7 @@ def test_the_order_does_not_matter(seed):
 
 
 def problem_of(labelling, search=FAST, executor=None):
-    return Problem.of(labelling, "heat", {}, search, executor)
+    return Problem.of(labelling, "auto", {}, search, executor)
 
 
 @pytest.mark.medium

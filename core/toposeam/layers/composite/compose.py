@@ -10,7 +10,7 @@ from typing import Any, Unpack, cast
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import check_choice, check_whole, options_from
+from toposeam.checks import check_choice, check_whole
 from toposeam.errors import ImageError, OptionError, Term
 from toposeam.images import Mask, as_mask
 from toposeam.layers.blending.blend import Blend, Placed, check_blend, reach_of
@@ -122,9 +122,7 @@ def compose(
         or options is not None
         or (blend == "soft" and len(layers) == 2),
     )
-    chosen = method_options(method, keywords) if options is None else options
-    if options is not None:
-        _check_options(method, options, keywords)
+    chosen = method_options(method, keywords, options)
     match = match_options(gradient, cost, usual_law(method))
     dtypes = {layer.image.dtype for layer in layers}
     if len(dtypes) > 1:
@@ -368,12 +366,3 @@ def shown_as(
         _begin=0 if wrap is None else margin(wrap),
         _goes_round=wrap is not None,
     )
-
-
-def _check_options(method: Method, options: Any, keywords: Mapping[str, Any]) -> None:
-    """Refuse options of another method, and both ways of giving them at once."""
-    usual = method_options(method, {})
-    if usual is None or not isinstance(options, type(usual)):
-        wanted = "no options" if usual is None else type(usual).__name__
-        raise OptionError(f"options is of class {type(options).__name__}; method {method} takes {wanted}")
-    options_from(type(usual), options, dict(keywords), f"method {method}")

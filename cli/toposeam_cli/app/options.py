@@ -375,6 +375,19 @@ PLACEMENT: tuple[Callable[[Any], Any], ...] = (
 )
 
 
+def surface_cost_option(default: ts.Law) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Return the option of the match cost of surfaces in volumes and clips."""
+    return click.option(
+        "--cost",
+        "law",
+        type=click.Choice(ts.LAWS),
+        default=default,
+        show_default=True,
+        help="What a surface avoids: what eyes notice (natural), differences of colour (colour, 3.22), or "
+        "those away from edges (gradient, 2.4).",
+    )
+
+
 def placement(megapixels: float) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Options that say which pictures overlap where, and how large they may be unless something else is
     said.

@@ -12,7 +12,14 @@ import click
 
 import toposeam as ts
 from toposeam.sentence import counted
-from toposeam_cli.app.options import FILE, OUTPUT, FiniteRange, force_option, quiet_option
+from toposeam_cli.app.options import (
+    FILE,
+    OUTPUT,
+    FiniteRange,
+    force_option,
+    quiet_option,
+    surface_cost_option,
+)
 from toposeam_cli.app.progress import share_bar
 from toposeam_cli.files.writing import all_or_nothing, check_output, replacing
 from toposeam_cli.media.clips.clip import Clip, check_pixels
@@ -87,15 +94,7 @@ class DurationType(click.ParamType):  # type: ignore[type-arg]
 @click.option("--still", type=FILE, help="A picture of the frames' size, white where nothing shall move.")
 @click.option("--fps", type=FiniteRange(0.01, 1000), help="Read the clip at so many frames a second.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of --grow: decides the order.")
-@click.option(
-    "--cost",
-    "law",
-    type=click.Choice(ts.LAWS),
-    default="gradient",
-    show_default=True,
-    help="What a surface avoids: what eyes notice (natural), differences of colour (colour, 3.22), or those "
-    "away from edges (gradient, 2.4).",
-)
+@surface_cost_option("gradient")
 @click.option("--mesh", type=OUTPUT, help="Also write the surface in x, y and time: .ply or .stl.")
 @click.option(
     "--max-megapixels",

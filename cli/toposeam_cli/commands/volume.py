@@ -10,7 +10,14 @@ import click
 import numpy as np
 
 import toposeam as ts
-from toposeam_cli.app.options import FILE, OUTPUT, FiniteRange, force_option, quiet_option
+from toposeam_cli.app.options import (
+    FILE,
+    OUTPUT,
+    FiniteRange,
+    force_option,
+    quiet_option,
+    surface_cost_option,
+)
 from toposeam_cli.app.progress import share_bar
 from toposeam_cli.files.temporary import claimed_folder, temporary_beside
 from toposeam_cli.files.writing import all_or_nothing, check_output, replacing
@@ -51,15 +58,7 @@ class TripleType(click.ParamType):  # type: ignore[type-arg]
     "-o", "--output", type=OUTPUT, required=True, help="The joined stack: .ome.tif, .tif, .npy or .zarr."
 )
 @click.option("--spacing", type=TripleType(False), help="Size of a voxel in µm; the files' own by default.")
-@click.option(
-    "--cost",
-    "law",
-    type=click.Choice(ts.LAWS),
-    default="natural",
-    show_default=True,
-    help="What a surface avoids: what eyes notice (natural), differences of colour (colour, 3.22), or those "
-    "away from edges (gradient, 2.4).",
-)
+@surface_cost_option("natural")
 @click.option("--labels", type=OUTPUT, help="Also write which stack shows where: 0 for A, 255 for B.")
 @click.option("--mesh", type=OUTPUT, help="Also write the surface, in µm: .ply or .stl.")
 @click.option(

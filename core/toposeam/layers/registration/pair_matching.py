@@ -7,7 +7,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Any
 
@@ -45,6 +45,11 @@ class Match:
     first: Floats
     second: Floats
     correlation: float
+    #: Points of the second picture lie at these of the first, about: (3, 3).
+    matrix: Floats = field(default_factory=lambda: np.eye(3))
+    #: Features that agree, and one standard deviation of a point, px.
+    features: int = 0
+    uncertainty: float = 1.0
 
 
 def groups(count: int, pairs: Iterable[Pair]) -> npt.NDArray[np.intp]:

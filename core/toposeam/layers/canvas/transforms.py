@@ -1,0 +1,240 @@
+"""Transforms from the pixels of a picture to the canvas and back.
+
+A plane transform is a homography. A camera looks at a sphere round it: a turn, a focal length and a radial
+distortion say which ray each pixel sees, and a projection where that ray meets the canvas.
+
+Pixels are counted from the centre of the upper left one, x to the right and y down; rays are unit vectors
+(right, down, forward). Radial distortion is Hugin's: with r the distance from the picture's centre ÷ half
+of its smaller side, a ray that would meet the picture at r meets it at r (a r³ + b r² + c r + 1 − a − b − c).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal, Protocol, TypeAlias, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+Floats: TypeAlias = npt.NDArray[np.float64]
+Projection: TypeAlias = Literal["flat", "cylinder", "sphere", "panini"]
+
+PROJECTIONS: tuple[Projection, ...] = get_args(Projection)
+#: Where a transform enlarges a picture by more than so many times, the picture is cut off.
+LARGEST_ENLARGEMENT = 3.0
+#: Coordinates of what a picture does not show.
+NOWHERE = -1e6
+_NEWTON_STEPS = 8
+
+
+class Transform(Protocol):
+    """From the pixels of a picture to the canvas and back."""
+
+    def to_canvas(self, points: Floats) -> Floats:
+        """Map (..., 2) points of the picture; NaN where the canvas does not show them."""
+
+    def to_picture(self, points: Floats) -> Floats:
+        """Map (..., 2) points of the canvas; `NOWHERE` where the picture does not show them."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlaneTransform:
+    """A homography.
+
+    Examples
+    --------
+    >>> move = PlaneTransform(np.array([[1, 0, 5], [0, 1, -2], [0, 0, 1.0]]))
+    >>> move.to_canvas(np.array([[1.0, 1.0]])).tolist()
+    [[6.0, -1.0]]
+    """
+
+    #: (3, 3): from the picture to the canvas, in homogeneous coordinates.
+    matrix: Floats
+
+    def to_canvas(self, points: Floats) -> Floats:
+        """Map (..., 2) points of the picture; NaN where the canvas does not show them."""
+        x, y, w = _homogeneous(self.matrix, points)
+        # The area of the picture grows by det / w³.
+        w = np.where(w > self._least_denominator, w, np.nan)
+        return np.stack([x / w, y / w], axis=-1)
+
+    def to_picture(self, points: Floats) -> Floats:
+        """Map (..., 2) points of the canvas; `NOWHERE` where the picture does not show them."""
+        x, y, w = _homogeneous(np.linalg.inv(self.matrix), points)
+        shown = (w > 0) & (w * self._least_denominator < 1)
+        w = np.where(shown, w, 1.0)
+        return np.where(shown[..., np.newaxis], np.stack([x / w, y / w], axis=-1), NOWHERE)
+
+    @property
+    def _least_denominator(self) -> float:
+        return float(np.cbrt(abs(np.linalg.det(self.matrix)) / LARGEST_ENLARGEMENT**2))
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class CameraTransform:
+    """A picture taken from a point, as the canvas shows what is seen from there.
+
+    Examples
+    --------
+    >>> camera = CameraTransform(
+    ...     size=(301, 201), rotation=np.eye(3), focal=400.0, projection="sphere", radius=400.0
+    ... )
+    >>> camera.to_canvas(np.array([[150.0, 100.0]])).tolist()
+    [[0.0, 0.0]]
+    """
+
+    #: Width and height of the picture, px.
+    size: tuple[int, int]
+    #: (3, 3): rays of the camera's frame become rays of the canvas's.
+    rotation: Floats
+    #: px.
+    focal: float
+    projection: Projection
+    #: px per radian in the middle of the canvas.
+    radius: float
+    #: a, b, c of the radial distortion, and how far the optical axis lies from the picture's centre, px.
+    lens: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    shift: tuple[float, float] = (0.0, 0.0)
+    _yaw: float = field(init=False, default=0.0)
+
+    def __post_init__(self) -> None:
+        forward = self.rotation[:, 2]
+        object.__setattr__(self, "_yaw", math.atan2(forward[0], forward[2]))
+
+    def to_canvas(self, points: Floats) -> Floats:
+        """Map (..., 2) points of the picture; NaN where the canvas does not show them."""
+        ideal = undistorted(points, self.size, self.lens, self.shift) / self.focal
+        rays = np.concatenate([ideal, np.ones((*ideal.shape[:-1], 1))], axis=-1)
+        rays = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+        return self._project(rays @ self.rotation.T)
+
+    def to_picture(self, points: Floats) -> Floats:
+        """Map (..., 2) points of the canvas; `NOWHERE` where the picture does not show them."""
+        rays = self._rays(points / self.radius) @ self.rotation
+        shown = rays[..., 2:] > 1e-3
+        ideal = np.where(shown, rays[..., :2] / np.where(shown, rays[..., 2:], 1.0), 0.0) * self.focal
+        at = distorted(ideal, self.size, self.lens, self.shift)
+        return np.where(shown & np.isfinite(at), at, NOWHERE)
+
+    def _project(self, rays: Floats) -> Floats:
+        """Map (..., 3) rays to the canvas."""
+        x, y, z = np.moveaxis(rays, -1, 0)
+        if self.projection == "flat":
+            # At an angle θ off the middle a length grows by 1 / cos² θ along the radius.
+            seen = np.where(z > 1 / math.sqrt(LARGEST_ENLARGEMENT), z, np.nan)
+            return self.radius * np.stack([x / seen, y / seen], axis=-1)
+        yaw = self._yaw + _turned(np.arctan2(x, z) - self._yaw)
+        flat = np.hypot(x, z)
+        if self.projection == "sphere":
+            return self.radius * np.stack([yaw, np.arctan2(y, flat)], axis=-1)
+        flat = np.where(flat > 1 / LARGEST_ENLARGEMENT, flat, np.nan)
+        if self.projection == "cylinder":
+            return self.radius * np.stack([yaw, y / flat], axis=-1)
+        half = np.where(np.abs(yaw) < 0.9 * math.pi, yaw / 2, np.nan)
+        return self.radius * np.stack([2 * np.tan(half), (y / flat) / np.cos(half) ** 2], axis=-1)
+
+    def _rays(self, points: Floats) -> Floats:
+        """Map (..., 2) points of the canvas, in radii, to rays."""
+        across, down = points[..., 0], points[..., 1]
+        if self.projection == "flat":
+            rays = np.stack([across, down, np.ones_like(across)], axis=-1)
+        elif self.projection == "sphere":
+            level = np.cos(down)
+            rays = np.stack([np.sin(across) * level, np.sin(down), np.cos(across) * level], axis=-1)
+        else:
+            if self.projection == "panini":
+                half = np.arctan(across / 2)
+                across, down = 2 * half, down * np.cos(half) ** 2
+            rays = np.stack([np.sin(across), down, np.cos(across)], axis=-1)
+        return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+
+
+def distorted(
+    ideal: Floats,
+    size: tuple[int, int],
+    lens: tuple[float, float, float],
+    shift: tuple[float, float] = (0.0, 0.0),
+) -> Floats:
+    """Map points on the plane of a picture, px from the optical axis, to where the lens draws them.
+
+    Parameters
+    ----------
+    ideal : (..., 2) float array
+    size : (int, int)
+        Width and height of the picture, px.
+    lens : (float, float, float)
+        a, b and c.
+    shift : (float, float)
+        Of the optical axis from the picture's centre, px.
+
+    Returns
+    -------
+    (..., 2) float array
+        NaN beyond the radius where the distortion turns back.
+    """
+    centre = (np.array(size) - 1) / 2 + np.array(shift)
+    if not any(lens):
+        return np.asarray(ideal + centre)
+    half = min(size) / 2
+    radius = np.linalg.norm(ideal, axis=-1, keepdims=True) / half
+    factor = np.where(radius < _turning_radius(lens), _factor(radius, lens), np.nan)
+    return np.asarray(ideal * factor + centre)
+
+
+def undistorted(
+    points: Floats,
+    size: tuple[int, int],
+    lens: tuple[float, float, float],
+    shift: tuple[float, float] = (0.0, 0.0),
+) -> Floats:
+    """Invert :func:`distorted` by Newton's method."""
+    centre = (np.array(size) - 1) / 2 + np.array(shift)
+    drawn = points - centre
+    if not any(lens):
+        return np.asarray(drawn)
+    a, b, c = lens
+    half, farthest = min(size) / 2, _turning_radius(lens)
+    wanted = np.linalg.norm(drawn, axis=-1, keepdims=True) / half
+    radius = np.minimum(wanted, 0.95 * farthest)
+    for _ in range(_NEWTON_STEPS):
+        slope = 4 * a * radius**3 + 3 * b * radius**2 + 2 * c * radius + 1 - a - b - c
+        radius = radius - (radius * _factor(radius, lens) - wanted) / np.where(slope > 0.05, slope, 0.05)
+        radius = np.clip(radius, 0, 0.999 * farthest)
+    return np.asarray(drawn * np.where(wanted > 0, radius / np.where(wanted > 0, wanted, 1), 1.0))
+
+
+def _factor(radius: Floats, lens: tuple[float, float, float]) -> Floats:
+    a, b, c = lens
+    return np.asarray(((a * radius + b) * radius + c) * radius + 1 - a - b - c)
+
+
+def _turning_radius(lens: tuple[float, float, float]) -> float:
+    """Where the drawn radius stops growing; at most 10."""
+    a, b, c = lens
+    roots = np.roots([4 * a, 3 * b, 2 * c, 1 - a - b - c])
+    real = roots[np.abs(roots.imag) < 1e-9].real
+    return float(min(real[real > 0], default=10.0))
+
+
+def _turned(angles: Floats) -> Floats:
+    """Angles in [−π, π)."""
+    return np.asarray((angles + math.pi) % (2 * math.pi) - math.pi)
+
+
+def _homogeneous(matrix: Floats, points: Floats) -> tuple[Floats, Floats, Floats]:
+    x, y = points[..., 0], points[..., 1]
+    across, down, w = (row[0] * x + row[1] * y + row[2] for row in matrix)
+    return across, down, w
+
+
+def reach(transform: Transform, size: tuple[int, int]) -> tuple[Floats, Floats] | None:
+    """Least and greatest x and y on the canvas of a picture of that width and height; None if it is not shown.
+
+    Where a part of it is not shown, of the rest.
+    """
+    width, height = size
+    x, y = np.linspace(0, width - 1, 65), np.linspace(0, height - 1, 65)
+    points = transform.to_canvas(np.stack(np.meshgrid(x, y), axis=-1)).reshape(-1, 2)
+    points = points[np.isfinite(points).all(axis=1)]
+    return (points.min(axis=0), points.max(axis=0)) if len(points) else None

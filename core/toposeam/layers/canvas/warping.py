@@ -1,0 +1,155 @@
+"""Pictures warped onto the canvas: once, from their own pixels, block by block."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import scipy
+
+from toposeam.errors import OptionError
+from toposeam.images import Mask, check_values, full_scale, in_dtype
+from toposeam.layers.canvas.layer import Box, Layer
+from toposeam.layers.canvas.transforms import Floats, Transform, reach
+
+#: Side of the blocks, px; beyond a block's own pixels a spline needs so many (its coefficients fall to a
+#: thousandth over five).
+_BLOCK, _MARGIN = 256, 12
+#: Coordinates are computed at every so many px and between them linearly.
+_STEP = 8
+
+
+def warped_box(layer: Layer, transform: Transform) -> Box:
+    """The rectangle of the canvas that a warped picture fills.
+
+    Raises
+    ------
+    OptionError
+        If the canvas shows nothing of it.
+    """
+    height, width = layer.image.shape[:2]
+    reached = reach(transform, (width, height))
+    if reached is None:
+        raise OptionError(
+            "the canvas shows nothing of {name}; choose another projection, as sphere",
+            kind="not shown",
+            name=layer.name,
+        )
+    (left, top), (right, bottom) = reached
+    return Box(math.floor(top), math.floor(left), math.ceil(bottom) + 1, math.ceil(right) + 1)
+
+
+def coordinates(transform: Transform, box: Box) -> Floats:
+    """(h, w, 2) x and y in the picture of the canvas pixels of a box."""
+    rows, columns = box.shape
+    down, across = (np.minimum(np.arange(-(-side // _STEP) + 1) * _STEP, side - 1) for side in box.shape)
+    coarse = transform.to_picture(np.stack(np.meshgrid(across + box.left, down + box.top), axis=-1) + 0.0)
+    along = _between(down, rows)
+    beside = _between(across, columns)
+    return np.stack([along @ coarse[..., axis] @ beside.T for axis in (0, 1)], axis=-1)
+
+
+def _between(knots: npt.NDArray[np.intp], count: int) -> Floats:
+    """(count, K) weights that interpolate linearly between values at knots."""
+    where = np.arange(count)
+    index = np.minimum(where // _STEP, len(knots) - 2)
+    share = (where - knots[index]) / np.maximum(knots[index + 1] - knots[index], 1)
+    weights = np.zeros((count, len(knots)))
+    weights[where, index] = 1 - share
+    weights[where, index + 1] += share
+    return weights
+
+
+def warped(layer: Layer, transform: Transform) -> Layer:
+    """Warp a picture onto the canvas by cubic splines.
+
+    Parameters
+    ----------
+    layer : Layer
+        Where it lies is ignored.
+    transform : Transform
+        From its pixels to the canvas.
+
+    Returns
+    -------
+    Layer
+        Transparent where the picture shows nothing; opacity is interpolated linearly, masks take the nearest
+        pixel.
+
+    Raises
+    ------
+    ImageError
+        Where a picture needs its `data_range`.
+    OptionError
+        If the canvas shows nothing of it.
+    """
+    box = warped_box(layer, transform)
+    whole = np.asarray(layer.image)
+    check_values(whole, layer.title, layer.data_range)
+    height, width = whole.shape[:2]
+    planes, dtype = whole.reshape(height, width, -1), whole.dtype
+    image = np.zeros((*box.shape, planes.shape[2]), dtype)
+    inside = np.zeros(box.shape, bool)
+    opacity = np.zeros(box.shape, np.float32)
+    full = float(full_scale(dtype))
+    masks = {name: getattr(layer, name) for name in ("mask", "keep") if getattr(layer, name) is not None}
+    warped_masks = {name: np.zeros(box.shape, bool) for name in masks}
+    for top in range(box.top, box.bottom, _BLOCK):
+        for left in range(box.left, box.right, _BLOCK):
+            part = Box(top, left, min(top + _BLOCK, box.bottom), min(left + _BLOCK, box.right))
+            at, here = coordinates(transform, part), part.within(box)
+            shown = _inside(at, (width, height))
+            if not shown.any():
+                continue
+            inside[here] = shown
+            values = _spline(planes, at, shown)
+            if np.issubdtype(dtype, np.integer):
+                values = np.clip(values, 0, layer.white)
+            image[here][shown] = in_dtype(values, dtype)
+            rows, columns = (np.rint(at[shown][:, axis]).astype(np.intp) for axis in (1, 0))
+            for name, mask in masks.items():
+                warped_masks[name][here][shown] = np.asarray(mask)[rows, columns]
+            opacity[here] = shown
+            if layer.alpha is not None:
+                opacity[here][shown] = _linear(np.asarray(layer.alpha), at[shown]) / full
+    return dataclasses.replace(
+        layer,
+        image=image if whole.ndim == 3 else image[..., 0],
+        alpha=in_dtype(np.clip(opacity, 0, 1) * full, dtype),
+        at=(box.left, box.top),
+        mask=warped_masks.get("mask"),
+        keep=warped_masks.get("keep"),
+    )
+
+
+def _inside(at: Floats, size: tuple[int, int]) -> Mask:
+    """Where coordinates lie on the picture."""
+    edge = 1e-6
+    x, y = at[..., 0], at[..., 1]
+    return np.asarray((x > -edge) & (y > -edge) & (x < size[0] - 1 + edge) & (y < size[1] - 1 + edge))
+
+
+def _spline(planes: npt.NDArray[Any], at: Floats, shown: Mask) -> npt.NDArray[np.float32]:
+    """(M, C) values of a picture at the coordinates that are shown, by cubic splines."""
+    points = at[shown]
+    low = np.maximum(np.floor(points.min(axis=0)).astype(int) - _MARGIN, 0)
+    high = np.ceil(points.max(axis=0)).astype(int) + _MARGIN + 1
+    part = planes[low[1] : high[1], low[0] : high[0]].astype(np.float32)
+    where = (points - low)[:, ::-1].T
+    return np.stack(
+        [
+            scipy.ndimage.map_coordinates(part[..., channel], where, order=3, mode="mirror")
+            for channel in range(part.shape[2])
+        ],
+        axis=-1,
+    )
+
+
+def _linear(plane: npt.NDArray[Any], points: Floats) -> npt.NDArray[np.float32]:
+    result: npt.NDArray[np.float32] = scipy.ndimage.map_coordinates(
+        plane, points[:, ::-1].T, order=1, mode="nearest", output=np.float32
+    )
+    return result

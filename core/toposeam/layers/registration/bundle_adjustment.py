@@ -1,0 +1,427 @@
+"""All pictures of a set adjusted at once to the points that pairs of them share.
+
+Each picture i has a matrix G_i that takes its pixels (x, y, 1), counted from its centre and free of
+distortion, to the scene: a homography to a common plane, or R_i diag(1/f, 1/f, 1), the rays of a camera that
+turns about one point. A point p of picture i is then seen at G_j⁻¹ G_i p in picture j; what is left to the
+point q where it was found is minimised with a Cauchy loss (Triggs et al. 2000, doi:10.1007/3-540-44480-7_21).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import scipy
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree, shortest_path
+from scipy.spatial.transform import Rotation
+
+from toposeam.layers.canvas.transforms import undistorted
+from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.registration.homography import applied
+from toposeam.layers.registration.pair_matching import Match
+
+Floats = npt.NDArray[np.float64]
+Family: TypeAlias = Literal["plane", "rotation"]
+
+#: Focal lengths that are tried where nobody says one, as shares of the larger side: wide, usual, long.
+_FOCALS = (0.8, 1.2, 2.5)
+#: A focal length is within so many per cent of what is said, and of what is usual, one standard deviation.
+_SAID, _USUAL = 0.05, 0.6
+#: Points of a pair at most.
+_POINTS = 120
+#: A point that is off by so many times its uncertainty counts half as much; first all count.
+_SCALES = (30.0, 2.0)
+_STEPS, _SETTLED = 40, 1e-4
+#: A distortion counts where it takes away this share of what is left; larger ones are no lens.
+_DISTORTION_GAIN, _LARGEST_DISTORTION = 0.04, 0.2
+#: Beyond so many px a point is as wrong as any other.
+_CAP = 20.0
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Bundle:
+    """Pictures adjusted to each other."""
+
+    family: Family
+    #: Width and height of each picture, px.
+    sizes: Floats
+    #: (N, 3, 3): centred pixels to the scene.
+    matrices: Floats
+    #: px, and b of Hugin's radial distortion; of a plane 1 and 0.
+    focal: float
+    distortion: float
+    #: The picture in the middle of the set.
+    middle: int
+
+    @property
+    def rotations(self) -> Floats:
+        """(N, 3, 3) turns of the cameras."""
+        return np.asarray(self.matrices * np.array([self.focal, self.focal, 1.0]))
+
+    def ideal(self, index: int, points: Floats) -> Floats:
+        """(M, 2) centred points of a picture without the lens's distortion."""
+        width, height = self.sizes[index].astype(int)
+        return undistorted(points, (int(width), int(height)), (0.0, self.distortion, 0.0))
+
+    def off(self, pair: Pair, match: Match) -> Floats:
+        """(M,) how far, px, the points of a pair lie apart."""
+        i, j = pair
+        seen = applied(
+            np.linalg.inv(self.matrices[j]) @ self.matrices[i], self.ideal(i, match.first)
+        ) - self.ideal(j, match.second)
+        return np.asarray(np.hypot(*seen.T))
+
+
+def spanning_tree(
+    count: int, strengths: Mapping[Pair, float]
+) -> tuple[int, npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Picture in the middle of the strongest tree, the order from there, and whom each one hangs on."""
+    rows, columns = np.array(list(strengths), np.intp).T
+    graph = csr_array((-np.array(list(strengths.values()), float), (rows, columns)), shape=(count, count))
+    tree = minimum_spanning_tree(graph)
+    tree = tree + tree.T
+    steps = shortest_path(tree != 0, directed=False, unweighted=True)
+    middle = int(steps.max(axis=1).argmin())
+    order, before = breadth_first_order(tree, middle, directed=False)
+    return middle, order, before
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Points:
+    """Points that pairs share: which two pictures, and x and y in both."""
+
+    first: npt.NDArray[np.intp]
+    second: npt.NDArray[np.intp]
+    p: Floats
+    q: Floats
+    weight: Floats
+
+    @classmethod
+    def of(cls, matches: Mapping[Pair, Match]) -> _Points:
+        rng = np.random.default_rng(0)
+        parts = []
+        for (i, j), match in matches.items():
+            chosen = np.sort(rng.permutation(len(match.first))[:_POINTS])
+            some = np.full(len(chosen), 1.0)
+            parts.append(
+                (i * some, j * some, match.first[chosen], match.second[chosen], some / match.uncertainty)
+            )
+        first, second, p, q, weight = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return cls(first.astype(np.intp), second.astype(np.intp), p, q, weight)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Problem:
+    """Residuals of a bundle and their derivatives, as functions of one vector of unknowns.
+
+    The first two unknowns are the logarithm of the focal length and the distortion; then come those of each
+    picture, of which the middle one's are fixed.
+    """
+
+    sizes: Floats
+    points: _Points
+    family: Family
+    middle: int
+    #: Focal length that is likely, px, and one standard deviation of its logarithm.
+    focal: float
+    doubt: float
+    #: Whether focal length and distortion are free.
+    free_focal: bool
+    free_distortion: bool
+
+    @property
+    def each(self) -> int:
+        return 8 if self.family == "plane" else 3
+
+    @property
+    def free(self) -> npt.NDArray[np.bool_]:
+        count = len(self.sizes)
+        own = np.ones((count, self.each), bool)
+        own[self.middle] = False
+        return np.concatenate([[self.free_focal, self.free_distortion], own.ravel()])
+
+    def matrices(self, unknowns: Floats) -> Floats:
+        own = unknowns[2:].reshape(len(self.sizes), -1)
+        if self.family == "rotation":
+            focal = math.exp(unknowns[0])
+            return Rotation.from_rotvec(own).as_matrix() / np.array([focal, focal, 1.0])
+        ones = np.ones((len(own), 1))
+        return np.concatenate([own, ones], axis=1).reshape(-1, 3, 3) @ self._normal
+
+    @property
+    def _normal(self) -> Floats:
+        half = self.sizes.max() / 2
+        return np.diag([1 / half, 1 / half, 1.0])
+
+    def unknowns(self, matrices: Floats, focal: float) -> Floats:
+        """The vector of unknowns of matrices."""
+        if self.family == "rotation":
+            own = Rotation.from_matrix(matrices * np.array([focal, focal, 1.0])).as_rotvec()
+        else:
+            plain = matrices @ np.linalg.inv(self._normal)
+            own = (plain / plain[:, 2:, 2:]).reshape(-1, 9)[:, :8]
+        return np.concatenate([[math.log(focal), 0.0], own.ravel()])
+
+    def ideal(self, distortion: float) -> tuple[Floats, Floats]:
+        """Points of both pictures, centred and free of distortion."""
+        result = []
+        for index, points in ((self.points.first, self.points.p), (self.points.second, self.points.q)):
+            ideal = np.empty_like(points)
+            for number in np.unique(index):
+                width, height = self.sizes[number].astype(int)
+                own = index == number
+                ideal[own] = undistorted(points[own], (int(width), int(height)), (0.0, distortion, 0.0))
+            result.append(ideal)
+        return result[0], result[1]
+
+    def residuals(self, unknowns: Floats) -> Floats:
+        """(K + 1,): px ÷ the uncertainty of points, in x and y, and what is known of the focal length."""
+        seen, ideal, _ = self._seen(self.matrices(unknowns), float(unknowns[1]))
+        off = (seen[:, :2] / seen[:, 2:] - ideal) * self.points.weight[:, np.newaxis]
+        prior = (unknowns[0] - math.log(self.focal)) / self.doubt
+        return np.append(off.ravel(), prior if self.free_focal else 0.0)
+
+    def _seen(self, matrices: Floats, distortion: float) -> tuple[Floats, Floats, Floats]:
+        p, q = self.ideal(distortion)
+        scene = np.einsum("kij,kj->ki", matrices[self.points.first], np.append(p, np.ones((len(p), 1)), 1))
+        seen = np.einsum("kij,kj->ki", np.linalg.inv(matrices)[self.points.second], scene)
+        # Behind the camera: far away, on a smooth way back.
+        seen[:, 2] = np.where(seen[:, 2] > 0.02, seen[:, 2], 0.02)
+        return seen, q, p
+
+    def jacobian(self, unknowns: Floats) -> csr_array:
+        """Derivatives of :meth:`residuals` by the free unknowns."""
+        points, each, count = self.points, self.each, len(self.sizes)
+        matrices = self.matrices(unknowns)
+        seen, _, p = self._seen(matrices, float(unknowns[1]))
+        inverse = np.linalg.inv(matrices)[points.second]
+        step = 1e-6
+        slopes = np.empty((count, each, 3, 3))
+        for number in range(each):
+            moved = np.zeros((count, each))
+            moved[:, number] = step
+            shift = np.concatenate([[0.0, 0.0], moved.ravel()])
+            slopes[:, number] = (self.matrices(unknowns + shift) - self.matrices(unknowns - shift)) / (
+                2 * step
+            )
+        whole = np.append(p, np.ones((len(p), 1)), axis=1)
+        moves = (
+            np.einsum("kab,knbc,kc->kna", inverse, slopes[points.first], whole),
+            -np.einsum("kab,knbc,kc->kna", inverse, slopes[points.second], seen),
+        )
+        rows, columns, values = [], [], []
+        numbers = np.arange(2 * len(p)).reshape(-1, 2)
+        for index, move in zip((points.first, points.second), moves, strict=True):
+            slope = move[..., :2] - (seen[:, :2] / seen[:, 2:])[:, np.newaxis] * move[..., 2:]
+            slope = slope / seen[:, np.newaxis, 2:] * points.weight[:, np.newaxis, np.newaxis]
+            own = 2 + each * index[:, np.newaxis] + np.arange(each)
+            rows.append(np.broadcast_to(numbers[:, np.newaxis, :], slope.shape).ravel())
+            columns.append(np.broadcast_to(own[..., np.newaxis], slope.shape).ravel())
+            values.append(slope.ravel())
+        for number, free in enumerate((self.free_focal, self.free_distortion)):
+            if free:
+                shift = np.zeros(len(unknowns))
+                shift[number] = step
+                slope = (self.residuals(unknowns + shift) - self.residuals(unknowns - shift)) / (2 * step)
+                rows.append(np.arange(len(slope)))
+                columns.append(np.full(len(slope), number))
+                values.append(slope)
+        entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+        whole_matrix = csr_array(entries, shape=(2 * len(p) + 1, len(unknowns)))
+        return whole_matrix[:, np.flatnonzero(self.free)]
+
+    def solved(self, start: Floats) -> tuple[Floats, float]:
+        """Unknowns of least loss from a start, and the loss."""
+        where = np.flatnonzero(self.free)
+        unknowns, loss = start, math.inf
+        for scale in _SCALES:
+            unknowns, loss = self._descended(unknowns, where, scale)
+        return unknowns, loss
+
+    def _descended(self, start: Floats, where: npt.NDArray[np.intp], scale: float) -> tuple[Floats, float]:
+        """Unknowns of least loss Σ s² log(1 + r² ÷ s²) near a start, by the method of Levenberg and Marquardt
+        on equations that are weighted anew in each step.
+        """
+
+        def lost(unknowns: Floats) -> tuple[Floats, float]:
+            squares = np.square(self.residuals(unknowns)) / scale**2
+            return 1 / (1 + squares), float(scale**2 * np.log1p(squares).sum())
+
+        unknowns, damping = start, 1e-3
+        weights, loss = lost(unknowns)
+        for _ in range(_STEPS):
+            jacobian = self.jacobian(unknowns)
+            weighted = jacobian.multiply(weights[:, np.newaxis]).tocsr()
+            normal = (weighted.T @ jacobian).tocsc()
+            slope = weighted.T @ self.residuals(unknowns)
+            diagonal = normal.diagonal() + 1e-12
+            before = loss
+            while damping < 1e8:
+                step = scipy.sparse.linalg.spsolve(
+                    normal + scipy.sparse.diags_array(damping * diagonal), -slope
+                )
+                moved = unknowns.copy()
+                moved[where] += step
+                new_weights, new_loss = lost(moved)
+                if new_loss < loss:
+                    unknowns, weights, loss = moved, new_weights, new_loss
+                    damping = max(damping / 5, 1e-9)
+                    break
+                damping *= 4
+            if before - loss <= _SETTLED * loss:
+                break
+        return unknowns, loss
+
+
+def adjust_plane(sizes: Floats, matches: Mapping[Pair, Match], start: Bundle | None = None) -> Bundle:
+    """Adjust homographies to a common plane, that of the picture in the middle.
+
+    Parameters
+    ----------
+    sizes : (N, 2) float array
+        Width and height of each picture, px.
+    matches : mapping from pairs to Match
+        Which join all pictures, with the homography of each.
+    start : Bundle, optional
+        By default along the tree of the strongest matches.
+    """
+    if start is None:
+        middle, order, before = spanning_tree(len(sizes), _strengths(matches))
+        matrices = np.tile(np.eye(3), (len(sizes), 1, 1))
+        for index in order[1:]:
+            matrix = matrices[before[index]] @ _centred(matches, sizes, int(before[index]), int(index))
+            matrices[index] = matrix / matrix[2, 2]
+    else:
+        middle, matrices = start.middle, start.matrices
+    problem = _Problem(sizes, _Points.of(matches), "plane", middle, 1.0, 1.0, False, False)
+    unknowns, _ = problem.solved(problem.unknowns(matrices, 1.0))
+    return Bundle(
+        family="plane",
+        sizes=sizes,
+        matrices=problem.matrices(unknowns) / np.cbrt(np.linalg.det(problem._normal)),
+        focal=1.0,
+        distortion=0.0,
+        middle=middle,
+    )
+
+
+def adjust_cameras(
+    sizes: Floats,
+    matches: Mapping[Pair, Match],
+    *,
+    focal: float | None = None,
+    fixed: bool = False,
+    distortion: float | None = None,
+    start: Bundle | None = None,
+) -> Bundle:
+    """Adjust the turns of one camera, its focal length and its radial distortion.
+
+    Parameters
+    ----------
+    sizes : (N, 2) float array
+        Width and height of each picture, px.
+    matches : mapping from pairs to Match
+        Which join all pictures, with the homography of each.
+    focal : float, optional
+        px, about.
+    fixed : bool
+        The focal length is just that.
+    distortion : float, optional
+        b of the lens; by default found where the pictures show one.
+    start : Bundle, optional
+        By default along the tree of the strongest matches, with several focal lengths.
+    """
+    middle, order, before = spanning_tree(len(sizes), _strengths(matches))
+    usual = 1.2 * float(sizes.max())
+    points = _Points.of(matches)
+    likely, doubt = (usual, _USUAL) if focal is None else (focal, _SAID)
+    problem = _Problem(sizes, points, "rotation", middle, likely, doubt, not fixed, False)
+    best: tuple[Floats, float] | None = None
+    if start is not None:
+        problem = replace(problem, middle=start.middle)
+        first = problem.unknowns(start.matrices, start.focal)
+        first[1] = start.distortion
+        best = problem.solved(first)
+    else:
+        starts = [focal] if focal is not None else _likely_focals(sizes, matches)
+        for guess in starts:
+            turns = np.tile(np.eye(3), (len(sizes), 1, 1))
+            lens = np.diag([1 / guess, 1 / guess, 1.0])
+            for index in order[1:]:
+                own = _centred(matches, sizes, int(before[index]), int(index))
+                turns[index] = turns[before[index]] @ _nearest_turn(lens @ own @ np.linalg.inv(lens))
+            found = problem.solved(problem.unknowns(turns @ lens, guess))
+            if best is None or found[1] < best[1]:
+                best = found
+    assert best is not None
+    unknowns, loss = best
+    if distortion is not None:
+        unknowns[1] = distortion
+        unknowns, loss = problem.solved(unknowns)
+    elif len(sizes) > 2:
+        bent, other = replace(problem, free_distortion=True).solved(unknowns)
+        if abs(bent[1]) < _LARGEST_DISTORTION and other < (1 - _DISTORTION_GAIN) * loss:
+            unknowns = bent
+    return Bundle(
+        family="rotation",
+        sizes=sizes,
+        matrices=problem.matrices(unknowns),
+        focal=math.exp(unknowns[0]),
+        distortion=float(unknowns[1]),
+        middle=problem.middle,
+    )
+
+
+def _strengths(matches: Mapping[Pair, Match]) -> dict[Pair, float]:
+    return {pair: float(match.features) for pair, match in matches.items()}
+
+
+def _centred(matches: Mapping[Pair, Match], sizes: Floats, one: int, other: int) -> Floats:
+    """(3, 3) homography from the centred pixels of one picture, `other`, to those of another."""
+    matrix = matches[one, other].matrix if (one, other) in matches else matches[other, one].matrix
+    if (one, other) not in matches:
+        matrix = np.linalg.inv(matrix)
+    to_centre, back = np.eye(3), np.eye(3)
+    to_centre[:2, 2] = -(sizes[one] - 1) / 2
+    back[:2, 2] = (sizes[other] - 1) / 2
+    return np.asarray(to_centre @ matrix @ back)
+
+
+def _nearest_turn(matrix: Floats) -> Floats:
+    left, _, right = np.linalg.svd(matrix)
+    turn = left @ right
+    return np.asarray(turn * np.sign(np.linalg.det(turn)))
+
+
+def _likely_focals(sizes: Floats, matches: Mapping[Pair, Match]) -> list[float]:
+    """Focal lengths, px, that the homographies of pairs say, and usual ones (Szeliski and Shum 1997,
+    doi:10.1145/258734.258861).
+    """
+    side = float(sizes.max())
+    said: list[float] = []
+    for i, j in matches:
+        matrix = _centred(matches, sizes, i, j)
+        for h in (matrix, np.linalg.inv(matrix)):
+            h = h / np.linalg.norm(h)
+            for above, below in (
+                (-(h[0, 0] * h[0, 1] + h[1, 0] * h[1, 1]), h[2, 0] * h[2, 1]),
+                (h[0, 0] ** 2 + h[1, 0] ** 2 - h[0, 1] ** 2 - h[1, 1] ** 2, h[2, 1] ** 2 - h[2, 0] ** 2),
+            ):
+                if abs(below) > 1e-12 and 0.4 * side < (value := math.sqrt(max(above / below, 0))) < 8 * side:
+                    said.append(value)
+    middle = [float(np.median(said))] if said else []
+    return [*middle, *(share * side for share in _FOCALS)]
+
+
+def left_over(bundle: Bundle, matches: Mapping[Pair, Match], pairs: Collection[Pair] | None = None) -> float:
+    """Root of the mean square of what is left, px, each at most `_CAP`, all pairs alike."""
+    parts: Sequence[float] = [
+        float(np.mean(np.minimum(bundle.off(pair, matches[pair]), _CAP) ** 2))
+        for pair in (matches if pairs is None else pairs)
+    ]
+    return math.sqrt(float(np.mean(parts)))

@@ -1,0 +1,152 @@
+"""Homographies between two pictures, from features that match: RANSAC, and the test of Brown and Lowe."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.images import Mask
+
+Floats = npt.NDArray[np.float64]
+
+#: Trials of RANSAC at most, and how sure it shall be to have drawn inliers only.
+_TRIALS, _BATCH, _SURE = 2000, 250, 0.999
+_LEAST_MATCHES = 8
+#: Inliers that a pair needs: so many, and this share of all matches in the overlap (Brown and Lowe 2007,
+#: doi:10.1007/s11263-006-0002-3, equation 13).
+_LEAST, _SHARE = 8.0, 0.22
+#: Pictures of one scene are not scaled by more than so many times, nor turned into a line.
+_LARGEST_SCALE = 4.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Homography:
+    """What the features of two pictures say."""
+
+    #: (3, 3): points of the second picture lie at these of the first.
+    matrix: Floats
+    #: (M,) bool: the matches that agree.
+    inliers: Mask
+    #: Matches in the overlap.
+    overlap: int
+
+    @property
+    def verified(self) -> bool:
+        """Whether so many matches agree as wrong pairs do not have by chance."""
+        return int(self.inliers.sum()) > _LEAST + _SHARE * self.overlap
+
+
+def applied(matrix: Floats, points: Floats) -> Floats:
+    """Map (..., M, 2) points by (..., 3, 3) homographies; points at infinity come to lie far away."""
+    result = points @ np.swapaxes(matrix[..., :2], -1, -2) + matrix[..., np.newaxis, :, 2]
+    w = result[..., 2:]
+    return np.asarray(result[..., :2] / np.where(np.abs(w) < 1e-12, 1e-12, w))
+
+
+def find_homography(
+    first: Floats, second: Floats, sizes: tuple[tuple[int, int], tuple[int, int]], tolerance: float
+) -> Homography | None:
+    """Find the homography that most matches agree to.
+
+    Parameters
+    ----------
+    first, second : (M, 2) float arrays
+        x and y of matching features, px.
+    sizes : two of (int, int)
+        Width and height of the pictures.
+    tolerance : float
+        A match that is farther off, px, does not agree.
+
+    Returns
+    -------
+    Homography or None
+        None where no homography of two pictures of one scene is found.
+    """
+    if len(first) < _LEAST_MATCHES:
+        return None
+    norms = [_normalising(points) for points in (first, second)]
+    a, b = (applied(norm, points) for norm, points in zip(norms, (first, second), strict=True))
+    inliers = _most_inliers(a, b, (tolerance * norms[0][0, 0]) ** 2)
+    if inliers is None:
+        return None
+    normal = _least_squares(a[inliers], b[inliers])
+    matrix = np.linalg.inv(norms[0]) @ normal @ norms[1]
+    matrix /= matrix[2, 2]
+    local = _areas(matrix, second[inliers])
+    if not (1 / _LARGEST_SCALE**2 < np.median(local) < _LARGEST_SCALE**2) or local.min() <= 0:
+        return None
+    overlap = _within(applied(matrix, second), sizes[0]) | _within(
+        applied(np.linalg.inv(matrix), first), sizes[1]
+    )
+    return Homography(matrix, inliers, int(overlap.sum()))
+
+
+def _most_inliers(a: Floats, b: Floats, near: float) -> Mask | None:
+    """The matches that agree to the best of the homographies through four matches each."""
+    rng = np.random.default_rng(0)
+    best, trials, needed = np.zeros(len(a), bool), 0, float(_TRIALS)
+    while trials < needed:
+        chosen = np.argsort(rng.random((_BATCH, len(a))), axis=1)[:, :4]
+        matrices = _through_four(a[chosen], b[chosen])
+        off = np.square(applied(matrices, np.broadcast_to(b, (len(matrices), *b.shape))) - a).sum(axis=-1)
+        agree = off < near
+        leader = agree[agree.sum(axis=1).argmax()] if len(agree) else best
+        if leader.sum() > best.sum():
+            best = leader
+            missed = 1 - (best.mean()) ** 4
+            needed = min(_TRIALS, np.log(1 - _SURE) / np.log(missed) if missed > 1e-12 else 0)
+        trials += _BATCH
+    for _ in range(6):
+        if best.sum() < _LEAST_MATCHES:
+            return None
+        off = np.square(applied(_least_squares(a[best], b[best]), b) - a).sum(axis=1)
+        before, best = best, off < near
+        if (before == best).all():
+            break
+    return best if best.sum() >= _LEAST_MATCHES else None
+
+
+def _through_four(a: Floats, b: Floats) -> Floats:
+    """(K, 3, 3) homographies that take (K, 4, 2) points `b` to `a`; those that are singular are left out."""
+    system = _equations(a, b)
+    left, right = system[..., :8], -system[..., 8:]
+    regular = np.abs(np.linalg.det(left)) > 1e-9
+    entries = np.linalg.solve(left[regular], right[regular])[..., 0]
+    return np.concatenate([entries, np.ones((len(entries), 1))], axis=1).reshape(-1, 3, 3)
+
+
+def _least_squares(a: Floats, b: Floats) -> Floats:
+    """(3, 3) homography that takes (M, 2) points `b` to about `a` (the direct linear transform)."""
+    matrix = np.linalg.svd(_equations(a, b), full_matrices=True)[2][-1].reshape(3, 3)
+    return np.asarray(matrix / matrix[2, 2])
+
+
+def _equations(a: Floats, b: Floats) -> Floats:
+    """(..., 2 M, 9) equations for the entries of homographies."""
+    (u, v), (x, y) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
+    one, none = np.ones_like(x), np.zeros_like(x)
+    return np.concatenate(
+        [
+            np.stack([x, y, one, none, none, none, -u * x, -u * y, -u], axis=-1),
+            np.stack([none, none, none, x, y, one, -v * x, -v * y, -v], axis=-1),
+        ],
+        axis=-2,
+    )
+
+
+def _normalising(points: Floats) -> Floats:
+    """(3, 3) shift and scale that take points to mean 0 and standard deviation 1."""
+    middle, scale = points.mean(axis=0), 1 / max(float(points.std()), 1e-6)
+    return np.array([[scale, 0, -scale * middle[0]], [0, scale, -scale * middle[1]], [0, 0, 1]])
+
+
+def _areas(matrix: Floats, points: Floats) -> Floats:
+    """(M,) how much a homography enlarges areas at points; negative where it mirrors."""
+    w = points @ matrix[2, :2] + matrix[2, 2]
+    return np.asarray(np.linalg.det(matrix) / w**3)
+
+
+def _within(points: Floats, size: tuple[int, int]) -> Mask:
+    return np.asarray(((points >= 0) & (points <= np.array(size) - 1)).all(axis=-1))

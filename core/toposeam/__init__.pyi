@@ -19,7 +19,8 @@ from .layers.composite.restitch import restitch
 from .layers.composite.stitch import Stitched, pair_name, stitch
 from .layers.exposure.gains import match_tones
 from .layers.registration.align import Aligned, align, correlations
-from .layers.registration.find_places import Placement, find_places
+from .layers.registration.find_places import find_places
+from .layers.registration.placement import Placement
 from .motif.arrange import Arrangement, arrange, random_arrangement
 from .motif.generate import generate_motif, random_recipe
 from .motif.ink.palettes import PALETTES, Palette, palette

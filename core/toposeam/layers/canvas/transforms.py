@@ -61,13 +61,15 @@ class PlaneTransform:
 
     def to_picture(self, points: Floats) -> Floats:
         """Map (..., 2) points of the canvas; `NOWHERE` where the picture does not show them."""
-        x, y, w = _homogeneous(np.linalg.inv(self.matrix), points)
+        x, y, w = _homogeneous(np.asarray(np.linalg.inv(self.matrix), float), points)
         shown = (w > 0) & (w * self._least_denominator < 1)
         w = np.where(shown, w, 1.0)
         return np.where(shown[..., np.newaxis], np.stack([x / w, y / w], axis=-1), NOWHERE)
 
     @property
     def _least_denominator(self) -> float:
+        if not self.matrix[2, :2].any():
+            return 0.0  # the same everywhere
         return float(np.cbrt(abs(np.linalg.det(self.matrix)) / LARGEST_ENLARGEMENT**2))
 
 
@@ -107,7 +109,7 @@ class CameraTransform:
         ideal = undistorted(points, self.size, self.lens, self.shift) / self.focal
         rays = np.concatenate([ideal, np.ones((*ideal.shape[:-1], 1))], axis=-1)
         rays = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
-        return self._project(rays @ self.rotation.T)
+        return self._project(np.asarray(rays @ self.rotation.T))
 
     def to_picture(self, points: Floats) -> Floats:
         """Map (..., 2) points of the canvas; `NOWHERE` where the picture does not show them."""
@@ -228,11 +230,24 @@ def _homogeneous(matrix: Floats, points: Floats) -> tuple[Floats, Floats, Floats
     return across, down, w
 
 
-def reach(transform: Transform, size: tuple[int, int]) -> tuple[Floats, Floats] | None:
-    """Least and greatest x and y on the canvas of a picture of that width and height; None if it is not shown.
+def is_move(transform: Transform) -> bool:
+    """Whether a transform only moves."""
+    if not isinstance(transform, PlaneTransform):
+        return False
+    linear = transform.matrix / transform.matrix[2, 2]
+    return bool(np.array_equal(linear[:2, :2], np.eye(2)) and np.array_equal(linear[2, :2], [0, 0]))
 
-    Where a part of it is not shown, of the rest.
-    """
+
+def similarity(at: tuple[float, float], turn: float = 0.0, scale: float = 1.0) -> PlaneTransform:
+    """A turn, degrees clockwise round the upper left pixel, a scale, and a move, px."""
+    a, b = scale * math.cos(math.radians(turn)), scale * math.sin(math.radians(turn))
+    if turn == 0 and scale == 1:
+        a, b = 1.0, 0.0
+    return PlaneTransform(np.array([[a, -b, at[0]], [b, a, at[1]], [0.0, 0.0, 1.0]]))
+
+
+def reach(transform: Transform, size: tuple[int, int]) -> tuple[Floats, Floats] | None:
+    """Least and greatest x and y on the canvas of what is shown of a picture of that width and height."""
     width, height = size
     x, y = np.linspace(0, width - 1, 65), np.linspace(0, height - 1, 65)
     points = transform.to_canvas(np.stack(np.meshgrid(x, y), axis=-1)).reshape(-1, 2)

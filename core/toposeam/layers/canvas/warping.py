@@ -13,7 +13,7 @@ import scipy
 from toposeam.errors import OptionError
 from toposeam.images import Mask, check_values, full_scale, in_dtype
 from toposeam.layers.canvas.layer import Box, Layer
-from toposeam.layers.canvas.transforms import Floats, Transform, reach
+from toposeam.layers.canvas.transforms import Floats, Transform, is_move, reach
 
 #: Side of the blocks, px; beyond a block's own pixels a spline needs so many (its coefficients fall to a
 #: thousandth over five).
@@ -61,6 +61,14 @@ def _between(knots: npt.NDArray[np.intp], count: int) -> Floats:
     weights[where, index] = 1 - share
     weights[where, index + 1] += share
     return weights
+
+
+def on_canvas(layer: Layer, transform: Transform) -> Layer:
+    """Lay a picture on the canvas: moved by whole pixels where it is only moved, and else warped."""
+    if not is_move(transform):
+        return warped(layer, transform)
+    x, y = transform.to_canvas(np.zeros((1, 2)))[0]
+    return dataclasses.replace(layer, at=(round(float(x)), round(float(y))))
 
 
 def warped(layer: Layer, transform: Transform) -> Layer:

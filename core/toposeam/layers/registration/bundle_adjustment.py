@@ -33,7 +33,7 @@ _FOCALS = (0.8, 1.2, 2.5)
 #: A focal length is within so many per cent of what is said, and of what is usual, one standard deviation.
 _SAID, _USUAL = 0.05, 0.6
 #: Points of a pair at most.
-_POINTS = 120
+_POINTS = 150
 #: A point that is off by so many times its uncertainty counts half as much; first all count.
 _SCALES = (30.0, 2.0)
 _STEPS, _SETTLED = 40, 1e-4
@@ -107,10 +107,9 @@ class _Points:
         parts = []
         for (i, j), match in matches.items():
             chosen = np.sort(rng.permutation(len(match.first))[:_POINTS])
-            some = np.full(len(chosen), 1.0)
-            parts.append(
-                (i * some, j * some, match.first[chosen], match.second[chosen], some / match.uncertainty)
-            )
+            doubts = np.broadcast_to(match.uncertainty, len(match.first))[chosen]
+            some = np.ones(len(chosen))
+            parts.append((i * some, j * some, match.first[chosen], match.second[chosen], 1 / doubts))
         first, second, p, q, weight = (np.concatenate(column) for column in zip(*parts, strict=True))
         return cls(first.astype(np.intp), second.astype(np.intp), p, q, weight)
 
@@ -149,9 +148,9 @@ class _Problem:
         own = unknowns[2:].reshape(len(self.sizes), -1)
         if self.family == "rotation":
             focal = math.exp(unknowns[0])
-            return Rotation.from_rotvec(own).as_matrix() / np.array([focal, focal, 1.0])
+            return np.asarray(Rotation.from_rotvec(own).as_matrix() / np.array([focal, focal, 1.0]))
         ones = np.ones((len(own), 1))
-        return np.concatenate([own, ones], axis=1).reshape(-1, 3, 3) @ self._normal
+        return np.asarray(np.concatenate([own, ones], axis=1).reshape(-1, 3, 3) @ self._normal)
 
     @property
     def _normal(self) -> Floats:
@@ -341,24 +340,16 @@ def adjust_cameras(
     points = _Points.of(matches)
     likely, doubt = (usual, _USUAL) if focal is None else (focal, _SAID)
     problem = _Problem(sizes, points, "rotation", middle, likely, doubt, not fixed, False)
-    best: tuple[Floats, float] | None = None
     if start is not None:
         problem = replace(problem, middle=start.middle)
-        first = problem.unknowns(start.matrices, start.focal)
-        first[1] = start.distortion
-        best = problem.solved(first)
+        beginnings = [problem.unknowns(start.matrices, start.focal)]
+        beginnings[0][1] = start.distortion
     else:
-        starts = [focal] if focal is not None else _likely_focals(sizes, matches)
-        for guess in starts:
-            turns = np.tile(np.eye(3), (len(sizes), 1, 1))
-            lens = np.diag([1 / guess, 1 / guess, 1.0])
-            for index in order[1:]:
-                own = _centred(matches, sizes, int(before[index]), int(index))
-                turns[index] = turns[before[index]] @ _nearest_turn(lens @ own @ np.linalg.inv(lens))
-            found = problem.solved(problem.unknowns(turns @ lens, guess))
-            if best is None or found[1] < best[1]:
-                best = found
-    assert best is not None
+        guesses = [focal] if focal is not None else _likely_focals(sizes, matches)
+        beginnings = [
+            problem.unknowns(_chained(sizes, matches, guess, order, before), guess) for guess in guesses
+        ]
+    best = min((problem.solved(beginning) for beginning in beginnings), key=lambda found: found[1])
     unknowns, loss = best
     if distortion is not None:
         unknowns[1] = distortion
@@ -377,6 +368,22 @@ def adjust_cameras(
     )
 
 
+def _chained(
+    sizes: Floats,
+    matches: Mapping[Pair, Match],
+    focal: float,
+    order: npt.NDArray[np.intp],
+    before: npt.NDArray[np.intp],
+) -> Floats:
+    """(N, 3, 3) matrices of cameras with a focal length, one after another along a tree."""
+    turns = np.tile(np.eye(3), (len(sizes), 1, 1))
+    lens = np.diag([1 / focal, 1 / focal, 1.0])
+    for index in order[1:]:
+        own = _centred(matches, sizes, int(before[index]), int(index))
+        turns[index] = turns[before[index]] @ _nearest_turn(lens @ own @ np.linalg.inv(lens))
+    return np.asarray(turns @ lens)
+
+
 def _strengths(matches: Mapping[Pair, Match]) -> dict[Pair, float]:
     return {pair: float(match.features) for pair, match in matches.items()}
 
@@ -385,7 +392,7 @@ def _centred(matches: Mapping[Pair, Match], sizes: Floats, one: int, other: int)
     """(3, 3) homography from the centred pixels of one picture, `other`, to those of another."""
     matrix = matches[one, other].matrix if (one, other) in matches else matches[other, one].matrix
     if (one, other) not in matches:
-        matrix = np.linalg.inv(matrix)
+        matrix = np.asarray(np.linalg.inv(matrix), float)
     to_centre, back = np.eye(3), np.eye(3)
     to_centre[:2, 2] = -(sizes[one] - 1) / 2
     back[:2, 2] = (sizes[other] - 1) / 2

@@ -5,7 +5,7 @@ averaged first and then shifts.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -14,18 +14,22 @@ from toposeam.errors import OverlapError
 from toposeam.layers.labelling.problem import Pair
 from toposeam.layers.registration.outlier_pairs import averaged, evidence_of, named_pairs, voted
 from toposeam.layers.registration.pair_matching import Match
-from toposeam.layers.registration.pose_graph import Adjustment, adjusted, offsets
+from toposeam.layers.registration.pose_graph import FREEDOMS, Adjustment, adjusted, offsets
 
 #: A pair that is farther off than so many px does not fit.
 LARGEST_MISFIT = 1.0
 #: Nearer than this share of a picture's diagonal it is not another place: a lens or perspective.
-_ELSEWHERE = 0.02
+ELSEWHERE = 0.02
 
 Floats = npt.NDArray[np.float64]
 
 
 def without_contradictions(
-    names: list[str], sizes: Floats, matches: dict[Pair, Match]
+    names: list[str],
+    sizes: Floats,
+    matches: dict[Pair, Match],
+    freedoms: Sequence[str] = FREEDOMS,
+    largest: float = LARGEST_MISFIT,
 ) -> tuple[Adjustment, dict[Pair, Match]]:
     """Transforms that all pairs but those that are outvoted agree to, and those that agree.
 
@@ -37,6 +41,10 @@ def without_contradictions(
         Height and width of each, px.
     matches : dict of (int, int) to Match
         Which join all pictures.
+    freedoms : sequence of str
+        What pictures may do, the simplest first.
+    largest : float
+        A pair that is farther off, px, does not fit.
 
     Raises
     ------
@@ -45,16 +53,16 @@ def without_contradictions(
     """
 
     def solved(pairs: Collection[Pair]) -> tuple[Adjustment, dict[Pair, float]]:
-        solution = adjusted(sizes, {pair: matches[pair] for pair in pairs})
+        solution = adjusted(sizes, {pair: matches[pair] for pair in pairs}, freedoms)
         return solution, offsets(solution.transforms, matches)
 
     def of_most() -> dict[Pair, float]:
         return offsets(_majority(len(sizes), matches, evidence), matches)
 
     evidence = {pair: evidence_of(match.correlation, len(match.first)) for pair, match in matches.items()}
-    vote = voted(len(sizes), evidence, solved, of_most, LARGEST_MISFIT)
+    vote = voted(len(sizes), evidence, solved, of_most, largest)
     diagonals = np.hypot(*sizes.T)
-    elsewhere = [pair for pair in vote.wrong if vote.off[pair] > _ELSEWHERE * diagonals[list(pair)].min()]
+    elsewhere = [pair for pair in vote.wrong if vote.off[pair] > ELSEWHERE * diagonals[list(pair)].min()]
     if vote.clear and len(elsewhere) == len(vote.wrong):
         return vote.places, {pair: matches[pair] for pair in vote.kept}
     most = max(vote.off.values())
@@ -69,7 +77,12 @@ def without_contradictions(
             off=f"{most:.1f}",
             layers=_in(vote.wrong),
         )
-    raise OverlapError(
+    raise ambiguous(names, elsewhere, most)
+
+
+def ambiguous(names: list[str], elsewhere: list[Pair], most: float) -> OverlapError:
+    """The error about pairs that match elsewhere, up to so many px off."""
+    return OverlapError(
         "{names} match where the other pictures do not place them, up to {off} px off, "
         "and too little else shows which is right: what repeats itself matches in several"
         " places; leave such pictures out, or say where the pictures lie",

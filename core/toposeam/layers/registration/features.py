@@ -14,7 +14,8 @@ from toposeam.layers.canvas.layer import Layer
 
 Floats = npt.NDArray[np.float64]
 
-_REDUCED_PIXELS = 200_000
+#: Features are looked for in as many pixels, and patches laid on each other in as many.
+_REDUCED_PIXELS, _FINE_PIXELS = 200_000, 2_000_000
 _CONTRAST = 0.004  # of features, three times as faint as usual
 _BLUR = 8.0  # px; slower changes are exposure, not content
 _CLEARLY = 0.85  # distance of a feature that matches, by that of the next one
@@ -30,6 +31,13 @@ class Look:
     scale: int
     keypoints: Floats  #: (K, 2) x and y at full size
     descriptors: npt.NDArray[Any] | None
+    #: How many px of the picture a pixel of `detail` is wide.
+    fine: int = 1
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the picture, px."""
+        return self.detail.shape[1] * self.fine, self.detail.shape[0] * self.fine
 
     def __post_init__(self) -> None:
         for values in (self.detail, self.known, self.descriptors):
@@ -41,22 +49,31 @@ def look_at(picture: Layer) -> Look:
     """Detail and features of a picture."""
     from skimage import feature
 
-    known = picture.covered.copy()
-    gray = as_float(np.asarray(picture.image), picture.title, picture.data_range).mean(axis=2)
+    fine = max(1, int(np.ceil(np.sqrt(picture.image.shape[0] * picture.image.shape[1] / _FINE_PIXELS))))
+    known = _reduced(picture.covered.astype(np.float32), fine) == 1
+    gray = _reduced(as_float(np.asarray(picture.image), picture.title, picture.data_range).mean(axis=2), fine)
     gray[~known] = 0
     weight = scipy.ndimage.gaussian_filter(known.astype(np.float32), _BLUR)
     slow = scipy.ndimage.gaussian_filter(gray, _BLUR) / np.maximum(weight, 1e-6)
     detail = np.where(known, gray - slow, np.float32(0)).astype(np.float32)
     scale = max(1, int(np.ceil(np.sqrt(gray.size / _REDUCED_PIXELS))))
-    rows, columns = (size // scale * scale for size in gray.shape)
-    small = gray[:rows, :columns].reshape(rows // scale, scale, columns // scale, scale).mean(axis=(1, 3))
+    small = _reduced(gray, scale)
     sift: Any = feature.SIFT(c_dog=_CONTRAST)  # type: ignore[no-untyped-call]
     try:
         sift.detect_and_extract(small)
     except (RuntimeError, IndexError, ValueError):  # nothing to be found, or too small to look for anything
-        return Look(detail, known, scale, np.zeros((0, 2)), None)
-    points = (sift.keypoints[:, ::-1] + 0.5) * scale - 0.5
-    return Look(detail, known, scale, points.astype(float), sift.descriptors)
+        return Look(detail, known, scale * fine, np.zeros((0, 2)), None, fine)
+    points = (sift.keypoints[:, ::-1] + 0.5) * scale * fine - 0.5
+    return Look(detail, known, scale * fine, points.astype(float), sift.descriptors, fine)
+
+
+def _reduced(plane: npt.NDArray[np.float32], scale: int) -> npt.NDArray[np.float32]:
+    """Means of squares of so many px a side."""
+    if scale == 1:
+        return plane
+    rows, columns = (size // scale for size in plane.shape)
+    squares = plane[: rows * scale, : columns * scale].reshape(rows, scale, columns, scale)
+    return np.asarray(squares.mean(axis=(1, 3)), np.float32)
 
 
 def shared_features(a: Look, b: Look) -> npt.NDArray[np.intp]:

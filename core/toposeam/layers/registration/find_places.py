@@ -1,88 +1,72 @@
 """Places of pictures of which nobody says where they belong.
 
 1. Each picture, reduced, is described by its SIFT features (Lowe 2004,
-   doi:10.1023/B:VISI.0000029664.99615.94; scikit-image's). For two pictures those that match give a
-   similarity by RANSAC, and the overlap then has to correlate. Where many show the same, the pairs that share
-   most are enough.
-2. At full size, patches spread over each overlap are laid exactly by phase correlation to a twentieth of a
-   pixel.
-3. All patches of all pairs together give each picture's place, turn and scale by linear least squares
-   (:mod:`toposeam.layers.registration.pose_graph`), so that a loop of pictures closes. Where no picture is
-   turned or scaled, only places are sought, and pictures are placed by whole pixels. Pairs that match where
-   they do not belong, as what repeats itself does, are left out where others outvote them
-   (:mod:`toposeam.layers.registration.consensus`).
-
-Turned or scaled pictures are resampled, once, by cubic splines. What a similarity does not bring together -
-perspective, lenses - is refused; it is the business of Hugin, whose results ``toposeam enblend`` joins.
+   doi:10.1023/B:VISI.0000029664.99615.94; scikit-image's), and pairs of pictures by those that match.
+2. The poorest model that explains the pictures is taken, and adjusted to all pairs at once, so that loops
+   close. *Shift* and *similarity* (a turn and a scale) come first: patches of each overlap, laid exactly on
+   each other by phase correlation, give them by linear least squares
+   (:mod:`toposeam.layers.registration.pose_graph`). Then come a camera that *rotates* and homographies of one
+   *plane* (:mod:`toposeam.layers.registration.models`).
+3. Pairs that match where they do not belong, as what repeats itself does, are left out where others outvote
+   them (:mod:`toposeam.layers.registration.outlier_pairs`).
+4. Pictures that are only moved come to lie on whole pixels; others are warped once, by cubic splines.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import check_items, check_range
+from toposeam.checks import check_choice, check_items, check_range
 from toposeam.errors import OptionError, OverlapError
 from toposeam.layers.canvas.layer import Layer
-from toposeam.layers.canvas.resampling import placed
+from toposeam.layers.canvas.transforms import PROJECTIONS, PlaneTransform, Projection, Transform
+from toposeam.layers.canvas.warping import on_canvas
 from toposeam.layers.execution.tasks import Executor, check_executor
 from toposeam.layers.labelling.problem import Pair
-from toposeam.layers.registration.consensus import without_contradictions
-from toposeam.layers.registration.pair_matching import Match, find_matches, groups
-from toposeam.layers.registration.pose_graph import open_corners
-from toposeam.sentence import counted
+from toposeam.layers.registration.consensus import (
+    ELSEWHERE,
+    LARGEST_MISFIT,
+    ambiguous,
+    without_contradictions,
+)
+from toposeam.layers.registration.homography import find_homography
+from toposeam.layers.registration.models import Fit, Lens, fit_models
+from toposeam.layers.registration.pair_matching import Match, Sightings, groups
+from toposeam.layers.registration.panorama import View, camera_transforms, plane_transforms
+from toposeam.layers.registration.placement import MODELS, Model, Placement, Residual
+from toposeam.layers.registration.pose_graph import FREEDOMS, Adjustment, open_corners, residuals
 
 #: Least correlation of two overlaps that are taken to show the same.
 LEAST_CORRELATION = 0.5
-#: A picture of which more than so many px are open, one standard deviation at its corners, is refused: what
-#: is nearer is placed within half a pixel (benchmarks/placing.py).
+#: A picture of which more than so many px are open, one standard deviation at its corners, is refused where
+#: places are to be exact: what is nearer is placed within half a pixel (benchmarks/placing.py).
 LARGEST_DOUBT = 0.4
+#: Similarities that leave no more px are not compared with other models.
+_EXPLAINED = 0.6
+#: So many of the strongest pairs tell whether similarities may do: not where they leave so many times as much
+#: of the features as homographies do, and so many px of the reduced pictures more.
+_ASKED, _TIMES, _MORE = 6, 1.3, 0.5
 #: So many pictures are named at most that show something else.
 _NAMED = 8
 
 Floats = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Placement:
-    """Where pictures belong.
-
-    Examples
-    --------
-    >>> from skimage import data
-    >>> whole = data.camera()[100:260, :300]
-    >>> found = find_places([Layer(whole[:, :180], name="left"), Layer(whole[:, 120:], name="right")])
-    >>> found.places.shape, found.misfit < 1
-    ((2, 2), True)
-    """
-
-    #: Placed, and resampled where they are turned or scaled.
-    layers: tuple[Layer, ...]
-    #: (N, 2) px, x and y of each picture's upper left corner before rounding; the first one's is (0, 0).
-    places: Floats
-    #: (N,) degrees, clockwise, and (N,) factors.
-    turns: Floats
-    scales: Floats
-    #: Correlation of the overlap of each pair that was used.
-    correlations: dict[Pair, float]
-    #: Largest distance, px, between what one pair that was used says and where its pictures were placed.
-    misfit: float
-    #: Pairs that match in a place where the others do not put them, and that were not used.
-    outvoted: tuple[Pair, ...] = ()
-
-    def __repr__(self) -> str:
-        return (
-            f"Placement({len(self.layers)} pictures, {counted(len(self.correlations), 'pair')}, misfit "
-            f"{self.misfit:.2f} px)"
-        )
-
-
 def find_places(
     pictures: Sequence[Layer],
     *,
+    model: Model | str = "auto",
+    exact: bool = False,
+    focal: float | None = None,
+    lens: float | None = None,
+    projection: Projection | str = "auto",
+    level: bool = True,
+    centre: int | None = None,
     least_correlation: float = LEAST_CORRELATION,
     progress: Callable[[float], None] | None = None,
     executor: Executor | None = None,
@@ -92,10 +76,26 @@ def find_places(
     Parameters
     ----------
     pictures : sequence of Layer
-        At least two; where they lie is ignored. They may be shifted in any way, turned by up to 3° and scaled
-        by up to 3 %, in any order, and exposed differently.
+        At least two, in any order and exposed differently; where they lie is ignored.
+    model : {"auto", "shift", "similarity", "plane", "rotation"}
+        What may bring pictures together: moves; turns by up to 3° and scales by up to 3 %, too; homographies
+        of one plane; a camera that turns about one point. By default the poorest that explains them.
+    exact : bool
+        Refuse pictures that moves, turns and scales do not place exactly, and those that fit none of the
+        others, which are left out otherwise.
+    focal : float, optional
+        Focal length of the camera, px of the pictures; by default estimated.
+    lens : float, optional
+        Its radial distortion, b of Hugin (:mod:`toposeam.layers.canvas.transforms`); by default estimated
+        from three pictures on.
+    projection : {"auto", "flat", "cylinder", "sphere", "panini"}
+        How the canvas shows what a camera saw; by default as the field of view asks for.
+    level : bool
+        Whether the horizon is laid level; else the picture in the middle lies upright.
+    centre : int, optional
+        The picture that lies in the middle of the canvas, where a camera turned.
     least_correlation : float in (0, 1]
-        Of the overlap of two pictures that are taken to show the same.
+        Of the overlap of two pictures that similarities bring together.
     progress : callable, optional
         Called with the share of the work done, in [0, 1].
     executor : concurrent.futures.Executor, optional
@@ -108,7 +108,7 @@ def find_places(
     Raises
     ------
     OverlapError
-        When pictures fit none of the others, or pairs contradict each other and none outvotes the other; the
+        When no two pictures show the same, or pairs contradict each other and none outvotes the other; the
         text names them.
     OptionError
 
@@ -120,25 +120,110 @@ def find_places(
     >>> [layer.at for layer in find_places(pictures).layers]
     [(0, 0), (120, 0)]
     """
-    check_range(0, 1, above=True, least_correlation=least_correlation)
+    options = PlaceOptions(
+        model=model,
+        exact=exact,
+        focal=focal,
+        lens=lens,
+        projection=projection,
+        level=level,
+        centre=centre,
+        least_correlation=least_correlation,
+    )
     check_executor(executor)
-    return found_places(pictures, least_correlation, progress, executor, _placed_here)
+    return found_places(pictures, options, progress, executor, _placed_here)
 
 
-#: Pictures placed at x and y of (N, 2), turned by (N,) degrees and scaled by (N,).
-Places = Callable[[Sequence[Layer], Floats, Floats, Floats], Sequence[Layer]]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlaceOptions:
+    """Options of :func:`find_places`."""
+
+    model: Model | str = "auto"
+    exact: bool = False
+    focal: float | None = None
+    #: Whether the focal length is a first guess only, as of EXIF.
+    about: bool = False
+    lens: float | None = None
+    projection: Projection | str = "auto"
+    level: bool = True
+    centre: int | None = None
+    least_correlation: float = LEAST_CORRELATION
+
+    def check(self, count: int) -> None:
+        """Refuse options that mean nothing for so many pictures."""
+        check_choice("model", self.model, ("auto", *MODELS))
+        check_choice("projection", self.projection, ("auto", *PROJECTIONS))
+        check_range(0, 1, above=True, least_correlation=self.least_correlation)
+        if self.focal is not None:
+            check_range(0, math.inf, above=True, focal=self.focal)
+        if self.lens is not None:
+            check_range(-0.5, 0.5, lens=self.lens)
+        if self.exact and self.model in ("plane", "rotation"):
+            raise OptionError(
+                "exact is for moves, turns and scales, not for the model {model}; leave one of them out",
+                kind="conflict",
+                model=self.model,
+            )
+        if self.centre is not None and not 0 <= self.centre < count:
+            raise OptionError(
+                "centre is {value}; give the number of a picture, from 0 to {last}",
+                kind="choice",
+                value=self.centre,
+                last=count - 1,
+            )
 
 
-def _placed_here(pictures: Sequence[Layer], at: Floats, turns: Floats, scales: Floats) -> Sequence[Layer]:
-    return [
-        placed(picture, at=(float(u), float(v)), turn=float(turn), scale=float(scale))
-        for picture, (u, v), turn, scale in zip(pictures, at, turns, scales, strict=True)
-    ]
+#: Pictures laid on the canvas by transforms.
+Places = Callable[[Sequence[Layer], Sequence[Transform]], Sequence[Layer]]
+
+
+def _placed_here(pictures: Sequence[Layer], transforms: Sequence[Transform]) -> Sequence[Layer]:
+    return [on_canvas(picture, transform) for picture, transform in zip(pictures, transforms, strict=True)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Set:
+    """Pictures, what they show, and what is wanted of them."""
+
+    pictures: Sequence[Layer]
+    sightings: Sightings
+    options: PlaceOptions
+    executor: Executor | None
+
+    @property
+    def sizes(self) -> Floats:
+        """(N, 2) heights and widths."""
+        return np.array([picture.image.shape[:2] for picture in self.pictures], float)
+
+    @property
+    def names(self) -> list[str]:
+        return [picture.name for picture in self.pictures]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class _Found:
+    """Transforms of the pictures that belong together, by their numbers, and the pairs that say so."""
+
+    model: Model
+    numbers: Sequence[int]
+    transforms: Sequence[Transform]
+    matches: Mapping[Pair, Match]
+    #: (M,) px each, by pair.
+    off: Mapping[Pair, Floats]
+    outvoted: tuple[Pair, ...] = ()
+    focal: float | None = None
+    distortion: float = 0.0
+    projection: Projection | None = None
+    wrap: int | None = None
+
+    @property
+    def misfit(self) -> float:
+        return max(float(np.median(off)) for off in self.off.values())
 
 
 def found_places(
     pictures: Sequence[Layer],
-    least_correlation: float,
+    options: PlaceOptions,
     progress: Callable[[float], None] | None,
     executor: Executor | None,
     place: Places,
@@ -147,29 +232,227 @@ def found_places(
     pictures = check_items("pictures", pictures, Layer, "a sequence of Layers")
     if len(pictures) < 2:
         raise OptionError(f"{len(pictures)} picture was given; pass at least two")
+    options.check(len(pictures))
     report: Callable[[float], None] = progress or (lambda _: None)
-    matches, best = find_matches(pictures, least_correlation, report, executor)
-    _check_joined(pictures, matches, best, least_correlation)
-    sizes = np.array([picture.image.shape[:2] for picture in pictures])
-    solution, used = without_contradictions([picture.name for picture in pictures], sizes, matches)
-    _check_exact(pictures, open_corners(sizes, solution))
-    transforms = solution.transforms
-    turns = np.degrees(np.arctan2(transforms[:, 1], transforms[:, 0]))
-    scales = np.hypot(transforms[:, 0], transforms[:, 1])
-    layers = tuple(place(pictures, transforms[:, 2:], turns, scales))
+    given = _Set(pictures, Sightings(pictures, report, executor), options, executor)
+    found = _found(given)
+    numbers = list(found.numbers)
+    transforms = tuple(found.transforms)
+    layers = tuple(place([pictures[number] for number in numbers], transforms))
     report(1.0)
+    left_out = {
+        number: _reason(given, number, numbers) for number in range(len(pictures)) if number not in numbers
+    }
+    order = {number: index for index, number in enumerate(numbers)}
+    where = {(order[i], order[j]): (i, j) for i, j in found.matches}
     return Placement(
         layers=layers,
-        places=transforms[:, 2:],
-        turns=turns,
-        scales=scales,
-        correlations={pair: match.correlation for pair, match in used.items()},
-        misfit=solution.misfit,
-        outvoted=tuple(pair for pair in matches if pair not in used),
+        model=found.model,
+        sizes=tuple((int(width), int(height)) for height, width in given.sizes[numbers]),
+        transforms=transforms,
+        numbers=tuple(numbers),
+        left_out=left_out,
+        correlations={pair: found.matches[own].correlation for pair, own in where.items()},
+        residuals={
+            pair: Residual.of(
+                found.off[own],
+                transforms[pair[0]].to_canvas(found.matches[own].first),
+                found.matches[own].features or len(found.off[own]),
+            )
+            for pair, own in where.items()
+        },
+        misfit=found.misfit,
+        outvoted=tuple((order[i], order[j]) for i, j in found.outvoted if i in order and j in order),
+        focal=found.focal,
+        distortion=found.distortion,
+        projection=found.projection,
+        wrap=found.wrap,
     )
 
 
-def _check_joined(pictures: Sequence[Layer], matches: dict[Pair, Match], best: Floats, least: float) -> None:
+def _found(given: _Set) -> _Found:
+    """The poorest model that explains the pictures."""
+    model = given.options.model
+    if given.options.exact:
+        return _by_similarity(given, FREEDOMS if model != "shift" else FREEDOMS[:1], strict=True)
+    if model in ("shift", "similarity"):
+        return _by_similarity(given, FREEDOMS if model != "shift" else FREEDOMS[:1], strict=False)
+    if model != "auto":
+        return _by_perspective(given)
+    refused: OverlapError | None = None
+    similar: _Found | None = None
+    if not _is_perspective(given):
+        try:
+            similar = _by_similarity(given, FREEDOMS, strict=True, doubts=False)
+        except OverlapError as error:
+            if error.kind == "ambiguous":
+                raise
+            refused = error
+    if similar is not None and similar.misfit <= _EXPLAINED:
+        return similar
+    try:
+        other = _by_perspective(given)
+    except OverlapError:
+        if similar is not None:
+            return similar
+        if refused is None or refused.kind == "misfit":
+            raise
+        return _by_similarity(given, FREEDOMS, strict=False)
+    if similar is not None and similar.misfit <= _TIMES * other.misfit:
+        return similar
+    return other
+
+
+def _is_perspective(given: _Set) -> bool:
+    """Whether most of the strongest pairs say that no similarity brings them together."""
+    votes = []
+    looks = given.sightings.looks
+    for i, j in given.sightings.pairs[:_ASKED]:
+        shared = given.sightings.shared((i, j))
+        first, second = looks[i].keypoints[shared[:, 0]], looks[j].keypoints[shared[:, 1]]
+        scale = float(max(looks[i].scale, looks[j].scale))
+        found = find_homography(first, second, (looks[i].size, looks[j].size), 2.0 * scale)
+        if found is None or not found.verified:
+            continue
+        first, second = first[found.inliers] @ [1, 1j], second[found.inliers] @ [1, 1j]
+        own, other = first - first.mean(), second - second.mean()
+        left = np.abs(own - np.vdot(other, own) / np.vdot(other, other) * other)
+        seen = PlaneTransform(found.matrix).to_canvas(np.stack([second.real, second.imag], axis=1))
+        least = np.abs(first - seen @ [1, 1j])
+        votes.append(_rms(left) > _TIMES * _rms(least) + _MORE * scale)
+    return bool(votes) and sum(votes) > len(votes) / 2
+
+
+def _rms(values: npt.NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.nanmean(values**2)))
+
+
+def _by_similarity(given: _Set, freedoms: Sequence[str], *, strict: bool, doubts: bool = True) -> _Found:
+    """Moves, turns and scales; `strict` refuses pictures that do not fit, and what is left open."""
+    least = given.options.least_correlation
+    matches, best = given.sightings.matches("similarity", least)
+    numbers = list(range(len(given.pictures)))
+    if strict:
+        _check_joined(given.pictures, matches, best, least)
+    else:
+        numbers = _largest_group(given, matches, best)
+        matches = {pair: match for pair, match in matches.items() if pair[0] in numbers}
+    order = {number: index for index, number in enumerate(numbers)}
+    own = {(order[i], order[j]): match for (i, j), match in matches.items()}
+    sizes, names = given.sizes[numbers], [given.names[number] for number in numbers]
+    largest = LARGEST_MISFIT if strict else 0.02 * float(np.hypot(*sizes.T).min())
+    solution, used = without_contradictions(names, sizes, own, freedoms, largest)
+    if strict and doubts:
+        _check_exact([given.pictures[number] for number in numbers], open_corners(sizes, solution))
+    return _of_adjustment(solution, used, own, numbers)
+
+
+def _of_adjustment(
+    solution: Adjustment, used: Mapping[Pair, Match], own: Mapping[Pair, Match], numbers: Sequence[int]
+) -> _Found:
+    transforms = []
+    for a, b, u, v in solution.transforms:
+        transforms.append(PlaneTransform(np.array([[a, -b, u], [b, a, v], [0.0, 0.0, 1.0]])))
+    back = {pair: (numbers[pair[0]], numbers[pair[1]]) for pair in own}
+    turned = any(not np.array_equal(one.matrix[:2, :2], np.eye(2)) for one in transforms)
+    return _Found(
+        model="similarity" if turned else "shift",
+        numbers=numbers,
+        transforms=transforms,
+        matches={back[pair]: match for pair, match in used.items()},
+        off={back[pair]: residuals(solution.transforms, *pair, match) for pair, match in used.items()},
+        outvoted=tuple(back[pair] for pair in own if pair not in used),
+    )
+
+
+def _by_perspective(given: _Set) -> _Found:
+    """A plane, or a camera that turns."""
+    options = given.options
+    matches, best = given.sightings.matches("homography", options.least_correlation)
+    numbers = _largest_group(given, matches, best)
+    order = {number: index for index, number in enumerate(numbers)}
+    own = {(order[i], order[j]): match for (i, j), match in matches.items() if i in order}
+    fit = fit_models(
+        [given.sightings.looks[number] for number in numbers],
+        own,
+        ("plane", "rotation") if options.model == "auto" else (options.model,),  # type: ignore[arg-type]
+        Lens(
+            focal=options.focal,
+            fixed=options.focal is not None and not options.about,
+            distortion=options.lens,
+        ),
+        given.executor,
+    )
+    _check_contradictions([given.names[number] for number in numbers], fit)
+    return _of_fit(given, fit, numbers)
+
+
+def _of_fit(given: _Set, fit: Fit, numbers: Sequence[int]) -> _Found:
+    bundle, options = fit.bundle, given.options
+    transforms: Sequence[Transform]
+    width = projection = None
+    if bundle.family == "plane":
+        transforms = plane_transforms(bundle)
+    else:
+        asked = None if options.projection == "auto" else options.projection
+        centre = numbers.index(options.centre) if options.centre in numbers else None
+        view = View(projection=asked, level=options.level, centre=centre)  # type: ignore[arg-type]
+        cameras, width = camera_transforms(bundle, view)
+        transforms, projection = cameras, cameras[0].projection
+    back = {pair: (numbers[pair[0]], numbers[pair[1]]) for pair in (*fit.matches, *fit.outvoted)}
+    return _Found(
+        model=bundle.family,
+        numbers=numbers,
+        transforms=transforms,
+        matches={back[pair]: match for pair, match in fit.matches.items()},
+        off={back[pair]: bundle.off(pair, match) for pair, match in fit.matches.items()},
+        outvoted=tuple(back[pair] for pair in fit.outvoted),
+        focal=bundle.focal if bundle.family == "rotation" else None,
+        distortion=bundle.distortion,
+        projection=projection,
+        wrap=width,
+    )
+
+
+def _largest_group(given: _Set, matches: Mapping[Pair, Match], best: Floats) -> list[int]:
+    """The numbers of most pictures that pairs join."""
+    own = groups(len(given.pictures), matches)
+    sizes = np.bincount(own)
+    if sizes.max() < 2:
+        _check_joined(given.pictures, matches, best, given.options.least_correlation)
+    return np.flatnonzero(own == sizes.argmax()).tolist()
+
+
+def _reason(given: _Set, number: int, placed: Sequence[int]) -> str:
+    """Why a picture belongs to none of those that were placed."""
+    shared = {
+        other: len(given.sightings.shared((min(number, other), max(number, other)))) for other in placed
+    }
+    nearest = max(shared, key=lambda other: shared[other])
+    name = given.names[number]
+    if not shared[nearest]:
+        return f"{name} shares nothing with the other pictures"
+    return (
+        f"{name} shares {shared[nearest]} features with {given.names[nearest]}, but they lie differently in "
+        "both"
+    )
+
+
+def _check_contradictions(names: Sequence[str], fit: Fit) -> None:
+    """Refuse pairs that match elsewhere if the others do not outvote them."""
+    bundle = fit.bundle
+    if fit.clear or not fit.outvoted:
+        return
+    diagonals = np.hypot(*bundle.sizes.T)
+    off = {pair: float(np.median(bundle.off(pair, fit.matches[pair]))) for pair in fit.outvoted}
+    elsewhere = [pair for pair in fit.outvoted if off[pair] > ELSEWHERE * diagonals[list(pair)].min()]
+    if elsewhere:
+        raise ambiguous(list(names), elsewhere, max(off.values()))
+
+
+def _check_joined(
+    pictures: Sequence[Layer], matches: Mapping[Pair, Match], best: Floats, least: float
+) -> None:
     """Refuse pictures that are not joined to most of the others by pairs that agree, and name all of them."""
     own = groups(len(pictures), matches)
     sizes = np.bincount(own)

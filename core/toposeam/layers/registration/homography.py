@@ -77,9 +77,8 @@ def find_homography(
     local = _areas(matrix, second[inliers])
     if not (1 / _LARGEST_SCALE**2 < np.median(local) < _LARGEST_SCALE**2) or local.min() <= 0:
         return None
-    overlap = _within(applied(matrix, second), sizes[0]) | _within(
-        applied(np.linalg.inv(matrix), first), sizes[1]
-    )
+    inverse = np.asarray(np.linalg.inv(matrix), float)
+    overlap = _within(applied(matrix, second), sizes[0]) | _within(applied(inverse, first), sizes[1])
     return Homography(matrix, inliers, int(overlap.sum()))
 
 

@@ -9,26 +9,28 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-import scipy
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from toposeam.heat.threads import one_thread
 from toposeam.layers.canvas.layer import Layer
+from toposeam.layers.canvas.transforms import PlaneTransform
 from toposeam.layers.execution.tasks import Executor, results
 from toposeam.layers.labelling.problem import Pair
-from toposeam.layers.registration.features import Look, cornered, look_at, shared_features
+from toposeam.layers.registration.features import Look, look_at, shared_features
+from toposeam.layers.registration.homography import find_homography
+from toposeam.layers.registration.patches import find_patches
 
 #: Farthest that pictures may be turned against each other, degrees, and scaled, as a share.
 LARGEST_TURN, LARGEST_SCALE = 3.5, 0.035
-_LEAST_MATCHES, _LEAST_PATCHES = 5, 2
-_PATCH, _PATCHES = 64, 6  # px a side; in rows and columns of so many over the overlap
-_UPSAMPLING = 20
-_LEAST_OWN = 0.6  # correlation of a patch that counts
+_LEAST_MATCHES = 5
+#: Features that a homography brings nearer than so many px of the reduced pictures agree to it; one standard
+#: deviation of those.
+_TOLERANCE, _FEATURES = 2.0, 0.5
 #: Two pictures that so many forests of pairs already join, no pair in two of them, are not tried: the pairs
 #: of 12 pictures that all show the same are tried, and of more pictures up to so many for each.
 _FORESTS = 6
@@ -36,6 +38,7 @@ _FORESTS = 6
 _AT_ONCE = 64
 
 Floats = npt.NDArray[np.float64]
+Kind: TypeAlias = Literal["similarity", "homography"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,9 +50,9 @@ class Match:
     correlation: float
     #: Points of the second picture lie at these of the first, about: (3, 3).
     matrix: Floats = field(default_factory=lambda: np.eye(3))
-    #: Features that agree, and one standard deviation of a point, px.
+    #: Features that agree, and one standard deviation of each point or of all, px.
     features: int = 0
-    uncertainty: float = 1.0
+    uncertainty: float | Floats = 1.0
 
 
 def groups(count: int, pairs: Iterable[Pair]) -> npt.NDArray[np.intp]:
@@ -67,64 +70,84 @@ def _digest(picture: Layer) -> bytes:
     return hashed.digest()
 
 
-def find_matches(
-    pictures: Sequence[Layer],
-    least: float,
-    report: Callable[[float], None],
-    executor: Executor | None = None,
-) -> tuple[dict[Pair, Match], Floats]:
-    """The pairs that show the same, and the best correlation of each picture.
+class Sightings:
+    """What pictures show and which features pairs of them share.
 
-    Which features two pictures share is cheap to tell and asked of all pairs. Those that share most are tried
-    first, and the rest only where they join what few others do. Equal pictures are looked at once.
+    Which features two pictures share is cheap to tell and asked of all pairs. Equal pictures are looked at
+    once.
 
     Parameters
     ----------
     pictures : sequence of Layer
-    least : float
-        Correlation of pictures that show the same.
     report : callable
-        Called with the share of the work done, up to 0.9.
+        Called with the share of the work done, up to 0.5, and up to 0.9 by :meth:`matches`.
     executor : Executor, optional
         Where pictures and pairs are looked at.
     """
-    which = list(results(executor, _digest, pictures))
-    first = {digest: index for index, digest in reversed(list(enumerate(which)))}
-    different = sorted(set(which), key=lambda digest: first[digest])
-    seen: dict[bytes, Look] = {}
-    for look in results(executor, look_at, [pictures[first[digest]] for digest in different]):
-        seen[different[len(seen)]] = look
-        report(0.3 * len(seen) / len(different))
-    looks = [seen[digest] for digest in which]
-    pairs = list(combinations(range(len(looks)), 2))
-    shared = _shared(seen, ((which[i], which[j]) for i, j in pairs), report, executor)
-    pairs.sort(key=lambda pair: -len(shared[which[pair[0]], which[pair[1]]]))
-    known: dict[tuple[bytes, bytes], Match | None] = {}
-    matches: dict[Pair, Match] = {}
-    best = np.full(len(looks), -1.0)
-    trees = np.tile(np.arange(len(looks)), (_FORESTS, 1))  # which tree each picture is in, per forest
-    for number, (i, j) in enumerate(pairs):
-        key, apart = (which[i], which[j]), np.flatnonzero(trees[:, i] != trees[:, j])
-        if len(apart):
-            if key not in known:
-                # Elsewhere also the next ones that are tried unless what is found till then joins them.
-                following: dict[tuple[bytes, bytes], None] = {}
-                for k, n in pairs[number:] if executor is not None else [(i, j)]:
-                    if (trees[:, k] != trees[:, n]).any() and (which[k], which[n]) not in known:
-                        following[which[k], which[n]] = None
-                    if len(following) >= _AT_ONCE:
-                        break
-                items = [(seen[one], seen[other], shared[one, other]) for one, other in following]
-                known.update(zip(following, results(executor, _matched, items), strict=True))
-            match = known[key]
-            if match is not None:
-                best[[i, j]] = np.maximum(best[[i, j]], match.correlation)
-                if match.correlation >= least:
-                    matches[i, j] = match
-                    tree = trees[apart[0]]
-                    tree[tree == tree[j]] = tree[i]
-        report(0.5 + 0.4 * (number + 1) / len(pairs))
-    return dict(sorted(matches.items())), best
+
+    def __init__(
+        self, pictures: Sequence[Layer], report: Callable[[float], None], executor: Executor | None = None
+    ) -> None:
+        self._which = list(results(executor, _digest, pictures))
+        self._report, self._executor = report, executor
+        first = {digest: index for index, digest in reversed(list(enumerate(self._which)))}
+        different = sorted(set(self._which), key=lambda digest: first[digest])
+        self._seen: dict[bytes, Look] = {}
+        for look in results(executor, look_at, [pictures[first[digest]] for digest in different]):
+            self._seen[different[len(self._seen)]] = look
+            report(0.3 * len(self._seen) / len(different))
+        self.looks = [self._seen[digest] for digest in self._which]
+        pairs = list(combinations(range(len(self.looks)), 2))
+        which = self._which
+        self._shared = _shared(self._seen, ((which[i], which[j]) for i, j in pairs), report, executor)
+        #: All pairs, those first that share most.
+        self.pairs = sorted(pairs, key=lambda pair: -len(self.shared(pair)))
+
+    def shared(self, pair: Pair) -> npt.NDArray[np.intp]:
+        """(M, 2) numbers of the features that a pair shares."""
+        return self._shared[self._which[pair[0]], self._which[pair[1]]]
+
+    def matches(self, kind: Kind, least: float) -> tuple[dict[Pair, Match], Floats]:
+        """The pairs that show the same, and the best correlation of each picture.
+
+        Those that share most are tried first, and the rest only where they join what few others do.
+
+        Parameters
+        ----------
+        kind : {"similarity", "homography"}
+            What is to take one picture to the other.
+        least : float
+            Correlation of pictures that show the same, where it is a similarity.
+        """
+        which, seen = self._which, self._seen
+        known: dict[tuple[bytes, bytes], Match | None] = {}
+        matches: dict[Pair, Match] = {}
+        best = np.full(len(which), -1.0)
+        trees = np.tile(np.arange(len(which)), (_FORESTS, 1))  # which tree each picture is in, per forest
+        for number, (i, j) in enumerate(self.pairs):
+            key, apart = (which[i], which[j]), np.flatnonzero(trees[:, i] != trees[:, j])
+            if len(apart):
+                if key not in known:
+                    # Elsewhere also the next ones that are tried unless what is found till then joins them.
+                    following: dict[tuple[bytes, bytes], None] = {}
+                    for k, n in self.pairs[number:] if self._executor is not None else [(i, j)]:
+                        if (trees[:, k] != trees[:, n]).any() and (which[k], which[n]) not in known:
+                            following[which[k], which[n]] = None
+                        if len(following) >= _AT_ONCE:
+                            break
+                    items = [
+                        (kind, seen[one], seen[other], self._shared[one, other]) for one, other in following
+                    ]
+                    known.update(zip(following, results(self._executor, _matched, items), strict=True))
+                match = known[key]
+                if match is not None:
+                    best[[i, j]] = np.maximum(best[[i, j]], match.correlation)
+                    if match.correlation >= least or kind == "homography":
+                        matches[i, j] = match
+                        tree = trees[apart[0]]
+                        tree[tree == tree[j]] = tree[i]
+            self._report(0.5 + 0.4 * (number + 1) / len(self.pairs))
+        return dict(sorted(matches.items())), best
 
 
 def _shared(
@@ -156,8 +179,28 @@ def _shared_with(item: tuple[Look, Sequence[Look]]) -> list[npt.NDArray[np.intp]
 
 
 @one_thread()
-def _matched(item: tuple[Look, Look, npt.NDArray[np.intp]]) -> Match | None:
-    return _match(*item)
+def _matched(item: tuple[Kind, Look, Look, npt.NDArray[np.intp]]) -> Match | None:
+    kind, a, b, found = item
+    return _match(a, b, found) if kind == "similarity" else match_homography(a, b, found)
+
+
+def match_homography(a: Look, b: Look, found: npt.NDArray[np.intp]) -> Match | None:
+    """Features that both show and a homography brings together; None where too few agree."""
+    first, second = a.keypoints[found[:, 0]], b.keypoints[found[:, 1]]
+    sizes = (a.size, b.size)
+    scale = float(max(a.scale, b.scale))
+    homography = find_homography(first, second, sizes, _TOLERANCE * scale)
+    if homography is None or not homography.verified:
+        return None
+    inliers = homography.inliers
+    return Match(
+        first[inliers],
+        second[inliers],
+        math.nan,
+        matrix=homography.matrix,
+        features=int(inliers.sum()),
+        uncertainty=_FEATURES * scale,
+    )
 
 
 def _match(a: Look, b: Look, found: npt.NDArray[np.intp]) -> Match | None:
@@ -184,9 +227,10 @@ def _match(a: Look, b: Look, found: npt.NDArray[np.intp]) -> Match | None:
     matrix = np.asarray(model.params, float)
     match = None
     for _ in range(2):  # from about where they belong to exactly
-        match = _patches(a, b, matrix)
-        if match is None:
+        patches = find_patches(a, b, PlaneTransform(matrix))
+        if patches is None:
             return None
+        match = Match(patches.first, patches.second, patches.correlation)
         if len(match.first) >= 2:
             better = kind.from_estimate(match.second, match.first)
             if not better:
@@ -202,53 +246,3 @@ def _agree(a: Look, b: Look, found: npt.NDArray[np.intp]) -> bool:
     reach = 1.1 * reach + 8.0 * max(a.scale, b.scale)
     near = (np.abs(moved[:, np.newaxis] - moved[np.newaxis]) <= reach).all(axis=2)
     return bool(near.sum(axis=1).max() >= _LEAST_MATCHES)
-
-
-def _patches(a: Look, b: Look, matrix: Floats) -> Match | None:
-    """Patches of the overlap laid exactly on each other, `matrix` taking points of `b` to about where they
-    are in `a`.
-    """
-    from skimage.registration import phase_cross_correlation
-
-    height, width = b.detail.shape
-    corners = (
-        np.array([[0, 0, 1], [width - 1, 0, 1], [0, height - 1, 1], [width - 1, height - 1, 1]]) @ matrix.T
-    )
-    low = np.maximum(corners[:, :2].min(axis=0), 0)
-    high = np.minimum(corners[:, :2].max(axis=0), np.array(a.detail.shape[::-1]) - 1.0)
-    size = int(min(_PATCH, *(0.7 * (high - low))))
-    if size < 16:
-        return None
-    inverse = np.linalg.inv(matrix)
-    points_a, points_b, energy = [], [], np.zeros(3)
-    register: Any = phase_cross_correlation  # carries no types
-    tops, lefts = (np.linspace(low[k], high[k] - size + 1, _PATCHES).astype(int) for k in (1, 0))
-    for top in tops:
-        for left in lefts:
-            y, x = np.mgrid[top : top + size, left : left + size]
-            where = inverse[:2, :2] @ np.stack([x.ravel(), y.ravel()]) + inverse[:2, 2:]
-            inside = (where >= 0).all() and where[0].max() <= width - 1 and where[1].max() <= height - 1
-            if not inside or not a.known[top : top + size, left : left + size].all():
-                continue
-            one = a.detail[top : top + size, left : left + size]
-            if not b.known[np.rint(where[1]).astype(int), np.rint(where[0]).astype(int)].all():
-                continue
-            other = scipy.ndimage.map_coordinates(b.detail, where[::-1], order=1).reshape(one.shape)
-            shift = np.zeros(2)
-            if one.std() > 0 and other.std() > 0:
-                shift = register(one, other, upsample_factor=_UPSAMPLING, normalization=None)[0]
-            moved = scipy.ndimage.shift(other, shift, order=1)
-            first, second = one[4:-4, 4:-4], moved[4:-4, 4:-4]
-            products = np.array([(first * second).sum(), (first**2).sum(), (second**2).sum()], np.float64)
-            energy += products
-            own = float(products[0] / np.sqrt(max(products[1] * products[2], 1e-12)))
-            if own > _LEAST_OWN and cornered(one) and np.abs(shift).max() <= size / 4:
-                centre = np.array([left + (size - 1) / 2, top + (size - 1) / 2])
-                points_a.append(centre)
-                points_b.append(inverse[:2, :2] @ (centre - shift[::-1]) + inverse[:2, 2])
-    if energy[1] * energy[2] <= 0:
-        return None
-    correlation = float(energy[0] / np.sqrt(energy[1] * energy[2]))
-    if len(points_a) < _LEAST_PATCHES:
-        return Match(np.zeros((0, 2)), np.zeros((0, 2)), min(correlation, 0.0))
-    return Match(np.array(points_a), np.array(points_b), correlation)

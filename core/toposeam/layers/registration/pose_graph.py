@@ -6,6 +6,7 @@ picture i and at q in picture j; the first picture's is the identity.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,7 @@ _NOT_TURNED, _MATCHED = 0.35, 0.15
 #: Patches that do not lie within so many px of where the others say do not count.
 _OUTLIER = 1.0
 #: What pictures may do, the simplest first.
-_FREEDOMS = ("shift", "turn", "similarity")
+FREEDOMS = ("shift", "turn", "similarity")
 #: The unknowns of each, of a, b, u, v.
 _FREE = {"shift": (2, 3), "turn": (1, 2, 3), "similarity": (0, 1, 2, 3)}
 #: How many directions of all of them there are that change nothing between any two.
@@ -46,15 +47,15 @@ class Adjustment:
     freedom: str
 
 
-def adjusted(sizes: Floats, matches: dict[Pair, Match]) -> Adjustment:
+def adjusted(sizes: Floats, matches: dict[Pair, Match], freedoms: Sequence[str] = FREEDOMS) -> Adjustment:
     """All transforms of pictures of (N, 2) heights and widths: by shifts, or also by turns, or also by
     scales, as the Bayesian information criterion says (Schwarz 1978, doi:10.1214/aos/1176344136): what a few
     patches of one poor overlap would have is no reason to turn.
     """
-    shifted = least_squares(len(sizes), matches, _FREEDOMS[0])
-    if shifted.misfit <= _MATCHED:
+    shifted = least_squares(len(sizes), matches, freedoms[0])
+    if shifted.misfit <= _MATCHED or len(freedoms) == 1:
         return shifted
-    found = [shifted, *(least_squares(len(sizes), matches, freedom) for freedom in _FREEDOMS[1:])]
+    found = [shifted, *(least_squares(len(sizes), matches, freedom) for freedom in freedoms[1:])]
     chosen = found[_simplest([one.transforms for one in found], matches)]
     a, b = chosen.transforms.T[:2]
     return chosen if (np.hypot(a - 1, b) * np.hypot(*sizes.T)).max() > _NOT_TURNED else shifted
@@ -75,7 +76,7 @@ def _simplest(several: list[Floats], matches: dict[Pair, Match]) -> int:
     costs = [
         count * float(np.log1p((one / width) ** 2).mean())
         + len(_FREE[freedom]) * (len(several[0]) - 1) * float(np.log(count))
-        for one, freedom in zip(off, _FREEDOMS, strict=False)
+        for one, freedom in zip(off, FREEDOMS, strict=False)
     ]
     return int(np.argmin(costs))
 

@@ -1,0 +1,206 @@
+"""The poorest model that explains how pictures lie to each other: a plane, or a camera that turns.
+
+1. Features of all pairs are adjusted as homographies to one plane and as turns of one camera
+   (:mod:`toposeam.layers.registration.bundle_adjustment`); the camera, which has fewer unknowns, is taken
+   unless it leaves clearly more.
+2. Pairs that match where they do not belong are left out where others outvote them
+   (:mod:`toposeam.layers.registration.outlier_pairs`).
+3. Patches of each overlap, warped by the model, are laid on each other by phase correlation, and the model is
+   adjusted to them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.heat.threads import one_thread
+from toposeam.layers.canvas.transforms import NOWHERE, distorted
+from toposeam.layers.execution.tasks import Executor, results
+from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.registration.bundle_adjustment import (
+    Bundle,
+    Family,
+    adjust_cameras,
+    adjust_plane,
+    left_over,
+)
+from toposeam.layers.registration.features import Look
+from toposeam.layers.registration.homography import applied
+from toposeam.layers.registration.outlier_pairs import voted
+from toposeam.layers.registration.pair_matching import Match
+from toposeam.layers.registration.patches import Patches, find_patches
+
+Floats = npt.NDArray[np.float64]
+
+#: A camera may leave so many times as much as a plane, and so many px more of features and of patches.
+_POORER, _SLACK, _EXACT_SLACK = 1.3, 0.15, 0.4
+#: Rows and columns of patches; how many a pair needs to be adjusted to these alone; one standard deviation
+#: of one, px.
+_PATCHES, _ENOUGH, _EXACT = 8, 12, 0.25
+#: A pair that is off by more than so many px, and so many times the others' median, does not fit.
+_OFF, _TIMES = 6.0, 5.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lens:
+    """What is known of the camera."""
+
+    #: px, and whether it is exactly that.
+    focal: float | None = None
+    fixed: bool = False
+    #: b of the radial distortion; None where it is not known.
+    distortion: float | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Fit:
+    """A model adjusted to all pairs that agree."""
+
+    bundle: Bundle
+    #: What the pairs that agree share.
+    matches: dict[Pair, Match]
+    #: The pairs that the others outvoted, or that do not fit.
+    outvoted: tuple[Pair, ...]
+    #: Whether these were outvoted by several times their evidence.
+    clear: bool
+
+
+def fit_models(
+    looks: Sequence[Look],
+    matches: Mapping[Pair, Match],
+    families: Collection[Family],
+    lens: Lens,
+    executor: Executor | None = None,
+) -> Fit:
+    """Adjust the poorest of some models that explains the matches.
+
+    Parameters
+    ----------
+    looks : sequence of Look
+        Of all pictures, which the matches join.
+    matches : mapping from pairs to Match
+        Features that homographies bring together.
+    families : collection of {"plane", "rotation"}
+    lens : Lens
+    executor : Executor, optional
+        Where patches are laid on each other.
+    """
+    sizes = np.array([look.size for look in looks], float)
+
+    def adjust(family: Family, given: Mapping[Pair, Match], start: Bundle | None = None) -> Bundle:
+        if family == "plane":
+            return adjust_plane(sizes, given, start)
+        return adjust_cameras(
+            sizes, given, focal=lens.focal, fixed=lens.fixed, distortion=lens.distortion, start=start
+        )
+
+    found = {family: _voted(len(looks), matches, partial(adjust, family)) for family in families}
+    fit = next(iter(found.values()))
+    if len(found) > 1:
+        fit = found["rotation"] if _explains(found["rotation"], found["plane"], matches) else found["plane"]
+    exact = _with_patches(looks, fit, executor)
+    bundle = adjust(fit.bundle.family, exact, fit.bundle)
+    plane = found.get("plane", fit)
+    if bundle.family == "rotation" and plane is not fit and plane.matches.keys() == exact.keys():
+        other = adjust("plane", exact, plane.bundle)
+        if left_over(bundle, exact) > _POORER * left_over(other, exact) + _EXACT_SLACK:
+            fit = replace(plane, bundle=other, matches=exact)
+            exact = _with_patches(looks, fit, executor)
+            bundle = adjust("plane", exact, other)
+    return replace(fit, bundle=bundle, matches=exact)
+
+
+def _explains(poorer: Fit, richer: Fit, matches: Mapping[Pair, Match]) -> bool:
+    """Whether the poorer model leaves about as little as the richer one, and outvotes no more pairs."""
+    shared = [pair for pair in matches if pair in poorer.matches and pair in richer.matches]
+    if not shared or len(poorer.outvoted) > len(richer.outvoted):
+        return len(poorer.matches) > len(richer.matches)
+    if len(poorer.outvoted) < len(richer.outvoted):
+        return True
+    least = left_over(richer.bundle, matches, shared)
+    return left_over(poorer.bundle, matches, shared) <= _POORER * least + _SLACK
+
+
+def _voted(
+    count: int, matches: Mapping[Pair, Match], adjust: Callable[[Mapping[Pair, Match]], Bundle]
+) -> Fit:
+    """A model adjusted to the pairs that are not outvoted."""
+
+    def solved(pairs: Collection[Pair]) -> tuple[Bundle | None, dict[Pair, float]]:
+        try:
+            bundle = adjust({pair: matches[pair] for pair in pairs})
+        except np.linalg.LinAlgError:
+            return None, dict.fromkeys(matches, math.inf)
+        return bundle, {pair: float(np.median(bundle.off(pair, match))) for pair, match in matches.items()}
+
+    everything, off = solved(matches)
+    scale = max(float(np.max(match.uncertainty)) for match in matches.values())
+    largest = max(_OFF * scale, _TIMES * float(np.median(list(off.values()))))
+    if everything is not None and max(off.values()) <= largest:
+        return Fit(bundle=everything, matches=dict(matches), outvoted=(), clear=True)
+    evidence = {pair: float(match.features) for pair, match in matches.items()}
+    vote = voted(count, evidence, solved, lambda: off, largest)
+    if vote.places is None:
+        raise np.linalg.LinAlgError
+    kept = vote.kept if vote.clear else list(matches)
+    bundle = vote.places if vote.clear else everything
+    return Fit(
+        bundle=bundle or vote.places,
+        matches={pair: matches[pair] for pair in kept},
+        outvoted=tuple(vote.wrong),
+        clear=vote.clear,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Between:
+    """From the pixels of picture j to those of picture i, by a bundle."""
+
+    bundle: Bundle
+    i: int
+    j: int
+
+    def to_canvas(self, points: Floats) -> Floats:
+        return self._mapped(points, self.j, self.i, np.nan)
+
+    def to_picture(self, points: Floats) -> Floats:
+        return self._mapped(points, self.i, self.j, NOWHERE)
+
+    def _mapped(self, points: Floats, start: int, end: int, missing: float) -> Floats:
+        bundle = self.bundle
+        matrix = np.linalg.inv(bundle.matrices[end]) @ bundle.matrices[start]
+        flat = bundle.ideal(start, points.reshape(-1, 2))
+        depth = flat @ matrix[2, :2] + matrix[2, 2]
+        width, height = bundle.sizes[end].astype(int)
+        seen = distorted(applied(matrix, flat), (int(width), int(height)), (0.0, bundle.distortion, 0.0))
+        seen[~(depth > 0) | ~np.isfinite(seen).all(axis=1)] = missing
+        return seen.reshape(points.shape)
+
+
+def _with_patches(looks: Sequence[Look], fit: Fit, executor: Executor | None) -> dict[Pair, Match]:
+    """The matches with patches in front of the features; of many patches alone."""
+    items = [(looks[i], looks[j], _Between(fit.bundle, i, j)) for i, j in fit.matches]
+    better = {}
+    for (pair, match), laid in zip(fit.matches.items(), results(executor, _laid, items), strict=True):
+        if laid is None or not len(laid.first):
+            better[pair] = replace(match, correlation=math.nan if laid is None else laid.correlation)
+            continue
+        first, second, doubts = laid.first, laid.second, np.full(len(laid.first), _EXACT)
+        if len(first) < _ENOUGH:
+            own = np.full(len(match.first), match.uncertainty)
+            first, second = np.concatenate([first, match.first]), np.concatenate([second, match.second])
+            doubts = np.concatenate([doubts, own])
+        found = replace(match, first=first, second=second, uncertainty=doubts)
+        better[pair] = replace(found, correlation=laid.correlation)
+    return better
+
+
+@one_thread()
+def _laid(item: tuple[Look, Look, _Between]) -> Patches | None:
+    return find_patches(*item, count=_PATCHES)

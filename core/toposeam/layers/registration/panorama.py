@@ -1,0 +1,168 @@
+"""From adjusted pictures to transforms onto a canvas: the horizon level, the middle in the middle, and a
+projection that suits the field of view.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from toposeam.layers.canvas.transforms import CameraTransform, PlaneTransform, Projection
+from toposeam.layers.registration.bundle_adjustment import Bundle
+
+Floats = npt.NDArray[np.float64]
+
+#: Fields of view up to which a projection is chosen, degrees: across and down.
+_FLAT, _CYLINDER = (95.0, 80.0), 100.0
+#: What the mean of the cameras' own verticals says against the horizon that their turns share.
+_UPRIGHT = 0.002
+#: Steps of the circle in which the directions that pictures show are counted.
+_CIRCLE = 1440
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """How a canvas shows what a camera saw."""
+
+    #: None is chosen by the field of view.
+    projection: Projection | None = None
+    #: Whether the horizon is to be level.
+    level: bool = True
+    #: The picture that lies in the middle; by default the middle of all.
+    centre: int | None = None
+
+
+def plane_transforms(bundle: Bundle) -> tuple[PlaneTransform, ...]:
+    """Transforms of all pictures onto the pixels of the one in the middle."""
+    centres = np.tile(np.eye(3), (len(bundle.sizes), 1, 1))
+    centres[:, :2, 2] = (bundle.sizes - 1) / 2
+    middle = bundle.middle
+    frame = centres[middle] @ np.linalg.inv(bundle.matrices[middle])
+    matrices = frame @ bundle.matrices @ np.linalg.inv(centres)
+    return tuple(PlaneTransform(matrix / matrix[2, 2]) for matrix in matrices)
+
+
+def camera_transforms(bundle: Bundle, view: View) -> tuple[tuple[CameraTransform, ...], int | None]:
+    """Transforms of all pictures of a turning camera, and the canvas's width, px, if it goes all the way round.
+
+    Parameters
+    ----------
+    bundle : Bundle
+    view : View
+    """
+    turns = _upright(bundle, view.level)
+    rays = [_rays(bundle, turns, index) for index in range(len(turns))]
+    yaws, whole = _directions(rays)
+    if view.centre is not None:
+        forward = turns[view.centre][:, 2]
+        middle = math.atan2(forward[0], forward[2])
+    elif whole:
+        forward = turns[bundle.middle][:, 2]
+        middle = math.atan2(forward[0], forward[2])
+    else:
+        middle = (yaws[0] + yaws[1]) / 2
+    turns = _turn_down(middle) @ turns
+    across = math.degrees(yaws[1] - yaws[0])
+    pitches = np.concatenate([np.arcsin(np.clip(ray[:, 1], -1, 1)) for ray in rays])
+    low, high = float(pitches.min()), float(pitches.max())
+    projection = view.projection or _suitable(across, math.degrees(high - low), math.degrees(max(-low, high)))
+    if projection == "flat":
+        turns = _pitched((low + high) / 2 if view.centre is None else _pitch(turns[view.centre])) @ turns
+    round_way = whole and projection in ("cylinder", "sphere")
+    width = round(2 * math.pi * bundle.focal) if round_way else None
+    radius = bundle.focal if width is None else width / (2 * math.pi)
+    return (
+        tuple(
+            CameraTransform(
+                size=(int(width_), int(height)),
+                rotation=turn,
+                focal=bundle.focal,
+                projection=projection,
+                radius=radius,
+                lens=(0.0, bundle.distortion, 0.0),
+            )
+            for (width_, height), turn in zip(bundle.sizes, turns, strict=True)
+        ),
+        width,
+    )
+
+
+def _suitable(across: float, down: float, steepest: float) -> Projection:
+    """The projection that suits a field of view, degrees, and how steep it looks at most."""
+    if across <= _FLAT[0] and down <= _FLAT[1]:
+        return "flat"
+    return "cylinder" if 2 * steepest <= _CYLINDER else "sphere"
+
+
+def _upright(bundle: Bundle, level: bool) -> Floats:
+    """(N, 3, 3) turns of the cameras in a frame whose y axis points down.
+
+    People turn a camera about the vertical and hold it level across: the horizontal axes of all pictures lie
+    in the plane of the horizon (Brown and Lowe 2007, section 5). Where they do not tell, as of a tower from
+    its foot to its top, the pictures' own verticals do.
+    """
+    turns = bundle.rotations
+    if not level:
+        return np.asarray(turns[bundle.middle].T @ turns)
+    across, own = turns[:, :, 0], turns[:, :, 1].mean(axis=0)
+    own /= np.linalg.norm(own)
+    spread = across.T @ across / len(across) - _UPRIGHT * np.outer(own, own)
+    down = np.linalg.eigh(spread)[1][:, 0]
+    down *= 1 if down @ own >= 0 else -1
+    forward = turns[bundle.middle][:, 2]
+    forward = forward - down * (down @ forward)
+    if np.linalg.norm(forward) < 1e-3:  # straight up or down: nothing is level
+        return np.asarray(turns[bundle.middle].T @ turns)
+    forward /= np.linalg.norm(forward)
+    return np.asarray(np.stack([np.cross(down, forward), down, forward]) @ turns)
+
+
+def _rays(bundle: Bundle, turns: Floats, index: int) -> Floats:
+    """(M, 3) directions that a picture shows."""
+    width, height = bundle.sizes[index]
+    x, y = np.linspace(0, width - 1, 33), np.linspace(0, height - 1, 33)
+    points = bundle.ideal(index, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)) / bundle.focal
+    rays = np.append(points, np.ones((len(points), 1)), axis=1) @ turns[index].T
+    return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
+
+
+def _directions(rays: Sequence[Floats]) -> tuple[tuple[float, float], bool]:
+    """Between which angles about the vertical pictures show something, and whether all the way round."""
+    shown = np.zeros(_CIRCLE, bool)
+    for ray in rays:
+        yaw = np.arctan2(ray[:, 0], ray[:, 2])
+        centre = math.atan2(ray[:, 0].mean(), ray[:, 2].mean())
+        off = (yaw - centre + math.pi) % (2 * math.pi) - math.pi
+        low, high = ((centre + angle) / (2 * math.pi) * _CIRCLE for angle in (off.min(), off.max()))
+        shown[np.arange(math.floor(low), math.ceil(high)) % _CIRCLE] = True
+    if shown.all():
+        return (-math.pi, math.pi), True
+    # The largest gap is behind.
+    hidden = np.flatnonzero(~shown)
+    runs = np.split(hidden, np.flatnonzero(np.diff(hidden) > 1) + 1)
+    if len(runs) > 1 and runs[0][0] == 0 and runs[-1][-1] == _CIRCLE - 1:
+        runs = [np.concatenate([runs[-1] - _CIRCLE, runs[0]]), *runs[1:-1]]
+    gap = max(runs, key=len)
+    first, last = gap[-1] + 1, gap[0] + _CIRCLE
+    low, high = (value / _CIRCLE * 2 * math.pi for value in (first, last))
+    return (low, high), False
+
+
+def _turn_down(yaw: float) -> Floats:
+    """(3, 3): brings a direction about the vertical to the front."""
+    cosine, sine = math.cos(yaw), math.sin(yaw)
+    return np.array([[cosine, 0, -sine], [0, 1, 0], [sine, 0, cosine]])
+
+
+def _pitched(pitch: float) -> Floats:
+    """(3, 3): brings a direction below the horizon to the front."""
+    cosine, sine = math.cos(pitch), math.sin(pitch)
+    return np.array([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]])
+
+
+def _pitch(turn: Floats) -> float:
+    return math.asin(max(-1.0, min(1.0, float(turn[1, 2]))))

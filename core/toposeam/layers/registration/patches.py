@@ -1,0 +1,119 @@
+"""Patches of the overlap of two pictures, laid exactly on each other by phase correlation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import scipy
+
+from toposeam.layers.canvas.transforms import Transform
+from toposeam.layers.registration.features import Look, cornered
+
+Floats = npt.NDArray[np.float64]
+
+_PATCH, _PATCHES = 64, 6  # px a side; in rows and columns of so many over the overlap
+_LEAST_PATCHES, _LEAST_SIDE = 2, 16
+_UPSAMPLING = 20
+_LEAST_OWN = 0.6  # correlation of a patch that counts
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Patches:
+    """Centres of patches in one picture and in another, and the correlation of their overlap."""
+
+    first: Floats
+    second: Floats
+    correlation: float
+
+
+def find_patches(a: Look, b: Look, transform: Transform, count: int = _PATCHES) -> Patches | None:
+    """Lay patches of the overlap exactly on each other.
+
+    Parameters
+    ----------
+    a, b : Look
+    transform : Transform
+        Takes points of `b` to about where they are in `a`, px.
+    count : int
+        Rows and columns of patches over the overlap.
+
+    Returns
+    -------
+    Patches or None
+        None where the overlap is too small or shows nothing.
+    """
+    from skimage.registration import phase_cross_correlation
+
+    height, width = b.detail.shape
+    edges = np.linspace(0, 1, 9)[:, np.newaxis]
+    border = np.concatenate([np.append(edges, 0 * edges + side, 1) for side in (0, 1)])
+    border = np.concatenate([border, border[:, ::-1]]) * (np.array([width, height]) - 1.0)
+    transform = _Reduced(transform, a.fine, b.fine)
+    reached = transform.to_canvas(border)
+    reached = reached[np.isfinite(reached).all(axis=1)]
+    if not len(reached):
+        return None
+    low = np.maximum(reached.min(axis=0), 0)
+    high = np.minimum(reached.max(axis=0), np.array(a.detail.shape[::-1]) - 1.0)
+    size = int(min(_PATCH, *(0.7 * (high - low))))
+    if size < _LEAST_SIDE:
+        return None
+    points_a, points_b, energy = [], [], np.zeros(3)
+    register: Any = phase_cross_correlation  # carries no types
+    tops, lefts = (np.linspace(low[k], high[k] - size + 1, count).astype(int) for k in (1, 0))
+    for top in tops:
+        for left in lefts:
+            if not a.known[top : top + size, left : left + size].all():
+                continue
+            y, x = np.mgrid[top : top + size, left : left + size]
+            where = transform.to_picture(np.stack([x.ravel(), y.ravel()], axis=1).astype(float)).T
+            if (where < 0).any() or where[0].max() > width - 1 or where[1].max() > height - 1:
+                continue
+            one = a.detail[top : top + size, left : left + size]
+            if not b.known[np.rint(where[1]).astype(int), np.rint(where[0]).astype(int)].all():
+                continue
+            other = scipy.ndimage.map_coordinates(b.detail, where[::-1], order=1).reshape(one.shape)
+            shift = np.zeros(2)
+            if one.std() > 0 and other.std() > 0:
+                shift = register(one, other, upsample_factor=_UPSAMPLING, normalization=None)[0]
+            moved = scipy.ndimage.shift(other, shift, order=1)
+            first, second = one[4:-4, 4:-4], moved[4:-4, 4:-4]
+            products = np.array([(first * second).sum(), (first**2).sum(), (second**2).sum()], np.float64)
+            energy += products
+            own = float(products[0] / np.sqrt(max(products[1] * products[2], 1e-12)))
+            if own > _LEAST_OWN and cornered(one) and np.abs(shift).max() <= size / 4:
+                centre = np.array([left + (size - 1) / 2, top + (size - 1) / 2])
+                points_a.append(centre)
+                points_b.append(transform.to_picture(centre - shift[::-1]))
+    if energy[1] * energy[2] <= 0:
+        return None
+    correlation = float(energy[0] / np.sqrt(energy[1] * energy[2]))
+    if len(points_a) < _LEAST_PATCHES:
+        return Patches(np.zeros((0, 2)), np.zeros((0, 2)), min(correlation, 0.0))
+    return Patches(_full(np.array(points_a), a.fine), _full(np.array(points_b), b.fine), correlation)
+
+
+@dataclass(frozen=True, slots=True)
+class _Reduced:
+    """A transform between two reduced pictures."""
+
+    transform: Transform
+    first: int
+    second: int
+
+    def to_canvas(self, points: Floats) -> Floats:
+        return _small(self.transform.to_canvas(_full(points, self.second)), self.first)
+
+    def to_picture(self, points: Floats) -> Floats:
+        return _small(self.transform.to_picture(_full(points, self.first)), self.second)
+
+
+def _full(points: Floats, scale: int) -> Floats:
+    return points if scale == 1 else (points + 0.5) * scale - 0.5
+
+
+def _small(points: Floats, scale: int) -> Floats:
+    return points if scale == 1 else (points + 0.5) / scale - 0.5

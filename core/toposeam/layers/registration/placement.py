@@ -1,0 +1,116 @@
+"""What is found out about the places of pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias, get_args
+
+import numpy as np
+
+from toposeam.layers.canvas.layer import Layer
+from toposeam.layers.canvas.transforms import Floats, Projection, Transform
+from toposeam.layers.labelling.problem import Pair
+from toposeam.sentence import counted
+
+Model: TypeAlias = Literal["shift", "similarity", "plane", "rotation"]
+#: The poorest first.
+MODELS: tuple[Model, ...] = get_args(Model)
+
+
+@dataclass(frozen=True, slots=True)
+class Residual:
+    """What is left between two pictures at the points that they share."""
+
+    #: px, in the median and at the farthest twentieth.
+    median: float
+    farthest: float
+    #: x and y on the canvas, px, where the points lie farthest apart.
+    near: tuple[float, float]
+    #: Points, and features that agreed.
+    points: int
+    features: int
+
+    @classmethod
+    def of(cls, off: Floats, at: Floats, features: int) -> Residual:
+        """From (M,) distances and (M, 2) points of the canvas."""
+        if not len(off):
+            return cls(0.0, 0.0, (0.0, 0.0), 0, features)
+        farthest = float(np.percentile(off, 95))
+        x, y = at[int(np.argmin(np.abs(off - farthest)))]
+        return cls(float(np.median(off)), farthest, (float(x), float(y)), len(off), features)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Placement:
+    """Where pictures belong.
+
+    Examples
+    --------
+    >>> from skimage import data
+    >>> from toposeam.layers.registration.find_places import find_places
+    >>> whole = data.camera()[100:260, :300]
+    >>> found = find_places([Layer(whole[:, :180], name="left"), Layer(whole[:, 120:], name="right")])
+    >>> found.places.shape, found.misfit < 1
+    ((2, 2), True)
+    """
+
+    #: Placed, and warped where they are more than moved.
+    layers: tuple[Layer, ...]
+    #: What brings the pictures together.
+    model: Model
+    #: Width and height of each placed picture, px, before it was warped.
+    sizes: tuple[tuple[int, int], ...]
+    #: Of each, from its pixels to the canvas.
+    transforms: tuple[Transform, ...]
+    #: Which of the pictures that were given these are, and why the others are none.
+    numbers: tuple[int, ...]
+    left_out: Mapping[int, str] = field(default_factory=dict)
+    #: Correlation of the overlap of each pair that was used, and what is left there; pairs are of `layers`.
+    correlations: dict[Pair, float]
+    residuals: dict[Pair, Residual]
+    #: Largest median of a pair, px.
+    misfit: float
+    #: Pairs that match in a place where the others do not put them, and that were not used.
+    outvoted: tuple[Pair, ...] = ()
+    #: Of a camera: px, b of its radial distortion, how the canvas shows what it saw, and the canvas's width
+    #: if that goes all the way round.
+    focal: float | None = None
+    distortion: float = 0.0
+    projection: Projection | None = None
+    wrap: int | None = None
+
+    @property
+    def places(self) -> Floats:
+        """(N, 2) px, x and y of each picture's upper left corner on the canvas."""
+        return np.array(
+            [
+                corner if np.isfinite(corner).all() else layer.at
+                for corner, layer in zip((local[0] for local in self._locals(0.0)), self.layers, strict=True)
+            ]
+        )
+
+    @property
+    def turns(self) -> Floats:
+        """(N,) degrees clockwise, in the middle of each picture."""
+        return np.array([np.degrees(np.arctan2(local[1][1], local[1][0])) for local in self._locals(0.5)])
+
+    @property
+    def scales(self) -> Floats:
+        """(N,) factors, in the middle of each picture."""
+        return np.array([np.hypot(*local[1]) for local in self._locals(0.5)])
+
+    def _locals(self, share: float) -> list[tuple[Floats, Floats]]:
+        """A point of each picture on the canvas, and where one px to the right takes it."""
+        found = []
+        for size, transform in zip(self.sizes, self.transforms, strict=True):
+            at = share * (np.array(size) - 1.0)
+            here, there = transform.to_canvas(np.stack([at, at + np.array([1, 0])]))
+            found.append((here, there - here))
+        return found
+
+    def __repr__(self) -> str:
+        return (
+            f"Placement({len(self.layers)} pictures by {self.model}, "
+            f"{counted(len(self.correlations), 'pair')}, misfit {self.misfit:.2f} px)"
+        )

@@ -21,8 +21,10 @@ from toposeam.layers.canvas.layer import Box
 from toposeam.layers.canvas.transforms import CameraTransform, Floats, Projection
 from toposeam_cli.files.tables import read_text
 
-#: Control points of a thousand pictures fit.
-_LARGEST_BYTES = 64 * 2**20
+#: A quarter of a million control points fit.
+_LARGEST_BYTES = 16 * 2**20
+#: What follows in a line is ignored.
+_LONGEST_LINE = 20_000
 _MOST_PICTURES = 1000
 _LONGEST_PX = 10**6
 #: Hugin's number of a projection, and the widest field of view, degrees. 19 is the general Panini projection;
@@ -58,6 +60,8 @@ _UNKNOWN = {
     **dict.fromkeys(("TrX", "TrY", "TrZ"), "taken from another place"),
 }
 _REMEDY = "let nona -m TIFF_m warp the pictures, and join them by toposeam enblend"
+#: A panorama, a picture, or what Hugin notes of a picture.
+_LINE = re.compile(r"^(?:[pi] |#-hugin ).*", re.MULTILINE)
 _TOKEN = re.compile(r'(?:^|\s)([A-Za-z]+)("[^"]*"|\S*)')
 #: What no name in a project can have; surrogates stand for what is not UTF-8.
 _UNNAMED = re.compile(r'[\x00-\x1f\x7f"\ud800-\udfff]')
@@ -109,14 +113,14 @@ def read_project(path: Path) -> HuginProject:
     OptionError
         If it cannot be read or has what no :class:`CameraTransform` does; the text tells where.
     """
-    lines = read_text(path, "a Hugin project", _LARGEST_BYTES).replace("\r", "\n").split("\n")
+    lines = _LINE.findall(read_text(path, "a Hugin project", _LARGEST_BYTES).replace("\r", "\n"))
     panorama = next((_tokens(line) for line in lines if line.startswith("p ")), None)
-    entries = [_tokens(line) for line in lines if line.startswith("i ")]
-    if panorama is None or not entries:
+    listed = [line for line in lines if line.startswith("i ")]
+    if panorama is None or not listed:
         missing = "panorama (a line p)" if panorama is None else "pictures (lines i)"
         raise ts.OptionError(f"'{path}' has no {missing}, so it is not a Hugin project; check its name")
-    if len(entries) > _MOST_PICTURES:
-        raise ts.OptionError(f"'{path}' has {len(entries)} pictures; keep to {_MOST_PICTURES} at most")
+    if len(listed) > _MOST_PICTURES:
+        raise ts.OptionError(f"'{path}' has {len(listed)} pictures; keep to {_MOST_PICTURES} at most")
     whole = f"'{path}', line p,"
     values = _values(whole, panorama, _PANORAMA)
     projection = _projection(whole, panorama, values)
@@ -127,13 +131,14 @@ def read_project(path: Path) -> HuginProject:
     left_out = []
     known: list[dict[str, float]] = []
     stacks = set()
-    for index, entry in enumerate(entries):
+    for index, line in enumerate(listed):
+        entry = _tokens(line)
         name = entry.get("n", "").strip('"')
-        where = f"'{path}', picture {index} ({name[:80]}),"
-        known.append(_values(where, entry, _PICTURE, known))
         if not name.strip() or _UNNAMED.search(name):
             raise ts.OptionError(f"'{path}', picture {index} has no file name; write it as n\"picture.jpg\"")
-        if len(marks) == len(entries) and "disabled" in marks[index]:
+        where = f"'{path}', picture {index} ({name[:80]}),"
+        known.append(_values(where, entry, _PICTURE, known))
+        if len(marks) == len(listed) and "disabled" in marks[index]:
             left_out.append((name, "disabled in Hugin"))
             continue
         if known[index]["j"] in stacks:
@@ -195,11 +200,17 @@ def project_text(
     Raises
     ------
     OptionError
-        For names that no project can hold.
+        For names that no project can hold, and panoramas wider than a project may have.
     """
     number, widest = _PROJECTIONS[projection]
     size = _even(projection, size)
-    turn = min(_turn(projection, size[0], radius), widest)
+    turn = _turn(projection, size[0], radius)
+    if turn > widest * (1 + 2 / size[0]):
+        raise ts.OptionError(
+            f"a Hugin project shows {widest:g} degrees at most in this projection, not {turn:.1f}; crop the "
+            "panorama, or choose another projection"
+        )
+    turn = min(turn, widest)
     exposures = [picture.exposure for picture in pictures if picture.exposure is not None]
     usual = sum(exposures) / len(exposures) if exposures else 0.0
     shape = f' P"{_PLAIN_PANINI}"' if projection == "panini" else ""
@@ -243,7 +254,7 @@ def project_text(
 
 def _tokens(line: str) -> dict[str, str]:
     """Return the values of a line; the first of each name counts."""
-    return dict(reversed(_TOKEN.findall(line[1:])))
+    return dict(reversed(_TOKEN.findall(line[1:_LONGEST_LINE])))
 
 
 def _values(

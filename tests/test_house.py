@@ -59,7 +59,8 @@ ARROWS = {
     "toposeam_cli.app": CLI_CORE | {"toposeam_cli.files", "toposeam_cli.jobs"},
     "toposeam_cli.files": CLI_CORE,
     "toposeam_cli.jobs": CLI_CORE | {"toposeam_cli.files"},
-    "toposeam_cli.media": CLI_CORE | {"toposeam_cli.files", "toposeam.motif", "toposeam.vector"},
+    "toposeam_cli.media": CLI_CORE
+    | {"toposeam_cli.files", "toposeam.layers", "toposeam.motif", "toposeam.vector"},
     "toposeam_cli.figures": CLI_CORE | {"toposeam_cli.files", "toposeam_cli.media"},
     "toposeam_cli.gimp": CLI_CORE | {"toposeam_cli.files", "toposeam_gimp"},
     "toposeam_cli.batch": CLI_CORE | {"toposeam_cli.files", "toposeam_cli.app"},

@@ -180,15 +180,15 @@ def _job(entry: Entry, settings: Mapping[str, Any], name: str | None, found: str
 
 def _named_in(path: Path) -> tuple[Path, ...]:
     """Return the files that a layout names."""
-    if path.suffix.lower() in (".toml", ".json"):
-        from toposeam_cli.media.pictures.layout import read_layout
+    if path.suffix.lower() in (".toml", ".json", ".pto"):
+        from toposeam_cli.stitching.inputs import layout_in
 
         with suppress(
             TopoSeamError
         ):  # it is another kind of file, or its job will tell what is wrong with it
             return tuple(
                 file
-                for layer in read_layout(path)
+                for layer in layout_in(path).layers
                 for file in (layer.file, layer.mask, layer.keep)
                 if file is not None
             )

@@ -35,6 +35,8 @@ from toposeam_cli.jobs.crew import processes_of
 from toposeam_cli.media.pictures.picture import COMPRESSIONS
 from toposeam_cli.stitching.inputs import PlacedPictures, arrange, saved_layout
 from toposeam_cli.stitching.outputs import Outputs, check_outputs, crop_of, cropped, write
+from toposeam_cli.stitching.place_options import Finding, finding_options, with_defaults
+from toposeam_cli.stitching.placement_report import found_of, misfits
 from toposeam_cli.stitching.positions import ORDERS, Where, width_round
 from toposeam_cli.stitching.report import describe, hidden, is_read, summary_of_all, told_of
 from toposeam_cli.stitching.search_options import (
@@ -81,10 +83,11 @@ from toposeam_cli.stitching.windowed_output import describe_totals, make, summar
     help="With --grid: how the pictures follow each other; rows by default.",
 )
 @placement(500.0)
+@finding_options
 @click.option(
     "--save-layout",
     type=OUTPUT,
-    help="Also write where the pictures lie, as a layout (.toml) to give instead.",
+    help="Also write where the pictures lie, as a layout (.toml) to give instead, or for Hugin (.pto).",
 )
 @click.option(
     "--report",
@@ -137,19 +140,19 @@ from toposeam_cli.stitching.windowed_output import describe_totals, make, summar
     "--plain", is_flag=True, help="With --method thesis: its algorithms as they are written, without ours."
 )
 @click.option(
-    "--match-tones", is_flag=True, help="First take exposure steps out: one gain per picture and channel."
+    "--match-tones/--no-match-tones",
+    default=None,
+    help="First take exposure steps out: one gain per picture and channel.",
 )
 @click.option(
-    "--match-shading",
-    is_flag=True,
+    "--match-shading/--no-match-shading",
+    default=None,
     help="The same, and that lenses darken towards the corners: a smooth gain field per picture.",
 )
 @click.option(
     "--blend",
     type=click.Choice(ts.BLENDS),
-    default="none",
-    show_default=True,
-    help="What happens across the seams.",
+    help="What happens across the seams; multiband for photographs, else none.",
 )
 @click.option(
     "--blend-width",
@@ -206,9 +209,9 @@ from toposeam_cli.stitching.windowed_output import describe_totals, make, summar
 def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: Any) -> dict[str, Any]:
     """Join pictures where they overlap, along seams that nobody sees.
 
-    A is the first picture, or an OpenRaster file (.ora) or layout (.toml, .json) with all of them; later
-    pictures lie on top. Where nobody says where they lie, nor TIFF files as Hugin's nona writes them, that
-    is found out from what they show.
+    A is the first picture, or an OpenRaster file (.ora), layout (.toml, .json) or Hugin project (.pto) with
+    all of them; later pictures lie on top. Where nobody says where they lie, nor TIFF files as Hugin's nona
+    writes them, that is found out from what they show, and pictures are warped as they need it.
 
     \b
     toposeam stitch *.jpg -o all.jpg
@@ -221,15 +224,17 @@ def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: 
     if given["offset"] is not None and len(given["offset"]) == 3:
         return _stitch_clips(files, given)
     where, find, out = taken(Where, given), taken(SeamOptions, given), taken(Outputs, given)
+    finding = taken(Finding, given)
     check_outputs(out)
     check_finding(find, out, given["dask"])
     with means_of(out.output.parent, files, processes_of(given["processes"]), given["dask"]) as means:
-        return _stitch(files, where, find, out, given, means)
+        return _stitch(files, where, finding, find, out, given, means)
 
 
 def _stitch(
     files: Sequence[Path],
     where: Where,
+    finding: Finding,
     find: SeamOptions,
     out: Outputs,
     given: dict[str, Any],
@@ -247,7 +252,9 @@ def _stitch(
             scratch=means.store if by_windows(out, find) else None,
             executor=means.workers,
             stores=means.stores,
+            finding=finding.options(files),
         )
+    find, out = with_defaults(find, out, job.transforms, finding.kind)
     if not all(isinstance(layer.image, Windows) for layer in job.layers):
         means = dataclasses.replace(means, workers=None)
     for reason in job.skipped:
@@ -263,12 +270,14 @@ def _stitch(
         radius = {} if find.align_radius is None else {"radius": find.align_radius}
         aligned = ts.align(job.layers, executor=means.workers, **radius)
         job = dataclasses.replace(job, layers=aligned.layers)
+    if find.wrap is None and job.wrap is not None:
+        find = dataclasses.replace(find, wrap=job.wrap)
     find = dataclasses.replace(find, wrap=width_round(find.wrap, job.files or files))
     if find.wrap is None:
         crop = crop_of(out, job.layers)
     else:
         crop = out.crop or ("outside" if out.has_alpha or out.background is not None else "inside")
-    warnings = [] if out.quiet else strangers(job, find.wrap, means.workers)
+    warnings = [] if out.quiet else [*misfits(job), *strangers(job, find.wrap, means.workers)]
     if job.stored:
         return _stitch_large(job, find, out, files, crop, means, [*warnings], aligned)
     composed = composed_as(job, find, out, files)
@@ -290,7 +299,7 @@ def _stitch(
 
         documents.append((out.history, draw_search(stitched.seams[0], out.history.suffix)))
     if out.save_layout is not None:
-        documents.append((out.save_layout, saved_layout(job, out.save_layout.parent).encode()))
+        documents.append((out.save_layout, saved_layout(job, out.save_layout).encode()))
     if out.report is not None:
         from toposeam_cli.stitching.seam_page import Joined, seam_page
 
@@ -307,10 +316,13 @@ def _stitch(
         documents.append((out.report, seam_page(page).encode(errors="backslashreplace")))
     report = ""
     if out.as_json:
-        report = json.dumps(summary_of_all(stitched, job.layers, aligned, job.placement), indent=2)
+        found = summary_of_all(stitched, job.layers, aligned, job.placement)
+        report = json.dumps(found | found_of(job), indent=2)
     elif is_read(out.quiet):
         told = describe(stitched.seams[0]) if len(job.layers) == 2 else describe_totals(composed)
-        report = told_of(out.output, finished.image.shape, told, at, job.layers, job.placement, aligned)
+        report = told_of(
+            out.output, finished.image.shape, told, at, job.shape, job.layers, job.placement, aligned
+        )
     write(out, job, finished, documents, overlay)
     if out.as_json or not out.quiet:
         click.echo(report)
@@ -344,7 +356,7 @@ def _stitch_large(
             large = make(composed, job, out, crop, means.store, progress, means.workers)
         documents: list[tuple[Path, bytes]] = []
         if out.save_layout is not None:
-            documents.append((out.save_layout, saved_layout(job, out.save_layout.parent).encode()))
+            documents.append((out.save_layout, saved_layout(job, out.save_layout).encode()))
         if out.report is not None:
             from toposeam_cli.stitching.seam_page import Joined, seam_page
 
@@ -362,11 +374,18 @@ def _stitch_large(
             documents.append((out.report, seam_page(page).encode(errors="backslashreplace")))
         report = ""
         if out.as_json:
-            report = json.dumps(summary_of_large(composed, large), indent=2)
+            report = json.dumps(summary_of_large(composed, large) | found_of(job), indent=2)
         elif is_read(out.quiet):
             told = describe_totals(composed, means.workers)
             report = told_of(
-                out.output, large.picture.pixels.shape, told, large.at, job.layers, job.placement, aligned
+                out.output,
+                large.picture.pixels.shape,
+                told,
+                large.at,
+                job.shape,
+                job.layers,
+                job.placement,
+                aligned,
             )
         write_large(out, composed, large, documents, means.store)
     if out.as_json or not out.quiet:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -13,12 +13,16 @@ import numpy.typing as npt
 
 import toposeam as ts
 from toposeam.images import full_scale
+from toposeam.layers.canvas.layer import extent_of
+from toposeam.layers.canvas.transforms import CameraTransform, Transform, is_move, similarity
 from toposeam.layers.execution.tasks import Executor, results
-from toposeam.layers.registration.find_places import LEAST_CORRELATION, found_places
+from toposeam.layers.registration.find_places import PlaceOptions, found_places
 from toposeam_cli.app.options import Keyed
 from toposeam_cli.files.scratch import Scratch
+from toposeam_cli.media.layouts.hugin_project import ProjectPicture, project_text, read_project
+from toposeam_cli.media.layouts.layout import Layout, LayoutLayer, layout_text, read_layout
 from toposeam_cli.media.pictures.decode import size_of
-from toposeam_cli.media.pictures.layout import LayoutLayer, layout_text, read_layout
+from toposeam_cli.media.pictures.focal_length import focal_length
 from toposeam_cli.media.pictures.limits import check_together
 from toposeam_cli.media.pictures.masks import read_white
 from toposeam_cli.media.pictures.openraster import read_ora
@@ -27,7 +31,7 @@ from toposeam_cli.media.pictures.stored import read_stored, store
 from toposeam_cli.stitching.positions import Where, places_of
 from toposeam_cli.stitching.resample import placed_layers
 
-_LAYOUTS = (".toml", ".json")
+_LAYOUTS = (".toml", ".json", ".pto")
 #: Pictures with more pixels together wait in files.
 STORED_PIXELS = 64_000_000
 
@@ -44,8 +48,11 @@ class PlacedPictures:
     placement: ts.Placement | None = None
     #: Whether the pixels wait in files.
     stored: bool = False
-    #: Pictures that could not be read, each with the reason.
+    #: Pictures that were left out, each with the reason.
     skipped: tuple[str, ...] = ()
+    #: From each picture's pixels to the canvas, and the canvas's width if it goes all the way round.
+    transforms: tuple[Transform, ...] = ()
+    wrap: int | None = None
     #: Which of the given pictures each layer is, where some were left out, and what those are called.
     numbers: tuple[int, ...] = ()
     lost: tuple[str, ...] = ()
@@ -54,6 +61,10 @@ class PlacedPictures:
     def shape(self) -> tuple[int, int]:
         """Height and width of the canvas."""
         return ts.common_canvas(self.layers).shape
+
+    def warped(self, index: int) -> bool:
+        """Test whether a picture was more than moved."""
+        return not is_move(self.transforms[index])
 
     def number(self, key: str) -> int | None:
         """Return the layer that is meant by a number, counted from 0 among the given ones, or by a name; None
@@ -82,12 +93,10 @@ class PlacedPictures:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Source:
     picture: Picture
-    at: tuple[float, float] | None
     name: str
+    transform: Transform | None = None
     mask: Path | None = None
     keep: Path | None = None
-    turn: float = 0.0
-    scale: float = 1.0
     file: Path | None = None
 
 
@@ -107,9 +116,11 @@ class _Reading:
     #: Of those that were read, which of the given ones they are; the names of the others.
     numbers: list[int] = field(default_factory=list)
     lost: list[str] = field(default_factory=list)
+    names: Sequence[str] = ()
 
     def read(self, files: Sequence[Path], names: Sequence[str]) -> Iterator[tuple[int, Picture]]:
         """Yield each picture with its number."""
+        self.names = names
         if not self.skips:
             try:
                 check_together(files, self.limit)
@@ -135,6 +146,12 @@ class _Reading:
                     continue
                 self.numbers.append(number)
                 yield number, picture
+
+    def leave_out(self, reasons: Mapping[int, str]) -> None:
+        """Leave out some of the pictures that were read, by their numbers among these."""
+        for number in sorted(reasons, reverse=True):
+            self.lost.append(self.names[self.numbers.pop(number)])
+        self.reasons += [reasons[number] for number in sorted(reasons)]
 
     def _with_remedy(self, error: ts.ImageError, count: int) -> ts.ImageError:
         """Add to an error about one of `count` pictures that it can be left out if two others are left."""
@@ -170,12 +187,13 @@ def arrange(
     alone: bool = False,
     executor: Executor | None = None,
     stores: bool = False,
+    finding: PlaceOptions | None = None,
 ) -> PlacedPictures:
     """Read pictures, or the layers of one OpenRaster file or layout, and place them.
 
     With `scratch` the pixels of many pictures, or if it `stores` of all, wait there instead of in memory, and
     an executor may decode several pictures at a time. One picture `alone` may be
-    given, and pictures without a given place then lie at 0,0.
+    given, and pictures without a given place then lie at 0,0. How places are found, `finding` says.
 
     Raises
     ------
@@ -190,7 +208,7 @@ def arrange(
     kept = scratch if scratch is not None and (stores or _many(files)) else None
     keep = None if kept is None else partial(store, scratch=kept)
     reading = _Reading(limit=limit, scratch=kept, skips=skip_bad, executor=executor, elsewhere=stores)
-    sources = _sources(files, where, reading, 1 if alone else 2)
+    sources, wrap = _sources(files, where, reading, 1 if alone else 2)
     pictures = match_pictures([source.picture for source in sources], keep)
     layers = [
         ts.Layer(
@@ -205,24 +223,27 @@ def arrange(
         pictures=(), layers=tuple(layers), numbers=tuple(reading.numbers), lost=tuple(reading.lost)
     )
     layers = _masked(named, sources, masks, keeps, limit)
-    if sources[0].at is not None:
-        places: list[tuple[float, float]] | None = [source.at or (0, 0) for source in sources]
-    else:
+    transforms = [source.transform for source in sources if source.transform is not None]
+    if not transforms:
         numbers = reading.numbers if reading.lost else None
         places = places_of(
             [source.file or Path() for source in sources], pictures, where, numbers, len(files)
         )
         if places is None and alone:
             places = [(0, 0) for _ in sources]
+        transforms = [similarity((float(x), float(y))) for x, y in places or ()]
     placement = None
-    if places is None:
+    if not transforms:
         place = partial(placed_layers, scratch=kept, executor=executor)
         found = None if kept is None else executor
-        placement = found_places(layers, LEAST_CORRELATION, progress, found, place)
-        layers = list(placement.layers)
+        options = _with_focal_length(finding or PlaceOptions(), sources)
+        placement = found_places(layers, options, progress, found, place)
+        layers, wrap, transforms = list(placement.layers), placement.wrap, list(placement.transforms)
+        sources = [sources[number] for number in placement.numbers]
+        pictures = [pictures[number] for number in placement.numbers]
+        reading.leave_out(placement.left_out)
     else:
-        turns, scales = ([getattr(source, name) for source in sources] for name in ("turn", "scale"))
-        layers = placed_layers(layers, places, turns, scales, kept, executor)
+        layers = placed_layers(layers, transforms, kept, executor)
     if len(layers) == 2 and not alone:
         _check_touching(*layers)
     upright = [
@@ -236,8 +257,27 @@ def arrange(
         files=tuple(source.file for source in sources if source.file is not None),
         placement=placement,
         skipped=tuple(reading.reasons),
+        numbers=tuple(reading.numbers),
+        lost=tuple(reading.lost),
         stored=kept is not None,
+        transforms=tuple(transforms),
+        wrap=wrap,
     )
+
+
+def _with_focal_length(options: PlaceOptions, sources: Sequence[_Source]) -> PlaceOptions:
+    """Add the focal length that the files agree on, where none is given."""
+    if options.focal is not None:
+        return options
+    found = [
+        focal_length(source.file, (source.picture.pixels.shape[1], source.picture.pixels.shape[0]))
+        for source in sources
+        if source.file is not None
+    ]
+    known = [length for length in found if length is not None]
+    if not known or len(known) < len(sources) or max(known) > 1.05 * min(known):
+        return options
+    return replace(options, focal=float(np.median(known)), about=True)
 
 
 def _many(files: Sequence[Path]) -> bool:
@@ -245,7 +285,7 @@ def _many(files: Sequence[Path]) -> bool:
     if len(files) == 1 and files[0].suffix.lower() == ".ora":
         return False
     if len(files) == 1 and files[0].suffix.lower() in _LAYOUTS:
-        files = [layer.file for layer in read_layout(files[0])]
+        files = [layer.file for layer in layout_in(files[0]).layers]
     total = 0
     for path in files:
         with suppress(ts.ImageError):  # its reader reports what is wrong
@@ -283,8 +323,8 @@ def _masked(
     ]
 
 
-def saved_layout(job: PlacedPictures, folder: Path) -> str:
-    """Return the places of the pictures as a layout in that folder.
+def saved_layout(job: PlacedPictures, path: Path) -> str:
+    """Return the places of the pictures as a layout, or as a Hugin project, for that file.
 
     Raises
     ------
@@ -293,14 +333,49 @@ def saved_layout(job: PlacedPictures, folder: Path) -> str:
     """
     if len(job.files) != len(job.layers):
         raise ts.OptionError("--save-layout names files, but layers of an .ora file have none; leave it out")
-    found, layers = job.placement, []
-    for index, (file, layer) in enumerate(zip(job.files, job.layers, strict=True)):
-        turn, scale = (0.0, 1.0) if found is None else (float(found.turns[index]), float(found.scales[index]))
-        at: tuple[float, float] = layer.at
-        if found is not None and (turn != 0 or scale != 1):
-            at = float(found.places[index][0]), float(found.places[index][1])
-        layers.append(LayoutLayer(file=file, at=at, name=layer.name, turn=turn, scale=scale))
-    return layout_text(folder, layers)
+    if path.suffix.lower() == ".pto":
+        return _project(job, path.parent)
+    layers = [
+        LayoutLayer(file=file, name=layer.name, transform=transform)
+        if job.warped(index)
+        else LayoutLayer(file=file, name=layer.name, transform=similarity(layer.at))
+        for index, (file, layer, transform) in enumerate(
+            zip(job.files, job.layers, job.transforms, strict=True)
+        )
+    ]
+    return layout_text(path.parent, Layout(layers=tuple(layers), wrap=job.wrap))
+
+
+def _project(job: PlacedPictures, folder: Path) -> str:
+    """Return the cameras of the pictures as a Hugin project in that folder."""
+    cameras = [one for one in job.transforms if isinstance(one, CameraTransform)]
+    if len(cameras) < len(job.layers):
+        raise ts.OptionError(
+            "a Hugin project is of pictures that one camera took from one place, and these are placed "
+            "otherwise; save a layout (.toml) instead, or add --model rotation"
+        )
+    canvas = extent_of(job.layers)
+    (left, top), (height, width) = canvas.origin, canvas.shape
+    size = 2 * max(-left, left + width), 2 * max(-top, top + height)
+    if job.wrap is not None:
+        size = job.wrap, size[1]
+    pictures = [
+        ProjectPicture(file=file, size=camera.size, transform=camera)
+        for file, camera in zip(job.files, cameras, strict=True)
+    ]
+    return project_text(folder, pictures, cameras[0].projection, size, cameras[0].radius)
+
+
+def layout_in(path: Path) -> Layout:
+    """Read a layout of ours, or a project of Hugin."""
+    if path.suffix.lower() != ".pto":
+        return read_layout(path)
+    project = read_project(path)
+    layers = tuple(
+        LayoutLayer(file=picture.file, name=picture.file.name, transform=picture.transform)
+        for picture in project.pictures
+    )
+    return Layout(layers=layers, wrap=project.size[0] if project.whole_turn else None)
 
 
 def read_avoid(path: Path, shape: tuple[int, int], max_megapixels: float) -> npt.NDArray[np.bool_]:
@@ -313,8 +388,10 @@ def _sources(
     where: Where,
     reading: _Reading,
     least: int,
-) -> list[_Source]:
-    """Return the pictures; `at` is set when the file itself says where they lie."""
+) -> tuple[list[_Source], int | None]:
+    """Return the pictures, with transforms where the file itself says where they lie, and the width of a
+    canvas that goes round.
+    """
     kind = files[0].suffix.lower()
     if len(files) == 1 and kind in (".ora", *_LAYOUTS):
         if where.at or where.offset is not None or where.overlap is not None or where.arranged:
@@ -322,22 +399,22 @@ def _sources(
                 f"'{files[0]}' says itself where its pictures lie; leave --at, --offset and --overlap out"
             )
         if kind == ".ora":
+            wrap = None
             sources = [
-                _Source(picture=layer.picture, at=layer.at, name=layer.name)
+                _Source(picture=layer.picture, name=layer.name, transform=similarity(layer.at))
                 for layer in read_ora(files[0], reading.limit)
             ]
         else:
-            placed = read_layout(files[0])
+            layout = layout_in(files[0])
+            placed, wrap = layout.layers, layout.wrap
             read = reading.read([layer.file for layer in placed], [layer.name for layer in placed])
             sources = [
                 _Source(
                     picture=picture,
-                    at=placed[number].at,
                     name=placed[number].name,
+                    transform=placed[number].transform,
                     mask=placed[number].mask,
                     keep=placed[number].keep,
-                    turn=placed[number].turn,
-                    scale=placed[number].scale,
                     file=placed[number].file,
                 )
                 for number, picture in read
@@ -348,13 +425,15 @@ def _sources(
                 f"'{files[0]}' has {'one' if sources else 'no'} visible layer; joining needs at least two, "
                 "so add or show some"
             )
-        return sources
+        for source in sources:
+            _check_size(source)
+        return sources, wrap
     if len(files) == 1 and files[0].is_dir():
         raise ts.OptionError(f"'{files[0]}' is a folder; give the pictures in it, like {files[0]}/*.jpg")
     if len(files) < least:
         raise ts.OptionError(
             f"'{files[0]}' is only one picture; give at least two, an OpenRaster file (.ora) or a layout "
-            "(.toml, .json)"
+            "(.toml, .json, .pto)"
         )
     for path in files:
         if path.suffix.lower() == ".ora":
@@ -364,11 +443,24 @@ def _sources(
         if path.suffix.lower() in _LAYOUTS:
             raise ts.OptionError(f"'{path}' is a layout; give it alone, and name all pictures in it")
     sources = [
-        _Source(picture=picture, at=None, name=files[number].name, file=files[number])
+        _Source(picture=picture, name=files[number].name, file=files[number])
         for number, picture in reading.read(files, [path.name for path in files])
     ]
     _check_enough(reading, len(sources), least)
-    return sources
+    return sources, None
+
+
+def _check_size(source: _Source) -> None:
+    """Refuse a picture of another size than that of its camera."""
+    if not isinstance(source.transform, CameraTransform):
+        return
+    height, width = source.picture.pixels.shape[:2]
+    if (width, height) != source.transform.size:
+        given = source.transform.size
+        raise ts.OptionError(
+            f"{source.name} is {width} × {height} px, and its layout speaks of {given[0]} × {given[1]}; give "
+            "the picture that it was made for"
+        )
 
 
 def _check_enough(reading: _Reading, count: int, least: int) -> None:

@@ -99,7 +99,7 @@ def check_outputs(out: Outputs) -> None:
     for path, suffixes in (
         (out.seam, (".svg",)),
         (out.history, SEARCH_SUFFIXES),
-        (out.save_layout, (".toml",)),
+        (out.save_layout, (".toml", ".pto")),
         (out.report, (".html",)),
     ):
         if path is not None:

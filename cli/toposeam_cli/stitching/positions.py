@@ -8,8 +8,8 @@ from pathlib import Path
 
 import toposeam as ts
 from toposeam_cli.app.options import Length
+from toposeam_cli.media.layouts.tiff_place import FARTHEST, tiff_canvas, tiff_place
 from toposeam_cli.media.pictures.picture import Picture
-from toposeam_cli.media.pictures.tiff_place import FARTHEST, tiff_canvas, tiff_place
 
 #: How pictures of a grid follow each other.
 ORDERS = ("rows", "columns", "snake-rows", "snake-columns")

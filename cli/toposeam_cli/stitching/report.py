@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 
 import toposeam as ts
 from toposeam.sentence import counted
+from toposeam_cli.stitching.placement_report import describe_placement
 
 
 def is_read(quiet: bool) -> bool:
@@ -24,14 +26,16 @@ def told_of(
     shape: tuple[int, ...],
     seams: str,
     at: tuple[int, int] | None,
+    whole: tuple[int, int],
     layers: tuple[ts.Layer, ...],
     placement: ts.Placement | None,
     aligned: ts.Aligned | None,
 ) -> str:
-    """Describe a result for people."""
+    """Describe a result of a shape, cropped from a corner of a whole, for people."""
     text = f"{output}: {shape[1]} × {shape[0]} px, {seams}"
     if at is not None:
         text += f", cropped to what has no holes, from {at[0]},{at[1]}"
+        text += f" ({100 * shape[0] * shape[1] / math.prod(whole):.0f} % of it)"
     return "\n".join([*describe_placement(layers, placement), *describe_alignment(layers, aligned), text])
 
 
@@ -71,8 +75,9 @@ def _place(index: int, stitched: ts.Stitched, layer: ts.Layer, aligned: ts.Align
     return place
 
 
-def _best(correlations: dict[tuple[int, int], float], index: int) -> float:
-    return max(value for pair, value in correlations.items() if index in pair)
+def _best(correlations: dict[tuple[int, int], float], index: int) -> float | None:
+    found = [value for pair, value in correlations.items() if index in pair and np.isfinite(value)]
+    return max(found) if found else None
 
 
 def hidden(composed: ts.Composition, remedy: str) -> list[str]:
@@ -86,22 +91,6 @@ def hidden(composed: ts.Composition, remedy: str) -> list[str]:
     return [f"{', '.join(names)} {do} not show, as others cover {them} and join better without; {remedy}"]
 
 
-def describe_placement(layers: tuple[ts.Layer, ...], placement: ts.Placement | None) -> list[str]:
-    """Return one line per layer whose place was found, where it was."""
-    if placement is None:
-        return []
-    lines = []
-    for index, layer in enumerate(layers):
-        x, y = placement.places[index]
-        line = (
-            f"{layer.name}: found at {x:.1f},{y:.1f} (correlation {_best(placement.correlations, index):.2f}"
-        )
-        if placement.turns.any():
-            line += f", turned by {placement.turns[index]:.2f}°, scaled by {placement.scales[index]:.4f}"
-        lines.append(f"{line})")
-    return lines
-
-
 def describe_alignment(layers: tuple[ts.Layer, ...], aligned: ts.Aligned | None) -> list[str]:
     """Return one line per layer that was moved."""
     if aligned is None:
@@ -109,7 +98,7 @@ def describe_alignment(layers: tuple[ts.Layer, ...], aligned: ts.Aligned | None)
     lines = []
     for index, layer in enumerate(layers):
         x, y = aligned.shifts[index]
-        correlation = _best(aligned.correlations, index)
+        correlation = _best(aligned.correlations, index) or 0.0
         lines.append(
             f"{layer.name}: at {layer.at[0]},{layer.at[1]}, moved by {x},{y} (correlation {correlation:.2f})"
         )

@@ -1,61 +1,118 @@
-"""Layers on the canvas, those that are turned or scaled resampled into files."""
+"""Layers laid on the canvas; those that are more than moved are warped by libvips, a strip at a time."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
-import numpy.typing as npt
 
 import toposeam as ts
+from toposeam.images import full_scale, in_dtype
+from toposeam.layers.canvas.layer import Box
+from toposeam.layers.canvas.transforms import Transform, is_move
+from toposeam.layers.canvas.warping import coordinates, inside, on_canvas, warped_box
 from toposeam.layers.execution.tasks import Executor, results
 from toposeam_cli.files.scratch import Scratch
+from toposeam_cli.media.pictures.libvips import channels, evaluate, load_vips, to_vips
 from toposeam_cli.media.pictures.picture import Picture
-from toposeam_cli.media.pictures.stored import stored_in
+from toposeam_cli.media.pictures.stored import stored_at
 
-Numbers = Sequence[float] | npt.NDArray[np.float64]
+#: Rows of the canvas that are warped at once; rows and columns beyond it that a bicubic spline needs.
+_ROWS, _MARGIN = 128, 4
 
 
 def placed_layers(
     layers: Sequence[ts.Layer],
-    places: Sequence[tuple[float, float]] | npt.NDArray[np.float64],
-    turns: Numbers,
-    scales: Numbers,
+    transforms: Sequence[Transform],
     scratch: Scratch | None,
     executor: Executor | None,
 ) -> list[ts.Layer]:
-    """Return the layers on the canvas. Those that are turned or scaled are resampled, and where pixels wait
-    in files one at a time, or several where an executor does that.
+    """Return the layers on the canvas. Those that are more than moved are warped, and where pixels wait in
+    files one at a time, or several where an executor does that.
     """
-    placed = [
-        _Turning(layer, (float(x), float(y)), float(turn), float(scale), None)
-        for layer, (x, y), turn, scale in zip(layers, places, turns, scales, strict=True)
-    ]
+    placed = [_Warp(layer, transform, None) for layer, transform in zip(layers, transforms, strict=True)]
     if scratch is None:
-        return [_turned(one) for one in placed]
-    turned = [index for index, one in enumerate(placed) if one.turn != 0 or one.scale != 1]
-    items = (replace(placed[index], waits=scratch.new()) for index in turned)
+        return [_warped(one) for one in placed]
+    bent = [index for index, one in enumerate(placed) if not is_move(one.transform)]
+    items = (replace(placed[index], waits=scratch.new()) for index in bent)
     with scratch.failures_told():
-        found = dict(zip(turned, results(executor, _turned, items), strict=True))
-    return [found.get(index) or _turned(one) for index, one in enumerate(placed)]
+        found = dict(zip(bent, results(executor, _warped, items), strict=True))
+    return [found.get(index) or _warped(one) for index, one in enumerate(placed)]
 
 
 @dataclass(frozen=True, slots=True)
-class _Turning:
+class _Warp:
     """A layer that is to be placed, and the file in which its pixels are to wait."""
 
     layer: ts.Layer
-    at: tuple[float, float]
-    turn: float
-    scale: float
+    transform: Transform
     waits: Path | None
 
 
-def _turned(item: _Turning) -> ts.Layer:
-    layer = ts.placed(item.layer, at=item.at, turn=item.turn, scale=item.scale)
+def _warped(item: _Warp) -> ts.Layer:
+    layer, transform = item.layer, item.transform
+    if is_move(transform):
+        return on_canvas(layer, transform)
+    box = warped_box(layer, transform)
+    masks = {name: np.zeros(box.shape, bool) for name in ("mask", "keep") if getattr(layer, name) is not None}
+    strips = _strips(layer, transform, box, masks)
     if item.waits is None:
-        return layer
-    picture = stored_in(item.waits, Picture(pixels=layer.image, alpha=layer.alpha))
-    return replace(layer, image=picture.pixels, alpha=picture.alpha)
+        parts = list(strips)
+        pixels, alpha = (
+            np.concatenate([getattr(part, name) for part in parts]) for name in ("pixels", "alpha")
+        )
+    else:
+        picture = stored_at(item.waits, strips)
+        pixels, alpha = picture.pixels, cast(np.ndarray, picture.alpha)
+    return replace(
+        layer,
+        image=pixels,
+        alpha=alpha,
+        at=(box.left, box.top),
+        mask=masks.get("mask"),
+        keep=masks.get("keep"),
+    )
+
+
+def _strips(
+    layer: ts.Layer, transform: Transform, box: Box, masks: dict[str, np.ndarray]
+) -> Iterator[Picture]:
+    """Yield a warped picture a few rows at a time, and fill its masks."""
+    height, width = layer.image.shape[:2]
+    dtype = layer.image.dtype
+    colours = (3,) if channels(layer.image) == 3 else ()
+    for top in range(box.top, box.bottom, _ROWS):
+        part = Box(top, box.left, min(top + _ROWS, box.bottom), box.right)
+        at = coordinates(transform, part)
+        shown = inside(at, (width, height))
+        opacity = shown.astype(np.float32)
+        if shown.any():
+            rows = np.where(shown, at[..., 1], at[..., 1][shown][0])
+            low = max(int(rows.min()) - _MARGIN, 0)
+            source = slice(low, int(rows.max()) + _MARGIN + 2), slice(None)
+            where = (at - np.array([0, low])).astype(np.float32)
+            values = _looked_up(np.asarray(layer.image[source]), where, "bicubic")
+            pixels = values.reshape(*part.shape, *colours)
+            pixels[~shown] = 0
+            if layer.alpha is not None:
+                own = _looked_up(np.asarray(layer.alpha[source]), where, "bilinear")
+                opacity *= own.reshape(part.shape) / np.float32(full_scale(dtype))
+            for name, mask in masks.items():
+                nearest = np.rint(at[shown]).astype(np.intp)
+                given = np.asarray(getattr(layer, name))
+                mask[part.within(box)][shown] = given[nearest[:, 1], nearest[:, 0]]
+        else:
+            pixels = np.zeros((*part.shape, *colours), dtype)
+        yield Picture(pixels=pixels, alpha=in_dtype(opacity * np.float32(full_scale(dtype)), dtype))
+
+
+def _looked_up(values: np.ndarray, where: np.ndarray, interpolate: str) -> np.ndarray:
+    """Return the values of an image at (h, w, 2) coordinates x and y."""
+    vips = load_vips()
+    image: Any = to_vips(values).mapim(
+        vips.Image.new_from_array(where), interpolate=vips.Interpolate.new(interpolate), extend="copy"
+    )
+    return np.asarray(evaluate(image, image.numpy))

@@ -86,9 +86,10 @@ class SeamOptions:
     effort: Effort | None
     formulation: int | None
     plain: bool
-    match_tones: bool
-    match_shading: bool
-    blend: ts.Blend
+    #: None where nothing is given.
+    match_tones: bool | None
+    match_shading: bool | None
+    blend: ts.Blend | None
     blend_width: float | None
     use_seam: tuple[Keyed, ...]
     wrap: int | None
@@ -187,10 +188,10 @@ def composed_as(
                 cost=None if find.law is None else ts.MatchCost(law=find.law),
                 core=find.core,
                 speck=find.speck,
-                match_tones=find.match_tones,
-                match_shading=find.match_shading,
+                match_tones=bool(find.match_tones),
+                match_shading=bool(find.match_shading),
                 wrap=find.wrap,
-                blend=find.blend,
+                blend=find.blend or "none",
                 blend_width=find.blend_width,
                 max_megapixels=max(find.max_megapixels, ts.MAX_PIXELS / 1e6),
                 avoid=None if find.avoid is None else read_avoid(find.avoid, job.shape, find.max_megapixels),

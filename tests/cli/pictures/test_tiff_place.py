@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import tifffile
 
-from toposeam_cli.media.pictures.tiff_place import tiff_canvas, tiff_place
+from toposeam_cli.media.layouts.tiff_place import tiff_canvas, tiff_place
 
 
 def written(path, *, big=False, order="<", kind=5, values=((300, 150), (-450, 150)), resolution=(150, 150)):

@@ -8,7 +8,7 @@ import struct
 from typing import Any
 
 from toposeam.images import Windows
-from toposeam_cli.media.pictures.tiff_place import KINDS
+from toposeam_cli.media.layouts.tiff_place import KINDS
 
 #: Rows of a strip.
 _ROWS = 16

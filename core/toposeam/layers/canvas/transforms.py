@@ -121,20 +121,21 @@ class CameraTransform:
 
     def _project(self, rays: Floats) -> Floats:
         """Map (..., 3) rays to the canvas."""
-        x, y, z = np.moveaxis(rays, -1, 0)
+        x, y, z = (rays[..., axis] for axis in range(3))
         if self.projection == "flat":
             # At an angle θ off the middle a length grows by 1 / cos² θ along the radius.
             seen = np.where(z > 1 / math.sqrt(LARGEST_ENLARGEMENT), z, np.nan)
-            return self.radius * np.stack([x / seen, y / seen], axis=-1)
+            return np.asarray(self.radius * np.stack([x / seen, y / seen], axis=-1))
         yaw = self._yaw + _turned(np.arctan2(x, z) - self._yaw)
         flat = np.hypot(x, z)
         if self.projection == "sphere":
-            return self.radius * np.stack([yaw, np.arctan2(y, flat)], axis=-1)
+            return np.asarray(self.radius * np.stack([yaw, np.arctan2(y, flat)], axis=-1))
         flat = np.where(flat > 1 / LARGEST_ENLARGEMENT, flat, np.nan)
         if self.projection == "cylinder":
-            return self.radius * np.stack([yaw, y / flat], axis=-1)
+            return np.asarray(self.radius * np.stack([yaw, y / flat], axis=-1))
         half = np.where(np.abs(yaw) < 0.9 * math.pi, yaw / 2, np.nan)
-        return self.radius * np.stack([2 * np.tan(half), (y / flat) / np.cos(half) ** 2], axis=-1)
+        down = (y / flat) / np.cos(half) ** 2
+        return np.asarray(self.radius * np.stack([2 * np.tan(half), down], axis=-1))
 
     def _rays(self, points: Floats) -> Floats:
         """Map (..., 2) points of the canvas, in radii, to rays."""
@@ -149,7 +150,7 @@ class CameraTransform:
                 half = np.arctan(across / 2)
                 across, down = 2 * half, down * np.cos(half) ** 2
             rays = np.stack([np.sin(across), down, np.cos(across)], axis=-1)
-        return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+        return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
 
 
 def distorted(

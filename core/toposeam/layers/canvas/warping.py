@@ -47,20 +47,16 @@ def coordinates(transform: Transform, box: Box) -> Floats:
     rows, columns = box.shape
     down, across = (np.minimum(np.arange(-(-side // _STEP) + 1) * _STEP, side - 1) for side in box.shape)
     coarse = transform.to_picture(np.stack(np.meshgrid(across + box.left, down + box.top), axis=-1) + 0.0)
-    along = _between(down, rows)
-    beside = _between(across, columns)
-    return np.stack([along @ coarse[..., axis] @ beside.T for axis in (0, 1)], axis=-1)
+    return _between(_between(coarse, down, rows).swapaxes(0, 1), across, columns).swapaxes(0, 1)
 
 
-def _between(knots: npt.NDArray[np.intp], count: int) -> Floats:
-    """(count, K) weights that interpolate linearly between values at knots."""
+def _between(values: Floats, knots: npt.NDArray[np.intp], count: int) -> Floats:
+    """(count, …) linear interpolation of (K, …) values at knots."""
     where = np.arange(count)
     index = np.minimum(where // _STEP, len(knots) - 2)
     share = (where - knots[index]) / np.maximum(knots[index + 1] - knots[index], 1)
-    weights = np.zeros((count, len(knots)))
-    weights[where, index] = 1 - share
-    weights[where, index + 1] += share
-    return weights
+    share = share.reshape(-1, *[1] * (values.ndim - 1))
+    return np.asarray(values[index] * (1 - share) + values[index + 1] * share)
 
 
 def on_canvas(layer: Layer, transform: Transform) -> Layer:
@@ -100,7 +96,6 @@ def warped(layer: Layer, transform: Transform) -> Layer:
     height, width = whole.shape[:2]
     planes, dtype = whole.reshape(height, width, -1), whole.dtype
     image = np.zeros((*box.shape, planes.shape[2]), dtype)
-    inside = np.zeros(box.shape, bool)
     opacity = np.zeros(box.shape, np.float32)
     full = float(full_scale(dtype))
     masks = {name: getattr(layer, name) for name in ("mask", "keep") if getattr(layer, name) is not None}
@@ -109,10 +104,9 @@ def warped(layer: Layer, transform: Transform) -> Layer:
         for left in range(box.left, box.right, _BLOCK):
             part = Box(top, left, min(top + _BLOCK, box.bottom), min(left + _BLOCK, box.right))
             at, here = coordinates(transform, part), part.within(box)
-            shown = _inside(at, (width, height))
+            shown = inside(at, (width, height))
             if not shown.any():
                 continue
-            inside[here] = shown
             values = _spline(planes, at, shown)
             if np.issubdtype(dtype, np.integer):
                 values = np.clip(values, 0, layer.white)
@@ -133,8 +127,8 @@ def warped(layer: Layer, transform: Transform) -> Layer:
     )
 
 
-def _inside(at: Floats, size: tuple[int, int]) -> Mask:
-    """Where coordinates lie on the picture."""
+def inside(at: Floats, size: tuple[int, int]) -> Mask:
+    """Where (..., 2) coordinates x and y lie on a picture of that width and height."""
     edge = 1e-6
     x, y = at[..., 0], at[..., 1]
     return np.asarray((x > -edge) & (y > -edge) & (x < size[0] - 1 + edge) & (y < size[1] - 1 + edge))

@@ -10,9 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from toposeam.layers.canvas.transforms import CameraTransform, PlaneTransform, Projection
 from toposeam.layers.registration.bundle_adjustment import Bundle
+from toposeam.layers.registration.homography import applied
 
 Floats = npt.NDArray[np.float64]
 
@@ -37,17 +39,47 @@ class View:
 
 
 def plane_transforms(bundle: Bundle) -> tuple[PlaneTransform, ...]:
-    """Transforms of all pictures onto the pixels of the one in the middle."""
+    """Transforms of all pictures onto one plane, seen so that all share its perspective.
+
+    Of all views of the plane that one is taken in which the scale differs least from place to place, the mean
+    of what happens in the middle of each picture being nothing.
+    """
     centres = np.tile(np.eye(3), (len(bundle.sizes), 1, 1))
     centres[:, :2, 2] = (bundle.sizes - 1) / 2
     middle = bundle.middle
     frame = centres[middle] @ np.linalg.inv(bundle.matrices[middle])
     matrices = frame @ bundle.matrices @ np.linalg.inv(centres)
+    side = float(bundle.sizes.max())
+    corners = np.array([[0, 0], [1, 0], [0, 1], [1, 1], [0.5, 0.5]])
+    spots = np.concatenate([(bundle.sizes - 1)[:, np.newaxis] * corners, np.ones((len(centres), 5, 1))], 2)
+
+    def seen(tilt: Floats) -> Floats:
+        """The plane seen with another line at infinity."""
+        view = np.eye(3)
+        view[2, :2] = tilt / side
+        return np.asarray(view @ matrices)
+
+    def unevenness(tilt: Floats) -> float:
+        views = seen(tilt)
+        depths = np.einsum("kj,kpj->kp", views[:, 2], spots)
+        if depths.min() <= 0:
+            return math.inf
+        return float(np.var(np.log(np.abs(np.linalg.det(views)))[:, np.newaxis] - 3 * np.log(depths)))
+
+    start = np.zeros(2)
+    if math.isfinite(unevenness(start)) and unevenness(start) > 1e-12:
+        matrices = seen(scipy.optimize.minimize(unevenness, start, method="Nelder-Mead").x)
+    step = np.array([[0, 1, 0], [0, 0, 1], [0, 0, 0]])
+    there = applied(matrices, np.swapaxes(spots[:, 4, :2, np.newaxis] + step[:2], 1, 2))
+    mean = np.mean(np.swapaxes(there[:, 1:] - there[:, :1], 1, 2), axis=0)
+    back = np.eye(3)
+    back[:2, :2] = np.linalg.inv(mean)
+    matrices = back @ matrices
     return tuple(PlaneTransform(matrix / matrix[2, 2]) for matrix in matrices)
 
 
 def camera_transforms(bundle: Bundle, view: View) -> tuple[tuple[CameraTransform, ...], int | None]:
-    """Transforms of all pictures of a turning camera, and the canvas's width, px, if it goes all the way round.
+    """Transforms of all pictures of a turning camera, and the canvas's width, if it goes all the way round.
 
     Parameters
     ----------

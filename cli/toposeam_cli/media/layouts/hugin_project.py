@@ -14,12 +14,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 import toposeam as ts
 from toposeam.layers.canvas.layer import Box
-from toposeam.layers.canvas.transforms import CameraTransform, Floats, Projection
+from toposeam.layers.canvas.transforms import CameraTransform, Projection
 from toposeam_cli.files.tables import read_text
+from toposeam_cli.media.layouts.camera_angles import angles_of, turned_camera
 
 #: A quarter of a million control points fit.
 _LARGEST_BYTES = 16 * 2**20
@@ -242,7 +241,7 @@ def project_text(
         lens = " ".join(
             f"{key}={first}" if first < index else f"{key}{value:.12g}" for key, value in of_lens.items()
         )
-        yaw, pitch, roll = _angles(camera.rotation)
+        yaw, pitch, roll = angles_of(camera.rotation)
         exposure = usual if picture.exposure is None else picture.exposure
         lines += [
             "#-hugin  cropFactor=1",
@@ -322,7 +321,7 @@ def _transform(
     size = int(values["w"]), int(values["h"])
     return CameraTransform(
         size=size,
-        rotation=_rotation(values["y"], values["p"], values["r"]),
+        rotation=turned_camera(values["y"], values["p"], values["r"]),
         focal=_radius("flat", size[0], values["v"]),
         projection=projection,
         radius=radius,
@@ -369,26 +368,3 @@ def _turn(projection: Projection, width: int, radius: float) -> float:
     if projection == "flat":
         return math.degrees(2 * math.atan(across))
     return math.degrees(4 * math.atan(across / 2) if projection == "panini" else 2 * across)
-
-
-def _rotation(yaw: float, pitch: float, roll: float) -> Floats:
-    """Return the rotation of a camera turned by that many degrees."""
-    (cy, cp, cr), (sy, sp, sr) = (
-        [turned(math.radians(angle)) for angle in (yaw, pitch, roll)] for turned in (math.cos, math.sin)
-    )
-    turn = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
-    tilt = np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]])
-    spin = np.array([[cr, -sr, 0], [sr, cr, 0], [0, 0, 1]])
-    return np.asarray(turn @ tilt @ spin)
-
-
-def _angles(rotation: Floats) -> tuple[float, float, float]:
-    """Invert :func:`_rotation`; straight up or down, the roll is 0."""
-    level = math.hypot(rotation[0, 2], rotation[2, 2])
-    pitch = math.atan2(-rotation[1, 2], level)
-    if level < 1e-9:
-        yaw, roll = math.atan2(-rotation[2, 0], rotation[0, 0]), 0.0
-    else:
-        yaw = math.atan2(rotation[0, 2], rotation[2, 2])
-        roll = math.atan2(rotation[1, 0], rotation[1, 1])
-    return math.degrees(yaw), math.degrees(pitch), math.degrees(roll)

@@ -1,0 +1,1 @@
+"""Files that say where pictures lie."""

@@ -1,0 +1,96 @@
+"""What was found out about the places of pictures, for people and for programs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+import toposeam as ts
+from toposeam.layers.canvas.layer import extent_of
+from toposeam.layers.registration.placement import Residual
+from toposeam.sentence import counted
+from toposeam_cli.media.pictures.focal_length import equivalent_mm
+from toposeam_cli.stitching.inputs import PlacedPictures
+
+#: What is left between two pictures is worth a warning from so many px on; so many pairs are named.
+_WORTH_PX, _NAMED = 2.0, 4
+
+
+def describe_placement(layers: tuple[ts.Layer, ...], placement: ts.Placement | None) -> list[str]:
+    """Return lines about places that were found."""
+    if placement is None:
+        return []
+    if placement.model in ("shift", "similarity"):
+        return [_moved(layers, placement, index) for index in range(len(layers))]
+    pairs = counted(len(placement.residuals), "pair")
+    left = f"{placement.misfit:.2f} px" if placement.misfit < 10 else f"{placement.misfit:.0f} px"
+    if placement.model == "plane" or placement.focal is None:
+        return [f"{len(layers)} pictures of one plane by {pairs}, at most {left} left in the median of one"]
+    length = equivalent_mm(placement.focal, placement.sizes[0])
+    bent = f", distortion {placement.distortion:+.4f}" if placement.distortion else ""
+    wide = ", all the way round" if placement.wrap else ""
+    return [
+        f"{len(layers)} pictures of a camera that turned, by {pairs}, at most {left} left in the median of "
+        f"one; focal length {length:.0f} mm of 24 × 36{bent}, projection {placement.projection}{wide}"
+    ]
+
+
+def _moved(layers: tuple[ts.Layer, ...], placement: ts.Placement, index: int) -> str:
+    x, y = placement.places[index]
+    correlation = max(value for pair, value in placement.correlations.items() if index in pair)
+    text = f"{layers[index].name}: found at {x:.1f},{y:.1f} (correlation {correlation:.2f}"
+    if placement.turns.any():
+        text += f", turned by {placement.turns[index]:.2f}°, scaled by {placement.scales[index]:.4f}"
+    return f"{text})"
+
+
+def misfits(job: PlacedPictures) -> list[str]:
+    """Return sentences about what is left between pictures at the points that they share."""
+    placement = job.placement
+    if placement is None:
+        return []
+    left, top = extent_of(job.layers).origin
+    worst = sorted(placement.residuals.items(), key=lambda item: -item[1].farthest)
+    worth = [(pair, residual) for pair, residual in worst if residual.farthest > _WORTH_PX]
+    sentences = [
+        f"up to {residual.farthest:.0f} px are left between {job.layers[i].name} and {job.layers[j].name} "
+        f"near {residual.near[0] - left:.0f},{residual.near[1] - top:.0f}; look whether the seam runs there"
+        for (i, j), residual in worth[:_NAMED]
+    ]
+    if len(worth) > _NAMED:
+        sentences.append(f"more than {_WORTH_PX:g} px are left in {len(worth) - _NAMED} more pairs")
+    return sentences
+
+
+def found_of(job: PlacedPictures) -> dict[str, Any]:
+    """Summarise the places that were found, for ``--json``."""
+    placement = job.placement
+    if placement is None:
+        return {}
+    names = [layer.name for layer in job.layers]
+    camera = {}
+    if placement.focal is not None:
+        camera = {
+            "focal_px": placement.focal,
+            "focal_mm": equivalent_mm(placement.focal, placement.sizes[0]),
+            "distortion": placement.distortion,
+            "projection": placement.projection,
+            "wrap": placement.wrap,
+        }
+    pairs = [
+        {"between": [names[i], names[j]], **_told(residual, placement.correlations[i, j])}
+        for (i, j), residual in placement.residuals.items()
+    ]
+    found = {"model": placement.model, "misfit_px": placement.misfit, **camera, "pairs": pairs}
+    return {"placement": found | {"used": len(names), "left_out": list(placement.left_out.values())}}
+
+
+def _told(residual: Residual, correlation: float) -> dict[str, Any]:
+    return {
+        "features": residual.features,
+        "points": residual.points,
+        "median_px": residual.median,
+        "farthest_px": residual.farthest,
+        "correlation": correlation if np.isfinite(correlation) else None,
+    }

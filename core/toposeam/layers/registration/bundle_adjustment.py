@@ -23,6 +23,7 @@ from scipy.spatial.transform import Rotation
 from toposeam.layers.canvas.transforms import undistorted
 from toposeam.layers.labelling.problem import Pair
 from toposeam.layers.registration.homography import applied
+from toposeam.layers.registration.outlier_pairs import evidence_of
 from toposeam.layers.registration.pair_matching import Match
 
 Floats = npt.NDArray[np.float64]
@@ -37,8 +38,9 @@ _POINTS = 150
 #: A point that is off by so many times its uncertainty counts half as much; first all count.
 _SCALES = (30.0, 2.0)
 _STEPS, _SETTLED = 40, 1e-4
-#: A distortion counts where it takes away this share of what is left; larger ones are no lens.
-_DISTORTION_GAIN, _LARGEST_DISTORTION = 0.04, 0.2
+#: A distortion counts where it takes away this share of what is left, of a single pair more; larger ones are
+#: no lens.
+_DISTORTION_GAIN, _PAIR_GAIN, _LARGEST_DISTORTION = 0.04, 0.25, 0.2
 #: Beyond so many px a point is as wrong as any other.
 _CAP = 20.0
 
@@ -93,7 +95,9 @@ def spanning_tree(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Points:
-    """Points that pairs share: which two pictures, and x and y in both."""
+    """Points that pairs share: which two pictures, x and y in both, and a weight: the share of what both show
+    in common ÷ px of uncertainty.
+    """
 
     first: npt.NDArray[np.intp]
     second: npt.NDArray[np.intp]
@@ -104,12 +108,21 @@ class _Points:
     @classmethod
     def of(cls, matches: Mapping[Pair, Match]) -> _Points:
         rng = np.random.default_rng(0)
+        largest = max(match.share for match in matches.values())
         parts = []
         for (i, j), match in matches.items():
             chosen = np.sort(rng.permutation(len(match.first))[:_POINTS])
             doubts = np.broadcast_to(match.uncertainty, len(match.first))[chosen]
             some = np.ones(len(chosen))
-            parts.append((i * some, j * some, match.first[chosen], match.second[chosen], 1 / doubts))
+            parts.append(
+                (
+                    i * some,
+                    j * some,
+                    match.first[chosen],
+                    match.second[chosen],
+                    match.share / largest / doubts,
+                )
+            )
         first, second, p, q, weight = (np.concatenate(column) for column in zip(*parts, strict=True))
         return cls(first.astype(np.intp), second.astype(np.intp), p, q, weight)
 
@@ -354,9 +367,10 @@ def adjust_cameras(
     if distortion is not None:
         unknowns[1] = distortion
         unknowns, loss = problem.solved(unknowns)
-    elif len(sizes) > 2:
+    else:
         bent, other = replace(problem, free_distortion=True).solved(unknowns)
-        if abs(bent[1]) < _LARGEST_DISTORTION and other < (1 - _DISTORTION_GAIN) * loss:
+        gain = _DISTORTION_GAIN if len(sizes) > 2 else _PAIR_GAIN
+        if abs(bent[1]) < _LARGEST_DISTORTION and other < (1 - gain) * loss:
             unknowns = bent
     return Bundle(
         family="rotation",
@@ -385,7 +399,7 @@ def _chained(
 
 
 def _strengths(matches: Mapping[Pair, Match]) -> dict[Pair, float]:
-    return {pair: float(match.features) for pair, match in matches.items()}
+    return {pair: evidence_of(match.share, match.features) for pair, match in matches.items()}
 
 
 def _centred(matches: Mapping[Pair, Match], sizes: Floats, one: int, other: int) -> Floats:

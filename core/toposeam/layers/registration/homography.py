@@ -78,7 +78,7 @@ def find_homography(
     if not (1 / _LARGEST_SCALE**2 < np.median(local) < _LARGEST_SCALE**2) or local.min() <= 0:
         return None
     inverse = np.asarray(np.linalg.inv(matrix), float)
-    overlap = _within(applied(matrix, second), sizes[0]) | _within(applied(inverse, first), sizes[1])
+    overlap = within(applied(matrix, second), sizes[0]) | within(applied(inverse, first), sizes[1])
     return Homography(matrix, inliers, int(overlap.sum()))
 
 
@@ -147,5 +147,6 @@ def _areas(matrix: Floats, points: Floats) -> Floats:
     return np.asarray(np.linalg.det(matrix) / w**3)
 
 
-def _within(points: Floats, size: tuple[int, int]) -> Mask:
+def within(points: Floats, size: tuple[int, int]) -> Mask:
+    """(M,) whether points lie on a picture of that width and height."""
     return np.asarray(((points >= 0) & (points <= np.array(size) - 1)).all(axis=-1))

@@ -12,9 +12,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -29,11 +30,12 @@ from toposeam.layers.registration.bundle_adjustment import (
     adjust_cameras,
     adjust_plane,
     left_over,
+    spanning_tree,
 )
 from toposeam.layers.registration.features import Look
 from toposeam.layers.registration.homography import applied
-from toposeam.layers.registration.outlier_pairs import voted
-from toposeam.layers.registration.pair_matching import Match
+from toposeam.layers.registration.outlier_pairs import evidence_of, outvoted
+from toposeam.layers.registration.pair_matching import Match, groups
 from toposeam.layers.registration.patches import Patches, find_patches
 
 Floats = npt.NDArray[np.float64]
@@ -45,6 +47,8 @@ _POORER, _SLACK, _EXACT_SLACK = 1.3, 0.15, 0.4
 _PATCHES, _ENOUGH, _EXACT = 8, 12, 0.25
 #: A pair that is off by more than so many px, and so many times the others' median, does not fit.
 _OFF, _TIMES = 6.0, 5.0
+#: Shares of a picture's diagonal by which pairs may be off while they are taken up.
+_SHARES = (0.25, 0.08, 0.02)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,7 +104,7 @@ def fit_models(
             sizes, given, focal=lens.focal, fixed=lens.fixed, distortion=lens.distortion, start=start
         )
 
-    found = {family: _voted(len(looks), matches, partial(adjust, family)) for family in families}
+    found = {family: _voted(sizes, matches, partial(adjust, family)) for family in families}
     fit = next(iter(found.values()))
     if len(found) > 1:
         fit = found["rotation"] if _explains(found["rotation"], found["plane"], matches) else found["plane"]
@@ -127,34 +131,43 @@ def _explains(poorer: Fit, richer: Fit, matches: Mapping[Pair, Match]) -> bool:
     return left_over(poorer.bundle, matches, shared) <= _POORER * least + _SLACK
 
 
-def _voted(
-    count: int, matches: Mapping[Pair, Match], adjust: Callable[[Mapping[Pair, Match]], Bundle]
-) -> Fit:
-    """A model adjusted to the pairs that are not outvoted."""
+class _Adjust(Protocol):
+    """Adjust a model to pairs, from a start or from nothing."""
 
-    def solved(pairs: Collection[Pair]) -> tuple[Bundle | None, dict[Pair, float]]:
-        try:
-            bundle = adjust({pair: matches[pair] for pair in pairs})
-        except np.linalg.LinAlgError:
-            return None, dict.fromkeys(matches, math.inf)
-        return bundle, {pair: float(np.median(bundle.off(pair, match))) for pair, match in matches.items()}
+    def __call__(self, given: Mapping[Pair, Match], start: Bundle | None = None) -> Bundle: ...
 
-    everything, off = solved(matches)
+
+def _voted(sizes: Floats, matches: Mapping[Pair, Match], adjust: _Adjust) -> Fit:
+    """A model adjusted to the pairs that are not outvoted.
+
+    It begins with the tree of those that say most, and takes up the others that are not too far off, which
+    gets less and less: a loop may be open by more at first than what matches elsewhere is later.
+    """
+    strengths = {pair: evidence_of(match.share, match.features) for pair, match in matches.items()}
+    _, order, before = spanning_tree(len(sizes), strengths)
+    tree = {(int(min(k, before[k])), int(max(k, before[k]))) for k in order[1:]}
+    bundle = adjust({pair: match for pair, match in matches.items() if pair in tree})
+    diagonal = float(np.hypot(*sizes.T).min())
     scale = max(float(np.max(match.uncertainty)) for match in matches.values())
-    largest = max(_OFF * scale, _TIMES * float(np.median(list(off.values()))))
-    if everything is not None and max(off.values()) <= largest:
-        return Fit(bundle=everything, matches=dict(matches), outvoted=(), clear=True)
-    evidence = {pair: float(match.features) for pair, match in matches.items()}
-    vote = voted(count, evidence, solved, lambda: off, largest)
-    if vote.places is None:
-        raise np.linalg.LinAlgError
-    kept = vote.kept if vote.clear else list(matches)
-    bundle = vote.places if vote.clear else everything
+    kept: list[Pair] = []
+    for share in (*_SHARES, 0.0):
+        off = {pair: float(np.median(bundle.off(pair, match))) for pair, match in matches.items()}
+        usual = _TIMES * float(np.median([off[pair] for pair in kept or tree]))
+        now = [pair for pair in matches if off[pair] <= max(share * diagonal, _OFF * scale, usual)]
+        if len(now) == len(kept) == len(matches):
+            break
+        if now != kept and not groups(len(sizes), now).any():
+            kept, bundle = now, adjust({pair: matches[pair] for pair in now}, bundle)
+    off = {pair: float(np.median(bundle.off(pair, match))) for pair, match in matches.items()}
+    largest = max(_OFF * scale, _TIMES * float(np.median([off[pair] for pair in kept or tree])))
+    wrong = {pair: strengths[pair] for pair in matches if off[pair] > largest}
+    right = {pair: strengths[pair] for pair in matches if off[pair] <= largest}
+    clear = not wrong or (not groups(len(sizes), right).any() and outvoted(len(sizes), right, wrong))
     return Fit(
-        bundle=bundle or vote.places,
-        matches={pair: matches[pair] for pair in kept},
-        outvoted=tuple(vote.wrong),
-        clear=vote.clear,
+        bundle=bundle,
+        matches={pair: matches[pair] for pair in (right if clear else matches)},
+        outvoted=tuple(wrong),
+        clear=clear,
     )
 
 

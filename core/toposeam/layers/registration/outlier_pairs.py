@@ -90,7 +90,7 @@ def voted(
         settled = kept == before
     wrong = [pair for pair in evidence if off[pair] > largest]
     votes = [{pair: evidence[pair] for pair in pairs} for pairs in (kept, wrong)]
-    return Vote(places, kept, wrong, off, clear=settled and _outvoted(count, *votes))
+    return Vote(places, kept, wrong, off, clear=settled and outvoted(count, *votes))
 
 
 def evidence_of(correlation: float, size: float) -> float:
@@ -125,7 +125,7 @@ def averaged(
     return values
 
 
-def _outvoted(count: int, kept: dict[Pair, float], wrong: dict[Pair, float]) -> bool:
+def outvoted(count: int, kept: dict[Pair, float], wrong: dict[Pair, float]) -> bool:
     """Whether between the pictures of every wrong pair, where the pairs that are kept have least evidence,
     they have several times as much as the wrong ones have there.
     """

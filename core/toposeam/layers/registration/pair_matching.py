@@ -22,7 +22,7 @@ from toposeam.layers.canvas.transforms import PlaneTransform
 from toposeam.layers.execution.tasks import Executor, results
 from toposeam.layers.labelling.problem import Pair
 from toposeam.layers.registration.features import Look, look_at, shared_features
-from toposeam.layers.registration.homography import find_homography
+from toposeam.layers.registration.homography import applied, find_homography, within
 from toposeam.layers.registration.patches import find_patches
 
 #: Farthest that pictures may be turned against each other, degrees, and scaled, as a share.
@@ -52,6 +52,8 @@ class Match:
     matrix: Floats = field(default_factory=lambda: np.eye(3))
     #: Features that agree, and one standard deviation of each point or of all, px.
     features: int = 0
+    #: These as a share of all that either picture shows in the overlap.
+    share: float = 1.0
     uncertainty: float | Floats = 1.0
 
 
@@ -192,13 +194,18 @@ def match_homography(a: Look, b: Look, found: npt.NDArray[np.intp]) -> Match | N
     homography = find_homography(first, second, sizes, _TOLERANCE * scale)
     if homography is None or not homography.verified:
         return None
-    inliers = homography.inliers
+    inliers, back = homography.inliers, np.asarray(np.linalg.inv(homography.matrix), float)
+    common = min(
+        int(within(applied(back, a.keypoints), b.size).sum()),
+        int(within(applied(homography.matrix, b.keypoints), a.size).sum()),
+    )
     return Match(
         first[inliers],
         second[inliers],
         math.nan,
         matrix=homography.matrix,
         features=int(inliers.sum()),
+        share=float(inliers.sum()) / max(common, 1),
         uncertainty=_FEATURES * scale,
     )
 

@@ -15,8 +15,8 @@ from toposeam.layers.canvas.layer import Box, Layer
 from toposeam.layers.canvas.transforms import CameraTransform
 from toposeam.layers.canvas.warping import warped
 from toposeam_cli.media.layouts.hugin_project import ProjectPicture, project_text, read_project
-from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 from toposeam_cli.media.layouts.tiff_place import tiff_place
+from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 
 PICTURES = """\
 i w512 h400 f0 v50 Eev12.5 r-4 p3 y-15 a0 b-0.03 c0 d0 e0 n"left.jpg"

@@ -107,9 +107,16 @@ def test_a_turned_picture_is_found_kept_and_turned_back(crops, toposeam, tmp_pat
 @pytest.mark.medium
 def test_a_stranger_is_named(crops, toposeam, tmp_path):
     write_picture(tmp_path / "cat.png", Picture(pixels=data.chelsea()[:220, :300].copy()))
-    toposeam("stitch", *crops, "cat.png", "-o", "all.png").fails("cat.png fits none of the other pictures")
     write_picture(tmp_path / "white.png", Picture(pixels=np.full((220, 300, 3), 255, np.uint8)))
-    toposeam("stitch", *crops, "white.png", "-o", "all.png").fails("white.png fits none")
+    toposeam("stitch", *crops, "-o", "all.png")
+    ran = toposeam("stitch", "white.png", *crops, "cat.png", "-o", "most.png", "--keep", "0=white.png")
+    assert ran.code == 0, ran
+    assert "left out: white.png shares nothing with the other pictures" in ran.err
+    assert "left out: cat.png shares" in ran.err
+    np.testing.assert_array_equal(read_picture("most.png").pixels, read_picture("all.png").pixels)
+    for stranger in ("cat.png", "white.png"):
+        line = ("stitch", *crops, stranger, "--exact", "-o", "exact.png")
+        toposeam(*line).fails(f"{stranger} fits none of the other pictures")
 
 
 @pytest.mark.medium

@@ -35,7 +35,7 @@ from toposeam_cli.jobs.crew import processes_of
 from toposeam_cli.media.pictures.picture import COMPRESSIONS
 from toposeam_cli.stitching.inputs import PlacedPictures, arrange, saved_layout
 from toposeam_cli.stitching.outputs import Outputs, check_outputs, crop_of, cropped, write
-from toposeam_cli.stitching.place_options import Finding, finding_options, with_defaults
+from toposeam_cli.stitching.place_options import FindingOptions, finding_options, with_defaults
 from toposeam_cli.stitching.placement_report import found_of, misfits
 from toposeam_cli.stitching.positions import ORDERS, Where, width_round
 from toposeam_cli.stitching.report import describe, hidden, is_read, summary_of_all, told_of
@@ -224,7 +224,7 @@ def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: 
     if given["offset"] is not None and len(given["offset"]) == 3:
         return _stitch_clips(files, given)
     where, find, out = taken(Where, given), taken(SeamOptions, given), taken(Outputs, given)
-    finding = taken(Finding, given)
+    finding = taken(FindingOptions, given)
     check_outputs(out)
     check_finding(find, out, given["dask"])
     with means_of(out.output.parent, files, processes_of(given["processes"]), given["dask"]) as means:
@@ -234,7 +234,7 @@ def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: 
 def _stitch(
     files: Sequence[Path],
     where: Where,
-    finding: Finding,
+    finding: FindingOptions,
     find: SeamOptions,
     out: Outputs,
     given: dict[str, Any],

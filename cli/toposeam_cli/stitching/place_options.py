@@ -71,7 +71,7 @@ def finding_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
+class FindingOptions:
     """How places are found, as given."""
 
     model: str

@@ -58,7 +58,7 @@ LAYOUTS = {
     "half a place": ("[[layer]]\nfile='a.png'\nat=[0]", "two whole numbers"),
     "fractions": ("[[layer]]\nfile='a.png'\nat=[0.5,1]", "two whole numbers"),
     "far": ("[[layer]]\nfile='a.png'\nat=[0,99999999999]", "which lies too far away"),
-    "misspelt": ("[[layer]]\nfile='a.png'\nposition=[0,0]", "'position', which is none of file, at"),
+    "misspelt": ("[[layer]]\nfile='a.png'\nposition=[0,0]", "'position', which is none of file, name"),
     "visible": ("[[layer]]\nfile='a.png'\nat=[0,0]\nvisible='no'", "write true or false"),
     "name": ("[[layer]]\nfile='a.png'\nat=[0,0]\nname=3", "write a text"),
     "twice": (

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -35,7 +35,7 @@ from toposeam.layers.registration.consensus import (
     without_contradictions,
 )
 from toposeam.layers.registration.homography import find_homography
-from toposeam.layers.registration.models import Fit, Lens, fit_models
+from toposeam.layers.registration.models import Lens, ModelFit, fit_models
 from toposeam.layers.registration.pair_matching import Match, Sightings, groups
 from toposeam.layers.registration.panorama import View, camera_transforms, plane_transforms
 from toposeam.layers.registration.placement import MODELS, Model, Placement, Residual
@@ -46,8 +46,9 @@ LEAST_CORRELATION = 0.5
 #: A picture of which more than so many px are open, one standard deviation at its corners, is refused where
 #: places are to be exact: what is nearer is placed within half a pixel (benchmarks/placing.py).
 LARGEST_DOUBT = 0.4
-#: Similarities that leave no more px are not compared with other models.
-_EXPLAINED = 0.6
+#: Similarities that leave no more px at a twentieth of the points of any pair are not compared with other
+#: models.
+_EXPLAINED = 1.2
 #: So many of the strongest pairs tell whether similarities may do: not where they leave so many times as much
 #: of the features as homographies do, and so many px of the reduced pictures more.
 _ASKED, _TIMES, _MORE = 6, 1.3, 0.5
@@ -215,10 +216,17 @@ class _Found:
     distortion: float = 0.0
     projection: Projection | None = None
     wrap: int | None = None
+    #: (N,) which group each of all pictures is in.
+    groups: npt.NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, np.intp))
 
     @property
     def misfit(self) -> float:
         return max(float(np.median(off)) for off in self.off.values())
+
+    @property
+    def farthest(self) -> float:
+        """The largest twentieth of a pair, px."""
+        return max(float(np.percentile(off, 95)) for off in self.off.values())
 
 
 def found_places(
@@ -241,7 +249,7 @@ def found_places(
     layers = tuple(place([pictures[number] for number in numbers], transforms))
     report(1.0)
     left_out = {
-        number: _reason(given, number, numbers) for number in range(len(pictures)) if number not in numbers
+        number: _reason(given, found, number) for number in range(len(pictures)) if number not in numbers
     }
     order = {number: index for index, number in enumerate(numbers)}
     where = {(order[i], order[j]): (i, j) for i, j in found.matches}
@@ -267,40 +275,48 @@ def found_places(
         distortion=found.distortion,
         projection=found.projection,
         wrap=found.wrap,
+        other_groups=_other_groups(found),
+    )
+
+
+def _other_groups(found: _Found) -> tuple[tuple[int, ...], ...]:
+    """The numbers of pictures that belong together, but not to those that were placed."""
+    several = [np.flatnonzero(found.groups == group) for group in dict.fromkeys(found.groups.tolist())]
+    return tuple(
+        tuple(int(number) for number in members)
+        for members in several
+        if len(members) > 1 and members[0] not in found.numbers
     )
 
 
 def _found(given: _Set) -> _Found:
     """The poorest model that explains the pictures."""
     model = given.options.model
-    if given.options.exact:
-        return _by_similarity(given, FREEDOMS if model != "shift" else FREEDOMS[:1], strict=True)
-    if model in ("shift", "similarity"):
-        return _by_similarity(given, FREEDOMS if model != "shift" else FREEDOMS[:1], strict=False)
+    freedoms: Sequence[str] = FREEDOMS[:1] if model == "shift" else FREEDOMS
+    if given.options.exact or model in ("shift", "similarity"):
+        return _by_similarity(given, freedoms, LARGEST_MISFIT if given.options.exact else None)
     if model != "auto":
         return _by_perspective(given)
-    refused: OverlapError | None = None
     similar: _Found | None = None
+    refused: OverlapError | None = None
     if not _is_perspective(given):
         try:
-            similar = _by_similarity(given, FREEDOMS, strict=True, doubts=False)
+            similar = _by_similarity(given, freedoms, LARGEST_MISFIT)
         except OverlapError as error:
             if error.kind == "ambiguous":
                 raise
             refused = error
-    if similar is not None and similar.misfit <= _EXPLAINED:
+    if similar is not None and similar.farthest <= _EXPLAINED and len(similar.numbers) == len(given.pictures):
         return similar
     try:
         other = _by_perspective(given)
-    except OverlapError:
-        if similar is not None:
-            return similar
-        if refused is None or refused.kind == "misfit":
-            raise
-        return _by_similarity(given, FREEDOMS, strict=False)
-    if similar is not None and similar.misfit <= _TIMES * other.misfit:
+    except OverlapError as error:
+        if similar is None:
+            raise (refused or error) from None
         return similar
-    return other
+    if similar is None or len(other.numbers) > len(similar.numbers):
+        return other
+    return similar if similar.farthest <= max(_EXPLAINED, _TIMES * other.farthest) else other
 
 
 def _is_perspective(given: _Set) -> bool:
@@ -327,24 +343,25 @@ def _rms(values: npt.NDArray[np.float64]) -> float:
     return float(np.sqrt(np.nanmean(values**2)))
 
 
-def _by_similarity(given: _Set, freedoms: Sequence[str], *, strict: bool, doubts: bool = True) -> _Found:
-    """Moves, turns and scales; `strict` refuses pictures that do not fit, and what is left open."""
+def _by_similarity(given: _Set, freedoms: Sequence[str], largest: float | None) -> _Found:
+    """Moves, turns and scales of most pictures, of which no pair is off by more than so many px; by default
+    any that is not elsewhere.
+    """
     least = given.options.least_correlation
     matches, best = given.sightings.matches("similarity", least)
-    numbers = list(range(len(given.pictures)))
-    if strict:
+    if given.options.exact:
         _check_joined(given.pictures, matches, best, least)
-    else:
-        numbers = _largest_group(given, matches, best)
-        matches = {pair: match for pair, match in matches.items() if pair[0] in numbers}
+    own_groups = groups(len(given.pictures), matches)
+    numbers = _largest_group(given, matches, best, own_groups)
     order = {number: index for index, number in enumerate(numbers)}
-    own = {(order[i], order[j]): match for (i, j), match in matches.items()}
+    own = {(order[i], order[j]): match for (i, j), match in matches.items() if i in order}
     sizes, names = given.sizes[numbers], [given.names[number] for number in numbers]
-    largest = LARGEST_MISFIT if strict else 0.02 * float(np.hypot(*sizes.T).min())
+    if largest is None:
+        largest = ELSEWHERE * float(np.hypot(*sizes.T).min())
     solution, used = without_contradictions(names, sizes, own, freedoms, largest)
-    if strict and doubts:
+    if given.options.exact:
         _check_exact([given.pictures[number] for number in numbers], open_corners(sizes, solution))
-    return _of_adjustment(solution, used, own, numbers)
+    return replace(_of_adjustment(solution, used, own, numbers), groups=own_groups)
 
 
 def _of_adjustment(
@@ -369,7 +386,8 @@ def _by_perspective(given: _Set) -> _Found:
     """A plane, or a camera that turns."""
     options = given.options
     matches, best = given.sightings.matches("homography", options.least_correlation)
-    numbers = _largest_group(given, matches, best)
+    own_groups = groups(len(given.pictures), matches)
+    numbers = _largest_group(given, matches, best, own_groups)
     order = {number: index for index, number in enumerate(numbers)}
     own = {(order[i], order[j]): match for (i, j), match in matches.items() if i in order}
     fit = fit_models(
@@ -384,10 +402,10 @@ def _by_perspective(given: _Set) -> _Found:
         given.executor,
     )
     _check_contradictions([given.names[number] for number in numbers], fit)
-    return _of_fit(given, fit, numbers)
+    return replace(_of_fit(given, fit, numbers), groups=own_groups)
 
 
-def _of_fit(given: _Set, fit: Fit, numbers: Sequence[int]) -> _Found:
+def _of_fit(given: _Set, fit: ModelFit, numbers: Sequence[int]) -> _Found:
     bundle, options = fit.bundle, given.options
     transforms: Sequence[Transform]
     width = projection = None
@@ -414,31 +432,36 @@ def _of_fit(given: _Set, fit: Fit, numbers: Sequence[int]) -> _Found:
     )
 
 
-def _largest_group(given: _Set, matches: Mapping[Pair, Match], best: Floats) -> list[int]:
+def _largest_group(
+    given: _Set, matches: Mapping[Pair, Match], best: Floats, own: npt.NDArray[np.intp]
+) -> list[int]:
     """The numbers of most pictures that pairs join."""
-    own = groups(len(given.pictures), matches)
     sizes = np.bincount(own)
     if sizes.max() < 2:
         _check_joined(given.pictures, matches, best, given.options.least_correlation)
-    return np.flatnonzero(own == sizes.argmax()).tolist()
+    return [int(number) for number in np.flatnonzero(own == sizes.argmax())]
 
 
-def _reason(given: _Set, number: int, placed: Sequence[int]) -> str:
+def _reason(given: _Set, found: _Found, number: int) -> str:
     """Why a picture belongs to none of those that were placed."""
+    name = given.names[number]
+    others = [other for other in np.flatnonzero(found.groups == found.groups[number]) if other != number]
+    if others:
+        return f"{name} shows something else, together with {_named(given.pictures, np.array(others))}"
     shared = {
-        other: len(given.sightings.shared((min(number, other), max(number, other)))) for other in placed
+        other: len(given.sightings.shared((min(number, other), max(number, other))))
+        for other in found.numbers
     }
     nearest = max(shared, key=lambda other: shared[other])
-    name = given.names[number]
     if not shared[nearest]:
         return f"{name} shares nothing with the other pictures"
     return (
-        f"{name} shares {shared[nearest]} features with {given.names[nearest]}, but they lie differently in "
-        "both"
+        f"{name} shares {shared[nearest]} features with {given.names[nearest]}, but no overlap brings them "
+        "together"
     )
 
 
-def _check_contradictions(names: Sequence[str], fit: Fit) -> None:
+def _check_contradictions(names: Sequence[str], fit: ModelFit) -> None:
     """Refuse pairs that match elsewhere if the others do not outvote them."""
     bundle = fit.bundle
     if fit.clear or not fit.outvoted:

@@ -5,8 +5,8 @@
    unless it leaves clearly more.
 2. Pairs that match where they do not belong are left out where others outvote them
    (:mod:`toposeam.layers.registration.outlier_pairs`).
-3. Patches of each overlap, warped by the model, are laid on each other by phase correlation, and the model is
-   adjusted to them.
+3. Patches of each overlap, warped by the model, are laid on each other by phase correlation, and the model
+   is adjusted to them.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from toposeam.layers.registration.features import Look
 from toposeam.layers.registration.homography import applied
 from toposeam.layers.registration.outlier_pairs import evidence_of, outvoted
 from toposeam.layers.registration.pair_matching import Match, groups
-from toposeam.layers.registration.patches import Patches, find_patches
+from toposeam.layers.registration.patches import LaidPatches, find_patches
 
 Floats = npt.NDArray[np.float64]
 
@@ -63,7 +63,7 @@ class Lens:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Fit:
+class ModelFit:
     """A model adjusted to all pairs that agree."""
 
     bundle: Bundle
@@ -81,7 +81,7 @@ def fit_models(
     families: Collection[Family],
     lens: Lens,
     executor: Executor | None = None,
-) -> Fit:
+) -> ModelFit:
     """Adjust the poorest of some models that explains the matches.
 
     Parameters
@@ -120,7 +120,7 @@ def fit_models(
     return replace(fit, bundle=bundle, matches=exact)
 
 
-def _explains(poorer: Fit, richer: Fit, matches: Mapping[Pair, Match]) -> bool:
+def _explains(poorer: ModelFit, richer: ModelFit, matches: Mapping[Pair, Match]) -> bool:
     """Whether the poorer model leaves about as little as the richer one, and outvotes no more pairs."""
     shared = [pair for pair in matches if pair in poorer.matches and pair in richer.matches]
     if not shared or len(poorer.outvoted) > len(richer.outvoted):
@@ -137,7 +137,7 @@ class _Adjust(Protocol):
     def __call__(self, given: Mapping[Pair, Match], start: Bundle | None = None) -> Bundle: ...
 
 
-def _voted(sizes: Floats, matches: Mapping[Pair, Match], adjust: _Adjust) -> Fit:
+def _voted(sizes: Floats, matches: Mapping[Pair, Match], adjust: _Adjust) -> ModelFit:
     """A model adjusted to the pairs that are not outvoted.
 
     It begins with the tree of those that say most, and takes up the others that are not too far off, which
@@ -163,7 +163,7 @@ def _voted(sizes: Floats, matches: Mapping[Pair, Match], adjust: _Adjust) -> Fit
     wrong = {pair: strengths[pair] for pair in matches if off[pair] > largest}
     right = {pair: strengths[pair] for pair in matches if off[pair] <= largest}
     clear = not wrong or (not groups(len(sizes), right).any() and outvoted(len(sizes), right, wrong))
-    return Fit(
+    return ModelFit(
         bundle=bundle,
         matches={pair: matches[pair] for pair in (right if clear else matches)},
         outvoted=tuple(wrong),
@@ -196,7 +196,7 @@ class _Between:
         return seen.reshape(points.shape)
 
 
-def _with_patches(looks: Sequence[Look], fit: Fit, executor: Executor | None) -> dict[Pair, Match]:
+def _with_patches(looks: Sequence[Look], fit: ModelFit, executor: Executor | None) -> dict[Pair, Match]:
     """The matches with patches in front of the features; of many patches alone."""
     items = [(looks[i], looks[j], _Between(fit.bundle, i, j)) for i, j in fit.matches]
     better = {}
@@ -215,5 +215,5 @@ def _with_patches(looks: Sequence[Look], fit: Fit, executor: Executor | None) ->
 
 
 @one_thread()
-def _laid(item: tuple[Look, Look, _Between]) -> Patches | None:
+def _laid(item: tuple[Look, Look, _Between]) -> LaidPatches | None:
     return find_patches(*item, count=_PATCHES)

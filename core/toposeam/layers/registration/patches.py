@@ -21,7 +21,7 @@ _LEAST_OWN = 0.6  # correlation of a patch that counts
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Patches:
+class LaidPatches:
     """Centres of patches in one picture and in another, and the correlation of their overlap."""
 
     first: Floats
@@ -29,7 +29,7 @@ class Patches:
     correlation: float
 
 
-def find_patches(a: Look, b: Look, transform: Transform, count: int = _PATCHES) -> Patches | None:
+def find_patches(a: Look, b: Look, transform: Transform, count: int = _PATCHES) -> LaidPatches | None:
     """Lay patches of the overlap exactly on each other.
 
     Parameters
@@ -42,7 +42,7 @@ def find_patches(a: Look, b: Look, transform: Transform, count: int = _PATCHES) 
 
     Returns
     -------
-    Patches or None
+    LaidPatches or None
         None where the overlap is too small or shows nothing.
     """
     from skimage.registration import phase_cross_correlation
@@ -92,8 +92,8 @@ def find_patches(a: Look, b: Look, transform: Transform, count: int = _PATCHES) 
         return None
     correlation = float(energy[0] / np.sqrt(energy[1] * energy[2]))
     if len(points_a) < _LEAST_PATCHES:
-        return Patches(np.zeros((0, 2)), np.zeros((0, 2)), min(correlation, 0.0))
-    return Patches(_full(np.array(points_a), a.fine), _full(np.array(points_b), b.fine), correlation)
+        return LaidPatches(np.zeros((0, 2)), np.zeros((0, 2)), min(correlation, 0.0))
+    return LaidPatches(_full(np.array(points_a), a.fine), _full(np.array(points_b), b.fine), correlation)
 
 
 @dataclass(frozen=True, slots=True)

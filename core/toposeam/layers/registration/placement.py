@@ -66,6 +66,8 @@ class Placement:
     #: Which of the pictures that were given these are, and why the others are none.
     numbers: tuple[int, ...]
     left_out: Mapping[int, str] = field(default_factory=dict)
+    #: Those of them that belong together, but not to the ones that were placed.
+    other_groups: tuple[tuple[int, ...], ...] = ()
     #: Correlation of the overlap of each pair that was used, and what is left there; pairs are of `layers`.
     correlations: dict[Pair, float]
     residuals: dict[Pair, Residual]

@@ -34,7 +34,7 @@ from toposeam.layers.registration.consensus import (
     ambiguous,
     without_contradictions,
 )
-from toposeam.layers.registration.homography import find_homography
+from toposeam.layers.registration.homography import applied
 from toposeam.layers.registration.models import Lens, ModelFit, fit_models
 from toposeam.layers.registration.pair_matching import Match, Sightings, groups
 from toposeam.layers.registration.panorama import View, camera_transforms, plane_transforms
@@ -322,20 +322,15 @@ def _found(given: _Set) -> _Found:
 def _is_perspective(given: _Set) -> bool:
     """Whether most of the strongest pairs say that no similarity brings them together."""
     votes = []
-    looks = given.sightings.looks
-    for i, j in given.sightings.pairs[:_ASKED]:
-        shared = given.sightings.shared((i, j))
-        first, second = looks[i].keypoints[shared[:, 0]], looks[j].keypoints[shared[:, 1]]
-        scale = float(max(looks[i].scale, looks[j].scale))
-        found = find_homography(first, second, (looks[i].size, looks[j].size), 2.0 * scale)
-        if found is None or not found.verified:
+    for pair in given.sightings.pairs[:_ASKED]:
+        match = given.sightings.homography(pair)
+        if match is None:
             continue
-        first, second = first[found.inliers] @ [1, 1j], second[found.inliers] @ [1, 1j]
+        first, second = match.first @ [1, 1j], match.second @ [1, 1j]
         own, other = first - first.mean(), second - second.mean()
         left = np.abs(own - np.vdot(other, own) / np.vdot(other, other) * other)
-        seen = PlaneTransform(found.matrix).to_canvas(np.stack([second.real, second.imag], axis=1))
-        least = np.abs(first - seen @ [1, 1j])
-        votes.append(_rms(left) > _TIMES * _rms(least) + _MORE * scale)
+        least = np.abs(first - applied(match.matrix, match.second) @ [1, 1j])
+        votes.append(_rms(left) > _TIMES * _rms(least) + _MORE * given.sightings.looks[pair[0]].scale)
     return bool(votes) and sum(votes) > len(votes) / 2
 
 

@@ -118,7 +118,8 @@ def _through_four(a: Floats, b: Floats) -> Floats:
 
 def _least_squares(a: Floats, b: Floats) -> Floats:
     """(3, 3) homography that takes (M, 2) points `b` to about `a` (the direct linear transform)."""
-    matrix = np.linalg.svd(_equations(a, b), full_matrices=True)[2][-1].reshape(3, 3)
+    equations = _equations(a, b)
+    matrix = np.linalg.eigh(equations.T @ equations)[1][:, 0].reshape(3, 3)
     return np.asarray(matrix / matrix[2, 2])
 
 

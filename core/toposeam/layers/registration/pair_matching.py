@@ -109,6 +109,10 @@ class Sightings:
         """(M, 2) numbers of the features that a pair shares."""
         return self._shared[self._which[pair[0]], self._which[pair[1]]]
 
+    def homography(self, pair: Pair) -> Match | None:
+        """Features of a pair that a homography brings together; None where too few agree."""
+        return match_homography(self.looks[pair[0]], self.looks[pair[1]], self.shared(pair))
+
     def matches(self, kind: Kind, least: float) -> tuple[dict[Pair, Match], Floats]:
         """The pairs that show the same, and the best correlation of each picture.
 

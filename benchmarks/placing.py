@@ -6,7 +6,7 @@
 
 Each set is 4 to 20 crops of one photograph, shuffled. Each crop is cut out at places with fractions, turned
 by up to 2°, exposed up to ±10 % differently, and noisy (1.5 8-bit levels). It overlaps at least one of those
-before it by 25 to 60 %. ``toposeam.find_places`` is told nothing.
+before it by 25 to 60 %. ``toposeam.find_places`` is told nothing but to be exact.
 
 With ``--repeating`` the photograph is part of one, repeated every 160 × 190 px, with stains (15 to 30 8-bit
 levels) and up to 60 other things upon it, and crops of 130 to 180 px show about one repeat.
@@ -132,7 +132,7 @@ def main() -> None:
         layers, truth = make_set(index, options.seed, options.repeating)
         started = time.process_time()
         try:
-            placement = ts.find_places(layers)
+            placement = ts.find_places(layers, exact=True)
         except ts.TopoSeamError as error:
             kind, detail = "refused", str(error)
         else:

@@ -45,9 +45,18 @@ def stitched(job: EngineJob, layers: Sequence[ts.Layer]) -> tuple[list[ts.Layer]
         layers = ts.align(layers).layers
     elif places == "anywhere":
         start = _FINDING
-        layers = _on_canvas(
-            ts.find_places(layers, progress=lambda share: job.progress(share * start)).layers, layers[0].at
-        )
+        found = ts.find_places(layers, progress=lambda share: job.progress(share * start))
+        if found.left_out:
+            names = [layers[number].name for number in found.left_out]
+            kind, data = ("fits none", {"name": names[0]}) if len(names) == 1 else ("fit none", {})
+            raise ts.OverlapError(
+                "{reasons}",
+                kind=kind,
+                reasons="; ".join(found.left_out.values()),
+                **data,
+                names=", ".join(names),
+            )
+        layers = _on_canvas(found.layers, layers[0].at)
     elif places != "given":
         raise ts.OptionError(f"places is {places!r}; give 'given', 'near' or 'anywhere'")
     tones, shading = (options.pop(f"match_{what}", False) for what in ("tones", "shading"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Unpack, cast
@@ -110,7 +111,8 @@ def compose(
     Composition(2 layers, 60 × 30 px, 1 seam)
     """
     check_executor(executor)
-    layers = check_layers(_with_places(layers, executor))
+    layers, round_way = _with_places(layers, executor)
+    layers, wrap = check_layers(layers), round_way if wrap is None else wrap
     check_whole("max_rounds", max_rounds, 0)
     thorough = search_options(effort, len(layers))
     check_core(core, speck)
@@ -199,14 +201,17 @@ def compose(
 
 def _with_places(
     layers: Sequence[Layer] | Sequence[npt.NDArray[Any]], executor: Executor | None
-) -> Sequence[Layer]:
-    """Find the places of images that are given without any."""
+) -> tuple[Sequence[Layer], int | None]:
+    """Find the places of images that are given without any, and the canvas's width if it goes round."""
     if isinstance(layers, list | tuple) and len(layers) > 1:
         arrays = [image for image in layers if isinstance(image, np.ndarray)]
         if len(arrays) == len(layers):
             images = [Layer(image, name=f"picture {k}") for k, image in enumerate(arrays, start=1)]
-            return find_places(images, executor=executor).layers
-    return layers  # type: ignore[return-value]  # checked by the caller
+            found = find_places(images, executor=executor)
+            for reason in found.left_out.values():
+                warnings.warn(f"left out: {reason}", stacklevel=4)
+            return found.layers, found.wrap
+    return layers, None  # type: ignore[return-value]  # checked by the caller
 
 
 @dataclass(frozen=True, eq=False, slots=True)

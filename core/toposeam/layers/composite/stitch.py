@@ -188,7 +188,8 @@ def stitch(
     ----------
     layers : sequence of Layer, or list of (H, W) or (H, W, C) arrays
         At least two, of one dtype; gray layers are widened to the others' channels. Of arrays the places are
-        found first, by :func:`toposeam.find_places`.
+        found first, by :func:`toposeam.find_places`; those that fit none of the others are left out with a
+        warning.
     method, gradient, cost, options, **keywords
         As for :func:`toposeam.find_seam`; without `cost`, the blends "soft" and "multiband" set its `reach`
         to how far they reach. Of two layers the blend "soft" makes `auto` choose `heat`. Regions between more

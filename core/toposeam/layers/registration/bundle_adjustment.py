@@ -37,7 +37,7 @@ _SAID, _USUAL = 0.05, 0.6
 _POINTS = 150
 #: A point that is off by so many times its uncertainty counts half as much; first all count.
 _SCALES = (30.0, 2.0)
-_STEPS, _SETTLED = 40, 1e-4
+_STEPS, _SETTLED = 60, 1e-7
 #: A distortion counts where it takes away this share of what is left, of a single pair more; larger ones are
 #: no lens.
 _DISTORTION_GAIN, _PAIR_GAIN, _LARGEST_DISTORTION = 0.04, 0.25, 0.2

@@ -303,8 +303,6 @@ def _found(given: _Set) -> _Found:
         try:
             similar = _by_similarity(given, freedoms, LARGEST_MISFIT)
         except OverlapError as error:
-            if error.kind == "ambiguous":
-                raise
             refused = error
     if similar is not None and similar.farthest <= _EXPLAINED and len(similar.numbers) == len(given.pictures):
         return similar
@@ -314,6 +312,8 @@ def _found(given: _Set) -> _Found:
         if similar is None:
             raise (refused or error) from None
         return similar
+    if refused is not None and refused.kind == "ambiguous" and other.outvoted:
+        raise refused
     if similar is None or len(other.numbers) > len(similar.numbers):
         return other
     return similar if similar.farthest <= max(_EXPLAINED, _TIMES * other.farthest) else other
@@ -335,7 +335,7 @@ def _is_perspective(given: _Set) -> bool:
 
 
 def _rms(values: npt.NDArray[np.float64]) -> float:
-    return float(np.sqrt(np.nanmean(values**2)))
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def _by_similarity(given: _Set, freedoms: Sequence[str], largest: float | None) -> _Found:

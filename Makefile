@@ -35,7 +35,7 @@ test-lowest:  ## the quick core tests with the lowest version of everything that
 	"$(PYTHON)" -m venv $(VENV)-lowest
 	$(VENV)-lowest/bin/python -m pip --disable-pip-version-check install --quiet uv
 	$(VENV)-lowest/bin/uv pip install --quiet --python $(VENV)-lowest/bin/python --resolution lowest-direct --editable '.[test]'
-	$(ONE_THREAD) $(VENV)-lowest/bin/python -m pytest tests/core -n auto --dist worksteal -m 'not slow' -q
+	$(ONE_THREAD) $(VENV)-lowest/bin/python -m pytest tests/core -n auto --dist worksteal -m 'not slow and not medium' -q
 
 browser:  ## provide Chromium for the tests of pages, where apt-get can; they are skipped without it
 	@command -v chromium >/dev/null || { apt-get update -q && apt-get install -q -y --no-install-recommends chromium; } >/dev/null 2>&1 || echo "no Chromium here, so that its tests are skipped"

@@ -277,7 +277,7 @@ def _stitch(
         crop = crop_of(out, job.layers)
     else:
         crop = out.crop or ("outside" if out.has_alpha or out.background is not None else "inside")
-    warnings = [] if out.quiet else [*misfits(job), *strangers(job, find.wrap, means.workers)]
+    warnings = [] if out.quiet else strangers(job, find.wrap, means.workers)
     if job.stored:
         return _stitch_large(job, find, out, files, crop, means, [*warnings], aligned)
     composed = composed_as(job, find, out, files)
@@ -286,6 +286,7 @@ def _stitch(
     mapped = asked or out.labels is not None or out.output.suffix.lower() == ".ora"
     stitched = ts_stitched(composed, mapped)
     finished, at = cropped(stitched, out.output) if crop == "inside" else (stitched, None)
+    warnings += [] if out.quiet else misfits(job, at)
     overlay = None if out.overlay is None else draw_seams(stitched.image, stitched.seams)
     if overlay is not None and at is not None:
         (height, width), (left, top) = finished.image.shape[:2], at
@@ -319,7 +320,8 @@ def _stitch(
         found = summary_of_all(stitched, job.layers, aligned, job.placement)
         report = json.dumps(found | found_of(job), indent=2)
     elif is_read(out.quiet):
-        told = describe(stitched.seams[0]) if len(job.layers) == 2 else describe_totals(composed)
+        two = len(job.layers) == 2
+        told = describe(stitched.seams[0], at) if two else describe_totals(composed, at=at)
         report = told_of(
             out.output, finished.image.shape, told, at, job.shape, job.layers, job.placement, aligned
         )
@@ -354,6 +356,7 @@ def _stitch_large(
     with all_or_nothing():
         with share_bar("writing", out.quiet) as progress:
             large = make(composed, job, out, crop, means.store, progress, means.workers)
+        warnings += [] if out.quiet else misfits(job, large.at)
         documents: list[tuple[Path, bytes]] = []
         if out.save_layout is not None:
             documents.append((out.save_layout, saved_layout(job, out.save_layout).encode()))
@@ -376,7 +379,7 @@ def _stitch_large(
         if out.as_json:
             report = json.dumps(summary_of_large(composed, large) | found_of(job), indent=2)
         elif is_read(out.quiet):
-            told = describe_totals(composed, means.workers)
+            told = describe_totals(composed, means.workers, large.at)
             report = told_of(
                 out.output,
                 large.picture.pixels.shape,

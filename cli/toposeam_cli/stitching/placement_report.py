@@ -45,12 +45,14 @@ def _moved(layers: tuple[ts.Layer, ...], placement: ts.Placement, index: int) ->
     return f"{text})"
 
 
-def misfits(job: PlacedPictures) -> list[str]:
-    """Return sentences about what is left between pictures at the points that they share."""
+def misfits(job: PlacedPictures, at: tuple[int, int] | None) -> list[str]:
+    """Return sentences about what is left between pictures at the points that they share; places are those of
+    the joined picture, which begins at that pixel of the canvas.
+    """
     placement = job.placement
     if placement is None:
         return []
-    left, top = extent_of(job.layers).origin
+    left, top = np.array(extent_of(job.layers).origin) + (at or (0, 0))
     worst = sorted(placement.residuals.items(), key=lambda item: -item[1].farthest)
     worth = [(pair, residual) for pair, residual in worst if residual.farthest > _WORTH_PX]
     sentences = [

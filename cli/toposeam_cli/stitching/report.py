@@ -105,12 +105,12 @@ def describe_alignment(layers: tuple[ts.Layer, ...], aligned: ts.Aligned | None)
     return lines
 
 
-def describe(seam: ts.Seam) -> str:
-    """Return one line about the seam of two layers for people."""
+def describe(seam: ts.Seam, at: tuple[int, int] | None = None) -> str:
+    """Return one line about the seam of two layers for people, of a picture cropped from a corner."""
     effort = f" in {counted(len(seam.history), 'iteration')}" if seam.history else ""
     text = (
         f"seam of {round(seam.length)} px by {seam.method}{effort}, cost {seam.cost:.4g}, "
-        f"{seam.seconds:.2f} s{'' if seam.verdict is None else f': {seam.verdict}'}"
+        f"{seam.seconds:.2f} s{'' if seam.verdict is None else f': {seam.verdict.seen_from(at)}'}"
     )
     if seam.termination == ts.Termination.ITERATIONS:
         text += "; the heat did not settle on a single line, so this is the best cut of what it left"

@@ -314,15 +314,17 @@ def write_large(
             write_composite(out, large.picture, keep)
 
 
-def describe_totals(composed: ts.Composition, executor: Executor | None = None) -> str:
-    """Return one line about the seams for people."""
+def describe_totals(
+    composed: ts.Composition, executor: Executor | None = None, at: tuple[int, int] | None = None
+) -> str:
+    """Return one line about the seams for people, of a picture cropped from a corner."""
     if not composed.pairs:
         return f"{len(composed.names)} layers without a seam"
     totals, rounds = composed.totals(executor), composed.rounds
     return (
         f"{len(composed.names)} layers, {counted(len(composed.pairs), 'seam')} of {round(totals.length)} px "
         f"in all by {totals.method}, {counted(rounds, 'round')}, cost {totals.cost:.4g}, "
-        f"{totals.seconds:.2f} s{'' if totals.verdict is None else f': {totals.verdict}'}"
+        f"{totals.seconds:.2f} s{'' if totals.verdict is None else f': {totals.verdict.seen_from(at)}'}"
     )
 
 

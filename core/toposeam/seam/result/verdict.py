@@ -12,7 +12,7 @@ near 0 where something is cut in two.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -49,6 +49,12 @@ class Verdict:
     def unseen(self) -> bool:
         """Whether its worst tenth is likely not to be noticed either."""
         return self.worst >= UNSEEN
+
+    def seen_from(self, corner: tuple[int, int] | None) -> Verdict:
+        """The same with places counted from a corner of the canvas, where something was cropped."""
+        if self.where is None or corner is None:
+            return self
+        return replace(self, where=(self.where[0] - corner[0], self.where[1] - corner[1]))
 
     def __str__(self) -> str:
         if self.unseen or self.where is None:

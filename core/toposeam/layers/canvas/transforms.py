@@ -131,6 +131,7 @@ class CameraTransform:
         if self.projection == "sphere":
             return np.asarray(self.radius * np.stack([yaw, np.arctan2(y, flat)], axis=-1))
         flat = np.where(flat > 1 / LARGEST_ENLARGEMENT, flat, np.nan)
+        yaw = np.where(np.isfinite(flat), yaw, np.nan)
         if self.projection == "cylinder":
             return np.asarray(self.radius * np.stack([yaw, y / flat], axis=-1))
         half = np.where(np.abs(yaw) < 0.9 * math.pi, yaw / 2, np.nan)

@@ -1,7 +1,5 @@
 """Views rendered from a photograph, of which it is known where each pixel lies."""
 
-import math
-
 import numpy as np
 from scipy import ndimage
 from skimage import data
@@ -94,10 +92,14 @@ def panorama_scene():
     return data.coffee()
 
 
-def ring_scene(radius, height):
-    """(height, 2π radius, 3) uint8 photographs side by side, all the way round."""
-    parts = [data.astronaut()[:, :400], data.coffee(), data.chelsea(), data.rocket()[50:, 100:500]]
-    width = math.ceil(2 * math.pi * radius)
+def ring_scene(width, height):
+    """(height, width, 3) uint8 photographs side by side, all the way round."""
+    parts = [
+        data.astronaut()[:, :400],
+        data.coffee(),
+        255 - data.astronaut()[::-1, 40:440],
+        data.coffee()[::-1],
+    ]
     each = -(-width // len(parts))
     row = [
         ndimage.zoom(

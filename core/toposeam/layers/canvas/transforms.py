@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Literal, Protocol, TypeAlias, get_args
 
 import numpy as np
@@ -213,6 +214,7 @@ def _factor(radius: Floats, lens: tuple[float, float, float]) -> Floats:
     return np.asarray(((a * radius + b) * radius + c) * radius + 1 - a - b - c)
 
 
+@lru_cache(maxsize=64)
 def _turning_radius(lens: tuple[float, float, float]) -> float:
     """Where the drawn radius stops growing; at most 10."""
     a, b, c = lens

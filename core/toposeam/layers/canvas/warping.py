@@ -110,9 +110,7 @@ def warped(layer: Layer, transform: Transform) -> Layer:
             values = _spline(planes, at, shown)
             if np.issubdtype(dtype, np.integer):
                 values = np.clip(values, 0, layer.white)
-            elif dtype.kind == "b":
-                values = values > 0.5
-            image[here][shown] = in_dtype(values, dtype)
+            image[here][shown] = values > 0.5 if dtype.kind == "b" else in_dtype(values, dtype)
             rows, columns = (np.rint(at[shown][:, axis]).astype(np.intp) for axis in (1, 0))
             for name, mask in masks.items():
                 warped_masks[name][here][shown] = np.asarray(mask)[rows, columns]

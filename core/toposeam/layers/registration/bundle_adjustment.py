@@ -184,9 +184,9 @@ class _Problem:
         result = []
         for index, points in ((self.points.first, self.points.p), (self.points.second, self.points.q)):
             ideal = np.empty_like(points)
-            for number in np.unique(index):
-                width, height = self.sizes[number].astype(int)
-                own = index == number
+            for size in {tuple(size) for size in self.sizes.tolist()}:
+                width, height = size
+                own = (self.sizes[index] == size).all(axis=1)
                 ideal[own] = undistorted(points[own], (int(width), int(height)), (0.0, distortion, 0.0))
             result.append(ideal)
         return result[0], result[1]

@@ -208,7 +208,7 @@ def test_the_lens_reaches_the_transforms():
     assert {transform.size for transform in transforms} == {SIZE}
 
 
-def test_two_pictures_turned_to_each_other_share_the_perspective():
+def test_two_pictures_of_a_plane_share_the_perspective():
     """Neither is laid flat at the other's expense."""
     views = before_a_wall(FOCAL, [(-80, 0, 1.0, 10, 0, 0), (80, 0, 1.0, -10, 0, 0)], SIZE)
     for middle in (0, 1):

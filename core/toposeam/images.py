@@ -287,11 +287,16 @@ def in_dtype(values: npt.NDArray[np.floating[Any]], dtype: np.dtype[Any]) -> npt
     --------
     >>> in_dtype(np.array([-3.0, 1.5, 2.5, 400.0]), np.dtype(np.uint8)).tolist()
     [0, 2, 2, 255]
+    >>> in_dtype(np.float32([-3.0, 3e9]), np.dtype(np.int32)).tolist()
+    [-3, 2147483647]
     """
     if np.issubdtype(dtype, np.integer):
         limits = np.iinfo(dtype)
         values = np.rint(values)
         np.clip(values, limits.min, limits.max, out=values)
+        if dtype.itemsize > 2:  # the largest integer may be no float: the next one overflows
+            full = values >= limits.max
+            return np.where(full, dtype.type(limits.max), np.where(full, 0, values).astype(dtype))
     return values.astype(dtype, copy=False)
 
 

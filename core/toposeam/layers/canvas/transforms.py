@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Literal, Protocol, TypeAlias, get_args
 
 import numpy as np
@@ -131,6 +132,7 @@ class CameraTransform:
         if self.projection == "sphere":
             return np.asarray(self.radius * np.stack([yaw, np.arctan2(y, flat)], axis=-1))
         flat = np.where(flat > 1 / LARGEST_ENLARGEMENT, flat, np.nan)
+        yaw = np.where(np.isfinite(flat), yaw, np.nan)
         if self.projection == "cylinder":
             return np.asarray(self.radius * np.stack([yaw, y / flat], axis=-1))
         half = np.where(np.abs(yaw) < 0.9 * math.pi, yaw / 2, np.nan)
@@ -212,6 +214,7 @@ def _factor(radius: Floats, lens: tuple[float, float, float]) -> Floats:
     return np.asarray(((a * radius + b) * radius + c) * radius + 1 - a - b - c)
 
 
+@lru_cache(maxsize=64)
 def _turning_radius(lens: tuple[float, float, float]) -> float:
     """Where the drawn radius stops growing; at most 10."""
     a, b, c = lens

@@ -110,17 +110,18 @@ def warped(layer: Layer, transform: Transform) -> Layer:
             values = _spline(planes, at, shown)
             if np.issubdtype(dtype, np.integer):
                 values = np.clip(values, 0, layer.white)
-            image[here][shown] = in_dtype(values, dtype)
+            image[here][shown] = values > 0.5 if dtype.kind == "b" else in_dtype(values, dtype)
             rows, columns = (np.rint(at[shown][:, axis]).astype(np.intp) for axis in (1, 0))
             for name, mask in masks.items():
                 warped_masks[name][here][shown] = np.asarray(mask)[rows, columns]
             opacity[here] = shown
             if layer.alpha is not None:
                 opacity[here][shown] = _linear(np.asarray(layer.alpha), at[shown]) / full
+    opacity = np.clip(opacity, 0, 1)
     return dataclasses.replace(
         layer,
         image=image if whole.ndim == 3 else image[..., 0],
-        alpha=in_dtype(np.clip(opacity, 0, 1) * full, dtype),
+        alpha=opacity > 0.5 if dtype.kind == "b" else in_dtype(opacity * full, dtype),
         at=(box.left, box.top),
         mask=warped_masks.get("mask"),
         keep=warped_masks.get("keep"),

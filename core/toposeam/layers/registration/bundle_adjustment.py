@@ -18,7 +18,6 @@ import numpy.typing as npt
 import scipy
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree, shortest_path
-from scipy.spatial.transform import Rotation
 
 from toposeam.layers.canvas.transforms import undistorted
 from toposeam.layers.labelling.problem import Pair
@@ -161,7 +160,9 @@ class _Problem:
         own = unknowns[2:].reshape(len(self.sizes), -1)
         if self.family == "rotation":
             focal = math.exp(unknowns[0])
-            return np.asarray(Rotation.from_rotvec(own).as_matrix() / np.array([focal, focal, 1.0]))
+            return np.asarray(
+                scipy.spatial.transform.Rotation.from_rotvec(own).as_matrix() / np.array([focal, focal, 1.0])
+            )
         ones = np.ones((len(own), 1))
         return np.asarray(np.concatenate([own, ones], axis=1).reshape(-1, 3, 3) @ self._normal)
 
@@ -173,7 +174,9 @@ class _Problem:
     def unknowns(self, matrices: Floats, focal: float) -> Floats:
         """The vector of unknowns of matrices."""
         if self.family == "rotation":
-            own = Rotation.from_matrix(matrices * np.array([focal, focal, 1.0])).as_rotvec()
+            own = scipy.spatial.transform.Rotation.from_matrix(
+                matrices * np.array([focal, focal, 1.0])
+            ).as_rotvec()
         else:
             plain = matrices @ np.linalg.inv(self._normal)
             own = (plain / plain[:, 2:, 2:]).reshape(-1, 9)[:, :8]
@@ -184,9 +187,9 @@ class _Problem:
         result = []
         for index, points in ((self.points.first, self.points.p), (self.points.second, self.points.q)):
             ideal = np.empty_like(points)
-            for number in np.unique(index):
-                width, height = self.sizes[number].astype(int)
-                own = index == number
+            for size in {tuple(size) for size in self.sizes.tolist()}:
+                width, height = size
+                own = (self.sizes[index] == size).all(axis=1)
                 ideal[own] = undistorted(points[own], (int(width), int(height)), (0.0, distortion, 0.0))
             result.append(ideal)
         return result[0], result[1]

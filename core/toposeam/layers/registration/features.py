@@ -33,10 +33,14 @@ class Look:
     descriptors: npt.NDArray[Any] | None
     #: How many px of the picture a pixel of `detail` is wide.
     fine: int = 1
+    #: Width and height of the picture, px, where `detail` does not say it.
+    whole: tuple[int, int] | None = None
 
     @property
     def size(self) -> tuple[int, int]:
         """Width and height of the picture, px."""
+        if self.whole is not None:
+            return self.whole
         return self.detail.shape[1] * self.fine, self.detail.shape[0] * self.fine
 
     def __post_init__(self) -> None:
@@ -49,7 +53,8 @@ def look_at(picture: Layer) -> Look:
     """Detail and features of a picture."""
     from skimage import feature
 
-    fine = max(1, int(np.ceil(np.sqrt(picture.image.shape[0] * picture.image.shape[1] / _FINE_PIXELS))))
+    height, width = picture.image.shape[:2]
+    fine = max(1, int(np.ceil(np.sqrt(height * width / _FINE_PIXELS))))
     known = _reduced(picture.covered.astype(np.float32), fine) == 1
     gray = _reduced(as_float(np.asarray(picture.image), picture.title, picture.data_range).mean(axis=2), fine)
     gray[~known] = 0
@@ -62,9 +67,9 @@ def look_at(picture: Layer) -> Look:
     try:
         sift.detect_and_extract(small)
     except (RuntimeError, IndexError, ValueError):  # nothing to be found, or too small to look for anything
-        return Look(detail, known, scale * fine, np.zeros((0, 2)), None, fine)
+        return Look(detail, known, scale * fine, np.zeros((0, 2)), None, fine, (width, height))
     points = (sift.keypoints[:, ::-1] + 0.5) * scale * fine - 0.5
-    return Look(detail, known, scale * fine, points.astype(float), sift.descriptors, fine)
+    return Look(detail, known, scale * fine, points.astype(float), sift.descriptors, fine, (width, height))
 
 
 def _reduced(plane: npt.NDArray[np.float32], scale: int) -> npt.NDArray[np.float32]:

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import check_choice, check_items, check_range
+from toposeam.checks import check_choice, check_items, check_range, check_whole
 from toposeam.errors import OptionError, OverlapError
 from toposeam.layers.canvas.layer import Layer
 from toposeam.layers.canvas.transforms import PROJECTIONS, PlaneTransform, Projection, Transform
@@ -165,13 +165,8 @@ class PlaceOptions:
                 kind="conflict",
                 model=self.model,
             )
-        if self.centre is not None and not 0 <= self.centre < count:
-            raise OptionError(
-                "centre is {value}; give the number of a picture, from 0 to {last}",
-                kind="choice",
-                value=self.centre,
-                last=count - 1,
-            )
+        if self.centre is not None:
+            check_whole("centre", self.centre, 0, count - 1)
 
 
 #: Pictures laid on the canvas by transforms.

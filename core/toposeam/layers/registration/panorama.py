@@ -46,8 +46,7 @@ def plane_transforms(bundle: Bundle) -> tuple[PlaneTransform, ...]:
     """
     centres = np.tile(np.eye(3), (len(bundle.sizes), 1, 1))
     centres[:, :2, 2] = (bundle.sizes - 1) / 2
-    middle = bundle.middle
-    frame = centres[middle] @ np.linalg.inv(bundle.matrices[middle])
+    frame = centres[bundle.middle] @ np.linalg.inv(bundle.matrices[bundle.middle])
     matrices = frame @ bundle.matrices @ np.linalg.inv(centres)
     side = float(bundle.sizes.max())
     corners = np.array([[0, 0], [1, 0], [0, 1], [1, 1], [0.5, 0.5]])
@@ -75,7 +74,11 @@ def plane_transforms(bundle: Bundle) -> tuple[PlaneTransform, ...]:
     back = np.eye(3)
     back[:2, :2] = np.linalg.inv(mean)
     matrices = back @ matrices
-    return tuple(PlaneTransform(matrix / matrix[2, 2]) for matrix in matrices)
+    # Corners may lie beyond the horizon, the middle does not.
+    return tuple(
+        PlaneTransform(matrix / abs(matrix[2] @ middle))
+        for matrix, middle in zip(matrices, spots[:, 4], strict=True)
+    )
 
 
 def camera_transforms(bundle: Bundle, view: View) -> tuple[tuple[CameraTransform, ...], int | None]:

@@ -32,6 +32,7 @@ from toposeam.layers.registration.bundle_adjustment import (
     left_over,
     spanning_tree,
 )
+from toposeam.layers.registration.consensus import ELSEWHERE
 from toposeam.layers.registration.features import Look
 from toposeam.layers.registration.homography import applied
 from toposeam.layers.registration.outlier_pairs import evidence_of, outvoted
@@ -152,14 +153,14 @@ def _voted(sizes: Floats, matches: Mapping[Pair, Match], adjust: _Adjust) -> Mod
     kept: list[Pair] = []
     for share in (*_SHARES, 0.0):
         off = {pair: float(np.median(bundle.off(pair, match))) for pair, match in matches.items()}
-        usual = _TIMES * float(np.median([off[pair] for pair in kept or tree]))
+        usual = _usual(off, kept or tree, diagonal)
         now = [pair for pair in matches if off[pair] <= max(share * diagonal, _OFF * scale, usual)]
         if len(now) == len(kept) == len(matches):
             break
         if now != kept and not groups(len(sizes), now).any():
             kept, bundle = now, adjust({pair: matches[pair] for pair in now}, bundle)
     off = {pair: float(np.median(bundle.off(pair, match))) for pair, match in matches.items()}
-    largest = max(_OFF * scale, _TIMES * float(np.median([off[pair] for pair in kept or tree])))
+    largest = max(_OFF * scale, _usual(off, kept or tree, diagonal))
     wrong = {pair: strengths[pair] for pair in matches if off[pair] > largest}
     right = {pair: strengths[pair] for pair in matches if off[pair] <= largest}
     clear = not wrong or (not groups(len(sizes), right).any() and outvoted(len(sizes), right, wrong))
@@ -169,6 +170,11 @@ def _voted(sizes: Floats, matches: Mapping[Pair, Match], adjust: _Adjust) -> Mod
         outvoted=tuple(wrong),
         clear=clear,
     )
+
+
+def _usual(off: Mapping[Pair, float], pairs: Collection[Pair], diagonal: float) -> float:
+    """Several times what is left of the pairs that agree, px; what lies elsewhere is more."""
+    return min(_TIMES * float(np.median([off[pair] for pair in pairs])), ELSEWHERE * diagonal)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -270,3 +270,15 @@ def test_without_a_loop_a_wrong_pair_cannot_be_told():
     true = views[2].to_picture(views[1].to_canvas((np.array(SIZE) - 1) / 2)) - (np.array(SIZE) - 1) / 2
     assert true[0] != NOWHERE
     assert seen[0] - true == pytest.approx([30, 0], abs=1)
+
+
+def test_one_wrong_pair_of_three_is_told_but_not_which():
+    """It pulls the others off, too: what is usual then is not taken from these."""
+    views = before_a_wall(FOCAL, WALL[:1] + WALL[3:5], SIZE)
+    matches = matches_of(views)
+    assert len(matches) == 3
+    assert voted(views, matches, "plane").outvoted == ()
+    matches[0, 2] = match(views, 0, 2, np.random.default_rng(0), elsewhere=(80, 20))
+    fit = voted(views, matches, "plane")
+    assert fit.outvoted
+    assert not fit.clear

@@ -35,6 +35,7 @@ def placed(layer: Layer, *, at: tuple[float, float], turn: float = 0.0, scale: f
 
     Examples
     --------
+    >>> import numpy as np
     >>> placed(Layer(np.zeros((20, 30))), at=(4.2, -1.7))
     Layer('layer', 30 × 20 px at 4,-2, float64)
     >>> placed(Layer(np.zeros((20, 30))), at=(0, 0), scale=1.5)

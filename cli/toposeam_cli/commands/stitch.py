@@ -252,7 +252,7 @@ def _stitch(
             scratch=means.store if by_windows(out, find) else None,
             executor=means.workers,
             stores=means.stores,
-            finding=finding.options(files),
+            finding=finding.of(files),
         )
     find, out = with_defaults(find, out, job.transforms, finding.kind)
     if not all(isinstance(layer.image, Windows) for layer in job.layers):

@@ -22,7 +22,7 @@ from toposeam_cli.files.scratch import Scratch
 from toposeam_cli.media.layouts.hugin_project import ProjectPicture, project_text, read_project
 from toposeam_cli.media.layouts.layout import Layout, LayoutLayer, layout_text, read_layout
 from toposeam_cli.media.pictures.decode import size_of
-from toposeam_cli.media.pictures.focal_length import focal_length
+from toposeam_cli.media.pictures.focal_length import focal_length, in_pixels
 from toposeam_cli.media.pictures.limits import check_together
 from toposeam_cli.media.pictures.masks import read_white
 from toposeam_cli.media.pictures.openraster import read_ora
@@ -88,6 +88,18 @@ class PlacedPictures:
             f"{key!r} is no picture of this job; use a number from 0 to {count - 1}, or one of "
             f"{', '.join(dict.fromkeys(names))}"
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlaceFinding:
+    """How places are found where nobody says them."""
+
+    #: Without the focal length; the picture in the middle is counted among the given ones.
+    options: PlaceOptions = field(default_factory=PlaceOptions)
+    #: Focal length, mm, as of film of 24 × 36 mm.
+    focal_mm: float | None = None
+    #: The options of the command line that say so.
+    named: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,7 +199,7 @@ def arrange(
     alone: bool = False,
     executor: Executor | None = None,
     stores: bool = False,
-    finding: PlaceOptions | None = None,
+    finding: PlaceFinding | None = None,
 ) -> PlacedPictures:
     """Read pictures, or the layers of one OpenRaster file or layout, and place them.
 
@@ -233,17 +245,22 @@ def arrange(
             places = [(0, 0) for _ in sources]
         transforms = [similarity((float(x), float(y))) for x, y in places or ()]
     placement = None
+    most = max(max_megapixels, ts.MAX_PIXELS / 1e6)
     if not transforms:
-        place = partial(placed_layers, scratch=kept, executor=executor)
+        place = partial(placed_layers, scratch=kept, executor=executor, max_megapixels=most)
         found = None if kept is None else executor
-        options = _with_focal_length(finding or PlaceOptions(), sources)
+        options = _of_sources(finding or PlaceFinding(), sources, reading.numbers)
         placement = found_places(layers, options, progress, found, place)
         layers, wrap, transforms = list(placement.layers), placement.wrap, list(placement.transforms)
         sources = [sources[number] for number in placement.numbers]
         pictures = [pictures[number] for number in placement.numbers]
         reading.leave_out(placement.left_out)
+    elif finding is not None and finding.named:
+        raise ts.OptionError(
+            f"{finding.named[0]} is for places that are found, and here they are given; leave it out"
+        )
     else:
-        layers = placed_layers(layers, transforms, kept, executor)
+        layers = placed_layers(layers, transforms, kept, executor, most)
     if len(layers) == 2 and not alone:
         _check_touching(*layers)
     upright = [
@@ -265,13 +282,21 @@ def arrange(
     )
 
 
-def _with_focal_length(options: PlaceOptions, sources: Sequence[_Source]) -> PlaceOptions:
-    """Add the focal length that the files agree on, where none is given."""
-    if options.focal is not None:
-        return options
+def _of_sources(finding: PlaceFinding, sources: Sequence[_Source], numbers: Sequence[int]) -> PlaceOptions:
+    """Return the options for the pictures that were read, with the focal length that is given or that their
+    files agree on.
+    """
+    options = finding.options
+    if options.centre is not None:
+        options = replace(
+            options, centre=numbers.index(options.centre) if options.centre in numbers else None
+        )
+    sizes = [(source.picture.pixels.shape[1], source.picture.pixels.shape[0]) for source in sources]
+    if finding.focal_mm is not None:
+        return replace(options, focal=in_pixels(finding.focal_mm, sizes[0]))
     found = [
-        focal_length(source.file, (source.picture.pixels.shape[1], source.picture.pixels.shape[0]))
-        for source in sources
+        focal_length(source.file, size)
+        for source, size in zip(sources, sizes, strict=True)
         if source.file is not None
     ]
     known = [length for length in found if length is not None]

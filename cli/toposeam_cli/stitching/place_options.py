@@ -14,8 +14,7 @@ from toposeam.layers.canvas.transforms import PROJECTIONS, CameraTransform, Plan
 from toposeam.layers.registration.find_places import PlaceOptions
 from toposeam.layers.registration.placement import MODELS
 from toposeam_cli.app.options import FiniteRange
-from toposeam_cli.media.pictures.decode import size_of
-from toposeam_cli.media.pictures.focal_length import in_pixels
+from toposeam_cli.stitching.inputs import PlaceFinding
 from toposeam_cli.stitching.outputs import Outputs
 from toposeam_cli.stitching.search_options import SeamOptions
 
@@ -83,18 +82,35 @@ class FindingOptions:
     centre: str | None
     kind: str | None
 
-    def options(self, files: Sequence[Path]) -> PlaceOptions:
+    def of(self, files: Sequence[Path]) -> PlaceFinding:
         """Return what they mean for some files.
 
         Raises
         ------
         OptionError
-            When none of them is called as the one in the middle.
+            When they mean nothing together, or no file is called as the one in the middle.
         """
         if self.exact and self.model in ("plane", "rotation"):
             raise ts.OptionError(
                 f"--exact is for moves, turns and scales, not for --model {self.model}; leave one of them out"
             )
+        of_cameras = {
+            "--focal": self.focal is not None,
+            "--lens": self.lens is not None,
+            "--projection": self.projection != "auto",
+            "--no-level": not self.level,
+            "--centre": self.centre is not None,
+        }
+        asked = [name for name, given in of_cameras.items() if given]
+        if asked and (self.exact or self.model not in ("auto", "rotation")):
+            other = "--exact" if self.exact else f"--model {self.model}"
+            raise ts.OptionError(
+                f"{asked[0]} is for a camera that turns, not for {other}; leave one of them out"
+            )
+        if self.exact:
+            asked.append("--exact")
+        if self.model != "auto":
+            asked.append("--model")
         centre = None
         if self.centre is not None:
             names = [path.name for path in files]
@@ -105,16 +121,15 @@ class FindingOptions:
                     f"{len(files) - 1}, or a name, like {names[0]}"
                 )
             centre = names.index(self.centre) if self.centre in names else int(self.centre)
-        focal = None if self.focal is None else in_pixels(self.focal, size_of(files[0]))
-        return PlaceOptions(
+        options = PlaceOptions(
             model=self.model,
             exact=self.exact,
-            focal=focal,
             lens=self.lens,
             projection=self.projection,
             level=self.level,
             centre=centre,
         )
+        return PlaceFinding(options=options, focal_mm=self.focal, named=tuple(asked))
 
 
 def is_perspective(transform: Transform) -> bool:

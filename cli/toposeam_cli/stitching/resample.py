@@ -29,10 +29,18 @@ def placed_layers(
     transforms: Sequence[Transform],
     scratch: Scratch | None,
     executor: Executor | None,
+    max_megapixels: float = ts.MAX_PIXELS / 1e6,
 ) -> list[ts.Layer]:
     """Return the layers on the canvas. Those that are more than moved are warped, and where pixels wait in
     files one at a time, or several where an executor does that.
+
+    Raises
+    ------
+    OptionError
+        When the canvas would be larger, before any is warped.
     """
+    if not all(map(is_move, transforms)):
+        ts.common_canvas(list(map(_blank, layers, transforms)), max_megapixels=max_megapixels)
     placed = [_Warp(layer, transform, None) for layer, transform in zip(layers, transforms, strict=True)]
     if scratch is None:
         return [_warped(one) for one in placed]
@@ -41,6 +49,15 @@ def placed_layers(
     with scratch.failures_told():
         found = dict(zip(bent, results(executor, _warped, items), strict=True))
     return [found.get(index) or _warped(one) for index, one in enumerate(placed)]
+
+
+def _blank(layer: ts.Layer, transform: Transform) -> ts.Layer:
+    """A layer of the size and at the place that another one is to have; its pixels need no memory."""
+    if is_move(transform):
+        return on_canvas(layer, transform)
+    box = warped_box(layer, transform)
+    blank = np.broadcast_to(np.uint8(0), box.shape)
+    return ts.Layer(blank, at=(box.left, box.top), name=layer.name)
 
 
 @dataclass(frozen=True, slots=True)

@@ -142,6 +142,11 @@ def _view(path: Path, entry: Any) -> _View:
     wrap = entry.get("wrap")
     if wrap is not None and (isinstance(wrap, bool) or not isinstance(wrap, int) or not 1 < wrap < 10**9):
         raise ts.OptionError(f"{where}: wrap is {wrap!r}; write a whole number of pixels")
+    if wrap is not None and entry["projection"] not in ("cylinder", "sphere"):
+        raise ts.OptionError(
+            f"{where}: projection {entry['projection']} does not go all the way round; leave wrap out, or "
+            "write cylinder or sphere"
+        )
     return _View(projection=entry["projection"], radius=radius, wrap=wrap)
 
 
@@ -209,12 +214,18 @@ def _homography(where: str, entry: dict[str, Any], _: _View) -> Transform:
     matrix = np.array([_numbers(where, {"matrix": row}, "matrix", 3) for row in rows])
     if not abs(np.linalg.det(matrix)) > 1e-12:
         raise ts.OptionError(f"{where}: matrix has no inverse; write that of a homography")
-    return PlaneTransform(matrix)
+    return PlaneTransform(-matrix if matrix[2, 2] < 0 else matrix)  # either is the same homography
 
 
 def _camera(where: str, entry: dict[str, Any], view: _View) -> Transform:
     if math.isnan(view.radius):
         raise ts.OptionError(f"{where} is seen by a camera; add [view] with its projection and radius")
+    turn = 2 * math.pi * view.radius
+    if view.wrap is not None and abs(view.wrap - turn) > 1:
+        raise ts.OptionError(
+            f"{where} is seen by a camera whose whole turn is {turn:.0f} px wide, and wrap is {view.wrap}; "
+            "correct that or the radius"
+        )
     missing = sorted({"size", "focal"} - set(entry))
     if missing:
         raise ts.OptionError(f"{where} has no {missing[0]}; write that of its camera")

@@ -23,11 +23,12 @@ def focal_length(path: Path, size: tuple[int, int]) -> float | None:
         with Image.open(path) as image:
             noted = image.getexif().get_ifd(_SUB_IFD)
         if noted.get(_FOCAL_35):
-            return in_pixels(float(noted[_FOCAL_35]), size)
-        # Pixels of the sensor ÷ mm, of a picture that may have been reduced since.
-        per_mm = float(noted[_PLANE_RESOLUTION]) / _UNIT_MM[int(noted.get(_PLANE_UNIT, 2))]
-        wide = float(noted.get(_PLANE_WIDTH) or max(size))
-        found = float(noted[_FOCAL_MM]) * per_mm * max(size) / max(wide, min(size))
+            found = in_pixels(float(noted[_FOCAL_35]), size)
+        else:
+            # Pixels of the sensor ÷ mm, of a picture that may have been reduced since.
+            per_mm = float(noted[_PLANE_RESOLUTION]) / _UNIT_MM[int(noted.get(_PLANE_UNIT, 2))]
+            wide = float(noted.get(_PLANE_WIDTH) or max(size))
+            found = float(noted[_FOCAL_MM]) * per_mm * max(size) / max(wide, min(size))
     except Exception:
         return None
     return found if 0.2 * max(size) < found < 50 * max(size) else None

@@ -238,8 +238,8 @@ def is_move(transform: Transform) -> bool:
     """Whether a transform only moves."""
     if not isinstance(transform, PlaneTransform):
         return False
-    linear = transform.matrix / transform.matrix[2, 2]
-    return bool(np.array_equal(linear[:2, :2], np.eye(2)) and np.array_equal(linear[2, :2], [0, 0]))
+    matrix = transform.matrix
+    return bool(np.array_equal(matrix[:2, :2], matrix[2, 2] * np.eye(2)) and not matrix[2, :2].any())
 
 
 def similarity(at: tuple[float, float], turn: float = 0.0, scale: float = 1.0) -> PlaneTransform:

@@ -89,7 +89,7 @@ def camera_transforms(bundle: Bundle, view: View) -> tuple[tuple[CameraTransform
     bundle : Bundle
     view : View
     """
-    turns = _upright(bundle, view.level)
+    turns = _upright(bundle, view)
     rays = [_rays(bundle, turns, index) for index in range(len(turns))]
     yaws, whole = _directions(rays)
     if view.centre is not None:
@@ -133,7 +133,7 @@ def _suitable(across: float, down: float, steepest: float) -> Projection:
     return "cylinder" if 2 * steepest <= _CYLINDER else "sphere"
 
 
-def _upright(bundle: Bundle, level: bool) -> Floats:
+def _upright(bundle: Bundle, view: View) -> Floats:
     """(N, 3, 3) turns of the cameras in a frame whose y axis points down.
 
     People turn a camera about the vertical and hold it level across: the horizontal axes of all pictures lie
@@ -141,8 +141,8 @@ def _upright(bundle: Bundle, level: bool) -> Floats:
     its foot to its top, the pictures' own verticals do.
     """
     turns = bundle.rotations
-    if not level:
-        return np.asarray(turns[bundle.middle].T @ turns)
+    if not view.level:
+        return np.asarray(turns[bundle.middle if view.centre is None else view.centre].T @ turns)
     across, own = turns[:, :, 0], turns[:, :, 1].mean(axis=0)
     own /= np.linalg.norm(own)
     spread = across.T @ across / len(across) - _UPRIGHT * np.outer(own, own)

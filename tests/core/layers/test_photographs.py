@@ -211,7 +211,7 @@ def test_what_is_said_of_the_camera_reaches_the_transforms():
     found_middle = placement.transforms[2].to_canvas((np.array(SIZE) - 1) / 2)
     assert found_middle[0] == pytest.approx(0, abs=1e-6)
     # The picture in the middle lies upright where the horizon is not asked for.
-    assert placement.turns[1] == pytest.approx(0, abs=0.1)
+    assert placement.turns[2] == pytest.approx(0, abs=0.1)
 
 
 @pytest.mark.medium

@@ -28,6 +28,7 @@ from toposeam.layers.canvas.transforms import PROJECTIONS, PlaneTransform, Proje
 from toposeam.layers.canvas.warping import on_canvas
 from toposeam.layers.execution.tasks import Executor, check_executor
 from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.registration.bundle_adjustment import Family
 from toposeam.layers.registration.consensus import (
     ELSEWHERE,
     LARGEST_MISFIT,
@@ -85,7 +86,8 @@ def find_places(
         Refuse pictures that moves, turns and scales do not place exactly, and those that fit none of the
         others, which are left out otherwise.
     focal : float, optional
-        Focal length of the camera, px of the pictures; by default estimated.
+        Focal length of the camera, px of the pictures; by default estimated. It, `lens` and `projection` make
+        the model "auto" a camera that rotates.
     lens : float, optional
         Its radial distortion, b of Hugin (:mod:`toposeam.layers.canvas.transforms`); by default estimated
         from three pictures on.
@@ -149,6 +151,14 @@ class PlaceOptions:
     level: bool = True
     centre: int | None = None
     least_correlation: float = LEAST_CORRELATION
+
+    @property
+    def families(self) -> tuple[Family, ...]:
+        """The models that are tried beyond similarities: of what only a camera has, that one."""
+        if self.model in ("plane", "rotation"):
+            return ("plane",) if self.model == "plane" else ("rotation",)
+        known = self.lens is not None or (self.focal is not None and not self.about)
+        return ("rotation",) if known or self.projection != "auto" else ("plane", "rotation")
 
     def check(self, count: int) -> None:
         """Refuse options that mean nothing for so many pictures."""
@@ -290,7 +300,7 @@ def _found(given: _Set) -> _Found:
     freedoms: Sequence[str] = FREEDOMS[:1] if model == "shift" else FREEDOMS
     if given.options.exact or model in ("shift", "similarity"):
         return _by_similarity(given, freedoms, LARGEST_MISFIT if given.options.exact else None)
-    if model != "auto":
+    if len(given.options.families) == 1:
         return _by_perspective(given)
     similar: _Found | None = None
     refused: OverlapError | None = None
@@ -383,7 +393,7 @@ def _by_perspective(given: _Set) -> _Found:
     fit = fit_models(
         [given.sightings.looks[number] for number in numbers],
         own,
-        ("plane", "rotation") if options.model == "auto" else (options.model,),  # type: ignore[arg-type]
+        options.families,
         Lens(
             focal=options.focal,
             fixed=options.focal is not None and not options.about,

@@ -410,7 +410,7 @@ def _of_fit(given: _Set, fit: ModelFit, numbers: Sequence[int]) -> _Found:
     transforms: Sequence[Transform]
     width = projection = None
     if bundle.family == "plane":
-        transforms = plane_transforms(bundle)
+        transforms = plane_transforms(bundle, fit.camera, View(level=options.level))
     else:
         asked = None if options.projection == "auto" else options.projection
         centre = numbers.index(options.centre) if options.centre in numbers else None

@@ -71,9 +71,7 @@ def find_homography(
     inliers = _most_inliers(a, b, (tolerance * norms[0][0, 0]) ** 2)
     if inliers is None:
         return None
-    normal = _least_squares(a[inliers], b[inliers])
-    matrix = np.linalg.inv(norms[0]) @ normal @ norms[1]
-    matrix /= matrix[2, 2]
+    matrix = least_squares_homography(first[inliers], second[inliers])
     local = _areas(matrix, second[inliers])
     if not (1 / _LARGEST_SCALE**2 < np.median(local) < _LARGEST_SCALE**2) or local.min() <= 0:
         return None
@@ -105,6 +103,14 @@ def _most_inliers(a: Floats, b: Floats, near: float) -> Mask | None:
         if (before == best).all():
             break
     return best if best.sum() >= _LEAST_MATCHES else None
+
+
+def least_squares_homography(a: Floats, b: Floats) -> Floats:
+    """(3, 3) homography that takes (M, 2) points `b` to about `a`."""
+    norms = [_normalising(points) for points in (a, b)]
+    normal = _least_squares(applied(norms[0], a), applied(norms[1], b))
+    matrix = np.linalg.inv(norms[0]) @ normal @ norms[1]
+    return np.asarray(matrix / matrix[2, 2])
 
 
 def _through_four(a: Floats, b: Floats) -> Floats:

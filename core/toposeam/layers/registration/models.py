@@ -43,6 +43,8 @@ Floats = npt.NDArray[np.float64]
 
 #: A camera may leave so many times as much as a plane, and so many px more of features and of patches.
 _POORER, _SLACK, _EXACT_SLACK = 1.3, 0.15, 0.4
+#: One that leaves so many times as much still knows which way is up.
+_LIKE = 3.0
 #: Rows and columns of patches; how many a pair needs to be adjusted to these alone; one standard deviation
 #: of one, px.
 _PATCHES, _ENOUGH, _EXACT = 8, 12, 0.25
@@ -74,6 +76,8 @@ class ModelFit:
     outvoted: tuple[Pair, ...]
     #: Whether these were outvoted by several times their evidence.
     clear: bool
+    #: Of a plane: the camera that would leave not much more, if there is one.
+    camera: Bundle | None = None
 
 
 def fit_models(
@@ -109,6 +113,10 @@ def fit_models(
     fit = next(iter(found.values()))
     if len(found) > 1:
         fit = found["rotation"] if _explains(found["rotation"], found["plane"], matches) else found["plane"]
+        camera = found["rotation"].bundle
+        if left_over(camera, fit.matches) <= _LIKE * left_over(found["plane"].bundle, fit.matches):
+            found["plane"] = replace(found["plane"], camera=camera)
+            fit = found["plane"] if fit.bundle.family == "plane" else fit
     exact = _with_patches(looks, fit, executor)
     bundle = adjust(fit.bundle.family, exact, fit.bundle)
     plane = found.get("plane", fit)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,7 @@ import scipy
 
 from toposeam.layers.canvas.transforms import CameraTransform, PlaneTransform, Projection
 from toposeam.layers.registration.bundle_adjustment import Bundle
-from toposeam.layers.registration.homography import applied
+from toposeam.layers.registration.homography import applied, least_squares_homography
 
 Floats = npt.NDArray[np.float64]
 
@@ -22,6 +22,8 @@ Floats = npt.NDArray[np.float64]
 _FLAT, _CYLINDER = (95.0, 80.0), 100.0
 #: What the mean of the cameras' own verticals says against the horizon that their turns share.
 _UPRIGHT = 0.002
+#: The share of the pictures' corners that a camera must see less than 55° off its middle.
+_AHEAD = 0.8
 #: Steps of the circle in which the directions that pictures show are counted.
 _CIRCLE = 1440
 
@@ -38,8 +40,13 @@ class View:
     centre: int | None = None
 
 
-def plane_transforms(bundle: Bundle) -> tuple[PlaneTransform, ...]:
+def plane_transforms(
+    bundle: Bundle, camera: Bundle | None = None, view: View | None = None
+) -> tuple[PlaneTransform, ...]:
     """Transforms of all pictures onto one plane, seen so that all share its perspective.
+
+    Where a camera explains the pictures nearly as well, and sees most of them ahead, the plane is seen as
+    that camera shows it, with the horizon level.
 
     Of all views of the plane that one is taken in which the scale differs least from place to place, the mean
     of what happens in the middle of each picture being nothing.
@@ -51,6 +58,19 @@ def plane_transforms(bundle: Bundle) -> tuple[PlaneTransform, ...]:
     side = float(bundle.sizes.max())
     corners = np.array([[0, 0], [1, 0], [0, 1], [1, 1], [0.5, 0.5]])
     spots = np.concatenate([(bundle.sizes - 1)[:, np.newaxis] * corners, np.ones((len(centres), 5, 1))], 2)
+
+    if camera is not None:
+        cameras, _ = camera_transforms(camera, replace(view or View(), projection="flat"))
+        wanted = np.concatenate([one.to_canvas(own[:, :2]) for one, own in zip(cameras, spots, strict=True)])
+        plain = np.concatenate([applied(one, own[:, :2]) for one, own in zip(matrices, spots, strict=True)])
+        ahead = np.isfinite(wanted).all(axis=1)
+        if ahead.mean() > _AHEAD:
+            upright = least_squares_homography(wanted[ahead], plain[ahead]) @ matrices
+            depths = np.einsum("kj,kj->k", upright[:, 2], spots[:, 4])
+            if depths.min() > 0:
+                return tuple(
+                    PlaneTransform(matrix / depth) for matrix, depth in zip(upright, depths, strict=True)
+                )
 
     def seen(tilt: Floats) -> Floats:
         """The plane seen with another line at infinity."""

@@ -268,3 +268,28 @@ def test_a_corner_beyond_the_horizon_hides_no_picture():
     bundle = plane([PlaneTransform(np.eye(3)), PlaneTransform(beyond / beyond[2, 2])])
     for transform in plane_transforms(bundle):
         assert np.isfinite(transform.to_canvas(MIDDLE)).all()
+
+
+def test_a_camera_tells_a_plane_which_way_is_up():
+    """What lies far away is a plane to a camera that turns: it is seen as that camera shows it."""
+    turns = [(-18, 0, 4), (4, 2, 4.5), (21, -1, 3)]
+    camera = cameras(turns, frame=turn(0, 0, 12))
+    seen = camera.matrices @ np.array([np.eye(3)] * 3)
+    middle = np.linalg.inv(seen[1])
+    flat = Bundle(
+        family="plane",
+        sizes=camera.sizes,
+        matrices=middle @ seen,
+        focal=1.0,
+        distortion=0.0,
+        middle=1,
+    )
+    wanted, _ = camera_transforms(camera, View(projection="flat"))
+    points = grid(SIZE)
+    for own, other in zip(plane_transforms(flat, camera, View()), wanted, strict=True):
+        np.testing.assert_allclose(own.to_canvas(points), other.to_canvas(points), atol=1e-6)
+    assert np.abs(rolls(plane_transforms(flat, camera, View()))).mean() < 2
+    # A camera that sees much of it behind its back is not asked.
+    wide = cameras([(-70, 0, 0), (0, 0, 0), (70, 0, 0)])
+    for own, other in zip(plane_transforms(flat, wide), plane_transforms(flat), strict=True):
+        np.testing.assert_array_equal(own.matrix, other.matrix)

@@ -41,6 +41,7 @@ from toposeam.layers.registration.pair_matching import Match, Sightings, groups
 from toposeam.layers.registration.panorama import View, camera_transforms, plane_transforms
 from toposeam.layers.registration.placement import MODELS, Model, Placement, Residual
 from toposeam.layers.registration.pose_graph import FREEDOMS, Adjustment, open_corners, residuals
+from toposeam.sentence import counted
 
 #: Least correlation of two overlaps that are taken to show the same.
 LEAST_CORRELATION = 0.5
@@ -202,6 +203,14 @@ class _Set:
         return np.array([picture.image.shape[:2] for picture in self.pictures], float)
 
     @property
+    def most_shared(self) -> npt.NDArray[np.intp]:
+        """(N,) features that each picture shares with the one that it shares most with."""
+        most = np.zeros(len(self.pictures), np.intp)
+        for pair in self.sightings.pairs:
+            most[list(pair)] = np.maximum(most[list(pair)], len(self.sightings.shared(pair)))
+        return most
+
+    @property
     def names(self) -> list[str]:
         return [picture.name for picture in self.pictures]
 
@@ -350,7 +359,7 @@ def _by_similarity(given: _Set, freedoms: Sequence[str], largest: float | None) 
     least = given.options.least_correlation
     matches, best = given.sightings.matches("similarity", least)
     if given.options.exact:
-        _check_joined(given.pictures, matches, best, least)
+        _check_joined(given.pictures, matches, best, least, given.most_shared)
     own_groups = groups(len(given.pictures), matches)
     numbers = _largest_group(given, matches, best, own_groups)
     order = {number: index for index, number in enumerate(numbers)}
@@ -438,7 +447,8 @@ def _largest_group(
     """The numbers of most pictures that pairs join."""
     sizes = np.bincount(own)
     if sizes.max() < 2:
-        _check_joined(given.pictures, matches, best, given.options.least_correlation)
+        least = given.options.least_correlation
+        _check_joined(given.pictures, matches, best, least, given.most_shared)
     return [int(number) for number in np.flatnonzero(own == sizes.argmax())]
 
 
@@ -474,9 +484,15 @@ def _check_contradictions(names: Sequence[str], fit: ModelFit) -> None:
 
 
 def _check_joined(
-    pictures: Sequence[Layer], matches: Mapping[Pair, Match], best: Floats, least: float
+    pictures: Sequence[Layer],
+    matches: Mapping[Pair, Match],
+    best: Floats,
+    least: float,
+    shared: npt.NDArray[np.intp] | None = None,
 ) -> None:
-    """Refuse pictures that are not joined to most of the others by pairs that agree, and name all of them."""
+    """Refuse pictures that are not joined to most of the others by pairs that agree, and name all of them with
+    the features that they share with any.
+    """
     own = groups(len(pictures), matches)
     sizes = np.bincount(own)
     if len(sizes) == 1:
@@ -486,13 +502,15 @@ def _check_joined(
     others = [members for members in lost if len(members) > 1]
     told = []
     if len(alone):
-        close = f"the best correlation is {best[alone].max():.2f}"
-        close = (
-            close if best[alone].max() > -1 else f"{_each(alone, 'it has', 'they have')} nothing in common"
-        )
+        most = 0 if shared is None else int(shared[alone].max())
+        if best[alone].max() > -1:
+            close = f"the best correlation is {best[alone].max():.2f}, {least:g} is needed"
+        elif most:
+            close = f"{_each(alone, 'it shares', 'they share')} {counted(most, 'feature')} at most, and too few agree"
+        else:
+            close = f"{_each(alone, 'it has', 'they have')} nothing in common"
         told.append(
-            f"{_named(pictures, alone)} {_each(alone, 'fits', 'fit')} none of the other pictures ({close}, "
-            f"{least:g} is needed)"
+            f"{_named(pictures, alone)} {_each(alone, 'fits', 'fit')} none of the other pictures ({close})"
         )
     if others:
         shown = ", and ".join(_named(pictures, members) for members in others)

@@ -147,11 +147,12 @@ def test_all_strangers_are_named_at_once():
     )
     with pytest.raises(ts.OverlapError, match=sentence):
         placing._check_joined(pictures, matches, best, 0.5)
-    lone = (
-        r"^p4 and p5, p6, p7, p8 fit none of the other pictures \(they have nothing in common, 0\.5 is needed"
-    )
+    lone = r"^p4 and p5, p6, p7, p8 fit none of the other pictures \(they have nothing in common\); leave"
+    few = dict(list(matches.items())[:3]), np.full(9, -1.0), 0.5
     with pytest.raises(ts.OverlapError, match=lone):
-        placing._check_joined(pictures, dict(list(matches.items())[:3]), np.full(9, -1.0), 0.5)
+        placing._check_joined(pictures, *few)
+    with pytest.raises(ts.OverlapError, match=r"\(they share 8 features at most, and too few agree\)"):
+        placing._check_joined(pictures, *few, np.arange(9))
 
 
 def test_all_pictures_that_cannot_be_placed_exactly_are_named():

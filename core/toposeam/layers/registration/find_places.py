@@ -490,8 +490,8 @@ def _check_joined(
     least: float,
     shared: npt.NDArray[np.intp] | None = None,
 ) -> None:
-    """Refuse pictures that are not joined to most of the others by pairs that agree, and name all of them with
-    the features that they share with any.
+    """Refuse pictures that are not joined to most of the others by pairs that agree; name all of them, and the
+    features that they share with any.
     """
     own = groups(len(pictures), matches)
     sizes = np.bincount(own)
@@ -506,7 +506,8 @@ def _check_joined(
         if best[alone].max() > -1:
             close = f"the best correlation is {best[alone].max():.2f}, {least:g} is needed"
         elif most:
-            close = f"{_each(alone, 'it shares', 'they share')} {counted(most, 'feature')} at most, and too few agree"
+            share = _each(alone, "it shares", "they share")
+            close = f"{share} {counted(most, 'feature')} at most, and too few agree"
         else:
             close = f"{_each(alone, 'it has', 'they have')} nothing in common"
         told.append(

@@ -490,8 +490,8 @@ def _check_joined(
     least: float,
     shared: npt.NDArray[np.intp] | None = None,
 ) -> None:
-    """Refuse pictures that are not joined to most of the others by pairs that agree; name all of them, and the
-    features that they share with any.
+    """Refuse pictures that are not joined to most of the others by pairs that agree, by their names and with the
+    features that they share.
     """
     own = groups(len(pictures), matches)
     sizes = np.bincount(own)

@@ -490,7 +490,7 @@ def _check_joined(
     least: float,
     shared: npt.NDArray[np.intp] | None = None,
 ) -> None:
-    """Refuse pictures that are not joined to most of the others by pairs that agree, by their names and with the
+    """Refuse pictures that are not joined to most of the others by pairs that agree. All are named, with the
     features that they share.
     """
     own = groups(len(pictures), matches)

@@ -318,8 +318,10 @@ def _found(given: _Set) -> _Found:
             similar = _by_similarity(given, freedoms, LARGEST_MISFIT)
         except OverlapError as error:
             refused = error
-    if similar is not None and similar.farthest <= _EXPLAINED and len(similar.numbers) == len(given.pictures):
-        return similar
+    if similar is not None and similar.farthest <= _EXPLAINED:
+        left_out = len(similar.numbers) < len(given.pictures)
+        if not left_out or _most_joined(given) <= len(similar.numbers):
+            return similar
     try:
         other = _by_perspective(given)
     except OverlapError as error:
@@ -331,6 +333,12 @@ def _found(given: _Set) -> _Found:
     if similar is None or len(other.numbers) > len(similar.numbers):
         return other
     return similar if similar.farthest <= max(_EXPLAINED, _TIMES * other.farthest) else other
+
+
+def _most_joined(given: _Set) -> int:
+    """How many pictures homographies join."""
+    matches, _ = given.sightings.matches("homography", given.options.least_correlation)
+    return int(np.bincount(groups(len(given.pictures), matches)).max())
 
 
 def _is_perspective(given: _Set) -> bool:

@@ -95,6 +95,7 @@ class Sightings:
         first = {digest: index for index, digest in reversed(list(enumerate(self._which)))}
         different = sorted(set(self._which), key=lambda digest: first[digest])
         self._seen: dict[bytes, Look] = {}
+        self._matches: dict[tuple[Kind, float], tuple[dict[Pair, Match], Floats]] = {}
         for look in results(executor, look_at, [pictures[first[digest]] for digest in different]):
             self._seen[different[len(self._seen)]] = look
             report(0.3 * len(self._seen) / len(different))
@@ -125,6 +126,8 @@ class Sightings:
         least : float
             Correlation of pictures that show the same, where it is a similarity.
         """
+        if (kind, least) in self._matches:
+            return self._matches[kind, least]
         which, seen = self._which, self._seen
         known: dict[tuple[bytes, bytes], Match | None] = {}
         matches: dict[Pair, Match] = {}
@@ -153,7 +156,8 @@ class Sightings:
                         tree = trees[apart[0]]
                         tree[tree == tree[j]] = tree[i]
             self._report(0.5 + 0.4 * (number + 1) / len(self.pairs))
-        return dict(sorted(matches.items())), best
+        self._matches[kind, least] = dict(sorted(matches.items())), best
+        return self._matches[kind, least]
 
 
 def _shared(

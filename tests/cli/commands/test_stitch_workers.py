@@ -75,7 +75,7 @@ def test_places_are_found_by_workers(six, waiting, toposeam, caplog, where, does
 @pytest.mark.parametrize(
     ("words", "does"),
     [
-        (("turned.toml", "--blend", "soft"), {"_turned", "divided"}),
+        (("turned.toml", "--blend", "soft"), {"_warped", "divided"}),
         (("six.toml", "--avoid", "avoid.png", "--blend", "feather"), {"divided"}),
         (("six.toml", "--wrap", 690, "--blend", "multiband"), {"divided"}),
     ],

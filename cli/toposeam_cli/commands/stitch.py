@@ -270,9 +270,8 @@ def _stitch(
         radius = {} if find.align_radius is None else {"radius": find.align_radius}
         aligned = ts.align(job.layers, executor=means.workers, **radius)
         job = dataclasses.replace(job, layers=aligned.layers)
-    if find.wrap is None and job.wrap is not None:
-        find = dataclasses.replace(find, wrap=job.wrap)
-    find = dataclasses.replace(find, wrap=width_round(find.wrap, job.files or files))
+    wrap = job.wrap if find.wrap is None else find.wrap
+    find = dataclasses.replace(find, wrap=width_round(wrap, job.files or files))
     if find.wrap is None:
         crop = crop_of(out, job.layers)
     else:

@@ -36,9 +36,15 @@ def describe_placement(layers: tuple[ts.Layer, ...], placement: ts.Placement | N
     ]
 
 
+def best_correlation(correlations: dict[tuple[int, int], float], index: int) -> float | None:
+    """Return the best correlation of a picture with another one, None where none is known."""
+    found = [value for pair, value in correlations.items() if index in pair and np.isfinite(value)]
+    return max(found) if found else None
+
+
 def _moved(layers: tuple[ts.Layer, ...], placement: ts.Placement, index: int) -> str:
     x, y = placement.places[index]
-    correlation = max(value for pair, value in placement.correlations.items() if index in pair)
+    correlation = best_correlation(placement.correlations, index) or 0.0
     text = f"{layers[index].name}: found at {x:.1f},{y:.1f} (correlation {correlation:.2f}"
     if placement.turns.any():
         text += f", turned by {placement.turns[index]:.2f}°, scaled by {placement.scales[index]:.4f}"

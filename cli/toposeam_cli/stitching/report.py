@@ -11,7 +11,7 @@ import numpy as np
 
 import toposeam as ts
 from toposeam.sentence import counted
-from toposeam_cli.stitching.placement_report import describe_placement
+from toposeam_cli.stitching.placement_report import best_correlation, describe_placement
 
 
 def is_read(quiet: bool) -> bool:
@@ -49,7 +49,7 @@ def summary_of_all(
     places = {"layers": [_place(index, stitched, layers[index], aligned) for index in range(len(layers))]}
     if placement is not None:
         for index, place in enumerate(places["layers"]):
-            place["correlation"] = _best(placement.correlations, index)
+            place["correlation"] = best_correlation(placement.correlations, index)
             place["turn"], place["scale"] = float(placement.turns[index]), float(placement.scales[index])
     if len(layers) == 2:
         told = aligned is not None or placement is not None
@@ -71,13 +71,8 @@ def _place(index: int, stitched: ts.Stitched, layer: ts.Layer, aligned: ts.Align
     }
     if aligned is not None:
         place["moved"] = aligned.shifts[index].tolist()
-        place["correlation"] = _best(aligned.correlations, index)
+        place["correlation"] = best_correlation(aligned.correlations, index)
     return place
-
-
-def _best(correlations: dict[tuple[int, int], float], index: int) -> float | None:
-    found = [value for pair, value in correlations.items() if index in pair and np.isfinite(value)]
-    return max(found) if found else None
 
 
 def hidden(composed: ts.Composition, remedy: str) -> list[str]:
@@ -98,7 +93,7 @@ def describe_alignment(layers: tuple[ts.Layer, ...], aligned: ts.Aligned | None)
     lines = []
     for index, layer in enumerate(layers):
         x, y = aligned.shifts[index]
-        correlation = _best(aligned.correlations, index) or 0.0
+        correlation = best_correlation(aligned.correlations, index) or 0.0
         lines.append(
             f"{layer.name}: at {layer.at[0]},{layer.at[1]}, moved by {x},{y} (correlation {correlation:.2f})"
         )

@@ -200,10 +200,10 @@ def _similarity(where: str, entry: dict[str, Any], _: _View) -> Transform:
         and len(at) == 2
         and all(isinstance(value, kinds) and not isinstance(value, bool) for value in at)
     )
-    if not isinstance(at, list) or not fits or not max(map(abs, at)) <= _FARTHEST_PX:
-        if fits and isinstance(at, list) and max(map(abs, at)) > _FARTHEST_PX:
-            raise ts.OptionError(f"{where}: at is {at!r}, which lies too far away; nine digits are the most")
+    if not isinstance(at, list) or not fits or any(map(math.isnan, at)):
         raise ts.OptionError(f"{where}: at is {at!r}; write two whole numbers of pixels, as at = [120, -4]")
+    if max(map(abs, at)) > _FARTHEST_PX:
+        raise ts.OptionError(f"{where}: at is {at!r}, which lies too far away; nine digits are the most")
     return similarity((at[0], at[1]), turn, scale)
 
 

@@ -127,7 +127,7 @@ class CameraTransform:
             # At an angle θ off the middle a length grows by 1 / cos² θ along the radius.
             seen = np.where(z > 1 / math.sqrt(LARGEST_ENLARGEMENT), z, np.nan)
             return np.asarray(self.radius * np.stack([x / seen, y / seen], axis=-1))
-        yaw = self._yaw + _turned(np.arctan2(x, z) - self._yaw)
+        yaw = self._yaw + wrapped(np.arctan2(x, z) - self._yaw)
         flat = np.hypot(x, z)
         if self.projection == "sphere":
             return np.asarray(self.radius * np.stack([yaw, np.arctan2(y, flat)], axis=-1))
@@ -223,7 +223,7 @@ def _turning_radius(lens: tuple[float, float, float]) -> float:
     return float(min(real[real > 0], default=10.0))
 
 
-def _turned(angles: Floats) -> Floats:
+def wrapped(angles: Floats) -> Floats:
     """Angles in [−π, π)."""
     return np.asarray((angles + math.pi) % (2 * math.pi) - math.pi)
 

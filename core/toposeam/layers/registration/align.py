@@ -27,6 +27,7 @@ from toposeam.images import Image, Mask, as_float
 from toposeam.layers.canvas.layer import Box, Layer, check_layers, cut
 from toposeam.layers.execution.tasks import Executor, check_executor, results
 from toposeam.layers.labelling.problem import Pair
+from toposeam.layers.registration.features import reduced
 from toposeam.layers.registration.outlier_pairs import averaged, evidence_of, named_pairs, voted
 
 #: Farthest a layer is searched from where it was said to be, px in x and in y.
@@ -365,10 +366,7 @@ def _content(layer: Layer, place: Box, box: Box, scale: int = 1) -> tuple[Floats
     image[~known] = 0
     gray = as_float(image, layer.title, layer.data_range).mean(axis=2, dtype=np.float64)
     if scale > 1:
-        rows, columns = (size // scale * scale for size in gray.shape)
-        blocks = (rows // scale, scale, columns // scale, scale)
-        gray = gray[:rows, :columns].reshape(blocks).mean(axis=(1, 3))
-        known = np.asarray(known[:rows, :columns].reshape(blocks).all(axis=(1, 3)))
+        gray, known = reduced(gray, scale), reduced(known.astype(np.float32), scale) == 1
     gray[~known] = 0
     weight = scipy.ndimage.gaussian_filter(known.astype(np.float64), _BLUR)
     slow = scipy.ndimage.gaussian_filter(gray, _BLUR) / np.maximum(weight, 1e-6)

@@ -64,18 +64,32 @@ class Bundle:
         """(N, 3, 3) turns of the cameras."""
         return np.asarray(self.matrices * np.array([self.focal, self.focal, 1.0]))
 
+    @property
+    def lens(self) -> tuple[float, float, float]:
+        """a, b and c of Hugin's radial distortion."""
+        return 0.0, self.distortion, 0.0
+
+    def size(self, index: int) -> tuple[int, int]:
+        """Width and height of a picture, px."""
+        return int(self.sizes[index, 0]), int(self.sizes[index, 1])
+
+    def between(self, start: int, end: int) -> Floats:
+        """(3, 3) from the centred pixels of one picture to those of another, both free of distortion."""
+        return np.asarray(np.linalg.inv(self.matrices[end]) @ self.matrices[start])
+
     def ideal(self, index: int, points: Floats) -> Floats:
         """(M, 2) centred points of a picture without the lens's distortion."""
-        width, height = self.sizes[index].astype(int)
-        return undistorted(points, (int(width), int(height)), (0.0, self.distortion, 0.0))
+        return undistorted(points, self.size(index), self.lens)
 
     def off(self, pair: Pair, match: Match) -> Floats:
         """(M,) how far, px, the points of a pair lie apart."""
         i, j = pair
-        seen = applied(
-            np.linalg.inv(self.matrices[j]) @ self.matrices[i], self.ideal(i, match.first)
-        ) - self.ideal(j, match.second)
+        seen = applied(self.between(i, j), self.ideal(i, match.first)) - self.ideal(j, match.second)
         return np.asarray(np.hypot(*seen.T))
+
+    def medians(self, matches: Mapping[Pair, Match]) -> dict[Pair, float]:
+        """How far, px, the points of each pair lie apart in the median."""
+        return {pair: float(np.median(self.off(pair, match))) for pair, match in matches.items()}
 
 
 def spanning_tree(
@@ -306,7 +320,7 @@ def adjust_plane(sizes: Floats, matches: Mapping[Pair, Match], start: Bundle | N
         By default along the tree of the strongest matches.
     """
     if start is None:
-        middle, order, before = spanning_tree(len(sizes), _strengths(matches))
+        middle, order, before = spanning_tree(len(sizes), strengths_of(matches))
         matrices = np.tile(np.eye(3), (len(sizes), 1, 1))
         for index in order[1:]:
             matrix = matrices[before[index]] @ _centred(matches, sizes, int(before[index]), int(index))
@@ -351,7 +365,7 @@ def adjust_cameras(
     start : Bundle, optional
         By default along the tree of the strongest matches, with several focal lengths.
     """
-    middle, order, before = spanning_tree(len(sizes), _strengths(matches))
+    middle, order, before = spanning_tree(len(sizes), strengths_of(matches))
     usual = 1.2 * float(sizes.max())
     points = _Points.of(matches)
     likely, doubt = (usual, _USUAL) if focal is None else (focal, _SAID)
@@ -401,7 +415,8 @@ def _chained(
     return np.asarray(turns @ lens)
 
 
-def _strengths(matches: Mapping[Pair, Match]) -> dict[Pair, float]:
+def strengths_of(matches: Mapping[Pair, Match]) -> dict[Pair, float]:
+    """How much each pair tells."""
     return {pair: evidence_of(match.share, match.features) for pair, match in matches.items()}
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,7 @@ from toposeam.images import Mask, as_float
 from toposeam.layers.canvas.layer import Layer
 
 Floats = npt.NDArray[np.float64]
+Float = TypeVar("Float", np.float32, np.float64)
 
 #: Features are looked for in as many pixels, and patches laid on each other in as many.
 _REDUCED_PIXELS, _FINE_PIXELS = 200_000, 2_000_000
@@ -55,14 +56,14 @@ def look_at(picture: Layer) -> Look:
 
     height, width = picture.image.shape[:2]
     fine = max(1, int(np.ceil(np.sqrt(height * width / _FINE_PIXELS))))
-    known = _reduced(picture.covered.astype(np.float32), fine) == 1
-    gray = _reduced(as_float(np.asarray(picture.image), picture.title, picture.data_range).mean(axis=2), fine)
+    known = reduced(picture.covered.astype(np.float32), fine) == 1
+    gray = reduced(as_float(np.asarray(picture.image), picture.title, picture.data_range).mean(axis=2), fine)
     gray[~known] = 0
     weight = scipy.ndimage.gaussian_filter(known.astype(np.float32), _BLUR)
     slow = scipy.ndimage.gaussian_filter(gray, _BLUR) / np.maximum(weight, 1e-6)
     detail = np.where(known, gray - slow, np.float32(0)).astype(np.float32)
     scale = max(1, int(np.ceil(np.sqrt(gray.size / _REDUCED_PIXELS))))
-    small = _reduced(gray, scale)
+    small = reduced(gray, scale)
     sift: Any = feature.SIFT(c_dog=_CONTRAST)  # type: ignore[no-untyped-call]
     try:
         sift.detect_and_extract(small)
@@ -72,13 +73,13 @@ def look_at(picture: Layer) -> Look:
     return Look(detail, known, scale * fine, points.astype(float), sift.descriptors, fine, (width, height))
 
 
-def _reduced(plane: npt.NDArray[np.float32], scale: int) -> npt.NDArray[np.float32]:
+def reduced(plane: npt.NDArray[Float], scale: int) -> npt.NDArray[Float]:
     """Means of squares of so many px a side."""
     if scale == 1:
         return plane
     rows, columns = (size // scale for size in plane.shape)
     squares = plane[: rows * scale, : columns * scale].reshape(rows, scale, columns, scale)
-    return np.asarray(squares.mean(axis=(1, 3)), np.float32)
+    return np.asarray(squares.mean(axis=(1, 3)), plane.dtype)
 
 
 def shared_features(a: Look, b: Look) -> npt.NDArray[np.intp]:

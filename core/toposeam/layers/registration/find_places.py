@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -37,10 +37,10 @@ from toposeam.layers.registration.consensus import (
 )
 from toposeam.layers.registration.homography import applied
 from toposeam.layers.registration.models import Lens, ModelFit, fit_models
-from toposeam.layers.registration.pair_matching import Match, Sightings, groups
+from toposeam.layers.registration.pair_matching import Kind, Match, Sightings, groups
 from toposeam.layers.registration.panorama import View, camera_transforms, plane_transforms
 from toposeam.layers.registration.placement import MODELS, Model, Placement, Residual
-from toposeam.layers.registration.pose_graph import FREEDOMS, Adjustment, open_corners, residuals
+from toposeam.layers.registration.pose_graph import FREEDOMS, open_corners, residuals
 from toposeam.sentence import counted
 
 #: Least correlation of two overlaps that are taken to show the same.
@@ -217,9 +217,10 @@ class _Set:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Found:
-    """Transforms of the pictures that belong together, by their numbers, and the pairs that say so."""
+    """Transforms of the pictures that belong together, and the pairs that say so."""
 
     model: Model
+    #: Which pictures these are; pairs are counted among them.
     numbers: Sequence[int]
     transforms: Sequence[Transform]
     matches: Mapping[Pair, Match]
@@ -231,7 +232,7 @@ class _Found:
     projection: Projection | None = None
     wrap: int | None = None
     #: (N,) which group each of all pictures is in.
-    groups: npt.NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, np.intp))
+    groups: npt.NDArray[np.intp]
 
     @property
     def misfit(self) -> float:
@@ -265,8 +266,6 @@ def found_places(
     left_out = {
         number: _reason(given, found, number) for number in range(len(pictures)) if number not in numbers
     }
-    order = {number: index for index, number in enumerate(numbers)}
-    where = {(order[i], order[j]): (i, j) for i, j in found.matches}
     return Placement(
         layers=layers,
         model=found.model,
@@ -274,17 +273,17 @@ def found_places(
         transforms=transforms,
         numbers=tuple(numbers),
         left_out=left_out,
-        correlations={pair: found.matches[own].correlation for pair, own in where.items()},
+        correlations={pair: match.correlation for pair, match in found.matches.items()},
         residuals={
             pair: Residual.of(
-                found.off[own],
-                transforms[pair[0]].to_canvas(found.matches[own].first),
-                found.matches[own].features or len(found.off[own]),
+                found.off[pair],
+                transforms[pair[0]].to_canvas(match.first),
+                match.features or len(found.off[pair]),
             )
-            for pair, own in where.items()
+            for pair, match in found.matches.items()
         },
         misfit=found.misfit,
-        outvoted=tuple((order[i], order[j]) for i, j in found.outvoted if i in order and j in order),
+        outvoted=found.outvoted,
         focal=found.focal,
         distortion=found.distortion,
         projection=found.projection,
@@ -344,8 +343,8 @@ def _most_joined(given: _Set) -> int:
 def _is_perspective(given: _Set) -> bool:
     """Whether most of the strongest pairs say that no similarity brings them together."""
     votes = []
-    for pair in given.sightings.pairs[:_ASKED]:
-        match = given.sightings.homography(pair)
+    asked = given.sightings.pairs[:_ASKED]
+    for pair, match in zip(asked, given.sightings.homographies(asked), strict=True):
         if match is None:
             continue
         first, second = match.first @ [1, 1j], match.second @ [1, 1j]
@@ -360,56 +359,65 @@ def _rms(values: npt.NDArray[np.float64]) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Group:
+    """Most of the pictures that pairs join."""
+
+    numbers: list[int]
+    names: list[str]
+    #: By pairs that are counted among these pictures.
+    matches: dict[Pair, Match]
+    #: (N,) which group each of all pictures is in.
+    groups: npt.NDArray[np.intp]
+
+    @classmethod
+    def of(cls, given: _Set, kind: Kind) -> _Group:
+        """By pairs of a kind; none may be lost where places are to be exact."""
+        least = given.options.least_correlation
+        matches, best = given.sightings.matches(kind, least)
+        own = groups(len(given.pictures), matches)
+        sizes = np.bincount(own)
+        if given.options.exact or sizes.max() < 2:
+            _check_joined(given.pictures, matches, best, least, given.most_shared)
+        numbers = np.flatnonzero(own == sizes.argmax()).tolist()
+        order = {number: index for index, number in enumerate(numbers)}
+        joined = {(order[i], order[j]): match for (i, j), match in matches.items() if i in order}
+        return cls(numbers, [given.pictures[number].name for number in numbers], joined, own)
+
+
 def _by_similarity(given: _Set, freedoms: Sequence[str], largest: float | None) -> _Found:
     """Moves, turns and scales of most pictures, of which no pair is off by more than so many px; by default
     any that is not elsewhere.
     """
-    least = given.options.least_correlation
-    matches, best = given.sightings.matches("similarity", least)
-    if given.options.exact:
-        _check_joined(given.pictures, matches, best, least, given.most_shared)
-    own_groups = groups(len(given.pictures), matches)
-    numbers = _largest_group(given, matches, best, own_groups)
-    order = {number: index for index, number in enumerate(numbers)}
-    own = {(order[i], order[j]): match for (i, j), match in matches.items() if i in order}
-    sizes, names = given.sizes[numbers], [given.names[number] for number in numbers]
+    group = _Group.of(given, "similarity")
+    sizes = given.sizes[group.numbers]
     if largest is None:
         largest = ELSEWHERE * float(np.hypot(*sizes.T).min())
-    solution, used = without_contradictions(names, sizes, own, freedoms, largest)
+    solution, used = without_contradictions(group.names, sizes, group.matches, freedoms, largest)
     if given.options.exact:
-        _check_exact([given.pictures[number] for number in numbers], open_corners(sizes, solution))
-    return replace(_of_adjustment(solution, used, own, numbers), groups=own_groups)
-
-
-def _of_adjustment(
-    solution: Adjustment, used: Mapping[Pair, Match], own: Mapping[Pair, Match], numbers: Sequence[int]
-) -> _Found:
-    transforms = []
-    for a, b, u, v in solution.transforms:
-        transforms.append(PlaneTransform(np.array([[a, -b, u], [b, a, v], [0.0, 0.0, 1.0]])))
-    back = {pair: (numbers[pair[0]], numbers[pair[1]]) for pair in own}
+        _check_exact([given.pictures[number] for number in group.numbers], open_corners(sizes, solution))
+    transforms = [
+        PlaneTransform(np.array([[a, -b, u], [b, a, v], [0.0, 0.0, 1.0]]))
+        for a, b, u, v in solution.transforms
+    ]
     turned = any(not np.array_equal(one.matrix[:2, :2], np.eye(2)) for one in transforms)
     return _Found(
         model="similarity" if turned else "shift",
-        numbers=numbers,
+        numbers=group.numbers,
         transforms=transforms,
-        matches={back[pair]: match for pair, match in used.items()},
-        off={back[pair]: residuals(solution.transforms, *pair, match) for pair, match in used.items()},
-        outvoted=tuple(back[pair] for pair in own if pair not in used),
+        matches=used,
+        off={pair: residuals(solution.transforms, *pair, match) for pair, match in used.items()},
+        outvoted=tuple(pair for pair in group.matches if pair not in used),
+        groups=group.groups,
     )
 
 
 def _by_perspective(given: _Set) -> _Found:
     """A plane, or a camera that turns."""
-    options = given.options
-    matches, best = given.sightings.matches("homography", options.least_correlation)
-    own_groups = groups(len(given.pictures), matches)
-    numbers = _largest_group(given, matches, best, own_groups)
-    order = {number: index for index, number in enumerate(numbers)}
-    own = {(order[i], order[j]): match for (i, j), match in matches.items() if i in order}
+    options, group = given.options, _Group.of(given, "homography")
     fit = fit_models(
-        [given.sightings.looks[number] for number in numbers],
-        own,
+        [given.sightings.looks[number] for number in group.numbers],
+        group.matches,
         options.families,
         Lens(
             focal=options.focal,
@@ -418,46 +426,31 @@ def _by_perspective(given: _Set) -> _Found:
         ),
         given.executor,
     )
-    _check_contradictions([given.names[number] for number in numbers], fit)
-    return replace(_of_fit(given, fit, numbers), groups=own_groups)
-
-
-def _of_fit(given: _Set, fit: ModelFit, numbers: Sequence[int]) -> _Found:
-    bundle, options = fit.bundle, given.options
+    _check_contradictions(group.names, fit)
+    bundle = fit.bundle
     transforms: Sequence[Transform]
     width = projection = None
     if bundle.family == "plane":
         transforms = plane_transforms(bundle, fit.camera, View(level=options.level))
     else:
         asked = None if options.projection == "auto" else options.projection
-        centre = numbers.index(options.centre) if options.centre in numbers else None
+        centre = group.numbers.index(options.centre) if options.centre in group.numbers else None
         view = View(projection=asked, level=options.level, centre=centre)  # type: ignore[arg-type]
         cameras, width = camera_transforms(bundle, view)
         transforms, projection = cameras, cameras[0].projection
-    back = {pair: (numbers[pair[0]], numbers[pair[1]]) for pair in (*fit.matches, *fit.outvoted)}
     return _Found(
         model=bundle.family,
-        numbers=numbers,
+        numbers=group.numbers,
         transforms=transforms,
-        matches={back[pair]: match for pair, match in fit.matches.items()},
-        off={back[pair]: bundle.off(pair, match) for pair, match in fit.matches.items()},
-        outvoted=tuple(back[pair] for pair in fit.outvoted),
+        matches=fit.matches,
+        off={pair: bundle.off(pair, match) for pair, match in fit.matches.items()},
+        outvoted=fit.outvoted,
         focal=bundle.focal if bundle.family == "rotation" else None,
         distortion=bundle.distortion,
         projection=projection,
         wrap=width,
+        groups=group.groups,
     )
-
-
-def _largest_group(
-    given: _Set, matches: Mapping[Pair, Match], best: Floats, own: npt.NDArray[np.intp]
-) -> list[int]:
-    """The numbers of most pictures that pairs join."""
-    sizes = np.bincount(own)
-    if sizes.max() < 2:
-        least = given.options.least_correlation
-        _check_joined(given.pictures, matches, best, least, given.most_shared)
-    return [int(number) for number in np.flatnonzero(own == sizes.argmax())]
 
 
 def _reason(given: _Set, found: _Found, number: int) -> str:
@@ -485,7 +478,7 @@ def _check_contradictions(names: Sequence[str], fit: ModelFit) -> None:
     if fit.clear or not fit.outvoted:
         return
     diagonals = np.hypot(*bundle.sizes.T)
-    off = {pair: float(np.median(bundle.off(pair, fit.matches[pair]))) for pair in fit.outvoted}
+    off = bundle.medians({pair: fit.matches[pair] for pair in fit.outvoted})
     elsewhere = [pair for pair in fit.outvoted if off[pair] > ELSEWHERE * diagonals[list(pair)].min()]
     if elsewhere:
         raise ambiguous(list(names), elsewhere, max(off.values()))

@@ -31,11 +31,12 @@ from toposeam.layers.registration.bundle_adjustment import (
     adjust_plane,
     left_over,
     spanning_tree,
+    strengths_of,
 )
 from toposeam.layers.registration.consensus import ELSEWHERE
 from toposeam.layers.registration.features import Look
 from toposeam.layers.registration.homography import applied
-from toposeam.layers.registration.outlier_pairs import evidence_of, outvoted
+from toposeam.layers.registration.outlier_pairs import outvoted
 from toposeam.layers.registration.pair_matching import Match, groups
 from toposeam.layers.registration.patches import LaidPatches, find_patches
 
@@ -152,7 +153,7 @@ def _voted(sizes: Floats, matches: Mapping[Pair, Match], adjust: _Adjust) -> Mod
     It begins with the tree of those that say most, and takes up the others that are not too far off, which
     gets less and less: a loop may be open by more at first than what matches elsewhere is later.
     """
-    strengths = {pair: evidence_of(match.share, match.features) for pair, match in matches.items()}
+    strengths = strengths_of(matches)
     _, order, before = spanning_tree(len(sizes), strengths)
     tree = {(int(min(k, before[k])), int(max(k, before[k]))) for k in order[1:]}
     bundle = adjust({pair: match for pair, match in matches.items() if pair in tree})
@@ -160,14 +161,14 @@ def _voted(sizes: Floats, matches: Mapping[Pair, Match], adjust: _Adjust) -> Mod
     scale = max(float(np.max(match.uncertainty)) for match in matches.values())
     kept: list[Pair] = []
     for share in (*_SHARES, 0.0):
-        off = {pair: float(np.median(bundle.off(pair, match))) for pair, match in matches.items()}
+        off = bundle.medians(matches)
         usual = _usual(off, kept or tree, diagonal)
         now = [pair for pair in matches if off[pair] <= max(share * diagonal, _OFF * scale, usual)]
         if len(now) == len(kept) == len(matches):
             break
         if now != kept and not groups(len(sizes), now).any():
             kept, bundle = now, adjust({pair: matches[pair] for pair in now}, bundle)
-    off = {pair: float(np.median(bundle.off(pair, match))) for pair, match in matches.items()}
+    off = bundle.medians(matches)
     largest = max(_OFF * scale, _usual(off, kept or tree, diagonal))
     wrong = {pair: strengths[pair] for pair in matches if off[pair] > largest}
     right = {pair: strengths[pair] for pair in matches if off[pair] <= largest}
@@ -201,11 +202,10 @@ class _Between:
 
     def _mapped(self, points: Floats, start: int, end: int, missing: float) -> Floats:
         bundle = self.bundle
-        matrix = np.linalg.inv(bundle.matrices[end]) @ bundle.matrices[start]
+        matrix = bundle.between(start, end)
         flat = bundle.ideal(start, points.reshape(-1, 2))
         depth = flat @ matrix[2, :2] + matrix[2, 2]
-        width, height = bundle.sizes[end].astype(int)
-        seen = distorted(applied(matrix, flat), (int(width), int(height)), (0.0, bundle.distortion, 0.0))
+        seen = distorted(applied(matrix, flat), bundle.size(end), bundle.lens)
         seen[~(depth > 0) | ~np.isfinite(seen).all(axis=1)] = missing
         return seen.reshape(points.shape)
 

@@ -95,7 +95,10 @@ class Sightings:
         first = {digest: index for index, digest in reversed(list(enumerate(self._which)))}
         different = sorted(set(self._which), key=lambda digest: first[digest])
         self._seen: dict[bytes, Look] = {}
-        self._matches: dict[tuple[Kind, float], tuple[dict[Pair, Match], Floats]] = {}
+        self._known: dict[Kind, dict[tuple[bytes, bytes], Match | None]] = {
+            "similarity": {},
+            "homography": {},
+        }
         for look in results(executor, look_at, [pictures[first[digest]] for digest in different]):
             self._seen[different[len(self._seen)]] = look
             report(0.3 * len(self._seen) / len(different))
@@ -110,9 +113,18 @@ class Sightings:
         """(M, 2) numbers of the features that a pair shares."""
         return self._shared[self._which[pair[0]], self._which[pair[1]]]
 
-    def homography(self, pair: Pair) -> Match | None:
-        """Features of a pair that a homography brings together; None where too few agree."""
-        return match_homography(self.looks[pair[0]], self.looks[pair[1]], self.shared(pair))
+    def homographies(self, pairs: Sequence[Pair]) -> list[Match | None]:
+        """Features of each pair that a homography brings together; None where too few agree."""
+        keys = [(self._which[i], self._which[j]) for i, j in pairs]
+        known = self._known["homography"]
+        self._try("homography", dict.fromkeys(key for key in keys if key not in known))
+        return [known[key] for key in keys]
+
+    def _try(self, kind: Kind, keys: Iterable[tuple[bytes, bytes]]) -> None:
+        """Match pairs of different pictures that are not matched yet."""
+        keys = list(keys)
+        items = [(kind, self._seen[one], self._seen[other], self._shared[one, other]) for one, other in keys]
+        self._known[kind].update(zip(keys, results(self._executor, _matched, items), strict=True))
 
     def matches(self, kind: Kind, least: float) -> tuple[dict[Pair, Match], Floats]:
         """The pairs that show the same, and the best correlation of each picture.
@@ -126,10 +138,7 @@ class Sightings:
         least : float
             Correlation of pictures that show the same, where it is a similarity.
         """
-        if (kind, least) in self._matches:
-            return self._matches[kind, least]
-        which, seen = self._which, self._seen
-        known: dict[tuple[bytes, bytes], Match | None] = {}
+        which, known = self._which, self._known[kind]
         matches: dict[Pair, Match] = {}
         best = np.full(len(which), -1.0)
         trees = np.tile(np.arange(len(which)), (_FORESTS, 1))  # which tree each picture is in, per forest
@@ -144,10 +153,7 @@ class Sightings:
                             following[which[k], which[n]] = None
                         if len(following) >= _AT_ONCE:
                             break
-                    items = [
-                        (kind, seen[one], seen[other], self._shared[one, other]) for one, other in following
-                    ]
-                    known.update(zip(following, results(self._executor, _matched, items), strict=True))
+                    self._try(kind, following)
                 match = known[key]
                 if match is not None:
                     best[[i, j]] = np.maximum(best[[i, j]], match.correlation)
@@ -156,8 +162,7 @@ class Sightings:
                         tree = trees[apart[0]]
                         tree[tree == tree[j]] = tree[i]
             self._report(0.5 + 0.4 * (number + 1) / len(self.pairs))
-        self._matches[kind, least] = dict(sorted(matches.items())), best
-        return self._matches[kind, least]
+        return dict(sorted(matches.items())), best
 
 
 def _shared(

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from toposeam.layers.canvas.transforms import CameraTransform, PlaneTransform, Projection
+from toposeam.layers.canvas.transforms import CameraTransform, PlaneTransform, Projection, wrapped
 from toposeam.layers.registration.bundle_adjustment import Bundle
 from toposeam.layers.registration.homography import applied, least_squares_homography
 
@@ -112,14 +112,11 @@ def camera_transforms(bundle: Bundle, view: View) -> tuple[tuple[CameraTransform
     turns = _upright(bundle, view)
     rays = [_rays(bundle, turns, index) for index in range(len(turns))]
     yaws, whole = _directions(rays)
-    if view.centre is not None:
-        forward = turns[view.centre][:, 2]
-        middle = math.atan2(forward[0], forward[2])
-    elif whole:
-        forward = turns[bundle.middle][:, 2]
-        middle = math.atan2(forward[0], forward[2])
-    else:
+    if view.centre is None and not whole:
         middle = (yaws[0] + yaws[1]) / 2
+    else:
+        forward = turns[bundle.middle if view.centre is None else view.centre][:, 2]
+        middle = math.atan2(forward[0], forward[2])
     turns = _turn_down(middle) @ turns
     across = math.degrees(yaws[1] - yaws[0])
     pitches = np.concatenate([np.arcsin(np.clip(ray[:, 1], -1, 1)) for ray in rays])
@@ -133,14 +130,14 @@ def camera_transforms(bundle: Bundle, view: View) -> tuple[tuple[CameraTransform
     return (
         tuple(
             CameraTransform(
-                size=(int(width_), int(height)),
+                size=bundle.size(index),
                 rotation=turn,
                 focal=bundle.focal,
                 projection=projection,
                 radius=radius,
-                lens=(0.0, bundle.distortion, 0.0),
+                lens=bundle.lens,
             )
-            for (width_, height), turn in zip(bundle.sizes, turns, strict=True)
+            for index, turn in enumerate(turns)
         ),
         width,
     )
@@ -191,7 +188,7 @@ def _directions(rays: Sequence[Floats]) -> tuple[tuple[float, float], bool]:
     for ray in rays:
         yaw = np.arctan2(ray[:, 0], ray[:, 2])
         centre = math.atan2(ray[:, 0].mean(), ray[:, 2].mean())
-        off = (yaw - centre + math.pi) % (2 * math.pi) - math.pi
+        off = wrapped(yaw - centre)
         low, high = ((centre + angle) / (2 * math.pi) * _CIRCLE for angle in (off.min(), off.max()))
         shown[np.arange(math.floor(low), math.ceil(high)) % _CIRCLE] = True
     if shown.all():

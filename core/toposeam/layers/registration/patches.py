@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from toposeam.layers.canvas.transforms import Transform
+from toposeam.layers.canvas.transforms import Transform, reach
 from toposeam.layers.registration.features import Look, cornered
 
 Floats = npt.NDArray[np.float64]
@@ -48,16 +48,12 @@ def find_patches(a: Look, b: Look, transform: Transform, count: int = _PATCHES) 
     from skimage.registration import phase_cross_correlation
 
     height, width = b.detail.shape
-    edges = np.linspace(0, 1, 9)[:, np.newaxis]
-    border = np.concatenate([np.append(edges, 0 * edges + side, 1) for side in (0, 1)])
-    border = np.concatenate([border, border[:, ::-1]]) * (np.array([width, height]) - 1.0)
     transform = _Reduced(transform, a.fine, b.fine)
-    reached = transform.to_canvas(border)
-    reached = reached[np.isfinite(reached).all(axis=1)]
-    if not len(reached):
+    reached = reach(transform, (width, height))
+    if reached is None:
         return None
-    low = np.maximum(reached.min(axis=0), 0)
-    high = np.minimum(reached.max(axis=0), np.array(a.detail.shape[::-1]) - 1.0)
+    low = np.maximum(reached[0], 0)
+    high = np.minimum(reached[1], np.array(a.detail.shape[::-1]) - 1.0)
     size = int(min(_PATCH, *(0.7 * (high - low))))
     if size < _LEAST_SIDE:
         return None

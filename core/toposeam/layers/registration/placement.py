@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
@@ -41,7 +42,7 @@ class Residual:
         return cls(float(np.median(off)), farthest, (float(x), float(y)), len(off), features)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Placement:
     """Where pictures belong.
 
@@ -82,7 +83,7 @@ class Placement:
     projection: Projection | None = None
     wrap: int | None = None
 
-    @property
+    @cached_property
     def places(self) -> Floats:
         """(N, 2) px, x and y of each picture's upper left corner on the canvas."""
         return np.array(
@@ -92,12 +93,12 @@ class Placement:
             ]
         )
 
-    @property
+    @cached_property
     def turns(self) -> Floats:
         """(N,) degrees clockwise, in the middle of each picture."""
         return np.array([np.degrees(np.arctan2(local[1][1], local[1][0])) for local in self._locals(0.5)])
 
-    @property
+    @cached_property
     def scales(self) -> Floats:
         """(N,) factors, in the middle of each picture."""
         return np.array([np.hypot(*local[1]) for local in self._locals(0.5)])

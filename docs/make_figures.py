@@ -12,15 +12,15 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from PIL import Image
+
 import thesis_cases
+import toposeam as ts
 from figure_sheet import GRAY, SEAM, Sheet, save_png
 from photographs import beside, corner, pairs, still_life
-from PIL import Image
 from thesis_cases import Case
-from toy_figures import Joined, toy_problem
-
-import toposeam as ts
 from toposeam_cli.figures.history import history_figure
+from toy_figures import Joined, toy_problem
 
 DOCS = Path(__file__).resolve().parent
 FIGURES = DOCS / "figures"

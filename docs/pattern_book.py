@@ -8,9 +8,9 @@ import csv
 import sys
 from pathlib import Path
 
-from make_pattern_figures import _DARK, _PAPER, THEME, font, save
 from PIL import Image, ImageDraw, ImageOps
 
+from make_pattern_figures import _DARK, _PAPER, THEME, font, save
 from toposeam.motif.kinds import Kind
 from toposeam_cli.app.main import main as toposeam
 

@@ -9,15 +9,15 @@ import time
 from typing import Any
 
 import numpy as np
-from make_pattern_figures import _DARK, _GRAY, _PAPER, _theme, bytes_of, font, save
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LightSource
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-from pattern_cases import STUDIES
 from PIL import Image, ImageDraw
 
 import toposeam as ts
+from make_pattern_figures import _DARK, _GRAY, _PAPER, _theme, bytes_of, font, save
+from pattern_cases import STUDIES
 
 
 def main() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import skimage.data
 from skimage.io import imread
+
 from thesis_cases import Case
 
 Pixels = npt.NDArray[np.uint8]

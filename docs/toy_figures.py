@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+
 import thesis_cases
+import toposeam as ts
 from figure_sheet import GRAY, SEAM, Sheet
 from thesis_cases import Case
-
-import toposeam as ts
 from toposeam_cli.figures.history import plain_numbers, scientific
 
 FIGURES = Path(__file__).resolve().parent / "figures"

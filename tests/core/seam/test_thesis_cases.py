@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from thesis_cases import ell, random_colours, toy, zigzag
 
 import toposeam as ts
+from thesis_cases import ell, random_colours, toy, zigzag
 from toposeam.seam.thesis.options import ThesisOptions
 
 BOTH = pytest.mark.parametrize("method", ["heat", "thesis"])

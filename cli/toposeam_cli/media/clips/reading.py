@@ -25,6 +25,10 @@ _CONTAINERS = (
     "av1,obu,ivf,nut,mxf,dv,rm,wtv,yuv4mpegpipe"
 )
 
+#: What FFmpeg may open: files. It reads ``tcp:x.mp4``, ``http:/x.mp4`` or ``12:30.mp4`` as addresses unless the
+#: name begins with ``file:``.
+_OPENED = {"format_whitelist": _CONTAINERS, "protocol_whitelist": "file"}
+
 _Frame = npt.NDArray[np.uint8]
 
 
@@ -151,7 +155,7 @@ def _read_video(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
     frames: list[_Frame] = []
     starts: list[Fraction] = []
     try:
-        with av.open(str(path), options={"format_whitelist": _CONTAINERS}) as container:
+        with av.open(f"file:{path}", options=_OPENED) as container:
             if not container.streams.video:
                 raise ImageError(f"{path} holds no pictures; give a video")
             stream = container.streams.video[0]

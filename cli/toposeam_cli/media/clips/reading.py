@@ -25,8 +25,8 @@ _CONTAINERS = (
     "av1,obu,ivf,nut,mxf,dv,rm,wtv,yuv4mpegpipe"
 )
 
-#: What FFmpeg may open: files. It reads ``tcp:x.mp4``, ``http:/x.mp4`` or ``12:30.mp4`` as addresses unless the
-#: name begins with ``file:``.
+#: What FFmpeg may open: files. It takes ``tcp:x.mp4``, ``http:/x.mp4`` or ``12:30.mp4`` for addresses unless
+#: ``file:`` stands before.
 _OPENED = {"format_whitelist": _CONTAINERS, "protocol_whitelist": "file"}
 
 _Frame = npt.NDArray[np.uint8]

@@ -257,8 +257,8 @@ def test_a_hostile_name_stays_on_its_line(toposeam, inputs, here, name):
 @pytest.mark.parametrize(
     ("missing", "line", "remedy"),
     [
-        ("maxflow", "--method graph-cut", "pip install 'toposeam[graphcut]'"),
-        ("matplotlib", "--history history.png", "pip install 'toposeam[plot]'"),
+        ("maxflow", "--method graph-cut", "pip install PyMaxflow"),
+        ("matplotlib", "--history history.png", "pip install matplotlib"),
     ],
 )
 def test_a_missing_package_is_named_with_its_command(

@@ -151,7 +151,7 @@ def dask_workers(address: str, count: int, waiting: int = 0) -> Iterator[Workers
         import distributed  # noqa: F401 - whether it is there
     except ImportError as error:
         raise MissingPackageError(
-            "running on Dask needs distributed; install it with: pip install 'toposeam[dask]'"
+            "running on Dask needs distributed; install it with: pip install distributed cryptography"
         ) from error
     # A worker's death is ours to answer: only we know which files it may have left.
     # Dask has its workers give memory back at every chance and take it anew, which costs more than the work.
@@ -234,7 +234,7 @@ def _local_cluster(count: int) -> Any:
     except ImportError as error:
         raise MissingPackageError(
             "a Dask cluster that nobody else can use needs cryptography; install it with: pip install "
-            "'toposeam[dask]'"
+            "cryptography"
         ) from error
     _silence()
     cluster = None

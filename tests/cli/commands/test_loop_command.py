@@ -217,8 +217,8 @@ def test_no_clip_at_all(toposeam, tmp_path):
 def test_without_the_extra(toposeam, video, clip, tmp_path, monkeypatch):
     path = video()
     monkeypatch.setitem(sys.modules, "av", None)
-    toposeam("loop", path, "-o", tmp_path / "o.webp").fails("pip install 'toposeam[video]'")
-    toposeam("loop", clip, "-o", tmp_path / "o.mp4").fails("pip install 'toposeam[video]'")
+    toposeam("loop", path, "-o", tmp_path / "o.webp").fails("pip install av")
+    toposeam("loop", clip, "-o", tmp_path / "o.mp4").fails("pip install av")
 
 
 def test_outputs_that_cannot_be(toposeam, clip, tmp_path):

@@ -149,7 +149,7 @@ def _read_video(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
         import av
     except ImportError as error:
         raise MissingPackageError(
-            f"reading {path} needs PyAV; install it with: pip install 'toposeam[video]', or give a GIF, "
+            f"reading {path} needs PyAV; install it with: pip install av, or give a GIF, "
             "WebP, APNG or a folder of frames"
         ) from error
     frames: list[_Frame] = []

@@ -173,7 +173,7 @@ def _codec(suffix: str) -> tuple[str, str, dict[str, str]]:
         import av
     except ImportError as error:
         raise MissingPackageError(
-            f"writing {suffix} needs PyAV; install it with: pip install 'toposeam[video]', or write .gif, "
+            f"writing {suffix} needs PyAV; install it with: pip install av, or write .gif, "
             ".webp, .png or a folder of frames"
         ) from error
     codec, layout, options = _VIDEO[suffix]

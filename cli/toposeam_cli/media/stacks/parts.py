@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from toposeam.errors import ImageError, MissingPackageError, TopoSeamError
-from toposeam_cli.media.packages import how_to_install
 
 
 def needs(package: str, path: Path) -> Any:
@@ -26,7 +25,10 @@ def needs(package: str, path: Path) -> Any:
         return importlib.import_module(package)
     except ImportError as error:
         name = package.partition(".")[0]
-        raise MissingPackageError(f"{path.name} needs {name}; {how_to_install(name)}") from error
+        wanted = "'dask[array]'" if name == "dask" else name
+        raise MissingPackageError(
+            f"{path.name} needs {name}; install it with: pip install {wanted}"
+        ) from error
 
 
 @contextmanager

@@ -110,7 +110,7 @@ def test_usual_codecs_are_read(joined, stack, tmp_path, options):
 
 
 @pytest.mark.parametrize("shape", [[10**6] * 3, [10**9, 10**9, 10**9], [-1, 4, 4], ["x", 1, 1], 7, None])
-def test_sizes_of_zarrs_are_checked_before_they_are_believed(joined, stack, tmp_path, shape):
+def test_sizes_of_zarrs_are_checked_first(joined, stack, tmp_path, shape):
     path = described(saved(tmp_path / "b.zarr", stack), shape=shape)
     joined(path).fails("voxels, more than the 1e+10 allowed" if shape == [10**6] * 3 else "b.zarr")
 

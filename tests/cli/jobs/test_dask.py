@@ -264,7 +264,7 @@ def test_a_local_cluster_keeps_what_it_spills_to_itself(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == [trap]
 
 
-def test_a_killed_cluster_leaves_nothing_that_the_next_command_does_not_remove(process, folder, monkeypatch):
+def test_what_a_killed_cluster_leaves_is_removed(process, folder, monkeypatch):
     shared = folder / "tmp"
     shared.mkdir()
     monkeypatch.setenv("TMPDIR", str(shared))

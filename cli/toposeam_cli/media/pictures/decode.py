@@ -16,9 +16,6 @@ from toposeam.errors import ImageError
 from toposeam_cli.media.pictures.colour import DEPTHS, INTENT
 from toposeam_cli.media.pictures.libvips import VipsImage, evaluate, load_vips, reason
 
-#: libvips loaders that decode pictures; it also reads tables, drawings and its own dumps.
-_PICTURE_LOADERS = {"png", "jpeg", "tiff", "webp", "gif", "heif", "jxl", "jp2k", "ppm", "openexr"}
-
 #: Pixels per mm that mean "not stated": every writer that has to put something puts 72 per inch.
 UNSTATED_RESOLUTION = 72 / 25.4
 
@@ -99,7 +96,7 @@ def decoding(path: Path, max_pixels: int) -> Iterator[Decoding]:
         image = vips.Image.new_from_source(
             vips.Source.new_from_file(os.fsencode(path)), "", access="sequential", fail_on="error"
         )
-        _check_header(path, image, max_pixels)
+        refuse_large(path, image.width, image.height, max_pixels)
         _check_pages(path, image)
         resolution = _resolution(image)
         orientation = image.get("orientation") if "orientation" in image.get_fields() else 1
@@ -119,10 +116,7 @@ def decoding(path: Path, max_pixels: int) -> Iterator[Decoding]:
                 f"cannot read '{path}': its samples are of a kind libvips does not read, like 64-bit floats; "
                 "export it again with 32 bits"
             ) from error
-        raise ImageError(
-            f"cannot read '{path}' ({reason(error)}): it is no picture, damaged or of a kind libvips does "
-            "not know; export it again as PNG or TIFF"
-        ) from error
+        raise _unreadable(path, error) from error
 
 
 def refuse_large(path: Path, width: int, height: int, max_pixels: int, raisable: bool = True) -> None:
@@ -153,11 +147,17 @@ def size_of(path: Path) -> tuple[int, int]:
     try:
         image = vips.Image.new_from_source(vips.Source.new_from_file(os.fsencode(path)), "")
     except vips.Error as error:
-        raise ImageError(
-            f"cannot read '{path}' ({reason(error)}): it is no picture, damaged or of a kind libvips does "
-            "not know; export it again as PNG or TIFF"
-        ) from error
+        raise _unreadable(path, error) from error
     return image.width, image.height
+
+
+def _unreadable(path: Path, error: Exception) -> ImageError:
+    why = reason(error)
+    if "known format" in why:
+        why = "it is none of PNG, TIFF, JPEG, WebP, GIF, HEIF and AVIF"
+    return ImageError(
+        f"cannot read '{path}' ({why}): it is no picture or damaged; export it again as PNG or TIFF"
+    )
 
 
 def check_input(path: Path) -> None:
@@ -185,15 +185,6 @@ def check_input(path: Path) -> None:
             f"cannot read '{path}' ({getattr(error, 'strerror', None) or error}); check its name and your "
             "right to read it"
         ) from error
-
-
-def _check_header(path: Path, image: VipsImage, max_pixels: int) -> None:
-    loader = image.get("vips-loader").split("load")[0]
-    if loader not in _PICTURE_LOADERS:
-        raise ImageError(
-            f"'{path}' is {loader.upper()}, not a picture made of pixels; export it as PNG or TIFF"
-        )
-    refuse_large(path, image.width, image.height, max_pixels)
 
 
 def _check_pages(path: Path, image: VipsImage) -> None:

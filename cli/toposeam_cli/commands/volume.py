@@ -71,7 +71,7 @@ class TripleType(click.ParamType):  # type: ignore[type-arg]
 )
 @click.option(
     "--white",
-    type=FiniteRange(0, min_open=True),
+    type=FiniteRange(1e-30, 1e30),
     help="The value that counts as white; the depth's greatest by default, of floats the stacks' own.",
 )
 @click.option(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import struct
+import warnings
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -114,7 +115,7 @@ def _read_animated(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
     starts: list[Fraction] = []
     at = Fraction(0)
     try:
-        with Image.open(path) as picture:
+        with warnings.catch_warnings(action="ignore"), Image.open(path) as picture:
             count = getattr(picture, "n_frames", 1)
             check_pixels(str(path), count, (picture.height, picture.width), max_pixels)
             if count < 2:

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.checks import Seed, check_choice, check_kind, check_pair, check_whole, seed_of
+from toposeam.checks import Seed, check_choice, check_function, check_kind, check_pair, check_whole, seed_of
 from toposeam.display import to_png
 from toposeam.errors import ImageError, OptionError, Term
 from toposeam.heat.sweeps import Floats32
@@ -157,6 +157,7 @@ def loop(
     >>> len(wheel.frames) % 12, wheel.frames.shape[1:]
     (0, (16, 16))
     """
+    check_function("progress", progress)
     clip = as_volume(frames, "frames")
     flat = np.ndim(frames) == 3
     count = len(clip)

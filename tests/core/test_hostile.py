@@ -135,6 +135,7 @@ ENDLESS = np.broadcast_to(np.float32(0.5), (10**6, 10**6))
         (lambda: ts.draw_seams(ENDLESS, []), "more than are taken at once"),
         (lambda: ts.flatten_light(ENDLESS), "more than are taken at once"),
         (lambda: ts.natural_patch(ENDLESS), "more than are taken at once"),
+        (lambda: ts.loop(np.zeros((10_001, 2, 2), np.uint8)), "so that at most 10000 are left"),
         (lambda: ts.synthesize(ENDLESS, 32), "more than are taken at once"),
     ],
 )

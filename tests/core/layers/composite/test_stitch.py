@@ -366,7 +366,7 @@ def test_tones_are_matched_or_not(name):
 
 
 def test_a_written_seam_is_applied_as_it_was_found():
-    """A piece of b lies in a, and more of b beyond what both share: a piece counts as a speck in both alike."""
+    """A piece of b lies in a, and more of b beyond what both share: what counts as a speck is so in both."""
     rng = np.random.default_rng(0)
     a, b = rng.random((12, 28)).astype(np.float32), rng.random((40, 8)).astype(np.float32)
     alpha = np.zeros_like(b)

@@ -45,16 +45,15 @@ class Commands(click.Group):
         ]
         return found + click.Command.shell_complete(self, ctx, incomplete)
 
-    def main(  # type: ignore[override]
-        self, *args: Any, standalone_mode: bool = True, **given: Any
-    ) -> Any:
+    def main(self, *args: Any, standalone_mode: bool = True, **given: Any) -> Any:
         """Run the command line and exit. Of a Ctrl-C before the command begins, or while it ends, click would
         make exit code 1.
         """
+        run: Any = super().main
         if not standalone_mode:
-            return super().main(*args, standalone_mode=False, **given)
+            return run(*args, standalone_mode=False, **given)
         try:
-            code = super().main(*args, standalone_mode=False, **given)
+            code = run(*args, standalone_mode=False, **given)
         except click.ClickException as error:
             error.show()
             code = error.exit_code

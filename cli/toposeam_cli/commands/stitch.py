@@ -15,6 +15,7 @@ from click.core import ParameterSource
 import toposeam as ts
 from toposeam.images import Windows
 from toposeam.layers.composite.stitch import stitched as ts_stitched
+from toposeam.layers.labelling.posing import check_pairs
 from toposeam.layers.search.options import Effort
 from toposeam.seam.result.drawing import draw_seams
 from toposeam_cli.app.options import (
@@ -276,6 +277,7 @@ def _stitch(
         crop = crop_of(out, job.layers)
     else:
         crop = out.crop or ("outside" if out.has_alpha or out.background is not None else "inside")
+    check_pairs(job.layers)
     warnings = [] if out.quiet else strangers(job, find.wrap, means.workers)
     if job.stored:
         return _stitch_large(job, find, out, files, crop, means, [*warnings], aligned)

@@ -259,3 +259,13 @@ def test_what_a_killed_command_unpacked_is_removed(three, monkeypatch):
     monkeypatch.setattr("toposeam_cli.files.temporary._tidied", set())
     assert len(read_ora(make_ora(three / "in.ora"), 10**6)) > 1
     assert not list(shared.iterdir())
+
+
+def test_more_layers_than_can_be_joined_are_refused_at_once(three, toposeam):
+    """Each lies on all others: half a million pairs."""
+    small = io.BytesIO()
+    Image.new("RGB", (8, 8)).save(small, "PNG")
+    layers = "".join(f'<layer name="{n}" src="data/c.png" x="{n % 3}" y="0"/>' for n in range(1000))
+    make_ora("in.ora", f'<image w="20" h="20"><stack>{layers}</stack></image>', c=small.getvalue())
+    ran = toposeam("stitch", "in.ora", "-o", "out.png")
+    ran.fails("of 1000 layers overlap in")

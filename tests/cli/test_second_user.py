@@ -56,7 +56,7 @@ def test_nobody_else_gets_into_a_temporary_folder(shared):
         with private_folder() as folder:
             (folder / "secret").write_text("secret")
             let_in = as_other(
-                lambda: os.listdir(folder),
+                lambda: list(folder.iterdir()),
                 lambda: (folder / "secret").read_text(),
                 lambda: (folder / "mine").write_text("x"),
                 lambda: folder.rename(folder.with_name("elsewhere")),

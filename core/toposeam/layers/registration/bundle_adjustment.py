@@ -96,7 +96,7 @@ def spanning_tree(
     count: int, strengths: Mapping[Pair, float]
 ) -> tuple[int, npt.NDArray[np.intp], npt.NDArray[np.intp]]:
     """Picture in the middle of the strongest tree, the order from there, and whom each one hangs on."""
-    rows, columns = np.array(list(strengths), np.intp).T
+    rows, columns = np.array(list(strengths), np.int32).T  # older scipy takes no others
     graph = csr_array((-np.array(list(strengths.values()), float), (rows, columns)), shape=(count, count))
     tree = minimum_spanning_tree(graph)
     tree = tree + tree.T

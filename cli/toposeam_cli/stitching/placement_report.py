@@ -27,12 +27,14 @@ def describe_placement(layers: tuple[ts.Layer, ...], placement: ts.Placement | N
     left = f"{placement.misfit:.2f} px" if placement.misfit < 10 else f"{placement.misfit:.0f} px"
     if placement.model == "plane" or placement.focal is None:
         return [f"{len(layers)} pictures of one plane by {pairs}, at most {left} left in the median of one"]
-    length = equivalent_mm(placement.focal, placement.sizes[0])
+    several = zip(placement.focals, placement.sizes, strict=True)
+    lengths = sorted({round(equivalent_mm(focal, size)) for focal, size in several})
+    length = f"length {lengths[0]}" if len(lengths) == 1 else f"lengths {lengths[0]} to {lengths[-1]}"
     bent = f", distortion {placement.distortion:+.4f}" if placement.distortion else ""
     wide = ", all the way round" if placement.wrap else ""
     return [
         f"{len(layers)} pictures of a camera that turned, by {pairs}, at most {left} left in the median of "
-        f"one; focal length {length:.0f} mm of 24 × 36{bent}, projection {placement.projection}{wide}"
+        f"one; focal {length} mm of 24 × 36{bent}, projection {placement.projection}{wide}"
     ]
 
 

@@ -19,6 +19,35 @@ from toposeam_cli.media.pictures.libvips import VipsImage, evaluate, load_vips, 
 #: libvips loaders that decode pictures; it also reads tables, drawings and its own dumps.
 _PICTURE_LOADERS = {"png", "jpeg", "tiff", "webp", "gif", "heif", "jxl", "jp2k", "ppm", "openexr"}
 
+#: Files of raw data, as cameras write them. libvips would take the small preview in some for the picture.
+_RAW = {
+    ".3fr",
+    ".arw",
+    ".cr2",
+    ".cr3",
+    ".crw",
+    ".dng",
+    ".erf",
+    ".iiq",
+    ".kdc",
+    ".mef",
+    ".mos",
+    ".mrw",
+    ".nef",
+    ".nrw",
+    ".orf",
+    ".pef",
+    ".raf",
+    ".raw",
+    ".rw2",
+    ".rwl",
+    ".sr2",
+    ".srf",
+    ".srw",
+    ".x3f",
+}
+_HEIC = {".heic", ".heif", ".hif"}
+
 #: Pixels per mm that mean "not stated": every writer that has to put something puts 72 per inch.
 UNSTATED_RESOLUTION = 72 / 25.4
 
@@ -119,10 +148,20 @@ def decoding(path: Path, max_pixels: int) -> Iterator[Decoding]:
                 f"cannot read '{path}': its samples are of a kind libvips does not read, like 64-bit floats; "
                 "export it again with 32 bits"
             ) from error
-        raise ImageError(
-            f"cannot read '{path}' ({reason(error)}): it is no picture, damaged or of a kind libvips does "
-            "not know; export it again as PNG or TIFF"
-        ) from error
+        raise _unreadable(path, error) from error
+
+
+def _unreadable(path: Path, error: Exception) -> ImageError:
+    """Compose the sentence about a file that libvips does not read."""
+    if path.suffix.lower() in _HEIC:
+        return ImageError(
+            f"cannot read '{path}' ({reason(error)}): this libvips does not decode most HEIC files; make a "
+            "JPEG of it first, as with 'heif-convert', or let the camera save JPEG (Most Compatible)"
+        )
+    return ImageError(
+        f"cannot read '{path}' ({reason(error)}): it is no picture, damaged or of a kind libvips does not "
+        "know; export it again as PNG or TIFF"
+    )
 
 
 def refuse_large(path: Path, width: int, height: int, max_pixels: int, raisable: bool = True) -> None:
@@ -153,15 +192,12 @@ def size_of(path: Path) -> tuple[int, int]:
     try:
         image = vips.Image.new_from_source(vips.Source.new_from_file(os.fsencode(path)), "")
     except vips.Error as error:
-        raise ImageError(
-            f"cannot read '{path}' ({reason(error)}): it is no picture, damaged or of a kind libvips does "
-            "not know; export it again as PNG or TIFF"
-        ) from error
+        raise _unreadable(path, error) from error
     return image.width, image.height
 
 
 def check_input(path: Path) -> None:
-    """Refuse what is no file with something in it, or none that may be read.
+    """Refuse what is no file with something in it, none that may be read, or a camera's raw data.
 
     Raises
     ------
@@ -176,6 +212,11 @@ def check_input(path: Path) -> None:
         with path.open("rb") as file:
             if not file.read(1):
                 raise ImageError(f"'{path}' is empty; export the picture again")
+        if path.suffix.lower() in _RAW:
+            raise ImageError(
+                f"'{path}' is raw data of a camera, which has to be developed first; export TIFF or JPEG "
+                "from darktable, RawTherapee or the camera's own program and give that"
+            )
     except ImageError:
         raise
     except (FileNotFoundError, NotADirectoryError) as error:

@@ -54,6 +54,8 @@ _EXPLAINED = 1.2
 #: So many of the strongest pairs tell whether similarities may do: not where they leave so many times as much
 #: of the features as homographies do, and so many px of the reduced pictures more.
 _ASKED, _TIMES, _MORE = 6, 1.3, 0.5
+#: Fewer features are too few to look for an overlap.
+_PLAIN = 8
 #: So many pictures are named at most that show something else.
 _NAMED = 8
 
@@ -378,6 +380,7 @@ class _Group:
         own = groups(len(given.pictures), matches)
         sizes = np.bincount(own)
         if given.options.exact or sizes.max() < 2:
+            _check_pair(given, matches, best)
             _check_joined(given.pictures, matches, best, least, given.most_shared)
         numbers = np.flatnonzero(own == sizes.argmax()).tolist()
         order = {number: index for index, number in enumerate(numbers)}
@@ -464,6 +467,8 @@ def _reason(given: _Set, found: _Found, number: int) -> str:
         for other in found.numbers
     }
     nearest = max(shared, key=lambda other: shared[other])
+    if len(given.sightings.looks[number].keypoints) < _PLAIN:
+        return f"{name} shows too little detail to be placed"
     if not shared[nearest]:
         return f"{name} shares nothing with the other pictures"
     return (
@@ -482,6 +487,30 @@ def _check_contradictions(names: Sequence[str], fit: ModelFit) -> None:
     elsewhere = [pair for pair in fit.outvoted if off[pair] > ELSEWHERE * diagonals[list(pair)].min()]
     if elsewhere:
         raise ambiguous(list(names), elsewhere, max(off.values()))
+
+
+def _check_pair(given: _Set, matches: Mapping[Pair, Match], best: Floats) -> None:
+    """Refuse two pictures that show nothing in common."""
+    if len(given.pictures) != 2 or matches:
+        return
+    shared, correlation = len(given.sightings.shared((0, 1))), float(best.max())
+    seen = zip(given.names, given.sightings.looks, strict=True)
+    plain = [name for name, look in seen if len(look.keypoints) < _PLAIN]
+    if plain:
+        why = f"{' and '.join(plain)} {'shows' if len(plain) == 1 else 'show'} too little detail"
+    elif correlation > -1:
+        needed = given.options.least_correlation
+        why = f"the correlation of their overlap is {correlation:.2f}, {needed:g} is needed"
+    else:
+        why = f"they share {counted(shared, 'feature')}, and too few of them agree on one overlap"
+    raise OverlapError(
+        "{first} and {name} cannot be placed: {why}; say where they lie, or which points they share",
+        kind="fits none",
+        layers=(1,),
+        first=given.names[0],
+        name=given.names[1],
+        why=why,
+    )
 
 
 def _check_joined(

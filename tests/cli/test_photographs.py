@@ -18,7 +18,7 @@ from rendered_views import DENSITY, Scene, farthest_off, view
 from toposeam.layers.canvas.transforms import reach
 from toposeam_cli.app.main import main
 from toposeam_cli.media.layouts.layout import read_layout
-from toposeam_cli.media.pictures.focal_length import equivalent_mm
+from toposeam_cli.media.pictures.lens import equivalent_mm
 from toposeam_cli.media.pictures.openraster import read_ora
 from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 from toposeam_cli.stitching import inputs as placing
@@ -673,7 +673,12 @@ def other(views):
 @pytest.mark.medium
 @pytest.mark.parametrize(
     ("kind", "why"),
-    [("stranger", "shares"), ("white", "shows too little"), ("dot", "shows too little"), ("blurred", "shares")],
+    [
+        ("stranger", "shares"),
+        ("white", "shows too little"),
+        ("dot", "shows too little"),
+        ("blurred", "shares"),
+    ],
 )
 def test_what_does_not_belong_is_left_out(views, toposeam, other, kind, why):
     ran = joined(toposeam, other(kind), *TWO, "-o", "out.png")
@@ -787,3 +792,12 @@ def test_windows_by_two_processes_are_the_picture_in_memory(views, toposeam, mon
 def assert_alike(picture, expected):
     assert picture.shape == expected.shape
     assert np.abs(picture.astype(int) - expected).max() <= 1
+
+
+def test_a_fisheye_is_named_where_nothing_can_be_placed(views, sole, tmp_path):
+    y, x = np.mgrid[:120, :160] - np.array([60, 80])[:, np.newaxis, np.newaxis]
+    seen = np.where(np.hypot(x, y) < 60, np.random.default_rng(0).integers(60, 255, x.shape), 0)
+    for name in ("one.png", "two.png"):
+        Image.fromarray(seen.astype(np.uint8)).save(name)
+        seen = seen[::-1, ::-1].T[: len(seen)] if name == "one.png" else seen
+    sole("one.png seems to be taken with a fisheye: make such pictures flat first", "one.png", "two.png")

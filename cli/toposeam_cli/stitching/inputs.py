@@ -22,7 +22,7 @@ from toposeam_cli.files.scratch import Scratch
 from toposeam_cli.media.layouts.hugin_project import ProjectPicture, project_text, read_project
 from toposeam_cli.media.layouts.layout import Layout, LayoutLayer, layout_text, read_layout
 from toposeam_cli.media.pictures.decode import size_of
-from toposeam_cli.media.pictures.focal_length import focal_length, in_pixels
+from toposeam_cli.media.pictures.lens import focal_length, in_pixels, is_fisheye
 from toposeam_cli.media.pictures.limits import check_together
 from toposeam_cli.media.pictures.masks import read_white
 from toposeam_cli.media.pictures.openraster import read_ora
@@ -250,7 +250,10 @@ def arrange(
         place = partial(placed_layers, scratch=kept, executor=executor, max_megapixels=most)
         found = None if kept is None else executor
         options = _of_sources(finding or PlaceFinding(), sources, reading.numbers)
-        placement = found_places(layers, options, progress, found, place)
+        try:
+            placement = found_places(layers, options, progress, found, place)
+        except ts.OverlapError as error:
+            raise _with_fisheyes(error, sources) from error
         layers, wrap, transforms = list(placement.layers), placement.wrap, list(placement.transforms)
         sources = [sources[number] for number in placement.numbers]
         pictures = [pictures[number] for number in placement.numbers]
@@ -279,6 +282,17 @@ def arrange(
         stored=kept is not None,
         transforms=tuple(transforms),
         wrap=wrap,
+    )
+
+
+def _with_fisheyes(error: ts.OverlapError, sources: Sequence[_Source]) -> ts.OverlapError:
+    """Add to an error about pictures that are not placed that a fisheye took one."""
+    bent = [source.name for source in sources if is_fisheye(source.picture.pixels, source.file)]
+    if not bent:
+        return error
+    return error.within(
+        "{error}; {bent} seems to be taken with a fisheye: make such pictures flat first, as in Hugin",
+        bent=bent[0],
     )
 
 

@@ -10,7 +10,7 @@ import toposeam as ts
 from toposeam.layers.canvas.layer import extent_of
 from toposeam.layers.registration.placement import Residual
 from toposeam.sentence import counted
-from toposeam_cli.media.pictures.focal_length import equivalent_mm
+from toposeam_cli.media.pictures.lens import equivalent_mm
 from toposeam_cli.stitching.inputs import PlacedPictures
 
 #: What is left between two pictures is worth a warning from so many px on; so many pairs are named.

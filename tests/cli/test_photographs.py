@@ -801,3 +801,44 @@ def test_a_fisheye_is_named_where_nothing_can_be_placed(views, sole, tmp_path):
         Image.fromarray(seen.astype(np.uint8)).save(name)
         seen = seen[::-1, ::-1].T[: len(seen)] if name == "one.png" else seen
     sole("one.png seems to be taken with a fisheye: make such pictures flat first", "one.png", "two.png")
+
+
+@pytest.mark.medium
+def test_groups_are_joined_into_files_of_their_own(views, toposeam, sole):
+    for number, left in enumerate((0, 150)):
+        own = data.astronaut()[200:400, 100 + left : 350 + left]
+        write_picture(f"s{number}.png", Picture(pixels=np.ascontiguousarray(own)))
+    words = *THREE, "s0.png", "s1.png", "--groups"
+    sole("leave it or --groups out", *words, "--keep", "0=a.png")
+    Path("out-2.png").write_bytes(b"kept")
+    sole("'out-2.png' exists already", *words)
+    files = "-o", "all.png", "--save-layout", "all.toml"
+    ran = joined(toposeam, *words, *files, "--centre", "b.png", "--json")
+    assert ran.err == ""
+    assert read_picture("all-2.png").pixels.shape == (200, 400, 3)
+    assert [layer.name for layer in read_layout(Path("all-2.toml")).layers] == ["s0.png", "s1.png"]
+    found = json.loads(ran.out)
+    assert [part["placement"]["used"] for part in (found, *found["groups"])] == [3, 2]
+
+
+def test_points_are_read_from_a_table(views, toposeam, sole):
+    for name in ("left.png", "right.png"):
+        write_picture(name, Picture(pixels=np.full((60, 80, 3), 120, np.uint8)))
+    points = [(50, 5), (75, 20), (60, 50), (72, 40)]
+    lines = ["# marked by hand", *(f"0, {x}, {y}, right.png, {x - 40}, {y - 3}" for x, y in points)]
+    Path("points.csv").write_text("\n".join(lines))
+    words = "left.png", "right.png", "--points", "points.csv"
+    ran = joined(toposeam, *words, "-o", "all.png")
+    assert "right.png: found at 40.0,3.0 (by given points)" in ran.out
+    for line, phrase in (
+        ("left.png,1,2,right.png,3", "line 6 is not picture, x, y, picture, x, y, like left.png,812,340,"),
+        ("left.png,1,2,right.png,3,many", "line 6 is not picture"),
+        ("up.png,1,2,right.png,3,4", "line 6: up.png is none of the pictures; give a number from 0 to 1"),
+        ("0,99,2,1,3,4", "a point of pictures 0 and 1 lies outside of them"),
+        ("0,9,2,0,3,4", "points of (0, 0) are of no pair"),
+    ):
+        Path("points.csv").write_text("\n".join([*lines, line]))
+        sole(phrase, *words)
+    sole("--points is for places that are found, and here they are given", *words, "--offset", "40,3")
+    Path("points.csv").write_bytes(b"\xff\xfe\0")
+    sole("'points.csv' is no table of points", *words)

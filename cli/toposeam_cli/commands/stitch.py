@@ -34,7 +34,7 @@ from toposeam_cli.files.writing import all_or_nothing
 from toposeam_cli.jobs.crew import processes_of
 from toposeam_cli.media.pictures.picture import COMPRESSIONS
 from toposeam_cli.stitching.inputs import PlacedPictures, arrange, saved_layout
-from toposeam_cli.stitching.outputs import Outputs, check_outputs, crop_of, cropped, write
+from toposeam_cli.stitching.outputs import Outputs, check_outputs, crop_of, cropped, numbered, write
 from toposeam_cli.stitching.place_options import FindingOptions, finding_options, with_defaults
 from toposeam_cli.stitching.placement_report import found_of, misfits
 from toposeam_cli.stitching.positions import ORDERS, Where, width_round
@@ -227,8 +227,37 @@ def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: 
     finding = taken(FindingOptions, given)
     check_outputs(out)
     check_finding(find, out, given["dask"])
-    with means_of(out.output.parent, files, processes_of(given["processes"]), given["dask"]) as means:
-        return _stitch(files, where, finding, find, out, given, means)
+    if finding.groups:
+        _check_groups(given, find)
+        check_outputs(numbered(out, 2))
+
+    def joined(
+        members: Sequence[Path], finding: FindingOptions, out: Outputs
+    ) -> tuple[PlacedPictures, dict[str, Any]]:
+        with means_of(out.output.parent, members, processes_of(given["processes"]), given["dask"]) as means:
+            return _stitch(members, where, finding, find, out, dict(given), means)
+
+    job, result = joined(files, finding, out)
+    if finding.groups:
+        result["groups"] = []
+        for number, members in enumerate(job.other_groups, 2):
+            own = numbered(out, number)
+            check_outputs(own)
+            try:
+                result["groups"].append(joined(members, finding.without_names(files, members), own)[1])
+            except ts.OverlapError as error:
+                click.echo(f"left out: {error}", err=True)
+    if out.as_json:
+        click.echo(json.dumps(result, indent=2))
+    return result
+
+
+def _check_groups(given: dict[str, Any], find: SeamOptions) -> None:
+    """Refuse options that name pictures of one group."""
+    one = {"--mask-for": given["masks"], "--keep": given["keeps"], "--use-seam": find.use_seam}
+    for name, value in one.items():
+        if value:
+            raise ts.OptionError(f"{name} names pictures of one group; leave it or --groups out")
 
 
 def _stitch(
@@ -239,7 +268,8 @@ def _stitch(
     out: Outputs,
     given: dict[str, Any],
     means: Means,
-) -> dict[str, Any]:
+) -> tuple[PlacedPictures, dict[str, Any]]:
+    """Return the pictures and what is reported of them joined; as JSON, it is not printed yet."""
     with share_bar("placing", out.quiet) as progress:
         job = arrange(
             files,
@@ -278,7 +308,7 @@ def _stitch(
         crop = out.crop or ("outside" if out.has_alpha or out.background is not None else "inside")
     warnings = [] if out.quiet else strangers(job, find.wrap, means.workers)
     if job.stored:
-        return _stitch_large(job, find, out, files, crop, means, [*warnings], aligned)
+        return job, _stitch_large(job, find, out, files, crop, means, [*warnings], aligned)
     composed = composed_as(job, find, out, files)
     warnings += _unseen(composed, find, out)
     asked = out.as_json or (out.overlay, out.seam, out.history, out.report) != (None,) * 4
@@ -325,12 +355,16 @@ def _stitch(
             out.output, finished.image.shape, told, at, job.shape, job.layers, job.placement, aligned
         )
     write(out, job, finished, documents, overlay)
-    if out.as_json or not out.quiet:
+    return job, _reported(report, warnings, out)
+
+
+def _reported(report: str, warnings: Sequence[str], out: Outputs) -> dict[str, Any]:
+    """Print a report, unless it is JSON, and warnings; return the report."""
+    if not (out.as_json or out.quiet):
         click.echo(report)
     for warning in warnings:
         click.echo(f"warning: {warning}", err=True)
-    result: dict[str, Any] = json.loads(report) if out.as_json else {"report": report}
-    return result
+    return dict(json.loads(report)) if out.as_json else {"report": report}
 
 
 def _unseen(composed: ts.Composition, find: SeamOptions, out: Outputs) -> list[str]:
@@ -390,12 +424,7 @@ def _stitch_large(
                 aligned,
             )
         write_large(out, composed, large, documents, means.store)
-    if out.as_json or not out.quiet:
-        click.echo(report)
-    for warning in warnings:
-        click.echo(f"warning: {warning}", err=True)
-    result: dict[str, Any] = json.loads(report) if out.as_json else {"report": report}
-    return result
+    return _reported(report, warnings, out)
 
 
 def _stitch_clips(files: list[Path], given: dict[str, Any]) -> dict[str, Any]:

@@ -51,6 +51,16 @@ class Outputs:
         return self.output.suffix.lower() not in (".jpg", ".jpeg")
 
 
+def numbered(out: Outputs, number: int) -> Outputs:
+    """Return the same outputs for a group of pictures, under names that end in its number."""
+    paths: dict[str, Any] = {
+        field.name: path.with_stem(f"{path.stem}-{number}")
+        for field in dataclasses.fields(out)
+        if isinstance(path := getattr(out, field.name), Path)
+    }
+    return dataclasses.replace(out, **paths)
+
+
 def write(
     out: Outputs,
     job: PlacedPictures,

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 import toposeam as ts
 from toposeam.layers.canvas.transforms import PROJECTIONS, CameraTransform, PlaneTransform, Transform
 from toposeam.layers.registration.find_places import PlaceOptions
 from toposeam.layers.registration.placement import MODELS
-from toposeam_cli.app.options import FiniteRange
+from toposeam_cli.app.options import FILE, FiniteRange
+from toposeam_cli.media.pictures.decode import check_input
 from toposeam_cli.stitching.inputs import PlaceFinding
 from toposeam_cli.stitching.outputs import Outputs
 from toposeam_cli.stitching.search_options import SeamOptions
@@ -57,6 +60,18 @@ def finding_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--level/--no-level", default=True, help="Lay the horizon level, the default."),
         click.option("--centre", metavar="PICTURE", help="The picture in the middle: its number or name."),
         click.option(
+            "--points",
+            type=FILE,
+            help="Points that two pictures share, where nothing is found: a .csv of lines picture, x, y, "
+            "picture, x, y; at least four for a pair.",
+        ),
+        click.option(
+            "--groups",
+            is_flag=True,
+            help="Join pictures that show something else, too, into files of their own: OUTPUT-2, OUTPUT-3, "
+            "...",
+        ),
+        click.option(
             "--as",
             "kind",
             type=click.Choice(KINDS),
@@ -80,7 +95,17 @@ class FindingOptions:
     projection: str
     level: bool
     centre: str | None
+    points: Path | None
+    groups: bool
     kind: str | None
+
+    def without_names(self, files: Sequence[Path], members: Sequence[Path]) -> FindingOptions:
+        """Return the options for some of the files, without what names others."""
+        centre = None
+        if self.centre is not None:
+            named = files[_number(files, self.centre, "--centre")]
+            centre = str(members.index(named)) if named in members else None
+        return replace(self, centre=centre, points=None)
 
     def of(self, files: Sequence[Path]) -> PlaceFinding:
         """Return what they mean for some files.
@@ -111,16 +136,8 @@ class FindingOptions:
             asked.append("--exact")
         if self.model != "auto":
             asked.append("--model")
-        centre = None
-        if self.centre is not None:
-            names = [path.name for path in files]
-            named = self.centre.isdecimal() and int(self.centre) < len(files)
-            if self.centre not in names and not named:
-                raise ts.OptionError(
-                    f"--centre {self.centre} is none of the pictures; give a number from 0 to "
-                    f"{len(files) - 1}, or a name, like {names[0]}"
-                )
-            centre = names.index(self.centre) if self.centre in names else int(self.centre)
+        asked += [f"--{name}" for name in ("points", "groups") if getattr(self, name)]
+        centre = None if self.centre is None else _number(files, self.centre, f"--centre {self.centre}")
         options = PlaceOptions(
             model=self.model,
             exact=self.exact,
@@ -128,8 +145,51 @@ class FindingOptions:
             projection=self.projection,
             level=self.level,
             centre=centre,
+            points={} if self.points is None else _read_points(self.points, files),
         )
-        return PlaceFinding(options=options, focal_mm=self.focal, named=tuple(asked))
+        return PlaceFinding(
+            options=options, focal_mm=self.focal, named=tuple(asked), takes_groups=self.groups
+        )
+
+
+def _number(files: Sequence[Path], name: str, said: str) -> int:
+    """Return the number of a picture that is called so, or has that number."""
+    names = [path.name for path in files]
+    if name in names:
+        return names.index(name)
+    if name.isdecimal() and int(name) < len(files):
+        return int(name)
+    raise ts.OptionError(
+        f"{said} is none of the pictures; give a number from 0 to {len(files) - 1}, or a name, like "
+        f"{names[0]}"
+    )
+
+
+def _read_points(path: Path, files: Sequence[Path]) -> dict[tuple[int, int], np.ndarray]:
+    """Read the points that pairs of pictures share."""
+    check_input(path)
+    points: dict[tuple[int, int], list[list[float]]] = {}
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            for number, row in enumerate(csv.reader(file, skipinitialspace=True), 1):
+                if not row or row[0].startswith("#"):
+                    continue
+                line = f"'{path}', line {number}"
+                try:
+                    first, x, y, second, u, v = row
+                    numbers = [float(value) for value in (x, y, u, v)]
+                except ValueError as error:
+                    raise ts.OptionError(
+                        f"{line} is not picture, x, y, picture, x, y, like {files[0].name},812,340,"
+                        f"{files[-1].name},15.5,352"
+                    ) from error
+                pair = _number(files, first, f"{line}: {first}"), _number(files, second, f"{line}: {second}")
+                if pair[0] > pair[1]:
+                    pair, numbers = pair[::-1], numbers[2:] + numbers[:2]
+                points.setdefault(pair, []).append(numbers)
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ts.OptionError(f"'{path}' is no table of points; write lines of text (.csv)") from error
+    return {pair: np.array(found) for pair, found in points.items()}
 
 
 def is_perspective(transform: Transform) -> bool:

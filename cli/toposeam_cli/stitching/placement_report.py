@@ -46,8 +46,9 @@ def best_correlation(correlations: dict[tuple[int, int], float], index: int) -> 
 
 def _moved(layers: tuple[ts.Layer, ...], placement: ts.Placement, index: int) -> str:
     x, y = placement.places[index]
-    correlation = best_correlation(placement.correlations, index) or 0.0
-    text = f"{layers[index].name}: found at {x:.1f},{y:.1f} (correlation {correlation:.2f}"
+    correlation = best_correlation(placement.correlations, index)
+    how = "by given points" if correlation is None else f"correlation {correlation:.2f}"
+    text = f"{layers[index].name}: found at {x:.1f},{y:.1f} ({how}"
     if placement.turns.any():
         text += f", turned by {placement.turns[index]:.2f}°, scaled by {placement.scales[index]:.4f}"
     return f"{text})"

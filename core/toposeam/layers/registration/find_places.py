@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +35,7 @@ from toposeam.layers.registration.consensus import (
     ambiguous,
     without_contradictions,
 )
+from toposeam.layers.registration.given_points import matches_of
 from toposeam.layers.registration.homography import applied
 from toposeam.layers.registration.models import Lens, ModelFit, fit_models
 from toposeam.layers.registration.pair_matching import Kind, Match, Sightings, groups
@@ -72,6 +73,7 @@ def find_places(
     projection: Projection | str = "auto",
     level: bool = True,
     centre: int | None = None,
+    points: Mapping[Pair, npt.ArrayLike] | None = None,
     least_correlation: float = LEAST_CORRELATION,
     progress: Callable[[float], None] | None = None,
     executor: Executor | None = None,
@@ -100,6 +102,9 @@ def find_places(
         Whether the horizon is laid level; else the picture in the middle lies upright.
     centre : int, optional
         The picture that lies in the middle of the canvas, where a camera turned.
+    points : mapping from (int, int) to (M, 4) array_like, optional
+        Points that two pictures share, at least four, in place of the features found in them: x and y in the
+        one, px from the middle of its upper left pixel, and in the other.
     least_correlation : float in (0, 1]
         Of the overlap of two pictures that similarities bring together.
     progress : callable, optional
@@ -134,6 +139,7 @@ def find_places(
         projection=projection,
         level=level,
         centre=centre,
+        points={} if points is None else points,
         least_correlation=least_correlation,
     )
     check_executor(executor)
@@ -153,6 +159,7 @@ class PlaceOptions:
     projection: Projection | str = "auto"
     level: bool = True
     centre: int | None = None
+    points: Mapping[Pair, npt.ArrayLike] = field(default_factory=dict)
     least_correlation: float = LEAST_CORRELATION
 
     @property
@@ -259,7 +266,9 @@ def found_places(
         raise OptionError(f"{len(pictures)} picture was given; pass at least two")
     options.check(len(pictures))
     report: Callable[[float], None] = progress or (lambda _: None)
-    given = _Set(pictures, Sightings(pictures, report, executor), options, executor)
+    sizes = [(picture.image.shape[1], picture.image.shape[0]) for picture in pictures]
+    marked = matches_of(options.points, sizes)
+    given = _Set(pictures, Sightings(pictures, report, executor, marked), options, executor)
     found = _found(given)
     numbers = list(found.numbers)
     transforms = tuple(found.transforms)

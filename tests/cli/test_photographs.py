@@ -842,3 +842,24 @@ def test_points_are_read_from_a_table(views, toposeam, sole):
     sole("--points is for places that are found, and here they are given", *words, "--offset", "40,3")
     Path("points.csv").write_bytes(b"\xff\xfe\0")
     sole("'points.csv' is no table of points", *words)
+
+
+@pytest.mark.medium
+def test_edges_are_filled_as_far_as_asked(views, toposeam, sole):
+    plain = joined(toposeam, *TWO, "-o", "plain.png")
+    ran = joined(toposeam, *TWO, "-o", "filled.png", "--fill-edges", "12")
+    share = re.search(r"holes, from (\d+),(\d+) .*, (\d+\.\d) % of its pixels filled\n$", ran.out)
+    corner = re.search(r"holes, from (\d+),(\d+) ", plain.out)
+    assert share
+    assert corner
+    small, large = pixels("plain.png"), pixels("filled.png")
+    left, top = (int(corner[k]) - int(share[k]) for k in (1, 2))
+    assert min(left, top) >= 0
+    assert large.shape[0] > small.shape[0]
+    assert large.shape[1] >= small.shape[1]
+    assert 0 < float(share[3]) < 15
+    inner = large[top : top + small.shape[0], left : left + small.shape[1]]
+    assert (inner[9:-9, 9:-9] == small[9:-9, 9:-9]).mean() > 0.98  # but for a band round what was filled
+    assert (large.max(axis=2) == 0).mean() < 0.001  # nothing is left black
+    for words in (("--crop", "outside"), ("--background", "white"), ("-o", "out.ora")):
+        sole("--fill-edges leaves no holes", *TWO, "--fill-edges", "12", *words)

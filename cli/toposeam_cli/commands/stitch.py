@@ -34,7 +34,15 @@ from toposeam_cli.files.writing import all_or_nothing
 from toposeam_cli.jobs.crew import processes_of
 from toposeam_cli.media.pictures.picture import COMPRESSIONS
 from toposeam_cli.stitching.inputs import PlacedPictures, arrange, saved_layout
-from toposeam_cli.stitching.outputs import Outputs, check_outputs, crop_of, cropped, numbered, write
+from toposeam_cli.stitching.outputs import (
+    Cropped,
+    Outputs,
+    check_outputs,
+    crop_of,
+    cropped,
+    numbered,
+    write,
+)
 from toposeam_cli.stitching.place_options import FindingOptions, finding_options, with_defaults
 from toposeam_cli.stitching.placement_report import found_of, misfits
 from toposeam_cli.stitching.positions import ORDERS, Where, width_round
@@ -181,6 +189,12 @@ from toposeam_cli.stitching.windowed_output import describe_totals, make, summar
     type=click.Choice(["inside", "outside"]),
     help="The largest rectangle without holes, or all of it; inside for formats without transparency.",
 )
+@click.option(
+    "--fill-edges",
+    type=click.IntRange(1, 1000),
+    metavar="PX",
+    help="Crop to what lies within so many px of the pictures, and fill there what none of them shows.",
+)
 @click.option("--background", metavar="COLOUR", help="Fill holes with a colour, like white or #20304a.")
 @click.option("--quality", type=click.IntRange(1, 100), help="Of .jpg; 95 by default.")
 @click.option("--compression", type=click.Choice(COMPRESSIONS), help="Of .tif; deflate by default.")
@@ -284,7 +298,7 @@ def _stitch(
             stores=means.stores,
             finding=finding.of(files),
         )
-    find, out = with_defaults(find, out, job.transforms, finding.kind)
+    find, out = with_defaults(find, out, job, finding)
     if not all(isinstance(layer.image, Windows) for layer in job.layers):
         means = dataclasses.replace(means, workers=None)
     for reason in job.skipped:
@@ -305,7 +319,8 @@ def _stitch(
     if find.wrap is None:
         crop = crop_of(out, job.layers)
     else:
-        crop = out.crop or ("outside" if out.has_alpha or out.background is not None else "inside")
+        keeps_holes = out.fill_edges is None and (out.has_alpha or out.background is not None)
+        crop = out.crop or ("outside" if keeps_holes else "inside")
     warnings = [] if out.quiet else strangers(job, find.wrap, means.workers)
     if job.stored:
         return job, _stitch_large(job, find, out, files, crop, means, [*warnings], aligned)
@@ -314,7 +329,8 @@ def _stitch(
     asked = out.as_json or (out.overlay, out.seam, out.history, out.report) != (None,) * 4
     mapped = asked or out.labels is not None or out.output.suffix.lower() == ".ora"
     stitched = ts_stitched(composed, mapped)
-    finished, at = cropped(stitched, out.output) if crop == "inside" else (stitched, None)
+    written = cropped(stitched, out) if crop == "inside" else Cropped(stitched=stitched)
+    finished, at = written.stitched, written.at
     warnings += [] if out.quiet else misfits(job, at)
     overlay = None if out.overlay is None else draw_seams(stitched.image, stitched.seams)
     if overlay is not None and at is not None:
@@ -354,6 +370,8 @@ def _stitch(
         report = told_of(
             out.output, finished.image.shape, told, at, job.shape, job.layers, job.placement, aligned
         )
+        if written.filled:
+            report += f", {100 * written.filled:.1f} % of its pixels filled"
     write(out, job, finished, documents, overlay)
     return job, _reported(report, warnings, out)
 

@@ -12,12 +12,12 @@ import click
 import numpy as np
 
 import toposeam as ts
-from toposeam.layers.canvas.transforms import PROJECTIONS, CameraTransform, PlaneTransform, Transform
+from toposeam.layers.canvas.transforms import PROJECTIONS, PlaneTransform, Transform, is_move
 from toposeam.layers.registration.find_places import PlaceOptions
 from toposeam.layers.registration.placement import MODELS
 from toposeam_cli.app.options import FILE, FiniteRange
 from toposeam_cli.media.pictures.decode import check_input
-from toposeam_cli.stitching.inputs import PlaceFinding
+from toposeam_cli.stitching.inputs import PlacedPictures, PlaceFinding
 from toposeam_cli.stitching.outputs import Outputs
 from toposeam_cli.stitching.search_options import SeamOptions
 
@@ -76,7 +76,7 @@ def finding_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "kind",
             type=click.Choice(KINDS),
             help="photographs: match shading, blend in bands, crop to what has no holes, the default where "
-            "pictures were warped; scans: nothing of it, the default elsewhere.",
+            "pictures were warped; scans: nothing of it, the default elsewhere and with --exact.",
         ),
     )
     for option in reversed(options):
@@ -192,18 +192,19 @@ def _read_points(path: Path, files: Sequence[Path]) -> dict[tuple[int, int], np.
     return {pair: np.array(found) for pair, found in points.items()}
 
 
-def is_perspective(transform: Transform) -> bool:
-    """Test whether a transform is more than a move, a turn and a scale."""
-    if isinstance(transform, CameraTransform):
-        return True
-    return isinstance(transform, PlaneTransform) and bool(transform.matrix[2, :2].any())
+def _is_similarity(transform: Transform) -> bool:
+    """Test whether a transform is no more than a move, a turn and a scale."""
+    return isinstance(transform, PlaneTransform) and not transform.matrix[2, :2].any()
 
 
 def with_defaults(
-    find: SeamOptions, out: Outputs, transforms: Sequence[Transform], kind: str | None
+    find: SeamOptions, out: Outputs, job: PlacedPictures, finding: FindingOptions
 ) -> tuple[SeamOptions, Outputs]:
     """Return the options with the defaults for photographs or for scans where nothing is given."""
-    photographs = kind == "photographs" or (kind is None and any(map(is_perspective, transforms)))
+    photographs = finding.kind == "photographs"
+    if finding.kind is None:
+        found = job.placement is not None and not finding.exact
+        photographs = not all(map(is_move if found else _is_similarity, job.transforms))
     tones, shading = find.match_tones, find.match_shading
     if tones is None and shading is None:
         shading = photographs

@@ -97,7 +97,8 @@ class SeamOptions:
 
 def by_windows(out: Outputs, find: SeamOptions) -> bool:
     """Test whether the result can be made window by window."""
-    return out.output.suffix.lower() != ".ora" and find.blend != "gradient" and out.history is None
+    whole = out.history is not None or out.fill_edges is not None
+    return out.output.suffix.lower() != ".ora" and find.blend != "gradient" and not whole
 
 
 def check_finding(find: SeamOptions, out: Outputs, dask: str | None) -> None:
@@ -109,8 +110,8 @@ def check_finding(find: SeamOptions, out: Outputs, dask: str | None) -> None:
     """
     if dask is not None and not by_windows(out, find):
         raise ts.OptionError(
-            "--dask makes pictures window by window, which .ora, --blend gradient and --history do not; "
-            "leave one of them out"
+            "--dask makes pictures window by window, which .ora, --blend gradient, --fill-edges and "
+            "--history do not; leave one of them out"
         )
     iterates = not find.use_seam and find.method in ("auto", "heat", "thesis")
     if out.history is not None:

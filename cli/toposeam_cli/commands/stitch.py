@@ -14,6 +14,7 @@ from click.core import ParameterSource
 
 import toposeam as ts
 from toposeam.images import Windows
+from toposeam.layers.composite.local_warp import MOST
 from toposeam.layers.composite.stitch import stitched as ts_stitched
 from toposeam.layers.search.options import Effort
 from toposeam.seam.result.drawing import draw_seams
@@ -166,6 +167,13 @@ from toposeam_cli.stitching.windowed_output import describe_totals, make, summar
     "--blend-width",
     type=FiniteRange(min=0, min_open=True),
     help="With --blend feather, multiband, gradient: over how many px.",
+)
+@click.option(
+    "--give",
+    type=click.IntRange(1, MOST),
+    metavar="PX",
+    help="Bend the pictures by up to so many px until what crosses a seam goes on behind it; for what stood "
+    "near the camera.",
 )
 @click.option(
     "--wrap",
@@ -363,13 +371,16 @@ def _stitch(
     report = ""
     if out.as_json:
         found = summary_of_all(stitched, job.layers, aligned, job.placement)
-        report = json.dumps(found | found_of(job), indent=2)
+        bent = {"bent_px": composed.bent} if find.give else {}
+        report = json.dumps(found | bent | found_of(job), indent=2)
     elif is_read(out.quiet):
         two = len(job.layers) == 2
         told = describe(stitched.seams[0], at) if two else describe_totals(composed, at=at)
         report = told_of(
             out.output, finished.image.shape, told, at, job.shape, job.layers, job.placement, aligned
         )
+        if find.give:
+            report += f", bent by up to {composed.bent:.1f} px" if composed.bent else ", bent nowhere"
         if written.filled:
             report += f", {100 * written.filled:.1f} % of its pixels filled"
     write(out, job, finished, documents, overlay)

@@ -863,3 +863,22 @@ def test_edges_are_filled_as_far_as_asked(views, toposeam, sole):
     assert (large.max(axis=2) == 0).mean() < 0.001  # nothing is left black
     for words in (("--crop", "outside"), ("--background", "white"), ("-o", "out.ora")):
         sole("--fill-edges leaves no holes", *TWO, "--fill-edges", "12", *words)
+
+
+def test_pictures_give_way_by_a_few_px(views, toposeam, sole):
+    whole = data.astronaut()[:120, 100:340]
+    rows = np.arange(120)
+    off = np.rint(2.5 * np.sin(rows / 25)).astype(int)
+    other = np.stack([np.roll(row, -by, axis=0) for row, by in zip(whole, off, strict=True)])
+    write_picture("p.png", Picture(pixels=np.ascontiguousarray(whole[:, :150])))
+    write_picture("q.png", Picture(pixels=np.ascontiguousarray(other[:, 90:230])))
+    words = "p.png", "q.png", "--offset", "90,0"
+    plain = json.loads(joined(toposeam, *words, "-o", "plain.png", "--json").out)
+    found = json.loads(joined(toposeam, *words, "-o", "bent.png", "--give", "4", "--json").out)
+    assert found["cost"] < 0.8 * plain["cost"]
+    assert 1 < found["bent_px"] <= 4.5
+    assert "bent_px" not in plain
+    ran = joined(toposeam, *words, "-o", "bent.png", "--give", "4", "--force")
+    assert re.search(r", bent by up to \d\.\d px\n$", ran.out)
+    sole("--give bends pictures, and an .ora file keeps them", *words, "--give", "4", "-o", "out.ora")
+    sole("leave one of them out", *TWO, "--give", "4", "--wrap", "400")

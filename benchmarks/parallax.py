@@ -1,6 +1,7 @@
 """Seams of photographs with parallax against OpenCV's finders and enblend: figures, and a blind comparison.
 
     python benchmarks/parallax.py PAIRS                      # figures and time, ÷ OpenCV COLOR
+    python benchmarks/parallax.py PAIRS --give 8             # the same before and after bending by up to 8 px
     python benchmarks/parallax.py PAIRS --blind SHEETS       # composites under shuffled names, for eyes
     python benchmarks/parallax.py PAIRS --count KEY VOTES …  # what the eyes said
 
@@ -34,6 +35,7 @@ from skimage import color, feature, measure, transform
 
 import toposeam as ts
 from stamp import stamp
+from toposeam.layers.composite.local_warp import give_way
 
 Pair = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 _WINDOW = 15
@@ -210,6 +212,39 @@ def figures(folder: Path, names: list[str]) -> None:
         )
 
 
+def giving(folder: Path, most: int) -> None:
+    """The figures before and after pictures are bent along the seam."""
+    table, seconds = [], np.zeros(2)
+    for pair, (a, b, mask_a, mask_b) in pairs(folder):
+        images, masks = (a, b), (mask_a, mask_b)
+        layers = [
+            ts.Layer(image, alpha=255 * mask.astype(np.uint8), name=name)
+            for image, mask, name in zip(images, masks, "ab", strict=True)
+        ]
+        started = time.process_time()
+        before = ts.compose(layers)
+        between = time.process_time()
+        after = give_way(before, most, ts.compose)
+        seconds += between - started, time.process_time() - between
+        rows = []
+        for composed in (before, after):
+            a, b = (np.asarray(layer.image[:, :]) for layer in composed.layers)
+            both = np.all([np.asarray(layer.alpha[:, :]) == 255 for layer in composed.layers], axis=0)
+            ssim, zncc = unlikeness(a, b, both)
+            along = beside(composed.labels(slice(None), slice(None)), both)
+            values = np.sort(ssim[along])
+            rows.append((values.mean(), zncc[along].mean(), values[-max(1, len(values) // 10) :].mean()))
+        print(pair, f"bent by {after.bent:.1f} px", np.round(rows, 3).tolist(), flush=True)
+        if after.bent:
+            table.append(rows)
+    found = np.array(table)
+    ratios = np.exp(np.log(found[:, 1] / found[:, 0]).mean(axis=0))
+    lower = (found[:, 1, 0] < found[:, 0, 0]).mean()
+    print(f"\nbent: {len(found)} pairs; after ÷ before, 1 - SSIM: {ratios[0]:.3f}, lower in {lower:.0%};")
+    print(f"ZNCC: {ratios[1]:.3f}; the worst tenth: {ratios[2]:.3f}")
+    print(f"time of all, ÷ that of the search alone: {seconds.sum() / seconds[0]:.2f}")
+
+
 def blind(folder: Path, sheets: Path) -> None:
     """Write composites of four finders, cropped to where they differ, under shuffled letters; and the key."""
     sheets.mkdir(parents=True)
@@ -260,6 +295,7 @@ def count(key_file: Path, votes: list[Path]) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("pairs", type=Path)
+    parser.add_argument("--give", type=int, metavar="PX")
     parser.add_argument("--blind", type=Path, metavar="SHEETS")
     parser.add_argument("--count", type=Path, nargs="+", metavar="KEY VOTES")
     parser.add_argument(
@@ -267,7 +303,9 @@ def main() -> None:
     )
     given = parser.parse_args()
     print(stamp())
-    if given.blind:
+    if given.give:
+        giving(given.pairs, given.give)
+    elif given.blind:
         blind(given.pairs, given.blind)
     elif given.count:
         count(given.count[0], given.count[1:])

@@ -49,6 +49,8 @@ def make_pictures(folder):
     damaged = bytearray((folder / "a.png").read_bytes())
     damaged[3000:3020] = bytes(20)  # in the pixels
     (folder / "damaged.png").write_bytes(damaged)
+    (folder / "damaged.heic").write_bytes(b"\0\0\0\x18ftypheic\0\0\0\0mif1heic" + bytes(300))
+    (folder / "raw.nef").write_bytes(b"II*\0" + bytes(300))
     (folder / "empty.png").touch()
     (folder / "text.png").write_text("I am a picture, believe me.\n")
     (folder / "folder.png").mkdir()

@@ -47,8 +47,10 @@ CASES = {
         "{a} {in}/clear.png " + IN,
         "clear.png (at 36,0): the pictures do not overlap: no pixel of it",
     ),
+    "raw data": ("{a} {in}/raw.nef " + IN, "has to be developed first; export TIFF or JPEG"),
+    "heic": ("{a} {in}/damaged.heic " + IN, "make a JPEG of it first"),
     # Where the pictures lie
-    "no placement": ("{a} {b} -o out.png", "fits none of the other pictures"),
+    "no placement": ("{a} {b} -o out.png", "cannot be placed: "),
     "two placements": ("{a} {b} --offset 3,4 --overlap 5 -o out.png", "--offset and --overlap both say"),
     "beside, right": ("{a} {b} --offset 56,0 -o out.png", "choose an offset at which they overlap"),
     "beside, left": ("{a} {b} --offset=-56,0 -o out.png", "choose an offset at which they overlap"),

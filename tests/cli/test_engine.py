@@ -207,7 +207,7 @@ def test_layers_that_lie_anywhere_are_put_where_they_belong(request_folder):
     assert "pixels" not in result  # nothing was turned
     layers[1] = request_folder.raster("c", np.full_like(parts[1], 90), (0, 0))
     refused = request_folder.ask(operation="stitch", layers=layers, options={"places": "anywhere"})
-    assert "fits none of the other pictures" in message_of(refused)
+    assert "a and c cannot be placed: c shows too little detail; " in message_of(refused)
 
 
 def test_a_patch_is_divided_anew_by_its_path(request_folder, pair):

@@ -18,7 +18,7 @@ from rendered_views import DENSITY, Scene, farthest_off, view
 from toposeam.layers.canvas.transforms import reach
 from toposeam_cli.app.main import main
 from toposeam_cli.media.layouts.layout import read_layout
-from toposeam_cli.media.pictures.focal_length import equivalent_mm
+from toposeam_cli.media.pictures.lens import equivalent_mm
 from toposeam_cli.media.pictures.openraster import read_ora
 from toposeam_cli.media.pictures.picture import Picture, read_picture, write_picture
 from toposeam_cli.stitching import inputs as placing
@@ -156,7 +156,7 @@ def test_json_says_how_three_views_were_placed(views, toposeam):
     assert abs(placement["distortion"]) < 0.005
     assert placement["misfit_px"] < 0.3
     assert placement["used"] == 3
-    assert placement["left_out"] == ["white.png shares nothing with the other pictures"]
+    assert placement["left_out"] == ["white.png shows too little detail to be placed"]
     between = [pair["between"] for pair in placement["pairs"]]
     assert ["a.png", "b.png"] in between
     assert ["b.png", "c.png"] in between
@@ -342,7 +342,7 @@ def test_moves_and_turns_where_they_are_asked_for(views, toposeam):
 @pytest.mark.medium
 @pytest.mark.parametrize("words", [("--model", "shift"), ("--model", "similarity"), ("--exact",)])
 def test_views_from_one_point_are_no_scans(sole, words):
-    sole("b.png fits none of the other pictures", *TWO, *words)
+    sole("a.png and b.png cannot be placed: ", *TWO, *words)
 
 
 @pytest.mark.medium
@@ -673,7 +673,12 @@ def other(views):
 @pytest.mark.medium
 @pytest.mark.parametrize(
     ("kind", "why"),
-    [("stranger", "shares"), ("white", "shares nothing"), ("dot", "shares nothing"), ("blurred", "shares")],
+    [
+        ("stranger", "shares"),
+        ("white", "shows too little"),
+        ("dot", "shows too little"),
+        ("blurred", "shares"),
+    ],
 )
 def test_what_does_not_belong_is_left_out(views, toposeam, other, kind, why):
     ran = joined(toposeam, other(kind), *TWO, "-o", "out.png")
@@ -685,7 +690,7 @@ def test_what_does_not_belong_is_left_out(views, toposeam, other, kind, why):
 @pytest.mark.parametrize("kind", ["stranger", "white", "dot", "blurred"])
 def test_one_picture_and_what_does_not_belong_are_refused(sole, other, kind):
     name = other(kind)
-    sole(f"{name} fits none of the other pictures", "a.png", name)
+    sole(f"a.png and {name} cannot be placed: ", "a.png", name)
 
 
 @pytest.mark.medium
@@ -787,3 +792,93 @@ def test_windows_by_two_processes_are_the_picture_in_memory(views, toposeam, mon
 def assert_alike(picture, expected):
     assert picture.shape == expected.shape
     assert np.abs(picture.astype(int) - expected).max() <= 1
+
+
+def test_a_fisheye_is_named_where_nothing_can_be_placed(views, sole, tmp_path):
+    y, x = np.mgrid[:120, :160] - np.array([60, 80])[:, np.newaxis, np.newaxis]
+    seen = np.where(np.hypot(x, y) < 60, np.random.default_rng(0).integers(60, 255, x.shape), 0)
+    for name in ("one.png", "two.png"):
+        Image.fromarray(seen.astype(np.uint8)).save(name)
+        seen = seen[::-1, ::-1].T[: len(seen)] if name == "one.png" else seen
+    sole("one.png seems to be taken with a fisheye: make such pictures flat first", "one.png", "two.png")
+
+
+@pytest.mark.medium
+def test_groups_are_joined_into_files_of_their_own(views, toposeam, sole):
+    for number, left in enumerate((0, 150)):
+        own = data.astronaut()[200:400, 100 + left : 350 + left]
+        write_picture(f"s{number}.png", Picture(pixels=np.ascontiguousarray(own)))
+    words = *THREE, "s0.png", "s1.png", "--groups"
+    sole("leave it or --groups out", *words, "--keep", "0=a.png")
+    Path("out-2.png").write_bytes(b"kept")
+    sole("'out-2.png' exists already", *words)
+    files = "-o", "all.png", "--save-layout", "all.toml"
+    ran = joined(toposeam, *words, *files, "--centre", "b.png", "--json")
+    assert ran.err == ""
+    assert read_picture("all-2.png").pixels.shape == (200, 400, 3)
+    assert [layer.name for layer in read_layout(Path("all-2.toml")).layers] == ["s0.png", "s1.png"]
+    found = json.loads(ran.out)
+    assert [part["placement"]["used"] for part in (found, *found["groups"])] == [3, 2]
+
+
+def test_points_are_read_from_a_table(views, toposeam, sole):
+    for name in ("left.png", "right.png"):
+        write_picture(name, Picture(pixels=np.full((60, 80, 3), 120, np.uint8)))
+    points = [(50, 5), (75, 20), (60, 50), (72, 40)]
+    lines = ["# marked by hand", *(f"0, {x}, {y}, right.png, {x - 40}, {y - 3}" for x, y in points)]
+    Path("points.csv").write_text("\n".join(lines))
+    words = "left.png", "right.png", "--points", "points.csv"
+    ran = joined(toposeam, *words, "-o", "all.png")
+    assert "right.png: found at 40.0,3.0 (by given points)" in ran.out
+    for line, phrase in (
+        ("left.png,1,2,right.png,3", "line 6 is not picture, x, y, picture, x, y, like left.png,812,340,"),
+        ("left.png,1,2,right.png,3,many", "line 6 is not picture"),
+        ("up.png,1,2,right.png,3,4", "line 6: up.png is none of the pictures; give a number from 0 to 1"),
+        ("0,99,2,1,3,4", "a point of pictures 0 and 1 lies outside of them"),
+        ("0,9,2,0,3,4", "points of (0, 0) are of no pair"),
+    ):
+        Path("points.csv").write_text("\n".join([*lines, line]))
+        sole(phrase, *words)
+    sole("--points is for places that are found, and here they are given", *words, "--offset", "40,3")
+    Path("points.csv").write_bytes(b"\xff\xfe\0")
+    sole("'points.csv' is no table of points", *words)
+
+
+@pytest.mark.medium
+def test_edges_are_filled_as_far_as_asked(views, toposeam, sole):
+    plain = joined(toposeam, *TWO, "-o", "plain.png")
+    ran = joined(toposeam, *TWO, "-o", "filled.png", "--fill-edges", "12")
+    share = re.search(r"holes, from (\d+),(\d+) .*, (\d+\.\d) % of its pixels filled\n$", ran.out)
+    corner = re.search(r"holes, from (\d+),(\d+) ", plain.out)
+    assert share
+    assert corner
+    small, large = pixels("plain.png"), pixels("filled.png")
+    left, top = (int(corner[k]) - int(share[k]) for k in (1, 2))
+    assert min(left, top) >= 0
+    assert large.shape[0] > small.shape[0]
+    assert large.shape[1] >= small.shape[1]
+    assert 0 < float(share[3]) < 15
+    inner = large[top : top + small.shape[0], left : left + small.shape[1]]
+    assert (inner[9:-9, 9:-9] == small[9:-9, 9:-9]).mean() > 0.98  # but for a band round what was filled
+    assert (large.max(axis=2) == 0).mean() < 0.001  # nothing is left black
+    for words in (("--crop", "outside"), ("--background", "white"), ("-o", "out.ora")):
+        sole("--fill-edges leaves no holes", *TWO, "--fill-edges", "12", *words)
+
+
+def test_pictures_give_way_by_a_few_px(views, toposeam, sole):
+    whole = data.astronaut()[:120, 100:340]
+    rows = np.arange(120)
+    off = np.rint(2.5 * np.sin(rows / 25)).astype(int)
+    other = np.stack([np.roll(row, -by, axis=0) for row, by in zip(whole, off, strict=True)])
+    write_picture("p.png", Picture(pixels=np.ascontiguousarray(whole[:, :150])))
+    write_picture("q.png", Picture(pixels=np.ascontiguousarray(other[:, 90:230])))
+    words = "p.png", "q.png", "--offset", "90,0"
+    plain = json.loads(joined(toposeam, *words, "-o", "plain.png", "--json").out)
+    found = json.loads(joined(toposeam, *words, "-o", "bent.png", "--give", "4", "--json").out)
+    assert found["cost"] < 0.8 * plain["cost"]
+    assert 1 < found["bent_px"] <= 4.5
+    assert "bent_px" not in plain
+    ran = joined(toposeam, *words, "-o", "bent.png", "--give", "4", "--force")
+    assert re.search(r", bent by up to \d\.\d px\n$", ran.out)
+    sole("--give bends pictures, and an .ora file keeps them", *words, "--give", "4", "-o", "out.ora")
+    sole("leave one of them out", *TWO, "--give", "4", "--wrap", "400")

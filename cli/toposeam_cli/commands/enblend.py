@@ -82,6 +82,7 @@ def enblend(words: tuple[str, ...], **given: Any) -> None:
     out = Outputs(
         output=output,
         crop="outside",
+        fill_edges=None,
         background="black" if jpeg else None,
         quality=quality if jpeg else None,
         compression=compression if output.suffix.lower() in (".tif", ".tiff") else None,

@@ -14,6 +14,7 @@ from click.core import ParameterSource
 
 import toposeam as ts
 from toposeam.images import Windows
+from toposeam.layers.composite.local_warp import MOST
 from toposeam.layers.composite.stitch import stitched as ts_stitched
 from toposeam.layers.labelling.posing import check_pairs
 from toposeam.layers.search.options import Effort
@@ -35,7 +36,15 @@ from toposeam_cli.files.writing import all_or_nothing
 from toposeam_cli.jobs.crew import processes_of
 from toposeam_cli.media.pictures.picture import COMPRESSIONS
 from toposeam_cli.stitching.inputs import PlacedPictures, arrange, saved_layout
-from toposeam_cli.stitching.outputs import Outputs, check_outputs, crop_of, cropped, write
+from toposeam_cli.stitching.outputs import (
+    Cropped,
+    Outputs,
+    check_outputs,
+    crop_of,
+    cropped,
+    numbered,
+    write,
+)
 from toposeam_cli.stitching.place_options import FindingOptions, finding_options, with_defaults
 from toposeam_cli.stitching.placement_report import found_of, misfits
 from toposeam_cli.stitching.positions import ORDERS, Where, width_round
@@ -161,6 +170,13 @@ from toposeam_cli.stitching.windowed_output import describe_totals, make, summar
     help="With --blend feather, multiband, gradient: over how many px.",
 )
 @click.option(
+    "--give",
+    type=click.IntRange(1, MOST),
+    metavar="PX",
+    help="Bend the pictures by up to so many px until what crosses a seam goes on behind it; for what stood "
+    "near the camera.",
+)
+@click.option(
     "--wrap",
     type=click.IntRange(min=0),
     is_flag=False,
@@ -181,6 +197,12 @@ from toposeam_cli.stitching.windowed_output import describe_totals, make, summar
     "--crop",
     type=click.Choice(["inside", "outside"]),
     help="The largest rectangle without holes, or all of it; inside for formats without transparency.",
+)
+@click.option(
+    "--fill-edges",
+    type=click.IntRange(1, 1000),
+    metavar="PX",
+    help="Crop to what lies within so many px of the pictures, and fill there what none of them shows.",
 )
 @click.option("--background", metavar="COLOUR", help="Fill holes with a colour, like white or #20304a.")
 @click.option("--quality", type=click.IntRange(1, 100), help="Of .jpg; 95 by default.")
@@ -228,8 +250,37 @@ def stitch(first: Path, second: Path | None, others: tuple[Path, ...], **given: 
     finding = taken(FindingOptions, given)
     check_outputs(out)
     check_finding(find, out, given["dask"])
-    with means_of(out.output.parent, files, processes_of(given["processes"]), given["dask"]) as means:
-        return _stitch(files, where, finding, find, out, given, means)
+    if finding.groups:
+        _check_groups(given, find)
+        check_outputs(numbered(out, 2))
+
+    def joined(
+        members: Sequence[Path], finding: FindingOptions, out: Outputs
+    ) -> tuple[PlacedPictures, dict[str, Any]]:
+        with means_of(out.output.parent, members, processes_of(given["processes"]), given["dask"]) as means:
+            return _stitch(members, where, finding, find, out, dict(given), means)
+
+    job, result = joined(files, finding, out)
+    if finding.groups:
+        result["groups"] = []
+        for number, members in enumerate(job.other_groups, 2):
+            own = numbered(out, number)
+            check_outputs(own)
+            try:
+                result["groups"].append(joined(members, finding.without_names(files, members), own)[1])
+            except ts.OverlapError as error:
+                click.echo(f"left out: {error}", err=True)
+    if out.as_json:
+        click.echo(json.dumps(result, indent=2))
+    return result
+
+
+def _check_groups(given: dict[str, Any], find: SeamOptions) -> None:
+    """Refuse options that name pictures of one group."""
+    one = {"--mask-for": given["masks"], "--keep": given["keeps"], "--use-seam": find.use_seam}
+    for name, value in one.items():
+        if value:
+            raise ts.OptionError(f"{name} names pictures of one group; leave it or --groups out")
 
 
 def _stitch(
@@ -240,7 +291,8 @@ def _stitch(
     out: Outputs,
     given: dict[str, Any],
     means: Means,
-) -> dict[str, Any]:
+) -> tuple[PlacedPictures, dict[str, Any]]:
+    """Return the pictures and what is reported of them joined; as JSON, it is not printed yet."""
     with share_bar("placing", out.quiet) as progress:
         job = arrange(
             files,
@@ -255,7 +307,7 @@ def _stitch(
             stores=means.stores,
             finding=finding.of(files),
         )
-    find, out = with_defaults(find, out, job.transforms, finding.kind)
+    find, out = with_defaults(find, out, job, finding)
     if not all(isinstance(layer.image, Windows) for layer in job.layers):
         means = dataclasses.replace(means, workers=None)
     for reason in job.skipped:
@@ -276,17 +328,19 @@ def _stitch(
     if find.wrap is None:
         crop = crop_of(out, job.layers)
     else:
-        crop = out.crop or ("outside" if out.has_alpha or out.background is not None else "inside")
+        keeps_holes = out.fill_edges is None and (out.has_alpha or out.background is not None)
+        crop = out.crop or ("outside" if keeps_holes else "inside")
     check_pairs(job.layers)
     warnings = [] if out.quiet else strangers(job, find.wrap, means.workers)
     if job.stored:
-        return _stitch_large(job, find, out, files, crop, means, [*warnings], aligned)
+        return job, _stitch_large(job, find, out, files, crop, means, [*warnings], aligned)
     composed = composed_as(job, find, out, files)
     warnings += _unseen(composed, find, out)
     asked = out.as_json or (out.overlay, out.seam, out.history, out.report) != (None,) * 4
     mapped = asked or out.labels is not None or out.output.suffix.lower() == ".ora"
     stitched = ts_stitched(composed, mapped)
-    finished, at = cropped(stitched, out.output) if crop == "inside" else (stitched, None)
+    written = cropped(stitched, out) if crop == "inside" else Cropped(stitched=stitched)
+    finished, at = written.stitched, written.at
     warnings += [] if out.quiet else misfits(job, at)
     overlay = None if out.overlay is None else draw_seams(stitched.image, stitched.seams)
     if overlay is not None and at is not None:
@@ -319,20 +373,29 @@ def _stitch(
     report = ""
     if out.as_json:
         found = summary_of_all(stitched, job.layers, aligned, job.placement)
-        report = json.dumps(found | found_of(job), indent=2)
+        bent = {"bent_px": composed.bent} if find.give else {}
+        report = json.dumps(found | bent | found_of(job), indent=2)
     elif is_read(out.quiet):
         two = len(job.layers) == 2
         told = describe(stitched.seams[0], at) if two else describe_totals(composed, at=at)
         report = told_of(
             out.output, finished.image.shape, told, at, job.shape, job.layers, job.placement, aligned
         )
+        if find.give:
+            report += f", bent by up to {composed.bent:.1f} px" if composed.bent else ", bent nowhere"
+        if written.filled:
+            report += f", {100 * written.filled:.1f} % of its pixels filled"
     write(out, job, finished, documents, overlay)
-    if out.as_json or not out.quiet:
+    return job, _reported(report, warnings, out)
+
+
+def _reported(report: str, warnings: Sequence[str], out: Outputs) -> dict[str, Any]:
+    """Print a report, unless it is JSON, and warnings; return the report."""
+    if not (out.as_json or out.quiet):
         click.echo(report)
     for warning in warnings:
         click.echo(f"warning: {warning}", err=True)
-    result: dict[str, Any] = json.loads(report) if out.as_json else {"report": report}
-    return result
+    return dict(json.loads(report)) if out.as_json else {"report": report}
 
 
 def _unseen(composed: ts.Composition, find: SeamOptions, out: Outputs) -> list[str]:
@@ -392,12 +455,7 @@ def _stitch_large(
                 aligned,
             )
         write_large(out, composed, large, documents, means.store)
-    if out.as_json or not out.quiet:
-        click.echo(report)
-    for warning in warnings:
-        click.echo(f"warning: {warning}", err=True)
-    result: dict[str, Any] = json.loads(report) if out.as_json else {"report": report}
-    return result
+    return _reported(report, warnings, out)
 
 
 def _stitch_clips(files: list[Path], given: dict[str, Any]) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -22,7 +22,7 @@ from toposeam_cli.files.scratch import Scratch
 from toposeam_cli.media.layouts.hugin_project import ProjectPicture, project_text, read_project
 from toposeam_cli.media.layouts.layout import Layout, LayoutLayer, layout_text, read_layout
 from toposeam_cli.media.pictures.decode import size_of
-from toposeam_cli.media.pictures.focal_length import focal_length, in_pixels
+from toposeam_cli.media.pictures.lens import focal_length, in_pixels, is_fisheye
 from toposeam_cli.media.pictures.limits import check_together
 from toposeam_cli.media.pictures.masks import read_white
 from toposeam_cli.media.pictures.openraster import read_ora
@@ -56,6 +56,8 @@ class PlacedPictures:
     #: Which of the given pictures each layer is, where some were left out, and what those are called.
     numbers: tuple[int, ...] = ()
     lost: tuple[str, ...] = ()
+    #: Files that belong together, but not to these pictures.
+    other_groups: tuple[tuple[Path, ...], ...] = ()
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -100,6 +102,8 @@ class PlaceFinding:
     focal_mm: float | None = None
     #: The options of the command line that say so.
     named: tuple[str, ...] = ()
+    #: Whether pictures that show something else are joined apart, and not left out.
+    takes_groups: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,11 +163,11 @@ class _Reading:
                 self.numbers.append(number)
                 yield number, picture
 
-    def leave_out(self, reasons: Mapping[int, str]) -> None:
+    def leave_out(self, reasons: Mapping[int, str], silently: Collection[int] = ()) -> None:
         """Leave out some of the pictures that were read, by their numbers among these."""
         for number in sorted(reasons, reverse=True):
             self.lost.append(self.names[self.numbers.pop(number)])
-        self.reasons += [reasons[number] for number in sorted(reasons)]
+        self.reasons += [reasons[number] for number in sorted(reasons) if number not in silently]
 
     def _with_remedy(self, error: ts.ImageError, count: int) -> ts.ImageError:
         """Add to an error about one of `count` pictures that it can be left out if two others are left."""
@@ -245,16 +249,23 @@ def arrange(
             places = [(0, 0) for _ in sources]
         transforms = [similarity((float(x), float(y))) for x, y in places or ()]
     placement = None
+    apart: list[list[Path | None]] = []
     most = max(max_megapixels, ts.MAX_PIXELS / 1e6)
     if not transforms:
         place = partial(placed_layers, scratch=kept, executor=executor, max_megapixels=most)
         found = None if kept is None else executor
         options = _of_sources(finding or PlaceFinding(), sources, reading.numbers)
-        placement = found_places(layers, options, progress, found, place)
+        try:
+            placement = found_places(layers, options, progress, found, place)
+        except ts.OverlapError as error:
+            raise _with_fisheyes(error, sources) from error
         layers, wrap, transforms = list(placement.layers), placement.wrap, list(placement.transforms)
+        apart = [[sources[number].file for number in group] for group in placement.other_groups]
         sources = [sources[number] for number in placement.numbers]
         pictures = [pictures[number] for number in placement.numbers]
-        reading.leave_out(placement.left_out)
+        grouped = {number for group in placement.other_groups for number in group}
+        told = finding is None or not finding.takes_groups
+        reading.leave_out(placement.left_out, () if told else grouped)
     elif finding is not None and finding.named:
         raise ts.OptionError(
             f"{finding.named[0]} is for places that are found, and here they are given; leave it out"
@@ -276,9 +287,21 @@ def arrange(
         skipped=tuple(reading.reasons),
         numbers=tuple(reading.numbers),
         lost=tuple(reading.lost),
+        other_groups=tuple(tuple(file for file in group if file is not None) for group in apart),
         stored=kept is not None,
         transforms=tuple(transforms),
         wrap=wrap,
+    )
+
+
+def _with_fisheyes(error: ts.OverlapError, sources: Sequence[_Source]) -> ts.OverlapError:
+    """Add to an error about pictures that are not placed that a fisheye took one."""
+    bent = [source.name for source in sources if is_fisheye(source.picture.pixels, source.file)]
+    if not bent:
+        return error
+    return error.within(
+        "{error}; {bent} seems to be taken with a fisheye: make such pictures flat first, as in Hugin",
+        bent=bent[0],
     )
 
 
@@ -291,6 +314,10 @@ def _of_sources(finding: PlaceFinding, sources: Sequence[_Source], numbers: Sequ
         options = replace(
             options, centre=numbers.index(options.centre) if options.centre in numbers else None
         )
+    if options.points:
+        order = {number: index for index, number in enumerate(numbers)}
+        kept = {pair: points for pair, points in options.points.items() if set(pair) <= order.keys()}
+        options = replace(options, points={(order[i], order[j]): kept[i, j] for i, j in kept})
     sizes = [(source.picture.pixels.shape[1], source.picture.pixels.shape[0]) for source in sources]
     if finding.focal_mm is not None:
         return replace(options, focal=in_pixels(finding.focal_mm, sizes[0]))

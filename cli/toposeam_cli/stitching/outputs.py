@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 import toposeam as ts
 from toposeam.images import full_scale
@@ -31,6 +32,7 @@ class Outputs:
 
     output: Path
     crop: str | None
+    fill_edges: int | None
     background: str | None
     quality: int | None
     compression: str | None
@@ -49,6 +51,16 @@ class Outputs:
     def has_alpha(self) -> bool:
         """True if the picture's format knows transparency."""
         return self.output.suffix.lower() not in (".jpg", ".jpeg")
+
+
+def numbered(out: Outputs, number: int) -> Outputs:
+    """Return the same outputs for a group of pictures, under names that end in its number."""
+    paths: dict[str, Any] = {
+        field.name: path.with_stem(f"{path.stem}-{number}")
+        for field in dataclasses.fields(out)
+        if isinstance(path := getattr(out, field.name), Path)
+    }
+    return dataclasses.replace(out, **paths)
 
 
 def write(
@@ -113,6 +125,11 @@ def check_outputs(out: Outputs) -> None:
         raise ts.OptionError("two outputs have the same name; give each a name of its own")
     if suffix == ".ora" and (out.crop is not None or out.background is not None):
         raise ts.OptionError("--crop and --background are for pictures; an .ora file keeps all of the layers")
+    if out.fill_edges is not None:
+        kept = {".ora": suffix == ".ora", "--crop outside": out.crop == "outside"}
+        kept["--background"] = out.background is not None
+        for name in (name for name, given in kept.items() if given):
+            raise ts.OptionError(f"--fill-edges leaves no holes, and {name} keeps them; leave one out")
     if out.pyramid and suffix not in (".tif", ".tiff"):
         raise ts.OptionError(f"--pyramid is for .tif, not for {suffix}; leave it out, or write .tif or .dzi")
     if out.quality is not None and suffix not in (".jpg", ".jpeg", ".dzi"):
@@ -127,6 +144,8 @@ def crop_of(out: Outputs, layers: Sequence[ts.Layer]) -> str:
     """Return the crop of the picture; refuse, before any work is spent on it, one whose format cannot hold
     it.
     """
+    if out.fill_edges is not None:
+        return "inside"
     if out.crop is not None and (out.has_alpha or out.crop == "inside" or out.background is not None):
         return out.crop
     if out.has_alpha or out.background is not None:
@@ -164,14 +183,31 @@ def _opaque(layers: Sequence[ts.Layer]) -> npt.NDArray[np.bool_]:
     return opaque
 
 
-def cropped(stitched: ts.Stitched, output: Path) -> tuple[ts.Stitched, tuple[int, int] | None]:
-    """Return the largest rectangle without holes, and where it begins; all of it where there are none."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cropped:
+    """A composite as it is written."""
+
+    stitched: ts.Stitched
+    #: Where it begins on the canvas, x and y; None where it is all of it.
+    at: tuple[int, int] | None = None
+    #: Share of its pixels that no picture showed.
+    filled: float = 0.0
+
+
+def cropped(stitched: ts.Stitched, out: Outputs) -> Cropped:
+    """Return the largest rectangle without holes, or with those near a picture filled."""
     if stitched.alpha is None:
-        return stitched, None
-    box = largest_full(stitched.alpha >= full_scale(stitched.image.dtype))
+        return Cropped(stitched=stitched)
+    shown = stitched.alpha >= full_scale(stitched.image.dtype)
+    reached = shown
+    if out.fill_edges is not None and shown.any():
+        reached = scipy.ndimage.distance_transform_edt(~shown) <= out.fill_edges
+    box = largest_full(reached)
     if box is None:
-        raise ts.ImageError(f"'{output}' cannot be cropped: no pixel is opaque; use .png or .tif")
-    part = dataclasses.replace(
-        stitched, image=stitched.image[box.slices], alpha=None, label_map=stitched.label_map[box.slices]
-    )
-    return part, (box.left, box.top)
+        raise ts.ImageError(f"'{out.output}' cannot be cropped: no pixel is opaque; use .png or .tif")
+    image, holes = stitched.image[box.slices], ~shown[box.slices]
+    if holes.any():
+        white = full_scale(image.dtype) if image.dtype.kind == "f" else None
+        image = ts.fill(image, holes, data_range=white).image
+    part = dataclasses.replace(stitched, image=image, alpha=None, label_map=stitched.label_map[box.slices])
+    return Cropped(stitched=part, at=(box.left, box.top), filled=float(holes.mean()))

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 import toposeam as ts
-from toposeam.layers.canvas.transforms import PROJECTIONS, CameraTransform, PlaneTransform, Transform
+from toposeam.layers.canvas.transforms import PROJECTIONS, PlaneTransform, Transform, is_move
 from toposeam.layers.registration.find_places import PlaceOptions
 from toposeam.layers.registration.placement import MODELS
-from toposeam_cli.app.options import FiniteRange
-from toposeam_cli.stitching.inputs import PlaceFinding
+from toposeam_cli.app.options import FILE, FiniteRange
+from toposeam_cli.media.pictures.decode import check_input
+from toposeam_cli.stitching.inputs import PlacedPictures, PlaceFinding
 from toposeam_cli.stitching.outputs import Outputs
 from toposeam_cli.stitching.search_options import SeamOptions
 
@@ -57,11 +60,23 @@ def finding_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--level/--no-level", default=True, help="Lay the horizon level, the default."),
         click.option("--centre", metavar="PICTURE", help="The picture in the middle: its number or name."),
         click.option(
+            "--points",
+            type=FILE,
+            help="Points that two pictures share, where nothing is found: a .csv of lines picture, x, y, "
+            "picture, x, y; at least four for a pair.",
+        ),
+        click.option(
+            "--groups",
+            is_flag=True,
+            help="Join pictures that show something else, too, into files of their own: OUTPUT-2, OUTPUT-3, "
+            "...",
+        ),
+        click.option(
             "--as",
             "kind",
             type=click.Choice(KINDS),
             help="photographs: match shading, blend in bands, crop to what has no holes, the default where "
-            "pictures were warped; scans: nothing of it, the default elsewhere.",
+            "pictures were warped; scans: nothing of it, the default elsewhere and with --exact.",
         ),
     )
     for option in reversed(options):
@@ -80,7 +95,17 @@ class FindingOptions:
     projection: str
     level: bool
     centre: str | None
+    points: Path | None
+    groups: bool
     kind: str | None
+
+    def without_names(self, files: Sequence[Path], members: Sequence[Path]) -> FindingOptions:
+        """Return the options for some of the files, without what names others."""
+        centre = None
+        if self.centre is not None:
+            named = files[_number(files, self.centre, "--centre")]
+            centre = str(members.index(named)) if named in members else None
+        return replace(self, centre=centre, points=None)
 
     def of(self, files: Sequence[Path]) -> PlaceFinding:
         """Return what they mean for some files.
@@ -111,16 +136,8 @@ class FindingOptions:
             asked.append("--exact")
         if self.model != "auto":
             asked.append("--model")
-        centre = None
-        if self.centre is not None:
-            names = [path.name for path in files]
-            named = self.centre.isdecimal() and int(self.centre) < len(files)
-            if self.centre not in names and not named:
-                raise ts.OptionError(
-                    f"--centre {self.centre} is none of the pictures; give a number from 0 to "
-                    f"{len(files) - 1}, or a name, like {names[0]}"
-                )
-            centre = names.index(self.centre) if self.centre in names else int(self.centre)
+        asked += [f"--{name}" for name in ("points", "groups") if getattr(self, name)]
+        centre = None if self.centre is None else _number(files, self.centre, f"--centre {self.centre}")
         options = PlaceOptions(
             model=self.model,
             exact=self.exact,
@@ -128,22 +145,66 @@ class FindingOptions:
             projection=self.projection,
             level=self.level,
             centre=centre,
+            points={} if self.points is None else _read_points(self.points, files),
         )
-        return PlaceFinding(options=options, focal_mm=self.focal, named=tuple(asked))
+        return PlaceFinding(
+            options=options, focal_mm=self.focal, named=tuple(asked), takes_groups=self.groups
+        )
 
 
-def is_perspective(transform: Transform) -> bool:
-    """Test whether a transform is more than a move, a turn and a scale."""
-    if isinstance(transform, CameraTransform):
-        return True
-    return isinstance(transform, PlaneTransform) and bool(transform.matrix[2, :2].any())
+def _number(files: Sequence[Path], name: str, said: str) -> int:
+    """Return the number of a picture that is called so, or has that number."""
+    names = [path.name for path in files]
+    if name in names:
+        return names.index(name)
+    if name.isdecimal() and int(name) < len(files):
+        return int(name)
+    raise ts.OptionError(
+        f"{said} is none of the pictures; give a number from 0 to {len(files) - 1}, or a name, like "
+        f"{names[0]}"
+    )
+
+
+def _read_points(path: Path, files: Sequence[Path]) -> dict[tuple[int, int], np.ndarray]:
+    """Read the points that pairs of pictures share."""
+    check_input(path)
+    points: dict[tuple[int, int], list[list[float]]] = {}
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            for number, row in enumerate(csv.reader(file, skipinitialspace=True), 1):
+                if not row or row[0].startswith("#"):
+                    continue
+                line = f"'{path}', line {number}"
+                try:
+                    first, x, y, second, u, v = row
+                    numbers = [float(value) for value in (x, y, u, v)]
+                except ValueError as error:
+                    raise ts.OptionError(
+                        f"{line} is not picture, x, y, picture, x, y, like {files[0].name},812,340,"
+                        f"{files[-1].name},15.5,352"
+                    ) from error
+                pair = _number(files, first, f"{line}: {first}"), _number(files, second, f"{line}: {second}")
+                if pair[0] > pair[1]:
+                    pair, numbers = pair[::-1], numbers[2:] + numbers[:2]
+                points.setdefault(pair, []).append(numbers)
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ts.OptionError(f"'{path}' is no table of points; write lines of text (.csv)") from error
+    return {pair: np.array(found) for pair, found in points.items()}
+
+
+def _is_similarity(transform: Transform) -> bool:
+    """Test whether a transform is no more than a move, a turn and a scale."""
+    return isinstance(transform, PlaneTransform) and not transform.matrix[2, :2].any()
 
 
 def with_defaults(
-    find: SeamOptions, out: Outputs, transforms: Sequence[Transform], kind: str | None
+    find: SeamOptions, out: Outputs, job: PlacedPictures, finding: FindingOptions
 ) -> tuple[SeamOptions, Outputs]:
     """Return the options with the defaults for photographs or for scans where nothing is given."""
-    photographs = kind == "photographs" or (kind is None and any(map(is_perspective, transforms)))
+    photographs = finding.kind == "photographs"
+    if finding.kind is None:
+        found = job.placement is not None and not finding.exact
+        photographs = not all(map(is_move if found else _is_similarity, job.transforms))
     tones, shading = find.match_tones, find.match_shading
     if tones is None and shading is None:
         shading = photographs

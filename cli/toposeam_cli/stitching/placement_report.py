@@ -10,7 +10,7 @@ import toposeam as ts
 from toposeam.layers.canvas.layer import extent_of
 from toposeam.layers.registration.placement import Residual
 from toposeam.sentence import counted
-from toposeam_cli.media.pictures.focal_length import equivalent_mm
+from toposeam_cli.media.pictures.lens import equivalent_mm
 from toposeam_cli.stitching.inputs import PlacedPictures
 
 #: What is left between two pictures is worth a warning from so many px on; so many pairs are named.
@@ -27,12 +27,14 @@ def describe_placement(layers: tuple[ts.Layer, ...], placement: ts.Placement | N
     left = f"{placement.misfit:.2f} px" if placement.misfit < 10 else f"{placement.misfit:.0f} px"
     if placement.model == "plane" or placement.focal is None:
         return [f"{len(layers)} pictures of one plane by {pairs}, at most {left} left in the median of one"]
-    length = equivalent_mm(placement.focal, placement.sizes[0])
+    several = zip(placement.focals, placement.sizes, strict=True)
+    lengths = sorted({round(equivalent_mm(focal, size)) for focal, size in several})
+    length = f"length {lengths[0]}" if len(lengths) == 1 else f"lengths {lengths[0]} to {lengths[-1]}"
     bent = f", distortion {placement.distortion:+.4f}" if placement.distortion else ""
     wide = ", all the way round" if placement.wrap else ""
     return [
         f"{len(layers)} pictures of a camera that turned, by {pairs}, at most {left} left in the median of "
-        f"one; focal length {length:.0f} mm of 24 × 36{bent}, projection {placement.projection}{wide}"
+        f"one; focal {length} mm of 24 × 36{bent}, projection {placement.projection}{wide}"
     ]
 
 
@@ -44,8 +46,9 @@ def best_correlation(correlations: dict[tuple[int, int], float], index: int) -> 
 
 def _moved(layers: tuple[ts.Layer, ...], placement: ts.Placement, index: int) -> str:
     x, y = placement.places[index]
-    correlation = best_correlation(placement.correlations, index) or 0.0
-    text = f"{layers[index].name}: found at {x:.1f},{y:.1f} (correlation {correlation:.2f}"
+    correlation = best_correlation(placement.correlations, index)
+    how = "by given points" if correlation is None else f"correlation {correlation:.2f}"
+    text = f"{layers[index].name}: found at {x:.1f},{y:.1f} ({how}"
     if placement.turns.any():
         text += f", turned by {placement.turns[index]:.2f}°, scaled by {placement.scales[index]:.4f}"
     return f"{text})"

@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 import toposeam as ts
+from toposeam.layers.composite.local_warp import check_give, give_way
 from toposeam.layers.execution.tasks import Executor
 from toposeam.layers.search.options import Effort
 from toposeam_cli.app.options import Keyed
@@ -93,11 +94,13 @@ class SeamOptions:
     blend_width: float | None
     use_seam: tuple[Keyed, ...]
     wrap: int | None
+    give: int | None
 
 
 def by_windows(out: Outputs, find: SeamOptions) -> bool:
     """Test whether the result can be made window by window."""
-    return out.output.suffix.lower() != ".ora" and find.blend != "gradient" and out.history is None
+    whole = out.history is not None or out.fill_edges is not None or find.give is not None
+    return out.output.suffix.lower() != ".ora" and find.blend != "gradient" and not whole
 
 
 def check_finding(find: SeamOptions, out: Outputs, dask: str | None) -> None:
@@ -109,8 +112,12 @@ def check_finding(find: SeamOptions, out: Outputs, dask: str | None) -> None:
     """
     if dask is not None and not by_windows(out, find):
         raise ts.OptionError(
-            "--dask makes pictures window by window, which .ora, --blend gradient and --history do not; "
-            "leave one of them out"
+            "--dask makes pictures window by window, which .ora, --blend gradient, --fill-edges, --give and "
+            "--history do not; leave one of them out"
+        )
+    if find.give is not None and out.output.suffix.lower() == ".ora":
+        raise ts.OptionError(
+            "--give bends pictures, and an .ora file keeps them as they are; leave one of them out"
         )
     iterates = not find.use_seam and find.method in ("auto", "heat", "thesis")
     if out.history is not None:
@@ -175,21 +182,24 @@ def composed_as(
     options: dict[str, Any] = {} if find.formulation is None else {"formulation": find.formulation}
     if find.plain:
         options = {"options": ts.ThesisOptions.plain(**options)}
-    try:
+    paths = given_seams(find.use_seam, job)
+    check_give(find.give or 0, paths, find.wrap)
+
+    def composed(layers: Sequence[ts.Layer], tones: bool) -> ts.Composition:
         with share_bar(f"joining {_names(job.layers)}", out.quiet) as progress:
             return ts.compose(
-                job.layers,
+                layers,
                 method=find.method,
                 effort=find.effort,
-                use_path=given_seams(find.use_seam, job),
+                use_path=paths,
                 record_frames=out.history is not None,
                 progress=progress,
                 executor=executor,
                 cost=None if find.law is None else ts.MatchCost(law=find.law),
                 core=find.core,
                 speck=find.speck,
-                match_tones=bool(find.match_tones),
-                match_shading=bool(find.match_shading),
+                match_tones=tones and bool(find.match_tones),
+                match_shading=tones and bool(find.match_shading),
                 wrap=find.wrap,
                 blend=find.blend or "none",
                 blend_width=find.blend_width,
@@ -197,6 +207,12 @@ def composed_as(
                 avoid=None if find.avoid is None else read_avoid(find.avoid, job.shape, find.max_megapixels),
                 **options,
             )
+
+    try:
+        found = composed(job.layers, True)
+        if find.give:
+            found = give_way(found, find.give, lambda bent: composed(bent, False))
+        return found
     except ts.OverlapError as error:
         if files[0].suffix.lower() != ".ora":
             raise

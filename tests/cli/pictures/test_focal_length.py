@@ -6,7 +6,7 @@ import pytest
 from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 
-from toposeam_cli.media.pictures.focal_length import equivalent_mm, focal_length, in_pixels
+from toposeam_cli.media.pictures.lens import equivalent_mm, focal_length, in_pixels
 
 SIZE = 60, 40
 #: Tags of EXIF.

@@ -16,6 +16,35 @@ from toposeam.errors import ImageError
 from toposeam_cli.media.pictures.colour import DEPTHS, INTENT
 from toposeam_cli.media.pictures.libvips import VipsImage, evaluate, load_vips, reason
 
+#: Files of raw data, as cameras write them. libvips would take the small preview in some for the picture.
+_RAW = {
+    ".3fr",
+    ".arw",
+    ".cr2",
+    ".cr3",
+    ".crw",
+    ".dng",
+    ".erf",
+    ".iiq",
+    ".kdc",
+    ".mef",
+    ".mos",
+    ".mrw",
+    ".nef",
+    ".nrw",
+    ".orf",
+    ".pef",
+    ".raf",
+    ".raw",
+    ".rw2",
+    ".rwl",
+    ".sr2",
+    ".srf",
+    ".srw",
+    ".x3f",
+}
+_HEIC = {".heic", ".heif", ".hif"}
+
 #: Pixels per mm that mean "not stated": every writer that has to put something puts 72 per inch.
 UNSTATED_RESOLUTION = 72 / 25.4
 
@@ -152,16 +181,22 @@ def size_of(path: Path) -> tuple[int, int]:
 
 
 def _unreadable(path: Path, error: Exception) -> ImageError:
+    """Compose the sentence about a file that libvips does not read."""
     why = reason(error)
+    if path.suffix.lower() in _HEIC:
+        return ImageError(
+            f"cannot read '{path}' ({why}): this libvips does not decode most HEIC files; make a JPEG of it "
+            "first, as with 'heif-convert', or let the camera save JPEG (Most Compatible)"
+        )
     if "known format" in why:
-        why = "it is none of PNG, TIFF, JPEG, WebP, GIF, HEIF and AVIF"
+        why = "it is none of PNG, TIFF, JPEG, WebP, GIF and AVIF"
     return ImageError(
         f"cannot read '{path}' ({why}): it is no picture or damaged; export it again as PNG or TIFF"
     )
 
 
 def check_input(path: Path) -> None:
-    """Refuse what is no file with something in it, or none that may be read.
+    """Refuse what is no file with something in it, none that may be read, or a camera's raw data.
 
     Raises
     ------
@@ -176,6 +211,11 @@ def check_input(path: Path) -> None:
         with path.open("rb") as file:
             if not file.read(1):
                 raise ImageError(f"'{path}' is empty; export the picture again")
+        if path.suffix.lower() in _RAW:
+            raise ImageError(
+                f"'{path}' is raw data of a camera, which has to be developed first; export TIFF or JPEG "
+                "from darktable, RawTherapee or the camera's own program and give that"
+            )
     except ImageError:
         raise
     except (FileNotFoundError, NotADirectoryError) as error:

@@ -103,6 +103,8 @@ class Composition:
     rounds: int
     #: Which two layers each seam divides, by number.
     pairs: tuple[Pair, ...]
+    #: The farthest by which layers were bent to meet at the seams, px.
+    bent: float = 0.0
     _placed: Placed
     _channels: int | None
     _blend: Blend

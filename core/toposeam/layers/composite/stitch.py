@@ -20,6 +20,7 @@ from toposeam.layers.canvas.layer import MAX_MEGAPIXELS, Layer
 from toposeam.layers.canvas.painting import LabelMap
 from toposeam.layers.composite.compose import MAX_ROUNDS, compose
 from toposeam.layers.composite.composition import Composition, Outline
+from toposeam.layers.composite.local_warp import check_give, give_way
 from toposeam.layers.labelling.problem import Pair
 from toposeam.layers.search.options import Effort, SearchOptions
 from toposeam.saving import save
@@ -64,6 +65,8 @@ class Stitched:
     rounds: int
     #: (x, y) of the canvas's upper left pixel in the layers' coordinates.
     origin: tuple[int, int]
+    #: The farthest by which layers were bent to meet at the seams, px.
+    bent: float = 0.0
 
     @property
     def seams(self) -> tuple[Seam, ...]:
@@ -167,6 +170,7 @@ def stitch(
     blend_width: float | None = None,
     match_tones: bool = False,
     match_shading: bool = False,
+    give: int = 0,
     use_path: SvgSeam | Mapping[Pair, SvgSeam] | None = None,
     max_rounds: int = MAX_ROUNDS,
     effort: Effort | SearchOptions | None = None,
@@ -217,6 +221,10 @@ def stitch(
     match_shading : bool
         The same, and a smooth field of gain, since lenses darken towards the corners
         (:mod:`toposeam.layers.exposure.shading`).
+    give : int
+        Bend the layers by up to so many px until what crosses a seam goes on behind it, and search the seams
+        again (:mod:`toposeam.layers.composite.local_warp`), where that makes them clearly cheaper. Each layer
+        has to fit into memory.
     use_path : SvgSeam, or mapping of (int, int) to SvgSeam, optional
         Seams that were read from files, on the canvas: of the only two layers, or of pairs of layers by
         number.
@@ -259,29 +267,36 @@ def stitch(
     >>> stitch([whole[:, :180], whole[:, 120:]]).image.shape
     (160, 300)
     """
-    composed = compose(
-        layers,
-        method=method,
-        gradient=gradient,
-        cost=cost,
-        weight=weight,
-        avoid=avoid,
-        core=core,
-        speck=speck,
-        blend=blend,
-        blend_width=blend_width,
-        match_tones=match_tones,
-        match_shading=match_shading,
-        use_path=use_path,
-        max_rounds=max_rounds,
-        effort=effort,
-        options=options,
-        max_megapixels=max_megapixels,
-        wrap=wrap,
-        record_frames=record_frames,
-        progress=progress,
-        **keywords,
-    )
+
+    def composed_of(layers: Sequence[Layer] | Sequence[npt.NDArray[Any]], tones: bool) -> Composition:
+        return compose(
+            layers,
+            method=method,
+            gradient=gradient,
+            cost=cost,
+            weight=weight,
+            avoid=avoid,
+            core=core,
+            speck=speck,
+            blend=blend,
+            blend_width=blend_width,
+            match_tones=match_tones and tones,
+            match_shading=match_shading and tones,
+            use_path=use_path,
+            max_rounds=max_rounds,
+            effort=effort,
+            options=options,
+            max_megapixels=max_megapixels,
+            wrap=wrap,
+            record_frames=record_frames,
+            progress=progress,
+            **keywords,
+        )
+
+    check_give(give, use_path, wrap)
+    composed = composed_of(layers, True)
+    if give:
+        composed = give_way(composed, give, lambda bent: composed_of(bent, False))
     whole = stitched(composed)
     if progress is not None:
         progress(1.0)
@@ -306,4 +321,5 @@ def stitched(composed: Composition, labels: bool = True) -> Stitched:
         names=composed.names,
         rounds=composed.rounds,
         origin=composed.origin,
+        bent=composed.bent,
     )

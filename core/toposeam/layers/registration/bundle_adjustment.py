@@ -1,9 +1,10 @@
 """All pictures of a set adjusted at once to the points that pairs of them share.
 
 Each picture i has a matrix G_i that takes its pixels (x, y, 1), counted from its centre and free of
-distortion, to the scene: a homography to a common plane, or R_i diag(1/f, 1/f, 1), the rays of a camera that
-turns about one point. A point p of picture i is then seen at G_j⁻¹ G_i p in picture j; what is left to the
-point q where it was found is minimised with a Cauchy loss (Triggs et al. 2000, doi:10.1007/3-540-44480-7_21).
+distortion, to the scene: a homography to a common plane, or R_i diag(1/f_i, 1/f_i, 1), the rays of a camera
+that turns about one point; f_i is the same of all pictures unless some show things clearly larger than others
+do. A point p of picture i is then seen at G_j⁻¹ G_i p in picture j; what is left to the point q where it was
+found is minimised with a Cauchy loss (Triggs et al. 2000, doi:10.1007/3-540-44480-7_21).
 """
 
 from __future__ import annotations
@@ -40,6 +41,9 @@ _STEPS, _SETTLED = 60, 1e-7
 #: A distortion counts where it takes away this share of what is left, of a single pair more; larger ones are
 #: no lens.
 _DISTORTION_GAIN, _PAIR_GAIN, _LARGEST_DISTORTION = 0.04, 0.25, 0.2
+#: Logarithm of the scale between two pictures from which on they may have focal lengths of their own, which
+#: must take away this share of what is left.
+_ZOOM, _ZOOM_GAIN = 0.15, 0.25
 #: Beyond so many px a point is as wrong as any other.
 _CAP = 20.0
 
@@ -53,16 +57,21 @@ class Bundle:
     sizes: Floats
     #: (N, 3, 3): centred pixels to the scene.
     matrices: Floats
-    #: px, and b of Hugin's radial distortion; of a plane 1 and 0.
-    focal: float
+    #: (N,) focal length of each picture, px, and b of Hugin's radial distortion; of a plane 1 and 0.
+    focals: Floats
     distortion: float
     #: The picture in the middle of the set.
     middle: int
 
     @property
+    def focal(self) -> float:
+        """The focal length of the picture in the middle, px."""
+        return float(self.focals[self.middle])
+
+    @property
     def rotations(self) -> Floats:
         """(N, 3, 3) turns of the cameras."""
-        return np.asarray(self.matrices * np.array([self.focal, self.focal, 1.0]))
+        return np.asarray(self.matrices * _diagonals(self.focals)[:, np.newaxis])
 
     @property
     def lens(self) -> tuple[float, float, float]:
@@ -96,7 +105,7 @@ def spanning_tree(
     count: int, strengths: Mapping[Pair, float]
 ) -> tuple[int, npt.NDArray[np.intp], npt.NDArray[np.intp]]:
     """Picture in the middle of the strongest tree, the order from there, and whom each one hangs on."""
-    rows, columns = np.array(list(strengths), np.intp).T
+    rows, columns = np.array(list(strengths), np.int32).T  # older scipy takes no others
     graph = csr_array((-np.array(list(strengths.values()), float), (rows, columns)), shape=(count, count))
     tree = minimum_spanning_tree(graph)
     tree = tree + tree.T
@@ -145,7 +154,8 @@ class _Problem:
     """Residuals of a bundle and their derivatives, as functions of one vector of unknowns.
 
     The first two unknowns are the logarithm of the focal length and the distortion; then come those of each
-    picture, of which the middle one's are fixed.
+    picture, of which the middle one's are fixed: eight entries of a homography, or a vector along the axis
+    of a turn and the logarithm of how many times longer the picture's own focal length is.
     """
 
     sizes: Floats
@@ -158,39 +168,45 @@ class _Problem:
     #: Whether focal length and distortion are free.
     free_focal: bool
     free_distortion: bool
+    #: Whether each picture has a focal length of its own.
+    free_zoom: bool = False
 
     @property
     def each(self) -> int:
-        return 8 if self.family == "plane" else 3
+        return 8 if self.family == "plane" else 4
 
     @property
     def free(self) -> npt.NDArray[np.bool_]:
         count = len(self.sizes)
         own = np.ones((count, self.each), bool)
         own[self.middle] = False
+        own[:, 3:] &= self.family == "plane" or self.free_zoom
         return np.concatenate([[self.free_focal, self.free_distortion], own.ravel()])
 
     def matrices(self, unknowns: Floats) -> Floats:
         own = unknowns[2:].reshape(len(self.sizes), -1)
         if self.family == "rotation":
-            focal = math.exp(unknowns[0])
-            return np.asarray(
-                scipy.spatial.transform.Rotation.from_rotvec(own).as_matrix() / np.array([focal, focal, 1.0])
-            )
+            turns = scipy.spatial.transform.Rotation.from_rotvec(own[:, :3]).as_matrix()
+            return np.asarray(turns / _diagonals(self.focals(unknowns))[:, np.newaxis])
         ones = np.ones((len(own), 1))
         return np.asarray(np.concatenate([own, ones], axis=1).reshape(-1, 3, 3) @ self._normal)
+
+    def focals(self, unknowns: Floats) -> Floats:
+        """(N,) focal lengths of the cameras, px."""
+        return np.asarray(np.exp(unknowns[0] + unknowns[5::4]))
 
     @property
     def _normal(self) -> Floats:
         half = self.sizes.max() / 2
         return np.diag([1 / half, 1 / half, 1.0])
 
-    def unknowns(self, matrices: Floats, focal: float) -> Floats:
-        """The vector of unknowns of matrices."""
+    def unknowns(self, matrices: Floats, focals: Floats) -> Floats:
+        """The vector of unknowns of matrices and focal lengths."""
+        focal = float(focals[self.middle])
         if self.family == "rotation":
-            own = scipy.spatial.transform.Rotation.from_matrix(
-                matrices * np.array([focal, focal, 1.0])
-            ).as_rotvec()
+            turns = matrices * _diagonals(focals)[:, np.newaxis]
+            vectors = scipy.spatial.transform.Rotation.from_matrix(turns).as_rotvec()
+            own = np.append(vectors, np.log(focals / focal)[:, np.newaxis], axis=1)
         else:
             plain = matrices @ np.linalg.inv(self._normal)
             own = (plain / plain[:, 2:, 2:]).reshape(-1, 9)[:, :8]
@@ -231,7 +247,9 @@ class _Problem:
         inverse = np.linalg.inv(matrices)[points.second]
         step = 1e-6
         slopes = np.empty((count, each, 3, 3))
-        for number in range(each):
+        moving = 3 if self.family == "rotation" and not self.free_zoom else each
+        slopes = slopes[:, :moving]
+        for number in range(moving):
             moved = np.zeros((count, each))
             moved[:, number] = step
             shift = np.concatenate([[0.0, 0.0], moved.ravel()])
@@ -248,7 +266,7 @@ class _Problem:
         for index, move in zip((points.first, points.second), moves, strict=True):
             slope = move[..., :2] - (seen[:, :2] / seen[:, 2:])[:, np.newaxis] * move[..., 2:]
             slope = slope / seen[:, np.newaxis, 2:] * points.weight[:, np.newaxis, np.newaxis]
-            own = 2 + each * index[:, np.newaxis] + np.arange(each)
+            own = 2 + each * index[:, np.newaxis] + np.arange(moving)
             rows.append(np.broadcast_to(numbers[:, np.newaxis, :], slope.shape).ravel())
             columns.append(np.broadcast_to(own[..., np.newaxis], slope.shape).ravel())
             values.append(slope.ravel())
@@ -263,6 +281,10 @@ class _Problem:
         entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
         whole_matrix = csr_array(entries, shape=(2 * len(p) + 1, len(unknowns)))
         return whole_matrix[:, np.flatnonzero(self.free)]
+
+    def best_of(self, starts: Sequence[Floats]) -> tuple[Floats, float]:
+        """Unknowns of least loss from several starts, and the loss."""
+        return min(map(self.solved, starts), key=lambda found: found[1])
 
     def solved(self, start: Floats) -> tuple[Floats, float]:
         """Unknowns of least loss from a start, and the loss."""
@@ -328,12 +350,13 @@ def adjust_plane(sizes: Floats, matches: Mapping[Pair, Match], start: Bundle | N
     else:
         middle, matrices = start.middle, start.matrices
     problem = _Problem(sizes, _Points.of(matches), "plane", middle, 1.0, 1.0, False, False)
-    unknowns, _ = problem.solved(problem.unknowns(matrices, 1.0))
+    flat = np.ones(len(sizes))
+    unknowns, _ = problem.solved(problem.unknowns(matrices, flat))
     return Bundle(
         family="plane",
         sizes=sizes,
         matrices=problem.matrices(unknowns) / np.cbrt(np.linalg.det(problem._normal)),
-        focal=1.0,
+        focals=flat,
         distortion=0.0,
         middle=middle,
     )
@@ -372,15 +395,22 @@ def adjust_cameras(
     problem = _Problem(sizes, points, "rotation", middle, likely, doubt, not fixed, False)
     if start is not None:
         problem = replace(problem, middle=start.middle)
-        beginnings = [problem.unknowns(start.matrices, start.focal)]
+        beginnings = [problem.unknowns(start.matrices, start.focals)]
         beginnings[0][1] = start.distortion
+        problem = replace(problem, free_zoom=bool((start.focals != start.focal).any()))
     else:
         guesses = [focal] if focal is not None else _likely_focals(sizes, matches)
-        beginnings = [
-            problem.unknowns(_chained(sizes, matches, guess, order, before), guess) for guess in guesses
-        ]
-    best = min((problem.solved(beginning) for beginning in beginnings), key=lambda found: found[1])
-    unknowns, loss = best
+        same = np.ones(len(sizes))
+        beginnings = [_chained(problem, matches, guess * same, order, before) for guess in guesses]
+    unknowns, loss = problem.best_of(beginnings)
+    if start is None:
+        zooms = _zooms(sizes, matches, order, before)
+        if np.ptp(np.log(zooms)) > _ZOOM and not fixed:
+            zoomed = replace(problem, free_zoom=True)
+            beginnings = [_chained(zoomed, matches, guess * zooms, order, before) for guess in guesses]
+            own, other = zoomed.best_of(beginnings)
+            if other < (1 - _ZOOM_GAIN) * loss:
+                problem, unknowns, loss = zoomed, own, other
     if distortion is not None:
         unknowns[1] = distortion
         unknowns, loss = problem.solved(unknowns)
@@ -393,26 +423,53 @@ def adjust_cameras(
         family="rotation",
         sizes=sizes,
         matrices=problem.matrices(unknowns),
-        focal=math.exp(unknowns[0]),
+        focals=problem.focals(unknowns),
         distortion=float(unknowns[1]),
         middle=problem.middle,
     )
 
 
 def _chained(
-    sizes: Floats,
+    problem: _Problem,
     matches: Mapping[Pair, Match],
-    focal: float,
+    focals: Floats,
     order: npt.NDArray[np.intp],
     before: npt.NDArray[np.intp],
 ) -> Floats:
-    """(N, 3, 3) matrices of cameras with a focal length, one after another along a tree."""
-    turns = np.tile(np.eye(3), (len(sizes), 1, 1))
-    lens = np.diag([1 / focal, 1 / focal, 1.0])
+    """Unknowns of cameras with these focal lengths, one after another along a tree."""
+    turns = np.tile(np.eye(3), (len(focals), 1, 1))
+    lenses = _diagonals(1 / focals)
     for index in order[1:]:
-        own = _centred(matches, sizes, int(before[index]), int(index))
-        turns[index] = turns[before[index]] @ _nearest_turn(lens @ own @ np.linalg.inv(lens))
-    return np.asarray(turns @ lens)
+        own = _centred(matches, problem.sizes, int(before[index]), int(index))
+        turn = lenses[before[index]][:, np.newaxis] * own / lenses[index]
+        turns[index] = turns[before[index]] @ _nearest_turn(turn)
+    return problem.unknowns(turns * lenses[:, np.newaxis], focals)
+
+
+def _diagonals(values: Floats) -> Floats:
+    """(N, 3): each value twice and 1."""
+    return np.stack([values, values, np.ones_like(values)], axis=1)
+
+
+def _zooms(
+    sizes: Floats, matches: Mapping[Pair, Match], order: npt.NDArray[np.intp], before: npt.NDArray[np.intp]
+) -> Floats:
+    """(N,) about how many times larger each picture shows things than that in the middle, along a tree.
+
+    A camera that only turns enlarges nothing in the middle between two pictures; the mean over the points
+    that both show is near to that.
+    """
+    zooms = np.ones(len(sizes))
+    for index in order[1:]:
+        one, other = int(before[index]), int(index)
+        matrix = _centred(matches, sizes, one, other)
+        pair = (one, other) if (one, other) in matches else (other, one)
+        match = matches[pair]
+        points = (match.second if pair[1] == other else match.first) - (sizes[other] - 1) / 2
+        depth = points @ matrix[2, :2] + matrix[2, 2]
+        enlarged = np.log(abs(np.linalg.det(matrix))) - 3 * np.log(np.maximum(np.abs(depth), 1e-9))
+        zooms[other] = zooms[one] * math.exp(-float(np.mean(enlarged)) / 2)
+    return zooms
 
 
 def strengths_of(matches: Mapping[Pair, Match]) -> dict[Pair, float]:

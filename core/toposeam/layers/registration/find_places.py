@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +35,7 @@ from toposeam.layers.registration.consensus import (
     ambiguous,
     without_contradictions,
 )
+from toposeam.layers.registration.given_points import matches_of
 from toposeam.layers.registration.homography import applied
 from toposeam.layers.registration.models import Lens, ModelFit, fit_models
 from toposeam.layers.registration.pair_matching import Kind, Match, Sightings, groups
@@ -54,6 +55,8 @@ _EXPLAINED = 1.2
 #: So many of the strongest pairs tell whether similarities may do: not where they leave so many times as much
 #: of the features as homographies do, and so many px of the reduced pictures more.
 _ASKED, _TIMES, _MORE = 6, 1.3, 0.5
+#: Fewer features are too few to look for an overlap.
+_PLAIN = 8
 #: So many pictures are named at most that show something else.
 _NAMED = 8
 
@@ -70,6 +73,7 @@ def find_places(
     projection: Projection | str = "auto",
     level: bool = True,
     centre: int | None = None,
+    points: Mapping[Pair, npt.ArrayLike] | None = None,
     least_correlation: float = LEAST_CORRELATION,
     progress: Callable[[float], None] | None = None,
     executor: Executor | None = None,
@@ -98,6 +102,9 @@ def find_places(
         Whether the horizon is laid level; else the picture in the middle lies upright.
     centre : int, optional
         The picture that lies in the middle of the canvas, where a camera turned.
+    points : mapping from (int, int) to (M, 4) array_like, optional
+        Points that two pictures share, at least four, in place of the features found in them: x and y in the
+        one, px from the middle of its upper left pixel, and in the other.
     least_correlation : float in (0, 1]
         Of the overlap of two pictures that similarities bring together.
     progress : callable, optional
@@ -132,6 +139,7 @@ def find_places(
         projection=projection,
         level=level,
         centre=centre,
+        points={} if points is None else points,
         least_correlation=least_correlation,
     )
     check_executor(executor)
@@ -151,6 +159,7 @@ class PlaceOptions:
     projection: Projection | str = "auto"
     level: bool = True
     centre: int | None = None
+    points: Mapping[Pair, npt.ArrayLike] = field(default_factory=dict)
     least_correlation: float = LEAST_CORRELATION
 
     @property
@@ -257,7 +266,9 @@ def found_places(
         raise OptionError(f"{len(pictures)} picture was given; pass at least two")
     options.check(len(pictures))
     report: Callable[[float], None] = progress or (lambda _: None)
-    given = _Set(pictures, Sightings(pictures, report, executor), options, executor)
+    sizes = [(picture.image.shape[1], picture.image.shape[0]) for picture in pictures]
+    marked = matches_of(options.points, sizes)
+    given = _Set(pictures, Sightings(pictures, report, executor, marked), options, executor)
     found = _found(given)
     numbers = list(found.numbers)
     transforms = tuple(found.transforms)
@@ -378,6 +389,7 @@ class _Group:
         own = groups(len(given.pictures), matches)
         sizes = np.bincount(own)
         if given.options.exact or sizes.max() < 2:
+            _check_pair(given, matches, best)
             _check_joined(given.pictures, matches, best, least, given.most_shared)
         numbers = np.flatnonzero(own == sizes.argmax()).tolist()
         order = {number: index for index, number in enumerate(numbers)}
@@ -464,6 +476,8 @@ def _reason(given: _Set, found: _Found, number: int) -> str:
         for other in found.numbers
     }
     nearest = max(shared, key=lambda other: shared[other])
+    if len(given.sightings.looks[number].keypoints) < _PLAIN:
+        return f"{name} shows too little detail to be placed"
     if not shared[nearest]:
         return f"{name} shares nothing with the other pictures"
     return (
@@ -482,6 +496,30 @@ def _check_contradictions(names: Sequence[str], fit: ModelFit) -> None:
     elsewhere = [pair for pair in fit.outvoted if off[pair] > ELSEWHERE * diagonals[list(pair)].min()]
     if elsewhere:
         raise ambiguous(list(names), elsewhere, max(off.values()))
+
+
+def _check_pair(given: _Set, matches: Mapping[Pair, Match], best: Floats) -> None:
+    """Refuse two pictures that show nothing in common."""
+    if len(given.pictures) != 2 or matches:
+        return
+    shared, correlation = len(given.sightings.shared((0, 1))), float(best.max())
+    seen = zip(given.names, given.sightings.looks, strict=True)
+    plain = [name for name, look in seen if len(look.keypoints) < _PLAIN]
+    if plain:
+        why = f"{' and '.join(plain)} {'shows' if len(plain) == 1 else 'show'} too little detail"
+    elif correlation > -1:
+        needed = given.options.least_correlation
+        why = f"the correlation of their overlap is {correlation:.2f}, {needed:g} is needed"
+    else:
+        why = f"they share {counted(shared, 'feature')}, and too few of them agree on one overlap"
+    raise OverlapError(
+        "{first} and {name} cannot be placed: {why}; say where they lie, or which points they share",
+        kind="fits none",
+        layers=(1,),
+        first=given.names[0],
+        name=given.names[1],
+        why=why,
+    )
 
 
 def _check_joined(

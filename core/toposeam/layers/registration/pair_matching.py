@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Any, Literal, TypeAlias
@@ -47,6 +47,7 @@ class Match:
 
     first: Floats
     second: Floats
+    #: Of the overlap; NaN where patches were not compared.
     correlation: float
     #: Points of the second picture lie at these of the first, about: (3, 3).
     matrix: Floats = field(default_factory=lambda: np.eye(3))
@@ -85,10 +86,16 @@ class Sightings:
         Called with the share of the work done, up to 0.5, and up to 0.9 by :meth:`matches`.
     executor : Executor, optional
         Where pictures and pairs are looked at.
+    marked : mapping from pairs to Match, optional
+        Pairs of which somebody gave the points.
     """
 
     def __init__(
-        self, pictures: Sequence[Layer], report: Callable[[float], None], executor: Executor | None = None
+        self,
+        pictures: Sequence[Layer],
+        report: Callable[[float], None],
+        executor: Executor | None = None,
+        marked: Mapping[Pair, Match] | None = None,
     ) -> None:
         self._which = list(results(executor, _digest, pictures))
         self._report, self._executor = report, executor
@@ -106,8 +113,12 @@ class Sightings:
         pairs = list(combinations(range(len(self.looks)), 2))
         which = self._which
         self._shared = _shared(self._seen, ((which[i], which[j]) for i, j in pairs), report, executor)
-        #: All pairs, those first that share most.
-        self.pairs = sorted(pairs, key=lambda pair: -len(self.shared(pair)))
+        marked = marked or {}
+        for (i, j), match in marked.items():
+            for known in self._known.values():
+                known[which[i], which[j]] = match
+        #: All pairs, those first that somebody marked, then those that share most.
+        self.pairs = sorted(pairs, key=lambda pair: (pair not in marked, -len(self.shared(pair))))
 
     def shared(self, pair: Pair) -> npt.NDArray[np.intp]:
         """(M, 2) numbers of the features that a pair shares."""
@@ -156,8 +167,8 @@ class Sightings:
                     self._try(kind, following)
                 match = known[key]
                 if match is not None:
-                    best[[i, j]] = np.maximum(best[[i, j]], match.correlation)
-                    if match.correlation >= least or kind == "homography":
+                    best[[i, j]] = np.fmax(best[[i, j]], match.correlation)
+                    if not match.correlation < least or kind == "homography":
                         matches[i, j] = match
                         tree = trees[apart[0]]
                         tree[tree == tree[j]] = tree[i]

@@ -132,7 +132,7 @@ def camera_transforms(bundle: Bundle, view: View) -> tuple[tuple[CameraTransform
             CameraTransform(
                 size=bundle.size(index),
                 rotation=turn,
-                focal=bundle.focal,
+                focal=float(bundle.focals[index]),
                 projection=projection,
                 radius=radius,
                 lens=bundle.lens,
@@ -177,7 +177,7 @@ def _rays(bundle: Bundle, turns: Floats, index: int) -> Floats:
     """(M, 3) directions that a picture shows."""
     width, height = bundle.sizes[index]
     x, y = np.linspace(0, width - 1, 33), np.linspace(0, height - 1, 33)
-    points = bundle.ideal(index, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)) / bundle.focal
+    points = bundle.ideal(index, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)) / bundle.focals[index]
     rays = np.append(points, np.ones((len(points), 1)), axis=1) @ turns[index].T
     return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
 

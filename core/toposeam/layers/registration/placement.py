@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 
 from toposeam.layers.canvas.layer import Layer
-from toposeam.layers.canvas.transforms import Floats, Projection, Transform
+from toposeam.layers.canvas.transforms import CameraTransform, Floats, Projection, Transform
 from toposeam.layers.labelling.problem import Pair
 from toposeam.sentence import counted
 
@@ -76,12 +76,17 @@ class Placement:
     misfit: float
     #: Pairs that match in a place where the others do not put them, and that were not used.
     outvoted: tuple[Pair, ...] = ()
-    #: Of a camera: px, b of its radial distortion, how the canvas shows what it saw, and the canvas's width
-    #: if that goes all the way round.
+    #: Of a camera: focal length of the picture in the middle, px, b of its radial distortion, how the canvas
+    #: shows what it saw, and the canvas's width if that goes all the way round.
     focal: float | None = None
     distortion: float = 0.0
     projection: Projection | None = None
     wrap: int | None = None
+
+    @property
+    def focals(self) -> tuple[float, ...]:
+        """The focal length of each picture of a camera that turned, px."""
+        return tuple(one.focal for one in self.transforms if isinstance(one, CameraTransform))
 
     @cached_property
     def places(self) -> Floats:

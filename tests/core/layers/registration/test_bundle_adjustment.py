@@ -50,8 +50,8 @@ def match(views, i, j, rng, noise=0.3, count=60, elsewhere=(0, 0)):
     if isinstance(views[i], PlaneTransform):
         matrix = np.linalg.inv(views[i].matrix) @ views[j].matrix
     else:
-        turned = views[i].rotation.T @ views[j].rotation
-        matrix = np.linalg.inv(TO_RAYS) @ turned @ TO_RAYS
+        one, other = (np.diag([1, 1, view.focal / FOCAL]) @ TO_RAYS for view in (views[i], views[j]))
+        matrix = np.linalg.inv(one) @ views[i].rotation.T @ views[j].rotation @ other
     back = np.eye(3)
     back[:2, 2] = -np.array(elsewhere)
     matrix = matrix @ back
@@ -103,6 +103,20 @@ def test_without_noise_cameras_are_exact():
     bundle = adjust_cameras(sizes_of(views), matches_of(views, noise=0.0))
     assert bundle.focal == pytest.approx(FOCAL, rel=1e-3)  # the usual one draws at it a little
     assert turned_off(bundle, views) < 0.02
+
+
+def test_a_picture_that_was_zoomed_gets_a_focal_length_of_its_own():
+    zooms = [1.0, 1.6, 1.0, 1.0, 1.0, 0.8]
+    views = around(FOCAL, ROWS, SIZE)
+    views = [dataclasses.replace(view, focal=FOCAL * zoom) for view, zoom in zip(views, zooms, strict=True)]
+    bundle = adjust_cameras(sizes_of(views), matches_of(views))
+    np.testing.assert_allclose(bundle.focals, FOCAL * np.array(zooms), rtol=0.01)
+    assert turned_off(bundle, views) < 0.3
+    again = adjust_cameras(sizes_of(views), matches_of(views), start=bundle)
+    np.testing.assert_allclose(again.focals, bundle.focals, rtol=1e-3)
+    # Where all are alike, they stay alike to the last bit.
+    plain = around(FOCAL, ROWS, SIZE)
+    assert len(set(adjust_cameras(sizes_of(plain), matches_of(plain)).focals)) == 1
 
 
 @pytest.mark.medium
@@ -176,7 +190,7 @@ def test_derivatives_are_those_of_finite_differences(family):
     )  # fmt: skip
     adjusted = adjust_cameras if rotation else adjust_plane
     bundle = adjusted(sizes_of(views), matches)
-    unknowns = problem.unknowns(bundle.matrices, bundle.focal)
+    unknowns = problem.unknowns(bundle.matrices, bundle.focals)
     unknowns[1] = -0.01 if rotation else 0.0
     free = np.flatnonzero(problem.free)
     unknowns[free] += np.random.default_rng(1).normal(0, 1e-3, len(free))

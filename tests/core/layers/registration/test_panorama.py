@@ -24,7 +24,7 @@ def cameras(turns, frame=None, focal=FOCAL, middle=None, **more):
         family="rotation",
         sizes=np.tile(np.array(SIZE, float), (len(turns), 1)),
         matrices=rotations / np.array([focal, focal, 1.0]),
-        focal=focal,
+        focals=np.full(len(turns), focal),
         distortion=more.get("distortion", 0.0),
         middle=len(turns) // 2 if middle is None else middle,
     )
@@ -45,7 +45,7 @@ def plane(transforms, middle=0, sizes=None):
         family="plane",
         sizes=sizes,
         matrices=np.array([matrix / matrix[2, 2] for matrix in matrices]),
-        focal=1.0,
+        focals=np.ones(len(sizes)),
         distortion=0.0,
         middle=middle,
     )
@@ -280,7 +280,7 @@ def test_a_camera_tells_a_plane_which_way_is_up():
         family="plane",
         sizes=camera.sizes,
         matrices=middle @ seen,
-        focal=1.0,
+        focals=np.ones(3),
         distortion=0.0,
         middle=1,
     )

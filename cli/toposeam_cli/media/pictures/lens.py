@@ -1,0 +1,83 @@
+"""What pictures say about the lens: its focal length, and whether it is a fisheye."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toposeam.images import full_scale
+
+#: Tags of EXIF.
+_SUB_IFD, _FOCAL_MM, _FOCAL_35, _LENS = 0x8769, 0x920A, 0xA405, 0xA434
+_PLANE_RESOLUTION, _PLANE_UNIT, _PLANE_WIDTH = 0xA20E, 0xA210, 0xA002
+_UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
+#: Diagonal of film of 24 × 36 mm.
+DIAGONAL_MM = math.hypot(24, 36)
+#: Of the circle that a fisheye draws: shares of the shorter side that are beyond it in each corner, and of
+#: full scale that are black and clearly more.
+_CORNER, _BLACK, _LIT = 0.1, 0.04, 0.08
+
+
+def focal_length(path: Path, size: tuple[int, int]) -> float | None:
+    """Return the focal length of the camera of a picture of that width and height, px; None where the file
+    does not say it.
+    """
+    noted = _noted(path)
+    try:
+        if noted.get(_FOCAL_35):
+            found = in_pixels(float(noted[_FOCAL_35]), size)
+        else:
+            # Pixels of the sensor ÷ mm, of a picture that may have been reduced since.
+            per_mm = float(noted[_PLANE_RESOLUTION]) / _UNIT_MM[int(noted.get(_PLANE_UNIT, 2))]
+            wide = float(noted.get(_PLANE_WIDTH) or max(size))
+            found = float(noted[_FOCAL_MM]) * per_mm * max(size) / max(wide, min(size))
+    except Exception:
+        return None
+    return found if 0.2 * max(size) < found < 50 * max(size) else None
+
+
+def in_pixels(equivalent: float, size: tuple[int, int]) -> float:
+    """Return px for mm of a camera whose film has 24 × 36 mm."""
+    return equivalent / DIAGONAL_MM * math.hypot(*size)
+
+
+def equivalent_mm(focal: float, size: tuple[int, int]) -> float:
+    """Invert :func:`in_pixels`."""
+    return focal * DIAGONAL_MM / math.hypot(*size)
+
+
+def is_fisheye(pixels: np.ndarray, path: Path | None) -> bool:
+    """Test whether a picture names a fisheye lens, or shows its circle: black corners round a lit middle.
+
+    Parameters
+    ----------
+    pixels : (H, W) or (H, W, 3) ndarray
+        uint8, uint16, or float32 with 1.0 as white.
+    path : Path, optional
+        The file that they were read from.
+    """
+    if path is not None and "fisheye" in str(_noted(path).get(_LENS, "")).lower():
+        return True
+    height, width = pixels.shape[:2]
+    side = int(_CORNER * min(height, width))
+    if side < 4:
+        return False
+    white = full_scale(pixels.dtype)
+    ends = slice(0, side), slice(-side, None)
+    corners = max(np.asarray(pixels[rows, columns]).max() for rows in ends for columns in ends)
+    middle = np.asarray(pixels[height // 3 : 2 * height // 3, width // 3 : 2 * width // 3])
+    return bool(corners < _BLACK * white and middle.mean() > _LIT * white)
+
+
+def _noted(path: Path) -> dict[int, Any]:
+    """Return what a camera noted in a file, by tags of EXIF."""
+    from PIL import Image
+
+    try:
+        with Image.open(path) as image:
+            return dict(image.getexif().get_ifd(_SUB_IFD))
+    except Exception:
+        return {}

@@ -1,0 +1,302 @@
+"""Layers bent along their seams until they meet: what crosses a seam in one picture goes on in the other.
+
+A seam is followed at points of equal distance. At each of them, patches of both layers are compared at every
+displacement of the upper one up to some px, by 1 - SSIM (Wang et al. 2004, doi:10.1109/TIP.2003.819861) and
+the difference of colours; the sequence of displacements of least cost along the seam, neighbours of which
+differ by a px at most, is found by dynamic programming. Displacements spread from the seams into the layer by
+conduction with losses, (1 - b² ∇²) u = 0, and die away. A seam is left alone where that makes it hardly
+better.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+import scipy
+
+from toposeam.checks import check_whole
+from toposeam.errors import OptionError, Term
+from toposeam.images import as_float, full_scale, in_dtype
+from toposeam.layers.canvas.layer import Layer
+from toposeam.layers.composite.composition import Composition
+from toposeam.layers.labelling.problem import Pair
+
+Floats = npt.NDArray[np.float64]
+
+#: Largest displacement, px.
+MOST = 32
+#: px: between points of a seam, half a patch, and how far a displacement reaches into its layer, at least and
+#: for each px of the largest one.
+_STEP, _HALF, _REACH, _REACH_PER_PX = 3.0, 5, 48.0, 6.0
+#: Points of a line at most.
+_POINTS = 1500
+#: Cost of a patch that is not known, of a px of displacement, of one that is too large, and of a px of change
+#: from point to point.
+_UNKNOWN, _PER_PX, _FARTHER, _PER_CHANGE = 3.0, 0.012, 1e3, 0.06
+#: What a seam must gain, as a share of the cost of its patches, and all together of their match cost.
+_GAIN, _WORTH = 0.1, 0.05
+#: Displacements spread on a grid of so many px, or coarser of so many nodes; smaller ones, px, are none.
+_GRID, _NODES, _LEAST = 4, 100_000, 0.05
+
+
+def check_give(give: int, use_path: object, wrap: int | None) -> None:
+    """Refuse a largest displacement that is none, and what seams that are searched again exclude."""
+    if not check_whole("give", give, 0, MOST):
+        return
+    for name, given in (("use_path", bool(use_path)), ("wrap", wrap is not None)):
+        if given:
+            raise OptionError(
+                "{give} bends layers and searches their seams again, and {other} says where they are or go "
+                "round; leave one of them out",
+                kind="conflict",
+                other=Term(name),
+            )
+
+
+def give_way(
+    composed: Composition, most: int, compose: Callable[[Sequence[Layer]], Composition]
+) -> Composition:
+    """Bend layers along the seams of a composition and compose them again.
+
+    Parameters
+    ----------
+    composed : Composition
+    most : int
+        px by which a layer may be displaced.
+    compose : callable
+        Composes layers whose tones are matched as these were.
+
+    Returns
+    -------
+    Composition
+        The given one where bending lowers the cost of all seams together by less than a twentieth.
+    """
+    layers = [_dense(layer) for layer in composed.layers]
+    corner = np.array(composed.origin, float)
+    seams = [
+        (pair, [np.asarray(line.points) + corner for line in seam.paths]) for pair, seam in composed.seams()
+    ]
+    bent, farthest = bend(layers, seams, most)
+    if not farthest:
+        return composed
+    again = compose(bent)
+    if again.totals().cost > (1 - _WORTH) * composed.totals().cost:
+        return composed
+    return dataclasses.replace(again, bent=farthest)
+
+
+def _dense(layer: Layer) -> Layer:
+    """The layer with its pixels in memory."""
+    alpha = None if layer.alpha is None else np.asarray(layer.alpha[:, :])
+    return dataclasses.replace(layer, image=np.asarray(layer.image[:, :]), alpha=alpha)
+
+
+def bend(
+    layers: Sequence[Layer], seams: Iterable[tuple[Pair, Sequence[Floats]]], most: int
+) -> tuple[list[Layer], float]:
+    """Bend the upper layer of each seam until the lower one's contents go on in it.
+
+    Parameters
+    ----------
+    layers : sequence of Layer
+    seams : pairs of layers, by number, with the lines between them
+        Each line is an (N, 2) array of x and y in the coordinates of the layers.
+    most : int
+        px.
+
+    Returns
+    -------
+    list of Layer
+    float
+        The largest displacement, px.
+    """
+    farthest = 0.0
+    pinned: list[list[tuple[Floats, Floats]]] = [[] for _ in layers]
+    for (i, j), lines in seams:
+        for line in lines:
+            points = _along(line)
+            if len(points) < 2:
+                continue
+            moves = _displacements(layers[i], layers[j], points, most)
+            pinned[i].append((points, np.zeros_like(moves)))
+            pinned[j].append((points, moves))
+            farthest = max(farthest, float(np.hypot(*moves.T).max()))
+    reach = max(_REACH, _REACH_PER_PX * most)
+    return [_bent(layer, found, reach) for layer, found in zip(layers, pinned, strict=True)], farthest
+
+
+def _along(points: Floats) -> Floats:
+    """(M, 2) points x and y of a line, equally far from each other."""
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    far = np.concatenate([[0.0], np.cumsum(steps)])
+    at = np.arange(0, far[-1] + 1e-9, max(_STEP, far[-1] / _POINTS))
+    return np.stack([np.interp(at, far, points[:, axis]) for axis in range(2)], axis=1)
+
+
+def _displacements(a: Layer, b: Layer, points: Floats, most: int) -> Floats:
+    """(M, 2) px by which b is displaced at points that both show; zero where that gains too little."""
+    centres = np.rint(points - 0.5).astype(int)
+    own, there = _patches(a, centres, _HALF), _patches(b, centres, _HALF + most)
+    reach = np.arange(-most, most + 1)
+    costs = np.empty((len(points), len(reach), len(reach)))
+    side = 2 * _HALF + 1
+    for row in range(len(reach)):
+        for column in range(len(reach)):
+            costs[:, row, column] = _unlike(own, there[:, row : row + side, column : column + side])
+    costs[costs[:, most, most] >= _UNKNOWN] = 0  # at the end of a layer nothing is known
+    far = np.hypot(reach[:, np.newaxis], reach)
+    costs += np.where(far <= most, _PER_PX * far, _FARTHER)
+    found = _cheapest(costs)
+    at = np.arange(len(points))
+    before, after = costs[:, most, most], costs[at, found[:, 0], found[:, 1]]
+    if not after.mean() < (1 - _GAIN) * before.mean():
+        return np.zeros((len(points), 2))
+    fine = (found - most + _between(costs, found)).astype(float)
+    smooth = scipy.ndimage.gaussian_filter1d(fine, 2.0, axis=0, mode="nearest")
+    return np.asarray(smooth[:, ::-1])
+
+
+def _patches(layer: Layer, centres: npt.NDArray[np.intp], half: int) -> npt.NDArray[np.float32]:
+    """(M, 2h + 1, 2h + 1, C) patches round pixels of the canvas; NaN where the layer shows nothing."""
+    x, y = centres.T - np.array(layer.at)[:, np.newaxis]
+    height, width = layer.image.shape[:2]
+    low = np.array([max(y.min() - half, 0), max(x.min() - half, 0)])
+    high = np.array([min(y.max() + half + 1, height), min(x.max() + half + 1, width)])
+    part = slice(int(low[0]), int(high[0])), slice(int(low[1]), int(high[1]))
+    values = as_float(np.asarray(layer.image[part]), layer.title, layer.data_range).astype(np.float32)
+    if layer.alpha is not None:
+        values[np.asarray(layer.alpha[part]) < full_scale(layer.alpha.dtype)] = np.nan
+    offsets = np.arange(-half, half + 1)
+    rows = y[:, np.newaxis, np.newaxis] - low[0] + offsets[:, np.newaxis]
+    columns = x[:, np.newaxis, np.newaxis] - low[1] + offsets
+    inside = (rows >= 0) & (rows < values.shape[0]) & (columns >= 0) & (columns < values.shape[1])
+    rows, columns = np.where(inside, rows, 0), np.where(inside, columns, 0)
+    found = values[rows, columns]
+    found[~inside] = np.nan
+    return found
+
+
+def _unlike(a: npt.NDArray[np.float32], b: npt.NDArray[np.float32]) -> Floats:
+    """(M,) 1 - SSIM of patches, plus the mean difference."""
+    c1, c2 = 0.01**2, 0.03**2
+    axes = (1, 2)
+    mean_a, mean_b = a.mean(axis=axes), b.mean(axis=axes)
+    var_a, var_b = a.var(axis=axes), b.var(axis=axes)
+    cov = (a * b).mean(axis=axes) - mean_a * mean_b
+    ssim = (2 * mean_a * mean_b + c1) * (2 * cov + c2)
+    ssim /= (mean_a**2 + mean_b**2 + c1) * (var_a + var_b + c2)
+    off = 1 - ssim.mean(axis=1) + 2 * np.abs(a - b).mean(axis=(1, 2, 3))
+    return np.where(np.isfinite(off), off, _UNKNOWN).astype(float)
+
+
+def _cheapest(costs: Floats) -> npt.NDArray[np.intp]:
+    """(M, 2) rows and columns of the cheapest sequence through (M, K, K) costs, of neighbouring states."""
+    count, rows, columns = costs.shape
+    steps = [(dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1)]
+    total = costs[0]
+    chosen = np.empty((count, rows, columns), np.int8)
+    for number in range(1, count):
+        padded = np.pad(total, 1, constant_values=np.inf)
+        before = np.stack(
+            [
+                padded[1 + dy : 1 + dy + rows, 1 + dx : 1 + dx + columns] + _PER_CHANGE * np.hypot(dy, dx)
+                for dy, dx in steps
+            ]
+        )
+        chosen[number] = before.argmin(axis=0)
+        total = before.min(axis=0) + costs[number]
+    state = np.array(np.unravel_index(int(total.argmin()), total.shape))
+    found = np.empty((count, 2), np.intp)
+    for number in range(count - 1, -1, -1):
+        found[number] = state
+        if number:
+            state = state + np.array(steps[chosen[number][tuple(state)]])
+    return found
+
+
+def _between(costs: Floats, found: npt.NDArray[np.intp]) -> Floats:
+    """(M, 2) px from the cheapest displacement to that of a parabola through its neighbours."""
+    at, last = np.arange(len(found)), costs.shape[1] - 1
+    shifts = np.zeros(found.shape)
+    for axis in range(2):
+        step = np.eye(2, dtype=int)[axis]
+        low, high = np.maximum(found - step, 0), np.minimum(found + step, last)
+        here, one, other = (costs[at, own[:, 0], own[:, 1]] for own in (found, low, high))
+        bend = one + other - 2 * here
+        inner = (found[:, axis] > 0) & (found[:, axis] < last) & (bend > 1e-6)
+        shifts[:, axis] = np.where(inner, (one - other) / (2 * np.where(inner, bend, 1.0)), 0.0)
+    return np.clip(shifts, -0.5, 0.5)
+
+
+def _bent(layer: Layer, pinned: Sequence[tuple[Floats, Floats]], reach: float) -> Layer:
+    """The layer, displaced by so much at some points, and less and less away from them."""
+    if not pinned:
+        return layer
+    points, moves = (np.concatenate(parts) for parts in zip(*pinned, strict=True))
+    if np.abs(moves).max() < _LEAST:
+        return layer
+    height, width = layer.image.shape[:2]
+    far = 3 * reach
+    moved = np.abs(moves).max(axis=1) >= _LEAST
+    own = points - np.array(layer.at)
+    low = np.maximum(np.floor(own[moved].min(axis=0) - far), 0).astype(int)
+    high = np.minimum(np.ceil(own[moved].max(axis=0) + far), (width, height)).astype(int)
+    field = _spread(own - low, moves, (high - low)[::-1], reach)
+    y, x = np.mgrid[low[1] : high[1], low[0] : high[0]].astype(np.float32)
+    x, y = x + field[..., 0], y + field[..., 1]
+    part = slice(low[1], high[1]), slice(low[0], high[0])
+    bends = np.abs(field).max(axis=2) >= _LEAST
+    whole = np.asarray(layer.image)
+    planes = whole.reshape(height, width, -1)
+    image, known = planes.copy(), np.ones((height, width), np.float32)
+    if layer.alpha is not None:
+        known *= np.asarray(layer.alpha) / np.float32(full_scale(layer.alpha.dtype))
+    where = np.stack([y[bends], x[bends]])
+    for channel in range(planes.shape[2]):
+        values = scipy.ndimage.map_coordinates(
+            planes[..., channel].astype(np.float32), where, order=3, mode="nearest"
+        )
+        if np.issubdtype(whole.dtype, np.integer):
+            values = np.clip(values, 0, layer.white)
+        image[part][..., channel][bends] = in_dtype(values, whole.dtype)
+    opacity = known.copy()
+    opacity[part][bends] = scipy.ndimage.map_coordinates(known, where, order=1, mode="constant")
+    opacity[part][(x < -0.01) | (y < -0.01) | (x > width - 0.99) | (y > height - 0.99)] = 0
+    alpha = in_dtype(opacity * np.float32(full_scale(whole.dtype)), whole.dtype)
+    return dataclasses.replace(layer, image=image.reshape(whole.shape), alpha=alpha)
+
+
+def _spread(
+    points: Floats, moves: Floats, shape: npt.NDArray[np.intp], reach: float
+) -> npt.NDArray[np.float32]:
+    """(h, w, 2) displacements on a part of a layer, of those at (M, 2) points of it."""
+    grid = max(_GRID, int(np.sqrt(shape.prod() / _NODES)))
+    rows, columns = (int(size) // grid + 2 for size in shape)
+    near = np.rint(points / grid).astype(int)
+    inside = (near >= 0).all(axis=1) & (near[:, 0] < columns) & (near[:, 1] < rows)
+    cell = near[inside, 1] * columns + near[inside, 0]
+    count = np.bincount(cell, minlength=rows * columns)
+    sums = [np.bincount(cell, own, rows * columns) for own in moves[inside].T]
+    values, known = np.stack(sums, axis=1) / np.maximum(count, 1)[:, np.newaxis], count > 0
+    down, across = (_second_differences(size) for size in (rows, columns))
+    one = scipy.sparse.eye_array
+    loss = (grid / reach) ** 2 * one(rows * columns)
+    conduction = (scipy.sparse.kron(down, one(columns)) + scipy.sparse.kron(one(rows), across) + loss).tocsr()
+    free = ~known
+    solved = scipy.sparse.linalg.splu(conduction[free][:, free].tocsc())
+    values[free] = solved.solve(-(conduction[free][:, known] @ values[known]))
+    at = np.stack(np.meshgrid(*(np.arange(size) / grid for size in shape), indexing="ij"))
+    planes = np.moveaxis(values.reshape(rows, columns, 2), -1, 0)
+    found = [scipy.ndimage.map_coordinates(plane, at, order=1, output=np.float32) for plane in planes]
+    return np.stack(found, axis=-1)
+
+
+def _second_differences(count: int) -> scipy.sparse.dia_array:
+    """Negative second differences of values in a row, whose ends are insulated."""
+    middle = np.full(count, 2.0)
+    middle[[0, -1]] = 1
+    beside = -np.ones(count - 1)
+    return scipy.sparse.diags_array([middle, beside, beside], offsets=[0, 1, -1])

@@ -238,7 +238,8 @@ def check_values(array: Image, name: Name = "image", data_range: float | None = 
         For NaN, infinite and huge values; and where `data_range` is needed: for integers but uint8 and
         uint16, and for floats beyond ±2.
     OptionError
-        When `data_range` is not positive, or beyond 1e30.
+        When `data_range` is not positive, or so small or large that values divided by it cannot be reckoned
+        with.
 
     Examples
     --------
@@ -250,7 +251,9 @@ def check_values(array: Image, name: Name = "image", data_range: float | None = 
 data_range= which value is white
     """
     if data_range is not None:
-        check_number("data_range", data_range, 1 / _WHITEST, _WHITEST)
+        whole = np.issubdtype(array.dtype, np.integer)
+        least = float(np.iinfo(array.dtype).max) / LARGEST if whole else 1 / _WHITEST
+        check_number("data_range", data_range, least, _WHITEST)
     if array.dtype == bool:
         return
     if np.issubdtype(array.dtype, np.integer):

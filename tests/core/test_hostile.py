@@ -126,6 +126,10 @@ ENDLESS = np.broadcast_to(np.float32(0.5), (10**6, 10**6))
         (lambda: ts.Layer(PICTURE, data_range=np.ones(2)), "data_range is array"),
         (lambda: ts.find_seam(PICTURE * 1e300, PICTURE, data_range=1e300), "data_range is 1e"),
         (lambda: ts.find_seam(PICTURE, PICTURE, data_range=1e-300), "data_range is 1e-300"),
+        (
+            lambda: ts.find_seam(np.uint8(PICTURE * 9), np.uint8(PICTURE), data_range=1e-30),
+            "data_range is 1e-30",
+        ),
         (lambda: ts.find_seam(PICTURE * 1e32, PICTURE, data_range=1e30), "values beyond"),
         (lambda: ts.placed(LAYERS[0], at=(np.inf, 0)), "at is inf"),
         (lambda: ts.placed(LAYERS[0], at=(np.nan, 0)), "at is nan"),

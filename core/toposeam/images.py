@@ -251,9 +251,7 @@ def check_values(array: Image, name: Name = "image", data_range: float | None = 
 data_range= which value is white
     """
     if data_range is not None:
-        whole = np.issubdtype(array.dtype, np.integer)
-        least = float(np.iinfo(array.dtype).max) / LARGEST if whole else 1 / _WHITEST
-        check_number("data_range", data_range, least, _WHITEST)
+        check_number("data_range", data_range, _least_white(array), _WHITEST)
     if array.dtype == bool:
         return
     if np.issubdtype(array.dtype, np.integer):
@@ -290,6 +288,15 @@ data_range= which value is white
             largest=largest,
             array=term_of(name),
         )
+
+
+def _least_white(array: Image) -> float:
+    """The least value that may count as 1 for an array: divided by less, integers become too large."""
+    if not np.issubdtype(array.dtype, np.integer):
+        return 1 / _WHITEST
+    if array.dtype.itemsize <= 2:
+        return float(np.iinfo(array.dtype).max) / LARGEST
+    return max(abs(float(array.min())), abs(float(array.max())), 1 / _WHITEST) / LARGEST
 
 
 def full_scale(dtype: np.dtype[Any]) -> Any:

@@ -3,6 +3,7 @@
 import os
 import shutil
 import tempfile
+import time
 from pathlib import Path
 
 import pytest
@@ -79,3 +80,18 @@ def test_what_others_leave_under_our_names_is_left_alone(shared):
         assert folder not in before
     assert sorted(shared.iterdir()) == before
     assert Path("/etc/passwd").exists()
+
+
+def test_request_folders_of_others_are_not_swept(shared):
+    """Also where their sign of life is a link to a file of ours."""
+    from toposeam_gimp.engine import folder as requests
+
+    theirs = shared / "toposeam-request-evil"
+    made = as_other(
+        theirs.mkdir,
+        lambda: (theirs / requests.MARKER).write_text("x"),
+        lambda: (theirs / requests._SIGN_OF_LIFE).symlink_to("/etc/hostname"),
+    )
+    assert made == 3
+    requests.sweep(shared, now=time.time() + 10 * requests.STALE_S)
+    assert theirs.is_dir()

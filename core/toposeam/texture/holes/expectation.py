@@ -15,6 +15,7 @@ from scipy import ndimage
 
 from toposeam.images import Mask
 from toposeam.texture.exemplar.atlas import Floats32
+from toposeam.texture.holes.distances import distance_from
 from toposeam.texture.light.levelling import membrane
 
 #: How far round a hole, in radii of a disc of its area, rows and columns are compared, and what share of the
@@ -48,19 +49,29 @@ def expectation(features: Floats32, hole: Mask, present: Mask) -> tuple[Floats32
     known = (present & ~hole).astype(np.float32)
     planes = [*np.moveaxis(features, 2, 0), _contrast(features, known)]
     like = _blurred(planes, known, float(np.clip(radius / 6, 1.5, 12)))
-    distance = ndimage.distance_transform_edt(~hole)
-    told = _told_by_lines(like, known * (distance <= _AROUND * radius))
-    expected = told + membrane(like - told, hole | ~present)
+    distance = distance_from(hole)
+    around = distance <= _AROUND * radius
     ring = (distance <= max(_RING * radius, _LEAST)) & (known > 0)
+    del distance
     seen = _blurred([*planes[:-1][:_COLOURS], planes[-1]], known, _BLUR)
     strange = (_strange(seen, ring) * known)[..., np.newaxis]
-    return np.concatenate([expected, np.zeros_like(strange)], axis=2), np.concatenate([like, strange], axis=2)
+    del seen, planes
+    told = _told_by_lines(like, known * around)
+    left = like if told is None else like - told
+    expected = np.zeros((*known.shape, like.shape[2] + 1), np.float32)
+    expected[..., :-1] = membrane(left, hole | ~present)
+    del left
+    if told is not None:
+        expected[..., :-1] += told
+    return expected, np.concatenate([like, strange], axis=2)
 
 
 def _blurred(planes: list[Floats32], known: Floats32, sigma: float) -> Floats32:
     share = np.maximum(ndimage.gaussian_filter(known, sigma), 1e-6)
-    found = [ndimage.gaussian_filter(plane * known, sigma) / share for plane in planes]
-    return np.stack(found, axis=2).astype(np.float32)
+    found = np.empty((*known.shape, len(planes)), np.float32)
+    for number, plane in enumerate(planes):
+        found[..., number] = ndimage.gaussian_filter(plane * known, sigma) / share
+    return found
 
 
 def _contrast(features: Floats32, known: Floats32) -> Floats32:
@@ -74,14 +85,15 @@ def _contrast(features: Floats32, known: Floats32) -> Floats32:
     return 2 * steps
 
 
-def _told_by_lines(like: Floats32, weight: Floats32) -> Floats32:
-    """Compute what the mean of its row, or of its column, says of each pixel; 0 where neither says most of
+def _told_by_lines(like: Floats32, weight: Floats32) -> Floats32 | None:
+    """Compute what the mean of its row, or of its column, says of each pixel; None where neither says most of
     it.
     """
-    best, found = _TOLD, np.zeros_like(like)
+    best, found = _TOLD, None
     mass = weight[..., np.newaxis]
     centred = like - (like * mass).sum(axis=(0, 1)) / np.maximum(mass.sum(), 1)
-    whole = float((np.square(centred) * mass).sum())
+    whole = _weighted_square(centred, mass)
+    del centred
     if whole == 0:
         return found
     for axis in (1, 0):
@@ -90,10 +102,17 @@ def _told_by_lines(like: Floats32, weight: Floats32) -> Floats32:
         every, seen = np.arange(len(count)), np.flatnonzero(count)
         lines = np.stack([np.interp(every, seen, line[seen]) for line in mean.T], axis=1)
         lines = np.expand_dims(lines, axis).astype(np.float32)
-        told = 1 - float((np.square(like - lines) * mass).sum()) / whole
+        told = 1 - _weighted_square(like - lines, mass) / whole
         if told > best:
             best, found = told, np.broadcast_to(lines, like.shape)
     return found
+
+
+def _weighted_square(values: Floats32, mass: Floats32) -> float:
+    """Sum squares, each with its weight; the values are used up."""
+    np.square(values, out=values)
+    values *= mass
+    return float(values.sum())
 
 
 def _strange(like: Floats32, ring: Mask) -> Floats32:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.images import Mask
+from toposeam.images import Mask, box_of
 from toposeam.seam.find import Method, method_options
 from toposeam.seam.labels import MethodOptions, decided_by
 from toposeam.seam.problem.overlap import FREE, TOUCHING, A, B, Overlap
@@ -88,26 +88,24 @@ class ShiftMoves:
         )
         known = (ground.present & ~ground.hole).astype(np.float32)
         if stride > 1:
-            share = ndimage.uniform_filter(known, stride)
-            blurred = [
-                ndimage.uniform_filter(plane * known, stride) / np.maximum(share, 1e-6)
-                for plane in np.moveaxis(ground.features, 2, 0)
-            ]
-            self.features = np.stack(blurred, axis=2)
+            share = np.maximum(ndimage.uniform_filter(known, stride), 1e-6)
+            features: Floats32 = np.empty(ground.features.shape, np.float32)
+            for number, plane in enumerate(np.moveaxis(ground.features, 2, 0)):
+                features[..., number] = ndimage.uniform_filter(plane * known, stride) / share
+            del share
         else:
-            self.features = np.where(known[..., np.newaxis] > 0, ground.features, 0)
+            features = np.where(known[..., np.newaxis] > 0, ground.features, 0)
         hole = ground.hole | ~ground.present
-        self.features = np.where(
-            hole[..., np.newaxis], expected[..., : self.features.shape[2]], self.features
-        ).astype(np.float32)
+        np.copyto(features, expected[..., : features.shape[2]], where=hole[..., np.newaxis])
+        self.features = features
         at = np.ix_(np.clip(self.rows, 0, height - 1), np.clip(self.columns, 0, width - 1))
         self.hole = ground.hole[at] & inside
         self.present = ground.present[at] & inside
         self.near = ground.near[at] & self.present
         self.free = self.near.copy()
         self.wanted = expected[at]
-        distance = ndimage.distance_transform_edt(ground.hole)
-        radius = max(float(distance.max()), 1.0)
+        deepest = ndimage.distance_transform_edt(ground.hole[box_of(ground.hole, 1)]).max()
+        radius = max(float(deepest), 1.0)
         self.weight = (np.float32(_DATA * stride / radius) * self.hole).astype(np.float32)
         self._like = like
         self.label = np.full(self.hole.shape, self.itself, np.intp)

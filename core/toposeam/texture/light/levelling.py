@@ -65,12 +65,9 @@ def membrane(values: Floats32, region: Mask) -> Floats32:
         )
         at = np.ix_(rows, columns)
         small = membrane(values[at], region[at])
-        scaled = [
-            ndimage.zoom(small[..., c], factor, order=1, grid_mode=True, mode="nearest")
-            for c in range(values.shape[2])
-        ]
-        grown = np.stack(scaled, axis=2)[: region.shape[0], : region.shape[1]]
-        np.copyto(result, grown, where=region[..., np.newaxis])
+        for c in range(values.shape[2]):
+            grown = ndimage.zoom(small[..., c], factor, order=1, grid_mode=True, mode="nearest")
+            np.copyto(result[..., c], grown[: region.shape[0], : region.shape[1]], where=region)
         return result
     if region.all() or not region.any():
         return result

@@ -1,0 +1,42 @@
+"""Distances from a hole, in little memory."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from toposeam.images import Mask
+
+#: So many rows are worked out at a time.
+_ROWS = 64
+
+
+def distance_from(mask: Mask) -> npt.NDArray[np.float64]:
+    """Compute how far each pixel is from the nearest one of a mask: what
+    :func:`scipy.ndimage.distance_transform_edt` gives, in a third of its memory.
+
+    Parameters
+    ----------
+    mask : (H, W) bool array
+        True somewhere.
+
+    Returns
+    -------
+    (H, W) float64 array
+        px; 0 in the mask.
+
+    Examples
+    --------
+    >>> distance_from(np.array([[True, False, False]])).tolist()
+    [[0.0, 1.0, 2.0]]
+    """
+    nearest = ndimage.distance_transform_edt(~mask, return_distances=False, return_indices=True)
+    distance = np.empty(mask.shape)
+    columns = np.arange(mask.shape[1])
+    for top in range(0, len(mask), _ROWS):
+        part = slice(top, top + _ROWS)
+        down = nearest[0, part] - np.arange(*part.indices(len(mask)))[:, np.newaxis]
+        right = nearest[1, part] - columns
+        distance[part] = np.sqrt((down * down + right * right).astype(np.float64))
+    return distance

@@ -6,7 +6,7 @@ READY := $(VENV)/.ready
 ONE_THREAD := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1
 
 .DEFAULT_GOAL := help
-.PHONY: browser test-gimp-all help demo test test-lowest docs quick release gimp test-gimp gimp-figures bench-gimp translations plugin-zip check check-deep lint format bench bench-all guard figures clean
+.PHONY: browser test-gimp-all help demo test test-lowest docs quick release gimp test-gimp gimp-figures bench-gimp translations plugin-zip check check-deep check-trust lint format bench bench-all guard figures clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 14
@@ -78,6 +78,12 @@ quick: $(READY)
 check-deep: $(READY)  ## 120 seeded mutations of the code: do the tests notice? (half an hour)
 	$(BIN)/python -m pip install --quiet --editable '.[deep]'
 	$(ONE_THREAD) $(BIN)/python tests/mutants.py --count 120 -j 2
+
+SEED := $(shell date +%s)
+check-trust: $(READY)  ## 16,000 drawn commands and calls, 200 kills, full disks, a second user, with new seeds (an hour)
+	TOPOSEAM_FUZZ=3 TOPOSEAM_FUZZ_SEED=$(SEED) TOPOSEAM_KILLS=100 TOPOSEAM_KILLS_SEED=$(SEED) $(ONE_THREAD) $(BIN)/python -m pytest \
+		-n auto --dist worksteal tests/fuzz tests/cli/test_ends.py tests/cli/test_machine_fails.py tests/cli/test_rights.py \
+		tests/cli/test_second_user.py tests/cli/commands/test_hostile_stacks.py tests/cli/commands/test_loop_command.py
 
 lint: $(READY)  ## ruff and mypy
 	$(BIN)/python -m ruff check .

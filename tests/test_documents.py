@@ -41,6 +41,17 @@ def anchors(text):
     return {re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings}
 
 
+def test_nobody_is_sent_to_an_index_for_our_name():
+    """No index has TopoSeam; who takes the name there is a stranger."""
+    sent = re.compile(
+        r"toposeam\[|toposeam *[=<>]=|(pipx?|uvx?|tool) (install|run) +(-\S+ +)*['\"]?toposeam\b", re.I
+    )
+    told = [path for room in ("core", "cli", "plugin_gimp", "tools") for path in (HERE / room).rglob("*.py")]
+    for path in [*DOCUMENTS, *told]:
+        found = sent.search(path.read_text(encoding="utf-8"))
+        assert found is None, (path, found)
+
+
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.relative_to(HERE).as_posix())
 def test_links_lead_somewhere(document):
     text = FENCE.sub("", document.read_text(encoding="utf-8"))

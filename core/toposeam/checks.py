@@ -166,6 +166,21 @@ def check_kind(name: Name, value: Any, kind: type | tuple[type, ...], wanted: st
         raise unsuitable(name, value, wanted)
 
 
+def check_function(name: Name, value: Any) -> None:
+    """Refuse what cannot be called, and is not None, before there is work that would call it.
+
+    Raises
+    ------
+    OptionError
+
+    Examples
+    --------
+    >>> check_function("progress", print)
+    """
+    if value is not None and not callable(value):
+        raise unsuitable(name, value, "a function, or None")
+
+
 def check_items(name: Name, values: Any, kind: type | tuple[type, ...], wanted: str) -> tuple[Any, ...]:
     """The items of a sequence, all of one class.
 

@@ -19,6 +19,10 @@ Mask = npt.NDArray[np.bool_]
 MAX_PIXELS = 10**9
 #: Float images with larger values are refused: their squares would overflow.
 LARGEST = 1e12
+#: An array of more pixels is refused before it is walked through.
+MOST_PIXELS = 2**32
+#: What counts as 1 lies between 1 ÷ this and this.
+_WHITEST = 1e30
 #: Floats within ± this are taken for shares of white; lights and filters go a little beyond 1.
 _NOMINAL = 2.0
 #: An array with at most four rows and more channels than this has its axes in another order.
@@ -85,7 +89,8 @@ def as_array(image: Any, name: Name = "image") -> Image:
     Raises
     ------
     ImageError
-        For other shapes, (C, H, W) among them, empty or masked arrays, complex or object dtypes.
+        For other shapes, (C, H, W) among them, empty or masked arrays, complex or object dtypes, and more
+        than four gigapixels.
     """
     if is_masked(image):
         raise ImageError(
@@ -121,6 +126,15 @@ def as_array(image: Any, name: Name = "image") -> Image:
             "{array} has shape {shape!s}; pass a non-empty (H, W) or (H, W, C) array",
             kind="shape",
             shape=array.shape,
+            array=term_of(name),
+        )
+    height, width = array.shape[:2]
+    if height * width > MOST_PIXELS:
+        raise ImageError(
+            "{array} has {width} × {height} px, more than are taken at once; pass a part of it",
+            kind="too large",
+            width=width,
+            height=height,
             array=term_of(name),
         )
     if array.ndim == 3 and array.shape[0] <= 4 and array.shape[2] > _MOST_CHANNELS:
@@ -224,7 +238,8 @@ def check_values(array: Image, name: Name = "image", data_range: float | None = 
         For NaN, infinite and huge values; and where `data_range` is needed: for integers but uint8 and
         uint16, and for floats beyond ±2.
     OptionError
-        When `data_range` is not positive.
+        When `data_range` is not positive, or so small or large that values divided by it cannot be reckoned
+        with.
 
     Examples
     --------
@@ -235,10 +250,10 @@ def check_values(array: Image, name: Name = "image", data_range: float | None = 
     toposeam.errors.ImageError: image has dtype int16 and values up to 0; pass uint8 or uint16, or say with \
 data_range= which value is white
     """
+    if data_range is not None:
+        check_number("data_range", data_range, _least_white(array), _WHITEST)
     if array.dtype == bool:
         return
-    if data_range is not None:
-        check_number("data_range", data_range, 0, above=True)
     if np.issubdtype(array.dtype, np.integer):
         if data_range is None and array.dtype not in (np.uint8, np.uint16):
             raise ImageError(
@@ -258,11 +273,11 @@ data_range= which value is white
             kind="not finite",
             array=term_of(name),
         )
-    if largest > LARGEST:
+    if largest > LARGEST or max(-low, high) > _WHITEST:
         raise ImageError(
             "{array} has values beyond ±{limit:g}; scale its range to [0, 1]",
             kind="white",
-            limit=LARGEST,
+            limit=LARGEST if largest > LARGEST else _WHITEST,
             array=term_of(name),
         )
     if data_range is None and largest > _NOMINAL:
@@ -273,6 +288,15 @@ data_range= which value is white
             largest=largest,
             array=term_of(name),
         )
+
+
+def _least_white(array: Image) -> float:
+    """The least value that may count as 1 for an array: divided by less, integers become too large."""
+    if not np.issubdtype(array.dtype, np.integer):
+        return 1 / _WHITEST
+    if array.dtype.itemsize <= 2:
+        return float(np.iinfo(array.dtype).max) / LARGEST
+    return max(abs(float(array.min())), abs(float(array.max())), 1 / _WHITEST) / LARGEST
 
 
 def full_scale(dtype: np.dtype[Any]) -> Any:

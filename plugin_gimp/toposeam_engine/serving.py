@@ -218,9 +218,14 @@ def _check_folder(folder: Path, told: bytes) -> None:
 
 
 def _serve(folder: Path, channel: Channel) -> dict[str, Any]:
-    request = json.loads((folder / "request.json").read_text(encoding="utf-8"))
     from toposeam.errors import OptionError
 
+    try:
+        request = json.loads((folder / "request.json").read_text(encoding="utf-8"))
+    except (ValueError, RecursionError):
+        request = None
+    if not isinstance(request, dict):
+        raise OptionError(f"'{folder}' holds no request; run “toposeam gimp install” and start GIMP again")
     if request.get("protocol") != PROTOCOL or request.get("version") != _version():
         raise OptionError(
             f"the plug-in is of TopoSeam {request.get('version')} and the installed TopoSeam is "

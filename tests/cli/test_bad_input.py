@@ -1,11 +1,15 @@
 """Whatever is wrong with the input, it ends in one sentence and leaves the folder as it was."""
 
+import math
 import os
 import shutil
+import struct
 import sys
+import zlib
 
 import pytest
 from bad_files import IN, arguments, snapshot
+from PIL import Image
 
 CASES = {
     # A picture that is none
@@ -21,7 +25,7 @@ CASES = {
     "folder": ("{a} {in}/folder.png " + IN, "name a picture inside it"),
     "device": ("{a} /dev/zero " + IN, "save it to disk"),
     "standard input": ("- {b} " + IN, "there is no file '-'"),
-    "vector": ("{a} {in}/vector.svg " + IN, "export it as PNG or TIFF"),
+    "vector": ("{a} {in}/vector.svg " + IN, "export it again as PNG or TIFF"),
     "half a png": ("{a} {in}/cut.png " + IN, "export it again"),
     "half a jpeg": ("{a} {in}/cut.jpg " + IN, "export it again"),
     "half a tiff": ("{a} {in}/cut.tif " + IN, "export it again"),
@@ -259,8 +263,8 @@ def test_a_hostile_name_stays_on_its_line(toposeam, inputs, here, name):
 @pytest.mark.parametrize(
     ("missing", "line", "remedy"),
     [
-        ("maxflow", "--method graph-cut", "pip install 'toposeam[graphcut]'"),
-        ("matplotlib", "--history history.png", "pip install 'toposeam[plot]'"),
+        ("maxflow", "--method graph-cut", "pip install PyMaxflow"),
+        ("matplotlib", "--history history.png", "pip install matplotlib"),
     ],
 )
 def test_a_missing_package_is_named_with_its_command(
@@ -272,3 +276,43 @@ def test_a_missing_package_is_named_with_its_command(
     before = snapshot(here)
     toposeam("stitch", *arguments("{a} {b} " + IN, inputs), *line.split()).fails(remedy)
     assert snapshot(here) == before
+
+
+def test_a_list_that_names_nothing_is_told(toposeam, here):
+    for text in ("", "\n\n", "# nothing\n"):
+        (here / "e.txt").write_text(text)
+        toposeam("enblend", "-o", "o.tif", "@e.txt").fails("@e.txt names no pictures; name at least one")
+
+
+def test_a_frame_of_gigapixels_is_refused(toposeam, inputs, here):
+    files = inputs / "a.png", inputs / "b.png"
+    ran = toposeam("enblend", "-o", "o.tif", "-f99999x99999", *files)
+    ran.fails("more than 4000 megapixels; make the frame smaller")
+
+
+def test_numbers_of_palettes_are_checked(toposeam, here):
+    (here / "long.gpl").write_text(f"GIMP Palette\n#\n{'9' * 400} 1 2 a\n")
+    nan = b"\0\0RGB " + struct.pack(">3fH", math.nan, 0, 0, 0)
+    block = struct.pack(">HI", 1, len(nan)) + nan
+    (here / "nan.ase").write_bytes(b"ASEF" + struct.pack(">HHI", 1, 0, 1) + block)
+    for name in ("long.gpl", "nan.ase"):
+        ran = toposeam("motif", "--palette", name, "--size", "32", "-o", "o.png")
+        ran.fails(f"'{name}' is damaged")
+
+
+def test_a_book_at_a_link_to_itself_is_told(toposeam, inputs, here):
+    (here / "loop").symlink_to("loop")
+    toposeam("book", inputs / "a.png", "-o", "loop").fails("'loop' is no folder")
+
+
+def test_an_animation_that_lies_about_its_frames_is_told(toposeam, here):
+    frames = [Image.new("RGB", (8, 8), (9 * index, 0, 0)) for index in range(6)]
+    frames[0].save(here / "a.png", save_all=True, append_images=frames[1:], duration=40)
+    content = (here / "a.png").read_bytes()
+    at = content.index(b"acTL") + 4
+    lie = b"acTL" + struct.pack(">II", 4_000_000_000, 0)
+    content = content[: at - 4] + lie + struct.pack(">I", zlib.crc32(lie)) + content[at + 12 :]
+    (here / "lie.apng").write_bytes(content)
+    ran = toposeam("loop", "lie.apng", "-o", "o.gif")
+    assert ran.code == 1, ran
+    ran.is_one_sentence()

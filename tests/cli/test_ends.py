@@ -3,8 +3,10 @@ Ctrl-C again and again, closed terminals, batches killed at any moment.
 """
 
 import json
+import multiprocessing
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -258,3 +260,58 @@ def test_what_was_printed_is_known_to_have_arrived(monkeypatch, capsys, name, re
     said = capsys.readouterr().err
     assert said.count("\n") == (name == "stdout" and not isinstance(reason, BrokenPipeError))
     assert ("no space left" in said) == (said != "")
+
+
+def test_a_ctrl_c_that_comes_while_click_ends_is_one(monkeypatch, capsys):
+    """Click takes it for an abortion, with exit code 1."""
+    from toposeam_cli import __main__
+    from toposeam_cli.app import main
+
+    def stop(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(main.click, "echo", stop)  # of the line on the first Ctrl-C comes the second one
+    monkeypatch.setattr(main.click.Group, "invoke", stop)
+    monkeypatch.setattr(sys, "argv", ["toposeam", "manual"])
+    monkeypatch.setattr(__main__.signal, "getsignal", lambda _: signal.SIG_IGN)
+    monkeypatch.setattr(__main__.signal, "signal", lambda *_: None)
+    with pytest.raises(SystemExit) as end:
+        __main__.start()
+    assert end.value.code == 130
+
+
+def test_semaphores_of_processes_that_are_gone_are_removed(tmp_path, monkeypatch):
+    from toposeam_cli.files import semaphores
+
+    space = re.sub(r"\D", "", str(Path("/proc/self/ns/pid").readlink()))
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    kept = {f"sem.toposeam-{space}-{os.getpid()}-a", f"sem.toposeam-1-{dead.pid}-a", "sem.mp-abc", "other"}
+    for name in {*kept, f"sem.toposeam-{space}-{dead.pid}-b"}:
+        (tmp_path / name).touch()
+    monkeypatch.setattr(semaphores, "_FOLDER", tmp_path)
+    configuration = {"semprefix": "/mp"}
+    monkeypatch.setattr(multiprocessing.current_process(), "_config", configuration)
+    semaphores.name_semaphores()
+    assert {path.name for path in tmp_path.iterdir()} == kept
+    assert configuration["semprefix"] == f"/toposeam-{space}-{os.getpid()}"
+
+
+@pytest.mark.slow
+def test_semaphores_of_a_killed_group_are_removed_by_the_next(many, process):
+    def ours(pid):
+        return [path for path in Path("/dev/shm").iterdir() if f"-{pid}-" in path.name]
+
+    words = ("batch", "a*.png", "b*.png", "--overlap", "40", "-o", "out/{name}.png", "-j", "2")
+    with process(*words, cwd=many, start_new_session=True) as child:
+        deadline = time.monotonic() + 60
+        while not ours(child.pid):
+            assert time.monotonic() < deadline
+            assert child.poll() is None
+            time.sleep(0.01)
+        os.killpg(child.pid, signal.SIGKILL)
+    assert ours(child.pid)
+    with process(*words, "--force", cwd=many, stdout=subprocess.DEVNULL) as after:
+        assert after.wait(120) == 0
+    assert not ours(child.pid)
+    assert not ours(after.pid)

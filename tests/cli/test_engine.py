@@ -1,5 +1,6 @@
 """What the engine answers: layers joined, joined again, aligned."""
 
+import io
 import re
 
 import numpy as np
@@ -9,6 +10,7 @@ from scipy import ndimage
 
 import toposeam as ts
 from toposeam_cli.commands.stitch import stitch
+from toposeam_engine import serving
 from toposeam_gimp.entries.seams import SEAM_ENTRIES
 
 
@@ -137,6 +139,13 @@ def test_a_mask_hides_what_is_black(request_folder, pair):
     shown = request_folder.pixels(result["masks"][1])
     assert not shown[:, :10].any()
     assert shown[:, 20:].all()
+
+
+@pytest.mark.parametrize("content", ["", "{", "[1]", "7", "[" * 100_000])
+def test_a_request_that_is_none_is_one_sentence(request_folder, content):
+    (request_folder.folder / "request.json").write_text(content)
+    with pytest.raises(ts.OptionError, match="holds no request; run “toposeam gimp install”"):
+        serving._serve(request_folder.folder, serving.Channel(io.StringIO()))
 
 
 def test_pixels_that_are_not_all_there_are_refused(request_folder, pair):

@@ -105,3 +105,86 @@ def test_tones_of_layers_with_unlike_channels_are_matched():
     colour = ts.Layer(np.full((20, 30, 3), 100, np.uint8))
     four = ts.Layer(np.full((20, 30, 4), 121, np.uint8), at=(20, 0))
     assert [layer.image.shape[2] for layer in ts.match_tones([colour, four])] == [3, 4]
+
+
+SEAM = ts.find_seam(PICTURE, PICTURE)
+LAYERS = [ts.Layer(PICTURE), ts.Layer(PICTURE, at=(16, 0))]
+#: Twelve gigapixels that take no memory until they are walked through.
+ENDLESS = np.broadcast_to(np.float32(0.5), (10**6, 10**6))
+
+
+@pytest.mark.parametrize(
+    ("call", "phrase"),
+    [
+        (lambda: ts.path_cost(ts.Polyline([[0, 0], [1e7, 1e7]]), np.ones((20, 20))), "keep it within"),
+        (lambda: ts.path_cost(ts.Polyline([[0, 0], [1e300, 0]]), np.ones((20, 20))), "keep it within"),
+        (lambda: ts.smooth_path(ts.Polyline([[0, 0], [1e11, 1e11]])), "keep it within"),
+        (lambda: ts.random_arrangement((10**12, 1), 3), "ask for at most"),
+        (lambda: ts.random_arrangement((10**4, 10**4), 3), "ask for at most"),
+        (lambda: ts.kaleidoscope(PICTURE, "p1", (10**12, 2)), "ask for at most"),
+        (lambda: ts.Layer(PICTURE, data_range=[]), r"data_range is \[\]"),
+        (lambda: ts.Layer(PICTURE, data_range=np.ones(2)), "data_range is array"),
+        (lambda: ts.find_seam(PICTURE * 1e300, PICTURE, data_range=1e300), "data_range is 1e"),
+        (lambda: ts.find_seam(PICTURE, PICTURE, data_range=1e-300), "data_range is 1e-300"),
+        (
+            lambda: ts.find_seam(np.uint8(PICTURE * 9), np.uint8(PICTURE), data_range=1e-30),
+            "data_range is 1e-30",
+        ),
+        (lambda: ts.find_seam(PICTURE * 1e32, PICTURE, data_range=1e30), "values beyond"),
+        (lambda: ts.placed(LAYERS[0], at=(np.inf, 0)), "at is inf"),
+        (lambda: ts.placed(LAYERS[0], at=(np.nan, 0)), "at is nan"),
+        (lambda: ts.placed(LAYERS[0], at=(0, 0), scale=1e308), "scale is 1e"),
+        (lambda: ts.stitch(LAYERS, wrap=2**63), "wrap is 9223372036854775808"),
+        (lambda: ts.draw_svg(MOTIF, note={"a": object()}), "pass a mapping of what JSON can hold"),
+        (lambda: ts.draw_seams(ENDLESS, []), "more than are taken at once"),
+        (lambda: ts.flatten_light(ENDLESS), "more than are taken at once"),
+        (lambda: ts.natural_patch(ENDLESS), "more than are taken at once"),
+        (lambda: ts.loop(np.zeros((10_001, 2, 2), np.uint8)), "so that at most 10000 are left"),
+        (lambda: ts.synthesize(ENDLESS, 32), "more than are taken at once"),
+    ],
+)
+def test_what_is_far_too_much_is_refused_at_once(call, phrase):
+    with pytest.raises(ts.TopoSeamError, match=phrase):
+        call()
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda given: ts.find_seam(PICTURE, PICTURE, progress=given),
+        lambda given: ts.stitch(LAYERS, progress=given),
+        lambda given: ts.synthesize(PICTURE, 32, progress=given),
+        lambda given: ts.synthesize(PICTURE, 32, preview=given),
+        lambda given: ts.make_tileable(PICTURE, progress=given),
+        lambda given: ts.fill(PICTURE, np.eye(24, 32) > 0, progress=given),
+        lambda given: ts.generate_motif(16, progress=given),
+        lambda given: ts.generate_solid(MOTIF.recipe, 8, progress=given),
+        lambda given: ts.join_motifs([MOTIF.recipe], progress=given),
+        lambda given: ts.find_surface(np.ones((4, 4, 4)), np.ones((4, 4, 4)), progress=given),
+        lambda given: ts.join_volumes(
+            np.ones((4, 4, 4)), np.ones((4, 4, 4)), offset=(0, 0, 2), progress=given
+        ),
+        lambda given: ts.loop(np.ones((8, 4, 4)), progress=given),
+        lambda given: ts.plan_path((8, 8), (1, 1), (6, 6), progress=given),
+    ],
+)
+@pytest.mark.parametrize("given", [3, "x"])
+def test_what_cannot_be_called_is_refused_before_work(call, given):
+    with pytest.raises(ts.OptionError, match="pass a function, or None"):
+        call(given)
+
+
+def test_numbers_of_few_bits_do_not_overflow():
+    rng = np.random.default_rng(0)
+    whole = rng.random((40, 80))
+    layers = [ts.Layer(whole[:, :50]), ts.Layer(whole[:, 30:], at=(29, 1))]
+    assert ts.align(layers, radius=np.int8(8)).layers[1].at == (30, 0)
+
+
+@pytest.mark.parametrize("reach", [None, 1, 2])
+def test_neighbours_in_an_arrangement_are_within_reach(reach):
+    grid = ts.random_arrangement((9, 11), 6, seed=3, reach=reach)
+    assert set(np.unique(grid)) <= set(range(6))
+    for axis in (0, 1):
+        assert np.abs(np.diff(grid, axis=axis)).max() <= (reach or 5)
+    assert ts.random_arrangement((2, 2), 10**15, seed=3).max() > 10**12

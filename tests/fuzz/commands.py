@@ -12,12 +12,14 @@ import random
 import re
 import shutil
 import sys
+import tempfile
 from pathlib import Path
 
 import click
 import numpy as np
 from click.testing import CliRunner
 from PIL import Image
+from strangers import MADE, READS, Door, fill
 from watched import LARGEST_BYTES, LONGEST_S, WORDS, TooLong, gone_bad, plain_png, tell, watched
 
 from toposeam_cli.app import registry
@@ -27,6 +29,7 @@ from toposeam_cli.app.options import is_output
 #: By what a type of parameter is called: values that are likely to be right.
 LIKELY = {
     "X,Y": ["0,0", "20,0", "-8,3", "30,5"],
+    "Z,Y,X": ["0,0,8", "0,0,16", "2,0,8", "2,0.5,0.5"],
     "N[%]": ["20", "25%", "8", "50%"],
     "WxH": ["48x32", "64x64", "33x70"],
     "N|WIDTHxHEIGHT": ["32", "48x32", "64"],
@@ -41,6 +44,8 @@ LIKELY = {
 }
 HOSTILE_SIZES = ["0x0", "1x100000", "999999x999999", "100000x1", "3x", "x3", "1x1", "-2x2", "2x2x2"]
 SUFFIXES = [".png", ".tif", ".jpg", ".webp", ".svg", ".ora", ".pdf", ".gif", ".toml", ".json", ".xyz", ""]
+#: The system's folder for temporary files, for the time of the run.
+TEMPORARY = Path("temporary").absolute()
 #: They make more than one file, and keep what they made when something fails later.
 KEEPING = {"batch", "book"}
 
@@ -64,6 +69,8 @@ class Fuzzer:
         self.pool.mkdir()
         self.worked = {}
         self.harvested = 0
+        self.command = ""
+        self.door = Door()
         self.careful = False
         self._fill_pool()
 
@@ -92,6 +99,7 @@ class Fuzzer:
         }
         for name, pixels in pictures.items():
             Image.fromarray(pixels).save(self.pool / name)
+        fill(self.pool, base)
         (self.pool / "huge.png").write_bytes(plain_png(30_000, 20_000))  # 600 megapixels in one colour
         (self.pool / "layout.toml").write_text(
             '[[layer]]\nfile = "rgb.png"\nat = [0, 0]\n[[layer]]\nfile = "other.png"\nat = [30, 4]\n'
@@ -116,9 +124,9 @@ class Fuzzer:
     def states(self):
         """What says whether the pool has been touched."""
         found = {}
-        for path in sorted(self.pool.iterdir()):
+        for path in sorted(self.pool.rglob("*")):
             state = path.lstat()
-            found[path.name] = (state.st_ino, state.st_size, state.st_mtime_ns)
+            found[str(path)] = (state.st_ino, state.st_size, state.st_mtime_ns)
         return found
 
     def add(self, name, content):
@@ -130,9 +138,25 @@ class Fuzzer:
         """A file of the pool gone bad."""
         usual = [path for path in self.pool.iterdir() if path.is_file() and path.stat().st_size < 10**6]
         source = self.rng.choice(sorted(usual))
+        wanted = READS.get(self.command)
+        if wanted is not None and self.rng.random() < 0.7:
+            source = self.rng.choice([path for path in sorted(usual) if path.name.startswith(wanted)])
+        folders = [path for path in sorted(self.pool.glob("stack*.zarr")) if wanted == "stack"]
+        if folders and self.rng.random() < 0.4:
+            return self.spoilt_folder(self.rng.choice(folders))
         name = f"bad{self.rng.randrange(12)}{source.suffix}"
         self.add(name, gone_bad(source.read_bytes(), self.rng))
         return self.pool / name
+
+    def spoilt_folder(self, source):
+        """A copy of a folder in which one file has gone bad."""
+        target = self.pool / f"bad{self.rng.randrange(4)}.zarr"
+        shutil.rmtree(target, ignore_errors=True)
+        shutil.copytree(source, target)
+        file = self.rng.choice(sorted(path for path in target.rglob("*") if path.is_file()))
+        file.write_bytes(gone_bad(file.read_bytes(), self.rng))
+        self.remembered = self.states()
+        return target
 
     # What an option can be given.
 
@@ -154,6 +178,9 @@ class Fuzzer:
                 "new\nline.png",
             ]
             return rng.choice([*places, *(str(self.pool / name) for name in special)])
+        if self.command in READS and rng.random() < 0.7:
+            known = sorted(path for path in self.pool.glob(f"{READS[self.command]}*"))
+            return rng.choice([*map(str, known), *(self.door.names if READS[self.command] == "clip" else ())])
         made = sorted(self.pool.glob("made*"))
         if made and draw < 0.6 and rng.random() < 0.4:
             return str(rng.choice(made))
@@ -182,6 +209,8 @@ class Fuzzer:
             return rng.choice(
                 ["old.png", "old.svg", "old.tif", "folder.png", os.fsdecode(b"\xff.png"), "n\nl.png"]
             )
+        if self.command in MADE and rng.random() < 0.8:
+            return f"new{rng.randrange(9)}{rng.choice(MADE[self.command])}"
         if self.careful:
             return f"new{rng.randrange(9)}{rng.choice(['.png', '.png', '.png', '.tif', '.svg', '.ora'])}"
         return f"new{rng.randrange(4)}{rng.choice(['.png', '.png', '.png', *SUFFIXES])}"
@@ -230,6 +259,7 @@ class Fuzzer:
         """A command and what is given to it, by parameter."""
         name = self.rng.choice([*registry.COMMANDS, "stitch", "synth", "motif"])
         words, command = self.rng.choice([leaf for leaf in self.commands if leaf[0][0] == name])
+        self.command = name
         self.careful = self.rng.random() < (0.3 if self.worked.get(words) else 0.7)
         known = self.worked.get(words)
         given = dict(self.rng.choice(known)) if known and self.rng.random() < 0.6 else {}
@@ -292,6 +322,10 @@ class Fuzzer:
             for name in ("old.png", "old.svg", "old.tif"):
                 Path(name).write_text("precious")
             Path("folder.png").mkdir()
+            if (self.pool / "clip.mp4").exists():
+                for name in self.door.names:
+                    Path(name).parent.mkdir(parents=True, exist_ok=True)
+                    shutil.copy(self.pool / "clip.mp4", name)
             words, _, given = self.draw()
             line = [*words, *(word for part in given.values() for word in part)]
             before = self.contents()
@@ -345,6 +379,10 @@ class Fuzzer:
             return f"no sentence: {told[-500:]!r}"
         if self.states() != self.remembered:
             return "an input has changed"
+        if self.door.came:
+            return "a connection was opened"
+        if list(TEMPORARY.iterdir()):
+            return f"left in the system's temporary folder: {sorted(TEMPORARY.rglob('*'))}"
         now = self.contents()
         if any(".toposeam-" in name for name in now):
             return "a temporary file is left"
@@ -385,6 +423,8 @@ if __name__ == "__main__":
     home.mkdir()
     os.environ |= {"HOME": str(home), "XDG_CONFIG_HOME": str(home), "PATH": str(home)}
     os.environ.pop("GIMP3_DIRECTORY", None)
+    TEMPORARY.mkdir()
+    tempfile.tempdir = os.environ["TMPDIR"] = str(TEMPORARY)
     sys.stdin = io.StringIO()
     fuzzer = Fuzzer(int(sys.argv[1]))
     for index in range(int(sys.argv[2])):

@@ -45,12 +45,28 @@ class Commands(click.Group):
         ]
         return found + click.Command.shell_complete(self, ctx, incomplete)
 
-    def invoke(self, ctx: click.Context) -> Any:
+    def main(self, *args: Any, standalone_mode: bool = True, **given: Any) -> Any:
+        """Run the command line and exit. Of a Ctrl-C before the command begins, or while it ends, click would
+        make exit code 1.
+        """
+        run: Any = super().main
+        if not standalone_mode:
+            return run(*args, standalone_mode=False, **given)
+        try:
+            code = run(*args, standalone_mode=False, **given)
+        except click.ClickException as error:
+            error.show()
+            code = error.exit_code
+        except click.Abort:
+            code = 130
+        sys.exit(code)
+
+    def invoke(self, ctx: click.Context) -> None:
         """Run the chosen command."""
         _never_fail_to_print()
         try:
             with terminations_raised():
-                return super().invoke(ctx)
+                super().invoke(ctx)  # what a command returns is for batches; here it would be an exit code
         except KeyboardInterrupt:
             click.echo("Interrupted; no file was left unfinished.", err=True)
             ctx.exit(130)

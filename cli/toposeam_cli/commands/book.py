@@ -177,7 +177,11 @@ def _beside(chosen: Sequence[tuple[Row, str]]) -> list[tuple[Row, str]]:
 
 
 def _check_folder(folder: Path, themes: Sequence[Path], journal: Path, force: bool) -> None:
-    """Refuse, before any work is spent on it, a folder with files that are not of a book's making."""
+    """Refuse, before any work is spent on it, a folder with files that are not of a book's making, and what
+    is no folder.
+    """
+    if os.path.lexists(folder) and not folder.is_dir():
+        raise ts.OptionError(f"'{folder}' is no folder, which a book is; choose another name")
     for theme in themes:
         if any(theme.resolve().parent == (folder / name).resolve() for name in _FOLDERS):
             raise ts.OptionError(

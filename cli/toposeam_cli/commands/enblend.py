@@ -132,7 +132,13 @@ def _moved(layer: ts.Layer, frame: CanvasFrame) -> ts.Layer:
 
 def _frame(job: PlacedPictures, text: str | None) -> CanvasFrame:
     if text is not None:
-        return frame_of(text)
+        frame = frame_of(text)
+        if frame.width * frame.height > _MAX_MEGAPIXELS * 1e6:
+            raise ts.OptionError(
+                f"-f {text} is {frame.width} x {frame.height} pixels, more than "
+                f"{_MAX_MEGAPIXELS:g} megapixels; make the frame smaller"
+            )
+        return frame
     canvas = ts.common_canvas(job.layers, max_megapixels=_MAX_MEGAPIXELS)
     return CanvasFrame(canvas.shape[1], canvas.shape[0], *canvas.origin)
 

@@ -16,6 +16,7 @@ import toposeam as ts
 from toposeam.images import Windows
 from toposeam.layers.composite.local_warp import MOST
 from toposeam.layers.composite.stitch import stitched as ts_stitched
+from toposeam.layers.labelling.posing import check_pairs
 from toposeam.layers.search.options import Effort
 from toposeam.seam.result.drawing import draw_seams
 from toposeam_cli.app.options import (
@@ -329,6 +330,7 @@ def _stitch(
     else:
         keeps_holes = out.fill_edges is None and (out.has_alpha or out.background is not None)
         crop = out.crop or ("outside" if keeps_holes else "inside")
+    check_pairs(job.layers)
     warnings = [] if out.quiet else strangers(job, find.wrap, means.workers)
     if job.stored:
         return job, _stitch_large(job, find, out, files, crop, means, [*warnings], aligned)

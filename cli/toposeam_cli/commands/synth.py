@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -223,7 +224,10 @@ def synth(
     if isinstance(size, AutoSize):
         size = _closing_size(size, pictures, copied, tileable, transparent)
         check_size(output, *size)
-    with share_bar(f"growing {output.name}", results.quiet) as progress:
+    with (
+        share_bar(f"growing {output.name}", results.quiet) as progress,
+        _shown_in(preview, pictures[0]) as show,
+    ):
         made = ts.synthesize(
             [picture.pixels for picture in pictures],
             size[::-1],
@@ -234,7 +238,7 @@ def synth(
             source_mask=copied or None,
             shares=shares,
             transparent=transparent,
-            preview=None if preview is None else _shown_in(preview, pictures[0]),
+            preview=show,
             flatten=flatten,
             level=level,
             maps=[[one.pixels for one in given] for given in maps],
@@ -260,13 +264,25 @@ def synth(
             )
 
 
-def _shown_in(path: Path, like: Picture) -> Callable[[np.ndarray], None]:
-    """Return a function that writes an unfinished texture to a file, again and again."""
+@contextmanager
+def _shown_in(path: Path | None, like: Picture) -> Iterator[Callable[[np.ndarray], None] | None]:
+    """Yield a function that writes an unfinished texture to a file, again and again; of one that is never
+    finished nothing stays.
+    """
+    shown = False
 
     def show(pixels: np.ndarray) -> None:
-        write_picture(path, dataclasses.replace(like, pixels=pixels, alpha=None), force=True)
+        nonlocal shown
+        if path is not None:
+            write_picture(path, dataclasses.replace(like, pixels=pixels, alpha=None), force=True)
+            shown = True
 
-    return show
+    try:
+        yield None if path is None else show
+    except BaseException:
+        if path is not None and shown:
+            path.unlink(missing_ok=True)
+        raise
 
 
 def _closing_size(

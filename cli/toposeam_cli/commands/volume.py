@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -21,12 +22,14 @@ from toposeam_cli.app.options import (
 from toposeam_cli.app.progress import share_bar
 from toposeam_cli.files.temporary import claimed_folder, temporary_beside
 from toposeam_cli.files.writing import all_or_nothing, check_output, replacing
-from toposeam_cli.media.stacks.reading import read_stack
+from toposeam_cli.media.stacks.reading import MOST_VOXELS, read_stack
 from toposeam_cli.media.stacks.stack import Stack, common_spacing
 from toposeam_cli.media.stacks.writing import check_stack_output, write_stack
 
 #: Overlaps of more voxels are joined by blocks.
 _WHOLE = 20_000_000
+#: So are larger stacks, which are not loaded.
+_LOADED = 1_000_000_000
 
 
 class TripleType(click.ParamType):  # type: ignore[type-arg]
@@ -68,8 +71,15 @@ class TripleType(click.ParamType):  # type: ignore[type-arg]
 )
 @click.option(
     "--white",
-    type=FiniteRange(0, min_open=True),
+    type=FiniteRange(1e-30, 1e30),
     help="The value that counts as white; the depth's greatest by default, of floats the stacks' own.",
+)
+@click.option(
+    "--max-voxels",
+    type=FiniteRange(min=1),
+    default=MOST_VOXELS,
+    show_default=True,
+    help="Refuse stacks that have more, each or joined.",
 )
 @force_option
 @quiet_option
@@ -89,10 +99,15 @@ def volume(a: Path, b: Path, output: Path, **given: Any) -> None:
             check_stack_output(path, force)
     if given["mesh"] is not None:
         check_output(given["mesh"], force, (".ply", ".stl"))
-    first, second = read_stack(a), read_stack(b)
+    first, second = read_stack(a, given["max_voxels"]), read_stack(b, given["max_voxels"])
+    _check_joined(first, second, given["offset"], given["max_voxels"])
     spacing, _ = common_spacing(first, second, given["spacing"])
     sides = spacing or (1.0, 1.0, 1.0)
-    block = given["block"] or (160 if _common_voxels(first, second, given["offset"]) > _WHOLE else None)
+    in_memory = (
+        _common_voxels(first, second, given["offset"]) <= _WHOLE
+        and max(math.prod(stack.voxels.shape) for stack in (first, second)) <= _LOADED
+    )
+    block = given["block"] or (None if in_memory else 160)
     with claimed_folder(temporary_beside(output.absolute())) as folder:
         with share_bar(f"joining {a.name} and {b.name}", quiet) as progress:
             made = ts.join_volumes(
@@ -129,6 +144,23 @@ def _common_voxels(a: Stack, b: Stack, offset: tuple[int, int, int]) -> int:
         min(one, step + other) - max(0, step) for one, other, step in zip(a.size, b.size, offset, strict=True)
     )
     return int(np.prod([max(0, length) for length in ends]))
+
+
+def _check_joined(a: Stack, b: Stack, offset: tuple[int, int, int], most: float) -> None:
+    """Refuse a result of too many voxels.
+
+    Raises
+    ------
+    OptionError
+    """
+    sides = [
+        max(one, step + other) - min(0, step) for one, other, step in zip(a.size, b.size, offset, strict=True)
+    ]
+    if math.prod(sides) * math.prod(a.voxels.shape[3:]) > most:
+        raise ts.OptionError(
+            f"joined, the stacks have {'×'.join(map(str, sides))} voxels, more than the {most:.6g} allowed; "
+            "check --offset, or raise --max-voxels"
+        )
 
 
 def _white(a: Stack, b: Stack, given: float | None) -> float | None:

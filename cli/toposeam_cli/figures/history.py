@@ -51,7 +51,7 @@ def check_matplotlib() -> None:
             import matplotlib.figure  # noqa: F401
     except ImportError as error:
         raise ts.MissingPackageError(
-            "--history needs matplotlib; install it with: pip install 'toposeam[plot]'"
+            "--history needs matplotlib; install it with: pip install matplotlib"
         ) from error
 
 

@@ -16,6 +16,7 @@ from types import FrameType
 from typing import Any, TypeVar
 
 from toposeam.sentence import causes
+from toposeam_cli.files.semaphores import name_semaphores
 
 Value = TypeVar("Value")
 
@@ -122,6 +123,7 @@ def start_resource_tracker() -> None:
         return  # Windows has none
     from multiprocessing import resource_tracker
 
+    name_semaphores()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGHUP,))  # which the new process inherits
     try:
         resource_tracker.ensure_running()

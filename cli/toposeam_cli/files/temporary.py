@@ -10,6 +10,7 @@ import re
 import secrets
 import shutil
 import stat
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -81,14 +82,14 @@ def claimed(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def claimed_folder(path: Path) -> Iterator[Path]:
+def claimed_folder(path: Path, mode: int = 0o777) -> Iterator[Path]:
     """Make a folder that :func:`remove_stale` leaves alone within the block, and that is gone after it unless
     it has another name by then.
     """
     descriptor = -1
     try:
         while True:
-            path.mkdir()
+            path.mkdir(mode)
             if fcntl is None:
                 break  # Windows opens no folders
             descriptor = os.open(path, os.O_RDONLY)
@@ -99,6 +100,17 @@ def claimed_folder(path: Path) -> Iterator[Path]:
         remove(path)
         if descriptor >= 0:
             os.close(descriptor)
+
+
+@contextmanager
+def private_folder() -> Iterator[Path]:
+    """Make a folder that nobody else can open, where the system keeps temporary files; those of killed
+    commands go first.
+    """
+    shared = Path(tempfile.gettempdir())
+    tidy_once(shared)
+    with claimed_folder(temporary_beside(shared / "private"), 0o700) as folder:
+        yield folder
 
 
 def _is_claimed(path: Path, descriptor: int) -> bool:

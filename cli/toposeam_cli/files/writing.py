@@ -175,6 +175,7 @@ def check_output(
                 f"cannot write '{path}': there is no folder '{target.parent}'; create it or choose another "
                 "one"
             )
+        tidy_once(target.parent)  # also of a command that was killed when its outputs had their names
         with suppress(FileNotFoundError):
             if not stat.S_ISREG(target.lstat().st_mode):
                 raise OptionError(

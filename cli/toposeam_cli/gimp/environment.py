@@ -105,11 +105,21 @@ def make_environment(folder: Path) -> Path:
 
 
 def requirement() -> str:
-    """Return pip's requirement for this very TopoSeam: its origin, or its release."""
+    """Return where pip gets this very TopoSeam: the checkout or archive that it was installed from. No
+    package index has it, so a package of its name there would be a stranger's.
+
+    Raises
+    ------
+    OptionError
+        Where it is not known.
+    """
     try:
         told = distribution("toposeam").read_text("direct_url.json")
     except PackageNotFoundError:
         told = None
     if told:
         return str(json.loads(told)["url"])
-    return f"toposeam=={ts.__version__}"
+    raise OptionError(
+        "this TopoSeam does not say where it was installed from; make an environment from a checkout "
+        "(python -m venv FOLDER, and FOLDER/bin/pip install CHECKOUT), and name its Python with --python"
+    )

@@ -10,7 +10,7 @@ import time
 import uuid
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Executor
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
@@ -18,6 +18,7 @@ from typing import Any
 
 from toposeam.errors import MissingPackageError, OptionError
 from toposeam_cli.files.interruption import ctrl_c_later, start_resource_tracker, uninterrupted
+from toposeam_cli.files.temporary import private_folder
 from toposeam_cli.jobs.workers import Workers
 
 #: Of a local cluster: no pages, of which Dask's own switch leaves some, no profile of the
@@ -151,12 +152,18 @@ def dask_workers(address: str, count: int, waiting: int = 0) -> Iterator[Workers
         import distributed  # noqa: F401 - whether it is there
     except ImportError as error:
         raise MissingPackageError(
-            "running on Dask needs distributed; install it with: pip install 'toposeam[dask]'"
+            "running on Dask needs distributed; install it with: pip install distributed cryptography"
         ) from error
     # A worker's death is ours to answer: only we know which files it may have left.
     # Dask has its workers give memory back at every chance and take it anew, which costs more than the work.
     spawned = {name: value for name, value in dask.config.get(_SPAWNED).items() if "MALLOC" not in name}
-    with dask.config.set({"distributed.scheduler.allowed-failures": 0, _SPAWNED: spawned, **_UNWATCHED}):
+    settings = {"distributed.scheduler.allowed-failures": 0, _SPAWNED: spawned, **_UNWATCHED}
+    with ExitStack() as opened:
+        if address == "local":
+            # Workers read back what they spill, and import from there: by default from a folder in /tmp that
+            # anyone may have made before us, and that stays.
+            settings["temporary-directory"] = str(opened.enter_context(private_folder()))
+        opened.enter_context(dask.config.set(settings))
         cluster = _local_cluster(count) if address == "local" else None
         try:
             with _client_of(cluster, address) as client:
@@ -234,7 +241,7 @@ def _local_cluster(count: int) -> Any:
     except ImportError as error:
         raise MissingPackageError(
             "a Dask cluster that nobody else can use needs cryptography; install it with: pip install "
-            "'toposeam[dask]'"
+            "cryptography"
         ) from error
     _silence()
     cluster = None

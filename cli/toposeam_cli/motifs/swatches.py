@@ -48,7 +48,9 @@ def read_swatches(path: Path) -> np.ndarray:
         ) from error
     try:
         colours = list(_ase(data) if path.suffix.lower() == ".ase" else _gpl(data.decode("utf-8", "replace")))
-    except (struct.error, ValueError, IndexError) as error:
+        if not np.isfinite(np.array(colours)).all():
+            raise ValueError("it holds what is no number")
+    except (struct.error, ValueError, IndexError, OverflowError) as error:
         raise ts.OptionError(f"'{path}' is damaged ({error}); export it again") from error
     if not colours:
         raise ts.OptionError(f"'{path}' has no colours in RGB, LAB, gray or CMYK; export it again")

@@ -226,6 +226,8 @@ def files_of(words: Sequence[str]) -> list[Path]:
             if not found:
                 raise ts.OptionError(f"'{path}' names '{name}', and there is no such file; correct it")
             files += found
+    if not files:
+        raise ts.OptionError(f"{' '.join(words)} names no pictures; name at least one")
     return files
 
 

@@ -21,6 +21,8 @@ from toposeam.motif.motif import Motif
 #: Standard deviation of the blur by which prints that end differently go over into each other, as a share of
 #: the cell's side.
 _OVER = 0.03
+#: Of a random arrangement.
+_MOST_PLACES = 1_000_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -241,7 +243,11 @@ def random_arrangement(
     (2, 3)
     """
     counts = rows, columns = check_pair("counts", counts, 1)
-    check_whole("motifs", motifs, 1)
+    check_whole("motifs", motifs, 1, 2**62)
+    if rows * columns > _MOST_PLACES:
+        raise OptionError(
+            f"the arrangement would have {rows} × {columns} places; ask for at most {_MOST_PLACES}"
+        )
     if reach is not None:
         check_whole("reach", reach, 1)
     rng = np.random.default_rng(seed_of(seed))
@@ -253,7 +259,7 @@ def random_arrangement(
             # choice.
             beside = [int(grid[y, x - 1])] if x else []
             beside += [int(grid[y - 1, x])] if y else []
-            grid[y, x] = rng.choice(
-                [i for i in range(motifs) if all(abs(i - other) <= far for other in beside)]
-            )
+            least = max([0, *(other - far for other in beside)])
+            most = min([motifs - 1, *(other + far for other in beside)])
+            grid[y, x] = least + rng.choice(most - least + 1)
     return grid

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from toposeam.checks import (
     Seed,
     check_choice,
+    check_function,
     check_items,
     check_number,
     check_numbers,
@@ -100,6 +101,7 @@ def generate_motif(
     >>> motif.image().shape
     (32, 32, 3)
     """
+    check_function("progress", progress)
     if isinstance(source, Recipe):
         if options:
             raise OptionError(

@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import check_items, check_kind, check_range, check_whole
+from toposeam.checks import check_function, check_items, check_kind, check_range, check_whole
 from toposeam.display import to_png
 from toposeam.errors import OptionError, Term
 from toposeam.motif.arrange import arrange
@@ -188,6 +188,7 @@ def join_motifs(
     >>> first.densities.shape
     (1, 16, 16)
     """
+    check_function("progress", progress)
     recipes = check_items("recipes", recipes, Recipe, "a sequence of Recipes")
     if shared is None:
         shared = max(1, round(_SHARED * min(recipes[0].size))) if recipes else 1

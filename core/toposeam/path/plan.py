@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.checks import check_kind, check_numbers, options_from
+from toposeam.checks import check_function, check_kind, check_numbers, options_from
 from toposeam.errors import ImageError, OptionError, PathError
 from toposeam.heat.threads import one_thread
 from toposeam.path.gather import PathIteration, PathKeywords, PathOptions
@@ -20,7 +20,7 @@ from toposeam.path.levels import lead
 from toposeam.path.trace import cost_along, taut
 from toposeam.saving import save
 from toposeam.sentence import counted
-from toposeam.vector.polyline import Polyline
+from toposeam.vector.polyline import Polyline, check_length
 from toposeam.vector.svg import write_svg
 
 Floats = npt.NDArray[np.float64]
@@ -149,6 +149,7 @@ def plan_path(
     >>> plan_path((20, 30), (4, 15), (26, 15), obstacles=wall)
     PlannedPath(1 way of 31.4 px on 30 × 20, cost 31.42)
     """
+    check_function("progress", progress)
     chosen = options_from(PathOptions, options, given, "a path")
     cost = _ground(ground, obstacles)
     starts, ends, between = (
@@ -207,12 +208,19 @@ def path_cost(path: Polyline, ground: npt.ArrayLike) -> float:
     -------
     float
 
+    Raises
+    ------
+    ImageError, OptionError
+    PathError
+        If the line is too long to be followed pixel by pixel.
+
     Examples
     --------
     >>> path_cost(Polyline(np.array([[0.5, 0.5], [3.5, 0.5]])), np.full((2, 4), 2.0))
     6.0
     """
     check_kind("path", path, Polyline, "a Polyline")
+    check_length(path.outline)
     return cost_along(path.outline, _ground(ground, None))
 
 

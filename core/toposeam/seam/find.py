@@ -10,7 +10,7 @@ from typing import Any, Literal, Unpack, get_args
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import check_choice, options_from
+from toposeam.checks import check_choice, check_function, options_from
 from toposeam.errors import MissingPackageError, OptionError
 from toposeam.heat.threads import one_thread
 from toposeam.images import Mask
@@ -138,6 +138,7 @@ def find_seam(
     >>> seam.labels[:, 0].any(), seam.labels[:, -1].all()
     (np.False_, np.True_)
     """
+    check_function("progress", progress)
     for name, value in (("prove", prove), ("record_frames", record_frames)):
         check_choice(name, value, (True, False))
     method = method_for(method, heats=record_frames or bool(given) or options is not None)

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.checks import check_kind, check_range, check_whole
+from toposeam.checks import check_function, check_kind, check_range, check_whole
 from toposeam.errors import OptionError
 from toposeam.heat.block import Block
 from toposeam.heat.conjugate import Floats
@@ -149,6 +149,7 @@ def generate_solid(recipe: Recipe, depth: int, *, progress: Callable[[float], No
     >>> ts.generate_solid(recipe, 24).mesh(2.5).closed
     True
     """
+    check_function("progress", progress)
     check_kind("recipe", recipe, Recipe, "a Recipe")
     check_whole("depth", depth, _LEAST)
     if len(recipe.layers) != 1:

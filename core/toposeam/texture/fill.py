@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.checks import Seed, check_choice, check_whole
+from toposeam.checks import Seed, check_choice, check_function, check_whole
 from toposeam.errors import ImageError, OptionError, Term
 from toposeam.images import Mask, box_of
 from toposeam.texture.assemble_result import finish
@@ -128,6 +128,7 @@ def fill(
     >>> bool((filled[0] == image[0]).all())
     True
     """
+    check_function("progress", progress)
     request = TextureRequest.of(
         "fill",
         options,

@@ -9,7 +9,15 @@ from typing import Any, Unpack
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import Seed, check_choice, check_items, check_number, check_pair, check_whole
+from toposeam.checks import (
+    Seed,
+    check_choice,
+    check_function,
+    check_items,
+    check_number,
+    check_pair,
+    check_whole,
+)
 from toposeam.errors import ImageError, OptionError, Term
 from toposeam.images import MAX_PIXELS
 from toposeam.texture.assemble_result import finish
@@ -160,6 +168,8 @@ def synthesize(
     >>> ts.synthesize(sample, (60, 80), patch=24, tileable="x").image.shape
     (60, 80)
     """
+    check_function("progress", progress)
+    check_function("preview", preview)
     height, width = _size(size, max_megapixels)
     check_whole("processes", processes, 1, MAX_PROCESSES)
     request = TextureRequest.of(

@@ -8,7 +8,7 @@ from typing import Unpack
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import Seed, check_whole
+from toposeam.checks import Seed, check_function, check_whole
 from toposeam.errors import ImageError, OptionError, Term
 from toposeam.images import Mask, as_array, full_scale
 from toposeam.texture.assemble_result import finish
@@ -74,6 +74,7 @@ def make_tileable(
     >>> bool((tile[20:40, 20:40] == image[20:40, 20:40]).all())
     True
     """
+    check_function("progress", progress)
     request = TextureRequest.of(
         "make_tileable",
         options,

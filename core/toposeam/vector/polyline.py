@@ -18,8 +18,25 @@ Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 Mask = npt.NDArray[np.bool_]
 
+#: A longer line is not followed pixel by pixel, px to the side and down.
+_LONGEST_PX = 1e6
+
 # Directions of travel, clockwise as seen on the screen: turning right adds one.
 _EAST, _SOUTH, _WEST, _NORTH = range(4)
+
+
+def check_length(outline: Floats) -> None:
+    """Refuse a line, (N, 2), that is too long to be followed pixel by pixel.
+
+    Raises
+    ------
+    PathError
+    """
+    reach = float(np.abs(np.diff(outline, axis=0)).sum())
+    if not reach <= _LONGEST_PX:
+        raise PathError(
+            f"the line goes {reach:.3g} px to the side and down; keep it within {_LONGEST_PX:g} px"
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

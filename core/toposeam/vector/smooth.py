@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from toposeam.checks import check_kind, check_number
 from toposeam.display import line_svg
-from toposeam.vector.polyline import Floats, Ints, Polyline
+from toposeam.vector.polyline import Floats, Ints, Polyline, check_length
 
 #: How far the curves may be from the line, px: the first value with few enough anchors, else the last one.
 TOLERANCES_PX: tuple[float, ...] = (2.0, 2.25, 2.5)
@@ -99,6 +99,12 @@ def smooth_path(line: Polyline, tolerance: float | None = None) -> SmoothPath:
     -------
     SmoothPath
 
+    Raises
+    ------
+    OptionError
+    PathError
+        If the line is too long to be followed pixel by pixel.
+
     Examples
     --------
     >>> stairs = Polyline(np.repeat(np.arange(120.0), 2)[:, np.newaxis][1:] * [1, 0]
@@ -110,6 +116,7 @@ def smooth_path(line: Polyline, tolerance: float | None = None) -> SmoothPath:
     if tolerance is not None:
         tolerances = (check_number("tolerance", tolerance, 0, above=True),)
     check_kind("line", line, Polyline, "a Polyline")
+    check_length(line.outline)
     dense = _dense(line.outline)
     few = max(float(np.ptp(dense, axis=0).max()) / FEW_PX, 1)
     for allowed in tolerances:

@@ -58,7 +58,7 @@ def _dask() -> Any:
         import dask.array
     except ImportError as error:
         raise MissingPackageError(
-            "joining by blocks needs dask; install it with: pip install 'toposeam[volumes]'"
+            "joining by blocks needs dask; install it with: pip install 'dask[array]'"
         ) from error
     return dask.array
 

@@ -10,7 +10,7 @@ from typing import Any, Literal, Unpack, get_args
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import check_choice, options_from
+from toposeam.checks import check_choice, check_function, options_from
 from toposeam.errors import OptionError, Term
 from toposeam.heat.threads import one_thread
 from toposeam.seam.exact.graph_cut import least_cut
@@ -111,6 +111,7 @@ def find_surface(
     >>> surface.labels[3].any(), surface.labels[4].all()
     (np.False_, np.True_)
     """
+    check_function("progress", progress)
     check_choice("method", method, SURFACE_METHODS)
     match = check_no_reach(match_options(gradient, cost), "surfaces")
     masked = mask_a is not None or mask_b is not None

@@ -10,7 +10,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from toposeam.checks import check_number, check_numbers, check_whole
+from toposeam.checks import check_function, check_number, check_numbers, check_whole
 from toposeam.display import to_png
 from toposeam.errors import ImageError
 from toposeam.images import Mask
@@ -129,6 +129,7 @@ def join_volumes(
     >>> bool((joined.volume == cells).all())
     True
     """
+    check_function("progress", progress)
     flat = getattr(a, "ndim", None) == 3 or (isinstance(a, list | tuple) and check_numbers("a", a).ndim == 3)
     lazy = block is not None or any(hasattr(stack, "dask") for stack in (a, b))
     if lazy:

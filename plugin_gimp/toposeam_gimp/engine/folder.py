@@ -83,6 +83,7 @@ def sweep(parent: Path, now: float | None = None) -> None:
             if folder.is_symlink() or not (folder / MARKER).is_file():
                 continue  # not ours, whatever it is called
             sign = folder / _SIGN_OF_LIFE
-            seen = (sign if sign.exists() else folder).stat()
-            if now - seen.st_mtime > STALE_S and (not hasattr(os, "getuid") or seen.st_uid == os.getuid()):
+            own = not hasattr(os, "getuid") or folder.lstat().st_uid == os.getuid()
+            seen = (sign if sign.exists() else folder).lstat()
+            if own and now - seen.st_mtime > STALE_S:
                 shutil.rmtree(folder, ignore_errors=True)

@@ -1,8 +1,12 @@
 """``toposeam loop``: clips in every format in and out, and what is refused."""
 
 import itertools
+import shutil
+import socketserver
 import sys
+import threading
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -213,8 +217,8 @@ def test_no_clip_at_all(toposeam, tmp_path):
 def test_without_the_extra(toposeam, video, clip, tmp_path, monkeypatch):
     path = video()
     monkeypatch.setitem(sys.modules, "av", None)
-    toposeam("loop", path, "-o", tmp_path / "o.webp").fails("pip install 'toposeam[video]'")
-    toposeam("loop", clip, "-o", tmp_path / "o.mp4").fails("pip install 'toposeam[video]'")
+    toposeam("loop", path, "-o", tmp_path / "o.webp").fails("pip install av")
+    toposeam("loop", clip, "-o", tmp_path / "o.mp4").fails("pip install av")
 
 
 def test_outputs_that_cannot_be(toposeam, clip, tmp_path):
@@ -277,3 +281,44 @@ def test_a_rate_or_a_length_that_makes_too_many_frames(toposeam, tmp_path):
     toposeam("loop", slow, "--fps", "1000", *out).fails("frames a second has 2")
     toposeam("loop", slow, "--fps", "1e-300", *out).fails("--fps", 2)
     toposeam("loop", slow, "--grow", "9000000", *out).fails("the grown clip has 9000000 frames")
+
+
+@pytest.fixture
+def listener():
+    """Port of a server on this machine that sends everybody away, and the list of who came."""
+    came = []
+
+    class Door(socketserver.BaseRequestHandler):
+        def handle(self):
+            came.append(self.client_address)
+
+    with socketserver.TCPServer(("127.0.0.1", 0), Door) as server:
+        threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
+        yield server.server_address[1], came
+        server.shutdown()
+
+
+def test_names_of_clips_open_no_connection(toposeam, video, tmp_path, monkeypatch, listener):
+    monkeypatch.chdir(tmp_path)
+    video("clip.mp4")
+    port, came = listener
+    away = Path(f"http:/127.0.0.1:{port}")
+    away.mkdir(parents=True)
+    for name in (f"tcp:127.0.0.1:{port}.mp4", f"{away}/x.mp4", f"{away}/loop.mp4"):
+        shutil.copy("clip.mp4", name)
+        ran = toposeam("loop", name, "-o", away / "made.mp4", "--length", "12", "--force")
+        assert not came, name
+        assert ran.code == 0, ran
+    assert (away / "made.mp4").stat().st_size > 500
+    joined = toposeam("stitch", f"tcp:127.0.0.1:{port}.mp4", "clip.mp4", "--offset", "12,0,0", "-o", "j.webp")
+    assert not came
+    assert joined.code == 0, joined
+
+
+def test_clips_with_a_time_in_their_name_are_read(toposeam, video, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    video("clip.mp4")
+    for name in ("2026-11-25T12:30:05.mp4", "file:x.mp4", "pipe:0.mp4", "concat:a|b.mp4", "-i.mp4", "%d.mp4"):
+        shutil.copy("clip.mp4", name)
+        ran = toposeam("loop", "-o", tmp_path / "o.mp4", "--length", "12", "--force", "--", name)
+        assert ran.code == 0, (name, ran)

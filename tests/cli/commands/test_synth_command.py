@@ -363,3 +363,17 @@ def test_processes_that_share_a_texture_end_without_a_trace(process, ends):
     assert not [one for one in living() if one.group == child.pid]
     assert not list(Path().rglob(".toposeam-*"))
     assert not Path("huge.png").exists()
+
+
+def test_a_preview_of_what_is_never_finished_goes(toposeam, folder, monkeypatch):
+    import toposeam as ts
+
+    def interrupted(*_, preview, **__):
+        preview(np.zeros((9, 9, 3), np.uint8))
+        assert Path("p.png").exists()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(ts, "synthesize", interrupted)
+    ran = toposeam("synth", "moss.png", *ASKED, "-o", "out.png", "--preview", "p.png")
+    assert ran.code == 130
+    assert not Path("p.png").exists()

@@ -206,7 +206,7 @@ def test_without_the_extra(toposeam, pair, tmp_path, monkeypatch):
     _, a, b = pair
     monkeypatch.setitem(sys.modules, "tifffile", None)
     toposeam("volume", a, b, "--offset", "0,0,30", "-o", tmp_path / "j.npy").fails(
-        "pip install 'toposeam[volumes]'"
+        "needs tifffile; install it with: pip install tifffile"
     )
 
 

@@ -3,6 +3,7 @@
 import pytest
 
 from toposeam.errors import OptionError
+from toposeam_cli.files import temporary
 from toposeam_cli.files import writing as output
 from toposeam_cli.files.writing import PICTURE_SUFFIXES, check_output
 
@@ -79,3 +80,13 @@ def test_an_existing_file_passes_the_check_with_force_only(tmp_path):
     with pytest.raises(OptionError, match="--force"):
         check_output(path)
     assert path.read_bytes() == b"old"
+
+
+def test_leftovers_go_also_where_the_output_is_refused(tmp_path, monkeypatch):
+    """A command was killed after its outputs had their names, and before it had tidied."""
+    monkeypatch.setattr(temporary, "_tidied", set())
+    (tmp_path / "out.png").write_text("mine")
+    (tmp_path / f".toposeam-{'a' * 16}.part").write_text("half")
+    with pytest.raises(OptionError, match="exists already"):
+        check_output(tmp_path / "out.png")
+    assert [path.name for path in tmp_path.iterdir()] == ["out.png"]

@@ -4,11 +4,13 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from gimp_home import plug_in, run
 
 import toposeam as ts
+from toposeam.errors import OptionError
 from toposeam_cli.commands import gimp as gimp_command
 from toposeam_cli.gimp import environment
 
@@ -136,6 +138,18 @@ def test_an_own_environment_is_made_from_the_same_requirement(home, tmp_path, mo
     assert called[1][:4] == [python, "-m", "pip", "install"]
     assert called[1][-1] == environment.requirement()
     assert json.loads((plug_in(home, "3.0") / "engine.json").read_text())["python"] == python
+
+
+def test_an_environment_is_never_filled_from_an_index(home, tmp_path, monkeypatch):
+    """Of a TopoSeam that does not say where it is from, a package of its name would be a stranger's."""
+    called = []
+    monkeypatch.setattr(environment.subprocess, "run", lambda *given, **_: called.append(given))
+    monkeypatch.setattr(
+        environment, "distribution", lambda name: SimpleNamespace(read_text=lambda file: None)
+    )
+    with pytest.raises(OptionError, match="make an environment from a checkout"):
+        environment.make_environment(tmp_path / "own")
+    assert not called
 
 
 def test_an_environment_that_cannot_be_made_is_one_sentence(home, tmp_path, monkeypatch):

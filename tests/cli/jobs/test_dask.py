@@ -7,10 +7,12 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import textwrap
 import threading
 import time
 from contextlib import suppress
+from pathlib import Path
 
 import pytest
 
@@ -239,3 +241,42 @@ def test_a_cluster_interrupted_at_its_start_is_closed_silently(monkeypatch):
     with pytest.raises(KeyboardInterrupt), dask_workers("local", 1):
         pytest.fail("there is no cluster")
     assert closed[1:] == ["closed"]
+
+
+def test_a_local_cluster_keeps_what_it_spills_to_itself(tmp_path, monkeypatch):
+    """In a folder that nobody else can open or have made before, gone at the end."""
+    trap = tmp_path / "dask-scratch-space"
+    trap.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+
+    def place(dask_worker):
+        return dask_worker.local_directory, sys.path
+
+    with dask_workers("local", 2) as workers:
+        places = workers._client.run(place)
+        (own,) = set(tmp_path.iterdir()) - {trap}
+        assert own.stat().st_mode & 0o777 == 0o700
+        for spilled, imported in places.values():
+            assert Path(spilled).is_relative_to(own)
+            assert str(trap) not in " ".join(imported)
+        assert not list(trap.iterdir())
+    assert list(tmp_path.iterdir()) == [trap]
+
+
+def test_what_a_killed_cluster_leaves_is_removed(process, folder, monkeypatch):
+    shared = folder / "tmp"
+    shared.mkdir()
+    monkeypatch.setenv("TMPDIR", str(shared))
+    words = ("batch", "a*.png", "b*.png", "--overlap", "20", "-o", "{name}_o.png", "--dask", "local")
+    with process(*words, start_new_session=True) as child:
+        deadline = time.monotonic() + 60
+        while not list(shared.rglob("worker-*")):
+            assert time.monotonic() < deadline
+            assert child.poll() is None
+            time.sleep(0.01)
+        os.killpg(child.pid, signal.SIGKILL)
+    assert list(shared.iterdir())
+    with process(*words, "--force") as child:
+        assert child.wait(120) == 0
+    assert not list(shared.iterdir())

@@ -1,6 +1,7 @@
 """OpenRaster files, in and out, and hostile ones."""
 
 import io
+import tempfile
 import zipfile
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from PIL import Image
 from three_pictures import AT, FILES, PLACES, assert_joined, crop, shown
 
+from toposeam.errors import ImageError
 from toposeam_cli.media.pictures.openraster import read_ora
 from toposeam_cli.media.pictures.picture import read_picture
 
@@ -234,3 +236,36 @@ def test_a_later_output_that_fails_takes_the_earlier_ones_back(three, toposeam, 
     before = sorted(path.name for path in three.iterdir())
     toposeam("stitch", *FILES, *AT, "-o", "out.png", "--seam", "s.svg").fails("free some space")
     assert sorted(path.name for path in three.iterdir()) == before
+
+
+def test_a_layer_unpacks_to_what_its_header_says(tmp_path):
+    """Whatever --max-megapixels allows."""
+    small = io.BytesIO()
+    Image.new("RGB", (60, 50)).save(small, "PNG")
+    path = make_ora(
+        tmp_path / "in.ora", c=small.getvalue() + bytes(40_000_000), compression=zipfile.ZIP_DEFLATED
+    )
+    with pytest.raises(ImageError, match="would unpack to"):
+        read_ora(path, 500_000_000)
+
+
+def test_what_a_killed_command_unpacked_is_removed(three, monkeypatch):
+    shared = three / "tmp"
+    shared.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(shared))
+    left = shared / f".toposeam-{'0' * 16}.part"
+    left.mkdir()
+    (left / "layer.png").write_bytes(b"half")
+    monkeypatch.setattr("toposeam_cli.files.temporary._tidied", set())
+    assert len(read_ora(make_ora(three / "in.ora"), 10**6)) > 1
+    assert not list(shared.iterdir())
+
+
+def test_more_layers_than_can_be_joined_are_refused_at_once(three, toposeam):
+    """Each lies on all others: half a million pairs."""
+    small = io.BytesIO()
+    Image.new("RGB", (8, 8)).save(small, "PNG")
+    layers = "".join(f'<layer name="{n}" src="data/c.png" x="{n % 3}" y="0"/>' for n in range(1000))
+    make_ora("in.ora", f'<image w="20" h="20"><stack>{layers}</stack></image>', c=small.getvalue())
+    ran = toposeam("stitch", "in.ora", "-o", "out.png")
+    ran.fails("of 1000 layers overlap in")

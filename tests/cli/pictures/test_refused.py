@@ -12,6 +12,7 @@ from picture_samples import fails, png_file, refusal, sample, smooth
 from PIL import Image
 
 from toposeam_cli.media.pictures import decode
+from toposeam_cli.media.pictures.libvips import load_vips, rendered
 from toposeam_cli.media.pictures.picture import read_picture
 
 
@@ -30,7 +31,7 @@ def test_unreadable_files_are_refused_in_one_sentence(tmp_path):
     assert "empty" in fails(read_picture, tmp_path / "empty.png")
     assert "export it again" in fails(read_picture, tmp_path / "text.png")
     assert "export it again" in fails(read_picture, tmp_path / "table.csv")
-    assert "SVG" in fails(read_picture, tmp_path / "drawing.svg")
+    assert "none of PNG, TIFF" in fails(read_picture, tmp_path / "drawing.svg")
     assert "regular file" in fails(read_picture, tmp_path / "pipe.png")
     assert "cannot read" in fails(read_picture, tmp_path / ("n" * 300))
     assert "cannot read" in fails(read_picture, tmp_path / "nul\0.png")
@@ -122,3 +123,35 @@ def test_damaged_files_are_read_or_refused_never_worse(tmp_path_factory, data):
     path = tmp_path_factory.mktemp("damaged") / f"in{suffix}"
     path.write_bytes(content)
     assert "\n" not in refusal(path, max_pixels=10_000)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b'<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"><rect width="9" height="9"/></svg>',
+        b"1,2,3\n4,5,6\n",
+        b"3 2\n1 2 3\n4 5 6\n",
+        b"P5 3 2 255\n123456",
+        b"%PDF-1.4\n",
+        b"SIMPLE  =                    T",
+    ],
+    ids=["svg", "csv", "matrix", "pgm", "pdf", "fits"],
+)
+@pytest.mark.parametrize("name", ["in.png", "in.csv", "in.mat", "in.svg"])
+def test_readers_of_what_is_no_picture_are_blocked(tmp_path, content, name):
+    (tmp_path / name).write_bytes(content)
+    assert "it is no picture" in fails(read_picture, tmp_path / name)
+    vips = load_vips()
+    for opened in (
+        lambda: vips.Image.new_from_buffer(content, ""),
+        lambda: vips.Image.new_from_file(str(tmp_path / name)),
+    ):
+        with pytest.raises(vips.Error, match=r"not in a known format|not a known file format|is blocked"):
+            opened()
+
+
+def test_own_drawings_are_rendered_and_blocked_again():
+    drawing = '<svg xmlns="http://www.w3.org/2000/svg" width="9" height="5"/>'
+    assert rendered(drawing).width == 9
+    with pytest.raises(load_vips().Error, match="operation is blocked"):
+        load_vips().Image.svgload_buffer(drawing.encode())

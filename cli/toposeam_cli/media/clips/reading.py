@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import struct
+import warnings
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,10 @@ _CONTAINERS = (
     "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,mpegvideo,flv,asf,ogg,gif,apng,mjpeg,m4v,h264,hevc,"
     "av1,obu,ivf,nut,mxf,dv,rm,wtv,yuv4mpegpipe"
 )
+
+#: What FFmpeg may open: files. It takes ``tcp:x.mp4``, ``http:/x.mp4`` or ``12:30.mp4`` for addresses unless
+#: ``file:`` stands before.
+_OPENED = {"format_whitelist": _CONTAINERS, "protocol_whitelist": "file"}
 
 _Frame = npt.NDArray[np.uint8]
 
@@ -110,7 +115,7 @@ def _read_animated(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
     starts: list[Fraction] = []
     at = Fraction(0)
     try:
-        with Image.open(path) as picture:
+        with warnings.catch_warnings(action="ignore"), Image.open(path) as picture:
             count = getattr(picture, "n_frames", 1)
             check_pixels(str(path), count, (picture.height, picture.width), max_pixels)
             if count < 2:
@@ -145,13 +150,13 @@ def _read_video(path: Path, rate: Fraction | None, max_pixels: int) -> Clip:
         import av
     except ImportError as error:
         raise MissingPackageError(
-            f"reading {path} needs PyAV; install it with: pip install 'toposeam[video]', or give a GIF, "
+            f"reading {path} needs PyAV; install it with: pip install av, or give a GIF, "
             "WebP, APNG or a folder of frames"
         ) from error
     frames: list[_Frame] = []
     starts: list[Fraction] = []
     try:
-        with av.open(str(path), options={"format_whitelist": _CONTAINERS}) as container:
+        with av.open(f"file:{path}", options=_OPENED) as container:
             if not container.streams.video:
                 raise ImageError(f"{path} holds no pictures; give a video")
             stream = container.streams.video[0]

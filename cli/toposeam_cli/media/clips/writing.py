@@ -155,7 +155,8 @@ def _write_video(path: Path, clip: Clip, suffix: str) -> None:
         )
     height, width = frames.shape[1:3]
     kind = {".mp4": "mp4", ".mov": "mov", ".mkv": "matroska", ".webm": "webm"}[suffix]
-    with av.open(str(path), "w", format=kind) as container:
+    # Without "file:" FFmpeg takes a folder called "http:" for an address.
+    with av.open(f"file:{path}", "w", format=kind, options={"protocol_whitelist": "file"}) as container:
         stream: Any = container.add_stream(codec, rate=clip.rate, options=options)
         stream.width, stream.height, stream.pix_fmt = width + width % 2, height + height % 2, layout
         for frame in frames:
@@ -172,7 +173,7 @@ def _codec(suffix: str) -> tuple[str, str, dict[str, str]]:
         import av
     except ImportError as error:
         raise MissingPackageError(
-            f"writing {suffix} needs PyAV; install it with: pip install 'toposeam[video]', or write .gif, "
+            f"writing {suffix} needs PyAV; install it with: pip install av, or write .gif, "
             ".webp, .png or a folder of frames"
         ) from error
     codec, layout, options = _VIDEO[suffix]

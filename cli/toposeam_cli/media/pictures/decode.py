@@ -16,9 +16,6 @@ from toposeam.errors import ImageError
 from toposeam_cli.media.pictures.colour import DEPTHS, INTENT
 from toposeam_cli.media.pictures.libvips import VipsImage, evaluate, load_vips, reason
 
-#: libvips loaders that decode pictures; it also reads tables, drawings and its own dumps.
-_PICTURE_LOADERS = {"png", "jpeg", "tiff", "webp", "gif", "heif", "jxl", "jp2k", "ppm", "openexr"}
-
 #: Files of raw data, as cameras write them. libvips would take the small preview in some for the picture.
 _RAW = {
     ".3fr",
@@ -128,7 +125,7 @@ def decoding(path: Path, max_pixels: int) -> Iterator[Decoding]:
         image = vips.Image.new_from_source(
             vips.Source.new_from_file(os.fsencode(path)), "", access="sequential", fail_on="error"
         )
-        _check_header(path, image, max_pixels)
+        refuse_large(path, image.width, image.height, max_pixels)
         _check_pages(path, image)
         resolution = _resolution(image)
         orientation = image.get("orientation") if "orientation" in image.get_fields() else 1
@@ -149,19 +146,6 @@ def decoding(path: Path, max_pixels: int) -> Iterator[Decoding]:
                 "export it again with 32 bits"
             ) from error
         raise _unreadable(path, error) from error
-
-
-def _unreadable(path: Path, error: Exception) -> ImageError:
-    """Compose the sentence about a file that libvips does not read."""
-    if path.suffix.lower() in _HEIC:
-        return ImageError(
-            f"cannot read '{path}' ({reason(error)}): this libvips does not decode most HEIC files; make a "
-            "JPEG of it first, as with 'heif-convert', or let the camera save JPEG (Most Compatible)"
-        )
-    return ImageError(
-        f"cannot read '{path}' ({reason(error)}): it is no picture, damaged or of a kind libvips does not "
-        "know; export it again as PNG or TIFF"
-    )
 
 
 def refuse_large(path: Path, width: int, height: int, max_pixels: int, raisable: bool = True) -> None:
@@ -196,6 +180,21 @@ def size_of(path: Path) -> tuple[int, int]:
     return image.width, image.height
 
 
+def _unreadable(path: Path, error: Exception) -> ImageError:
+    """Compose the sentence about a file that libvips does not read."""
+    why = reason(error)
+    if path.suffix.lower() in _HEIC:
+        return ImageError(
+            f"cannot read '{path}' ({why}): this libvips does not decode most HEIC files; make a JPEG of it "
+            "first, as with 'heif-convert', or let the camera save JPEG (Most Compatible)"
+        )
+    if "known format" in why:
+        why = "it is none of PNG, TIFF, JPEG, WebP, GIF and AVIF"
+    return ImageError(
+        f"cannot read '{path}' ({why}): it is no picture or damaged; export it again as PNG or TIFF"
+    )
+
+
 def check_input(path: Path) -> None:
     """Refuse what is no file with something in it, none that may be read, or a camera's raw data.
 
@@ -226,15 +225,6 @@ def check_input(path: Path) -> None:
             f"cannot read '{path}' ({getattr(error, 'strerror', None) or error}); check its name and your "
             "right to read it"
         ) from error
-
-
-def _check_header(path: Path, image: VipsImage, max_pixels: int) -> None:
-    loader = image.get("vips-loader").split("load")[0]
-    if loader not in _PICTURE_LOADERS:
-        raise ImageError(
-            f"'{path}' is {loader.upper()}, not a picture made of pixels; export it as PNG or TIFF"
-        )
-    refuse_large(path, image.width, image.height, max_pixels)
 
 
 def _check_pages(path: Path, image: VipsImage) -> None:

@@ -18,6 +18,10 @@ VipsImage = Any
 
 Value = TypeVar("Value")
 
+#: What may be decoded. Whatever else a libvips has is blocked, so that nobody's file reaches it by its
+#: content: drawings, tables, documents, dumps of libvips' own, all that ImageMagick knows.
+_DECODED = ("Png", "Jpeg", "Tiff", "Webp", "Nsgif", "Heif")
+
 _INTERPRETATIONS = {
     (np.dtype(np.uint8), 1): "b-w",
     (np.dtype(np.uint8), 3): "srgb",
@@ -44,7 +48,20 @@ def load_vips() -> Any:
             "reading and writing pictures needs libvips; install it with: pip install 'pyvips[binary]'"
         ) from error
     pyvips.cache_set_max(0)  # cached operations would keep finished pictures in memory
+    pyvips.operation_block_set("VipsForeignLoad", True)
+    for kind in _DECODED:
+        pyvips.operation_block_set(f"VipsForeignLoad{kind}", False)
     return pyvips
+
+
+def rendered(document: str) -> VipsImage:
+    """Render an SVG document of our own; those of others are never given to libvips."""
+    vips = load_vips()
+    vips.operation_block_set("VipsForeignLoadSvg", False)
+    try:
+        return vips.Image.svgload_buffer(document.encode(), unlimited=True)
+    finally:
+        vips.operation_block_set("VipsForeignLoadSvg", True)
 
 
 def channels(pixels: np.ndarray | Windows) -> int:

@@ -8,7 +8,6 @@ limited before and while something is unpacked, and the XML may neither declare 
 
 from __future__ import annotations
 
-import tempfile
 import zipfile
 import zlib
 from collections.abc import Iterator, Sequence
@@ -22,6 +21,7 @@ import numpy as np
 import toposeam as ts
 from toposeam.images import full_scale
 from toposeam.sentence import printable
+from toposeam_cli.files.temporary import private_folder
 from toposeam_cli.files.writing import replacing
 from toposeam_cli.media.pictures.colour import to_depth
 from toposeam_cli.media.pictures.libvips import channels
@@ -33,6 +33,8 @@ LARGEST_STACK_BYTES, MOST_LAYERS = 16 * 2**20, 1000
 #: Compressed bytes cannot honestly hold more than about a thousand times as many.
 _LARGEST_RATIO = 1100
 _DEEPEST = 64
+#: Most bytes that a layer's picture takes beside its pixels: profile, texts.
+_BESIDE_PIXELS = 2**25
 _PNG = b"\x89PNG\r\n\x1a\n"
 _MIMETYPE = b"image/openraster"
 _SECOND = (1980, 1, 1, 0, 0, 0)  # the same layers make the same bytes
@@ -75,7 +77,7 @@ def read_ora(path: Path, max_pixels: int) -> list[OraLayer]:
         seams know nothing of.
     """
     try:
-        with zipfile.ZipFile(path) as archive, tempfile.TemporaryDirectory(prefix="toposeam-") as folder:
+        with zipfile.ZipFile(path) as archive, private_folder() as folder:
             if "stack.xml" not in archive.namelist():
                 raise ts.ImageError(
                     f"'{path}' has no stack.xml, so that it is no OpenRaster file; save it from GIMP or "
@@ -92,8 +94,11 @@ def read_ora(path: Path, max_pixels: int) -> list[OraLayer]:
                 raise ts.ImageError(
                     f"'{path}' has no visible layer; show those that are to be joined, and save it again"
                 )
-            _check_sizes(path, archive, entries, max_pixels)
-            return [_layer(path, archive, entry, Path(folder), max_pixels) for entry in reversed(entries)]
+            sizes = _checked_sizes(path, archive, entries, max_pixels)
+            return [
+                _layer(path, archive, entry, folder, max_pixels, sizes.get(entry.source, 0))
+                for entry in reversed(entries)
+            ]
     except FileNotFoundError as error:
         raise ts.ImageError(f"there is no file '{path}'; check its name and folder") from error
     except (zipfile.BadZipFile, zipfile.LargeZipFile, NotImplementedError, EOFError) as error:
@@ -104,8 +109,12 @@ def read_ora(path: Path, max_pixels: int) -> list[OraLayer]:
         ) from error
 
 
-def _check_sizes(path: Path, archive: zipfile.ZipFile, entries: Sequence[_Entry], max_pixels: int) -> None:
-    """Refuse layers that are too large together, by the first bytes of each picture: nothing is unpacked."""
+def _checked_sizes(
+    path: Path, archive: zipfile.ZipFile, entries: Sequence[_Entry], max_pixels: int
+) -> dict[str, int]:
+    """Count the pixels of each picture by its first bytes, before anything is unpacked, and refuse layers
+    that are too large together.
+    """
     known: dict[str, int] = {}
     names = set(archive.namelist())
     for source in {entry.source for entry in entries} & names:
@@ -115,6 +124,7 @@ def _check_sizes(path: Path, archive: zipfile.ZipFile, entries: Sequence[_Entry]
                 known[source] = int.from_bytes(head[16:20], "big") * int.from_bytes(head[20:24], "big")
     total = sum(known.get(entry.source, 0) for entry in entries)
     refuse_together(len(entries), total, max_pixels, f"'{path}': ")
+    return known
 
 
 def _unpacked(path: Path, archive: zipfile.ZipFile, name: str, limit: int) -> bytes:
@@ -196,7 +206,9 @@ def _number(path: Path, element: Any, name: str, key: str, default: float) -> fl
     return value
 
 
-def _layer(path: Path, archive: zipfile.ZipFile, entry: _Entry, folder: Path, max_pixels: int) -> OraLayer:
+def _layer(
+    path: Path, archive: zipfile.ZipFile, entry: _Entry, folder: Path, max_pixels: int, n_pixels: int
+) -> OraLayer:
     if (
         entry.source.startswith(("/", "\\"))
         or ".." in entry.source.replace("\\", "/").split("/")
@@ -211,7 +223,7 @@ def _layer(path: Path, archive: zipfile.ZipFile, entry: _Entry, folder: Path, ma
             f"'{path}': {entry.name} ({entry.source!r}) is missing from the file; save it again"
         )
     unpacked = folder / "layer.png"
-    unpacked.write_bytes(_unpacked(path, archive, entry.source, 16 * max_pixels + 2**20))
+    unpacked.write_bytes(_unpacked(path, archive, entry.source, 16 * n_pixels + _BESIDE_PIXELS))
     try:
         picture = read_picture(unpacked, max_pixels=max_pixels)
     except ts.ImageError as error:

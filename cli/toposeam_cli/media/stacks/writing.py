@@ -11,13 +11,12 @@ import numpy as np
 
 from toposeam.errors import OptionError
 from toposeam_cli.files.writing import check_output, is_expected, replacing
-from toposeam_cli.media.stacks.reading import needs
+from toposeam_cli.media.stacks.parts import needs
 from toposeam_cli.media.stacks.stack import SUFFIXES
+from toposeam_cli.media.stacks.zarr_folder import METADATA
 
 #: So many slices are computed at a time.
 _SLICES = 16
-#: One of these is in every folder that zarr has made.
-_ZARR = (".zarray", ".zgroup", "zarr.json")
 #: ImageJ's own TIFF ends here.
 _IMAGEJ_BYTES = 4_000_000_000
 
@@ -37,7 +36,7 @@ def check_stack_output(path: Path, force: bool) -> Path:
             )
         if os.path.lexists(path) and not (force or is_expected(path)):
             raise OptionError(f"'{path}' exists already; pass --force to replace it, or choose another name")
-        if os.path.lexists(path) and not any((path / name).is_file() for name in _ZARR):
+        if os.path.lexists(path) and not any((path / name).is_file() for name in METADATA):
             raise OptionError(f"'{path}' is no zarr array or group, and is left alone; choose another name")
         return path
     if path.suffix.lower() != ".npy":

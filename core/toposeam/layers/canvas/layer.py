@@ -51,6 +51,8 @@ class Layer:
 
     def __post_init__(self) -> None:
         check_kind("name", self.name, str, "a text")
+        if self.data_range is not None:
+            check_number("data_range", self.data_range, 0, above=True)
         image = self.image if isinstance(self.image, Windows) else as_array(self.image, self.title)
         if hasattr(self.image, "getbands") and image.ndim == 3 and image.shape[2] in (2, 4):  # of PIL
             if self.alpha is None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from toposeam.checks import check_kind, check_number, check_numbers
 from toposeam.errors import OptionError
-from toposeam.layers.canvas.layer import Layer
+from toposeam.layers.canvas.layer import FARTHEST, Layer
 from toposeam.layers.canvas.transforms import similarity
 from toposeam.layers.canvas.warping import on_canvas
 
@@ -47,5 +47,7 @@ def placed(layer: Layer, *, at: tuple[float, float], turn: float = 0.0, scale: f
         raise OptionError(f"at is of shape {place.shape}; pass two numbers, x and y in px")
     u, v = place.tolist()
     check_number("turn", turn, -180, 180)
-    check_number("scale", scale, 0, above=True)
+    check_number("scale", scale, 1e-6, 1e6)
+    for side in (u, v):
+        check_number("at", side, -FARTHEST, FARTHEST)
     return on_canvas(layer, similarity((u, v), turn, scale))

@@ -11,7 +11,7 @@ from typing import Any, Unpack, cast
 import numpy as np
 import numpy.typing as npt
 
-from toposeam.checks import check_choice, check_whole
+from toposeam.checks import check_choice, check_function, check_whole
 from toposeam.errors import ImageError, OptionError, Term
 from toposeam.images import Mask, as_mask
 from toposeam.layers.blending.blend import Blend, Placed, check_blend, reach_of
@@ -110,6 +110,7 @@ def compose(
     >>> compose([Layer(whole[:, :40]), Layer(whole[:, 20:], at=(20, 0))])
     Composition(2 layers, 60 × 30 px, 1 seam)
     """
+    check_function("progress", progress)
     check_executor(executor)
     layers, round_way = _with_places(layers, executor)
     layers, wrap = check_layers(layers), round_way if wrap is None else wrap
@@ -154,7 +155,8 @@ def compose(
                 paths=Term("use_path", "paths"),
             )
         search = _Search(method, given, thorough, max_rounds, progress, executor, core, speck, match)
-        return _round(layers, check_whole("wrap", wrap, 2), search, channels, blend, blend_width)
+        most = max(2, int(max_megapixels * 1e6) // canvas.shape[0])
+        return _round(layers, check_whole("wrap", wrap, 2, most), search, channels, blend, blend_width)
     seam_of: Callable[[Pair, bool], Seam]
     totals: Callable[[Executor | None], Totals] | None = None
     if len(layers) == 2:

@@ -55,13 +55,17 @@ class Steps:
     def join(self, index: int, options: Mapping[str, Any], drawing: SvgSeam | None = None) -> Seam:
         """The seam of the second of two layers with the first."""
         layer, place = self._layers[index], self.places[index]
-        # All that matters lies where both are, and two pixels around: gradients and grounds end there. A
-        # drawing is one of the whole canvas.
+        # All that matters lies where both are, and two pixels around: gradients and grounds end there. What
+        # is a speck is counted there too, so that a drawn seam is applied to the box it was found in.
         box = place.shared(self.places[0]).grown(2)
         # Cells of the match cost begin at even pixels of the canvas.
         box = Box(box.top - box.top % CELL, box.left - box.left % CELL, *box[2:]).shared(self._canvas.box)
-        if drawing is not None or not all(place.shared(self.places[0]).shape):
+        if not all(place.shared(self.places[0]).shape):
             box = self._canvas.box
+        if drawing is not None and (drawing.height, drawing.width) == self._canvas.shape:
+            drawing = _on_box(drawing, box)
+        elif drawing is not None:
+            box = self._canvas.box  # where the drawing is refused
         covers = [cut(cover, at, box) for cover, at in zip(self.covered, self.places, strict=True)]
         first, second = (
             paint([one], [at], np.where(cover, np.int16(0), np.int16(-1)), box, self._channels)[0]
@@ -97,6 +101,13 @@ class Steps:
         both = shared[0] & shared[1]
         labels[both] = np.where(seam.labels[both], np.int16(1), np.int16(0))
         self.label_map[box.slices] = labels
+
+
+def _on_box(drawing: SvgSeam, box: Box) -> SvgSeam:
+    """A drawing on the canvas as one on a box of it."""
+    corner = np.array([box.left, box.top], float)
+    lines = tuple(dataclasses.replace(line, points=line.points - corner) for line in drawing.polylines)
+    return dataclasses.replace(drawing, polylines=lines, height=box.shape[0], width=box.shape[1])
 
 
 def moved_seam(seam: Seam, box: Box, canvas: Extent, label_map: LabelMap, index: int) -> Seam:

@@ -28,7 +28,7 @@ from toposeam.errors import OptionError
 from toposeam.images import Mask, box_of
 from toposeam.layers.canvas.border_bands import full_within, rimmed
 from toposeam.layers.canvas.connected_components import pieces_of
-from toposeam.layers.canvas.layer import Box, Extent, Layer, cut
+from toposeam.layers.canvas.layer import Box, Extent, Layer, cut, extent_of
 from toposeam.layers.canvas.tile_map import (
     all_of,
     blocks,
@@ -46,6 +46,9 @@ from toposeam.seam.problem.overlap import at_its_end, cores
 
 #: The share of its depth that a layer inside another one keeps if nothing else is said.
 CORE = 0.5
+
+#: Every pair that overlaps is kept: more are refused than these, and than so many a layer.
+_MOST_PAIRS, _PAIRS_PER_LAYER = 20_000, 64
 
 _T = TypeVar("_T")
 
@@ -81,19 +84,57 @@ def pose_labelling(
         Seams that are known: two layers, and where the second one shows beside the first.
     """
     places = [extent.place(layer) for layer in layers]
+    pairs = _overlapping(places, covered)
     allowed = _away_from_ends(places, covered)
     _keep_cores(extent.box, places, covered, allowed, core, speck)
     for pair, labels in given:
         _divide(places, allowed, pair, labels)
     match = MatchCost() if match is None else match
     pictures = Pictures(layers, places, covered, allowed, match, weight, avoid, extent.box)
-    costs: dict[Pair, PairCost] = {}
-    for i in range(len(layers)):
-        for j in range(i + 1, len(layers)):
-            if meets(places, covered, i, j):
-                costs[i, j] = LayerPairCost((i, j), pictures)
+    costs: dict[Pair, PairCost] = {pair: LayerPairCost(pair, pictures) for pair in pairs}
     forbidden = float("inf") if avoid is None else FORBIDDEN
     return Labelling(extent.box, places, allowed, costs, forbidden)
+
+
+def check_pairs(layers: Sequence[Layer]) -> None:
+    """Refuse more pairs of layers that overlap than can be kept, before anything is done for each of them.
+
+    Raises
+    ------
+    OptionError
+    """
+    extent = extent_of(layers)
+    places = [extent.place(layer) for layer in layers]
+    top, left, bottom, right = np.array(places).T
+    meet = (np.maximum.outer(top, top) < np.minimum.outer(bottom, bottom)) & (
+        np.maximum.outer(left, left) < np.minimum.outer(right, right)
+    )
+    if np.count_nonzero(meet) > 2 * _MOST_PAIRS:  # what is transparent may make them fewer
+        _overlapping(places, exclusive_covers(layers, places, extent))
+
+
+def _overlapping(places: Sequence[Box], covered: Sequence[Mask]) -> list[Pair]:
+    """The pairs of layers that share a pixel.
+
+    Raises
+    ------
+    OptionError
+        If there are more than can be kept.
+    """
+    pairs, most = [], max(_MOST_PAIRS, _PAIRS_PER_LAYER * len(places))
+    for j in range(len(places)):
+        pairs += [(i, j) for i in range(j) if meets(places, covered, i, j)]
+        if len(pairs) > most:
+            raise OptionError(
+                "the first {some} of {count} layers overlap in {pairs} pairs, more than {most}; merge those "
+                "that lie on each other, or join fewer at a time",
+                kind="too many pairs",
+                some=j + 1,
+                count=len(places),
+                pairs=len(pairs),
+                most=most,
+            )
+    return sorted(pairs)
 
 
 def meets(places: Sequence[Box], covered: Sequence[Mask], i: int, j: int) -> bool:

@@ -103,7 +103,7 @@ def align(layers: Sequence[Layer], *, radius: int = RADIUS, executor: Executor |
     >>> [layer.at for layer in ts.align(layers, radius=8).layers]
     [(0, 0), (40, 0)]
     """
-    check_whole("radius", radius, 1)
+    radius = check_whole("radius", radius, 1)
     check_executor(executor)
     layers = check_layers(layers)
     found: dict[Pair, tuple[Floats, float, float]] = {}

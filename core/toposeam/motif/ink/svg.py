@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.checks import check_kind, check_range, check_whole, options_from
+from toposeam.checks import check_kind, check_range, check_whole, options_from, unsuitable
 from toposeam.colours import to_hex
 from toposeam.errors import OptionError, Term
 from toposeam.motif.ink.stroke_edges import SMOOTHING, fineness
@@ -153,6 +153,10 @@ def draw_svg(
     check_counts(counts)
     if note is not None:
         check_kind("note", note, Mapping, "a mapping of what JSON can hold")
+        try:
+            json.dumps(dict(note))
+        except (TypeError, ValueError, RecursionError) as error:
+            raise unsuitable("note", note, "a mapping of what JSON can hold") from error
     height, width = motif.densities.shape[1:]
     # What a pattern repeats by translation: with mirrored, turned or shifted neighbours several motifs.
     single = (rows, columns) == (1, 1)

@@ -29,6 +29,8 @@ GROUPS = (*GENERATORS, *HEXAGONAL)
 _CENTRE = (0.29, 0.17)
 #: Neighbouring cells whose copies may be nearest.
 _AROUND = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+#: Larger cells are refused, px.
+_MOST_PIXELS = 400_000_000
 #: Copies farther behind than this many feathers do not count.
 _REACH = 6.0
 #: Pixels that are worked on at once.
@@ -80,6 +82,14 @@ def kaleidoscope(
         rows = round(columns * np.sqrt(3.0))
     else:
         check_repeat(repeat, (rows, columns))
+    if rows * columns > _MOST_PIXELS:
+        raise OptionError(
+            "the cell would have {rows} × {columns} px; ask for at most {most:g} megapixels",
+            kind="too large",
+            rows=rows,
+            columns=columns,
+            most=_MOST_PIXELS / 1e6,
+        )
     soft = check_number("feather", feather, 0, 0.5) * min(rows, columns)
     height, width = picture.shape[:2]
     place = check_numbers("at", (width / 2, height / 2) if at is None else at)

@@ -44,7 +44,7 @@ def least_cut(network: Network, weight: Floats) -> Mask:
         import maxflow
     except ImportError as error:
         raise MissingPackageError(
-            "method graph-cut needs PyMaxflow (GPL); install it with: pip install 'toposeam[graphcut]'",
+            "method graph-cut needs PyMaxflow (GPL); install it with: pip install PyMaxflow",
             kind="no PyMaxflow",
         ) from error
     n = network.n

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from toposeam.checks import Seed, check_choice, check_kind, check_pair, check_whole, seed_of
+from toposeam.checks import Seed, check_choice, check_function, check_kind, check_pair, check_whole, seed_of
 from toposeam.display import to_png
 from toposeam.errors import ImageError, OptionError, Term
 from toposeam.heat.sweeps import Floats32
@@ -28,6 +28,8 @@ from toposeam.volume.problem.arrays import Volume, as_volume
 from toposeam.volume.problem.posing import face_areas
 from toposeam.volume.surface import Surface
 
+#: Longer clips are refused: the time grows with the square of the frames.
+_MOST_FRAMES = 10_000
 #: Frames in which to change over, where nothing is said: a quarter of the clip, at most this many.
 _LONGEST = 24
 #: Grown clips choose between this many jumps.
@@ -157,11 +159,17 @@ def loop(
     >>> len(wheel.frames) % 12, wheel.frames.shape[1:]
     (0, (16, 16))
     """
+    check_function("progress", progress)
     clip = as_volume(frames, "frames")
     flat = np.ndim(frames) == 3
     count = len(clip)
     if count < 4:
         raise ImageError(f"the clip has {counted(count, 'frame')}; a loop needs at least 4")
+    if count > _MOST_FRAMES:
+        raise ImageError(
+            f"the clip has {count} frames, of which every one is compared with every other; cut it, or take "
+            f"fewer frames a second, so that at most {_MOST_FRAMES} are left"
+        )
     check_choice("level", level, (True, False))
     if grow is not None and (length is not None or start is not None):
         raise OptionError("grow decides where the clip is left and entered; leave length and start out")

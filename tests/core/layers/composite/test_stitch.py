@@ -363,3 +363,18 @@ def test_tones_are_matched_or_not(name):
         ts.stitch(layers, **{name: np.ones((2, 2))})
     with pytest.raises(ts.OptionError, match=r"shading is .*; choose one of True, False"):
         ts.match_tones(layers, shading=np.ones((2, 2)))
+
+
+def test_a_written_seam_is_applied_as_it_was_found():
+    """A piece of b lies in a, and more of b beyond what both share: what counts as a speck is so in both."""
+    rng = np.random.default_rng(0)
+    a, b = rng.random((12, 28)).astype(np.float32), rng.random((40, 8)).astype(np.float32)
+    alpha = np.zeros_like(b)
+    alpha[2:8, 1:7] = alpha[15:] = 1
+    layers = [ts.Layer(a, name="a"), ts.Layer(b, alpha=alpha, name="b")]
+    for method in ("thesis", "heat"):
+        found = ts.stitch(layers, method=method)
+        assert found.seams[0].paths
+        again = ts.stitch(layers, use_path=ts.read_svg(found.seams[0].to_svg()))
+        np.testing.assert_array_equal(again.label_map, found.label_map)
+        np.testing.assert_array_equal(again.image, found.image)

@@ -1,0 +1,44 @@
+"""Named semaphores of :mod:`multiprocessing`: who made them stands in their names, so that those of killed
+commands can be removed. The system keeps them when all processes that share them are killed at once.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import re
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+#: Where Linux keeps them.
+_FOLDER = Path("/dev/shm")  # noqa: S108 - the system's
+_OURS = re.compile(r"sem\.toposeam-(\d+)-(\d+)-.*")
+
+
+def name_semaphores() -> None:
+    """Give the semaphores that this process makes from now on names that say whose they are, and remove those
+    of processes of ours that are gone.
+    """
+    configuration = getattr(multiprocessing.current_process(), "_config", {})
+    if not sys.platform.startswith("linux") or str(configuration.get("semprefix")) != "/mp":
+        return
+    with suppress(OSError):
+        space = re.sub(r"\D", "", str(Path("/proc/self/ns/pid").readlink()))  # elsewhere numbers mean others
+        configuration["semprefix"] = f"/toposeam-{space}-{os.getpid()}"
+        for entry in list(os.scandir(_FOLDER)):
+            found = _OURS.fullmatch(entry.name)
+            if found is not None and found[1] == space and not _lives(int(found[2])):
+                with suppress(OSError):
+                    if entry.stat(follow_symlinks=False).st_uid == os.getuid():
+                        (_FOLDER / entry.name).unlink()
+
+
+def _lives(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True

@@ -164,13 +164,41 @@ def test_variety_keeps_copies_of_the_same_place_apart(sample):
     assert near(0.5) < 0.7 * near(0)
 
 
+def unit_vectors(seed, shape):
+    slopes = np.random.default_rng(seed).normal(size=(*shape, 2))
+    vectors = np.concatenate([slopes, np.ones((*shape, 1))], axis=2)
+    return vectors / np.linalg.norm(vectors, axis=2, keepdims=True)
+
+
+@pytest.mark.parametrize("signed", [True, False])
+def test_normals_mixed_at_seams_have_length_1(sample, signed):
+    source, vectors = sample(7, channels=3), unit_vectors(3, (64, 72))
+    given = vectors if signed else np.rint((vectors + 1) * 32767.5).astype(np.uint16)
+    made = ts.synthesize(source, (90, 70), patch=32, normal=given, maps=[source[..., 0]], weights=[1, 1, 0])
+    assert made.normal.dtype == given.dtype
+    hard, mixed = (made.apply(given, smooth=smooth) for smooth in (0, 1))
+    assert 0 < (made.normal != hard).any(axis=2).sum() <= (mixed != hard).any(axis=2).sum()
+
+    def lengths(values):
+        return np.linalg.norm(values if signed else values / 32767.5 - 1, axis=2)
+
+    assert lengths(mixed).min() < 0.9  # what mixing alone would give
+    np.testing.assert_allclose(lengths(made.normal), 1, atol=1e-4)
+    for refused, words in (({"normal": source[..., 0]}, "one channel"), ({"turns": "all"}, "turned patches")):
+        with pytest.raises(ts.TopoSeamError, match=words):
+            ts.synthesize(source, 60, patch=24, **{"normal": given, **refused})
+
+
 def test_further_maps_are_cut_alike(sample):
     source = sample(7, channels=3)
     other = sample(8, dtype=np.uint16)
     made = ts.synthesize(source, (90, 70), patch=32, maps=[other, source], weights=[1, 0.5, 0])
-    np.testing.assert_array_equal(made.maps[1], made.image)
-    np.testing.assert_array_equal(made.maps[0], made.apply(other))
+    np.testing.assert_array_equal(made.maps[1], made.apply(source, smooth=0))
+    np.testing.assert_array_equal(made.maps[0], made.apply(other, smooth=0))
     assert made.maps[0].dtype == np.uint16
+    # Heights and numbers of materials are those of the map, also where colours are mixed at seams.
+    np.testing.assert_array_equal(made.maps[0], other[made.source[..., 0], made.source[..., 1]])
+    assert (made.image != made.maps[1]).any()
     # The second map must count in the search: without it other patches are taken.
     alone = ts.synthesize(source, (90, 70), patch=32)
     assert (alone.source != made.source).any()

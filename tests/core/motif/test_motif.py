@@ -129,6 +129,17 @@ def test_named_palettes_and_those_of_pictures():
     )
 
 
+@pytest.mark.parametrize("name", ts.PALETTES)
+def test_palettes_have_inks_for_as_many_layers_as_there_are(name):
+    six, all_of_them = ts.palette(name, 6).inks, ts.palette(name, 16).inks
+    np.testing.assert_array_equal(all_of_them[:6], six)  # further ones change nothing of these
+    apart = np.linalg.norm(all_of_them[:, np.newaxis] - all_of_them, axis=2) + np.eye(16)
+    assert apart.min() > 0.03
+    assert len(ts.random_recipe(16, layers=16, seed=5).layers) == 16
+    with pytest.raises(ts.OptionError, match="21 inks with their mixtures, 22"):
+        ts.palette(name, 22)
+
+
 SPOT = [(0.5, 0.5)]
 
 

@@ -22,7 +22,7 @@ from toposeam.texture.exemplar.mirror_narrow import widened
 from toposeam.texture.exemplar.scale import SMALLEST_PATCH, patch_for
 from toposeam.texture.exemplar.sources import DataRange, Images, Sources, check_varied
 from toposeam.texture.exemplar.turns import TURNS, Turns, count_of, turned_sources
-from toposeam.texture.guide import guide_of
+from toposeam.texture.guide import guide_of, patch_within
 from toposeam.texture.light.seam_easing import EasedLight, Level, level_for
 from toposeam.texture.light.slow_light import CopyLight, flattened, levelled_copies, without_light
 from toposeam.texture.periodicity.period import STRETCH, find_order
@@ -80,8 +80,8 @@ def synthesize(
     size : int or (int, int)
         Height and width of the texture, px.
     patch : int, optional
-        Side of a patch, px; by default by the size of the texture's elements (:func:`natural_patch`). Cut to
-        the texture where that is smaller.
+        Side of a patch, px; by default by the size of the texture's elements (:func:`natural_patch`), with a
+        guide smaller if that changes within. Cut to the texture where that is smaller.
     overlap : int or float, optional
         How far neighbouring patches overlap, px, or below 1 as a share of the patch; by default a quarter.
     seed : int, Generator or None
@@ -194,13 +194,16 @@ def synthesize(
     )
     parts, chosen, wraps = _shares(shares, len(read.shapes)), request.options, request.wraps
     sources = turned_sources(read, turns)
-    side, overlap = check_patch(sources, patch, overlap)
+    side, lap = check_patch(sources, patch, overlap)
     atlas = Atlas.of(sources.present, chosen.context, sources.usable)
     if level is True:
         even = tuple(map(without_light, sources.features, sources.present, sources.usable))
         sources = dataclasses.replace(sources, features=even)
     features = atlas.spread(sources.features)
     wanted = guide_of(guide, widened(guide_source), guide_weight, atlas, sources, (height, width), turns)
+    if wanted is not None and patch is None and guide_weight:
+        side, lap = check_patch(sources, patch_within(wanted, side), overlap)
+    overlap = lap
     ordered = wanted is None and chosen.close
     phase, fits = _phase(sources, (height, width), wraps, atlas.factor) if ordered else (None, None)
     canvas = IndexCanvas((height, width), wraps, atlas.usable.size)

@@ -164,6 +164,24 @@ def test_variety_keeps_copies_of_the_same_place_apart(sample):
     assert near(0.5) < 0.7 * near(0)
 
 
+@pytest.mark.parametrize("weight", [0.5, 1.0])
+@pytest.mark.filterwarnings("error")
+def test_what_a_guide_asks_for_is_laid_however_little(sample, weight):
+    """A disc of 5 % and a road, of another texture: limits against repetition used to run out of the first."""
+    ground, stone = sample(1, (72, 72)), 255 - sample(2, (72, 72)) // 3
+    y, x = np.indices((160, 160))
+    for wanted in (np.hypot(y - 60, x - 100) < 20, np.abs(x - 80 - 30 * np.sin(y / 25)) < 10):
+        made = ts.synthesize(
+            [ground, stone],
+            (160, 160),
+            guide=wanted.astype(float),
+            guide_source=[np.zeros((72, 72)), np.ones((72, 72))],
+            guide_weight=weight,
+        )
+        assert (made.exemplar.astype(bool) != wanted).mean() <= 0.03
+        assert made.patch[0] < ts.natural_patch(ground)
+
+
 def unit_vectors(seed, shape):
     slopes = np.random.default_rng(seed).normal(size=(*shape, 2))
     vectors = np.concatenate([slopes, np.ones((*shape, 1))], axis=2)

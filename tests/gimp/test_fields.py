@@ -128,6 +128,7 @@ for option in entry.options:
             config.set_property(other, value)
             wait(10)
             answer.append([option.name, value, dialog._rows[option.name].is_sensitive(), value in values])
+        config.set_property(other, values[0])
 dialog._dialog.destroy()
 """
     for field, value, sensitive, wanted in ask(name, code):

@@ -16,6 +16,8 @@ from PIL import Image
 
 import toposeam as ts
 import toposeam_gimp
+from toposeam.layers.canvas.transforms import PROJECTIONS
+from toposeam.layers.registration.placement import MODELS
 from toposeam.motif.ink.stroke_edges import EDGES
 from toposeam_engine.serving import MARKER, OPERATIONS, PROTOCOL
 from toposeam_gimp import sentences
@@ -41,8 +43,11 @@ def test_the_tables_offer_what_core_has():
         (found,) = (entry for entry in PROCEDURES[f"plug-in-toposeam-{name}"].options if entry.name == option)
         return [nick for nick, _ in found.choices]
 
-    assert sorted(choices("stitch", "method")) == sorted(ts.METHODS)
-    assert sorted(choices("stitch", "blend")) == sorted(ts.BLENDS)
+    assert sorted(choices("stitch", "method")) == sorted(set(ts.METHODS) - {"thesis"})
+    for name in ("stitch", "panorama"):
+        assert sorted(choices(name, "blend")) == sorted(ts.BLENDS)
+    assert choices("panorama", "model") == ["auto", *MODELS]
+    assert choices("panorama", "projection") == ["auto", *PROJECTIONS]
     assert sorted(choices("motif", "repeat")) == sorted(ts.REPEATS)
     assert sorted(choices("motif", "palette")) == sorted(["random", *ts.PALETTES])
     assert sorted(choices("motif", "edge")) == sorted(["auto", *EDGES])
@@ -122,7 +127,7 @@ def test_what_an_option_depends_on_is_there(entry):
             "apart",
             None,
             {"name": "right.png", "x": "441", "y": "0"},
-            "“right.png” does not overlap the other layers; move it onto them.",
+            "“right.png” overlaps no other layer; move it onto one.",
         ),
         ("apart", None, {}, "The layers do not overlap; move one of them onto the other."),
         (
@@ -142,7 +147,9 @@ def test_what_an_option_depends_on_is_there(entry):
             None,
             {"name": "{b} fit"},
             "“{b} fit” shows nothing that the other layers show too, so where it belongs cannot be found "
-            "out. Select the others without it, or lay it where it belongs and switch “Positions” back.",
+            "out. Select the others without it; or lay it where it belongs, and choose Stitch Layers with "
+            "the "
+            "Positions “As the layers lie”.",
         ),
         (
             "long transition",

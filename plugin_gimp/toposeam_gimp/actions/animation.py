@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 from gi.repository import Gimp
 
-from toposeam_gimp.engine import process as engine
 from toposeam_gimp.engine.call import Call
 from toposeam_gimp.engine.folder import RequestFolder
 from toposeam_gimp.image import pixels
@@ -31,7 +30,7 @@ def loop(call: Call) -> Gimp.Layer:
             pixels.send_whole(folder, image, frame, f"frame-{index}") for index, frame in enumerate(frames)
         ]
         request = {"operation": "loop", "layers": rasters, "options": call.for_engine}
-        answer = engine.ask(folder, request, Gimp.progress_update)
+        answer = call.ask(folder, request)
         made = Gimp.Image.new_with_precision(*size, image.get_base_type(), image.get_precision())
         profile = image.get_color_profile()
         if profile is not None:

@@ -9,7 +9,6 @@ from typing import Any
 
 from gi.repository import Gimp
 
-from toposeam_gimp.engine import process as engine
 from toposeam_gimp.engine.call import Call
 from toposeam_gimp.engine.folder import RequestFolder
 from toposeam_gimp.image import pixels
@@ -23,7 +22,7 @@ def synthesize(call: Call) -> Gimp.Layer:
     made = call.options["width"] * call.options["height"] * 16
     with RequestFolder(needed=pixels.size_of(call.image, layer) + made) as folder:
         request = _sample(call, folder, layer)
-        picture = engine.ask(folder, {"operation": "synthesize", **request}, Gimp.progress_update)["picture"]
+        picture = call.ask(folder, {"operation": "synthesize", **request})["picture"]
         name = _("Texture of {name}").format(name=layer.get_name())
         if call.options["destination"] == "layer":
             return _add(call, folder, layer, {**picture, "at": [0, 0]}, name)
@@ -54,9 +53,7 @@ def make_tileable(call: Call) -> Gimp.Layer:
     (layer,) = chosen_layers(call.image, call.drawables)
     with RequestFolder(needed=2 * pixels.size_of(call.image, layer)) as folder:
         request = _sample(call, folder, layer, rectangle=True)
-        picture = engine.ask(folder, {"operation": "make_tileable", **request}, Gimp.progress_update)[
-            "picture"
-        ]
+        picture = call.ask(folder, {"operation": "make_tileable", **request})["picture"]
         name = _("Seamless {name}").format(name=layer.get_name())
         return _add(call, folder, layer, {**picture, "at": request["layer"]["at"]}, name)
 
@@ -75,7 +72,7 @@ def fill(call: Call) -> Gimp.Layer:
     with RequestFolder(needed=2 * pixels.size_of(call.image, layer)) as folder:
         request = _sample(call, folder, layer)
         request["source"] = send_source(folder, call.image, layer, call.options)
-        picture = engine.ask(folder, {"operation": "fill", **request}, Gimp.progress_update)["picture"]
+        picture = call.ask(folder, {"operation": "fill", **request})["picture"]
         return _add(call, folder, layer, picture, _("Fill of {name}").format(name=layer.get_name()))
 
 

@@ -21,6 +21,7 @@ from toposeam_gimp.engine.process import missing_methods  # noqa: E402
 from toposeam_gimp.entries.entry import Option, Procedure  # noqa: E402
 from toposeam_gimp.entries.help_page import write_help_page  # noqa: E402
 from toposeam_gimp.entries.table import PROCEDURES  # noqa: E402
+from toposeam_gimp.image.layers import all_alike  # noqa: E402
 from toposeam_gimp.texts import _  # noqa: E402
 
 _SPACE = 12
@@ -53,8 +54,11 @@ class Dialog:
         GimpUi.init("toposeam_gimp")
         self._config, self._entry = config, entry
         self._image, self._drawables = image, drawables
+        self._options = {option.name: option for option in entry.options}
         self._dialog = GimpUi.ProcedureDialog.new(procedure, config, entry.title)
         self._rows: dict[str, Gtk.Widget] = {}
+        if "places" in self._options and all_alike(drawables):
+            config.set_property("places", "anywhere")
         body = Gtk.Box(spacing=2 * _SPACE, border_width=_SPACE)
         self._pane = None if entry.preview is None else PreviewPane(config, entry, image, drawables)
         if self._pane is not None:
@@ -162,10 +166,16 @@ class Dialog:
     def _changed(self) -> None:
         for option in self._entry.options:
             if option.applies is not None:
-                name, values = option.applies
-                _enable(self._rows[option.name], self._config.get_property(name) in values)
+                _enable(self._rows[option.name], self._applies(option))
         if self._pane is not None:
             self._pane.changed()
+
+    def _applies(self, option: Option) -> bool:
+        """Test whether an option means something with what is chosen for those it depends on."""
+        if option.applies is None:
+            return True
+        name, values = option.applies
+        return self._config.get_property(name) in values and self._applies(self._options[name])
 
     def _replace_help(self) -> None:
         """Replace GIMP's own Help, which looks for pages in its manual."""

@@ -33,6 +33,8 @@ class Option:
     applies: tuple[str, tuple[bool | str, ...]] | None = None
     #: Whether it waits under “Advanced” until it is looked for.
     advanced: bool = False
+    #: Of one that is a mask or a channel and may be none: what none is called.
+    none: str = ""
     #: How the names of the files in ``pictures`` begin that show the choices; "" where words do.
     pictures: str = ""
 

@@ -5,7 +5,7 @@ Places are in px of the asker's image; every raster has its place there, ``at``.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -80,22 +80,25 @@ def with_alpha(image: Image, alpha: Image | None) -> Image:
 
 
 def masks_of(
-    job: EngineJob, layers: Sequence[ts.Layer], stitched: ts.Stitched, canvas: Extent
+    job: EngineJob, layers: Sequence[ts.Layer], labels: Any, canvas: Extent
 ) -> list[dict[str, Any] | None]:
     """Return each layer's mask, of the layer's own size: 0 where a lower one is to be seen, 255 elsewhere, so
     that what is painted black on a mask shows the layers below.
 
     The lowest needs none, unless something is not opaque that lies on it.
     """
-    labels = stitched.label_map
-    solid = None if stitched.alpha is None else stitched.alpha == full_scale(stitched.alpha.dtype)
+    places = [canvas.place(layer).slices for layer in layers]
+    clear = None
+    for index, (layer, place) in enumerate(zip(layers, places, strict=True)):
+        if layer.alpha is not None and (thin := layer.alpha < full_scale(layer.image.dtype)).any():
+            clear = np.zeros(canvas.shape, bool) if clear is None else clear
+            clear[place] |= thin & (labels[place] == index)
     masks: list[dict[str, Any] | None] = []
-    for index, layer in enumerate(layers):
-        slices = canvas.place(layer).slices
-        own = labels[slices]
+    for index, place in enumerate(places):
+        own = labels[place]
         hides = (own >= 0) & (own < index)
-        if solid is not None:
-            hides |= (own > index) & ~solid[slices]
+        if clear is not None:
+            hides |= (own > index) & clear[place]
         whole = index == 0 and not hides.any()
         masks.append(None if whole else job.write(np.where(hides, np.uint8(0), np.uint8(255))))
     return masks
@@ -116,25 +119,6 @@ def blending(options: Mapping[str, Any]) -> dict[str, Any]:
     if width and chosen.get("blend") in ("feather", "multiband", "gradient"):
         chosen["blend_width"] = float(width)
     return chosen
-
-
-def lines_of(paths: Iterable[ts.Polyline], shift: npt.NDArray[np.float64]) -> list[dict[str, Any]]:
-    """Return the lines of a seam as the asker needs them: exact, as few curves for people to bend, and what
-    each of these stands for.
-    """
-    lines = []
-    for path in paths:
-        line = ts.Polyline(path.points + shift, path.closed)
-        smooth = ts.smooth_path(line)
-        lines.append(
-            {
-                "closed": line.closed,
-                "points": line.points.ravel().tolist(),
-                "curves": smooth.curves.reshape(-1, 8).tolist(),
-                "pieces": [smooth.piece(index).ravel().tolist() for index in range(len(smooth.curves))],
-            }
-        )
-    return lines
 
 
 def changes_of(

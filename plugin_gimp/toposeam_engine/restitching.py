@@ -25,10 +25,10 @@ from toposeam_engine.layers import (
     changes_of,
     labels_raster,
     layers_of,
-    lines_of,
     masks_of,
     place_of,
 )
+from toposeam_engine.lines import lines_of
 
 Labels = npt.NDArray[np.int16]
 #: A window reaches so many px beyond the strokes, or as far again as they reach.
@@ -42,15 +42,16 @@ _OPAQUE = 64
 def restitch(job: EngineJob) -> dict[str, Any]:
     """Join layers along given paths, and round what was painted on hints and masks.
 
-    Of two layers the paths say everything that strokes and painting do not. Of more, each pair whose path was
-    touched divides anew what the two of them show.
+    Each pair whose path was touched divides anew what the two of them show; of two layers that were moved
+    since, any path does.
     """
     layers, options = layers_of(job), blending(job.options)
     cost = options.pop("cost", None)
     canvas = ts.common_canvas(layers)
     shown = _shown(job, layers, canvas)
     written = _written(job, canvas)
-    seams = [seam for seam in job.request["seams"] if seam["touched"] or len(layers) == 2]
+    moved = len(layers) == 2 and written is None
+    seams = [seam for seam in job.request["seams"] if seam["touched"] or moved]
     before = shown if written is None else written
     paths = {(int(seam["pair"][0]), int(seam["pair"][1])): _drawing(seam, canvas) for seam in seams}
     labels = before
@@ -65,12 +66,15 @@ def restitch(job: EngineJob) -> dict[str, Any]:
     if searched:
         labels = _joined_round(layers, canvas, labels, wanted, wrong, cost, str(options.get("blend", "none")))
     job.progress(0.6)
-    found = ts.restitch(layers, _masks(labels, len(layers)), {}, **options)
+    blended = None
+    if options.get("blend", "none") != "none":
+        found = ts.restitch(layers, _masks(labels, len(layers)), {}, **options)
+        blended = changes_of(job, layers, found, canvas)
     result = {
-        "masks": masks_of(job, layers, found, canvas),
-        "blended": changes_of(job, layers, found, canvas),
-        "labels": labels_raster(job, found.label_map, canvas),
-        "seams": _seams(layers, canvas, found.label_map) if searched else None,
+        "masks": masks_of(job, layers, labels, canvas),
+        "blended": blended,
+        "labels": labels_raster(job, labels, canvas),
+        "seams": _seams(layers, canvas, labels, job.request["seams"]) if searched else None,
         "hints": _hints(job, canvas, wanted) if painted.any() else None,
     }
     job.progress(1.0)
@@ -201,8 +205,11 @@ def _part(layer: ts.Layer, canvas: Extent, box: Box, keep: Mask) -> ts.Layer | N
     return part if part.covered.any() else None
 
 
-def _seams(layers: Sequence[ts.Layer], canvas: Extent, labels: Labels) -> list[dict[str, Any]]:
-    """Return the seams of a label map, as the asker needs them."""
+def _seams(
+    layers: Sequence[ts.Layer], canvas: Extent, labels: Labels, before: Sequence[Mapping[str, Any]]
+) -> list[dict[str, Any]]:
+    """Return the seams of a label map, as the asker needs them, with what is the same of those before."""
+    known = {(int(seam["pair"][0]), int(seam["pair"][1])): seam["known"] for seam in before}
     pairs: set[tuple[int, int]] = set()
     for first, second in ((labels[:, :-1], labels[:, 1:]), (labels[:-1], labels[1:])):
         step = (first != second) & (first >= 0) & (second >= 0)
@@ -222,7 +229,7 @@ def _seams(layers: Sequence[ts.Layer], canvas: Extent, labels: Labels) -> list[d
         traced = trace_boundary(own == pair[1], ground)
         if traced:
             name = ts.pair_name(*(layers[index].name for index in pair))
-            seams.append({"pair": pair, "name": name, "lines": lines_of(traced, shift)})
+            seams.append({"pair": pair, "name": name, "lines": lines_of(traced, shift, known.get(pair, ()))})
     return seams
 
 

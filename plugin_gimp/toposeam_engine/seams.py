@@ -18,11 +18,11 @@ from toposeam_engine.layers import (
     changes_of,
     labels_raster,
     layers_of,
-    lines_of,
     masks_of,
     selected_on,
     with_alpha,
 )
+from toposeam_engine.lines import lines_of
 from toposeam_engine.places import PlacedLayers, framed, placed
 
 #: The share of the work that finding places takes, about.
@@ -103,7 +103,7 @@ def outside(job: EngineJob, layers: Sequence[ts.Layer]) -> Any:
 def _joined(job: EngineJob, layers: Sequence[ts.Layer], found: ts.Stitched) -> dict[str, Any]:
     canvas = ts.common_canvas(layers)
     return {
-        "masks": masks_of(job, layers, found, canvas),
+        "masks": masks_of(job, layers, found.label_map, canvas),
         "labels": labels_raster(job, found.label_map, canvas),
         "seams": [
             {

@@ -12,7 +12,7 @@ from gi.repository import Gimp
 from toposeam_gimp.actions.below import picture_below
 from toposeam_gimp.actions.joining import draw_seams, put_blended, put_mask, request_of
 from toposeam_gimp.engine.call import Call, renamed
-from toposeam_gimp.image import hints, pixels
+from toposeam_gimp.image import curves, hints, pixels
 from toposeam_gimp.image import path_choice as choosing
 from toposeam_gimp.image.layers import (
     RefusedError,
@@ -137,7 +137,9 @@ def _redrawn(
 
 
 def _seams_to_apply(call: Call, seams: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return each seam with the lines that the image's paths say for it."""
+    """Return each seam with the lines that the image's paths say for it, and what was known of it; note in it
+    whether that changes anything.
+    """
     image = call.image
     others = other_paths(image, seams)
     selected = {path.get_id() for path in image.get_selected_paths()}
@@ -153,7 +155,15 @@ def _seams_to_apply(call: Call, seams: Sequence[dict[str, Any]]) -> list[dict[st
         lines, touched, remark = lines_to_apply(image, seam, fitting)
         if remark is not None:
             call.tell(remark)
-        applied.append({"pair": seam["pair"], "name": seam["name"], "lines": lines, "touched": touched})
+        changes = touched or seam.get(
+            "applied", False
+        )  # also where it was bent back, or another one followed
+        seam["applied"] = touched
+        known = [
+            {**line, "curves": curves.curves_of(line["stroke"], line["closed"])} for line in seam["lines"]
+        ]
+        about = {"pair": seam["pair"], "name": seam["name"], "known": known}
+        applied.append({**about, "lines": lines, "touched": changes})
     for path in others:
         if path.get_id() in selected and path.get_id() not in used:
             raise RefusedError(

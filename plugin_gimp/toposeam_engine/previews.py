@@ -9,7 +9,7 @@ alike.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -63,7 +63,7 @@ def _stitch(job: EngineJob) -> Image:
             "full size",
             kind="small preview",
         ) from error
-    shown = _with_seams(found.image, found.alpha, found.seams)
+    shown = _with_seams(job, found)
     if "crop" not in job.options:
         return shown
     _layers, moved, (width, height) = framed(place.layers, found, crop=bool(job.options["crop"]))
@@ -73,11 +73,12 @@ def _stitch(job: EngineJob) -> Image:
 
 def _patch(job: EngineJob) -> Image:
     found = seams.stitched_patch(job, seams.patch_layers(job))
-    return _with_seams(found.image, found.alpha, found.seams)
+    return _with_seams(job, found)
 
 
-def _with_seams(image: Image, alpha: Any, found: Sequence[ts.Seam]) -> Image:
-    return with_alpha(ts.draw_seams(image, found), alpha)
+def _with_seams(job: EngineJob, found: ts.Stitched) -> Image:
+    lined = job.request.get("seam_line", True)
+    return with_alpha(ts.draw_seams(found.image, found.seams) if lined else found.image, found.alpha)
 
 
 def _synthesize(job: EngineJob) -> Image:

@@ -50,6 +50,8 @@ class TopoSeam(Gimp.PlugIn):  # type: ignore[misc]
         procedure.set_menu_label(entry.label)
         # GIMP sorts by name; sections, which are hidden, keep the order of the table.
         procedure.add_menu_path(f"{_MENU}/{entry.menu}/[{list(PROCEDURES).index(name):02}]")
+        if entry.also:
+            procedure.add_menu_path(entry.also)
         procedure.set_documentation(entry.blurb, entry.help, name)
         procedure.set_attribution("The TopoSeam developers", "The TopoSeam developers", "2026")
         for option in entry.options:
@@ -97,11 +99,8 @@ def _run(
     )
     try:
         name, function = entry.work.split(".")
-        if interactive and entry.options:
-            if entry.check:
-                getattr(import_module(f"toposeam_gimp.actions.{name}"), entry.check)(image, drawables)
-            if not _ask_user(procedure, config, entry, image, drawables):
-                return procedure.new_return_values(Gimp.PDBStatusType.CANCEL, None)
+        if interactive and entry.options and not _ask_user(procedure, config, entry, image, drawables):
+            return procedure.new_return_values(Gimp.PDBStatusType.CANCEL, None)
         call = replace(call, options={one.name: config.get_property(one.name) for one in entry.options})
         for option in entry.options:
             if option.default is None:  # GIMP cannot write down which layer it was, and would complain

@@ -165,23 +165,17 @@ def test_the_dialog_of_an_animation_plays_its_loop(screen, windowed, tmp_path):
     windowed.python(code="Gimp.Display.get_by_id(number).delete()", number=display)
 
 
-@pytest.mark.parametrize(
-    ("name", "phrase"),
-    [
-        ("fill", "select what is to be replaced"),
-        ("tile", "not a rectangle"),
-        ("repeat", "make one with Generate Motif"),
-        ("loop", "is not of the image's size"),
-    ],
-)
-def test_what_cannot_work_is_said_before_any_dialog(windowed, opened, name, phrase):
-    if name == "tile":
-        code = "image_of(number).select_ellipse(Gimp.ChannelOps.REPLACE, 140, 60, 40, 40)"
-        windowed.python(code=code, number=opened["image"])
-    procedure = f"plug-in-toposeam-{name}"
-    asked = Asked(windowed, procedure, opened, opened["layers"][1:]).answer()
-    assert asked["status"] == "execution-error"
-    assert phrase in asked["message"]
+def test_ok_waits_until_something_is_selected(screen, windowed, opened):
+    windowed.python(code="Gimp.Selection.none(image_of(number))", number=opened["image"])
+    asked = Asked(windowed, FILL, opened, opened["layers"][1:])
+    window = screen.window(title(FILL))
+    time.sleep(1)
+    screen.press(window, "alt+o")  # does nothing: nothing is selected
+    time.sleep(1)
+    assert asked.result is None
+    assert screen.window(title(FILL)) == window
+    screen.press(window, "Escape")
+    assert asked.answer()["status"] == "cancel"
 
 
 def test_cancelling_a_dialog_changes_nothing(screen, windowed, opened):

@@ -15,7 +15,10 @@ def stitched(gimp, image, samples):
     """Two pictures side by side, 130 px of overlap over the whole height of 500, stitched."""
     files = [samples / f"still_life_{side}.png" for side in ("left", "right")]
     loaded = image(files, offsets=[(0, 0), (310, 0)])
-    return {**loaded, "group": succeeded(gimp.stitch(loaded))["layer"]}
+    return {
+        **loaded,
+        "group": succeeded(gimp.stitch(loaded, {"blend": "feather", "blend-width": 4.0}))["layer"],
+    }
 
 
 def copies(gimp, stitched):
@@ -23,7 +26,7 @@ def copies(gimp, stitched):
     group = next(
         one for one in gimp.tree(image=stitched["image"])["layers"] if one["id"] == stitched["group"]
     )
-    return [child["id"] for child in reversed(group["children"])]
+    return [one["id"] for one in reversed(group["children"]) if not one["name"].startswith("Blended")]
 
 
 def seen(gimp, stitched):
@@ -47,8 +50,12 @@ drawable.update(*box)
 
 
 def foreground(gimp):
-    code = "colour = Gimp.context_get_foreground().get_rgba(); answer = [round(255 * one) for one in colour]"
-    return gimp.python(code=code)
+    code = """
+gi.require_version("Babl", "0.1")
+from gi.repository import Babl
+answer = list(Gimp.context_get_foreground().get_bytes(Babl.format("R'G'B'A u8")).get_data())
+"""
+    return gimp.python(code=f"import gi\n{code}")
 
 
 def test_a_border_finds_itself_round_a_stroke(gimp, stitched):

@@ -27,7 +27,8 @@ def test_entries_stand_in_an_order(gimp):
     assert set(found) == set(NAMES)
     places = {}
     for name, one in found.items():
-        (places[name],) = one["paths"]
+        places[name], *also = one["paths"]
+        assert also == ([PROCEDURES[name].also] if PROCEDURES[name].also else [])
     # GIMP sorts by path; what stands in brackets is not seen.
     assert sorted(places, key=lambda name: places[name].replace("_", "")) == NAMES
     for menu, names in ORDER.items():

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from gi.repository import Gimp
 
@@ -69,7 +70,7 @@ def frames_of(image: Gimp.Image) -> list[Gimp.Layer]:
     return frames
 
 
-def check_clip(image: Gimp.Image, _drawables: Sequence[Gimp.Drawable]) -> None:
+def check_clip(image: Gimp.Image, _drawables: Sequence[Gimp.Drawable], _options: Mapping[str, Any]) -> None:
     """Refuse what is no clip."""
     frames_of(image)
 

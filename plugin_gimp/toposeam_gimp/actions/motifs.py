@@ -5,7 +5,7 @@ stay editable.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gi.repository import Babl, Gegl, Gimp
@@ -76,6 +76,11 @@ def colours_of(group: Gimp.GroupLayer) -> dict[str, Any]:
         "inks": [_hexadecimal(_colour(ink)) for ink in inks_of(group)],
         "paper": _hexadecimal(_colour(group.get_children()[-1])),
     }
+
+
+def check_motif(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], _options: Mapping[str, Any]) -> None:
+    """Refuse an image without a motif."""
+    motif_of(image, drawables)
 
 
 def motif_of(image: Gimp.Image, drawables: Sequence[Gimp.Drawable]) -> tuple[Gimp.GroupLayer, dict[str, Any]]:

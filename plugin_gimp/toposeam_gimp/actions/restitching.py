@@ -72,10 +72,8 @@ def restitch(call: Call) -> Gimp.Layer:
                 call.tell(_("What you painted on masks is kept as strokes on the layer “Seam hints”."))
             about = {"kind": memory["kind"], "options": memory["options"]}
             remember(folder, group, layers, kept, blended, about, answer, painted or strokes)
-            if strokes is None or strokes.get_id() not in {layer.get_id() for layer in selected}:
-                image.set_selected_layers([group])
-            elif painted is not None:
-                image.set_selected_layers([painted])
+            paints = strokes is not None and strokes.get_id() in {layer.get_id() for layer in selected}
+            image.set_selected_layers([(painted or strokes) if paints else group])
     return group
 
 
@@ -93,9 +91,10 @@ def paint_hints(call: Call) -> Gimp.Layer:
                 "instead, and choose Re-stitch."
             ).format(count=len(hints.COLOURS))
         )
-    strokes = hints.hints_of(image, memory)
+    strokes: Any = hints.hints_of(image, memory)
+    is_new = strokes is None
     with one_undo_step(image):
-        if strokes is None:
+        if is_new:
             strokes = hints.new_hints(image, group, hints.canvas_of(layers))
             about = {"kind": memory["kind"], "options": memory["options"]}
             remember(None, group, layers, memory["seams"], None, about, memory, strokes)
@@ -108,13 +107,14 @@ def paint_hints(call: Call) -> Gimp.Layer:
     Gimp.context_set_foreground(hints.colour(meant[-1] + below))
     if len(layers) + below == 2:
         Gimp.context_set_background(hints.colour(1 - meant[-1] - below))
-    call.tell(
-        _(
-            "Paint on “Seam hints” where “{name}” shall show: that is the foreground colour now. Each "
-            "layer has the colour of its tag in the Layers dialog; of two, X swaps them. Then choose "
-            "Re-stitch."
-        ).format(name=layers[meant[-1]].get_name())
-    )
+    if is_new:
+        call.tell(
+            _(
+                "Paint on “Seam hints” where “{name}” shall show: that is the foreground colour now. Each "
+                "layer has the colour of its tag in the Layers dialog; of two, X swaps them. Then choose "
+                "Re-stitch."
+            ).format(name=layers[meant[-1]].get_name())
+        )
     return strokes
 
 

@@ -27,6 +27,23 @@ from toposeam_gimp.texts import _
 _NAMED = 3
 
 
+def check_layers(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], options: Mapping[str, Any]) -> None:
+    """Refuse what are no layers beside each other, and a selection where it is not known where they will
+    be.
+    """
+    layers_to_join(image, drawables)
+    if "places" in options:
+        check_selection(image, options)
+
+
+def layers_to_join(image: Gimp.Image, drawables: Sequence[Gimp.Drawable]) -> list[Gimp.Layer]:
+    """Return the selected layers, the lowest first."""
+    layers = lowest_first(image, chosen_layers(image, drawables))
+    if len(layers) < 2:
+        raise RefusedError(_("Select two or more layers in the Layers dialog (Ctrl-click)."))
+    return layers
+
+
 def panorama(call: Call) -> Gimp.Layer:
     """Place layers, warp and join them, on a canvas that holds what they show."""
     scans = call.options["pictures"] == "scans"
@@ -36,21 +53,14 @@ def panorama(call: Call) -> Gimp.Layer:
 
 def stitch_layers(call: Call) -> Gimp.Layer:
     """Stitch two or more layers into a group with masks and paths."""
-    check_selection(call.image, call.options)
+    check_layers(call.image, call.drawables, call.options)
     return _joined(call, call.options, call.image)
 
 
 def _joined(call: Call, options: Mapping[str, Any], selected: Gimp.Image | None) -> Gimp.Layer:
     """Join the selected layers; where an image's selection counts, within that."""
     image = call.image
-    layers = lowest_first(image, chosen_layers(image, call.drawables))
-    if len(layers) < 2:
-        raise RefusedError(
-            _(
-                "Stitching needs two or more layers; select them in the Layers dialog (Ctrl-click) and try "
-                "again."
-            )
-        )
+    layers = layers_to_join(image, call.drawables)
     with request_of(image, layers) as (folder, rasters):
         request = {
             "layers": rasters,

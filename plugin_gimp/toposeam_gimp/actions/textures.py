@@ -42,7 +42,7 @@ def synthesize(call: Call) -> Gimp.Layer:
     return result
 
 
-def check_tile(image: Gimp.Image, drawables: Sequence[Gimp.Drawable]) -> None:
+def check_tile(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], _options: Mapping[str, Any]) -> None:
     """Refuse selections that cannot be laid side by side."""
     chosen_layers(image, drawables)
     selected_rectangle(image)
@@ -58,16 +58,21 @@ def make_tileable(call: Call) -> Gimp.Layer:
         return _add(call, folder, layer, {**picture, "at": request["layer"]["at"]}, name)
 
 
-def check_fill(image: Gimp.Image, drawables: Sequence[Gimp.Drawable]) -> None:
-    """Refuse to fill nothing."""
-    chosen_layers(image, drawables)
+def check_fill(image: Gimp.Image, drawables: Sequence[Gimp.Drawable], options: Mapping[str, Any]) -> None:
+    """Refuse to fill nothing, or from nothing."""
+    (layer,) = chosen_layers(image, drawables)
     if Gimp.Selection.is_empty(image):
-        raise RefusedError(_("Nothing is selected; select what is to be replaced and try again."))
+        raise RefusedError(_("Nothing is selected; select what is to be replaced."))
+    source = options["source"]
+    if options["from"] == "other" and (
+        source is None or source.get_image().get_id() != image.get_id() or source.get_id() == layer.get_id()
+    ):
+        raise RefusedError(_("Choose another layer of this image, a mask or a channel to copy from."))
 
 
 def fill(call: Call) -> Gimp.Layer:
     """Return a layer that covers what is selected with what the rest of the layer is like."""
-    check_fill(call.image, call.drawables)
+    check_fill(call.image, call.drawables, call.options)
     (layer,) = call.drawables
     with RequestFolder(needed=2 * pixels.size_of(call.image, layer)) as folder:
         request = _sample(call, folder, layer)
@@ -87,8 +92,6 @@ def send_source(
     if options["from"] != "other":
         return None
     source = options["source"]
-    if source is None or source.get_image().get_id() != image.get_id() or source.get_id() == layer.get_id():
-        raise RefusedError(_("Choose another layer of this image, a mask or a channel to copy from."))
     if scale is not None:
         return pixels.send_reduced(folder, image, source, "source", scale)
     if isinstance(source, Gimp.Layer):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Sequence
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from toposeam_gimp.engine.process import missing_methods  # noqa: E402
 from toposeam_gimp.entries.entry import Option, Procedure  # noqa: E402
 from toposeam_gimp.entries.help_page import write_help_page  # noqa: E402
 from toposeam_gimp.entries.table import PROCEDURES  # noqa: E402
-from toposeam_gimp.image.layers import all_alike  # noqa: E402
+from toposeam_gimp.image.layers import RefusedError, all_alike  # noqa: E402
 from toposeam_gimp.texts import _  # noqa: E402
 
 _SPACE = 12
@@ -56,6 +57,7 @@ class Dialog:
         self._image, self._drawables = image, drawables
         self._options = {option.name: option for option in entry.options}
         self._dialog = GimpUi.ProcedureDialog.new(procedure, config, entry.title)
+        self._ok = self._dialog.get_widget_for_response(Gtk.ResponseType.OK)
         self._rows: dict[str, Gtk.Widget] = {}
         if "places" in self._options and all_alike(drawables):
             config.set_property("places", "anywhere")
@@ -66,6 +68,11 @@ class Dialog:
         body.pack_start(self._fields(), self._pane is None, True, 0)
         self._dialog.get_content_area().pack_start(body, True, True, 0)
         body.show_all()
+        self._reason = Gtk.Label(wrap=True, xalign=0, width_chars=60, max_width_chars=80, margin=_SPACE)
+        self._reason.set_no_show_all(True)
+        self._dialog.get_content_area().pack_start(self._reason, False, False, 0)
+        # The selection may be another one by then.
+        self._focus = self._dialog.connect("focus-in-event", lambda *_event: self._check())
         self._replace_help()
         for button in _inside(self._dialog, Gtk.Button):
             if button.get_label() in _BUTTONS:
@@ -82,6 +89,7 @@ class Dialog:
         finally:
             if self._pane is not None:
                 self._pane.close()
+            self._dialog.disconnect(self._focus)
             self._dialog.destroy()
 
     def _fields(self) -> Gtk.Widget:
@@ -167,8 +175,25 @@ class Dialog:
         for option in self._entry.options:
             if option.applies is not None:
                 _enable(self._rows[option.name], self._applies(option))
+        self._check()
         if self._pane is not None:
             self._pane.changed()
+
+    def _check(self) -> None:
+        """Show what cannot work, and let OK wait until it can."""
+        refusal = ""
+        if self._entry.check:
+            actions = import_module(f"toposeam_gimp.actions.{self._entry.work.split('.')[0]}")
+            options = {name: self._config.get_property(name) for name in self._options}
+            try:
+                getattr(actions, self._entry.check)(self._image, self._drawables, options)
+            except RefusedError as error:
+                refusal = str(error)
+        if refusal != self._reason.get_text() and self._pane is not None:
+            self._pane.changed()
+        self._reason.set_text(refusal)
+        self._reason.set_visible(bool(refusal))
+        self._ok.set_sensitive(not refusal)
 
     def _applies(self, option: Option) -> bool:
         """Test whether an option means something with what is chosen for those it depends on."""

@@ -11,10 +11,11 @@ from gi.repository import Gimp
 from toposeam_gimp.actions.animation import delay_of, frames_of
 from toposeam_gimp.actions.below import check_something
 from toposeam_gimp.actions.motifs import colours_of, inks_of, motif_of
+from toposeam_gimp.actions.seams import layers_to_join
 from toposeam_gimp.actions.textures import check_fill, selected_rectangle, send_source
 from toposeam_gimp.engine.folder import RequestFolder
 from toposeam_gimp.image import pixels
-from toposeam_gimp.image.layers import RefusedError, check_selection, chosen_layers, lowest_first
+from toposeam_gimp.image.layers import RefusedError, check_selection, chosen_layers
 from toposeam_gimp.image.pixels import Box
 from toposeam_gimp.texts import _
 
@@ -73,7 +74,7 @@ def _panorama(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _opti
 
 def _placed(folder: RequestFolder, image: Gimp.Image, drawables: Layers) -> Scene:
     """Send layers whose places are found out, so large that they can be."""
-    layers = _several(image, drawables)
+    layers = layers_to_join(image, drawables)
     scale = _scale(sum(_area(_box(layer)) for layer in layers), _MOST_PLACED * len(layers))
     rasters = [
         pixels.send_reduced(folder, image, layer, f"layer-{index}", scale)
@@ -82,18 +83,11 @@ def _placed(folder: RequestFolder, image: Gimp.Image, drawables: Layers) -> Scen
     return {"of": "stitch", "scale": scale, "layers": rasters, "selection": None}
 
 
-def _several(image: Gimp.Image, drawables: Layers) -> list[Gimp.Layer]:
-    layers = lowest_first(image, chosen_layers(image, drawables))
-    if len(layers) < 2:
-        raise RefusedError(_("Select two or more layers."))
-    return layers
-
-
 def _stitch(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
     check_selection(image, options)
     if options["places"] == "anywhere":
         return _placed(folder, image, drawables)
-    layers = _several(image, drawables)
+    layers = layers_to_join(image, drawables)
     boxes = [_box(layer) for layer in layers]
     left, top = min(box[0] for box in boxes), min(box[1] for box in boxes)
     right, bottom = max(box[0] + box[2] for box in boxes), max(box[1] + box[3] for box in boxes)
@@ -153,7 +147,7 @@ def _tile(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _options:
 
 
 def _hole(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
-    check_fill(image, drawables)
+    check_fill(image, drawables, options)
     made = _texture("fill", folder, image, drawables, 1.0, most=_MOST_GROWN)
     return {**made, "source": send_source(folder, image, drawables[0], options, made["scale"])}
 

@@ -144,6 +144,8 @@ SEAM_ENTRIES = (
         label=_("Pa_norama from Layers..."),
         menu=LAYERS,
         work="seams.panorama",
+        check="check_layers",
+        also="<Image>/Filters/Combine",
         needs="several",
         blurb=_(
             "Find out where overlapping photographs belong, warp them, even them out and join them "
@@ -239,6 +241,7 @@ SEAM_ENTRIES = (
         label=_("_Stitch Layers..."),
         menu=LAYERS,
         work="seams.stitch_layers",
+        check="check_layers",
         needs="several",
         blurb=_(
             "Join the selected layers where they overlap, along seams that nobody sees (auto-blend layers)"

@@ -80,7 +80,4 @@ def replace_hints(
 
 def colour(index: int) -> Gegl.Color:
     """Return the colour of strokes for a layer, counted from the lowest."""
-    red, green, blue = (value / 255 for value in COLOURS[index][0])
-    found = Gegl.Color.new("black")
-    found.set_rgba(red, green, blue, 1.0)
-    return found
+    return Gegl.Color.new("#" + bytes(COLOURS[index][0]).hex())

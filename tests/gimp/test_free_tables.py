@@ -28,7 +28,10 @@ from toposeam_gimp.entries import help_page
 from toposeam_gimp.entries.table import PROCEDURES
 
 PLUG_IN = Path(toposeam_gimp.__file__).parent
-KOREAN = gettext.translation("toposeam_gimp", PLUG_IN / "locale", ["ko"])
+LANGUAGES = {
+    place.name: gettext.translation("toposeam_gimp", PLUG_IN / "locale", [place.name])
+    for place in sorted((PLUG_IN / "locale").iterdir())
+}
 
 
 def test_versions_and_protocol_agree():
@@ -97,8 +100,9 @@ def test_every_entry_is_complete(entry):
 
 
 @pytest.mark.parametrize("entry", PROCEDURES.values(), ids=PROCEDURES)
-@pytest.mark.parametrize("translate", [str, KOREAN.gettext], ids=["English", "Korean"])
-def test_no_two_fields_of_a_dialog_share_a_mnemonic(entry, translate):
+@pytest.mark.parametrize("language", ["en", *LANGUAGES])
+def test_no_two_fields_of_a_dialog_share_a_mnemonic(entry, language):
+    translate = LANGUAGES[language].gettext if language in LANGUAGES else str
     labels = [option.label for option in entry.options]
     labels += ["A_dvanced"] * any(option.advanced for option in entry.options)
     labels += ["Pre_view"] * (entry.preview is not None)
@@ -201,25 +205,28 @@ def sources():
                 yield ast.literal_eval(node.args[0])
 
 
-def test_korean_is_complete_with_placeholders_and_mnemonics():
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_translations_are_complete_with_their_placeholders(language):
     for text in sources():
-        translated = KOREAN.gettext(text)
-        assert re.search("[가-힣]", translated), text
+        translated = LANGUAGES[language].gettext(text)
+        if language in ("ko", "ja"):
+            assert re.search("[가-힣]" if language == "ko" else "[ぁ-んァ-ン一-龥]|OK", translated), text
+            assert ("_" in text) == ("_" in translated)
         fields = [
             sorted(field for _, field, _, _ in string.Formatter().parse(one) if field)
             for one in (text, translated)
         ]
         assert fields[0] == fields[1]
-        assert ("_" in text) == ("_" in translated)
         assert text.endswith("...") == translated.endswith("...")
 
 
-def test_the_compiled_translation_is_that_of_the_source():
-    source = (PLUG_IN / "locale" / "ko" / "LC_MESSAGES" / "toposeam_gimp.po").read_text(encoding="utf-8")
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_compiled_translation_is_that_of_the_source(language):
+    source = (PLUG_IN / "locale" / language / "LC_MESSAGES" / "toposeam_gimp.po").read_text(encoding="utf-8")
     pairs = re.findall(r'^msgid (".+")\nmsgstr (".+")$', source, re.MULTILINE)
-    assert len(pairs) == len(set(sources()))
+    assert {ast.literal_eval(original) for original, _ in pairs} == set(sources())
     for original, translated in pairs:
-        assert KOREAN.gettext(ast.literal_eval(original)) == ast.literal_eval(translated)
+        assert LANGUAGES[language].gettext(ast.literal_eval(original)) == ast.literal_eval(translated)
 
 
 def test_options_for_the_engine_leave_out_the_plug_ins_own():

@@ -82,7 +82,7 @@ def test_the_result_is_selected(gimp, image, still_life):
     assert gimp.python(code=selected, number=loaded["image"]) == [group]
 
 
-@pytest.mark.parametrize("language", ["en", "ko"])
+@pytest.mark.parametrize("language", ["en", "ko", "de", "fr", "es", "ja"])
 def test_submenus_sort_as_they_should(language):
     folder = Path(toposeam_gimp.__file__).parent / "locale"
     texts = gettext.translation("toposeam_gimp", folder, [language], fallback=True)

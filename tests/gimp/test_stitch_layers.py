@@ -162,7 +162,7 @@ def test_layers_that_do_not_overlap(gimp, image, still_life):
 
 def test_one_layer(gimp, image, still_life):
     loaded = image(still_life, offsets=STILL_LIFE)
-    refused(gimp, {**loaded, "layers": loaded["layers"][:1]}, "Select two or more layers")
+    refused(gimp, {**loaded, "layers": loaded["layers"][:1]}, "Two or more layers are needed")
 
 
 def test_an_indexed_image(gimp, image, still_life):

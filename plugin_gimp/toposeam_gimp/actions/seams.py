@@ -40,7 +40,7 @@ def layers_to_join(image: Gimp.Image, drawables: Sequence[Gimp.Drawable]) -> lis
     """Return the selected layers, the lowest first."""
     layers = lowest_first(image, chosen_layers(image, drawables))
     if len(layers) < 2:
-        raise RefusedError(_("Select two or more layers in the Layers dialog (Ctrl-click)."))
+        raise RefusedError(_("Two or more layers are needed; select them in the Layers dialog (Ctrl-click)."))
     return layers
 
 

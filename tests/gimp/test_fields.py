@@ -309,3 +309,16 @@ dialog._dialog.destroy()
 """
     fitted, grown, zoomed = ask(STITCH, code)
     assert fitted < grown < zoomed
+
+
+def test_a_preview_of_a_hole_shows_its_surroundings(ask):
+    code = """
+dialog = opened()
+dialog._pane.start()
+answer = wait_until(lambda: dialog._pane._raw) and [dialog._pane._raw[0].get_width(), layers]
+answer[1] = item(layers[0]).get_width()
+dialog._pane.close()
+dialog._dialog.destroy()
+"""
+    shown, whole = ask(FILL, code)
+    assert shown == whole - (140 - 48) < whole  # from 48 px before a selection of 40 px to the layer's end

@@ -37,6 +37,8 @@ MOST_PIXELS = 300_000
 #: at most (benchmarks/gimp.py).
 _MOST_PLACED, _MOST_TILED, _MOST_SAMPLED = 60_000, 80_000, 50_000
 _MOST_GROWN, _MOST_LOOPED = 32_000, 150_000
+#: Of what is to be filled so many times its size is shown on each side.
+_SURROUNDINGS = 1.2
 #: The least that a frame of an animation is shown at.
 _LEAST_FRAME = 200
 
@@ -148,8 +150,21 @@ def _tile(folder: RequestFolder, image: Gimp.Image, drawables: Layers, _options:
 
 def _hole(folder: RequestFolder, image: Gimp.Image, drawables: Layers, options: Scene) -> Scene:
     check_fill(image, drawables, options)
-    made = _texture("fill", folder, image, drawables, 1.0, most=_MOST_GROWN)
-    return {**made, "source": send_source(folder, image, drawables[0], options, made["scale"])}
+    layer = drawables[0]
+    selected = _bounds(image) or _box(layer)
+    # What is to be replaced and its surroundings, as large as they can be shown.
+    margin = round(_SURROUNDINGS * max(selected[2:]))
+    around = (selected[0] - margin, selected[1] - margin, selected[2] + 2 * margin, selected[3] + 2 * margin)
+    box = pixels.common(_box(layer), around)
+    if box is None:
+        raise RefusedError(
+            _("The selection lies outside the layer “{name}”; select a part of it.").format(
+                name=layer.get_name()
+            )
+        )
+    made = _texture("fill", folder, image, drawables, 1.0, box=box, most=_MOST_GROWN)
+    made["selection"] = _selection(folder, image, made["scale"], box)
+    return {**made, "source": send_source(folder, image, layer, options, made["scale"])}
 
 
 def _motif(folder: RequestFolder, image: Gimp.Image | None, drawables: Layers, options: Scene) -> Scene:

@@ -93,7 +93,7 @@ def send_layer(
     channels = 2 if image.get_base_type() == Gimp.ImageBaseType.GRAY else 4
     with as_seen(image, layer) as seen:
         _nothing, left, top = seen.get_offsets()
-        part = _common((left, top, seen.get_width(), seen.get_height()), box)
+        part = common((left, top, seen.get_width(), seen.get_height()), box)
         if part is None:
             return None
         x, y, width, height = part
@@ -115,7 +115,8 @@ def send_whole(
     return raster
 
 
-def _common(first: Box, second: Box | None) -> Box | None:
+def common(first: Box, second: Box | None) -> Box | None:
+    """Return the box that two have in common; None where there is none."""
     if second is None:
         return first
     left, top = max(first[0], second[0]), max(first[1], second[1])
@@ -152,7 +153,7 @@ def send_avoided(folder: RequestFolder, channel: Gimp.Drawable | None) -> dict[s
 def shows(layer: Gimp.Layer, box: Box | None = None) -> bool:
     """Test whether a layer is anywhere not transparent, at all or within a box, looked at in small."""
     left, top = place_of(layer)
-    part = _common((left, top, layer.get_width(), layer.get_height()), box)
+    part = common((left, top, layer.get_width(), layer.get_height()), box)
     if part is None:
         return False
     scale = min(1.0, _LOOK / max(part[2:]))
@@ -208,7 +209,7 @@ def send_selection_on(folder: RequestFolder, image: Gimp.Image, box: Box) -> dic
     nothing.
     """
     _nothing, _something, left, top, right, bottom = Gimp.Selection.bounds(image)
-    if _common(box, (left, top, right - left, bottom - top)) is None:
+    if common(box, (left, top, right - left, bottom - top)) is None:
         return None
     raster = _send(folder, image.get_selection(), "selection.raw", Format.MASK_U8.value, "uint8", 1, box)
     return {**raster, "at": [box[0], box[1]]}
@@ -250,7 +251,7 @@ def _send_reduced(
     place: tuple[int, int] = (0, 0),
 ) -> dict[str, Any]:
     left, top = place
-    part = _common((left, top, drawable.get_width(), drawable.get_height()), box) or (left, top, 1, 1)
+    part = common((left, top, drawable.get_width(), drawable.get_height()), box) or (left, top, 1, 1)
     x, y = round((part[0] - left) * scale), round((part[1] - top) * scale)
     width, height = max(round(part[2] * scale), 1), max(round(part[3] * scale), 1)
     content = drawable.get_buffer().get(

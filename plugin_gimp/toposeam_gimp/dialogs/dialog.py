@@ -18,6 +18,7 @@ from gi.repository import Gimp, GimpUi, Gio, GLib, GObject, Gtk  # noqa: E402
 from toposeam_gimp.dialogs.drawable_choice import DrawableChoice  # noqa: E402
 from toposeam_gimp.dialogs.picture_choice import PictureChoice, picture  # noqa: E402
 from toposeam_gimp.dialogs.preview_pane import PreviewPane  # noqa: E402
+from toposeam_gimp.engine.call import GoneError, check_there  # noqa: E402
 from toposeam_gimp.engine.process import missing_methods  # noqa: E402
 from toposeam_gimp.entries.entry import Option, Procedure  # noqa: E402
 from toposeam_gimp.entries.help_page import write_help_page  # noqa: E402
@@ -94,7 +95,8 @@ class Dialog:
 
     def _fields(self) -> Gtk.Widget:
         """Return all fields, one below the other."""
-        fields = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=6)
+        # A larger window is for the preview.
+        fields = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=6, hexpand=self._pane is None)
         advanced = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=6, margin_top=6)
         for option in self._entry.options:
             self._rows[option.name] = row = self._row(option)
@@ -182,13 +184,14 @@ class Dialog:
     def _check(self) -> None:
         """Show what cannot work, and let OK wait until it can."""
         refusal = ""
-        if self._entry.check:
-            actions = import_module(f"toposeam_gimp.actions.{self._entry.work.split('.')[0]}")
-            options = {name: self._config.get_property(name) for name in self._options}
-            try:
+        try:
+            check_there(self._image, self._drawables)
+            if self._entry.check:
+                actions = import_module(f"toposeam_gimp.actions.{self._entry.work.split('.')[0]}")
+                options = {name: self._config.get_property(name) for name in self._options}
                 getattr(actions, self._entry.check)(self._image, self._drawables, options)
-            except RefusedError as error:
-                refusal = str(error)
+        except (RefusedError, GoneError) as error:
+            refusal = str(error)
         if refusal != self._reason.get_text() and self._pane is not None:
             self._pane.changed()
         self._reason.set_text(refusal)

@@ -10,6 +10,7 @@ from gi.repository import GdkPixbuf, Gimp, Gio, GLib, Gtk
 from toposeam_gimp.dialogs import scenes
 from toposeam_gimp.dialogs.rehearsal import Preview, Rehearsal
 from toposeam_gimp.dialogs.zoomed_view import ZoomedView
+from toposeam_gimp.engine.call import GoneError, check_there
 from toposeam_gimp.engine.folder import FolderError, RequestFolder
 from toposeam_gimp.entries.entry import Procedure
 from toposeam_gimp.image.layers import RefusedError
@@ -105,11 +106,12 @@ class PreviewPane:
         name = str(self._entry.preview)
         wanted = scenes.key(name, options)
         try:
+            check_there(self._image, self._drawables)
             folder = self._folder = self._folder or RequestFolder()
             if self._scene is None or self._scene[0] != wanted:
                 made = scenes.scene(name, folder, self._image, self._drawables, options)
                 self._scene = (wanted, made)
-        except (RefusedError, FolderError) as error:
+        except (RefusedError, GoneError, FolderError) as error:
             self._show(str(error))
             return False
         sent = {

@@ -16,6 +16,19 @@ class GoneError(Exception):
     """What is worked on is gone; the text says so."""
 
 
+def check_there(image: Any, drawables: Sequence[Any]) -> None:
+    """Refuse an image or layers that are gone.
+
+    Raises
+    ------
+    GoneError
+    """
+    if any(not item.is_valid() for item in (image, *drawables) if item is not None):
+        raise GoneError(
+            _("The image was closed, or a layer deleted, while TopoSeam worked on it; nothing was done.")
+        )
+
+
 @dataclass(frozen=True, kw_only=True)
 class Call:
     """Request of the user or of a script."""
@@ -56,10 +69,7 @@ class Call:
         ------
         GoneError
         """
-        if any(not item.is_valid() for item in (self.image, *self.drawables) if item is not None):
-            raise GoneError(
-                _("The image was closed, or a layer deleted, while TopoSeam worked on it; nothing was done.")
-            )
+        check_there(self.image, self.drawables)
 
     def tell(self, remark: str) -> None:
         """Add a remark."""
